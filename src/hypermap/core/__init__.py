@@ -1,0 +1,1 @@
+"""The map itself: layers, frames and questions. Knows numpy and shapely alone."""

@@ -1,0 +1,69 @@
+"""What can go wrong with a caller's input; everything else is a bug of ours."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from pathlib import Path
+
+
+class HypermapError(Exception):
+    """Root of every error that a user can cause and repair."""
+
+
+class FormatError(HypermapError):
+    """A file does not hold what its format promises.
+
+    Attributes:
+        path: the file (or ``archive.hmap/member``) that is wrong, if known.
+        key: the key, frame, line or object inside it, if known.
+    """
+
+    def __init__(
+        self, message: str, *, path: str | Path | None = None, key: str | None = None
+    ) -> None:
+        self.path = path
+        self.key = key
+        where = ": ".join(str(part) for part in (path, key) if part is not None)
+        super().__init__(f"{where}: {message}" if where else message)
+
+
+class FileMissing(HypermapError, FileNotFoundError):
+    """A file or folder that was asked for does not exist."""
+
+
+class LayerNotFound(HypermapError, KeyError):
+    """The hypermap has no layer of that name."""
+
+    def __init__(self, name: str, available: Iterable[str]) -> None:
+        names = list(available)
+        super().__init__(f"there is no layer {name!r}; {did_you_mean(name, names)}")
+
+    def __str__(self) -> str:  # KeyError would show the message in quotes
+        return str(self.args[0])
+
+
+class FrameError(HypermapError):
+    """A frame is unknown, or two frames are not connected."""
+
+
+class MissingExtra(HypermapError, ImportError):
+    """An optional library is not installed; the message says which extra brings it."""
+
+    def __init__(self, purpose: str, extra: str) -> None:
+        super().__init__(f"{purpose} needs an optional library: pip install 'hypermap[{extra}]'")
+
+
+def did_you_mean(name: str, available: Iterable[str]) -> str:
+    """Return a hint that names the closest known name, or else all known names.
+
+    >>> did_you_mean("ocupancy", ["occupancy", "semantic"])
+    "did you mean 'occupancy'?"
+    >>> did_you_mean("x", ["occupancy", "semantic"])
+    'known: occupancy, semantic'
+    """
+    known = list(available)
+    close = difflib.get_close_matches(name, known, n=1)
+    if close:
+        return f"did you mean {close[0]!r}?"
+    return "known: " + (", ".join(known) if known else "none")

@@ -1,0 +1,152 @@
+"""What every layer of a hypermap can answer."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from shapely.geometry.base import BaseGeometry
+
+from hypermap.core.arrays import ObjectArray, as_points_xy
+from hypermap.core.grid import GridGeometry
+
+
+class Store(Protocol):
+    """Where a layer's files lie; a layer does not know whether that is a zip or a folder."""
+
+    def read(self, name: str) -> bytes:
+        """Return the content of a file.
+
+        Raises:
+            FormatError: If there is no such file, or it is larger than the store's limit.
+        """
+        ...
+
+    def write(self, name: str, content: bytes) -> None:
+        """Write a file."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Hits:
+    """What an area holds: one value and one location per cell or object.
+
+    Attributes:
+        values: labels (str) or numbers, shape (M,).
+        points_xy: locations [m], shape (M, 2).
+    """
+
+    values: NDArray[Any]
+    points_xy: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        if self.points_xy.shape != (len(self.values), 2):
+            raise ValueError(
+                f"expected points of shape ({len(self.values)}, 2), got {self.points_xy.shape}"
+            )
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+
+@dataclass(frozen=True, eq=False)
+class RasterPicture:
+    """A layer drawn as an image over a grid.
+
+    Attributes:
+        grid: where the pixels lie; row 0 is at the origin, as in the layer.
+        rgba: uint8, shape (height, width, 4).
+        legend: text for single colors, or empty: label -> (r, g, b), 0..255.
+    """
+
+    grid: GridGeometry
+    rgba: NDArray[np.uint8]
+    legend: Mapping[str, tuple[int, int, int]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class ShapesPicture:
+    """A layer drawn as filled shapes, one color per name.
+
+    Attributes:
+        names: shape (N,), str.
+        shapes: shapely geometries in the layer's frame, shape (N,).
+    """
+
+    names: ObjectArray
+    shapes: ObjectArray
+
+
+class Layer(ABC):
+    """A value store with questions, in one frame.
+
+    Points and areas are given, and locations returned, in the layer's own frame [m];
+    `Hypermap` turns other frames into it.
+
+    Attributes:
+        class_name: the name under which configuration files know this kind of layer.
+        name: unique within the map.
+        frame_id: the frame in which the layer's coordinates are.
+        settings: keys of the layer's configuration that the core does not interpret; they are
+            written back as they were read.
+    """
+
+    class_name: ClassVar[str]
+
+    def __init__(self, name: str, frame_id: str, settings: Mapping[str, Any] | None = None) -> None:
+        if not name:
+            raise ValueError("a layer needs a name")
+        if not frame_id:
+            raise ValueError(f"layer {name!r} needs a frame_id")
+        self.name = name
+        self.frame_id = frame_id
+        self.settings: dict[str, Any] = dict(settings or {})
+
+    @abstractmethod
+    def label_at(self, points_xy: ArrayLike) -> ObjectArray:
+        """Return the string representation at each point, shape (N,)."""
+
+    @abstractmethod
+    def value_at(self, points_xy: ArrayLike) -> NDArray[Any]:
+        """Return the number at each point, shape (N,)."""
+
+    @abstractmethod
+    def labels_in(self, area: BaseGeometry) -> Hits:
+        """Return every hit in a polygon, as strings."""
+
+    @abstractmethod
+    def values_in(self, area: BaseGeometry) -> Hits:
+        """Return every hit in a polygon, as numbers."""
+
+    @abstractmethod
+    def find(self, what: str | float, area: BaseGeometry | None = None) -> NDArray[np.float64]:
+        """Return where a string or number occurs, in the whole layer or in an area, shape (M, 2).
+
+        The answer is the same as that of `labels_in` (for a string) or `values_in` (for a
+        number), reduced to the hits that are equal to `what`.
+        """
+
+    def nearest(
+        self, what: str | float, point_xy: ArrayLike, k: int = 1
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the k occurrences of a string or number that are nearest to a point.
+
+        Returns:
+            Locations (K, 2) and distances (K,) [m], nearest first; K is at most `k`.
+        """
+        locations = self.find(what)
+        distances = np.hypot(*(locations - as_points_xy(point_xy)).T)
+        order = np.argsort(distances, kind="stable")[:k]
+        return locations[order], distances[order]
+
+    @abstractmethod
+    def extent(self) -> BaseGeometry:
+        """Return an area that covers everything the layer holds; empty if it holds nothing."""
+
+    def picture(self) -> RasterPicture | ShapesPicture | None:
+        """Return what a map's picture should show of this layer; None for nothing."""
+        return None

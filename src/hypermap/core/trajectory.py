@@ -1,0 +1,130 @@
+"""Rigid motions in space: 4 x 4 poses and the interpolation of a trajectory."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hypermap.core.errors import FrameError
+
+
+def pose_matrix(position: ArrayLike, quat_xyzw: ArrayLike) -> NDArray[np.float64]:
+    """Return rigid transforms from positions (..., 3) [m] and quaternions (..., 4).
+
+    Quaternions need not have unit length.
+
+    Returns:
+        Shape (..., 4, 4).
+
+    Raises:
+        ValueError: If a quaternion is zero or a number is not finite.
+    """
+    p = np.asarray(position, dtype=np.float64)
+    q = np.asarray(quat_xyzw, dtype=np.float64)
+    norm = np.linalg.norm(q, axis=-1, keepdims=True)
+    if not (np.isfinite(p).all() and np.isfinite(q).all() and (norm > 0).all()):
+        raise ValueError("a pose needs finite numbers and a quaternion other than zero")
+    x, y, z, w = np.moveaxis(q / norm, -1, 0)
+    matrix = np.zeros((*q.shape[:-1], 4, 4))
+    matrix[..., 0, 0] = 1 - 2 * (y * y + z * z)
+    matrix[..., 0, 1] = 2 * (x * y - z * w)
+    matrix[..., 0, 2] = 2 * (x * z + y * w)
+    matrix[..., 1, 0] = 2 * (x * y + z * w)
+    matrix[..., 1, 1] = 1 - 2 * (x * x + z * z)
+    matrix[..., 1, 2] = 2 * (y * z - x * w)
+    matrix[..., 2, 0] = 2 * (x * z - y * w)
+    matrix[..., 2, 1] = 2 * (y * z + x * w)
+    matrix[..., 2, 2] = 1 - 2 * (x * x + y * y)
+    matrix[..., :3, 3] = p
+    matrix[..., 3, 3] = 1
+    return matrix
+
+
+def invert(pose: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the inverse of rigid transforms, shape (..., 4, 4)."""
+    rotation = np.swapaxes(pose[..., :3, :3], -1, -2)
+    inverse = np.zeros_like(pose)
+    inverse[..., :3, :3] = rotation
+    inverse[..., :3, 3] = -np.einsum("...ij,...j->...i", rotation, pose[..., :3, 3])
+    inverse[..., 3, 3] = 1
+    return inverse
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """Poses over time; between two poses the position is linear and the rotation a slerp.
+
+    Attributes:
+        stamps: seconds, strictly increasing, shape (N,).
+        positions: metres, shape (N, 3).
+        quats_xyzw: unit quaternions, shape (N, 4).
+        max_gap: seconds between two poses above which nothing is interpolated.
+    """
+
+    stamps: NDArray[np.float64]
+    positions: NDArray[np.float64]
+    quats_xyzw: NDArray[np.float64]
+    max_gap: float = np.inf
+
+    def __post_init__(self) -> None:
+        n = len(self.stamps)
+        if n == 0:
+            raise ValueError("a trajectory needs at least one pose")
+        if self.positions.shape != (n, 3) or self.quats_xyzw.shape != (n, 4):
+            raise ValueError(
+                f"expected positions ({n}, 3) and quaternions ({n}, 4), "
+                f"got {self.positions.shape} and {self.quats_xyzw.shape}"
+            )
+        if (np.diff(self.stamps) <= 0).any():
+            raise ValueError("the stamps of a trajectory must increase")
+
+    def covers(self, stamps: ArrayLike) -> NDArray[np.bool_]:
+        """Return whether a pose can be interpolated at each stamp, shape (M,)."""
+        t = np.atleast_1d(np.asarray(stamps, dtype=np.float64))
+        after = np.clip(np.searchsorted(self.stamps, t), 1, max(len(self.stamps) - 1, 1))
+        inside = (t >= self.stamps[0]) & (t <= self.stamps[-1])
+        if len(self.stamps) == 1:
+            return np.asarray(inside)
+        gap = self.stamps[after] - self.stamps[after - 1]
+        exact = (t == self.stamps[after]) | (t == self.stamps[after - 1])
+        return np.asarray(inside & ((gap <= self.max_gap) | exact))
+
+    def at(self, stamps: ArrayLike) -> NDArray[np.float64]:
+        """Return the poses at stamps of shape (M,), as matrices of shape (M, 4, 4).
+
+        Raises:
+            FrameError: If a stamp lies outside the trajectory or in a gap longer than `max_gap`.
+        """
+        t = np.atleast_1d(np.asarray(stamps, dtype=np.float64))
+        missing = ~self.covers(t)
+        if missing.any():
+            raise FrameError(
+                f"no pose at {t[missing][0]:.6f} s: poses reach from {self.stamps[0]:.6f} "
+                f"to {self.stamps[-1]:.6f} s (gaps up to {self.max_gap:g} s are bridged)"
+            )
+        if len(self.stamps) == 1:
+            return np.repeat(pose_matrix(self.positions, self.quats_xyzw), len(t), axis=0)
+        i = np.clip(np.searchsorted(self.stamps, t), 1, len(self.stamps) - 1)
+        t0, t1 = self.stamps[i - 1], self.stamps[i]
+        weight = ((t - t0) / (t1 - t0))[:, np.newaxis]
+        position = (1 - weight) * self.positions[i - 1] + weight * self.positions[i]
+        return pose_matrix(position, _slerp(self.quats_xyzw[i - 1], self.quats_xyzw[i], weight))
+
+
+def _slerp(
+    q0: NDArray[np.float64], q1: NDArray[np.float64], weight: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Interpolate unit quaternions along the shorter arc (Shoemake, SIGGRAPH 1985)."""
+    q0 = q0 / np.linalg.norm(q0, axis=1, keepdims=True)
+    q1 = q1 / np.linalg.norm(q1, axis=1, keepdims=True)
+    cosine = np.sum(q0 * q1, axis=1, keepdims=True)
+    q1 = np.where(cosine < 0, -q1, q1)
+    angle = np.arccos(np.clip(np.abs(cosine), 0, 1))
+    sine = np.sin(angle)
+    nearly_equal = sine < 1e-6
+    safe = np.where(nearly_equal, 1.0, sine)
+    w0 = np.where(nearly_equal, 1 - weight, np.sin((1 - weight) * angle) / safe)
+    w1 = np.where(nearly_equal, weight, np.sin(weight * angle) / safe)
+    return np.asarray(w0 * q0 + w1 * q1)

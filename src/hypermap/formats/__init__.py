@@ -1,0 +1,1 @@
+"""Files become maps and maps become files."""

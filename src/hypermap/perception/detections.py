@@ -1,0 +1,74 @@
+"""What a detector says of one image."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hypermap.core.arrays import BoolArray, ObjectArray
+
+
+@dataclass(frozen=True, eq=False)
+class Detections:
+    """Detected objects of one image, as parallel arrays; indexed by a mask it gives detections.
+
+    Attributes:
+        xyxy: boxes (xmin, ymin, xmax, ymax) in pixels, float32, shape (N, 4). A box holds the
+            pixels with ymin <= v < ymax and xmin <= u < xmax; it may reach past the image.
+        names: class names, str objects, shape (N,).
+        scores: 0..1, float32, shape (N,).
+        masks: the pixels of each object, bool, shape (N, H, W); None if boxes are all there is.
+    """
+
+    xyxy: NDArray[np.float32]
+    names: ObjectArray
+    scores: NDArray[np.float32]
+    masks: BoolArray | None = None
+
+    def __post_init__(self) -> None:
+        n = len(self.names)
+        if self.xyxy.shape != (n, 4) or self.scores.shape != (n,):
+            raise ValueError(
+                f"expected boxes ({n}, 4) and scores ({n},) for {n} names, "
+                f"got {self.xyxy.shape} and {self.scores.shape}"
+            )
+        if self.masks is not None and (self.masks.ndim != 3 or len(self.masks) != n):
+            raise ValueError(f"expected masks ({n}, H, W), got {self.masks.shape}")
+
+    @classmethod
+    def of(
+        cls,
+        xyxy: Any,
+        names: Sequence[str],
+        scores: Any = None,
+        masks: BoolArray | None = None,
+    ) -> Detections:
+        """Return detections from plain sequences; scores default to 1."""
+        column = np.empty(len(names), dtype=object)
+        column[:] = list(names)
+        return cls(
+            np.asarray(xyxy, dtype=np.float32).reshape(-1, 4),
+            column,
+            np.ones(len(names), np.float32) if scores is None else np.asarray(scores, np.float32),
+            masks,
+        )
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def __getitem__(self, index: Any) -> Detections:
+        """Return the detections that a mask, slice or array of indices selects."""
+        masks = None if self.masks is None else self.masks[index]
+        return Detections(self.xyxy[index], self.names[index], self.scores[index], masks)
+
+
+class Detector(Protocol):
+    """Anything that finds objects in a color image."""
+
+    def detect(self, color: NDArray[np.uint8]) -> Detections:
+        """Return the objects in an RGB image, uint8, shape (H, W, 3)."""
+        ...

@@ -1,0 +1,1 @@
+"""Detectors: neural networks in ONNX files, and recorded detections."""

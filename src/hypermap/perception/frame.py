@@ -1,0 +1,95 @@
+"""One RGB-D image with the pose from which it was taken."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hypermap.perception.detections import Detections
+
+
+@dataclass(frozen=True, eq=False)
+class Camera:
+    """A pinhole camera.
+
+    Attributes:
+        K: intrinsic matrix [pixels], shape (3, 3); pixel centres have whole coordinates.
+        width: columns of its images.
+        height: rows of its images.
+    """
+
+    K: NDArray[np.float64]
+    width: int
+    height: int
+
+    def __post_init__(self) -> None:
+        if self.K.shape != (3, 3) or not np.isfinite(self.K).all():
+            raise ValueError(f"K must be a finite matrix of shape (3, 3), got {self.K.tolist()}")
+        if self.K[0, 0] <= 0 or self.K[1, 1] <= 0:
+            raise ValueError(f"focal lengths must be positive, got {self.K[0, 0]}, {self.K[1, 1]}")
+        if self.width < 1 or self.height < 1:
+            raise ValueError(f"an image needs pixels, got {self.width} x {self.height}")
+
+    @classmethod
+    def from_intrinsics(
+        cls, fx: float, fy: float, cx: float, cy: float, width: int, height: int
+    ) -> Camera:
+        """Return a camera from its focal lengths and principal point [pixels]."""
+        return cls(np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]], dtype=float), width, height)
+
+    def every(self, step: int) -> Camera:
+        """Return the camera of the image that keeps every `step`-th row and column."""
+        K = self.K.copy()
+        K[:2] /= step
+        return Camera(K, -(-self.width // step), -(-self.height // step))
+
+
+@dataclass(frozen=True, eq=False)
+class RgbdFrame:
+    """A depth image, where the camera stood, and what came with it.
+
+    Attributes:
+        stamp: time of the depth image [s].
+        depth: metres along the optical axis, float32, NaN for no return, shape (H, W).
+        camera: intrinsics of the depth image.
+        map_T_camera: pose of the camera's optical frame (x right, y down, z forward) in the map,
+            z of the map up, shape (4, 4).
+        color: RGB, uint8, registered to the depth, shape (H, W, 3); None if not recorded.
+        color_stamp: time of the color image [s], which may differ from the depth image's a little;
+            None if there is no color image.
+        detections: detections recorded with the frame; None if there are none recorded.
+        cloud: organised points in the optical frame [m], float32, shape (H, W, 3), where the
+            recording holds points that differ from the pinhole projection of `depth`.
+    """
+
+    stamp: float
+    depth: NDArray[np.float32]
+    camera: Camera
+    map_T_camera: NDArray[np.float64]
+    color: NDArray[np.uint8] | None = None
+    color_stamp: float | None = None
+    detections: Detections | None = None
+    cloud: NDArray[np.float32] | None = None
+
+    def __post_init__(self) -> None:
+        shape = (self.camera.height, self.camera.width)
+        if self.depth.shape != shape:
+            raise ValueError(f"depth must have shape {shape}, got {self.depth.shape}")
+        if self.map_T_camera.shape != (4, 4):
+            raise ValueError(f"map_T_camera must be 4 x 4, got {self.map_T_camera.shape}")
+        if self.color is not None and self.color.shape != (*shape, 3):
+            raise ValueError(f"color must have shape {(*shape, 3)}, got {self.color.shape}")
+        if self.cloud is not None and self.cloud.shape != (*shape, 3):
+            raise ValueError(f"cloud must have shape {(*shape, 3)}, got {self.cloud.shape}")
+
+    def points(self) -> NDArray[np.float32]:
+        """Return the organised cloud in the optical frame, float32, shape (H, W, 3)."""
+        if self.cloud is not None:
+            return self.cloud
+        K = self.camera.K
+        z = self.depth
+        x_over_z = ((np.arange(z.shape[1]) - K[0, 2]) / K[0, 0]).astype(np.float32)
+        y_over_z = ((np.arange(z.shape[0]) - K[1, 2]) / K[1, 1]).astype(np.float32)
+        return np.stack([x_over_z * z, y_over_z[:, np.newaxis] * z, z], axis=-1)

@@ -1,0 +1,45 @@
+"""What one frame says about the floor: the shapes seen, and the area that could be seen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
+
+
+@dataclass(frozen=True, eq=False)
+class ObservedObject:
+    """One detected object, cut out and projected to the floor.
+
+    Attributes:
+        name: its class.
+        score: the detector's, 0..1.
+        footprint: polygon in the map frame [m].
+        z_min: height of its lowest point in the map frame [m].
+        z_max: height of its highest point in the map frame [m].
+    """
+
+    name: str
+    score: float
+    footprint: BaseGeometry
+    z_min: float = 0.0
+    z_max: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Observation:
+    """All that the evidence map needs to know of one frame.
+
+    Attributes:
+        stamp: time [s].
+        map_T_camera: pose of the camera's optical frame in the map, shape (4, 4).
+        objects: what was detected.
+        visible_area: polygon in the map frame [m] that this frame could have seen; may be empty.
+    """
+
+    stamp: float
+    map_T_camera: NDArray[np.float64]
+    objects: tuple[ObservedObject, ...]
+    visible_area: BaseGeometry

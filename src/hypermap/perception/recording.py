@@ -1,0 +1,82 @@
+"""What every recording offers, whatever its format."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+from hypermap.core.occupancy import OccupancyLayer
+from hypermap.perception.frame import RgbdFrame
+
+
+@dataclass(frozen=True)
+class Stream:
+    """One kind of data in a recording.
+
+    Attributes:
+        name: topic or file.
+        kind: message type, or a word such as "depth images".
+        count: number of messages or images.
+        use: what mapping uses it for; empty if it does not.
+    """
+
+    name: str
+    kind: str
+    count: int
+    use: str = ""
+
+
+@dataclass(frozen=True)
+class RecordingInfo:
+    """What is inside a recording, and what is missing for mapping.
+
+    Attributes:
+        path: file or folder.
+        format: a word such as "TUM RGB-D" or "ROS 1 bag".
+        duration: seconds from the first to the last frame.
+        frames: number of frames that mapping would use.
+        image_size: columns and rows of the depth images; None if there are none.
+        streams: all that is inside.
+        missing: sentences that say what mapping lacks and what to do about it; empty if nothing.
+        notes: sentences on what was left out or assumed.
+    """
+
+    path: Path
+    format: str
+    duration: float
+    frames: int
+    image_size: tuple[int, int] | None
+    streams: tuple[Stream, ...]
+    missing: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+class Recording(Protocol):
+    """A recording that can be turned into frames."""
+
+    @property
+    def path(self) -> Path:
+        """Where it lies."""
+        ...
+
+    def __len__(self) -> int:
+        """Return how many frames `frames` will yield at most."""
+        ...
+
+    def frames(self) -> Iterator[RgbdFrame]:
+        """Yield the frames in order of time.
+
+        Raises:
+            FormatError: If something that mapping needs is missing or broken.
+        """
+        ...
+
+    def info(self) -> RecordingInfo:
+        """Say what is inside and what is missing; never raises for what is missing."""
+        ...
+
+    def occupancy(self) -> OccupancyLayer | None:
+        """Return the recorded occupancy map, if there is one."""
+        ...

@@ -1,0 +1,1 @@
+"""Recordings on disk become RGB-D frames."""

@@ -1,0 +1,1 @@
+"""A simulated room with known truth becomes RGB-D frames."""
