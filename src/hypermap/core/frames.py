@@ -49,7 +49,7 @@ class Pose2D:
             return points
         c, s = math.cos(self.yaw), math.sin(self.yaw)
         rotated: NDArray[np.float64] = points @ np.array([[c, s], [-s, c]])
-        return rotated + (self.x, self.y)
+        return rotated + np.array([self.x, self.y])
 
     def apply_geometry(self, geometry: BaseGeometry) -> BaseGeometry:
         """Return a shapely geometry given in the child frame as one in the parent frame."""
