@@ -1,0 +1,52 @@
+# `make demo` and `make test` do all the set-up themselves, on a fresh machine too.
+
+BIN := .venv/bin
+
+.PHONY: demo test lint types tests core-tests package format lock clean help
+
+help:  ## list what can be made
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
+
+demo: .venv/.hypermap  ## see a map being made: a simulated room, mapped and drawn
+	$(BIN)/hypermap demo
+
+test: lint types tests core-tests package  ## everything that CI checks
+
+lint: .venv/.dev  ## style, and which room may import which
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/lint-imports
+
+types: .venv/.dev  ## strict type check
+	$(BIN)/mypy
+
+tests: .venv/.dev  ## all tests and the examples in the documents, with a coverage report
+	$(BIN)/pytest -n auto --dist loadgroup --cov --cov-report=term --cov-report=xml
+
+core-tests: .venv-core/.core  ## the core's tests with nothing but numpy and shapely installed
+	.venv-core/bin/pytest -q tests/core src/hypermap/core
+
+package: .venv/.dev  ## build the wheel, and run the command from it
+	scripts/check_wheel.sh
+
+format: .venv/.dev  ## format the code
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+lock:  ## pin all requirements anew
+	scripts/lock.sh
+
+clean:  ## remove what was made
+	rm -rf .venv .venv-core build dist .coverage coverage.xml
+
+.venv/.hypermap: requirements/hypermap.txt pyproject.toml scripts/venv.sh
+	scripts/venv.sh requirements/hypermap.txt
+	touch $@
+
+.venv/.dev: requirements/hypermap.txt requirements/dev.txt pyproject.toml scripts/venv.sh
+	scripts/venv.sh requirements/dev.txt
+	touch .venv/.hypermap $@
+
+.venv-core/.core: requirements/core.txt scripts/venv.sh
+	VENV=.venv-core scripts/venv.sh requirements/core.txt
+	touch $@

@@ -1,0 +1,19 @@
+#!/bin/sh
+# Pin every requirement for Python 3.10 and newer, without naming an index.
+set -eu
+cd "$(dirname "$0")/.."
+tool=$(mktemp -d)
+trap 'rm -rf "$tool"' EXIT
+python3 -m venv "$tool" && "$tool/bin/pip" install --quiet uv
+
+pin() {  # pin OUTPUT ARGUMENTS...
+  output=$1
+  shift
+  "$tool/bin/uv" pip compile --quiet --universal --python-version 3.10 --no-header --no-annotate \
+    --no-emit-index-url "$@" -o "$output"
+  sed -i '1i # Made by `make lock` from pyproject.toml; not edited by hand.' "$output"
+}
+
+pin requirements/dev.txt pyproject.toml requirements/build.in --all-extras --group dev
+pin requirements/hypermap.txt pyproject.toml requirements/build.in -c requirements/dev.txt
+pin requirements/core.txt requirements/core.in -c requirements/dev.txt

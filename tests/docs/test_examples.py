@@ -1,0 +1,74 @@
+"""Every example in the documents is run: Python blocks as they stand, console blocks by a shell.
+
+A page's blocks run from top to bottom, in one namespace and one folder, beside the
+`hypermap-demo/` that `hypermap demo` makes. Python blocks with prompts are compared with the
+output that they show. Of a console block, the lines after `$` are run and must succeed. What
+cannot run in a test (a robot, a download) stands in a plain `text` block.
+"""
+
+from __future__ import annotations
+
+import doctest
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGES = [
+    page
+    for page in [ROOT / "README.md", *sorted(ROOT.glob("docs/**/*.md"))]
+    if re.search(r"^```(python|console)$", page.read_text(encoding="utf-8"), re.MULTILINE)
+]
+BLOCK = re.compile(r"^```(python|console)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+DOCTEST_FLAGS = doctest.NORMALIZE_WHITESPACE | doctest.ELLIPSIS
+
+pytestmark = pytest.mark.xdist_group("demo")
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_the_examples_of_a_page_run(
+    page: Path, demo_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "hypermap-demo").symlink_to(demo_folder)
+    monkeypatch.chdir(tmp_path)
+    namespace: dict[str, Any] = {"__name__": "__main__"}
+    text = page.read_text(encoding="utf-8")
+    for block in BLOCK.finditer(text):
+        line = text.count("\n", 0, block.start()) + 2
+        language, source = block.groups()
+        if language == "console":
+            _run_console(source, f"{page.name}:{line}")
+        elif ">>> " in source:
+            _run_doctest(source, namespace, page, line)
+        else:
+            exec(compile("\n" * (line - 1) + source, str(page), "exec"), namespace)
+
+
+def _run_console(source: str, where: str) -> None:
+    commands = re.findall(r"^\$ ((?:.*\\\n)*.*)$", source, re.MULTILINE)
+    assert commands, f"{where}: a console block shows its commands after '$ '"
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    for command in commands:
+        done = subprocess.run(
+            ["bash", "-c", command],
+            env={**os.environ, "PATH": path},
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == 0, f"{where}: {command}\n{done.stdout}{done.stderr}"
+
+
+def _run_doctest(source: str, namespace: dict[str, Any], page: Path, line: int) -> None:
+    example = doctest.DocTestParser().get_doctest(source, namespace, page.name, str(page), line)
+    report: list[str] = []
+    runner = doctest.DocTestRunner(optionflags=DOCTEST_FLAGS, verbose=False)
+    runner.run(example, out=report.append, clear_globs=False)
+    namespace.update(example.globs)
+    assert not runner.failures, "".join(report)
