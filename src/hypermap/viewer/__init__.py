@@ -1,0 +1,1 @@
+"""What one sees of a map: pictures in PNG and SVG."""

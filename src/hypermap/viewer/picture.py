@@ -1,0 +1,217 @@
+"""A map as a picture: occupancy, objects in a color per class, names, a scale bar and a legend."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from hypermap.core.arrays import ObjectArray
+from hypermap.core.errors import HypermapError, did_you_mean
+from hypermap.core.frames import Pose2D
+from hypermap.core.layer import RasterPicture, ShapesPicture
+from hypermap.viewer.colors import Color, class_colors
+
+if TYPE_CHECKING:
+    from shapely.geometry.base import BaseGeometry
+
+    from hypermap.core.hypermap import Hypermap
+
+SUFFIXES = (".png", ".svg")
+
+
+@dataclass(frozen=True, eq=False)
+class Raster:
+    """A grid of colors in the picture's frame: `pose` is that of the grid's lower left corner."""
+
+    layer: str
+    picture: RasterPicture
+    pose: Pose2D
+
+
+@dataclass(frozen=True, eq=False)
+class Shapes:
+    """Named shapes in the picture's frame, the largest first, so that no one hides another."""
+
+    layer: str
+    names: ObjectArray
+    shapes: ObjectArray
+
+
+@dataclass(frozen=True, eq=False)
+class Drawing:
+    """All that a picture shows.
+
+    Attributes:
+        rasters: in the order of the map's layers.
+        shapes: in the order of the map's layers.
+        view: xmin, ymin, xmax, ymax of what is shown [m].
+        colors: of each class.
+        title: in the first line; may be empty.
+        subtitle: what the picture says about itself.
+        labels: whether names are written at the shapes.
+    """
+
+    rasters: tuple[Raster, ...]
+    shapes: tuple[Shapes, ...]
+    view: tuple[float, float, float, float]
+    colors: Mapping[str, Color]
+    title: str
+    subtitle: str
+    labels: bool
+
+
+def render(
+    hypermap: Hypermap,
+    path: str | Path,
+    *,
+    layers: Sequence[str] | None = None,
+    names: Sequence[str] | None = None,
+    area: BaseGeometry | None = None,
+    full: bool = False,
+    labels: bool = True,
+    title: str = "",
+    size: int = 1400,
+) -> None:
+    """Draw a map from above, in its base frame, and save it as PNG or SVG.
+
+    The same map gives the same bytes. In an SVG the names are text that can be searched.
+
+    Args:
+        hypermap: the map.
+        path: where to save; the suffix chooses the format.
+        layers: names of the layers to draw; None for all that can be drawn.
+        names: classes of objects to draw; None for all.
+        area: what to show, in the base frame [m]; None for all that is known.
+        full: whether to show the grids as far as they reach, not only where something is known.
+        labels: whether to write names at the shapes.
+        title: first line of the picture.
+        size: pixels of the longer side of the map in a PNG.
+
+    Raises:
+        HypermapError: If the suffix is another, there is nothing to draw, or a name is unknown.
+        LayerNotFound: If there is no such layer.
+    """
+    path = Path(path)
+    check_suffix(path)
+    drawing = compose(
+        hypermap, layers=layers, names=names, area=area, full=full, labels=labels, title=title
+    )
+    from hypermap.viewer.drawing import draw  # loads matplotlib
+
+    path.write_bytes(draw(drawing, path.suffix[1:].lower(), size))
+
+
+def check_suffix(path: Path) -> None:
+    """Raise a HypermapError if a picture cannot be saved under that name."""
+    if path.suffix.lower() not in SUFFIXES:
+        raise HypermapError(f"{path}: a picture is saved as .png or .svg")
+
+
+def compose(
+    hypermap: Hypermap,
+    *,
+    layers: Sequence[str] | None = None,
+    names: Sequence[str] | None = None,
+    area: BaseGeometry | None = None,
+    full: bool = False,
+    labels: bool = True,
+    title: str = "",
+) -> Drawing:
+    """Return what `render` draws: all layers brought into the base frame, and the view."""
+    shown = hypermap.layers if layers is None else [hypermap[name] for name in layers]
+    rasters: list[Raster] = []
+    shapes: list[Shapes] = []
+    for layer in shown:
+        picture = layer.picture()
+        if picture is None:
+            continue
+        base_T_layer = hypermap.frames.lookup(hypermap.base_frame, layer.frame_id)
+        if isinstance(picture, RasterPicture):
+            rasters.append(Raster(layer.name, picture, base_T_layer @ picture.grid.origin))
+        else:
+            shapes.append(_in_base_frame(layer.name, picture, base_T_layer))
+    colors = class_colors(name for part in shapes for name in part.names)
+    if names is not None:
+        shapes = [_only(part, names, colors) for part in shapes]
+    view = _view(rasters, shapes, full) if area is None else area.bounds
+    if not np.isfinite(view).all() or not (rasters or any(len(s.names) for s in shapes)):
+        raise HypermapError("there is nothing to draw: the layers are empty or have no picture")
+    subtitle = f"{_objects(shapes)}frame {hypermap.base_frame}"
+    return Drawing(tuple(rasters), tuple(shapes), _padded(view), colors, title, subtitle, labels)
+
+
+def _in_base_frame(layer: str, picture: ShapesPicture, base_T_layer: Pose2D) -> Shapes:
+    placed = np.array([base_T_layer.apply_geometry(shape) for shape in picture.shapes], object)
+    order = np.argsort(-shapely.area(placed), kind="stable")
+    return Shapes(layer, picture.names[order], placed[order])
+
+
+def _only(part: Shapes, names: Sequence[str], known: Mapping[str, Any]) -> Shapes:
+    for name in names:
+        if name not in known:
+            raise HypermapError(f"no object is called {name!r}; {did_you_mean(name, known)}")
+    wanted = np.isin(part.names.astype(str), list(names))
+    return Shapes(part.layer, part.names[wanted], part.shapes[wanted])
+
+
+def _objects(shapes: Sequence[Shapes]) -> str:
+    """Return the words "28 objects of 12 classes, ", or nothing where no layer has shapes."""
+    if not shapes:
+        return ""
+    counts = Counter(name for part in shapes for name in part.names)
+    number, kinds = counts.total(), len(counts)
+    plural = "object" if number == 1 else "objects"
+    classes = "class" if kinds == 1 else "classes"
+    return f"{number} {plural} of {kinds} {classes}, "
+
+
+def _view(
+    rasters: Sequence[Raster], shapes: Sequence[Shapes], full: bool
+) -> tuple[float, float, float, float]:
+    """Return the box around everything known [m]; NaN if there is nothing."""
+    corners = [raster.pose.apply(_known_corners(raster.picture, full)) for raster in rasters]
+    boxes = [shapely.bounds(part.shapes).reshape(-1, 2) for part in shapes]
+    points = np.concatenate([*corners, *boxes, np.empty((0, 2))])
+    points = points[np.isfinite(points).all(axis=1)]
+    if len(points) == 0:
+        return (np.nan, np.nan, np.nan, np.nan)
+    xmin, ymin = points.min(axis=0)
+    xmax, ymax = points.max(axis=0)
+    return (float(xmin), float(ymin), float(xmax), float(ymax))
+
+
+def _known_corners(picture: RasterPicture, full: bool) -> NDArray[np.float64]:
+    """Return corners of the part of a grid that is known, from the grid's corner, shape (N, 2)."""
+    known = picture.rgba[:, :, 3] > 0
+    unknown = picture.legend.get("Unknown")
+    if unknown is not None:
+        known &= (picture.rgba[:, :, :3] != unknown).any(axis=2)
+    if full or not known.any():
+        known = np.ones_like(known)
+    (x0, x1), (y0, y1) = _well_filled(known.sum(axis=0)), _well_filled(known.sum(axis=1))
+    return np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]]) * picture.grid.resolution
+
+
+def _well_filled(counts: NDArray[np.int64]) -> tuple[int, int]:
+    """Return where rows begin and end that hold more than what a stray ray leaves behind."""
+    enough = np.median(counts[counts > 0]) / 20
+    filled = np.flatnonzero(counts > enough)
+    return int(filled[0]), int(filled[-1]) + 1
+
+
+def _padded(view: tuple[float, float, float, float]) -> tuple[float, float, float, float]:
+    """Return the view with a margin, and not narrower than a third of its length."""
+    xmin, ymin, xmax, ymax = view
+    width, height = xmax - xmin, ymax - ymin
+    margin = max(0.03 * max(width, height), 0.2)
+    width, height = width + 2 * margin, height + 2 * margin
+    width, height = max(width, height / 3), max(height, width / 3)
+    x, y = (xmin + xmax) / 2, (ymin + ymax) / 2
+    return (x - width / 2, y - height / 2, x + width / 2, y + height / 2)
