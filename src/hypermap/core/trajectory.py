@@ -42,6 +42,39 @@ def pose_matrix(position: ArrayLike, quat_xyzw: ArrayLike) -> NDArray[np.float64
     return matrix
 
 
+def pose_from_rpy(
+    x: float, y: float, z: float, roll: float, pitch: float, yaw: float
+) -> NDArray[np.float64]:
+    """Return a rigid transform from a position [m] and turns about the fixed x, y and z axis [rad].
+
+    Returns:
+        Shape (4, 4).
+
+    Source: REP 103, fixed axis rotation, order x, y, z.
+
+    >>> pose_from_rpy(1, 2, 3, 0, 0, np.pi / 2)[:3].round(3)
+    array([[ 0., -1.,  0.,  1.],
+           [ 1.,  0.,  0.,  2.],
+           [ 0.,  0.,  1.,  3.]])
+    """
+    (cr, cp, cy), (sr, sp, sy) = np.cos([roll, pitch, yaw]), np.sin([roll, pitch, yaw])
+    about_x = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
+    about_y = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
+    about_z = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
+    pose = np.eye(4)
+    pose[:3, :3] = about_z @ about_y @ about_x
+    pose[:3, 3] = x, y, z
+    return pose
+
+
+def compose(*poses: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return `a_T_c` from `a_T_b` and `b_T_c`, and so on; shapes (..., 4, 4) broadcast."""
+    result = np.eye(4)
+    for pose in poses:
+        result = result @ pose
+    return result
+
+
 def invert(pose: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the inverse of rigid transforms, shape (..., 4, 4)."""
     rotation = np.swapaxes(pose[..., :3, :3], -1, -2)
