@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hypermap.core.arrays import BoolArray, ObjectArray
+
+if TYPE_CHECKING:  # a frame may carry detections itself
+    from hypermap.perception.frame import RgbdFrame
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,5 +73,9 @@ class Detector(Protocol):
     """Anything that finds objects in a color image."""
 
     def detect(self, color: NDArray[np.uint8]) -> Detections:
-        """Return the objects in an RGB image, uint8, shape (H, W, 3)."""
+        """Return the objects in an RGB image, uint8, shape (H, W, 3), the most certain first."""
         ...
+
+
+DetectionSource: TypeAlias = "Callable[[RgbdFrame], Detections]"
+"""Whatever says what is in a frame: a detector, a file, or the recording itself."""

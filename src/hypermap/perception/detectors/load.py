@@ -1,0 +1,50 @@
+"""From what a user writes to a detector: an ONNX file, or a detector of another package."""
+
+from __future__ import annotations
+
+from importlib.metadata import entry_points
+from pathlib import Path
+
+from hypermap.core.errors import HypermapError, did_you_mean
+from hypermap.perception.detections import Detector
+
+ENTRY_POINT_GROUP = "hypermap.detectors"
+
+
+def load_detector(
+    path: str | Path,
+    labels: str | Path | None = None,
+    score_threshold: float = 0.3,
+    iou_threshold: float = 0.45,
+    threads: int | None = None,
+) -> Detector:
+    """Return the detector in an ONNX file, or one that another package brings.
+
+    Args:
+        path: an ONNX file; or ``name:argument``, where `name` is an entry point in the group
+            `hypermap.detectors` whose value makes a detector of the argument. Such a detector
+            has settings of its own: the other parameters are for ONNX files.
+        labels: file of the class names (see `read_labels`); by default those in the model, or
+            COCO's if it has 80 classes and names none.
+        score_threshold: detections with a lower score are left out.
+        iou_threshold: of two boxes of a class that overlap more, the better one is kept; unused
+            by models that take care of it themselves.
+        threads: how many the network may use; by default all cores.
+
+    Raises:
+        FileMissing: If there is no such file.
+        FormatError: If the model or its labels cannot be read, or its outputs are not understood.
+        HypermapError: If no detector of that name is installed.
+    """
+    name, colon, argument = str(path).partition(":")
+    installed = {entry.name: entry for entry in entry_points(group=ENTRY_POINT_GROUP)}
+    if colon and name in installed:
+        detector: Detector = installed[name].load()(argument)
+        return detector
+    if colon and Path(path).suffix.lower() != ".onnx" and not Path(path).exists():
+        raise HypermapError(
+            f"{path}: no detector {name!r} is installed; {did_you_mean(name, installed)}"
+        )
+    from hypermap.perception.detectors.onnx_detector import OnnxDetector
+
+    return OnnxDetector.load(path, labels, score_threshold, iou_threshold, threads)

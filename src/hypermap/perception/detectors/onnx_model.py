@@ -1,0 +1,134 @@
+"""The bridge to ONNX Runtime: a network in a file, as a function from one image to arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hypermap.core.errors import FileMissing, FormatError
+from hypermap.perception.detectors.labels import parse_literal
+
+DEFAULT_SIDE = 640  # of a network that takes any size and does not name one
+MAX_SIDE = 8192
+INPUT_TYPES = {"tensor(float)": np.float32, "tensor(float16)": np.float16}
+
+
+@dataclass(frozen=True)
+class OnnxModel:
+    """A network that takes one image.
+
+    Attributes:
+        path: its file.
+        metadata: what its maker wrote into it.
+        input_size: columns and rows of the image that it takes.
+    """
+
+    path: Path
+    metadata: Mapping[str, str]
+    input_size: tuple[int, int]
+    _session: Any
+
+    @classmethod
+    def load(cls, path: str | Path, threads: int | None = None) -> OnnxModel:
+        """Return the network in a file.
+
+        Raises:
+            FileMissing: If there is no such file.
+            FormatError: If it holds no network, or one that takes something else than an image.
+        """
+        path = Path(path)
+        if not path.exists():
+            raise FileMissing(f"{path}: there is no such model")
+        if not path.is_file():
+            raise FormatError("a folder; expected an ONNX file", path=path)
+        session = _open_session(path, threads)
+        metadata = dict(session.get_modelmeta().custom_metadata_map)
+        return cls(path, metadata, _input_size(path, session.get_inputs(), metadata), session)
+
+    def run(self, image: NDArray[np.float32]) -> dict[str, NDArray[np.float32]]:
+        """Return the outputs by name.
+
+        Args:
+            image: in the network's own colors and size, shape (H, W, 3).
+
+        Raises:
+            FormatError: If the network fails, or answers something else than finite numbers.
+        """
+        entry = self._session.get_inputs()[0]
+        batch = np.ascontiguousarray(image.transpose(2, 0, 1)[np.newaxis], INPUT_TYPES[entry.type])
+        try:
+            outputs = self._session.run(None, {entry.name: batch})
+        except Exception as error:  # ONNX Runtime's errors have no common class of their own
+            raise FormatError(
+                f"the model fails on an image of {image.shape[1]} x {image.shape[0]} pixels: "
+                f"{_reason(error)}",
+                path=self.path,
+            ) from error
+        names = [output.name for output in self._session.get_outputs()]
+        arrays = [np.asarray(output, np.float32) for output in outputs]
+        if not all(np.isfinite(array).all() for array in arrays):
+            raise FormatError("the model answers NaN or infinity", path=self.path)
+        return dict(zip(names, arrays, strict=True))
+
+
+def _open_session(path: Path, threads: int | None) -> Any:
+    import onnxruntime  # slow to import
+
+    options = onnxruntime.SessionOptions()
+    options.log_severity_level = 4  # fatal alone: what goes wrong is raised
+    options.intra_op_num_threads = threads or 0
+    try:
+        return onnxruntime.InferenceSession(
+            path, sess_options=options, providers=["CPUExecutionProvider"]
+        )
+    except Exception as error:  # ONNX Runtime's errors have no common class of their own
+        raise FormatError(
+            f"not a complete ONNX model that can be run here: {_reason(error)}", path=path
+        ) from error
+
+
+def _input_size(path: Path, inputs: list[Any], metadata: Mapping[str, str]) -> tuple[int, int]:
+    """Return columns and rows of the image, having checked that an image is what it takes."""
+    found = ", ".join(f"{entry.name} {entry.type} {entry.shape}" for entry in inputs)
+    entry = inputs[0] if len(inputs) == 1 else None
+    if entry is None or entry.type not in INPUT_TYPES or len(entry.shape) != 4:
+        raise FormatError(
+            f"the model takes {found}; expected one image, float, (1, 3, H, W)", path=path
+        )
+    batch, channels, height, width = entry.shape
+    if (isinstance(batch, int) and batch != 1) or (isinstance(channels, int) and channels != 3):
+        raise FormatError(f"the model takes {found}; expected (1, 3, H, W)", path=path)
+    rows, columns = _size_in_metadata(path, metadata)
+    size = (
+        width if isinstance(width, int) else columns,
+        height if isinstance(height, int) else rows,
+    )
+    if not all(1 <= side <= MAX_SIDE for side in size):
+        raise FormatError(
+            f"the model takes images of {size[0]} x {size[1]} pixels; "
+            f"expected 1 to {MAX_SIDE} a side",
+            path=path,
+        )
+    return size
+
+
+def _size_in_metadata(path: Path, metadata: Mapping[str, str]) -> tuple[int, int]:
+    text = metadata.get("imgsz", f"[{DEFAULT_SIDE}, {DEFAULT_SIDE}]")
+    try:
+        size = parse_literal(text)
+        rows, columns = (size, size) if isinstance(size, int) else size
+        return int(rows), int(columns)
+    except (TypeError, ValueError) as error:
+        raise FormatError(
+            f"expected [rows, columns], got {text[:60]!r}", path=path, key="metadata imgsz"
+        ) from error
+
+
+def _reason(error: Exception) -> str:
+    """Return the part of ONNX Runtime's message that says something to a user."""
+    return str(error).split("failed:")[-1].strip().partition("\n")[0]
