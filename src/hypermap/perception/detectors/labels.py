@@ -13,91 +13,17 @@ from hypermap.core.errors import FileMissing, FormatError
 
 MAX_BYTES = 1_000_000  # Objects365 and LVIS need some 30 kB
 
-COCO = tuple(
-    name.strip()
-    for name in [
-        "person",
-        " bicycle",
-        " car",
-        " motorcycle",
-        " airplane",
-        " bus",
-        " train",
-        " truck",
-        " boat",
-        " traffic light",
-        "\n    fire hydrant",
-        " stop sign",
-        " parking meter",
-        " bench",
-        " bird",
-        " cat",
-        " dog",
-        " horse",
-        " sheep",
-        " cow",
-        " elephant",
-        "\n    bear",
-        " zebra",
-        " giraffe",
-        " backpack",
-        " umbrella",
-        " handbag",
-        " tie",
-        " suitcase",
-        " frisbee",
-        " skis",
-        " snowboard",
-        "\n    sports ball",
-        " kite",
-        " baseball bat",
-        " baseball glove",
-        " skateboard",
-        " surfboard",
-        " tennis racket",
-        " bottle",
-        "\n    wine glass",
-        " cup",
-        " fork",
-        " knife",
-        " spoon",
-        " bowl",
-        " banana",
-        " apple",
-        " sandwich",
-        " orange",
-        " broccoli",
-        " carrot",
-        "\n    hot dog",
-        " pizza",
-        " donut",
-        " cake",
-        " chair",
-        " couch",
-        " potted plant",
-        " bed",
-        " dining table",
-        " toilet",
-        " tv",
-        " laptop",
-        "\n    mouse",
-        " remote",
-        " keyboard",
-        " cell phone",
-        " microwave",
-        " oven",
-        " toaster",
-        " sink",
-        " refrigerator",
-        " book",
-        " clock",
-        "\n    vase",
-        " scissors",
-        " teddy bear",
-        " hair drier",
-        " toothbrush",
-    ]
-)
+_COCO = """
+    person, bicycle, car, motorcycle, airplane, bus, train, truck, boat, traffic light, fire
+    hydrant, stop sign, parking meter, bench, bird, cat, dog, horse, sheep, cow, elephant, bear,
+    zebra, giraffe, backpack, umbrella, handbag, tie, suitcase, frisbee, skis, snowboard, sports
+    ball, kite, baseball bat, baseball glove, skateboard, surfboard, tennis racket, bottle, wine
+    glass, cup, fork, knife, spoon, bowl, banana, apple, sandwich, orange, broccoli, carrot, hot
+    dog, pizza, donut, cake, chair, couch, potted plant, bed, dining table, toilet, tv, laptop,
+    mouse, remote, keyboard, cell phone, microwave, oven, toaster, sink, refrigerator, book,
+    clock, vase, scissors, teddy bear, hair drier, toothbrush
+"""
+COCO = tuple(name.strip() for name in _COCO.split(","))
 
 
 def read_labels(path: str | Path) -> tuple[str, ...]:

@@ -90,10 +90,10 @@ def sample_bilinear(image: NDArray[Any], rows: FloatArray, columns: FloatArray) 
         columns: shape (w,).
 
     Returns:
-        Shape (h, w) or (h, w, C), float32.
+        Shape (h, w) or (h, w, C).
 
     >>> sample_bilinear(np.array([[0, 10], [20, 30]]), np.array([0.5]), np.array([0, 0.25, 9]))
-    array([[10. , 12.5, 20. ]], dtype=float32)
+    array([[10. , 12.5, 20. ]])
     """
     above, below, down = _neighbours(rows, image.shape[0])
     before, after, right = _neighbours(columns, image.shape[1])
