@@ -61,6 +61,21 @@ class GridGeometry:
         limit = float(2**62)
         return np.clip(np.floor(local[:, ::-1]), -limit, limit).astype(np.int64)
 
+    def cells_T_frame(self) -> NDArray[np.float64]:
+        """Return what `cells_at` does before it rounds down, as a matrix, for compiled loops.
+
+        Returns:
+            Shape (3, 3); takes (x, y, 1) in the layer's frame [m] to (col, row, 1), where cell
+            (row, col) reaches from its index to the next.
+
+        >>> grid = GridGeometry(width=4, height=3, resolution=0.5, origin=Pose2D(x=1.0))
+        >>> grid.cells_T_frame() @ [1.25, 0.5, 1.0]
+        array([0.5, 1. , 1. ])
+        """
+        return (
+            np.diag([1 / self.resolution, 1 / self.resolution, 1]) @ self.origin.inverse().matrix()
+        )
+
     def contains(self, rows: ArrayLike, cols: ArrayLike) -> BoolArray:
         """Return whether each cell is on the grid, shape (N,)."""
         r, c = np.asarray(rows), np.asarray(cols)
