@@ -61,7 +61,7 @@ class GridGeometry:
         limit = float(2**62)
         return np.clip(np.floor(local[:, ::-1]), -limit, limit).astype(np.int64)
 
-    def cells_T_frame(self) -> NDArray[np.float64]:
+    def to_cells_matrix(self) -> NDArray[np.float64]:
         """Return what `cells_at` does before it rounds down, as a matrix, for compiled loops.
 
         Returns:
@@ -69,7 +69,7 @@ class GridGeometry:
             (row, col) reaches from its index to the next.
 
         >>> grid = GridGeometry(width=4, height=3, resolution=0.5, origin=Pose2D(x=1.0))
-        >>> grid.cells_T_frame() @ [1.25, 0.5, 1.0]
+        >>> grid.to_cells_matrix() @ [1.25, 0.5, 1.0]
         array([0.5, 1. , 1. ])
         """
         return (
