@@ -23,7 +23,7 @@ _COCO = """
     mouse, remote, keyboard, cell phone, microwave, oven, toaster, sink, refrigerator, book,
     clock, vase, scissors, teddy bear, hair drier, toothbrush
 """
-COCO = tuple(name.strip() for name in _COCO.split(","))
+COCO = tuple(" ".join(name.split()) for name in _COCO.split(","))
 
 
 def read_labels(path: str | Path) -> tuple[str, ...]:

@@ -1,0 +1,237 @@
+"""Detections in a JSON file, computed once and used many times.
+
+```json
+{"image_size": [640, 480],
+ "frames": {"1305031229.729064": [{"box": [39.27, 1.14, 383.37, 199.65], "name": "tv", "score": 0.7,
+                                   "mask": {"size": [480, 640], "counts": [12345, 6, ...]}}]}}
+```
+
+A frame's key is the stamp of its color image [s], `box` is xmin, ymin, xmax, ymax in pixels; the
+mask, in COCO's uncompressed form, may be left out.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+import os
+import tempfile
+from bisect import bisect_left, insort
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import BaseModel, Field, NonNegativeInt, ValidationError, model_validator
+
+from hypermap.core.errors import FileMissing, FormatError
+from hypermap.perception.detections import Detections
+from hypermap.perception.detectors import rle
+
+logger = logging.getLogger(__name__)
+
+STAMP_TOLERANCE = 1e-3  # [s]; stamps written as text are rounded
+MAX_BYTES = 1 << 30
+MAX_SIDE = 1 << 14  # [pixels] of an image
+
+_Side = Annotated[int, Field(ge=1, le=MAX_SIDE)]
+_Coordinate = Annotated[float, Field(ge=-MAX_SIDE, le=2 * MAX_SIDE, allow_inf_nan=False)]
+
+
+class _Mask(BaseModel, strict=True):
+    size: tuple[_Side, _Side]
+    counts: list[NonNegativeInt]
+
+    @model_validator(mode="after")
+    def _check(self) -> _Mask:
+        if sum(self.counts) != math.prod(self.size):
+            raise ValueError(
+                f"the counts add up to {sum(self.counts)}, but the mask has "
+                f"{self.size[0]} x {self.size[1]} pixels"
+            )
+        return self
+
+
+class _Object(BaseModel, strict=True):
+    box: tuple[_Coordinate, _Coordinate, _Coordinate, _Coordinate]
+    name: Annotated[str, Field(min_length=1)]
+    score: Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)]
+    mask: _Mask | None = None
+
+    @model_validator(mode="after")
+    def _check(self) -> _Object:
+        xmin, ymin, xmax, ymax = self.box
+        if xmax < xmin or ymax < ymin:
+            raise ValueError(
+                f"expected xmin <= xmax and ymin <= ymax, got the box {list(self.box)}"
+            )
+        return self
+
+
+class _File(BaseModel, strict=True):
+    image_size: tuple[_Side, _Side] | None = None
+    frames: dict[str, list[_Object]]
+
+
+class RecordedDetections:
+    """The detections of many images, found by the images' stamps.
+
+    Attributes:
+        image_size: columns and rows of the images; None if not known.
+        path: the file they come from; None if they come from none.
+        missed: how often a stamp was asked for of which nothing is known.
+    """
+
+    def __init__(
+        self, image_size: tuple[int, int] | None = None, path: str | Path | None = None
+    ) -> None:
+        self.image_size = image_size
+        self.path = path
+        self.missed = 0
+        self._stamps: list[float] = []
+        self._objects: dict[float, list[_Object]] = {}
+
+    def __len__(self) -> int:
+        """Return the number of images, with detections or without."""
+        return len(self._stamps)
+
+    @property
+    def stamps(self) -> tuple[float, ...]:
+        """The images' stamps in order [s]."""
+        return tuple(self._stamps)
+
+    @classmethod
+    def load(cls, path: str | Path) -> RecordedDetections:
+        """Return the detections in a file.
+
+        Raises:
+            FileMissing: If there is no such file.
+            FormatError: If it does not hold detections; names the frame and the object.
+        """
+        path = Path(path)
+        if not path.is_file():
+            raise FileMissing(f"{path}: there is no such file of detections")
+        if path.stat().st_size > MAX_BYTES:
+            raise FormatError(f"detections take at most {MAX_BYTES} bytes", path=path)
+        try:
+            content = _File.model_validate_json(path.read_bytes())
+        except ValidationError as error:
+            first = error.errors()[0]
+            message = first["msg"].removeprefix("Value error, ")
+            raise FormatError(message, path=path, key=_key_of(first["loc"])) from error
+
+        recorded = cls(content.image_size, path)
+        key = ""
+        try:
+            for key, objects in content.frames.items():
+                recorded._put(_stamp_of(key), objects)
+        except ValueError as error:
+            raise FormatError(str(error), path=path, key=f"frame {key}") from error
+        return recorded
+
+    def add(self, stamp: float, detections: Detections) -> None:
+        """Keep the detections of an image.
+
+        Raises:
+            ValueError: If the stamp is known already, or a mask is not of the image's size.
+        """
+        objects = []
+        for i, name in enumerate(detections.names):
+            mask = None if detections.masks is None else detections.masks[i]
+            # Through text, a float32 becomes the shortest number that stands for it.
+            xmin, ymin, xmax, ymax, score = (
+                float(str(value)) for value in (*detections.xyxy[i], detections.scores[i])
+            )
+            objects.append(
+                _Object(
+                    box=(xmin, ymin, xmax, ymax),
+                    name=name,
+                    score=score,
+                    mask=None if mask is None else _Mask(size=mask.shape, counts=rle.encode(mask)),
+                )
+            )
+        self._put(stamp, objects)
+
+    def at(self, stamp: float) -> Detections:
+        """Return the detections of the image nearest in time, within a millisecond.
+
+        Of a stamp without an image there are none; the first is logged, all are counted.
+        """
+        position = bisect_left(self._stamps, stamp)
+        near = self._stamps[max(0, position - 1) : position + 1]
+        nearest = min(near, key=lambda known: abs(known - stamp), default=math.inf)
+        if abs(nearest - stamp) <= STAMP_TOLERANCE:
+            return _as_detections(self._objects[nearest])
+        if not self.missed:
+            logger.warning(
+                "%s: nothing is known of the image at %.6f; it counts as one without objects, "
+                "and so do others of which nothing is known",
+                self.path or "detections",
+                stamp,
+            )
+        self.missed += 1
+        return Detections.of([], [])
+
+    def save(self, path: str | Path) -> None:
+        """Write what `load` reads; a file that is there already is replaced as a whole.
+
+        Raises:
+            FileMissing: If the folder does not exist.
+        """
+        path = Path(path)
+        if not path.parent.is_dir():
+            raise FileMissing(f"{path.parent}: there is no such folder")
+        frames = {repr(stamp): self._objects[stamp] for stamp in self._stamps}
+        content = _File(image_size=self.image_size, frames=frames)
+        with tempfile.NamedTemporaryFile(
+            "w", encoding="utf-8", dir=path.parent, prefix=f".{path.name}.", delete=False
+        ) as file:
+            try:
+                file.write(content.model_dump_json(exclude_none=True))
+                file.flush()
+                os.fsync(file.fileno())
+                Path(file.name).replace(path)
+            except BaseException:
+                Path(file.name).unlink()
+                raise
+
+    def _put(self, stamp: float, objects: list[_Object]) -> None:
+        if not math.isfinite(stamp):
+            raise ValueError(f"the stamp must be a finite number, got {stamp}")
+        if stamp in self._objects:
+            raise ValueError(f"there is a frame of the stamp {stamp!r} already")
+        masked = [found.mask.size for found in objects if found.mask is not None]
+        if masked and len(masked) < len(objects):
+            raise ValueError("either all objects of a frame have a mask, or none")
+        expected = self.image_size[::-1] if self.image_size else masked[0] if masked else None
+        for size in masked:
+            if size != expected:
+                raise ValueError(f"expected masks of {expected} rows and columns, got {size}")
+        insort(self._stamps, stamp)
+        self._objects[stamp] = objects
+
+
+def _as_detections(objects: list[_Object]) -> Detections:
+    masks = [rle.decode(found.mask.counts, *found.mask.size) for found in objects if found.mask]
+    return Detections.of(
+        [found.box for found in objects],
+        [found.name for found in objects],
+        [found.score for found in objects],
+        np.stack(masks) if masks else None,
+    )
+
+
+def _stamp_of(key: str) -> float:
+    try:
+        return float(key)
+    except ValueError:
+        raise ValueError("the key of a frame is its stamp in seconds") from None
+
+
+def _key_of(location: tuple[Any, ...]) -> str | None:
+    """Return where something is wrong, in words."""
+    match location:
+        case ("frames", stamp, int(number), *rest):
+            return ": ".join([f"frame {stamp}", f"object {number}", *map(str, rest)])
+        case ("frames", stamp, *_):
+            return f"frame {stamp}"
+    return ".".join(map(str, location)) or None

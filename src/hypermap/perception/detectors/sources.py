@@ -1,0 +1,78 @@
+"""Where the detections of a frame come from: a detector, a file, or the recording itself."""
+
+from __future__ import annotations
+
+import logging
+from pathlib import Path
+
+from hypermap.core.errors import FormatError, HypermapError
+from hypermap.perception.detections import Detections, DetectionSource, Detector
+from hypermap.perception.detectors.recorded import RecordedDetections
+from hypermap.perception.frame import RgbdFrame
+
+logger = logging.getLogger(__name__)
+
+
+def detections_from_detector(detector: Detector) -> DetectionSource:
+    """Return a source that runs the detector on the color image of each frame.
+
+    It raises HypermapError for a frame without one.
+    """
+
+    def source(frame: RgbdFrame) -> Detections:
+        if frame.color is None:
+            raise HypermapError(
+                f"the frame at {frame.stamp:.6f} has no color image, which a detector needs; "
+                "give detections from a file instead, with --detections FILE"
+            )
+        return detector.detect(frame.color)
+
+    return source
+
+
+def detections_from_file(path: str | Path) -> DetectionSource:
+    """Return a source that looks up each frame in a file (see `RecordedDetections`).
+
+    It raises FormatError for a frame whose size is not that of the images in the file.
+
+    Raises:
+        FileMissing: If there is no such file.
+        FormatError: If it does not hold detections.
+    """
+    recorded = RecordedDetections.load(path)
+
+    def source(frame: RgbdFrame) -> Detections:
+        expected, size = recorded.image_size, (frame.camera.width, frame.camera.height)
+        if expected is not None and expected != size:
+            raise FormatError(
+                f"the detections are of images of {expected[0]} x {expected[1]} pixels, "
+                f"but the recording has {size[0]} x {size[1]}",
+                path=path,
+                key="image_size",
+            )
+        return recorded.at(frame.stamp if frame.color_stamp is None else frame.color_stamp)
+
+    return source
+
+
+def detections_from_recording() -> DetectionSource:
+    """Return a source that takes the detections recorded with each frame.
+
+    A frame without any counts as one without objects; the first is logged.
+    """
+    is_warned = False
+
+    def source(frame: RgbdFrame) -> Detections:
+        nonlocal is_warned
+        if frame.detections is not None:
+            return frame.detections
+        if not is_warned:
+            logger.warning(
+                "the recording has no detections for the frame at %.6f; it counts as one without "
+                "objects, and so do others like it",
+                frame.stamp,
+            )
+            is_warned = True
+        return Detections.of([], [])
+
+    return source
