@@ -30,6 +30,10 @@ class Store(Protocol):
         """Write a file."""
         ...
 
+    def path_of(self, name: str) -> str:
+        """Return how messages name a file, as "office.hmap/semantic"."""
+        ...
+
 
 @dataclass(frozen=True, eq=False)
 class Hits:
