@@ -105,6 +105,11 @@ class MovingFrames:
         names = (name for child, (parent, _) in self._edges.items() for name in (parent, child))
         return list(dict.fromkeys(names))
 
+    @property
+    def roots(self) -> list[str]:
+        """The frames without a parent."""
+        return [name for name in self.frames if name not in self._edges]
+
     def motion(self, target: str, source: str) -> Motion:
         """Return the motion `target_T_source`.
 

@@ -1,1 +1,6 @@
-"""Recordings on disk become RGB-D frames."""
+"""Recordings on disk become RGB-D frames: image folders and ROS bags."""
+
+from hypermap.recordings.open import open_recording
+from hypermap.recordings.options import RecordingOptions
+
+__all__ = ["RecordingOptions", "open_recording"]

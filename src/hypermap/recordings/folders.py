@@ -1,0 +1,85 @@
+"""What all folders of depth and color images share."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hypermap.core.errors import FileMissing, FormatError
+from hypermap.perception.frame import Camera
+from hypermap.recordings.pictures import (
+    decode_color,
+    decode_integers,
+    depth_in_metres,
+    picture_size,
+    read_file,
+)
+
+
+def load_depth(
+    path: Path, camera: Camera, units_per_metre: float, invalid: tuple[int, ...]
+) -> NDArray[np.float32]:
+    """Return a depth image in metres with NaN for no return, shape (H, W).
+
+    Raises:
+        FileMissing: If there is no such file.
+        FormatError: If it is no 16 bit picture of the camera's size.
+    """
+    content = read_file(path)
+    try:
+        integers = decode_integers(content)
+    except FormatError as error:
+        raise FormatError(str(error), path=path) from None
+    _check_size(path, integers.shape, camera, "the first depth image")
+    return depth_in_metres(integers, units_per_metre, invalid)
+
+
+def load_color(path: Path, camera: Camera) -> NDArray[np.uint8]:
+    """Return a color image, RGB, uint8, shape (H, W, 3).
+
+    Raises:
+        FileMissing: If there is no such file.
+        FormatError: If it is no color picture, or not of the depth image's size.
+    """
+    content = read_file(path)
+    try:
+        color = decode_color(content)
+    except FormatError as error:
+        raise FormatError(str(error), path=path) from None
+    _check_size(path, color.shape, camera, "the depth image (color must be registered to depth)")
+    return color
+
+
+def first_size(paths: Sequence[Path]) -> tuple[int, int]:
+    """Return columns and rows of the first of some pictures.
+
+    Raises:
+        FileMissing: If there is no such file.
+        FormatError: If it is no picture.
+    """
+    content = read_file(paths[0])
+    try:
+        return picture_size(content)
+    except FormatError as error:
+        raise FormatError(str(error), path=paths[0]) from None
+
+
+def check_present(paths: Sequence[Path], kind: str, source: Path) -> None:
+    """Raise a FileMissing unless all files that a recording names are there."""
+    absent = [path for path in paths if not path.is_file()]
+    if absent:
+        raise FileMissing(
+            f"{source}: {len(absent)} of {len(paths)} {kind} are missing, the first is {absent[0]}"
+        )
+
+
+def _check_size(path: Path, shape: tuple[int, ...], camera: Camera, other: str) -> None:
+    if shape[:2] != (camera.height, camera.width):
+        raise FormatError(
+            f"the picture has {shape[1]} x {shape[0]} pixels, "
+            f"but {other} has {camera.width} x {camera.height}",
+            path=path,
+        )

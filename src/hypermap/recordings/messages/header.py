@@ -1,0 +1,15 @@
+"""Times and frames in message headers."""
+
+from __future__ import annotations
+
+from typing import Any
+
+
+def nanoseconds(stamp: Any) -> int:
+    """Return a message's time in nanoseconds."""
+    return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
+
+
+def clean_frame(frame_id: str) -> str:
+    """Return a frame's name without the leading slash that old ROS 1 programs write."""
+    return frame_id.lstrip("/")

@@ -1,0 +1,96 @@
+"""Depth and color out of `sensor_msgs` images.
+
+Source: REP 118 (depth images: 16UC1 in millimetres, 32FC1 in metres), `sensor_msgs/Image`.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hypermap.core.errors import FormatError
+from hypermap.recordings.pictures import decode_color, depth_in_metres
+
+_INTEGER_DEPTH = ("16UC1", "mono16")
+_COLORS = {  # which channels are red, green and blue, and of how many
+    "rgb8": ((0, 1, 2), 3),
+    "bgr8": ((2, 1, 0), 3),
+    "8UC3": ((2, 1, 0), 3),
+    "rgba8": ((0, 1, 2), 4),
+    "bgra8": ((2, 1, 0), 4),
+    "8UC4": ((2, 1, 0), 4),
+    "mono8": ((0, 0, 0), 1),
+    "8UC1": ((0, 0, 0), 1),
+}
+
+
+def depth_of_image(message: Any, units_per_metre: float) -> NDArray[np.float32]:
+    """Return the depth in a `sensor_msgs/Image`, metres, NaN for no return, shape (H, W).
+
+    Args:
+        message: an image of encoding 16UC1, mono16 or 32FC1.
+        units_per_metre: scale of the integer encodings.
+
+    Raises:
+        FormatError: If the encoding is another or the data too short.
+    """
+    if message.encoding in _INTEGER_DEPTH:
+        return depth_in_metres(_pixels(message, np.uint16, 1)[..., 0], units_per_metre)
+    if message.encoding == "32FC1":
+        return without_invalid(_pixels(message, np.float32, 1)[..., 0])
+    raise FormatError(
+        f"expected a depth image of encoding 16UC1 or 32FC1, found {message.encoding!r}"
+    )
+
+
+def color_of_image(message: Any) -> NDArray[np.uint8]:
+    """Return a `sensor_msgs/Image` as RGB, uint8, shape (H, W, 3).
+
+    Raises:
+        FormatError: If the encoding is not a common one of 8 bits, or the data too short.
+    """
+    if message.encoding not in _COLORS:
+        raise FormatError(
+            f"color images of encoding {message.encoding!r} cannot be read, "
+            f"only {', '.join(_COLORS)}; record a topic that image_proc has converted"
+        )
+    channels, count = _COLORS[message.encoding]
+    return np.ascontiguousarray(_pixels(message, np.uint8, count)[..., channels])
+
+
+def color_of_compressed(message: Any) -> NDArray[np.uint8]:
+    """Return a `sensor_msgs/CompressedImage` (JPEG, PNG) as RGB, uint8, shape (H, W, 3).
+
+    Raises:
+        FormatError: If it is no picture, or damaged.
+    """
+    return decode_color(bytes(message.data))
+
+
+def without_invalid(depth: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return depth in metres with NaN wherever it is not a positive number.
+
+    Source: REP 117 (infinite: out of range).
+    """
+    return np.where(np.isfinite(depth) & (depth > 0), depth, np.float32("nan")).astype(np.float32)
+
+
+def _pixels(
+    message: Any, kind: type[np.uint8] | type[np.uint16] | type[np.float32], channels: int
+) -> NDArray[Any]:
+    """Return an image's pixels in the machine's byte order, shape (H, W, channels)."""
+    dtype = np.dtype(kind).newbyteorder(">" if message.is_bigendian else "<")
+    height, width, step = message.height, message.width, message.step
+    row = width * channels * dtype.itemsize
+    if height < 1 or width < 1:
+        raise FormatError(f"the image has {width} x {height} pixels")
+    if step < row or len(message.data) < height * step:
+        raise FormatError(
+            f"an image of {width} x {height} pixels of {message.encoding} needs rows of {row} "
+            f"bytes, found {len(message.data)} bytes in rows of {step}"
+        )
+    rows = np.asarray(message.data, dtype=np.uint8)[: height * step].reshape(height, step)
+    pixels = np.ascontiguousarray(rows[:, :row]).view(dtype)
+    return pixels.reshape(height, width, channels).astype(kind, copy=False)

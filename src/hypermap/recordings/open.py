@@ -1,0 +1,61 @@
+"""Which kind of recording lies at a path."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from hypermap.core.errors import FileMissing, FormatError
+from hypermap.perception.recording import Recording
+from hypermap.recordings.options import RecordingOptions
+
+_LOOKED_FOR = """\
+  a TUM RGB-D folder    with rgb.txt, depth.txt and groundtruth.txt
+  a 7-Scenes folder     with frame-000000.color.jpg (or .png), .depth.png and .pose.txt, ...
+  a ROS 1 bag           NAME.bag
+  a ROS 2 bag           a folder with metadata.yaml, or one NAME.db3 or NAME.mcap"""
+
+
+def open_recording(path: str | Path, options: RecordingOptions | None = None) -> Recording:
+    """Return the recording that lies at a path, recognised by what lies there.
+
+    Only names are looked at: what is inside, and what is wrong with it, `info` tells.
+
+    Raises:
+        FileMissing: If there is nothing.
+        FormatError: If it is no recording of a known kind.
+    """
+    path = Path(path)
+    if not path.exists():
+        raise FileMissing(f"{path}: there is no such file or folder")
+    open_it = _recognise(path)
+    if open_it is None:
+        inside = [] if path.is_file() else sorted(p for p in path.iterdir() if p.is_dir())
+        hint = next((f"; did you mean {p}?" for p in inside if _recognise(p) is not None), "")
+        raise FormatError(f"no recording found{hint}\nlooked for\n{_LOOKED_FOR}", path=path)
+    return open_it(path, options or RecordingOptions())
+
+
+def _recognise(path: Path) -> Callable[[Path, RecordingOptions], Recording] | None:
+    # Each kind is imported where it is needed: rosbags and Pillow take their time.
+    if path.is_file():
+        return _bag() if path.suffix in (".bag", ".db3", ".mcap") else None
+    if (path / "metadata.yaml").exists():
+        return _bag()
+    if (path / "depth.txt").exists() or (path / "rgb.txt").exists():
+        from hypermap.recordings.tum import TumRecording
+
+        return TumRecording
+    if next(path.glob("frame-*.depth.png"), None) or next(path.glob("frame-*.pose.txt"), None):
+        from hypermap.recordings.seven_scenes import SevenScenesRecording
+
+        return SevenScenesRecording
+    if any(path.glob("*.db3")) or any(path.glob("*.mcap")):
+        return _bag()
+    return None
+
+
+def _bag() -> Callable[[Path, RecordingOptions], Recording]:
+    from hypermap.recordings.bag.recording import BagRecording
+
+    return BagRecording

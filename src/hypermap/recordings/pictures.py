@@ -1,0 +1,103 @@
+"""Encoded pictures become arrays, wherever they lie: PNG depth, and color of any common kind."""
+
+from __future__ import annotations
+
+import io
+import struct
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, UnidentifiedImageError
+
+from hypermap.core.errors import FileMissing, FormatError
+
+MAX_PIXELS = 50_000_000
+_DAMAGE = (
+    OSError,
+    SyntaxError,
+    ValueError,
+    EOFError,
+    struct.error,
+    zlib.error,
+    Image.DecompressionBombError,
+    Image.DecompressionBombWarning,
+)
+
+
+def read_file(path: Path) -> bytes:
+    """Return the content of a picture file.
+
+    Raises:
+        FileMissing: If there is no such file.
+    """
+    try:
+        return path.read_bytes()
+    except (FileNotFoundError, IsADirectoryError):
+        raise FileMissing(f"{path}: there is no such file") from None
+
+
+def picture_size(content: bytes) -> tuple[int, int]:
+    """Return columns and rows of an encoded picture.
+
+    Raises:
+        FormatError: If it is no picture.
+    """
+    with _opened(content) as image:
+        return image.size
+
+
+def decode_color(content: bytes) -> NDArray[np.uint8]:
+    """Return an encoded picture as RGB, uint8, shape (H, W, 3).
+
+    Raises:
+        FormatError: If it is no picture, damaged, or not of 8 bits per channel.
+    """
+    with _opened(content) as image:
+        if image.mode.startswith(("I", "F")):
+            raise FormatError(f"expected a color picture of 8 bits, found mode {image.mode}")
+        return np.asarray(image.convert("RGB"))
+
+
+def decode_integers(content: bytes) -> NDArray[np.uint16]:
+    """Return an encoded picture of 16 bit grey values, shape (H, W).
+
+    Raises:
+        FormatError: If it is no picture, damaged, or of another depth.
+    """
+    with _opened(content) as image:
+        if not image.mode.startswith("I"):
+            raise FormatError(
+                f"expected a depth image of 16 bits, found a picture of mode {image.mode} (8 bits)"
+            )
+        return np.asarray(image).astype(np.uint16)
+
+
+def depth_in_metres(
+    integers: NDArray[np.uint16], units_per_metre: float, invalid: tuple[int, ...] = (0,)
+) -> NDArray[np.float32]:
+    """Return integer depth as metres, float32, with NaN for the invalid values."""
+    depth = integers.astype(np.float32) / np.float32(units_per_metre)
+    for value in invalid:
+        depth[integers == value] = np.nan
+    return depth
+
+
+@contextmanager
+def _opened(content: bytes) -> Iterator[Image.Image]:
+    """Give a picture whose size is bounded; any damage becomes a FormatError."""
+    try:
+        with Image.open(io.BytesIO(content)) as image:
+            if image.width * image.height > MAX_PIXELS:
+                raise FormatError(
+                    f"the picture has {image.width} x {image.height} pixels, "
+                    f"more than {MAX_PIXELS // 1_000_000} million"
+                )
+            yield image
+    except UnidentifiedImageError:
+        raise FormatError("this is not a picture that can be read") from None
+    except _DAMAGE as error:
+        raise FormatError(f"the picture is damaged: {error}") from None

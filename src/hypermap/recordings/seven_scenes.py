@@ -1,0 +1,211 @@
+"""Folders in the layout of the 7-Scenes data set."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hypermap.core.errors import FileMissing, FormatError, HypermapError
+from hypermap.core.occupancy import OccupancyLayer
+from hypermap.core.trajectory import compose
+from hypermap.perception.frame import Camera, RgbdFrame
+from hypermap.perception.recording import RecordingInfo, Stream
+from hypermap.recordings.folders import first_size, load_color, load_depth
+from hypermap.recordings.options import RecordingOptions, check_rigid
+from hypermap.recordings.textfiles import read_matrix
+
+DEPTH_SCALE = 1000.0  # units per metre
+FRAME_RATE = 30.0  # frames per second; the files carry no times
+_FILE = re.compile(r"frame-(\d+)\.(color\.jpg|color\.png|depth\.png|pose\.txt)")
+
+
+@dataclass(frozen=True, eq=False)
+class NumberedFrame:
+    """The files of one frame, and where its camera stood in the world, shape (4, 4)."""
+
+    number: int
+    depth: Path
+    color: Path | None
+    world_T_camera: NDArray[np.float64]
+
+    @property
+    def stamp(self) -> float:
+        """Seconds since frame 0."""
+        return self.number / FRAME_RATE
+
+
+class SevenScenesRecording:
+    """A folder with `frame-000000.color.jpg`, `.depth.png` and `.pose.txt`, and so on.
+
+    Depth is of 16 bits, in millimetres, 0 and 65535 for no return. A pose is a 4 x 4 matrix that
+    takes camera points to the world, whose axes need not be level (`map_T_world`). The 3 x 3
+    matrix of the intrinsics lies in `camera-intrinsics.txt`, beside the frames or one folder up.
+
+    Source: Shotton et al., CVPR 2013, and the data set's page.
+    """
+
+    def __init__(self, path: Path, options: RecordingOptions) -> None:
+        self._path = path
+        self._options = options
+
+    @property
+    def path(self) -> Path:
+        """The folder."""
+        return self._path
+
+    def __len__(self) -> int:
+        """Return the number of frames."""
+        return len(self._frames)
+
+    def frames(self) -> Iterator[RgbdFrame]:
+        """Yield the frames in the order of their numbers.
+
+        Raises:
+            FormatError: If an image, a pose or the intrinsics are broken.
+            FileMissing: If there are no intrinsics.
+        """
+        camera, map_T_world = self._camera, self._options.world_pose()
+        scale = self._options.depth_scale or DEPTH_SCALE
+        for frame in self._frames:
+            yield RgbdFrame(
+                stamp=frame.stamp,
+                depth=load_depth(frame.depth, camera, scale, invalid=(0, 65535)),
+                camera=camera,
+                map_T_camera=compose(map_T_world, frame.world_T_camera),
+                color=load_color(frame.color, camera) if frame.color else None,
+                color_stamp=frame.stamp if frame.color else None,
+            )
+
+    def occupancy(self) -> OccupancyLayer | None:
+        """Return None: such a folder holds no occupancy map."""
+        return None
+
+    def info(self) -> RecordingInfo:
+        """Say what is inside and what is missing."""
+        streams = tuple(
+            Stream(f"frame-*.{ending}", kind, len(self._files[ending]), use)
+            for ending, kind, use in (
+                ("depth.png", "depth images", "geometry"),
+                ("color.jpg", "color images", "detection of objects"),
+                ("color.png", "color images", "detection of objects"),
+                ("pose.txt", "camera poses", "where each image was taken"),
+            )
+            if self._files[ending]
+        )
+        missing = []
+        if not (self._files["color.jpg"] or self._files["color.png"]):
+            missing.append(
+                "there are no color images frame-*.color.jpg or .color.png: "
+                "without them no objects can be detected"
+            )
+        frames, duration, image_size = 0, 0.0, None
+        notes = [f"stamps are frame numbers at {FRAME_RATE:g} Hz"]
+        if self._options.map_T_world is None:
+            notes.append("the world is taken as level, z up; if it is not, give --map-T-world")
+        try:
+            frames = len(self._frames)
+            duration = self._frames[-1].stamp - self._frames[0].stamp
+            notes += self._notes
+            image_size = (self._camera.width, self._camera.height)
+        except HypermapError as error:
+            missing.append(str(error))
+        return RecordingInfo(
+            self._path,
+            "7-Scenes",
+            duration,
+            frames,
+            image_size,
+            streams,
+            tuple(missing),
+            tuple(notes),
+        )
+
+    @cached_property
+    def _files(self) -> dict[str, dict[int, Path]]:
+        """The files of each ending by frame number."""
+        files: dict[str, dict[int, Path]] = {
+            ending: {} for ending in ("color.jpg", "color.png", "depth.png", "pose.txt")
+        }
+        for path in self._path.iterdir():
+            if match := _FILE.fullmatch(path.name):
+                files[match[2]][int(match[1])] = path
+        return files
+
+    @property
+    def _frames(self) -> tuple[NumberedFrame, ...]:
+        return self._frames_and_notes[0]
+
+    @property
+    def _notes(self) -> tuple[str, ...]:
+        return self._frames_and_notes[1]
+
+    @cached_property
+    def _frames_and_notes(self) -> tuple[tuple[NumberedFrame, ...], tuple[str, ...]]:
+        """The frames that have all that a frame needs.
+
+        Color may be missing from all frames, but where most have it, the others are left out.
+        """
+        depths, poses = self._files["depth.png"], self._files["pose.txt"]
+        colors = self._files["color.png"] | self._files["color.jpg"]
+        wanted = [depths, poses, colors] if colors else [depths, poses]
+        complete = sorted(set.intersection(*(set(files) for files in wanted)))
+        incomplete = len(set(depths) | set(poses) | set(colors)) - len(complete)
+        frames, lost = [], 0
+        for number in complete:
+            pose = read_pose(poses[number])
+            if pose is None:
+                lost += 1
+            else:
+                frames.append(NumberedFrame(number, depths[number], colors.get(number), pose))
+        if not frames:
+            raise FormatError(
+                f"there is no complete frame: {len(depths)} depth images, {len(colors)} color "
+                f"images and {len(poses)} poses, {lost} of them without tracking",
+                path=self._path,
+            )
+        notes = []
+        if incomplete:
+            notes.append(f"{incomplete} frames lack an image or a pose and are left out")
+        if lost:
+            notes.append(f"{lost} frames have no pose (tracking was lost) and are left out")
+        return tuple(frames[:: self._options.every]), tuple(notes)
+
+    @cached_property
+    def _camera(self) -> Camera:
+        width, height = first_size([frame.depth for frame in self._frames])
+        return self._options.camera(width, height) or self._own_camera(width, height)
+
+    def _own_camera(self, width: int, height: int) -> Camera:
+        places = [folder / "camera-intrinsics.txt" for folder in (self._path, self._path.parent)]
+        path = next((place for place in places if place.is_file()), None)
+        if path is None:
+            raise FileMissing(
+                f"{places[0]}: there is no such file, nor one folder up; give --intrinsics "
+                "(the data set's page says 585 585 320 240)"
+            )
+        try:
+            return Camera(read_matrix(path, 3), width, height)
+        except ValueError as error:
+            raise FormatError(str(error), path=path) from None
+
+
+def read_pose(path: Path) -> NDArray[np.float64] | None:
+    """Return the pose in a file, shape (4, 4); None where tracking was lost.
+
+    Raises:
+        FormatError: If it is not a 4 x 4 matrix of a rigid transform.
+    """
+    pose = read_matrix(path, 4)
+    if not np.isfinite(pose).all():
+        return None
+    try:
+        check_rigid(pose)
+    except ValueError as error:
+        raise FormatError(str(error), path=path) from None
+    return pose

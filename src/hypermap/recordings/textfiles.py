@@ -1,0 +1,69 @@
+"""Text files of numbers, read line by line with errors that name the line."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hypermap.core.errors import FileMissing, FormatError
+
+MAX_BYTES = 256 * 2**20  # ten hours of poses at 100 Hz
+
+
+def read_lines(path: Path) -> Iterator[tuple[str, str]]:
+    """Yield the place ("line 7") and the text of each line that is neither empty nor a comment.
+
+    Raises:
+        FileMissing: If there is no such file.
+        FormatError: If it is no text, or too large to be one of ours.
+    """
+    if not path.is_file():
+        raise FileMissing(f"{path}: there is no such file")
+    if path.stat().st_size > MAX_BYTES:
+        raise FormatError(f"larger than {MAX_BYTES // 2**20} MiB, too large for a list", path=path)
+    with path.open(encoding="utf-8") as file:
+        try:
+            for number, line in enumerate(file, start=1):
+                text = line.strip()
+                if text and not text.startswith("#"):
+                    yield f"line {number}", text
+        except UnicodeDecodeError:
+            raise FormatError("this is not a text file", path=path) from None
+
+
+def parse_numbers(words: Sequence[str], path: Path, key: str) -> list[float]:
+    """Return words as numbers; those that stand for "not a number" become NaN.
+
+    Raises:
+        FormatError: If a word is no number.
+    """
+    try:
+        return [float("nan") if _is_windows_nan(word) else float(word) for word in words]
+    except ValueError as error:
+        raise FormatError(str(error), path=path, key=key) from None
+
+
+def read_matrix(path: Path, size: int) -> NDArray[np.float64]:
+    """Return a square matrix; it may hold NaN and infinite numbers.
+
+    Raises:
+        FileMissing: If there is no such file.
+        FormatError: If it does not hold `size` rows of `size` numbers.
+    """
+    rows = [parse_numbers(text.split(), path, key) for key, text in read_lines(path)]
+    if [len(row) for row in rows] != [size] * size:
+        found = ", ".join(str(len(row)) for row in rows[:10]) or "none"
+        raise FormatError(
+            f"expected {size} rows of {size} numbers, found rows of these lengths: {found}",
+            path=path,
+        )
+    return np.array(rows)
+
+
+def _is_windows_nan(word: str) -> bool:
+    """Return whether a word is one that Microsoft's C library prints for NaN or infinity."""
+    return re.fullmatch(r"[+-]?1\.#\w+", word) is not None

@@ -1,0 +1,240 @@
+"""Folders in the layout of the TUM RGB-D benchmark."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hypermap.core.errors import FormatError, HypermapError
+from hypermap.core.occupancy import OccupancyLayer
+from hypermap.core.trajectory import Trajectory
+from hypermap.perception.frame import Camera, RgbdFrame
+from hypermap.perception.recording import RecordingInfo, Stream
+from hypermap.recordings.folders import check_present, first_size, load_color, load_depth
+from hypermap.recordings.options import RecordingOptions
+from hypermap.recordings.pairing import FramePlan, plan_frames
+from hypermap.recordings.textfiles import parse_numbers, read_lines
+
+DEPTH_SCALE = 5000.0  # units per metre
+
+
+@dataclass(frozen=True, eq=False)
+class ImageList:
+    """What `rgb.txt` or `depth.txt` lists.
+
+    Attributes:
+        stamps: seconds, shape (N,).
+        paths: the image files, N of them.
+    """
+
+    stamps: NDArray[np.float64]
+    paths: list[Path]
+
+
+class TumRecording:
+    """A folder with `rgb.txt`, `depth.txt` and `groundtruth.txt`.
+
+    The lists' stamps are associated one to one, and poses interpolated between those of the
+    ground truth. Depth is of 16 bits, 5000 to the metre, 0 for no return.
+
+    Source: the benchmark's page on file formats (Sturm et al., IROS 2012).
+    """
+
+    def __init__(self, path: Path, options: RecordingOptions) -> None:
+        self._path = path
+        self._options = options
+
+    @property
+    def path(self) -> Path:
+        """The folder."""
+        return self._path
+
+    def __len__(self) -> int:
+        """Return the number of frames."""
+        return len(self._plan)
+
+    def frames(self) -> Iterator[RgbdFrame]:
+        """Yield the frames in order of time.
+
+        Raises:
+            FormatError: If a list, an image or the trajectory is broken.
+            FileMissing: If one of them is not there.
+        """
+        plan, camera = self._plan, self._camera
+        scale = self._options.depth_scale or DEPTH_SCALE
+        for d, c, pose in zip(plan.depth, plan.color, plan.map_T_camera, strict=True):
+            depth_path = self._depth.paths[d]
+            yield RgbdFrame(
+                stamp=float(self._depth.stamps[d]),
+                depth=load_depth(depth_path, camera, scale, invalid=(0,)),
+                camera=camera,
+                map_T_camera=pose,
+                color=load_color(self._color.paths[c], camera) if c >= 0 else None,
+                color_stamp=float(self._color.stamps[c]) if c >= 0 else None,
+            )
+
+    def occupancy(self) -> OccupancyLayer | None:
+        """Return None: such a folder holds no occupancy map."""
+        return None
+
+    def info(self) -> RecordingInfo:
+        """Say what is inside and what is missing."""
+        streams, missing, notes = [], [], []
+        for name, kind, use in (
+            ("depth.txt", "depth images", "geometry"),
+            ("rgb.txt", "color images", "detection of objects"),
+            ("groundtruth.txt", "camera poses", "where each image was taken"),
+        ):
+            if (self._path / name).is_file():
+                count = sum(1 for _ in _tolerant(self._path / name))
+                streams.append(Stream(name, kind, count, use if count else ""))
+        if not self._has_color:
+            missing.append("rgb.txt is missing: without color images no objects can be detected")
+        frames, duration, image_size = 0, 0.0, None
+        try:
+            stamps = self._depth.stamps[self._plan.depth]
+            frames, duration = len(stamps), float(stamps[-1] - stamps[0])
+            notes += [*self._trajectory[1], *self._plan.notes]
+            image_size = (self._camera.width, self._camera.height)
+            if self._options.intrinsics is None:
+                notes.append("the intrinsics are the benchmark's default, without distortion")
+        except HypermapError as error:
+            missing.append(str(error))
+        return RecordingInfo(
+            self._path,
+            "TUM RGB-D",
+            duration,
+            frames,
+            image_size,
+            tuple(streams),
+            tuple(missing),
+            tuple(notes),
+        )
+
+    @property
+    def _has_color(self) -> bool:
+        return (self._path / "rgb.txt").is_file()
+
+    @cached_property
+    def _depth(self) -> ImageList:
+        return read_image_list(self._path / "depth.txt")
+
+    @cached_property
+    def _color(self) -> ImageList:
+        return read_image_list(self._path / "rgb.txt")
+
+    @cached_property
+    def _trajectory(self) -> tuple[Trajectory, tuple[str, ...]]:
+        return read_trajectory(self._path / "groundtruth.txt", self._options.max_pose_gap)
+
+    @cached_property
+    def _plan(self) -> FramePlan:
+        trajectory, _ = self._trajectory
+        span = (float(trajectory.stamps[0]), float(trajectory.stamps[-1]))
+        color_stamps = self._color.stamps if self._has_color else None
+        try:
+            plan = plan_frames(self._depth.stamps, color_stamps, trajectory, span, self._options)
+        except FormatError as error:
+            raise FormatError(str(error), path=self._path) from None
+        check_present([self._depth.paths[i] for i in plan.depth], "depth images", self._path)
+        if self._has_color:
+            check_present([self._color.paths[i] for i in plan.color], "color images", self._path)
+        return plan
+
+    @cached_property
+    def _camera(self) -> Camera:
+        width, height = first_size([self._depth.paths[i] for i in self._plan.depth])
+        return self._options.camera(width, height) or default_camera(width, height, self._path)
+
+
+def default_camera(width: int, height: int, path: Path) -> Camera:
+    """Return the camera that the benchmark recommends, for images scaled from 640 x 480.
+
+    Raises:
+        FormatError: If the sides are not as 4 to 3, as those of the benchmark's cameras.
+    """
+    if 3 * width != 4 * height:
+        raise FormatError(
+            f"the images have {width} x {height} pixels, for which no intrinsics are known; "
+            "give them with --intrinsics",
+            path=path,
+        )
+    focal = 525.0 * width / 640
+    return Camera.from_intrinsics(
+        focal, focal, (width - 1) / 2, (height - 1) / 2, width=width, height=height
+    )
+
+
+def read_image_list(path: Path) -> ImageList:
+    """Return the images that a list names, in the list's order.
+
+    Raises:
+        FileMissing: If there is no list.
+        FormatError: If a line is not a stamp and a file name, or there is none.
+    """
+    stamps, paths = [], []
+    for key, text in read_lines(path):
+        stamp, *name = text.split(maxsplit=1)
+        if not name:
+            raise FormatError(
+                f"expected a stamp and a file name, found {text!r}", path=path, key=key
+            )
+        stamps.append(_finite([stamp], path, key)[0])
+        paths.append(path.parent / name[0])
+    if not stamps:
+        raise FormatError("the list is empty", path=path)
+    return ImageList(np.array(stamps), paths)
+
+
+def read_trajectory(path: Path, max_gap: float) -> tuple[Trajectory, tuple[str, ...]]:
+    """Return the poses of a TUM trajectory file in order of time, and notes on what was amiss.
+
+    Raises:
+        FileMissing: If there is no file.
+        FormatError: If a line is not a stamp, a position and a quaternion, or there is none.
+    """
+    rows = []
+    for key, text in read_lines(path):
+        numbers = _finite(text.split(), path, key)
+        if len(numbers) != 8:
+            raise FormatError(
+                f"expected 8 numbers (stamp tx ty tz qx qy qz qw), found {len(numbers)}",
+                path=path,
+                key=key,
+            )
+        if not any(numbers[4:]):
+            raise FormatError("the quaternion is zero", path=path, key=key)
+        rows.append(numbers)
+    if not rows:
+        raise FormatError("there are no poses in it", path=path)
+    table = np.array(rows)
+    _, order = np.unique(table[:, 0], return_index=True)
+    notes = []
+    if (np.diff(table[:, 0]) < 0).any():
+        notes.append(f"the stamps of {path.name} were out of order and have been sorted")
+    if len(order) < len(table):
+        notes.append(
+            f"{len(table) - len(order)} poses of {path.name} repeat a stamp and are left out"
+        )
+    table = table[order]
+    return Trajectory(table[:, 0], table[:, 1:4], table[:, 4:], max_gap), tuple(notes)
+
+
+def _finite(words: list[str], path: Path, key: str) -> list[float]:
+    numbers = parse_numbers(words, path, key)
+    if not np.isfinite(numbers).all():
+        raise FormatError("there is a number that is not finite", path=path, key=key)
+    return numbers
+
+
+def _tolerant(path: Path) -> Iterator[tuple[str, str]]:
+    """Yield a list's lines up to where it stops being readable."""
+    try:
+        yield from read_lines(path)
+    except HypermapError:
+        return
