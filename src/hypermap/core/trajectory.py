@@ -85,6 +85,14 @@ def invert(pose: NDArray[np.float64]) -> NDArray[np.float64]:
     return inverse
 
 
+def transform_points(
+    a_T_b: NDArray[np.float64], points_xyz: NDArray[np.float32]
+) -> NDArray[np.float32]:
+    """Return points given in frame b, float32, shape (..., 3), as points in frame a."""
+    rotation = a_T_b[:3, :3].astype(np.float32)
+    return points_xyz @ rotation.T + a_T_b[:3, 3].astype(np.float32)
+
+
 @dataclass(frozen=True, eq=False)
 class Trajectory:
     """Poses over time; between two poses the position is linear and the rotation a slerp.
