@@ -1,0 +1,116 @@
+"""A detector that knows the truth, and errs as real ones do; each error can be set to zero."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from hypermap.perception.detections import Detections
+from hypermap.simulation.noise import check_not_negative
+
+
+@dataclass(frozen=True)
+class DetectorNoise:
+    """How a detector errs.
+
+    Attributes:
+        min_pixels: objects of which fewer pixels are visible are not found.
+        miss: probability that an object is missed in a frame.
+        flicker: probability per frame that an object is lost for a while.
+        flicker_frames: for how many frames it is then lost, in the mean.
+        looseness: by how much boxes are too large, as a share of their size, in the mean.
+        shift: standard deviation of a box's centre, as a share of its size.
+        confusion: probability that an object gets the name of another class of the world.
+        false_positives: boxes around nothing, per frame, in the mean.
+    """
+
+    min_pixels: int = 60
+    miss: float = 0.1
+    flicker: float = 0.02
+    flicker_frames: float = 4.0
+    looseness: float = 0.05
+    shift: float = 0.02
+    confusion: float = 0.02
+    false_positives: float = 0.03
+
+    def __post_init__(self) -> None:
+        check_not_negative(self, *(f.name for f in fields(self)))
+        if self.flicker_frames < 1:
+            raise ValueError(f"flicker_frames must be at least 1, got {self.flicker_frames}")
+
+
+EXACT_DETECTOR = DetectorNoise(
+    miss=0, flicker=0, looseness=0, shift=0, confusion=0, false_positives=0
+)
+
+
+class NoisyDetector:
+    """Finds objects by their true pixels, and errs; it remembers what it has lost for a while."""
+
+    def __init__(
+        self, names: Sequence[str], noise: DetectorNoise, rng: np.random.Generator
+    ) -> None:
+        """Take the class name of every object of the world, in their order."""
+        self._names = list(names)
+        self._classes = sorted(set(names))
+        self._noise = noise
+        self._rng = rng
+        self._lost_for = np.zeros(len(names), dtype=np.int64)
+
+    def detect(self, instances: NDArray[np.int32]) -> Detections:
+        """Return boxes around the visible parts of the objects, clipped to the image.
+
+        Args:
+            instances: which object each pixel shows, -1 for none, shape (H, W).
+        """
+        found = self._is_found(np.bincount(instances[instances >= 0], minlength=len(self._names)))
+        boxes = visible_boxes(instances, len(self._names))[found]
+        names = [self._named(self._names[i]) for i in np.flatnonzero(found)]
+        scores = self._rng.uniform(0.5, 0.95, len(names))
+
+        boxes = self._misplaced(boxes)
+        extra = self._rng.poisson(self._noise.false_positives) if self._classes else 0
+        height, width = instances.shape
+        boxes = np.vstack([boxes, *(self._nonsense(width, height) for _ in range(extra))])
+        names += [self._classes[self._rng.integers(len(self._classes))] for _ in range(extra)]
+        scores = np.append(scores, self._rng.uniform(0.3, 0.6, extra))
+        return Detections.of(np.clip(boxes, 0, [width, height, width, height]), names, scores)
+
+    def _is_found(self, pixels: NDArray[np.int64]) -> NDArray[np.bool_]:
+        noise, rng, n = self._noise, self._rng, len(pixels)
+        self._lost_for = np.maximum(self._lost_for - 1, 0)
+        starts = (self._lost_for == 0) & (rng.random(n) < noise.flicker)
+        self._lost_for[starts] = rng.geometric(1 / noise.flicker_frames, n)[starts]
+        seen = (pixels > 0) & (pixels >= noise.min_pixels)
+        return np.asarray(seen & (self._lost_for == 0) & (rng.random(n) >= noise.miss))
+
+    def _named(self, name: str) -> str:
+        others = [other for other in self._classes if other != name]
+        if others and self._rng.random() < self._noise.confusion:
+            return others[self._rng.integers(len(others))]
+        return name
+
+    def _misplaced(self, boxes: NDArray[np.float64]) -> NDArray[np.float64]:
+        size = boxes[:, 2:] - boxes[:, :2]
+        shift = self._rng.normal(size=size.shape) * self._noise.shift * size
+        growth = self._rng.exponential(size=size.shape) * self._noise.looseness * size
+        return np.hstack([boxes[:, :2] + shift - growth / 2, boxes[:, 2:] + shift + growth / 2])
+
+    def _nonsense(self, width: int, height: int) -> NDArray[np.float64]:
+        size = self._rng.uniform(0.05, 0.4, 2) * [width, height]
+        corner = self._rng.uniform(size=2) * ([width, height] - size)
+        return np.hstack([corner, corner + size])
+
+
+def visible_boxes(instances: NDArray[np.int32], count: int) -> NDArray[np.float64]:
+    """Return xmin, ymin, xmax, ymax of each object's pixels, shape (count, 4); zeros if none."""
+    boxes = np.zeros((count, 4))
+    for i, place in enumerate(ndimage.find_objects(instances + 1, max_label=count)):
+        if place is not None:
+            rows, cols = place
+            boxes[i] = cols.start, rows.start, cols.stop, rows.stop
+    return boxes

@@ -1,0 +1,141 @@
+"""The errors of a real depth camera and of localisation; each can be set to zero."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hypermap.simulation.render import View
+
+# The disparity [pixels] of a Kinect at 1 m: focal length times baseline of its infrared pair.
+FOCAL_BASELINE = 580.0 * 0.075
+_JUMP = 0.04  # relative step in depth between neighbours that counts as an edge
+
+
+@dataclass(frozen=True)
+class DepthNoise:
+    """How a structured-light camera errs.
+
+    Attributes:
+        min_range: nothing is measured nearer than this [m].
+        max_range: nothing is measured beyond this [m].
+        axial: scale of the noise along the optical axis; 1 is a Kinect, 0 none.
+        disparity_step: disparity is measured in steps of this many pixels; 0 for no steps.
+        edge_loss: probability that a pixel beside a jump in depth has no return.
+        max_incidence_deg: surfaces that the ray meets at a flatter angle than this from their
+            normal give no return.
+
+    Source: axial noise: Nguyen, Izadi, Lovell, "Modeling Kinect sensor noise for improved 3D
+    reconstruction and tracking", 3DIMPVT 2012, eq. 2 and 3. Steps of disparity: Khoshelham,
+    Elberink, "Accuracy and resolution of Kinect depth data", Sensors 12(2), 2012.
+    """
+
+    min_range: float = 0.4
+    max_range: float = 8.0
+    axial: float = 1.0
+    disparity_step: float = 1 / 8
+    edge_loss: float = 0.5
+    max_incidence_deg: float = 82.0
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.min_range < self.max_range:
+            raise ValueError(f"min_range must lie below max_range, got {self}")
+        check_not_negative(self, "axial", "disparity_step", "edge_loss", "max_incidence_deg")
+
+    def measure(self, view: View, rng: np.random.Generator) -> NDArray[np.float32]:
+        """Return the depth that the camera measures, float32, NaN for no return, shape (H, W)."""
+        true = view.depth
+        z = true.copy()
+        if self.axial:
+            z += self.axial * axial_sigma(true, view.incidence) * _normal(rng, true.shape)
+        if self.disparity_step:
+            z = quantised(z, self.disparity_step)
+        lost = view.incidence > math.radians(self.max_incidence_deg)
+        if self.edge_loss:
+            lost |= _beside_jump(true) & (rng.random(true.shape) < self.edge_loss)
+        with np.errstate(invalid="ignore"):  # NaN compares as false, and stays NaN
+            lost |= (z < self.min_range) | (z > self.max_range)
+        z[lost] = np.nan
+        return z
+
+
+def axial_sigma(depth: NDArray[np.float32], incidence: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return the standard deviation of the noise along the optical axis [m].
+
+    Args:
+        depth: metres.
+        incidence: angle between ray and normal [rad].
+
+    Source: Nguyen et al. 2012, eq. 2 below 60 degrees, eq. 3 above.
+
+    >>> axial_sigma(np.array([1.0, 3.0]), np.zeros(2)).round(6)
+    array([0.001884, 0.014044])
+    """
+    sigma = 0.0012 + 0.0019 * (depth - 0.4) ** 2
+    flat = incidence > math.radians(60)
+    theta = np.minimum(incidence[flat], math.radians(85))
+    sigma[flat] += 0.0001 / np.sqrt(depth[flat]) * theta**2 / (math.pi / 2 - theta) ** 2
+    return sigma
+
+
+def quantised(depth: NDArray[np.float32], step: float) -> NDArray[np.float32]:
+    """Return depth as it is known from disparity measured in steps of `step` pixels.
+
+    Neighbouring steps lie about step * z**2 / FOCAL_BASELINE apart: 1.1 cm at 2 m.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        disparity = np.round(FOCAL_BASELINE / depth / step) * step
+        return np.asarray(FOCAL_BASELINE / disparity, dtype=np.float32)
+
+
+@dataclass(frozen=True)
+class PoseNoise:
+    """How localisation errs: independently from frame to frame. None by default.
+
+    Attributes:
+        position: standard deviation in x and in y [m].
+        yaw_deg: standard deviation of the heading [degrees].
+    """
+
+    position: float = 0.0
+    yaw_deg: float = 0.0
+
+    def __post_init__(self) -> None:
+        check_not_negative(self, "position", "yaw_deg")
+
+    def estimate(self, poses: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float64]:
+        """Return x, y, yaw as localisation reports them, shape (N, 3)."""
+        sigma = [self.position, self.position, math.radians(self.yaw_deg)]
+        return poses + rng.normal(size=poses.shape) * sigma
+
+
+def _beside_jump(depth: NDArray[np.float32]) -> NDArray[np.bool_]:
+    """Return the pixels on both sides of a jump in depth, or of the end of what was hit."""
+    z = np.nan_to_num(depth, nan=1e6)
+    jump = np.zeros(z.shape, dtype=bool)
+    across = np.abs(np.diff(z, axis=1)) > _JUMP * np.minimum(z[:, 1:], z[:, :-1])
+    down = np.abs(np.diff(z, axis=0)) > _JUMP * np.minimum(z[1:], z[:-1])
+    jump[:, 1:] |= across
+    jump[:, :-1] |= across
+    jump[1:] |= down
+    jump[:-1] |= down
+    return jump
+
+
+def _normal(rng: np.random.Generator, shape: tuple[int, ...]) -> NDArray[np.float32]:
+    return rng.standard_normal(shape, dtype=np.float32)
+
+
+def check_not_negative(noise: Any, *names: str) -> None:
+    """Raise a ValueError unless the named attributes are finite numbers of at least 0."""
+    for name in names:
+        value = getattr(noise, name)
+        if not (math.isfinite(value) and value >= 0):
+            raise ValueError(f"{name} must be a number of at least 0, got {value}")
+
+
+EXACT_DEPTH = DepthNoise(axial=0, disparity_step=0, edge_loss=0, max_incidence_deg=90)

@@ -1,0 +1,149 @@
+"""A world as solid bodies: what the camera sees, and what their footprints truly are."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
+
+from hypermap.core.frames import Pose2D
+from hypermap.simulation.models import Part, box
+from hypermap.simulation.world import Floor, Point, Thing, Wall, World
+
+BACKGROUND = -1  # the instance of floor, walls and nothing at all
+FLOOR_THICKNESS = 0.1
+_TOUCH = 1e-3  # metres by which two things may overlap where they touch
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """The triangles of a world.
+
+    Attributes:
+        triangles: corners in the map frame [m], float32, shape (T, 3, 3).
+        colors: RGB, 0..1, float32, shape (T, 3).
+        instances: place of the triangle's object in the world's list, or -1, int32, shape (T,).
+        is_floor: whether the triangle belongs to the floor, shape (T,).
+    """
+
+    triangles: NDArray[np.float32]
+    colors: NDArray[np.float32]
+    instances: NDArray[np.int32]
+    is_floor: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, world: World) -> Scene:
+        """Return the triangles of a world."""
+        bodies = [(floor_part(world.floor), BACKGROUND, True)]
+        bodies += [(part, BACKGROUND, False) for wall in world.walls for part in wall_parts(wall)]
+        bodies += [
+            (part, i, False) for i, thing in enumerate(world.objects) for part in placed(thing)
+        ]
+        counts = [len(part.faces) for part, _, _ in bodies]
+        return cls(
+            np.concatenate([part.vertices[part.faces] for part, _, _ in bodies]).astype(np.float32),
+            np.repeat([part.color for part, _, _ in bodies], counts, axis=0).astype(np.float32),
+            np.repeat([instance for _, instance, _ in bodies], counts).astype(np.int32),
+            np.repeat([is_floor for _, _, is_floor in bodies], counts),
+        )
+
+
+def placed(thing: Thing) -> tuple[Part, ...]:
+    """Return the parts of a thing where it stands, map frame."""
+    return tuple(_moved(part, thing.pose, thing.z) for part in thing.parts())
+
+
+def floor_part(floor: Floor) -> Part:
+    """Return the floor as a slab whose upper side is at z = 0."""
+    x0, y0, x1, y1 = floor.rectangle
+    size = (x1 - x0, y1 - y0, FLOOR_THICKNESS)
+    return box(size, ((x0 + x1) / 2, (y0 + y1) / 2, -FLOOR_THICKNESS / 2), floor.color)
+
+
+def wall_parts(wall: Wall) -> tuple[Part, ...]:
+    """Return a wall as boxes: one for each straight piece between its corners and doors."""
+    parts = []
+    corners = wall.corners()
+    for start, end in itertools.pairwise(corners):
+        direction = Pose2D(*start, math.atan2(end[1] - start[1], end[0] - start[0]))
+        length = math.hypot(end[0] - start[0], end[1] - start[1])
+        for a, b in _solid_pieces(wall, direction, length):
+            size = (b - a, wall.thickness, wall.height)
+            piece = box(size, ((a + b) / 2, 0, wall.height / 2), wall.color)
+            parts.append(_moved(piece, direction, 0.0))
+    return tuple(parts)
+
+
+def footprint(parts: Iterable[Part]) -> BaseGeometry:
+    """Return the union of the parts' projections on the floor; exact, as every part is convex."""
+    return shapely.union_all([_projection(part) for part in parts])
+
+
+def overlaps(world: World) -> list[tuple[int, int]]:
+    """Return the pairs of objects of which some parts stand in each other."""
+    bodies = [[_Solid.of(part) for part in placed(thing)] for thing in world.objects]
+    outlines = np.array([shapely.union_all([s.outline for s in body]) for body in bodies])
+    left, right = shapely.STRtree(outlines).query(outlines, predicate="intersects")
+    pairs = sorted((int(i), int(j)) for i, j in zip(left, right, strict=True) if i < j)
+    return [(i, j) for i, j in pairs if any(a.hits(b) for a in bodies[i] for b in bodies[j])]
+
+
+@dataclass(frozen=True)
+class _Solid:
+    """A part as a prism: its outline, and from where to where it reaches."""
+
+    outline: BaseGeometry
+    bottom: float
+    top: float
+
+    @classmethod
+    def of(cls, part: Part) -> _Solid:
+        z = part.vertices[:, 2]
+        return cls(_projection(part), float(z.min()), float(z.max()))
+
+    def hits(self, other: _Solid) -> bool:
+        """Return whether the two share more than a touch."""
+        if min(self.top, other.top) - max(self.bottom, other.bottom) <= _TOUCH:
+            return False
+        shared = self.outline.intersection(other.outline)
+        return not shared.buffer(-_TOUCH / 2).is_empty
+
+
+def _projection(part: Part) -> BaseGeometry:
+    return shapely.MultiPoint(part.vertices[:, :2]).convex_hull
+
+
+def _moved(part: Part, pose: Pose2D, z: float) -> Part:
+    xy = pose.apply(part.vertices[:, :2])
+    return Part(np.column_stack([xy, part.vertices[:, 2] + z]), part.faces, part.color)
+
+
+def _solid_pieces(wall: Wall, direction: Pose2D, length: float) -> list[tuple[float, float]]:
+    """Return from where to where a straight piece of wall stands, along its direction [m].
+
+    It reaches half a thickness past both corners, so that corners are closed.
+    """
+    pieces = [(-wall.thickness / 2, length + wall.thickness / 2)]
+    for door in wall.doors:
+        along, across = _local(direction, door.at)
+        if abs(across) > wall.thickness / 2 or not 0 <= along <= length:
+            continue  # it is in another piece
+        a, b = along - door.width / 2, along + door.width / 2
+        pieces = [
+            piece
+            for start, end in pieces
+            for piece in ((start, min(end, a)), (max(start, b), end))
+            if piece[1] - piece[0] > _TOUCH
+        ]
+    return pieces
+
+
+def _local(frame: Pose2D, point: Point) -> tuple[float, float]:
+    along, across = frame.inverse().apply(point)[0]
+    return float(along), float(across)

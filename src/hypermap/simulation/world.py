@@ -1,0 +1,256 @@
+"""Worlds: rooms with walls, a floor and furniture, described in a small YAML file."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, fields
+from importlib import resources
+from pathlib import Path
+from typing import Annotated, Any, ClassVar
+
+import shapely
+import yaml
+from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
+
+from hypermap.core.errors import FileMissing, FormatError, did_you_mean
+from hypermap.core.frames import Pose2D
+from hypermap.simulation.models import Part, build, rgb
+from hypermap.simulation.trajectory import Drive
+
+MAX_BYTES = 1_000_000
+
+Metres = Annotated[float, Field(strict=True, ge=-1000, le=1000)]
+Height = Annotated[float, Field(strict=True, gt=0, le=20)]
+Angle = Annotated[float, Field(strict=True, ge=-360, le=360)]
+Point = tuple[Metres, Metres]
+Rectangle = tuple[Metres, Metres, Metres, Metres]
+_STRICT = ConfigDict(extra="forbid")
+
+
+@dataclass(frozen=True)
+class Floor:
+    """The floor; where there is floor and nothing on it, the map is free.
+
+    Attributes:
+        rectangle: xmin, ymin, xmax, ymax [m].
+        color: of its boards.
+    """
+
+    rectangle: Rectangle
+    color: str = "#c8a878"
+
+    __pydantic_config__: ClassVar[ConfigDict] = _STRICT
+
+    def __post_init__(self) -> None:
+        _check_rectangle(self.rectangle)
+        rgb(self.color)
+
+
+@dataclass(frozen=True)
+class Door:
+    """A gap in a wall.
+
+    Attributes:
+        at: its middle, on the wall's centre line [m].
+        width: metres.
+    """
+
+    at: Point
+    width: Height = 0.9
+
+    __pydantic_config__: ClassVar[ConfigDict] = _STRICT
+
+
+@dataclass(frozen=True)
+class Wall:
+    """Walls along a line, or around a rectangle.
+
+    Attributes:
+        line: corners of the centre line [m]; None where `rectangle` is given.
+        rectangle: xmin, ymin, xmax, ymax of the centre line [m].
+        doors: gaps.
+        height: metres.
+        thickness: metres.
+        color: of the paint.
+    """
+
+    line: tuple[Point, ...] | None = None
+    rectangle: Rectangle | None = None
+    doors: tuple[Door, ...] = ()
+    height: Height = 2.6
+    thickness: Height = 0.1
+    color: str = "#e9e4d8"
+
+    __pydantic_config__: ClassVar[ConfigDict] = _STRICT
+
+    def __post_init__(self) -> None:
+        if (self.line is None) == (self.rectangle is None):
+            raise ValueError("a wall needs either a line or a rectangle")
+        if self.rectangle is not None:
+            _check_rectangle(self.rectangle)
+        if self.line is not None and len(self.line) < 2:
+            raise ValueError("a line needs at least two corners")
+        center_line = shapely.LineString(self.corners())
+        for door in self.doors:
+            if center_line.distance(shapely.Point(door.at)) > self.thickness / 2:
+                raise ValueError(f"the door at {_place(door.at)} is not in the wall")
+        rgb(self.color)
+
+    def corners(self) -> tuple[Point, ...]:
+        """Return the centre line; around a rectangle it is closed."""
+        if self.line is not None:
+            return self.line
+        assert self.rectangle is not None  # checked when built
+        x0, y0, x1, y1 = self.rectangle
+        return (x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0)
+
+
+@dataclass(frozen=True)
+class Thing:
+    """A piece of furniture, a person, a cup: one object of the truth.
+
+    Attributes:
+        model: which of the models it is.
+        at: where it stands [m].
+        yaw_deg: which way it looks, degrees counter-clockwise from +x.
+        z: height of what it stands on [m].
+        name: its class in the truth; the model's name if empty.
+        size: the model's size parameters [m] that differ from its defaults.
+        color: of its main parts; None for the model's own.
+    """
+
+    model: str
+    at: Point
+    yaw_deg: Angle = 0.0
+    z: Annotated[float, Field(strict=True, ge=0, le=20)] = 0.0
+    name: str = ""
+    size: dict[str, Annotated[float, Field(strict=True)]] = field(default_factory=dict)
+    color: str | None = None
+
+    __pydantic_config__: ClassVar[ConfigDict] = _STRICT
+
+    def __post_init__(self) -> None:
+        self.parts()  # raises where model, size or color are wrong
+
+    @property
+    def label(self) -> str:
+        """Its class in the truth."""
+        return self.name or self.model
+
+    @property
+    def pose(self) -> Pose2D:
+        """Its pose on the floor, map frame."""
+        return Pose2D(*self.at, math.radians(self.yaw_deg))
+
+    def parts(self) -> tuple[Part, ...]:
+        """Return the model's parts at the model's own origin."""
+        return build(self.model, self.size, self.color)
+
+
+@dataclass(frozen=True)
+class World:
+    """All that there is to see, and a drive through it.
+
+    Attributes:
+        name: of the world.
+        floor: its floor.
+        objects: the objects of the truth; their places in this list are their ids.
+        walls: its walls.
+        drive: how a robot drives through it; None if the file has no drive.
+    """
+
+    name: str
+    floor: Floor
+    objects: Annotated[tuple[Thing, ...], Field(max_length=10_000)] = ()
+    walls: Annotated[tuple[Wall, ...], Field(max_length=10_000)] = ()
+    drive: Drive | None = None
+
+    __pydantic_config__: ClassVar[ConfigDict] = _STRICT
+
+
+# What stands under each key of a world file, to suggest the nearest known key.
+_KINDS: dict[str, type] = {
+    "": World,
+    "floor": Floor,
+    "walls": Wall,
+    "doors": Door,
+    "objects": Thing,
+    "drive": Drive,
+}
+
+
+def demo_world() -> World:
+    """Return the room of `hypermap demo`: 7 x 5 m, lived in."""
+    with resources.as_file(resources.files(__package__) / "worlds" / "demo.yaml") as path:
+        return load_world(path)
+
+
+def load_world(path: str | Path) -> World:
+    """Return the world that a YAML file describes.
+
+    Raises:
+        FileMissing: If there is no such file.
+        FormatError: If it is no world, or two of its objects stand in each other.
+    """
+    from hypermap.simulation.scene import overlaps  # the scene is built of a world
+
+    path = Path(path)
+    data = _read_yaml(path)
+    try:
+        world = TypeAdapter(World).validate_python(data)
+    except ValidationError as error:
+        key, message = _first_problem(error)
+        raise FormatError(message, path=path, key=key) from None
+    for i, j in overlaps(world):
+        a, b = world.objects[i], world.objects[j]
+        raise FormatError(
+            f"the {b.label} at {_place(b.at)} stands in the {a.label} at {_place(a.at)}, "
+            f"which is objects.{i}; move one of them, or raise its z",
+            path=path,
+            key=f"objects.{j}",
+        )
+    return world
+
+
+def _read_yaml(path: Path) -> Any:
+    if not path.is_file():
+        raise FileMissing(f"{path}: there is no such world file")
+    if path.stat().st_size > MAX_BYTES:
+        raise FormatError(f"a world file may have at most {MAX_BYTES:,} bytes", path=path)
+    try:
+        data = yaml.load(path.read_bytes(), Loader=yaml.CSafeLoader)
+    except (yaml.YAMLError, UnicodeError, ValueError, RecursionError) as error:
+        mark = getattr(error, "problem_mark", None)
+        key = None if mark is None else f"line {mark.line + 1}"
+        problem = getattr(error, "problem", None) or str(error)
+        raise FormatError(f"this is not YAML: {problem}", path=path, key=key) from None
+    if not isinstance(data, dict):
+        raise FormatError("a world file holds keys such as 'floor' and 'objects'", path=path)
+    return data
+
+
+def _first_problem(error: ValidationError) -> tuple[str | None, str]:
+    """Return the key and the message of the first thing that is wrong."""
+    problem = error.errors()[0]
+    location = problem["loc"]
+    key = ".".join(str(part) for part in location) or None
+    if problem["type"] == "unexpected_keyword_argument":
+        parents = [part for part in location[:-1] if isinstance(part, str)]
+        kind = _KINDS[parents[-1] if parents else ""]
+        hint = did_you_mean(str(location[-1]), (f.name for f in fields(kind)))
+        return key, f"unknown key; {hint}"
+    if problem["type"] == "missing":
+        return key, "this key is missing"
+    if problem["type"] == "value_error":
+        return key, str(problem["ctx"]["error"])
+    return key, f"{problem['msg'][0].lower()}{problem['msg'][1:]}, got {problem['input']!r:.80}"
+
+
+def _check_rectangle(rectangle: Rectangle) -> None:
+    x0, y0, x1, y1 = rectangle
+    if not (x0 < x1 and y0 < y1):
+        raise ValueError("a rectangle is xmin, ymin, xmax, ymax, each minimum below its maximum")
+
+
+def _place(point: Point) -> str:
+    return f"({point[0]:g}, {point[1]:g})"
