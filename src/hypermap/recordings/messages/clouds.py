@@ -96,8 +96,8 @@ def _records(message: Any) -> NDArray[Any]:
         or len(message.data) < height * message.row_step
     ):
         raise FormatError(
-            f"the cloud's {len(message.data)} bytes do not hold {height} rows of {message.row_step} "
-            f"bytes with {width} points of {message.point_step} bytes"
+            f"the cloud's {len(message.data)} bytes do not hold {height} rows of "
+            f"{message.row_step} bytes with {width} points of {message.point_step} bytes"
         )
     dtype = np.dtype(
         {

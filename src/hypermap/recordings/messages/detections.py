@@ -18,7 +18,9 @@ def detections_of(message: Any) -> tuple[int, Detections]:
         FormatError: If the message is of an unknown kind.
     """
     if hasattr(message, "bounding_boxes"):
-        return nanoseconds(message.image_header.stamp), _of_darknet(message.bounding_boxes)
+        # Some versions leave the image's header empty.
+        image, own = message.image_header.stamp, message.header.stamp
+        return nanoseconds(image) or nanoseconds(own), _of_darknet(message.bounding_boxes)
     if hasattr(message, "detections"):
         return nanoseconds(message.header.stamp), _of_vision(message.detections)
     raise FormatError(f"a message of type {type(message).__name__} holds no detections")

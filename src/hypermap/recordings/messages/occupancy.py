@@ -28,7 +28,7 @@ def occupancy_of_grid(message: Any, name: str = "occupancy") -> OccupancyLayer:
         raise FormatError(
             f"the map of {info.width} x {info.height} cells holds {len(cells)} numbers"
         )
-    if len(cells) and not (UNKNOWN <= cells.min() and cells.max() <= OCCUPIED):
+    if len(cells) and not (cells.min() >= UNKNOWN and cells.max() <= OCCUPIED):
         raise FormatError(
             f"the map's cells must be -1 .. 100, found {cells.min()} .. {cells.max()}"
         )

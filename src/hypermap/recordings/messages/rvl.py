@@ -42,7 +42,7 @@ def _number(words: NDArray[np.uint32], nibble: int) -> tuple[int, int]:
     """Return the number that starts at a nibble and the nibble after it; -1 past the end."""
     number, shift = 0, 0
     while nibble < 8 * len(words) and shift < 33:
-        bits = (np.int64(words[nibble // 8]) >> (28 - 4 * (nibble % 8))) & 0xF
+        bits = (int(words[nibble // 8]) >> (28 - 4 * (nibble % 8))) & 0xF
         number |= (bits & 0x7) << shift
         shift += 3
         nibble += 1

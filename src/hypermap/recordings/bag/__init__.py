@@ -1,0 +1,1 @@
+"""ROS bags, read through rosbags; no ROS is needed."""

@@ -1,0 +1,110 @@
+"""What a first pass over a bag finds: times, transforms and detections, but no images."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hypermap.core.errors import FormatError
+from hypermap.perception.detections import Detections
+from hypermap.recordings.bag.file import BagFile
+from hypermap.recordings.bag.topics import ChosenTopics
+from hypermap.recordings.messages.detections import detections_of
+from hypermap.recordings.messages.header import clean_frame, nanoseconds
+from hypermap.recordings.messages.transforms import TransformLog
+
+
+@dataclass(eq=False)
+class ImageStream:
+    """The times of the images of a topic.
+
+    Attributes:
+        first: its first message; None if there is none.
+        stamps: the messages' stamps [ns], each once, in the order of recording.
+        repeated: number of messages left out because their stamp had come before.
+    """
+
+    first: Any = None
+    stamps: dict[int, None] = field(default_factory=dict)
+    repeated: int = 0
+
+    def add(self, message: Any, stamp: int) -> None:
+        """Count a message."""
+        if self.first is None:
+            self.first = message
+        self.repeated += stamp in self.stamps
+        self.stamps[stamp] = None
+
+    @property
+    def frame_id(self) -> str:
+        """The frame of its first message."""
+        return clean_frame(self.first.header.frame_id)
+
+    def seconds(self) -> NDArray[np.float64]:
+        """Return the stamps in seconds, shape (N,)."""
+        return seconds(self.stamps)
+
+
+@dataclass(eq=False)
+class Contents:
+    """What is known of a bag before its images are read.
+
+    Attributes:
+        geometry: depth images or clouds.
+        color: color images.
+        camera_info: the first message of the intrinsics.
+        transforms: all of tf.
+        detections: by the stamp of the image [ns].
+    """
+
+    geometry: ImageStream = field(default_factory=ImageStream)
+    color: ImageStream = field(default_factory=ImageStream)
+    camera_info: Any = None
+    transforms: TransformLog = field(default_factory=TransformLog)
+    detections: dict[int, Detections] = field(default_factory=dict)
+
+
+def read_contents(bag: BagFile, topics: ChosenTopics) -> Contents:
+    """Return what a pass over the bag finds; images are looked at only for their stamps.
+
+    Raises:
+        FormatError: If the bag cannot be read.
+    """
+    contents = Contents()
+    transforms = {topic.name for topic in topics.transforms}
+    single = (topics.geometry, topics.color, topics.camera_info, topics.detections)
+    geometry, color, info, detections = (topic.name if topic else None for topic in single)
+    names = transforms | {name for name in (geometry, color, info, detections) if name}
+    for name, log_time, message in bag.messages(names):
+        if name in transforms:
+            contents.transforms.add(message, is_static=name.endswith("tf_static"))
+        elif name == geometry:
+            contents.geometry.add(message, stamp_of(message, log_time))
+        elif name == color:
+            contents.color.add(message, stamp_of(message, log_time))
+        elif name == info and contents.camera_info is None:
+            contents.camera_info = message
+        elif name == detections:
+            stamp, found = _detections(name, message)
+            contents.detections[stamp] = found
+    return contents
+
+
+def stamp_of(message: Any, log_time: int) -> int:
+    """Return a message's stamp [ns], or the time of recording where the stamp was left at zero."""
+    return nanoseconds(message.header.stamp) or log_time
+
+
+def seconds(stamps: dict[int, Any]) -> NDArray[np.float64]:
+    """Return the keys of a dictionary by nanoseconds in seconds, shape (N,)."""
+    return np.array([stamp / 1e9 for stamp in stamps])
+
+
+def _detections(topic: str, message: Any) -> tuple[int, Detections]:
+    try:
+        return detections_of(message)
+    except (FormatError, AttributeError, ValueError) as error:
+        raise FormatError(f"the detections are not understood: {error}", key=topic) from None

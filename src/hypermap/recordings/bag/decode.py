@@ -1,0 +1,56 @@
+"""A bag's image and cloud messages become the arrays of a frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hypermap.recordings.bag.file import Topic
+from hypermap.recordings.bag.topics import CLOUD, COMPRESSED
+from hypermap.recordings.messages.clouds import points_of_cloud
+from hypermap.recordings.messages.compressed_depth import depth_of_compressed
+from hypermap.recordings.messages.images import (
+    color_of_compressed,
+    color_of_image,
+    depth_of_image,
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Geometry:
+    """What a depth image or a cloud says; for the fields see `RgbdFrame`."""
+
+    depth: NDArray[np.float32]
+    cloud: NDArray[np.float32] | None = None
+    color: NDArray[np.uint8] | None = None
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Columns and rows."""
+        return self.depth.shape[1], self.depth.shape[0]
+
+
+def decode_geometry(topic: Topic, message: Any, units_per_metre: float) -> Geometry:
+    """Return the depth in a message of whatever kind.
+
+    Raises:
+        FormatError: If the message holds no depth, or is damaged.
+    """
+    if topic.type == CLOUD:
+        points, color = points_of_cloud(message)
+        return Geometry(points[..., 2].copy(), points, color)
+    if topic.type == COMPRESSED:
+        return Geometry(depth_of_compressed(message, units_per_metre))
+    return Geometry(depth_of_image(message, units_per_metre))
+
+
+def decode_color(topic: Topic, message: Any) -> NDArray[np.uint8]:
+    """Return the color image in a message, RGB, uint8, shape (H, W, 3).
+
+    Raises:
+        FormatError: If the message holds no color that can be read, or is damaged.
+    """
+    return color_of_compressed(message) if topic.type == COMPRESSED else color_of_image(message)

@@ -1,0 +1,150 @@
+"""A bag of any version as a list of topics and a stream of messages."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from rosbags import rosbag1, rosbag2
+from rosbags.interfaces import Connection, MessageDefinitionFormat
+from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
+from rosbags.typesys.store import Typestore
+
+from hypermap.core.errors import FormatError, HypermapError
+from hypermap.recordings.bag.definitions import known_types
+
+_REPAIR = {
+    ".bag": "rosbag reindex",
+    ".mcap": "mcap recover",
+    ".db3": "ros2 bag reindex",
+}
+
+
+@dataclass(frozen=True)
+class Topic:
+    """A topic of a bag.
+
+    Attributes:
+        name: as recorded.
+        type: its message type in the spelling of ROS 2, as `sensor_msgs/msg/Image`.
+        count: number of messages.
+    """
+
+    name: str
+    type: str
+    count: int
+
+
+class BagFile:
+    """A ROS 1 bag, a ROS 2 bag's folder, or one of its files.
+
+    The file is open only while something is read from it.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._stores: dict[tuple[str, str], Typestore] = {}
+
+    @property
+    def format(self) -> str:
+        """What kind of bag it is."""
+        return "ROS 1 bag" if self.path.suffix == ".bag" else "ROS 2 bag"
+
+    @cached_property
+    def topics(self) -> list[Topic]:
+        """All topics, by name.
+
+        Raises:
+            FormatError: If the bag cannot be read.
+        """
+        with self._open() as reader:
+            counts: dict[tuple[str, str], int] = {}
+            for connection in reader.connections:
+                key = connection.topic, connection.msgtype
+                counts[key] = counts.get(key, 0) + connection.msgcount
+            return [Topic(name, kind, counts[name, kind]) for name, kind in sorted(counts)]
+
+    def messages(self, names: Collection[str]) -> Iterator[tuple[str, int, Any]]:
+        """Yield topic, time of recording [ns] and message, in the order of recording.
+
+        Raises:
+            FormatError: If the bag or one of the messages cannot be read.
+        """
+        with self._open() as reader:
+            wanted = [c for c in reader.connections if c.topic in names]
+            if not wanted:
+                return
+            for connection, log_time, data in reader.messages(wanted):
+                yield connection.topic, log_time, self._decode(connection, data)
+
+    def _decode(self, connection: Connection, data: bytes) -> Any:
+        key = connection.msgtype, connection.msgdef.data
+        if key not in self._stores:
+            self._stores[key] = _types_of(connection)
+        try:
+            if self.path.suffix == ".bag":
+                return self._stores[key].deserialize_ros1(data, connection.msgtype)
+            return self._stores[key].deserialize_cdr(data, connection.msgtype)
+        except KeyError:
+            raise FormatError(
+                f"the bag does not say what a {connection.msgtype} is", key=connection.topic
+            ) from None
+        except Exception as error:
+            raise FormatError(f"a message is damaged: {error}", key=connection.topic) from None
+
+    @contextmanager
+    def _open(self) -> Iterator[rosbag1.Reader | rosbag2.Reader]:
+        """Give an open reader; whatever goes wrong inside is the bag's fault."""
+        reader: rosbag1.Reader | rosbag2.Reader
+        try:
+            if self.path.suffix == ".bag":
+                reader = rosbag1.Reader(self.path)
+            else:
+                reader = rosbag2.Reader(_storage(self.path))
+            with reader:
+                yield reader
+        except HypermapError as error:
+            raise FormatError(str(error), path=self.path) from None
+        except Exception as error:
+            # rosbags reports damage by errors of many kinds: its own, struct's, zlib's, SQLite's.
+            repair = _REPAIR.get(_storage(self.path).suffix, "ros2 bag reindex")
+            detail = str(error) or type(error).__name__
+            raise FormatError(
+                f"the bag cannot be read ({detail}); if its recording was cut off, "
+                f"`{repair}` may repair it",
+                path=self.path,
+            ) from error
+
+
+def _storage(path: Path) -> Path:
+    """Return what to open: of a folder without metadata, its only data file."""
+    if path.is_dir() and not (path / "metadata.yaml").exists():
+        files = [*path.glob("*.db3"), *path.glob("*.mcap")]
+        if len(files) == 1:
+            return files[0]
+    return path
+
+
+def _types_of(connection: Connection) -> Typestore:
+    """Return the types that a connection's messages need, its own definitions first.
+
+    Each connection has a store of its own: bags may define a type in two ways.
+    """
+    text = connection.msgdef.data
+    if connection.msgdef.format == MessageDefinitionFormat.NONE:
+        return known_types()
+    store = get_typestore(Stores.EMPTY)
+    if connection.msgdef.format == MessageDefinitionFormat.MSG:
+        store.register(get_types_from_msg(text, connection.msgtype))
+    else:
+        # Several definitions stand one after the other, each under a line "IDL: name".
+        separator = "=" * 80 + "\nIDL: "
+        for part in text.split(separator) if text.startswith(separator) else [text]:
+            idl = part.partition("\n")[2] if text.startswith(separator) else part
+            if idl.strip():
+                store.register(get_types_from_idl(idl))
+    return store

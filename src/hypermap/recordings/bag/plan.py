@@ -1,0 +1,218 @@
+"""What a bag's frames will be, or what stands in their way."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+
+from hypermap.core.errors import FormatError, FrameError, HypermapError
+from hypermap.core.moving_frames import Motion, MovingFrames
+from hypermap.perception.detections import Detections
+from hypermap.perception.frame import Camera
+from hypermap.recordings.bag.contents import Contents, seconds
+from hypermap.recordings.bag.decode import Geometry, decode_color, decode_geometry
+from hypermap.recordings.bag.file import Topic
+from hypermap.recordings.bag.topics import ChosenTopics
+from hypermap.recordings.messages.camera import camera_of_info, has_distortion
+from hypermap.recordings.messages.clouds import fit_camera
+from hypermap.recordings.messages.header import clean_frame
+from hypermap.recordings.options import RecordingOptions
+from hypermap.recordings.pairing import FramePlan, associate, plan_frames
+
+DEPTH_SCALE = 1000.0  # units per metre, REP 118
+
+
+class BagPlan:
+    """Brings together what the first pass over a bag has found.
+
+    Every property raises a FormatError if what it needs is missing; `problems` tells them all.
+    """
+
+    def __init__(self, topics: ChosenTopics, contents: Contents, options: RecordingOptions) -> None:
+        self._topics = topics
+        self._contents = contents
+        self._options = options
+
+    def problems(self) -> list[str]:
+        """Return a sentence for everything without which there are no frames."""
+        needs = ("geometry_topic", "camera", "motion", "frames", "color_topic")
+        found = (self._problem_of(need) for need in needs)
+        return list(dict.fromkeys(problem for problem in found if problem))
+
+    def notes(self) -> list[str]:
+        """Return sentences on what was left out, assumed or chosen, for a plan without problems."""
+        contents = self._contents
+        notes = [*self._topics.notes, *self._tree[1], *self.frames.notes]
+        repeated = contents.geometry.repeated + contents.color.repeated
+        if repeated:
+            notes.append(f"{repeated} images repeat a stamp and are left out")
+        if self.color_topic and contents.color.frame_id != contents.geometry.frame_id:
+            notes.append(
+                f"color comes from frame {contents.color.frame_id!r}, depth from "
+                f"{contents.geometry.frame_id!r}: if the driver has not registered them, objects "
+                "are cut out beside where they are"
+            )
+        if self._has_uncorrected_lens:
+            notes.append("the lens distortion that the camera info tells is not corrected")
+        if self._topics.detections:
+            matched = sum(found is not None for found in self.detections)
+            notes.append(f"{matched} of {len(self.frames)} frames have recorded detections")
+        return notes
+
+    @cached_property
+    def geometry_topic(self) -> Topic:
+        """The topic of depth images or clouds."""
+        if self._topics.geometry is None or self._contents.geometry.first is None:
+            raise FormatError(
+                "there are no depth images (sensor_msgs/Image with 'depth' in the topic's name, or "
+                "compressedDepth) and no clouds; name the topic with --depth-topic if it is there, "
+                "or record it"
+            )
+        return self._topics.geometry
+
+    @cached_property
+    def color_topic(self) -> Topic | None:
+        """The topic of the color images; None if there is none, or clouds have color."""
+        if self._topics.color is None or self._first.color is not None:
+            return None
+        color = decode_color(self._topics.color, self._contents.color.first)
+        self._check(color.shape[1], color.shape[0])
+        return self._topics.color
+
+    @property
+    def has_color(self) -> bool:
+        """Whether the frames have color."""
+        return self.color_topic is not None or self._first.color is not None
+
+    @property
+    def depth_scale(self) -> float:
+        """Units of integer depth per metre."""
+        return self._options.depth_scale or DEPTH_SCALE
+
+    @cached_property
+    def camera(self) -> Camera:
+        """The intrinsics: the user's, or those of the camera info, or those that a cloud shows."""
+        width, height = self._first.size
+        given = self._options.camera(width, height)
+        if given is not None:
+            return given
+        if self._first.cloud is not None:
+            return fit_camera(self._first.cloud)
+        if self._contents.camera_info is None:
+            raise FormatError(
+                "there is no camera info (sensor_msgs/CameraInfo) for the depth images; "
+                "record it, or give --intrinsics"
+            )
+        return camera_of_info(self._contents.camera_info, width, height, self._is_rectified)
+
+    @cached_property
+    def motion(self) -> Motion:
+        """Where the camera was in the map."""
+        tree, _ = self._tree
+        if not tree.frames:
+            raise FormatError(
+                "there is no tf, so that nothing tells where the camera was; record /tf and "
+                "/tf_static"
+            )
+        map_frame = clean_frame(self._options.map_frame)
+        camera_frame = clean_frame(self._options.camera_frame or self._camera_frame)
+        for frame, option in ((map_frame, "--map-frame"), (camera_frame, "--camera-frame")):
+            if frame not in tree.frames:
+                roots = f" (fixed: {', '.join(tree.roots)})" if frame == map_frame else ""
+                raise FormatError(
+                    f"tf has no frame {frame!r}; it has {', '.join(tree.frames)}{roots}; "
+                    f"name one with {option}"
+                )
+        try:
+            return tree.motion(map_frame, camera_frame)
+        except FrameError as error:
+            raise FormatError(f"tf does not lead from the camera to the map: {error}") from None
+
+    @cached_property
+    def frames(self) -> FramePlan:
+        """Which images make a frame, and their poses."""
+        color = self._contents.color.seconds() if self.color_topic else None
+        return plan_frames(
+            self._contents.geometry.seconds(),
+            color,
+            self.motion,
+            self._contents.transforms.span(),
+            self._options,
+        )
+
+    @cached_property
+    def stamps(self) -> list[tuple[int, ...]]:
+        """For each frame the stamps of its messages [ns]: geometry, and color if from a topic."""
+        geometry, color = list(self._contents.geometry.stamps), list(self._contents.color.stamps)
+        pairs = zip(self.frames.depth, self.frames.color, strict=True)
+        return [(geometry[g], color[c]) if c >= 0 else (geometry[g],) for g, c in pairs]
+
+    @cached_property
+    def detections(self) -> list[Detections | None]:
+        """The recorded detections of each frame, matched by the stamp of the color image."""
+        found = self._contents.detections
+        matched: list[Detections | None] = [None] * len(self.frames)
+        image_stamps = np.array([stamps[-1] / 1e9 for stamps in self.stamps])
+        in_order = list(found.values())
+        pairs = associate(image_stamps, seconds(found), self._options.max_time_difference)
+        for frame, detections in zip(*pairs, strict=True):
+            matched[frame] = in_order[detections]
+        return matched
+
+    def check_sizes(self, geometry: Geometry, color_shape: tuple[int, ...] | None) -> None:
+        """Raise a FormatError unless a frame's arrays have the size of the camera's images."""
+        if geometry.size != (self.camera.width, self.camera.height):
+            raise FormatError(
+                f"the depth image has {geometry.size[0]} x {geometry.size[1]} pixels, but the "
+                f"first one has {self.camera.width} x {self.camera.height}"
+            )
+        if color_shape is not None:
+            self._check(color_shape[1], color_shape[0])
+
+    def _check(self, color_width: int, color_height: int) -> None:
+        width, height = self._first.size
+        if (color_width, color_height) != (width, height):
+            raise FormatError(
+                f"the color image has {color_width} x {color_height} pixels, but the depth image "
+                f"has {width} x {height}; record depth that is registered to color, or choose "
+                "other topics with --depth-topic and --color-topic"
+            )
+
+    @cached_property
+    def _first(self) -> Geometry:
+        """The first depth image or cloud."""
+        return decode_geometry(self.geometry_topic, self._contents.geometry.first, self.depth_scale)
+
+    @cached_property
+    def _tree(self) -> tuple[MovingFrames, list[str]]:
+        try:
+            return self._contents.transforms.frames(self._options.max_pose_gap)
+        except FrameError as error:
+            raise FormatError(f"tf is broken: {error}") from None
+
+    @property
+    def _camera_frame(self) -> str:
+        _ = self.geometry_topic
+        frame = self._contents.geometry.frame_id
+        if not frame:
+            raise FormatError("the depth messages name no frame; name it with --camera-frame")
+        return frame
+
+    @property
+    def _has_uncorrected_lens(self) -> bool:
+        is_from_info = self._options.intrinsics is None and self._first.cloud is None
+        info = self._contents.camera_info
+        return is_from_info and not self._is_rectified and has_distortion(info)
+
+    @property
+    def _is_rectified(self) -> bool:
+        return "rect" in self.geometry_topic.name.rpartition("/")[2]
+
+    def _problem_of(self, need: str) -> str | None:
+        """Return why a property cannot be had, if so."""
+        try:
+            getattr(self, need)
+        except HypermapError as error:
+            return str(error)
+        return None

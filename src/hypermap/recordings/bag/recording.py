@@ -1,0 +1,168 @@
+"""ROS bags as recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import cached_property
+from pathlib import Path
+
+from hypermap.core.errors import FormatError, HypermapError
+from hypermap.core.occupancy import OccupancyLayer
+from hypermap.perception.frame import RgbdFrame
+from hypermap.perception.recording import RecordingInfo, Stream
+from hypermap.recordings.bag.contents import read_contents
+from hypermap.recordings.bag.decode import decode_color, decode_geometry
+from hypermap.recordings.bag.file import BagFile
+from hypermap.recordings.bag.plan import BagPlan
+from hypermap.recordings.bag.stream import stream_frames
+from hypermap.recordings.bag.topics import ChosenTopics, choose_topics
+from hypermap.recordings.messages.header import clean_frame
+from hypermap.recordings.messages.occupancy import occupancy_of_grid
+from hypermap.recordings.options import RecordingOptions
+
+
+class BagRecording:
+    """A ROS 1 or ROS 2 bag with depth images or organised clouds, and tf up to the map.
+
+    A first pass over the bag reads times, tf and detections, and with them the frames are
+    planned. `frames` is a second pass, which holds no more than a few messages at a time.
+    """
+
+    def __init__(self, path: Path, options: RecordingOptions) -> None:
+        self._path = path
+        self._options = options
+        self._bag = BagFile(path)
+
+    @property
+    def path(self) -> Path:
+        """The bag."""
+        return self._path
+
+    def __len__(self) -> int:
+        """Return the number of frames.
+
+        Raises:
+            FormatError: If something that mapping needs is missing or broken.
+        """
+        self._require_no_problems()
+        return len(self._plan.frames)
+
+    def frames(self) -> Iterator[RgbdFrame]:
+        """Yield the frames in order of time.
+
+        Raises:
+            FormatError: If something that mapping needs is missing or broken.
+        """
+        self._require_no_problems()
+        plan = self._plan
+        topics = [topic for topic in (plan.geometry_topic, plan.color_topic) if topic]
+        parts = stream_frames(self._bag, [topic.name for topic in topics], plan.stamps)
+        for i, messages in enumerate(parts):
+            stamps = plan.stamps[i]
+            try:
+                geometry = decode_geometry(topics[0], messages[0], plan.depth_scale)
+                color = geometry.color
+                if len(topics) > 1:
+                    color = decode_color(topics[1], messages[1])
+                plan.check_sizes(geometry, None if color is None else color.shape)
+            except FormatError as error:
+                key = f"{' and '.join(topic.name for topic in topics)} at {stamps[0] / 1e9:.3f} s"
+                raise FormatError(str(error), path=self._path, key=key) from None
+            yield RgbdFrame(
+                stamp=stamps[0] / 1e9,
+                depth=geometry.depth,
+                camera=plan.camera,
+                map_T_camera=plan.frames.map_T_camera[i],
+                color=color,
+                color_stamp=None if color is None else stamps[-1] / 1e9,
+                detections=plan.detections[i],
+                cloud=geometry.cloud,
+            )
+
+    def info(self) -> RecordingInfo:
+        """Say what is inside and what is missing."""
+        missing: list[str] = []
+        notes: list[str] = []
+        streams: tuple[Stream, ...] = ()
+        frames, duration, image_size = 0, 0.0, None
+        try:
+            streams = self._streams(ChosenTopics())
+            streams = self._streams(self._topics)
+            missing += self._plan.problems()
+            if not missing:
+                plan = self._plan
+                frames = len(plan.frames)
+                duration = (plan.stamps[-1][0] - plan.stamps[0][0]) / 1e9
+                image_size = plan.camera.width, plan.camera.height
+                notes += plan.notes()
+                if not plan.has_color and self._topics.detections is None:
+                    missing.append(
+                        "there are neither color images nor recorded detections, and so no "
+                        "objects; name one with --color-topic or --detections-topic if it is there"
+                    )
+            notes += self._occupancy_note()
+        except HypermapError as error:
+            missing.append(str(error))
+        return RecordingInfo(
+            self._path,
+            self._bag.format,
+            duration,
+            frames,
+            image_size,
+            streams,
+            tuple(missing),
+            tuple(notes),
+        )
+
+    def occupancy(self) -> OccupancyLayer | None:
+        """Return the last occupancy map recorded, if there is one in the map frame.
+
+        Raises:
+            FormatError: If the map is broken.
+        """
+        topic, last = self._topics.occupancy, None
+        if topic is None or self._options.map_T_world is not None:
+            return None
+        for _, _, message in self._bag.messages([topic.name]):
+            last = message
+        try:
+            layer = occupancy_of_grid(last)
+        except FormatError as error:
+            raise FormatError(str(error), path=self._path, key=topic.name) from None
+        return layer if layer.frame_id == clean_frame(self._options.map_frame) else None
+
+    def _occupancy_note(self) -> list[str]:
+        if self._topics.occupancy is None:
+            return []
+        name = self._topics.occupancy.name
+        try:
+            usable = self.occupancy() is not None
+        except FormatError as error:
+            return [str(error)]
+        if usable:
+            return []
+        if self._options.map_T_world is not None:
+            return [f"the map on {name} is left out, because the world is moved (map_T_world)"]
+        return [f"the map on {name} is left out: it is not in frame {self._options.map_frame!r}"]
+
+    def _streams(self, chosen: ChosenTopics) -> tuple[Stream, ...]:
+        return tuple(
+            Stream(topic.name, topic.type, topic.count, chosen.use_of(topic))
+            for topic in self._bag.topics
+        )
+
+    def _require_no_problems(self) -> None:
+        problems = self._plan.problems()
+        if problems:
+            raise FormatError("\n".join(problems), path=self._path)
+
+    @cached_property
+    def _topics(self) -> ChosenTopics:
+        try:
+            return choose_topics(self._bag.topics, self._options)
+        except FormatError as error:
+            raise FormatError(str(error), path=self._path) from None
+
+    @cached_property
+    def _plan(self) -> BagPlan:
+        return BagPlan(self._topics, read_contents(self._bag, self._topics), self._options)

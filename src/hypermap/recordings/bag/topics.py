@@ -1,0 +1,238 @@
+"""Which topics of a bag are used for what."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from itertools import takewhile
+from typing import Any
+
+from hypermap.core.errors import FormatError, did_you_mean
+from hypermap.recordings.bag.file import Topic
+from hypermap.recordings.options import RecordingOptions
+
+IMAGE = "sensor_msgs/msg/Image"
+COMPRESSED = "sensor_msgs/msg/CompressedImage"
+CLOUD = "sensor_msgs/msg/PointCloud2"
+CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
+OCCUPANCY = "nav_msgs/msg/OccupancyGrid"
+TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
+DETECTIONS = ("darknet_ros_msgs/msg/BoundingBoxes", "vision_msgs/msg/Detection2DArray")
+
+_COLOR_WORDS = ("color", "colour", "rgb")
+_NO_COLOR_WORDS = ("depth", "infra", "/ir/", "disparity", "mask", "label", "segment", "confidence")
+_REGISTERED_WORDS = ("registered", "aligned")
+
+
+@dataclass(frozen=True)
+class ChosenTopics:
+    """The topics to read; None where a bag has none that fits.
+
+    Attributes:
+        depth: depth images; never together with `cloud`.
+        cloud: organised clouds.
+        color: color images.
+        camera_info: intrinsics.
+        detections: recorded detections.
+        occupancy: an occupancy map.
+        transforms: all topics of tf.
+        notes: sentences on choices that were made.
+    """
+
+    depth: Topic | None = None
+    cloud: Topic | None = None
+    color: Topic | None = None
+    camera_info: Topic | None = None
+    detections: Topic | None = None
+    occupancy: Topic | None = None
+    transforms: tuple[Topic, ...] = ()
+    notes: tuple[str, ...] = field(default=())
+
+    @property
+    def geometry(self) -> Topic | None:
+        """The topic that gives each frame its depth and its stamp."""
+        return self.depth or self.cloud
+
+    def use_of(self, topic: Topic) -> str:
+        """Return what mapping uses a topic for; empty if it does not."""
+        uses = {
+            self.depth: "geometry",
+            self.cloud: "geometry",
+            self.color: "detection of objects",
+            self.camera_info: "intrinsics",
+            self.detections: "recorded detections",
+            self.occupancy: "occupancy map",
+        }
+        return "where the camera was" if topic in self.transforms else uses.get(topic, "")
+
+
+def choose_topics(topics: Sequence[Topic], options: RecordingOptions) -> ChosenTopics:
+    """Return the topics that fit best by type and name; those that the options name come first.
+
+    Raises:
+        FormatError: If the options name a topic that is not there or of the wrong type.
+    """
+    choice = _Choice([topic for topic in topics if topic.count])
+    depth = choice.pick("depth", options.depth_topic, _is_depth_type, _is_depth, _depth_rank)
+    cloud = choice.pick("cloud", options.cloud_topic, _is(CLOUD), _is(CLOUD), _cloud_rank)
+    near = depth.name if depth else cloud.name if cloud else ""
+    color = choice.pick(
+        "color", options.color_topic, _is(IMAGE, COMPRESSED), _is_color, _color_rank(near)
+    )
+    info = choice.pick(
+        "camera-info",
+        options.camera_info_topic,
+        _is(CAMERA_INFO),
+        _is(CAMERA_INFO),
+        _info_rank(near, color.name if color else ""),
+    )
+    has_intrinsics = info is not None or options.intrinsics is not None
+    if options.cloud_topic or (
+        cloud and not options.depth_topic and not (depth and has_intrinsics)
+    ):
+        depth = None
+    else:
+        cloud = None
+    return ChosenTopics(
+        depth,
+        cloud,
+        color,
+        info,
+        choice.pick(
+            "detections",
+            options.detections_topic,
+            _is(*DETECTIONS),
+            _is(*DETECTIONS),
+            lambda topic: -topic.count,
+        ),
+        choice.pick("map", options.map_topic, _is(OCCUPANCY), _is_map, _map_rank),
+        tuple(topic for topic in choice.topics if topic.type in TRANSFORMS),
+        tuple(choice.notes),
+    )
+
+
+class _Choice:
+    """Picks topics and notes where there was more than one."""
+
+    def __init__(self, topics: list[Topic]) -> None:
+        self.topics = topics
+        self.notes: list[str] = []
+
+    def pick(
+        self,
+        what: str,
+        named: str | None,
+        is_possible: Callable[[Topic], bool],
+        is_likely: Callable[[Topic], bool],
+        rank: Callable[[Topic], Any],
+    ) -> Topic | None:
+        """Return the topic that the user named, or the likely one of the lowest rank."""
+        if named is not None:
+            return self._named(what, named, is_possible)
+        likely = sorted(
+            (topic for topic in self.topics if is_likely(topic)), key=lambda t: (rank(t), t.name)
+        )
+        if len(likely) > 1:
+            others = ", ".join(topic.name for topic in likely[1:4])
+            more = f" and {len(likely) - 4} more" if len(likely) > 4 else ""
+            self.notes.append(
+                f"{likely[0].name} is used; also there: {others}{more} (--{what}-topic)"
+            )
+        return likely[0] if likely else None
+
+    def _named(self, what: str, name: str, is_possible: Callable[[Topic], bool]) -> Topic:
+        found = next((topic for topic in self.topics if topic.name == name), None)
+        if found is None:
+            names = [topic.name for topic in self.topics]
+            raise FormatError(
+                f"there are no messages on topic {name!r} (--{what}-topic); "
+                f"{did_you_mean(name, names)}"
+            )
+        if not is_possible(found):
+            raise FormatError(f"topic {name} (--{what}-topic) is of the wrong type {found.type}")
+        return found
+
+
+def _is(*types: str) -> Callable[[Topic], bool]:
+    return lambda topic: topic.type in types
+
+
+def _is_depth_type(topic: Topic) -> bool:
+    return topic.type in (IMAGE, COMPRESSED)
+
+
+def _is_depth(topic: Topic) -> bool:
+    if topic.type == COMPRESSED:
+        return topic.name.endswith("/compressedDepth")
+    return topic.type == IMAGE and "depth" in topic.name.lower()
+
+
+def _is_color(topic: Topic) -> bool:
+    name = topic.name.lower()
+    return topic.type in (IMAGE, COMPRESSED) and not _has(name, _NO_COLOR_WORDS)
+
+
+def _is_map(topic: Topic) -> bool:
+    return topic.type == OCCUPANCY and "costmap" not in topic.name
+
+
+def _depth_rank(topic: Topic) -> Any:
+    """Depth registered to color first, then images as the camera gave them."""
+    return not _has(topic.name, _REGISTERED_WORDS), topic.type == COMPRESSED
+
+
+def _cloud_rank(topic: Topic) -> Any:
+    return not _has(topic.name, _REGISTERED_WORDS), "depth" not in topic.name
+
+
+def _color_rank(near: str) -> Callable[[Topic], Any]:
+    """Color by name, of the same camera as the depth, converted and uncompressed first."""
+
+    def rank(topic: Topic) -> Any:
+        leaf = _image_name(topic.name).rpartition("/")[2]
+        return (
+            not _has(topic.name.lower(), _COLOR_WORDS),
+            -_shared_folders(topic.name, near),
+            not _has(leaf, _COLOR_WORDS),  # image_color, where image_raw may be a Bayer pattern
+            topic.type == COMPRESSED,
+        )
+
+    return rank
+
+
+def _info_rank(depth: str, color: str) -> Callable[[Topic], Any]:
+    """The depth image's own intrinsics, or else those of the color to which it is registered."""
+
+    def rank(topic: Topic) -> Any:
+        folder = _folder(topic.name)
+        return (
+            folder != _folder(depth),
+            folder != _folder(color),
+            -_shared_folders(topic.name, depth),
+        )
+
+    return rank
+
+
+def _map_rank(topic: Topic) -> Any:
+    return topic.name != "/map", not topic.name.endswith("map")
+
+
+def _has(name: str, words: Sequence[str]) -> bool:
+    return any(word in name for word in words)
+
+
+def _image_name(topic: str) -> str:
+    """Return the name of the image topic of which a compressed topic is the transport."""
+    for transport in ("/compressedDepth", "/compressed"):
+        topic = topic.removesuffix(transport)
+    return topic
+
+
+def _folder(topic: str) -> str:
+    return _image_name(topic).rpartition("/")[0]
+
+
+def _shared_folders(one: str, other: str) -> int:
+    pairs = zip(one.split("/"), other.split("/"), strict=False)
+    return sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], pairs))
