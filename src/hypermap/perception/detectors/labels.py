@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -45,7 +46,7 @@ def read_labels(path: str | Path) -> tuple[str, ...]:
         text = path.read_text(encoding="utf-8-sig")
         if path.suffix.lower() not in (".yaml", ".yml", ".json"):
             return _as_names(text.rstrip().split("\n"))
-        content = yaml.safe_load(text)
+        content = json.loads(text) if path.suffix.lower() == ".json" else yaml.safe_load(text)
         return _as_names(content["names"] if _has_names(content) else content)
     except (ValueError, RecursionError, yaml.YAMLError) as error:
         reason = str(error).replace("\n", " ")
@@ -74,8 +75,8 @@ def parse_literal(text: str) -> Any:
         raise ValueError(f"longer than {MAX_BYTES} characters")
     try:
         return ast.literal_eval(text)
-    except (SyntaxError, TypeError, MemoryError, RecursionError) as error:
-        raise ValueError(f"not a Python literal: {text[:60]!r}") from error
+    except (SyntaxError, ValueError, TypeError, MemoryError, RecursionError) as error:
+        raise ValueError(f"expected a Python literal, got {text[:60]!r}") from error
 
 
 def _has_names(content: Any) -> bool:

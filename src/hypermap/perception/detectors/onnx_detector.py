@@ -123,10 +123,10 @@ def _recognise(model: OnnxModel) -> tuple[Layout, Candidates]:
         layout = recognise(outputs)
     except ValueError as error:
         found = ", ".join(f"{name} {array.shape}" for name, array in arrays.items())
-        known = ", ".join(f"{layout.name} {layout.shape}" for layout in LAYOUTS)
+        known = "; ".join(f"{layout.name}: {layout.shape}" for layout in LAYOUTS)
         raise FormatError(
-            f"the outputs of the model are not understood: {found}; known are: {known}, "
-            "the first, third and fourth also with masks (1, 32, h, w)",
+            f"the outputs of the model are not understood: {found}; known are: {known}; "
+            "YOLOv5, v8, 11 and 26 also with masks: (1, 32, h, w)",
             path=model.path,
         ) from error
     return layout, _decode(model, layout, outputs)
@@ -158,9 +158,9 @@ def _class_names(
     elif class_count == len(COCO):
         names = COCO
     else:
-        has = "classes" if class_count is None else f"{class_count} classes"
+        classes = "classes" if class_count is None else f"{class_count} classes"
         raise FormatError(
-            f"the model has {has} and does not name them; give their names with --labels FILE",
+            f"the model does not name its {classes}; give their names with --labels FILE",
             path=model.path,
         )
     if class_count not in (None, len(names)):

@@ -94,15 +94,14 @@ def _open_session(path: Path, threads: int | None) -> Any:
 
 def _input_size(path: Path, inputs: list[Any], metadata: Mapping[str, str]) -> tuple[int, int]:
     """Return columns and rows of the image, having checked that an image is what it takes."""
-    found = ", ".join(f"{entry.name} {entry.type} {entry.shape}" for entry in inputs)
-    entry = inputs[0] if len(inputs) == 1 else None
-    if entry is None or entry.type not in INPUT_TYPES or len(entry.shape) != 4:
+    if len(inputs) != 1 or not _is_image(inputs[0]):
+        found = ", ".join(f"{entry.name} {entry.type} {entry.shape}" for entry in inputs)
         raise FormatError(
-            f"the model takes {found}; expected one image, float, (1, 3, H, W)", path=path
+            f"the model takes {found or 'nothing'}; "
+            "expected one image, float, (1, 3, rows, columns)",
+            path=path,
         )
-    batch, channels, height, width = entry.shape
-    if (isinstance(batch, int) and batch != 1) or (isinstance(channels, int) and channels != 3):
-        raise FormatError(f"the model takes {found}; expected (1, 3, H, W)", path=path)
+    _, _, height, width = inputs[0].shape
     rows, columns = _size_in_metadata(path, metadata)
     size = (
         width if isinstance(width, int) else columns,
@@ -115,6 +114,16 @@ def _input_size(path: Path, inputs: list[Any], metadata: Mapping[str, str]) -> t
             path=path,
         )
     return size
+
+
+def _is_image(entry: Any) -> bool:
+    """Whether an input takes an image; sizes left open are names or None instead of numbers."""
+    if entry.type not in INPUT_TYPES or len(entry.shape) != 4:
+        return False
+    return all(
+        size == wanted or not isinstance(size, int)
+        for size, wanted in zip(entry.shape, (1, 3), strict=False)
+    )
 
 
 def _size_in_metadata(path: Path, metadata: Mapping[str, str]) -> tuple[int, int]:

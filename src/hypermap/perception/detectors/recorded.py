@@ -15,7 +15,6 @@ from __future__ import annotations
 import logging
 import math
 import os
-import tempfile
 from bisect import bisect_left, insort
 from pathlib import Path
 from typing import Annotated, Any
@@ -45,8 +44,8 @@ class _Mask(BaseModel, strict=True):
     def _check(self) -> _Mask:
         if sum(self.counts) != math.prod(self.size):
             raise ValueError(
-                f"the counts add up to {sum(self.counts)}, but the mask has "
-                f"{self.size[0]} x {self.size[1]} pixels"
+                f"the counts add up to {sum(self.counts)}, "
+                f"not to {self.size[0]} x {self.size[1]} pixels"
             )
         return self
 
@@ -61,9 +60,7 @@ class _Object(BaseModel, strict=True):
     def _check(self) -> _Object:
         xmin, ymin, xmax, ymax = self.box
         if xmax < xmin or ymax < ymin:
-            raise ValueError(
-                f"expected xmin <= xmax and ymin <= ymax, got the box {list(self.box)}"
-            )
+            raise ValueError(f"expected xmin <= xmax and ymin <= ymax, got {list(self.box)}")
         return self
 
 
@@ -182,17 +179,15 @@ class RecordedDetections:
             raise FileMissing(f"{path.parent}: there is no such folder")
         frames = {repr(stamp): self._objects[stamp] for stamp in self._stamps}
         content = _File(image_size=self.image_size, frames=frames)
-        with tempfile.NamedTemporaryFile(
-            "w", encoding="utf-8", dir=path.parent, prefix=f".{path.name}.", delete=False
-        ) as file:
-            try:
+        partial = path.with_name(f".{path.name}.{os.getpid()}")
+        try:
+            with partial.open("w", encoding="utf-8") as file:
                 file.write(content.model_dump_json(exclude_none=True))
                 file.flush()
                 os.fsync(file.fileno())
-                Path(file.name).replace(path)
-            except BaseException:
-                Path(file.name).unlink()
-                raise
+            partial.replace(path)
+        finally:
+            partial.unlink(missing_ok=True)
 
     def _put(self, stamp: float, objects: list[_Object]) -> None:
         if not math.isfinite(stamp):

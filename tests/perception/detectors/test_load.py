@@ -1,0 +1,91 @@
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hypermap.core.errors import FileMissing, FormatError, HypermapError
+from hypermap.perception.detectors import load_detector
+
+PLUGIN = '''
+import numpy as np
+from hypermap.perception.detections import Detections
+
+
+class WholeImage:
+    """Takes every image as one object."""
+
+    def __init__(self, name):
+        self.name = name
+
+    def detect(self, color):
+        height, width = color.shape[:2]
+        return Detections.of([[0, 0, width, height]], [self.name], [1.0])
+'''
+
+
+@pytest.fixture
+def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A package with a detector, as pip would install it."""
+    (tmp_path / "whole_image.py").write_text(PLUGIN)
+    metadata = tmp_path / "whole_image-1.0.dist-info"
+    metadata.mkdir()
+    (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: whole-image\nVersion: 1.0\n")
+    (metadata / "entry_points.txt").write_text(
+        "[hypermap.detectors]\nwhole = whole_image:WholeImage\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+
+
+@pytest.mark.usefixtures("installed")
+def test_a_detector_of_another_package_gets_what_stands_after_its_name() -> None:
+    found = load_detector("whole:a:room").detect(np.zeros((3, 4, 3), np.uint8))
+    assert list(found.names) == ["a:room"]
+    assert found.xyxy.tolist() == [[0, 0, 4, 3]]
+
+
+@pytest.mark.usefixtures("installed")
+def test_an_unknown_detector_is_an_error_that_names_the_known() -> None:
+    with pytest.raises(HypermapError) as error:
+        load_detector("hole:room")
+    assert str(error.value) == ("hole:room: no detector 'hole' is installed; did you mean 'whole'?")
+
+
+def test_with_none_installed_the_error_says_so() -> None:
+    with pytest.raises(HypermapError) as error:
+        load_detector("whole:room")
+    assert str(error.value) == "whole:room: no detector 'whole' is installed; known: none"
+
+
+def test_an_onnx_file_is_opened_under_any_name(
+    save_model: Callable[..., Path], networks: dict[str, dict[str, np.ndarray]], tmp_path: Path
+) -> None:
+    model = save_model(networks["RT-DETR"])
+    renamed = model.rename(tmp_path / "a:model")
+    found = load_detector(str(renamed), score_threshold=0.7).detect(np.zeros((64, 64, 3), np.uint8))
+    assert list(found.names) == ["cup"]
+
+
+@pytest.mark.parametrize("name", ["missing.onnx", "C:/missing.onnx", "missing"])
+def test_a_missing_model_is_an_error(name: str) -> None:
+    with pytest.raises(FileMissing, match="there is no such model"):
+        load_detector(name)
+
+
+def test_a_model_of_pytorch_is_no_onnx_model(tmp_path: Path) -> None:
+    path = tmp_path / "yolo11n.pt"
+    path.write_bytes(b"PK\x03\x04" + bytes(100))
+    with pytest.raises(FormatError, match="not a complete ONNX model"):
+        load_detector(path)
+
+
+def test_onnx_runtime_is_imported_only_when_a_model_is_loaded() -> None:
+    code = (
+        "import sys, hypermap.perception.detectors, hypermap.perception.detectors.sources; "
+        "sys.exit('onnxruntime' in sys.modules)"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
