@@ -1,0 +1,41 @@
+"""Leaving out frames whose camera has hardly moved."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hypermap.core.trajectory import invert
+from hypermap.mapping.config import KeyframeConfig
+
+
+class KeyframeSelector:
+    """Remembers the last camera pose that was worth processing.
+
+    A camera that stands still would otherwise count the same look at an object again and again.
+    """
+
+    def __init__(self, config: KeyframeConfig) -> None:
+        self.config = config
+        self._last: NDArray[np.float64] | None = None
+
+    def accept(self, map_T_camera: NDArray[np.float64]) -> bool:
+        """Return whether a pose, shape (4, 4), is far enough from the last accepted one.
+
+        It is when it lies `min_distance` away or is turned by `min_angle_deg`. The first is
+        always accepted.
+        """
+        if self._last is not None:
+            last_T_camera = invert(self._last) @ map_T_camera
+            distance = float(np.linalg.norm(last_T_camera[:3, 3]))
+            angle_deg = np.degrees(rotation_angle(last_T_camera[:3, :3]))
+            if distance < self.config.min_distance and angle_deg < self.config.min_angle_deg:
+                return False
+        self._last = map_T_camera
+        return True
+
+
+def rotation_angle(rotation: NDArray[np.float64]) -> float:
+    """Return by how much a rotation matrix turns [rad], 0..pi; exact for small angles too."""
+    axis = rotation[[2, 0, 1], [1, 2, 0]] - rotation[[1, 2, 0], [2, 0, 1]]
+    return float(np.arctan2(np.linalg.norm(axis), np.trace(rotation) - 1))

@@ -1,0 +1,197 @@
+"""Mapping: the frames of a recording become a hypermap of an occupancy and a semantic layer."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from hypermap._version import __version__
+from hypermap.core.errors import HypermapError
+from hypermap.core.hypermap import Hypermap
+from hypermap.core.occupancy import OccupancyLayer
+from hypermap.mapping.config import MappingConfig, to_dict
+from hypermap.mapping.evidence import EvidenceMap
+from hypermap.mapping.keyframes import KeyframeSelector
+from hypermap.mapping.occupancy import OccupancyMapper
+from hypermap.perception.detections import DetectionSource
+from hypermap.perception.frame import RgbdFrame
+from hypermap.perception.observation import Observation
+from hypermap.perception.observe import observe
+from hypermap.perception.recording import Recording
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Counts:
+    """What became of the frames so far.
+
+    Attributes:
+        used: frames that were mapped.
+        skipped: frames left out because the camera had hardly moved.
+        unusable: frames left out because they have no depth or no proper pose.
+    """
+
+    used: int = 0
+    skipped: int = 0
+    unusable: int = 0
+
+    @property
+    def frames(self) -> int:
+        """All frames so far."""
+        return self.used + self.skipped + self.unusable
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far mapping has come.
+
+    Attributes:
+        done: frames so far.
+        total: frames of the recording, at most.
+        objects: objects in the map so far.
+        counts: what became of the frames.
+    """
+
+    done: int
+    total: int
+    objects: int
+    counts: Counts
+
+
+class Mapper:
+    """Turns frames into a map, one by one; `hypermap` may be called at any time.
+
+    Attributes:
+        config: how it is done.
+        counts: what became of the frames so far.
+        evidence: the objects and the evidence for them.
+    """
+
+    def __init__(
+        self,
+        config: MappingConfig,
+        source: DetectionSource,
+        occupancy: OccupancyLayer | None = None,
+    ) -> None:
+        """Prepare an empty map.
+
+        Args:
+            config: how it is done.
+            source: says what a frame shows.
+            occupancy: the first layer of the map, if it is known already; otherwise it is made
+                from the frames' depth. The frames' poses must be in its frame.
+        """
+        self.config = config
+        self.counts = Counts()
+        self.evidence = EvidenceMap(config.evidence)
+        self._source = source
+        self._keyframes = KeyframeSelector(config.keyframes)
+        self._given_occupancy = occupancy
+        self._occupancy = OccupancyMapper(config.occupancy)
+
+    def add(self, frame: RgbdFrame) -> Observation | None:
+        """Map one frame.
+
+        Returns:
+            What the frame shows; None if the frame is unusable, which is logged, or was skipped
+            because its camera has hardly moved. `counts` tells which.
+
+        Raises:
+            HypermapError: If the source cannot say what the frame shows; the map stays as it was.
+        """
+        if (reason := _why_unusable(frame)) is not None:
+            self._leave_out(frame, reason)
+            return None
+        if not self._keyframes.accept(frame.map_T_camera):
+            self._count(skipped=1)
+            return None
+        observation = observe(frame, self._source(frame), self.config.perception)
+        if self._given_occupancy is None:
+            try:
+                self._occupancy.add_depth(frame)
+            except HypermapError as error:  # one wild pose must not end an hour of mapping
+                self._leave_out(frame, str(error))
+                return None
+        self.evidence.update(observation)
+        self._count(used=1)
+        return observation
+
+    def hypermap(self) -> Hypermap:
+        """Return the map so far: the layers "occupancy" and "semantic", in one frame."""
+        occupancy = self._given_occupancy
+        if occupancy is None:
+            occupancy = self._occupancy.layer()
+        semantic = self.evidence.layer(frame_id=occupancy.frame_id)
+        metadata = {
+            "hypermap_version": __version__,
+            "frames": asdict(self.counts),
+            "config": to_dict(self.config),
+        }
+        return Hypermap([occupancy, semantic], metadata=metadata)
+
+    def _leave_out(self, frame: RgbdFrame, reason: str) -> None:
+        _log.warning("frame %.6f left out: %s", frame.stamp, reason)
+        self._count(unusable=1)
+
+    def _count(self, used: int = 0, skipped: int = 0, unusable: int = 0) -> None:
+        before = self.counts
+        self.counts = Counts(
+            before.used + used, before.skipped + skipped, before.unusable + unusable
+        )
+
+
+def map_recording(
+    recording: Recording,
+    source: DetectionSource,
+    config: MappingConfig,
+    occupancy: OccupancyLayer | None = None,
+    on_progress: Callable[[Progress], None] | None = None,
+) -> Hypermap:
+    """Return the map of a recording.
+
+    Whoever wants to stop early and keep the map so far (the command line does, on Ctrl-C) hands
+    over a recording whose `frames` end early, or calls `Mapper` in a loop of its own.
+
+    Args:
+        recording: where the frames come from.
+        source: says what a frame shows.
+        config: how it is done.
+        occupancy: the map's first layer, instead of the recording's own map or one made from
+            depth.
+        on_progress: called after each frame.
+
+    Raises:
+        HypermapError: If the recording or the source fails, or not one frame was usable.
+    """
+    if occupancy is None:
+        occupancy = recording.occupancy()
+    mapper = Mapper(config, source, occupancy)
+    for frame in recording.frames():
+        mapper.add(frame)
+        if on_progress is not None:
+            counts = mapper.counts
+            on_progress(Progress(counts.frames, len(recording), len(mapper.evidence), counts))
+    if mapper.counts.used == 0:
+        raise HypermapError(
+            f"{recording.path}: there is nothing to map: of {mapper.counts.frames} frames none "
+            "has both depth and a proper pose"
+        )
+    hypermap = mapper.hypermap()
+    hypermap.metadata["recording"] = recording.path.name
+    return hypermap
+
+
+def _why_unusable(frame: RgbdFrame) -> str | None:
+    """Return why a frame cannot be mapped; None if it can."""
+    if not np.isfinite(frame.map_T_camera).all():
+        return "its pose is not finite"
+    rotation = frame.map_T_camera[:3, :3]
+    if not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-3):
+        return "its pose is no rigid motion"
+    if not np.isfinite(frame.depth).any():
+        return "its depth image is empty"
+    return None

@@ -1,0 +1,152 @@
+"""The occupancy layer from depth or laser with known poses.
+
+Source: Moravec and Elfes, ICRA 1985, for the idea; log-odds with clamping as in Hornung et al.,
+OctoMap, Autonomous Robots 2013.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hypermap.core.errors import HypermapError
+from hypermap.core.frames import Pose2D
+from hypermap.core.grid import GridGeometry
+from hypermap.core.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyLayer
+from hypermap.mapping.config import OccupancyConfig
+from hypermap.mapping.rays import Rays
+from hypermap.perception.frame import RgbdFrame
+
+_BLOCK = 256  # cells; the grid grows by whole blocks, so that it seldom has to move
+
+
+class OccupancyMapper:
+    """A grid of log-odds that grows with what is seen.
+
+    In each frame a cell is hit, if enough points above the floor lie in it; or else it is free,
+    if a ray passes low over it; or else the frame says nothing about it. Hits add to the cell's
+    log-odds and free looks take away, between two clamps.
+
+    Attributes:
+        config: how all of this is done.
+    """
+
+    def __init__(self, config: OccupancyConfig) -> None:
+        self.config = config
+        self._world = GridGeometry(width=1, height=1, resolution=config.resolution)
+        # Cell (0, 0) of the log-odds is this cell of the world; NaN was never seen.
+        self._first = np.zeros(2, dtype=np.int64)
+        self._log_odds = np.empty((0, 0), dtype=np.float32)
+
+    def add_depth(self, frame: RgbdFrame) -> None:
+        """Learn from a depth image, whose floor is at z = 0 of the map.
+
+        Raises:
+            HypermapError: If the map would grow beyond `max_cells`; it stays as it was.
+        """
+        self._add(Rays.of_depth(frame, self.config), self.config.min_points)
+
+    def add_scan(
+        self,
+        ranges: ArrayLike,
+        angle_min: float,
+        angle_increment: float,
+        map_T_laser: NDArray[np.float64],
+        range_max: float | None = None,
+    ) -> None:
+        """Learn from a level laser scan.
+
+        Args:
+            ranges: metres, shape (N,). A range of `range_max` or more, as infinity, is a ray that
+                met nothing; NaN, zero and less are no measurements (REP 117).
+            angle_min: angle of the first ray from the laser's x axis towards its y axis [rad].
+            angle_increment: from one ray to the next [rad].
+            map_T_laser: pose of the laser in the map, shape (4, 4).
+            range_max: rays are used up to here [m]; `max_range` if None.
+
+        Raises:
+            HypermapError: If the map would grow beyond `max_cells`; it stays as it was.
+            ValueError: If `range_max` is not a positive number.
+        """
+        reach = self.config.max_range if range_max is None else range_max
+        if not 0 < reach < np.inf:
+            raise ValueError(f"range_max must be a positive number, got {range_max}")
+        resolution = self.config.resolution
+        self._add(
+            Rays.of_scan(ranges, angle_min, angle_increment, map_T_laser, reach, resolution),
+            min_points=1,
+        )
+
+    def layer(self, name: str = "occupancy", frame_id: str = "map") -> OccupancyLayer:
+        """Return what is known so far, cut to the cells that were ever seen.
+
+        Cells are -1 unknown, 0 free, 100 occupied, or the likelihood in percent between the
+        thresholds. The layer is empty if nothing was seen.
+        """
+        known = ~np.isnan(self._log_odds)
+        if not known.any():
+            return OccupancyLayer(name, frame_id)
+        rows, cols = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))
+        seen = self._log_odds[rows[0] : rows[-1] + 1, cols[0] : cols[-1] + 1]
+        grid = self._grid(np.add(self._first, [rows[0], cols[0]]), np.array(seen.shape))
+        likelihood = 1 / (1 + np.exp(-np.nan_to_num(seen.astype(np.float64))))
+        cells = np.round(100 * likelihood).astype(np.int8)
+        cells[likelihood < self.config.free_thresh] = FREE
+        cells[likelihood >= self.config.occupied_thresh] = OCCUPIED
+        cells[np.isnan(seen)] = UNKNOWN
+        return OccupancyLayer(name, frame_id, grid, cells)
+
+    def _add(self, rays: Rays, min_points: int) -> None:
+        bounds = rays.bounds()
+        if bounds is None:
+            return
+        first, last = self._world.cells_at(bounds)
+        self._cover(first, last)
+        shape = last - first + 1
+        hits, is_free = rays.touch(self._grid(first, shape))
+        is_hit = hits >= min_points
+        is_free &= ~is_hit
+        corner = first - self._first
+        window = self._log_odds[corner[0] : corner[0] + shape[0], corner[1] : corner[1] + shape[1]]
+        touched = is_hit | is_free
+        change = np.where(is_hit, self.config.hit, -self.config.miss)[touched]
+        window[touched] = np.clip(
+            np.nan_to_num(window[touched]) + change,
+            self.config.min_log_odds,
+            self.config.max_log_odds,
+        )
+
+    def _cover(self, first: NDArray[np.int64], last: NDArray[np.int64]) -> None:
+        """Let the grid grow until it holds the cells of the world from first to last."""
+        end = self._first + self._log_odds.shape
+        if self._log_odds.size == 0:
+            new_first, new_end = first, last + 1
+        elif (first >= self._first).all() and (last < end).all():
+            return
+        else:
+            new_first, new_end = np.minimum(first, self._first), np.maximum(last + 1, end)
+        new_first, new_end = new_first // _BLOCK * _BLOCK, -(-new_end // _BLOCK) * _BLOCK
+        height, width = (int(n) for n in new_end - new_first)
+        if height * width > self.config.max_cells:
+            side = self.config.resolution
+            raise HypermapError(
+                f"the occupancy map would grow to {width * side:.0f} m x {height * side:.0f} m, "
+                f"more than its {self.config.max_cells} cells of {side:g} m allow; is a pose far "
+                "off, or are the poses not in metres?"
+            )
+        grown = np.full((height, width), np.nan, dtype=np.float32)
+        row, col = self._first - new_first
+        old_height, old_width = self._log_odds.shape
+        if self._log_odds.size:
+            grown[row : row + old_height, col : col + old_width] = self._log_odds
+        self._first, self._log_odds = new_first, grown
+
+    def _grid(self, first: NDArray[np.int64], shape: NDArray[np.int64]) -> GridGeometry:
+        """Return the geometry of some cells of the world, given by the lower left one."""
+        side = self.config.resolution
+        return GridGeometry(
+            width=int(shape[1]),
+            height=int(shape[0]),
+            resolution=side,
+            origin=Pose2D(x=int(first[1]) * side, y=int(first[0]) * side),
+        )
