@@ -13,6 +13,8 @@ from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.semantic import SemanticObject
 
+_PER_PAIR = 1e-9  # what a pair is worth besides its IoU; enough to decide between equal sums
+
 
 @dataclass(frozen=True)
 class Match:
@@ -36,6 +38,8 @@ def match_objects(
 ) -> tuple[Match, ...]:
     """Return the one-to-one matching of objects of the same name with the largest sum of IoU.
 
+    Of matchings with the same sum it is one with the most pairs.
+
     Args:
         estimate: objects of the estimated map.
         ground_truth: objects of the truth, in the same frame.
@@ -52,7 +56,7 @@ def match_objects(
             [estimate[i].footprint for i in found], [ground_truth[j].footprint for j in true]
         )
         iou[iou < min_iou] = 0
-        rows, cols = linear_sum_assignment(iou, maximize=True)
+        rows, cols = linear_sum_assignment(iou + _PER_PAIR * (iou > 0), maximize=True)
         matches += [
             Match(found[row], true[col], float(iou[row, col]))
             for row, col in zip(rows, cols, strict=True)
