@@ -38,6 +38,7 @@ def save_model(tmp_path_factory: pytest.TempPathFactory) -> SaveModel:
         inputs: tuple[str, ...] = ("images",),
         nodes: Sequence[onnx.NodeProto] = (),
         outputs: Sequence[str] = (),
+        words: Sequence[str] = (),
     ) -> Path:
         values = {name: np.asarray(value, np.float32) for name, value in constants.items()}
         if not nodes:
@@ -49,7 +50,8 @@ def save_model(tmp_path_factory: pytest.TempPathFactory) -> SaveModel:
             [
                 helper.make_tensor_value_info(name, TensorProto.FLOAT, None)
                 for name in outputs or values
-            ],
+            ]
+            + [helper.make_tensor_value_info(name, TensorProto.STRING, None) for name in words],
             [numpy_helper.from_array(value, f"{name}.value") for name, value in values.items()],
         )
         model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)

@@ -167,6 +167,18 @@ def test_a_network_of_half_precision_runs(save_model: SaveModel, networks: Netwo
     assert list(OnnxDetector.load(path).detect(SQUARE).names) == ["cup", "chair"]
 
 
+def test_outputs_that_are_not_numbers_are_left_aside(
+    save_model: SaveModel, networks: Networks
+) -> None:
+    table = networks["YOLOv8, YOLO11"]["output0"]
+    nodes = [
+        helper.make_node("Identity", ["output0.value"], ["output0"]),
+        helper.make_node("Constant", [], ["title"], value_strings=[b"a network"]),
+    ]
+    path = save_model({"output0": table}, nodes=nodes, outputs=["output0"], words=["title"])
+    assert list(OnnxDetector.load(path).detect(SQUARE).names) == ["cup", "chair"]
+
+
 def test_the_number_of_threads_can_be_given(save_model: SaveModel, networks: Networks) -> None:
     detector = OnnxDetector.load(save_model(networks["RT-DETR"]), threads=1)
     assert len(detector.detect(SQUARE)) == 2

@@ -51,7 +51,7 @@ class OnnxModel:
         return cls(path, metadata, _input_size(path, session.get_inputs(), metadata), session)
 
     def run(self, image: NDArray[np.float32]) -> dict[str, NDArray[np.float32]]:
-        """Return the outputs by name.
+        """Return the outputs that are arrays of numbers, by name.
 
         Args:
             image: in the network's own colors and size, shape (H, W, 3).
@@ -70,10 +70,14 @@ class OnnxModel:
                 path=self.path,
             ) from error
         names = [output.name for output in self._session.get_outputs()]
-        arrays = [np.asarray(output, np.float32) for output in outputs]
-        if not all(np.isfinite(array).all() for array in arrays):
+        arrays = {
+            name: output.astype(np.float32, copy=False)
+            for name, output in zip(names, outputs, strict=True)
+            if isinstance(output, np.ndarray) and output.dtype.kind in "fiu"
+        }
+        if not all(np.isfinite(array).all() for array in arrays.values()):
             raise FormatError("the model answers NaN or infinity", path=self.path)
-        return dict(zip(names, arrays, strict=True))
+        return arrays
 
 
 def _open_session(path: Path, threads: int | None) -> Any:
@@ -82,6 +86,8 @@ def _open_session(path: Path, threads: int | None) -> Any:
     options = onnxruntime.SessionOptions()
     options.log_severity_level = 4  # fatal alone: what goes wrong is raised
     options.intra_op_num_threads = threads or 0
+    # Threads that wait sleep: as fast, and the cores are free for the rest of the mapping.
+    options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     try:
         return onnxruntime.InferenceSession(
             path, sess_options=options, providers=["CPUExecutionProvider"]
