@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping
-from typing import Any, Protocol
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any, Protocol, cast
 
+from hypermap.core.errors import HypermapError
 from hypermap.core.layer import Layer, Store
 
 ENTRY_POINT_GROUP = "hypermap.layers"
+
+_OURS = {
+    "OccupancyGridLayer": "hypermap.formats.map_server:PLUGIN",
+    "SemanticLayer": "hypermap.formats.semantic_yaml:PLUGIN",
+}
 
 
 class LayerPlugin(Protocol):
@@ -32,5 +40,53 @@ class LayerPlugin(Protocol):
         ...
 
     def save(self, layer: Any, store: Store, file: str) -> None:
-        """Write what `load` reads; the same layer gives the same bytes each time."""
+        """Write what `load` reads; the same layer gives the same bytes each time.
+
+        A layer that holds nothing may write nothing: it is saved with `load_file: false` then,
+        and opened again by `empty`. Other names than `file`, `file.*` and `file/*` are not safe
+        from other layers.
+        """
         ...
+
+
+def plugin_for(class_name: str) -> LayerPlugin | None:
+    """Return the plug-in for a kind of layer; None where none is installed.
+
+    Raises:
+        HypermapError: If the plug-in is installed, but does not work.
+    """
+    entry_point = _entry_points().get(class_name)
+    return None if entry_point is None else _load(entry_point)
+
+
+def installed_layers() -> tuple[str, ...]:
+    """Return the class names of all kinds of layers that can be read, ours first."""
+    return tuple(_entry_points())
+
+
+def _entry_points() -> dict[str, EntryPoint]:
+    """Return where each kind of layer lies; nobody can replace ours."""
+    ours = [EntryPoint(name, value, ENTRY_POINT_GROUP) for name, value in _OURS.items()]
+    theirs = sorted(entry_points(group=ENTRY_POINT_GROUP), key=lambda point: point.name)
+    found: dict[str, EntryPoint] = {}
+    for point in [*ours, *theirs]:
+        found.setdefault(point.name, point)
+    return found
+
+
+@functools.cache
+def _load(entry_point: EntryPoint) -> LayerPlugin:
+    name, value = entry_point.name, entry_point.value
+    try:
+        plugin = entry_point.load()
+    except Exception as error:  # whatever another package does when it is imported
+        raise HypermapError(
+            f"the plug-in for layers of class {name!r} ({value}) cannot be imported: "
+            f"{type(error).__name__}: {error}"
+        ) from error
+    missing = [verb for verb in ("empty", "load", "save") if not callable(getattr(plugin, verb, 0))]
+    if missing:
+        raise HypermapError(
+            f"the plug-in for layers of class {name!r} ({value}) has no function {missing[0]!r}"
+        )
+    return cast(LayerPlugin, plugin)

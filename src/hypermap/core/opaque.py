@@ -1,0 +1,69 @@
+"""A layer of a kind that is not installed: kept as it is, for those who know it."""
+
+# ruff: noqa: ARG002  # whatever is asked, there is no answer
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NoReturn
+
+import shapely
+from numpy.typing import ArrayLike, NDArray
+from shapely.geometry.base import BaseGeometry
+
+from hypermap.core.arrays import ObjectArray
+from hypermap.core.errors import HypermapError
+from hypermap.core.layer import Hits, Layer
+
+
+class OpaqueLayer(Layer):
+    """The files of a layer that nobody here can read; every question to it is an error.
+
+    Attributes:
+        files: content by name, written back byte for byte.
+        load_file: whether the configuration wants them loaded.
+    """
+
+    def __init__(
+        self,
+        class_name: str,
+        name: str,
+        frame_id: str,
+        files: Mapping[str, bytes] | None = None,
+        load_file: bool = True,
+        settings: Mapping[str, Any] | None = None,
+    ) -> None:
+        super().__init__(name, frame_id, settings)
+        self.class_name = class_name  # type: ignore[misc]  # here alone it differs by layer
+        self.files = dict(files or {})
+        self.load_file = load_file
+
+    def label_at(self, points_xy: ArrayLike) -> ObjectArray:
+        """Raise HypermapError."""
+        self._refuse()
+
+    def value_at(self, points_xy: ArrayLike) -> NDArray[Any]:
+        """Raise HypermapError."""
+        self._refuse()
+
+    def labels_in(self, area: BaseGeometry) -> Hits:
+        """Raise HypermapError."""
+        self._refuse()
+
+    def values_in(self, area: BaseGeometry) -> Hits:
+        """Raise HypermapError."""
+        self._refuse()
+
+    def find(self, what: str | float, area: BaseGeometry | None = None) -> NDArray[Any]:
+        """Raise HypermapError."""
+        self._refuse()
+
+    def extent(self) -> BaseGeometry:
+        """Return an empty area, since nothing is known of what the layer holds."""
+        return shapely.Polygon()
+
+    def _refuse(self) -> NoReturn:
+        raise HypermapError(
+            f"layer {self.name!r} cannot be asked: no plug-in for its class "
+            f"{self.class_name!r} is installed"
+        )

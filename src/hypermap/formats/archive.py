@@ -1,0 +1,142 @@
+"""The zip archive: its members become a store in memory, and a store becomes an archive."""
+
+from __future__ import annotations
+
+import io
+import stat
+import struct
+import zipfile
+import zlib
+from collections.abc import Mapping
+from pathlib import Path
+
+from hypermap.core.errors import FormatError, HypermapError
+from hypermap.formats import limits
+from hypermap.formats.atomic import write_file
+from hypermap.formats.store import MemoryStore, read_file, safe_name
+
+_NO_TIME = (1980, 1, 1, 0, 0, 0)  # the zip format's zero
+_ENCRYPTED = 0x1
+_LEVEL = 6
+_COMPRESSED_ALREADY = (b"\x89PNG", b"\xff\xd8\xff")
+_END_OF_DIRECTORY = b"PK\x05\x06"
+
+
+def read_archive(path: str | Path) -> MemoryStore:
+    """Return the files of a zip archive.
+
+    Raises:
+        FileMissing: If there is no such file.
+        FormatError: If it is no intact zip archive, goes beyond the limits, or holds a name that
+            leads out of it.
+    """
+    path = Path(path)
+    packed = read_file(path, limits.MAX_ARCHIVE_BYTES)
+    if not packed:
+        raise FormatError("is empty", path=path)
+    try:
+        _check_member_count(packed)
+        with zipfile.ZipFile(io.BytesIO(packed)) as archive:
+            members = [info for info in archive.infolist() if not info.is_dir()]
+            _check_members(members)
+            files = {safe_name(info.filename): archive.read(info) for info in members}
+    except FormatError as error:
+        raise FormatError(str(error), path=path) from error
+    except _BROKEN as error:
+        reason = str(error) or type(error).__name__
+        raise FormatError(f"is not an intact zip archive: {reason}", path=path) from error
+    return MemoryStore(files, where=str(path))
+
+
+def write_archive(path: str | Path, files: Mapping[str, bytes]) -> None:
+    """Write a zip archive; the same files give the same bytes each time.
+
+    Raises:
+        FileMissing: If the folder does not exist.
+        HypermapError: If it cannot be written or would be too large to be read again; what was
+            there before is untouched then.
+    """
+    total = sum(map(len, files.values()))
+    largest = max(map(len, files.values()), default=0)
+    if total > limits.MAX_ARCHIVE_BYTES or largest > limits.MAX_FILE_BYTES:
+        raise HypermapError(
+            f"{path}: the map is too large to be saved: {total} bytes, {largest} in one file"
+        )
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w") as archive:
+        for name, content in files.items():
+            info = zipfile.ZipInfo(name, _NO_TIME)
+            info.create_system = 3  # Unix, wherever this runs
+            info.external_attr = (stat.S_IFREG | 0o644) << 16
+            archive.writestr(info, content, _compression(content), _LEVEL)
+    write_file(path, packed.getvalue())
+
+
+# What zipfile and zlib raise for damaged archives, found by damaging some.
+_BROKEN = (
+    zipfile.BadZipFile,
+    zlib.error,
+    struct.error,
+    EOFError,
+    NotImplementedError,
+    OSError,
+    OverflowError,
+    RuntimeError,
+    ValueError,
+)
+
+
+def _check_member_count(packed: bytes) -> None:
+    """Bound the directory before zipfile makes an object of each of its entries."""
+    end = packed.rfind(_END_OF_DIRECTORY)
+    if end < 0 or len(packed) < end + 22:
+        raise zipfile.BadZipFile("its end is missing")
+    count, size = struct.unpack_from("<HI", packed, end + 10)
+    if count > limits.MAX_MEMBERS or size > limits.MAX_MEMBERS * 512:
+        raise FormatError(f"has more than {limits.MAX_MEMBERS} members")
+
+
+def _check_members(members: list[zipfile.ZipInfo]) -> None:
+    """Refuse what is encrypted, ambiguous, packed in an unusual way, or too large unpacked."""
+    if len(members) > limits.MAX_MEMBERS:
+        raise FormatError(f"has more than {limits.MAX_MEMBERS} members")
+    seen: set[str] = set()
+    for info in members:
+        name = safe_name(info.filename)
+        if name in seen:
+            raise FormatError("is there twice", key=name)
+        seen.add(name)
+        if info.flag_bits & _ENCRYPTED:
+            raise FormatError("is encrypted", key=name)
+        if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+            raise FormatError("is packed by another method than deflate", key=name)
+        if info.file_size > limits.MAX_FILE_BYTES:
+            raise FormatError(
+                f"unpacks to {info.file_size} bytes, more than the {limits.MAX_FILE_BYTES} "
+                "that are allowed",
+                key=name,
+            )
+        if (
+            info.file_size > limits.SMALL_FILE_BYTES
+            and info.file_size > limits.MAX_COMPRESSION * info.compress_size
+        ):
+            raise FormatError(
+                f"unpacks to more than {limits.MAX_COMPRESSION} times its size", key=name
+            )
+    total = sum(info.file_size for info in members)
+    if total > limits.MAX_ARCHIVE_BYTES:
+        raise FormatError(
+            f"unpacks to {total} bytes, more than the {limits.MAX_ARCHIVE_BYTES} that are allowed"
+        )
+
+
+def _compression(content: bytes) -> int:
+    """Return how to pack a file, such that `read_archive` will not take it for a bomb."""
+    if content.startswith(_COMPRESSED_ALREADY):
+        return zipfile.ZIP_STORED
+    if len(content) > limits.SMALL_FILE_BYTES:
+        # Raw deflate is what zip holds; zlib's header and sum make six bytes more.
+        packed = len(zlib.compress(content, _LEVEL)) - 6
+        if len(content) > limits.MAX_COMPRESSION * packed:
+            return zipfile.ZIP_STORED
+    return zipfile.ZIP_DEFLATED

@@ -1,0 +1,232 @@
+"""Maps from files and back: the `.hmap` archive, a configuration in a folder, a map_server map.
+
+The specification is docs/formats/hmap.md.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import re
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from hypermap.core.errors import FormatError, HypermapError
+from hypermap.core.hypermap import Hypermap
+from hypermap.core.layer import Layer, Store
+from hypermap.core.opaque import OpaqueLayer
+from hypermap.formats.archive import read_archive, write_archive
+from hypermap.formats.atomic import write_files
+from hypermap.formats.config import (
+    CONFIG_NAME,
+    LayerEntry,
+    MapConfig,
+    dump_config,
+    parse_config,
+)
+from hypermap.formats.map_server import load_occupancy
+from hypermap.formats.plugins import installed_layers, plugin_for
+from hypermap.formats.store import FolderStore, MemoryStore, read_file, safe_name
+from hypermap.formats.yaml_text import read_yaml
+
+logger = logging.getLogger(__name__)
+
+OTHER_KEYS = "other_keys"
+"""Where a map's metadata hold the configuration's keys of other programs."""
+
+_YAML_ENDINGS = (".yaml", ".yml")
+
+
+def open_map(path: str | Path) -> Hypermap:
+    """Return the map that a file holds.
+
+    Args:
+        path: an `.hmap` archive, a configuration YAML in a folder or that folder, or a
+            map_server YAML.
+
+    Raises:
+        FileMissing: If there is no such file.
+        FormatError: If it, or a file that belongs to it, is wrong or missing.
+        HypermapError: If a plug-in for one of its layers does not work.
+    """
+    path = Path(path)
+    if path.is_dir():
+        if not (path / CONFIG_NAME).is_file():
+            raise FormatError(f"is a folder without {CONFIG_NAME}", path=path)
+        return _open_yaml(path / CONFIG_NAME)
+    if path.suffix.lower() in _YAML_ENDINGS:
+        return _open_yaml(path)
+    store = read_archive(path)
+    if CONFIG_NAME not in store.files:
+        raise FormatError(f"is a zip archive without {CONFIG_NAME}, so it is no map", path=path)
+    return _read_map(store, CONFIG_NAME)
+
+
+def save_map(hypermap: Hypermap, path: str | Path) -> None:
+    """Write a map so that `open_map` returns the same again.
+
+    The same map gives the same bytes each time. Whatever goes wrong, the old file remains.
+
+    Args:
+        hypermap: the map.
+        path: a file with the ending `.yaml` or `.yml` becomes a configuration with the layers'
+            files beside it, and so does `hmap_config.yaml` in a folder that exists; every other
+            path becomes an archive.
+
+    Raises:
+        FileMissing: If the folder to save in does not exist.
+        HypermapError: If it cannot be written, or there is no plug-in for one of its layers.
+    """
+    path = Path(path)
+    if path.is_dir():
+        path = path / CONFIG_NAME
+    if path.suffix.lower() in _YAML_ENDINGS:
+        files = _write_map(hypermap, path.name)
+        config = files.pop(path.name)
+        # The configuration is replaced last: until then the old one stands.
+        write_files(path.parent, {**files, path.name: config})
+    else:
+        write_archive(path, _write_map(hypermap, CONFIG_NAME))
+
+
+def _open_yaml(path: Path) -> Hypermap:
+    """Open a configuration or a map_server map, whichever the keys say."""
+    document = read_yaml(read_file(path), str(path))
+    if isinstance(document, Mapping) and "layers" in document:
+        return _read_map(FolderStore(path.parent), path.name)
+    if isinstance(document, Mapping) and "image" in document:
+        return Hypermap([load_occupancy(path)])
+    raise FormatError(
+        "is neither a map's configuration (with the key 'layers') nor a map_server map (with the "
+        "key 'image')",
+        path=path,
+    )
+
+
+def _read_map(store: MemoryStore | FolderStore, config_name: str) -> Hypermap:
+    claims = _Claims(store)
+    config = parse_config(claims.read(config_name), store.path_of(config_name))
+    # What the layers that can be read leave belongs to the others.
+    layers = [_read_layer(entry, claims) for entry in config.layers]
+    opaque = [layer for layer in layers if isinstance(layer, OpaqueLayer)]
+    for layer in opaque:
+        if (file := layer.settings.get("file")) is not None:
+            layer.files.update((name, claims.read(name)) for name in claims.left(file))
+    rest = [name for name in getattr(store, "files", ()) if name not in claims.names]
+    if opaque:
+        opaque[0].files.update((name, claims.read(name)) for name in rest)
+    elif rest:
+        logger.warning("%s: no layer uses %s", store.path_of(config_name), ", ".join(rest))
+    metadata = dict(config.metadata)
+    if config.others:
+        metadata[OTHER_KEYS] = config.others
+    return Hypermap(layers, config.frames, metadata)
+
+
+def _read_layer(entry: LayerEntry, store: Store) -> Layer:
+    plugin = plugin_for(entry.class_name)
+    if plugin is None:
+        logger.warning(
+            "layer %r has the unknown class %r; is its plug-in installed? Its files are kept as "
+            "they are (known: %s)",
+            entry.name,
+            entry.class_name,
+            ", ".join(installed_layers()),
+        )
+        return OpaqueLayer(
+            entry.class_name,
+            entry.name,
+            entry.frame_id,
+            load_file=entry.load_file,
+            settings=entry.settings,
+        )
+    if not entry.load_file:
+        return plugin.empty(entry.name, entry.frame_id, entry.settings)
+    file = entry.settings["file"]
+    return plugin.load(store, file, entry.name, entry.frame_id, entry.settings)
+
+
+class _Claims:
+    """A store that remembers which of its files were read."""
+
+    def __init__(self, store: MemoryStore | FolderStore) -> None:
+        self._store = store
+        self.names: set[str] = set()
+        self.write = store.write
+        self.path_of = store.path_of
+
+    def read(self, name: str) -> bytes:
+        content = self._store.read(name)
+        self.names.add(safe_name(name))
+        return content
+
+    def left(self, file: str) -> list[str]:
+        """Return the names of a layer's files that were not read."""
+        return [name for name in self._store.names_of(file) if name not in self.names]
+
+
+def _write_map(hypermap: Hypermap, config_name: str) -> dict[str, bytes]:
+    """Return the files of a map, the configuration first."""
+    # A name stands for one content. Opaque layers cannot choose theirs, so they come first.
+    taken: dict[str, bytes | None] = {config_name: None}
+    for layer in hypermap.layers:
+        if isinstance(layer, OpaqueLayer):
+            if clash := _clash(layer.files, taken):
+                raise HypermapError(
+                    f"layer {layer.name!r} cannot be saved: another file is named {clash!r}"
+                )
+            taken.update(layer.files)
+    files: dict[str, bytes] = {config_name: b""}
+    entries = []
+    for layer in hypermap.layers:
+        entry, written = _write_layer(layer, taken)
+        entries.append(entry)
+        files.update(written)
+        taken.update(written)
+    metadata = dict(hypermap.metadata)
+    others = metadata.pop(OTHER_KEYS, {})
+    files[config_name] = dump_config(MapConfig(entries, hypermap.frames, metadata, others))
+    return files
+
+
+def _write_layer(
+    layer: Layer, taken: Mapping[str, bytes | None]
+) -> tuple[LayerEntry, dict[str, bytes]]:
+    """Return a layer's configuration and its files, whose names clash with no other."""
+    if isinstance(layer, OpaqueLayer):
+        return _entry(layer, layer.load_file, layer.settings), layer.files
+    plugin = plugin_for(layer.class_name)
+    if plugin is None:
+        raise HypermapError(
+            f"layer {layer.name!r} cannot be saved: no plug-in for its class "
+            f"{layer.class_name!r} is installed (known: {', '.join(installed_layers())})"
+        )
+    for file in _file_names(layer):
+        staged = MemoryStore()
+        plugin.save(layer, staged, file)
+        if not staged.files:
+            return _entry(layer, False, layer.settings), {}
+        if not _clash(staged.files, taken):
+            return _entry(layer, True, {**layer.settings, "file": file}), staged.files
+    raise HypermapError(f"layer {layer.name!r} cannot be saved: its files' names are all taken")
+
+
+def _entry(layer: Layer, load_file: bool, settings: dict[str, Any]) -> LayerEntry:
+    return LayerEntry(layer.class_name, layer.name, layer.frame_id, load_file, settings)
+
+
+def _file_names(layer: Layer) -> Iterator[str]:
+    """Yield what a layer's `file` may be: what it was, then names made from the layer's."""
+    file = layer.settings.get("file")
+    if isinstance(file, str):
+        with contextlib.suppress(FormatError):
+            yield safe_name(file)
+    name = re.sub(r"[^\w.-]+", "_", layer.name).strip("._") or "layer"
+    yield name
+    yield from (f"{name}_{number}" for number in range(2, 100))
+
+
+def _clash(files: Mapping[str, bytes], taken: Mapping[str, bytes | None]) -> str | None:
+    """Return the first name that stands for another content already."""
+    return next((n for n, content in files.items() if n in taken and taken[n] != content), None)

@@ -1,0 +1,32 @@
+"""How large a map's files may be: checked before anything is allocated for them.
+
+They are far above any map of a building, and far below what fills a robot's memory.
+"""
+
+from __future__ import annotations
+
+MIB = 1 << 20
+
+MAX_FILE_BYTES = 512 * MIB
+"""One file of a map, unpacked."""
+
+MAX_ARCHIVE_BYTES = 1024 * MIB
+"""All files of an archive together, unpacked."""
+
+MAX_MEMBERS = 10_000
+"""Files in an archive, or of one layer in a folder."""
+
+MAX_COMPRESSION = 200
+"""Unpacked size over packed size, for members of more than `SMALL_FILE_BYTES`."""
+
+SMALL_FILE_BYTES = 1 * MIB
+
+MAX_PIXELS = 1 << 27
+"""Cells of a grid: 134 million, or a square of 579 m at 5 cm."""
+
+MAX_YAML_BYTES = 64 * MIB
+
+MAX_YAML_VALUES = 5_000_000
+"""Values in a YAML file, with aliases counted as often as they are used."""
+
+MAX_YAML_DEPTH = 64

@@ -1,0 +1,79 @@
+"""Objects as the keys and values that YAML and GeoJSON share: all but the shape."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any
+
+from pydantic import Field, field_validator
+
+from hypermap.core.errors import FormatError
+from hypermap.core.semantic import SemanticObject
+from hypermap.formats.checked import Checked, Finite, check
+from hypermap.formats.footprints import Footprint
+
+MAX_ID = 2**31 - 1  # what messages can carry
+
+
+class _Record(Checked):
+    name: str
+    tags: tuple[str, ...] = ()
+    confidence: tuple[Finite, ...] = ()
+    id: Annotated[int, Field(ge=0, le=MAX_ID)] | None = None
+    existence: Finite | None = None
+    first_seen: Finite | None = None
+    last_seen: Finite | None = None
+    attributes: dict[Any, Any] = Field(default_factory=dict)
+
+    @field_validator("tags", "confidence", mode="before")
+    @classmethod
+    def _empty_key_is_empty_list(cls, value: Any) -> Any:
+        return () if value is None else value
+
+
+_KNOWN = _Record.known_keys() | {"shape"}
+
+
+def object_from_record(record: Any, footprint: Footprint) -> SemanticObject:
+    """Return the object that a file's entry describes; keys of others become attributes.
+
+    Raises:
+        ValueError: Naming the wrong key.
+    """
+    try:
+        checked = check(_Record, record, None)
+    except FormatError as error:
+        raise ValueError(str(error)) from None
+    others = {key: value for key, value in record.items() if key not in _KNOWN}
+    return SemanticObject(
+        name=checked.name,
+        footprint=footprint,
+        id=checked.id,
+        tags=checked.tags,
+        confidence=checked.confidence,
+        existence=checked.existence,
+        first_seen=checked.first_seen,
+        last_seen=checked.last_seen,
+        attributes={**others, **checked.attributes},
+    )
+
+
+def record_from_object(item: SemanticObject) -> dict[str, Any]:
+    """Return an object's keys and values in the files' order, without its shape and its id.
+
+    Attributes stand beside the other keys, where programs expect their own; only those that
+    would be taken for one of ours stand under the key `attributes`.
+    """
+    record: dict[str, Any] = {"name": item.name}
+    if item.tags:
+        record["tags"] = list(item.tags)
+    if item.confidence:
+        record["confidence"] = list(item.confidence)
+    for key in ("existence", "first_seen", "last_seen"):
+        if (value := getattr(item, key)) is not None:
+            record[key] = value
+    hidden: Mapping[str, Any] = {k: v for k, v in item.attributes.items() if k in _KNOWN}
+    if hidden:
+        record["attributes"] = dict(hidden)
+    record.update((k, v) for k, v in item.attributes.items() if k not in _KNOWN)
+    return record

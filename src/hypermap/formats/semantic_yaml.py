@@ -1,0 +1,140 @@
+"""Semantic layers as YAML: a list of named shapes, readable and writable by the first program.
+
+The specification is docs/formats/hmap.md. One broken entry does not spoil the others: it is
+reported, kept, and written back at the end of the file, since old readers stop at the first one.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import logging
+from collections.abc import Container, Iterable, Mapping
+from typing import Any
+
+from hypermap.core.errors import FormatError
+from hypermap.core.layer import Store
+from hypermap.core.semantic import Rejected, SemanticLayer, SemanticObject
+from hypermap.formats.checked import found
+from hypermap.formats.footprints import footprint_from_wkt, footprint_to_wkt
+from hypermap.formats.records import MAX_ID, object_from_record, record_from_object
+from hypermap.formats.yaml_text import read_yaml, write_yaml
+
+logger = logging.getLogger(__name__)
+
+_TEXT = {("*", "name"), ("*", "shape"), ("*", "tags", "*")}
+
+
+class SemanticFiles:
+    """How semantic layers are kept: `file` is the whole name of one YAML file."""
+
+    def empty(self, name: str, frame_id: str, settings: Mapping[str, Any]) -> SemanticLayer:
+        """Return a layer without objects."""
+        return SemanticLayer(name, frame_id, settings=settings)
+
+    def load(
+        self, store: Store, file: str, name: str, frame_id: str, settings: Mapping[str, Any]
+    ) -> SemanticLayer:
+        """Return the layer; entries that cannot be read are logged and in its `rejected`.
+
+        Raises:
+            FormatError: If the file is no list in YAML.
+        """
+        path = store.path_of(file)
+        objects, rejected = parse_objects(store.read(file), path)
+        for entry in rejected:
+            logger.warning(
+                "%s: object %d %r is left out: %s", path, entry.position, entry.name, entry.reason
+            )
+        return SemanticLayer(name, frame_id, objects, settings, rejected)
+
+    def save(self, layer: SemanticLayer, store: Store, file: str) -> None:
+        """Write the layer's file; an empty layer needs none."""
+        if len(layer) or layer.rejected:
+            store.write(file, dump_objects(layer.objects(), layer.rejected))
+
+
+PLUGIN = SemanticFiles()
+
+
+def parse_objects(content: bytes, path: str) -> tuple[list[SemanticObject], list[Rejected]]:
+    """Return the objects of a semantic YAML file, and the entries that are none.
+
+    An object's id is its key `id`, and otherwise its position in the file. Where another object
+    claims that number by its key, the object gets the next free one.
+
+    Args:
+        content: the file.
+        path: how messages name it.
+
+    Raises:
+        FormatError: If the file is no list in YAML.
+    """
+    entries = read_yaml(content, path, _TEXT)
+    if entries is None:
+        entries = []
+    if not isinstance(entries, list):
+        raise FormatError(f"expected a list of objects, found {found(entries)}", path=path)
+    claimed = {_claimed_id(entry) for entry in entries} - {None}
+    free = (number for number in itertools.count(len(entries)) if number not in claimed)
+    objects: dict[int, SemanticObject] = {}
+    rejected: list[Rejected] = []
+    for position, entry in enumerate(entries):
+        try:
+            item = _object(entry)
+            if item.id in objects:
+                raise ValueError(f"its id {item.id} is that of another object")
+        except ValueError as error:
+            rejected.append(_rejected(position, entry, str(error), taken=objects))
+            continue
+        number = item.id
+        if number is None:
+            number = next(free) if position in claimed else position
+        objects[number] = dataclasses.replace(item, id=number)
+    return list(objects.values()), rejected
+
+
+def dump_objects(objects: Iterable[SemanticObject], rejected: Iterable[Rejected] = ()) -> bytes:
+    """Return a semantic YAML file; `parse_objects` gives exactly the same objects again."""
+    entries: list[Any] = []
+    ids: set[int | None] = set()
+    for item in objects:
+        record = record_from_object(item)
+        entry = {"name": record.pop("name"), "shape": footprint_to_wkt(item.footprint), **record}
+        entries.append(_with_id(entry, item.id, position=len(entries)))
+        ids.add(item.id)
+    for left_out in rejected:
+        entry = left_out.entry
+        if isinstance(entry, Mapping) and "id" not in entry and left_out.position not in ids:
+            entry = _with_id(dict(entry), left_out.position, position=len(entries))
+        entries.append(entry)
+    return write_yaml(entries)
+
+
+def _object(entry: Any) -> SemanticObject:
+    if not isinstance(entry, Mapping):
+        raise ValueError(f"expected a name and a shape, found {found(entry)}")
+    for key in ("name", "shape"):
+        if not isinstance(entry.get(key), str):
+            problem = f"must be text, found {found(entry[key])}" if key in entry else "is missing"
+            raise ValueError(f"its {key} {problem}")
+    return object_from_record(entry, footprint_from_wkt(entry["shape"]))
+
+
+def _rejected(position: int, entry: Any, reason: str, taken: Container[int]) -> Rejected:
+    """Return an entry as it is kept; an id that it alone claims is told by its position."""
+    name = str(entry.get("name", "")) if isinstance(entry, Mapping) else ""
+    claimed = _claimed_id(entry)
+    if claimed is not None and claimed not in taken:
+        return Rejected(claimed, name, reason, {k: v for k, v in entry.items() if k != "id"})
+    return Rejected(position, name, reason, entry)
+
+
+def _claimed_id(entry: Any) -> int | None:
+    claim = entry.get("id") if isinstance(entry, Mapping) else None
+    return claim if type(claim) is int and 0 <= claim <= MAX_ID else None
+
+
+def _with_id(entry: dict[str, Any], number: int | None, position: int) -> dict[str, Any]:
+    """Return an entry that names its id where the position does not tell it."""
+    return entry if number == position else {**entry, "id": number}

@@ -1,0 +1,152 @@
+"""Where a map's files lie: in memory (the members of an archive) or in a folder."""
+
+from __future__ import annotations
+
+import os
+import re
+import stat
+from collections.abc import Mapping
+from pathlib import Path
+
+from hypermap.core.errors import FileMissing, FormatError, HypermapError
+from hypermap.formats import limits
+from hypermap.formats.atomic import write_files
+
+_UNSAFE = re.compile(r"[\x00-\x1f\\]|^/|^[A-Za-z]:")
+
+
+class MemoryStore:
+    """Files held in memory, as those of an archive that was read or will be written.
+
+    Attributes:
+        where: how messages name the whole, as "office.hmap"; may be empty.
+        files: content by name, in the order of writing.
+
+    >>> store = MemoryStore(where="office.hmap")
+    >>> store.write("semantic", b"[]")
+    >>> store.read("./semantic"), store.path_of("semantic")
+    (b'[]', 'office.hmap/semantic')
+    """
+
+    def __init__(self, files: Mapping[str, bytes] | None = None, where: str = "") -> None:
+        self.where = where
+        self.files = dict(files or {})
+
+    def read(self, name: str) -> bytes:
+        """Return the content of a file.
+
+        Raises:
+            FormatError: If there is no such file.
+        """
+        content = self.files.get(safe_name(name, self.where))
+        if content is None:
+            held = ", ".join(self.files) or "nothing"
+            raise FormatError(f"there is no such file, only {held}", path=self.path_of(name))
+        return content
+
+    def write(self, name: str, content: bytes) -> None:
+        """Hold a file."""
+        self.files[safe_name(name, self.where)] = content
+
+    def path_of(self, name: str) -> str:
+        """Return how messages name a file."""
+        return f"{self.where}/{name}" if self.where else name
+
+    def names_of(self, file: str) -> list[str]:
+        """Return the names that belong to `file`: itself, `file.*` and all in a folder `file`."""
+        file = safe_name(file, self.where)
+        return [name for name in self.files if _belongs(name, file)]
+
+
+class FolderStore:
+    """The files in a folder; names that lead out of it are refused, through links too."""
+
+    def __init__(self, folder: str | Path) -> None:
+        self.folder = Path(folder)
+
+    def read(self, name: str) -> bytes:
+        """Return the content of a file.
+
+        Raises:
+            FormatError: If there is no such file, or it is too large or lies elsewhere.
+        """
+        path = self.folder / safe_name(name, str(self.folder))
+        if not path.resolve().is_relative_to(self.folder.resolve()):
+            raise FormatError("is a link that leads out of the folder", path=path)
+        try:
+            return read_file(path)
+        except FileMissing:
+            raise FormatError("there is no such file", path=path) from None
+
+    def write(self, name: str, content: bytes) -> None:
+        """Write a file as a whole, or leave what was there."""
+        write_files(self.folder, {safe_name(name, str(self.folder)): content})
+
+    def path_of(self, name: str) -> str:
+        """Return how messages name a file."""
+        return str(self.folder / name)
+
+    def names_of(self, file: str) -> list[str]:
+        """Return the names that belong to `file`: itself, `file.*` and all in a folder `file`."""
+        base = self.folder / safe_name(file, str(self.folder))
+        if not base.parent.is_dir():
+            return []
+        found = [path for path in base.parent.iterdir() if _belongs(path.name, base.name)]
+        if base.is_dir():
+            found += base.rglob("*")
+        if len(found) > limits.MAX_MEMBERS:
+            raise FormatError(f"has more than {limits.MAX_MEMBERS} files", path=base)
+        return sorted(p.relative_to(self.folder).as_posix() for p in found if p.is_file())
+
+
+def read_file(path: Path, max_bytes: int | None = None) -> bytes:
+    """Return the content of a regular file of bounded size.
+
+    Raises:
+        FileMissing: If there is no such file.
+        FormatError: If it is a folder, a device or too large.
+        HypermapError: If it cannot be read.
+    """
+    bound = limits.MAX_FILE_BYTES if max_bytes is None else max_bytes
+    try:
+        # Without O_NONBLOCK, opening a pipe would wait for a writer.
+        with os.fdopen(os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0)), "rb") as file:
+            status = os.fstat(file.fileno())
+            if not stat.S_ISREG(status.st_mode):
+                raise FormatError("is not a regular file", path=path)
+            if status.st_size > bound:
+                raise FormatError(
+                    f"holds {status.st_size} bytes, more than the {bound} that are allowed",
+                    path=path,
+                )
+            return file.read(bound)
+    except (FileNotFoundError, NotADirectoryError):
+        raise FileMissing(f"{path}: there is no such file") from None
+    except IsADirectoryError:
+        raise FormatError("is a folder, not a file", path=path) from None
+    except OSError as error:
+        raise HypermapError(f"{path}: cannot be read: {error.strerror}") from error
+    except ValueError:  # a NUL character
+        raise FileMissing(f"{str(path)!r}: there is no such file") from None
+
+
+def safe_name(name: str, where: str = "") -> str:
+    """Return a file's name in its plainest form, or refuse one that leads out of the map.
+
+    Raises:
+        FormatError: If it is empty, absolute, or has `..`, a backslash or a control character.
+
+    >>> safe_name("./maps//floor.yaml")
+    'maps/floor.yaml'
+    """
+    parts = [part for part in name.split("/") if part not in ("", ".")]
+    if not parts or ".." in parts or _UNSAFE.search(name):
+        raise FormatError(
+            f"the file name {name!r} is not allowed; it must lie within the map's files",
+            path=where or None,
+        )
+    return "/".join(parts)
+
+
+def _belongs(name: str, file: str) -> bool:
+    return name == file or name.startswith((f"{file}.", f"{file}/"))
