@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -22,13 +23,32 @@ def as_points_xy(points: ArrayLike) -> NDArray[np.float64]:
     >>> as_points_xy([1, 2]).shape
     (1, 2)
     """
-    array = np.asarray(points, dtype=np.float64)
-    if array.size == 0:
-        return np.empty((0, 2))
-    if array.ndim == 1:
-        array = array[np.newaxis]
+    given = np.asarray(points, dtype=np.float64)
+    array = given.reshape(-1, 2) if given.shape in ((0,), (2,)) else given
     if array.ndim != 2 or array.shape[1] != 2:
-        raise ValueError(f"points must have shape (N, 2), got {array.shape}")
+        raise ValueError(f"points must have shape (N, 2), got {given.shape}")
     if not np.isfinite(array).all():
         raise ValueError("points must be finite; there is a NaN or infinite coordinate")
     return array
+
+
+def as_point_xy(point: ArrayLike) -> NDArray[np.float64]:
+    """Return one point as a float64 array of shape (2,).
+
+    Raises:
+        ValueError: If it is not one point, or a coordinate is not finite.
+    """
+    points = as_points_xy(point)
+    if len(points) != 1:
+        raise ValueError(f"expected a single point, got {len(points)}")
+    first: NDArray[np.float64] = points[0]
+    return first
+
+
+def as_objects(items: Iterable[Any]) -> ObjectArray:
+    """Return Python objects as an array of shape (N,), also where they are sequences themselves.
+
+    >>> as_objects([(1, 2), (3, 4)]).shape
+    (2,)
+    """
+    return np.fromiter(items, dtype=object)

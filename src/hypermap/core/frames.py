@@ -11,7 +11,7 @@ import shapely
 from numpy.typing import ArrayLike, NDArray
 from shapely.geometry.base import BaseGeometry
 
-from hypermap.core.arrays import as_points_xy
+from hypermap.core.arrays import ObjectArray, as_points_xy
 from hypermap.core.errors import FrameError, did_you_mean
 
 
@@ -46,14 +46,24 @@ class Pose2D:
         """Return points given in the child frame, shape (N, 2), as points in the parent frame."""
         points = as_points_xy(points_xy)
         if self.is_identity:
-            return points
+            return points.copy()
+        # Written out: a matrix product may round a point differently alone and among others.
+        x, y = points.T
         c, s = math.cos(self.yaw), math.sin(self.yaw)
-        rotated: NDArray[np.float64] = points @ np.array([[c, s], [-s, c]])
-        return rotated + np.array([self.x, self.y])
+        return np.column_stack([c * x - s * y + self.x, s * x + c * y + self.y])
 
     def apply_geometry(self, geometry: BaseGeometry) -> BaseGeometry:
         """Return a shapely geometry given in the child frame as one in the parent frame."""
-        return geometry if self.is_identity else shapely.transform(geometry, self.apply)
+        if self.is_identity:
+            return geometry
+        moved: BaseGeometry = shapely.transform(geometry, self.apply)
+        return moved
+
+    def apply_geometries(self, geometries: ObjectArray) -> ObjectArray:
+        """Return shapely geometries, shape (N,), like `apply_geometry`."""
+        if self.is_identity:
+            return geometries
+        return np.asarray(shapely.transform(geometries, self.apply))
 
     def inverse(self) -> Pose2D:
         """Return `child_T_parent`."""

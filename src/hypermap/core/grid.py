@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+import operator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -10,10 +10,14 @@ import shapely
 from numpy.typing import ArrayLike, NDArray
 from shapely.geometry.base import BaseGeometry
 
-from hypermap.core.arrays import BoolArray, IntArray
+from hypermap.core.arrays import BoolArray, IntArray, as_points_xy
 from hypermap.core.frames import Pose2D
+from hypermap.core.shapes import as_area
 
 _TILE = 64  # cells; tiles wholly inside or outside an area are decided at once
+_DECIMALS = 6  # of a cell
+_FAR = 1e12  # metres; no grid reaches there
+_RESOLUTIONS = (1e-6, 1e6)  # metres
 
 
 @dataclass(frozen=True)
@@ -30,7 +34,8 @@ class GridGeometry:
         origin: pose of the lower left corner of cell (0, 0) in the layer's frame.
 
     Raises:
-        ValueError: If a side has no cells or the resolution is not a positive number.
+        ValueError: If a side has no cells, or the resolution is no sensible number.
+        TypeError: If a side is no integer.
 
     >>> grid = GridGeometry(width=4, height=3, resolution=0.5, origin=Pose2D(x=1.0))
     >>> grid.cells_at([[1.1, 0.9]])
@@ -45,10 +50,14 @@ class GridGeometry:
     origin: Pose2D = field(default_factory=Pose2D)
 
     def __post_init__(self) -> None:
+        operator.index(self.width), operator.index(self.height)  # a TypeError for others
         if self.width < 1 or self.height < 1:
             raise ValueError(f"a grid needs at least one cell, got {self.width} x {self.height}")
-        if not (math.isfinite(self.resolution) and self.resolution > 0):
-            raise ValueError(f"resolution must be a positive number, got {self.resolution}")
+        smallest, largest = _RESOLUTIONS
+        if not smallest <= self.resolution <= largest:
+            raise ValueError(
+                f"resolution must be from {smallest:g} to {largest:g} m, got {self.resolution}"
+            )
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -57,9 +66,9 @@ class GridGeometry:
 
     def cells_at(self, points_xy: ArrayLike) -> IntArray:
         """Return (row, col) of each point, int64, shape (N, 2); they may lie off the grid."""
-        local = self.origin.inverse().apply(points_xy) / self.resolution
-        limit = float(2**62)
-        return np.clip(np.floor(local[:, ::-1]), -limit, limit).astype(np.int64)
+        near = np.clip(as_points_xy(points_xy), -_FAR, _FAR)
+        local = self.origin.inverse().apply(near) / self.resolution
+        return np.floor(local[:, ::-1]).astype(np.int64)
 
     def to_cells_matrix(self) -> NDArray[np.float64]:
         """Return what `cells_at` does before it rounds down, as a matrix, for compiled loops.
@@ -98,35 +107,60 @@ class GridGeometry:
     def cells_in(self, area: BaseGeometry) -> tuple[IntArray, IntArray]:
         """Return rows and columns of the cells whose centre the area covers, in row-major order.
 
-        A centre on the area's boundary counts.
+        A centre on the area's boundary counts; lengths below a millionth of a cell do not.
 
         Args:
             area: polygon or multipolygon in the layer's frame.
+
+        Raises:
+            TypeError, ValueError: If it is no geometry, or not finite.
         """
-        if area.is_empty:
-            return np.empty(0, np.int64), np.empty(0, np.int64)
-        # In units of cells, shifted so that the centre of cell (0, 0) is the point (0, 0).
+        window = self.window_in(area)
+        rows, cols = np.nonzero(window.inside)
+        return rows + window.row, cols + window.col
+
+    def window_in(self, area: BaseGeometry) -> Window:
+        """Return the cells that `cells_in` returns, as a mask over the part around them."""
+        # In units of cells, shifted so that the centre of cell (row, col) is the point (col, row).
+        # Rounding puts corners that are meant to lie on a centre exactly there.
         to_cells = self.origin.inverse()
-        local = shapely.transform(area, lambda xy: to_cells.apply(xy) / self.resolution - 0.5)
+        local = shapely.transform(
+            as_area(area),
+            lambda xy: np.round(to_cells.apply(xy) / self.resolution - 0.5, _DECIMALS),
+        )
+        if local.is_empty:
+            return Window(0, 0, np.zeros((0, 0), dtype=bool))
         shapely.prepare(local)
-        min_col, min_row, max_col, max_row = local.bounds
-        row0, row1 = (
-            max(math.ceil(min_row - 1e-6), 0),
-            min(math.floor(max_row + 1e-6), self.height - 1),
-        )
-        col0, col1 = (
-            max(math.ceil(min_col - 1e-6), 0),
-            min(math.floor(max_col + 1e-6), self.width - 1),
-        )
-        if row0 > row1 or col0 > col1:
-            return np.empty(0, np.int64), np.empty(0, np.int64)
-        inside = np.zeros((row1 - row0 + 1, col1 - col0 + 1), dtype=bool)
+        lowest, highest = np.reshape(local.bounds, (2, 2))
+        col, row = np.clip(np.ceil(lowest), 0, (self.width, self.height)).astype(int)
+        col_end, row_end = np.clip(np.floor(highest) + 1, (col, row), (self.width, self.height))
+        inside = np.zeros((int(row_end) - row, int(col_end) - col), dtype=bool)
         for top in range(0, inside.shape[0], _TILE):
             for left in range(0, inside.shape[1], _TILE):
                 tile = inside[top : top + _TILE, left : left + _TILE]
-                _fill_tile(tile, local, row0 + top, col0 + left)
-        rows, cols = np.nonzero(inside)
-        return rows + row0, cols + col0
+                _fill_tile(tile, local, row + top, col + left)
+        return Window(int(row), int(col), inside)
+
+
+@dataclass(frozen=True, eq=False)
+class Window:
+    """A part of a grid, and which of its cells lie in an area.
+
+    Attributes:
+        row: first row.
+        col: first column.
+        inside: shape (rows, columns) of the part.
+    """
+
+    row: int
+    col: int
+    inside: BoolArray
+
+    @property
+    def slices(self) -> tuple[slice, slice]:
+        """What cuts the part out of an array of the whole grid."""
+        rows, cols = self.inside.shape
+        return slice(self.row, self.row + rows), slice(self.col, self.col + cols)
 
 
 def _fill_tile(tile: BoolArray, area: BaseGeometry, row: int, col: int) -> None:

@@ -6,21 +6,44 @@ from collections.abc import Mapping
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
+import shapely
+from numpy.typing import ArrayLike, NDArray
+from shapely.geometry.base import BaseGeometry
 
+from hypermap.core.arrays import BoolArray, IntArray, ObjectArray, as_points_xy
 from hypermap.core.grid import GridGeometry
-from hypermap.core.layer import Layer
+from hypermap.core.layer import Hits, Layer, RasterPicture
 
 UNKNOWN, FREE, OCCUPIED = -1, 0, 100
+LABELS = ("Free", "Occupied", "Unknown")
+
+_LARGEST = 255  # of a raw map, which holds the picture's grey values
+_COLORS = {"Free": (255, 255, 255), "Occupied": (35, 38, 45), "Unknown": (205, 208, 212)}
 
 
 class OccupancyLayer(Layer):
     """Occupancy on a grid; row 0 lies at the origin and rows grow along y.
 
+    A cell's label is "Free" where its value is 0, "Occupied" where it is 100, and "Unknown" for
+    every other value and off the grid. A layer without a grid is empty.
+
     Attributes:
         grid: where the cells lie; None while the layer is empty.
-        cells: shape (height, width); int8 with -1 unknown, 0 free .. 100 occupied, or int16 where
-            a raw map holds values up to 255. None while the layer is empty.
+        cells: read-only, shape (height, width); int8 with -1 unknown, 0 free .. 100 occupied, or
+            int16 where a raw map holds values up to 255. None while the layer is empty. It is a
+            view: an int8 or int16 array that was handed in is not copied.
+
+    Raises:
+        ValueError: If only one of `grid` and `cells` is given, their shapes differ, or a value
+            is below -1 or above 255.
+        TypeError: If the cells are no integers.
+
+    >>> grid = GridGeometry(width=2, height=1, resolution=0.5)
+    >>> layer = OccupancyLayer("occupancy", "map", grid, np.array([[0, 100]]))
+    >>> layer.value_at([[0.7, 0.2], [9.0, 9.0]])
+    array([100,  -1], dtype=int32)
+    >>> layer.find("Free")
+    array([[0.25, 0.25]])
     """
 
     class_name: ClassVar[str] = "OccupancyGridLayer"
@@ -30,9 +53,110 @@ class OccupancyLayer(Layer):
         name: str,
         frame_id: str,
         grid: GridGeometry | None = None,
-        cells: NDArray[np.int8] | NDArray[np.int16] | None = None,
+        cells: NDArray[np.integer[Any]] | None = None,
         settings: Mapping[str, Any] | None = None,
     ) -> None:
         super().__init__(name, frame_id, settings)
         self.grid = grid
-        self.cells = cells
+        self.cells: NDArray[np.int8] | NDArray[np.int16] | None = None
+        if grid is not None and cells is not None:
+            self.cells = _checked(cells, grid)
+        elif grid is not None or cells is not None:
+            raise ValueError(f"layer {name!r}: give both a grid and its cells, or neither")
+
+    def label_at(self, points_xy: ArrayLike) -> ObjectArray:
+        """Return "Free", "Occupied" or "Unknown" for each point, shape (N,)."""
+        return _labels(self.value_at(points_xy))
+
+    def value_at(self, points_xy: ArrayLike) -> NDArray[np.int32]:
+        """Return the cell under each point, shape (N,); -1 where unknown or off the grid."""
+        points = as_points_xy(points_xy)
+        values = np.full(len(points), UNKNOWN, dtype=np.int32)
+        if self.grid is not None and self.cells is not None:
+            rows, cols = self.grid.cells_at(points).T
+            on_grid = self.grid.contains(rows, cols)
+            values[on_grid] = self.cells[rows[on_grid], cols[on_grid]]
+        return values
+
+    def labels_in(self, area: BaseGeometry) -> Hits:
+        """Return the label and centre of each cell whose centre the area covers, by rows."""
+        hits = self.values_in(area)
+        return Hits(_labels(hits.values), hits.points_xy)
+
+    def values_in(self, area: BaseGeometry) -> Hits:
+        """Return the value and centre of each cell whose centre the area covers, by rows."""
+        if self.grid is None or self.cells is None:
+            return Hits(np.empty(0, np.int32), np.empty((0, 2)))
+        rows, cols = self.grid.cells_in(area)
+        return Hits(self.cells[rows, cols].astype(np.int32), self.grid.centers(rows, cols))
+
+    def find(self, what: str | float, area: BaseGeometry | None = None) -> NDArray[np.float64]:
+        """Return the centres of the cells with a label or value, shape (M, 2), by rows."""
+        if self.grid is None or self.cells is None:
+            return np.empty((0, 2))
+        if area is None:
+            return self.grid.centers(*np.nonzero(_matches(self.cells, what)))
+        window = self.grid.window_in(area)
+        rows, cols = np.nonzero(window.inside & _matches(self.cells[window.slices], what))
+        return self.grid.centers(rows + window.row, cols + window.col)
+
+    def counts(self) -> dict[str, int]:
+        """Return how many cells have each label; nothing for an empty layer."""
+        if self.cells is None:
+            return {}
+        return {label: int(np.count_nonzero(_matches(self.cells, label))) for label in LABELS}
+
+    def extent(self) -> BaseGeometry:
+        """Return the area that the grid covers."""
+        return shapely.Polygon() if self.grid is None else self.grid.outline()
+
+    def picture(self) -> RasterPicture | None:
+        """Return free cells light, occupied ones dark, unknown ones transparent."""
+        if self.grid is None or self.cells is None:
+            return None
+        return RasterPicture(self.grid, _palette()[self.cells], _COLORS)
+
+
+def _checked(cells: NDArray[np.integer[Any]], grid: GridGeometry) -> NDArray[Any]:
+    """Return a read-only view of the cells, as int8 or int16."""
+    array = np.asarray(cells)
+    if array.shape != grid.shape:
+        raise ValueError(f"cells must have shape {grid.shape}, got {array.shape}")
+    if not np.issubdtype(array.dtype, np.integer):
+        raise TypeError(f"cells must be integers, got {array.dtype}")
+    lowest, highest = int(array.min()), int(array.max())
+    if lowest < UNKNOWN or highest > _LARGEST:
+        wrong = lowest if lowest < UNKNOWN else highest
+        raise ValueError(f"cells must lie between {UNKNOWN} and {_LARGEST}, one is {wrong}")
+    if array.dtype not in (np.int8, np.int16):
+        array = array.astype(np.int8 if highest <= np.iinfo(np.int8).max else np.int16)
+    view = np.ascontiguousarray(array).view()
+    view.flags.writeable = False
+    return view
+
+
+def _labels(values: IntArray) -> ObjectArray:
+    labels = np.full(len(values), "Unknown", dtype=object)
+    labels[values == FREE] = "Free"
+    labels[values == OCCUPIED] = "Occupied"
+    return labels
+
+
+def _matches(cells: IntArray, what: str | float) -> BoolArray:
+    """Return which cells have a label or value."""
+    if not isinstance(what, str):
+        return np.asarray(cells == what)
+    if what == "Unknown":
+        return np.asarray((cells != FREE) & (cells != OCCUPIED))
+    values = {"Free": FREE, "Occupied": OCCUPIED}
+    return np.asarray(cells == values[what]) if what in values else np.zeros(cells.shape, bool)
+
+
+def _palette() -> NDArray[np.uint8]:
+    """Return the color of each value, shape (257, 4); the last one, at index -1, is unknown's."""
+    palette = np.full((_LARGEST + 2, 4), 255, dtype=np.uint8)
+    share = np.minimum(np.arange(_LARGEST + 1) / OCCUPIED, 1)[:, np.newaxis]
+    free, occupied = np.array(_COLORS["Free"]), np.array(_COLORS["Occupied"])
+    palette[:-1, :3] = np.round(free + share * (occupied - free))
+    palette[-1] = (*_COLORS["Unknown"], 0)
+    return palette

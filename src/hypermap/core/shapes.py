@@ -1,0 +1,52 @@
+"""Shapes in the plane: checked once, and repaired where an outline crosses itself."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from hypermap.core.arrays import ObjectArray
+
+_FAR = 1e9  # metres; what of an area lies beyond is cut off
+_FARTHEST = 1e100  # metres; products of two such lengths do not overflow
+
+
+def as_area(area: Any) -> BaseGeometry:
+    """Return a shapely geometry that questions can be asked about; an empty one holds nothing.
+
+    Raises:
+        TypeError: If it is no shapely geometry.
+        ValueError: If a coordinate is not finite.
+    """
+    if not isinstance(area, BaseGeometry):
+        raise TypeError(f"an area must be a shapely geometry, got {type(area).__name__}")
+    farthest = np.abs(shapely.get_coordinates(area)).max(initial=0)
+    if not np.isfinite(farthest):
+        raise ValueError("an area must be finite; there is a NaN or infinite coordinate")
+    if farthest > _FAR:
+        area = shapely.transform(area, lambda xy: np.clip(xy, -_FARTHEST, _FARTHEST))
+        area = shapely.clip_by_rect(area, -_FAR, -_FAR, _FAR, _FAR)
+    checked: BaseGeometry = area if area.is_valid else repaired(area)
+    return checked
+
+
+def repaired(shape: Any) -> Any:
+    """Return a valid geometry for one whose outline crosses itself; also for an array of them.
+
+    Whatever the outline winds around belongs to it: both halves of a bow tie, and what it winds
+    around twice. A polygon without area becomes the line or point that it is.
+    """
+    return shapely.make_valid(shape, method="structure", keep_collapsed=True)
+
+
+def valid_copies(shapes: ObjectArray) -> ObjectArray:
+    """Return the shapes, (N,), with the invalid ones repaired."""
+    bad = ~shapely.is_valid(shapes)
+    if not bad.any():
+        return shapes
+    valid = shapes.copy()
+    valid[bad] = repaired(shapes[bad])
+    return valid
