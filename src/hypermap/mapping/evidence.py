@@ -98,7 +98,8 @@ class EvidenceMap:
     def _usable(self, observation: Observation) -> list[tuple[str, Evidence]]:
         """Return name and evidence of each observed shape that is an area."""
         shapes = np.array([observed.footprint for observed in observation.objects], dtype=object)
-        usable = (shapely.area(shapes) > 0) & shapely.is_valid(shapes)
+        usable = shapely.is_valid(shapes)
+        usable[usable] = shapely.area(shapes[usable]) > 0
         if not usable.all():
             self.ignored += int(np.count_nonzero(~usable))
             _log.info("frame %.6f: shapes without area left out", observation.stamp)

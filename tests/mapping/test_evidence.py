@@ -1,0 +1,348 @@
+"""Observed shapes become objects, which gain and lose existence."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from shapely.geometry.base import BaseGeometry
+
+from hypermap.core.semantic import SemanticObject
+from hypermap.mapping.config import EvidenceConfig, profile
+from hypermap.mapping.evidence import EvidenceMap
+from hypermap.perception.observation import Observation, ObservedObject
+
+THESIS = profile("thesis").evidence
+DEFAULT = profile("default").evidence
+ROOM = shapely.box(-10, -10, 10, 10)
+NOWHERE = shapely.Polygon()
+
+
+def square(x: float, y: float = 0.0, side: float = 1.0) -> shapely.Polygon:
+    return shapely.box(x - side / 2, y - side / 2, x + side / 2, y + side / 2)
+
+
+def seen(
+    *shapes: BaseGeometry,
+    name: str = "chair",
+    area: BaseGeometry = ROOM,
+    stamp: float = 0.0,
+    score: float = 1.0,
+) -> Observation:
+    objects = tuple(ObservedObject(name, score, shape, 0.1, 0.9) for shape in shapes)
+    return Observation(stamp, np.eye(4), objects, area)
+
+
+def published_all(config: EvidenceConfig) -> EvidenceConfig:
+    """The same configuration, with every object published that is not forgotten."""
+    return dataclasses.replace(config, publish_above=config.forget_below)
+
+
+def only(evidence: EvidenceMap) -> SemanticObject:
+    (found,) = evidence.objects()
+    return found
+
+
+def test_existence_follows_the_thesis() -> None:
+    # Seen three times, lost six times. Whoever lies in the observed area loses 0.2, seen or not.
+    evidence = EvidenceMap(published_all(THESIS))
+    expected = [0.8, 1.6, 2.4, 2.2, 2.0, 1.8, 1.6, 1.4, 1.2]
+    found = []
+    for observation in [seen(square(0))] * 3 + [seen()] * 6:
+        evidence.update(observation)
+        found.append(only(evidence).existence)
+    assert found == expected
+
+
+def test_an_object_is_published_above_two() -> None:
+    evidence = EvidenceMap(dataclasses.replace(THESIS, loss=0.0))
+    counts = []
+    for _ in range(3):
+        evidence.update(seen(square(0)))
+        counts.append(len(evidence))
+    assert counts == [0, 0, 1]  # existence 1, 2, 3
+
+
+def test_an_object_is_forgotten_below_minus_five() -> None:
+    evidence = EvidenceMap(published_all(THESIS))
+    evidence.update(seen(square(0), area=NOWHERE))  # existence 1
+    for _ in range(30):
+        evidence.update(seen())
+    assert evidence.evidence(0)[0].stamp == 0  # existence -5: just still known
+    evidence.update(seen())
+    with pytest.raises(KeyError):
+        evidence.evidence(0)
+
+
+def test_existence_is_capped_at_twenty() -> None:
+    evidence = EvidenceMap(THESIS)
+    for _ in range(30):
+        evidence.update(seen(square(0), area=NOWHERE))
+    assert only(evidence).existence == 20
+    evidence.update(seen(square(0)))
+    assert only(evidence).existence == 19.8
+
+
+@pytest.mark.parametrize(
+    ("area", "existence"),
+    [
+        (square(0, side=1.2), 1.4),
+        (square(0, side=1), 1.4),  # its own boundary still lies within
+        (square(0.2, side=1.2), 1.6),  # sticks out
+        (square(5), 1.6),
+        (NOWHERE, 1.6),
+    ],
+    ids=["inside", "same", "partly", "elsewhere", "empty"],
+)
+def test_an_object_loses_only_where_its_whole_shape_was_observed(
+    area: BaseGeometry, existence: float
+) -> None:
+    evidence = EvidenceMap(published_all(THESIS))
+    for _ in range(2):
+        evidence.update(seen(square(0)))
+    evidence.update(seen(area=area))
+    assert only(evidence).existence == existence
+
+
+def test_in_the_default_profile_only_what_was_not_seen_loses() -> None:
+    evidence = EvidenceMap(published_all(DEFAULT))
+    evidence.update(seen(square(0), score=0.5))
+    assert only(evidence).existence == 0.5
+    evidence.update(seen(square(0), score=0.75))
+    assert only(evidence).existence == 1.25
+    evidence.update(seen())
+    assert only(evidence).existence == 1.05
+
+
+def test_in_the_default_profile_the_edge_of_the_view_and_distant_things_lose_nothing() -> None:
+    evidence = EvidenceMap(published_all(DEFAULT))
+    evidence.update(seen(square(0), square(6)))
+    evidence.update(seen(area=square(0, side=1.1)))
+    evidence.update(seen(area=square(6, side=3)))  # the camera stands at the origin
+    assert [found.existence for found in evidence.objects()] == [1, 1]
+
+
+def test_evidence_goes_to_the_object_it_overlaps_by_a_fifth() -> None:
+    evidence = EvidenceMap(published_all(THESIS))
+    evidence.update(seen(shapely.box(0, 0, 3, 1)))
+    evidence.update(seen(shapely.box(2, 0, 5, 1)))
+    assert only(evidence).attributes["evidence"] == 2
+    evidence.update(seen(shapely.box(10, 0, 13, 1)))
+    evidence.update(seen(shapely.box(12.1, 0, 15.1, 1)))
+    assert [found.attributes["evidence"] for found in evidence.objects()] == [2, 1, 1]
+
+
+def test_a_shape_that_matches_several_objects_combines_them() -> None:
+    evidence = EvidenceMap(published_all(THESIS))
+    evidence.update(seen(square(0), square(1.1), square(9), area=NOWHERE))
+    evidence.update(seen(square(0), stamp=1.0, area=NOWHERE))
+    evidence.update(seen(square(0.55, side=2), stamp=2.0, area=NOWHERE))
+    combined, other = evidence.objects()
+    assert (combined.id, combined.existence, combined.attributes["evidence"]) == (0, 4, 4)
+    assert (combined.first_seen, combined.last_seen) == (0, 2)
+    assert (other.id, other.attributes["evidence"]) == (2, 1)
+    # Centroids at x = 0, 1.1, 0 and 0.55: the mean is 0.4125, and the large one is the nearest.
+    assert combined.footprint.equals(square(0.55, side=2))
+
+
+def test_combined_existence_is_capped_too() -> None:
+    evidence = EvidenceMap(THESIS)
+    for _ in range(15):
+        evidence.update(seen(square(0), square(1.1), area=NOWHERE))
+    evidence.update(seen(square(0.55, side=2), area=NOWHERE))
+    assert only(evidence).existence == 20
+
+
+def test_one_wrong_shape_does_not_combine_objects_in_the_default_profile() -> None:
+    evidence = EvidenceMap(published_all(DEFAULT))
+    for _ in range(5):
+        evidence.update(seen(square(0), square(2)))
+    evidence.update(seen(shapely.box(-0.5, -0.5, 2.5, 0.5)))
+    assert [round(found.footprint.area, 1) for found in evidence.objects()] == [1, 1]
+
+
+def test_objects_that_grow_into_each_other_are_combined_in_the_default_profile() -> None:
+    evidence = EvidenceMap(published_all(DEFAULT))
+    left, right, whole = shapely.box(0, 0, 1, 1), shapely.box(1, 0, 2, 1), shapely.box(0, 0, 2, 1)
+    evidence.update(seen(left, right))
+    assert len(evidence.objects()) == 2
+    for _ in range(3):
+        evidence.update(seen(whole))
+    assert only(evidence).id == 0
+    assert only(evidence).attributes["evidence"] == 5
+
+
+def test_best_shape_and_hull_of_three_shapes() -> None:
+    shapes = [square(0), square(0.4), square(1.0)]  # the mean centroid is at 0.467
+    for fusion, expected in [
+        ("best_shape", square(0.4)),
+        ("convex_hull", shapely.box(-0.5, -0.5, 1.5, 0.5)),
+    ]:
+        evidence = EvidenceMap(
+            dataclasses.replace(published_all(THESIS), fusion=fusion, association="radius")
+        )
+        for shape in shapes:
+            evidence.update(seen(shape))
+        assert only(evidence).footprint.equals(expected)
+
+
+def test_a_published_object_tells_what_is_known_of_it() -> None:
+    evidence = EvidenceMap(THESIS)
+    for stamp, score in [(1.0, 0.5), (2.0, 0.7), (3.0, 0.9), (4.0, 0.9)]:
+        evidence.update(seen(square(0), stamp=stamp, score=score))
+    found = only(evidence)
+    assert (found.name, found.id, found.tags) == ("chair", 0, ("chair",))
+    assert found.confidence == pytest.approx((0.75,))
+    assert (found.first_seen, found.last_seen, found.existence) == (1, 4, 3.2)
+    assert dict(found.attributes) == {"evidence": 4, "z_min": 0.1, "z_max": 0.9}
+
+
+def test_the_evidence_behind_an_object_keeps_stamp_pose_and_score() -> None:
+    evidence = EvidenceMap(THESIS)
+    pose = np.eye(4)
+    pose[:3, 3] = 1, 2, 3
+    observed = ObservedObject("cup", 0.4, square(0), 0.7, 0.8)
+    evidence.update(Observation(5.0, pose, (observed,), ROOM))
+    (kept,) = evidence.evidence(0)
+    assert (kept.stamp, kept.score, kept.z_max) == (5, 0.4, 0.8)
+    assert kept.map_T_camera is pose
+    assert kept.footprint is observed.footprint
+
+
+def test_evidence_is_bounded() -> None:
+    evidence = EvidenceMap(dataclasses.replace(THESIS, max_evidence=3))
+    for stamp in range(5):
+        evidence.update(seen(square(0), stamp=float(stamp)))
+    assert [kept.stamp for kept in evidence.evidence(0)] == [2, 3, 4]
+    assert only(evidence).attributes["evidence"] == 5
+
+
+def test_asking_for_objects_does_not_change_what_is_mapped() -> None:
+    rng = np.random.default_rng(3)
+    asked, unasked = EvidenceMap(DEFAULT), EvidenceMap(DEFAULT)
+    for _ in range(60):
+        observation = seen(square(*rng.normal(0, 0.2, 2)), square(*rng.normal(2, 0.2, 2)))
+        asked.update(observation)
+        unasked.update(observation)
+        asked.objects()
+    for one, other in zip(asked.objects(), unasked.objects(), strict=True):
+        assert one.footprint.equals(other.footprint)
+        assert one.existence == other.existence
+
+
+def test_published_shapes_are_up_to_date_even_where_renewal_is_lazy() -> None:
+    lazy, eager = (
+        EvidenceMap(dataclasses.replace(DEFAULT, renewal=renewal, combine="matches"))
+        for renewal in (0.5, 0.0)
+    )
+    rng = np.random.default_rng(5)
+    for _ in range(25):
+        observation = seen(square(*rng.normal(0, 0.05, 2)))
+        lazy.update(observation)
+        eager.update(observation)
+        if len(eager):
+            assert only(lazy).footprint.equals(only(eager).footprint)
+
+
+@pytest.mark.parametrize(
+    "shape",
+    [
+        shapely.Polygon(),
+        shapely.LineString([(0, 0), (1, 1)]),
+        shapely.Polygon([(0, 0), (1, 1), (2, 2)]),
+        shapely.Polygon([(0, 0), (2, 2), (2, 0), (0, 2)]),
+        shapely.Polygon([(0, 0), (1, 0), (float("inf"), 1)]),
+    ],
+    ids=["empty", "line", "flat", "bow tie", "infinite"],
+)
+def test_what_is_no_area_is_left_out_and_counted(shape: BaseGeometry) -> None:
+    evidence = EvidenceMap(published_all(THESIS))
+    evidence.update(seen(shape, square(0)))
+    assert only(evidence).footprint.equals(square(0))
+    assert evidence.ignored == 1
+
+
+def test_frames_without_anything_change_nothing() -> None:
+    for config in (THESIS, DEFAULT):
+        evidence = EvidenceMap(config)
+        evidence.update(seen())
+        evidence.update(seen(area=NOWHERE))
+        assert evidence.objects() == []
+        assert len(evidence.layer("semantic", "map")) == 0
+
+
+def test_the_layer_has_the_objects_with_their_ids() -> None:
+    evidence = EvidenceMap(dataclasses.replace(THESIS, loss=0.0))
+    for _ in range(3):
+        evidence.update(seen(square(3)))
+    for _ in range(3):
+        evidence.update(seen(square(0), name="cup"))
+    layer = evidence.layer("things", "lab")
+    assert (layer.name, layer.frame_id) == ("things", "lab")
+    assert [(found.id, found.name) for found in layer.objects()] == [(0, "chair"), (1, "cup")]
+    assert layer.label_at([[0, 0], [3, 0]]).tolist() == ["cup", "chair"]
+
+
+@st.composite
+def _shapes(draw: st.DrawFn) -> shapely.Polygon:
+    x, y = draw(st.integers(-8, 8)) / 4, draw(st.integers(-8, 8)) / 4
+    return square(x, y, side=draw(st.sampled_from([0.5, 1.0, 1.5])))
+
+
+sequences = st.lists(
+    st.tuples(st.lists(_shapes(), max_size=3), st.lists(_shapes(), max_size=3)), max_size=6
+)
+profiles = st.sampled_from([THESIS, DEFAULT])
+
+
+@settings(max_examples=60, deadline=None)
+@given(frames=sequences, config=profiles)
+def test_the_order_of_classes_within_a_frame_does_not_matter(
+    frames: list[tuple[list[BaseGeometry], list[BaseGeometry]]], config: EvidenceConfig
+) -> None:
+    chairs_first, cups_first = (EvidenceMap(published_all(config)) for _ in range(2))
+    for stamp, (chairs, cups) in enumerate(frames):
+        a = [ObservedObject("chair", 0.8, shape) for shape in chairs]
+        b = [ObservedObject("cup", 0.8, shape) for shape in cups]
+        chairs_first.update(Observation(float(stamp), np.eye(4), tuple(a + b), ROOM))
+        cups_first.update(Observation(float(stamp), np.eye(4), tuple(b + a), ROOM))
+
+    def facts(evidence: EvidenceMap) -> list[tuple[str, str, float | None]]:
+        return sorted(
+            (o.name, o.footprint.normalize().wkt, o.existence) for o in evidence.objects()
+        )
+
+    assert facts(chairs_first) == facts(cups_first)
+
+
+@settings(max_examples=60, deadline=None)
+@given(frames=st.lists(st.lists(_shapes(), max_size=4), max_size=12), config=profiles)
+def test_existence_is_bounded_and_no_evidence_is_lost_by_combining(
+    frames: list[list[BaseGeometry]], config: EvidenceConfig
+) -> None:
+    evidence = EvidenceMap(published_all(config))
+    for shapes in frames:
+        evidence.update(seen(*shapes))
+        for found in evidence.objects():
+            assert found.existence is not None
+            assert -5 <= found.existence <= 20
+            assert found.footprint.is_valid
+            assert found.footprint.area > 0
+    # 12 frames are too few for anything to be forgotten (that takes 26).
+    counts = [found.attributes["evidence"] for found in evidence.objects()]
+    assert sum(counts) == sum(len(shapes) for shapes in frames)
+
+
+@given(config=profiles)
+def test_what_is_never_seen_again_is_forgotten(config: EvidenceConfig) -> None:
+    evidence = EvidenceMap(config)
+    for _ in range(40):
+        evidence.update(seen(square(0)))
+    for _ in range(126):  # from 20 to below -5 in steps of 0.2
+        evidence.update(seen())
+    with pytest.raises(KeyError):
+        evidence.evidence(0)

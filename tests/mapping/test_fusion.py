@@ -1,0 +1,166 @@
+"""How an object's shape comes from its evidence."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given
+from hypothesis import strategies as st
+from shapely.geometry.base import BaseGeometry
+
+from hypermap.core.frames import Pose2D
+from hypermap.core.grid import GridGeometry
+from hypermap.mapping.config import EvidenceConfig
+from hypermap.mapping.fusion import _count_votes, best_shape, convex_hull, votes
+from hypermap.mapping.pile import Evidence, Pile
+
+CONFIG = EvidenceConfig()
+EVERYWHERE = shapely.box(-100, -100, 100, 100)
+
+
+def pile(
+    *shapes: BaseGeometry,
+    areas: list[BaseGeometry] | None = None,
+    scores: list[float] | None = None,
+    limit: int = 100,
+) -> Pile:
+    result = Pile(limit)
+    for i, shape in enumerate(shapes):
+        result.add(
+            Evidence(
+                stamp=float(i),
+                map_T_camera=np.eye(4),
+                visible_area=areas[i] if areas else EVERYWHERE,
+                score=scores[i] if scores else 1.0,
+                footprint=shape,
+                centroid_xy=np.array([shape.centroid.x, shape.centroid.y]),
+                z_min=0.1 * i,
+                z_max=1.0 + 0.1 * i,
+            )
+        )
+    return result
+
+
+def square(x: float, y: float = 0.0, side: float = 1.0) -> shapely.Polygon:
+    return shapely.box(x - side / 2, y - side / 2, x + side / 2, y + side / 2)
+
+
+def iou(a: BaseGeometry, b: BaseGeometry) -> float:
+    return a.intersection(b).area / a.union(b).area
+
+
+def test_best_shape_is_nearest_to_the_mean_centroid_and_not_the_newest() -> None:
+    # Centroids at x = 0, 0.5 and 4: their mean is 1.5, and 0.5 is the nearest to it.
+    shapes = [square(0), square(0.5, side=0.7), square(4)]
+    assert best_shape(pile(*shapes), CONFIG) is shapes[1]
+
+
+def test_of_equally_good_shapes_the_oldest_is_kept() -> None:
+    shapes = [square(-1), square(1)]
+    assert best_shape(pile(*shapes), CONFIG) is shapes[0]
+
+
+def test_the_convex_hull_covers_all_shapes() -> None:
+    hull = convex_hull(pile(square(0), square(3, side=0.5)), CONFIG)
+    # Worked out by hand: corners (-0.5, +-0.5) and (3.25, +-0.25) and what lies between them.
+    expected = shapely.Polygon(
+        [(-0.5, -0.5), (0.5, -0.5), (3.25, -0.25), (3.25, 0.25), (0.5, 0.5), (-0.5, 0.5)]
+    )
+    assert hull.equals(expected)
+
+
+def test_votes_leave_out_what_few_views_show() -> None:
+    good = [square(0)] * 9
+    fused = votes(pile(*good, square(2, side=3)), CONFIG)
+    assert iou(fused, square(0)) > 0.95
+
+
+def test_votes_keep_what_enough_views_show() -> None:
+    left, right = shapely.box(0, 0, 1, 1), shapely.box(1, 0, 2, 1)
+    fused = votes(pile(left, right, left, right), CONFIG)
+    assert iou(fused, shapely.box(0, 0, 2, 1)) > 0.95
+
+
+def test_a_view_does_not_vote_on_what_it_could_not_see() -> None:
+    table, corner = shapely.box(0, 0, 2, 1), shapely.box(0, 0, 0.4, 1)
+    edge_of_image = shapely.box(-5, -5, 0.4, 5)
+    shapes, areas = [table] + [corner] * 9, [EVERYWHERE] + [edge_of_image] * 9
+    assert iou(votes(pile(*shapes, areas=areas), CONFIG), table) > 0.95
+    seen_everywhere = votes(pile(*shapes), CONFIG)
+    assert iou(seen_everywhere, corner) > 0.9
+
+
+def test_an_empty_observed_area_abstains_from_nothing() -> None:
+    shapes = [square(0)] * 9 + [square(2, side=3)]
+    fused = votes(pile(*shapes, areas=[shapely.Polygon()] * 10), CONFIG)
+    assert iou(fused, square(0)) > 0.95
+
+
+def test_votes_weigh_by_score() -> None:
+    small, large = square(0, side=1), square(0, side=2)
+    shapes = [small, large]
+    assert iou(votes(pile(*shapes, scores=[0.9, 0.1]), CONFIG), small) > 0.9
+    assert iou(votes(pile(*shapes, scores=[0.5, 0.5]), CONFIG), large) > 0.9
+
+
+def test_votes_with_scores_of_zero_count_alike() -> None:
+    assert iou(votes(pile(square(0), square(0), scores=[0.0, 0.0]), CONFIG), square(0)) > 0.9
+
+
+def test_a_shape_smaller_than_a_cell_stays_as_it_is() -> None:
+    tiny = square(0.0101, 0.0099, side=0.0001)
+    assert votes(pile(tiny), CONFIG).area > 0
+
+
+def test_votes_on_a_huge_shape_take_coarser_cells() -> None:
+    huge = shapely.box(0, 0, 1000, 10)
+    assert iou(votes(pile(huge), CONFIG), huge) > 0.5
+
+
+@pytest.mark.parametrize("fuse", [best_shape, convex_hull, votes])
+def test_one_shape_is_its_own_fusion(fuse: object) -> None:
+    triangle = shapely.Polygon([(0, 0), (1, 0), (0.5, 1)])
+    assert iou(fuse(pile(triangle), CONFIG), triangle) > 0.9
+
+
+def test_only_the_newest_evidence_is_kept_but_all_is_counted() -> None:
+    full = pile(*(square(i) for i in range(5)), limit=3)
+    assert [evidence.stamp for evidence in full.items] == [2, 3, 4]
+    assert full.centroids[:, 0].tolist() == [2, 3, 4]
+    assert (full.count, full.first_seen, full.last_seen) == (5, 0, 4)
+    assert full.heights() == pytest.approx((0.3, 1.3))
+
+
+def test_merged_evidence_is_in_order_of_time() -> None:
+    first, second = pile(square(0), square(1)), pile(square(5), square(6))
+    first.merge([second])
+    assert [evidence.stamp for evidence in first.items] == [0, 0, 1, 1]
+    assert first.count == 4
+
+
+coordinates = st.integers(-30, 130).map(lambda n: n / 10 + 0.05)
+points = st.tuples(coordinates, coordinates)
+
+
+@given(
+    corners=st.lists(points, min_size=3, max_size=8),
+    reverse=st.booleans(),
+    hole=st.booleans(),
+)
+def test_votes_are_counted_as_shapely_decides_about_each_cell(
+    corners: list[tuple[float, float]], reverse: bool, hole: bool
+) -> None:
+    grid = GridGeometry(width=10, height=10, resolution=1.0, origin=Pose2D(0.0, 0.0))
+    polygon: BaseGeometry = shapely.MultiPoint(corners).convex_hull
+    if hole:
+        polygon = polygon.difference(shapely.box(3.3, 3.3, 6.7, 6.7))
+    if polygon.area == 0 or not isinstance(polygon, shapely.Polygon | shapely.MultiPolygon):
+        return
+    polygon = polygon.reverse() if reverse else polygon
+    counted = _count_votes(np.array([polygon, polygon], dtype=object), np.array([1.0, 2.0]), grid)
+    rows, cols = np.indices(grid.shape)
+    centers = shapely.points(grid.centers(rows.ravel(), cols.ravel()))
+    clear = shapely.distance(centers, polygon.boundary) > 1e-9
+    covered = shapely.covers(polygon, centers)
+    assert counted.ravel()[clear] == pytest.approx(3.0 * covered[clear])

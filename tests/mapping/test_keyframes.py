@@ -1,0 +1,64 @@
+"""Leaving out frames whose camera has hardly moved."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from hypermap.mapping.config import KeyframeConfig
+from hypermap.mapping.keyframes import KeyframeSelector, rotation_angle
+
+CONFIG = KeyframeConfig(min_distance=0.1, min_angle_deg=5.0)
+
+
+def pose(x: float = 0.0, turn_deg: float = 0.0) -> NDArray[np.float64]:
+    matrix = np.eye(4)
+    matrix[:3, :3] = Rotation.from_euler("y", turn_deg, degrees=True).as_matrix()
+    matrix[0, 3] = x
+    return matrix
+
+
+@pytest.mark.parametrize(
+    ("second", "accepted"),
+    [
+        (pose(), False),
+        (pose(x=0.09, turn_deg=4.9), False),
+        (pose(x=0.11), True),
+        (pose(x=-0.11), True),
+        (pose(turn_deg=5.1), True),
+        (pose(turn_deg=-5.1), True),
+        (pose(turn_deg=180), True),
+    ],
+)
+def test_a_frame_is_accepted_when_its_camera_moved_or_turned(
+    second: NDArray[np.float64], accepted: bool
+) -> None:
+    selector = KeyframeSelector(CONFIG)
+    assert selector.accept(pose())
+    assert selector.accept(second) is accepted
+
+
+def test_slow_motion_adds_up() -> None:
+    selector = KeyframeSelector(CONFIG)
+    accepted = [selector.accept(pose(x=0.04 * i)) for i in range(7)]
+    assert accepted == [True, False, False, True, False, False, True]
+
+
+def test_thresholds_of_zero_accept_every_frame() -> None:
+    selector = KeyframeSelector(KeyframeConfig(min_distance=0, min_angle_deg=0))
+    assert all(selector.accept(pose()) for _ in range(3))
+
+
+@given(angle=st.floats(1e-9, np.pi), axis=st.tuples(*[st.floats(-1, 1)] * 3))
+def test_the_angle_of_a_rotation_is_found_again(
+    angle: float, axis: tuple[float, float, float]
+) -> None:
+    length = np.linalg.norm(axis)
+    if length < 1e-3:
+        return
+    rotation = Rotation.from_rotvec(np.array(axis) / length * angle).as_matrix()
+    assert rotation_angle(rotation) == pytest.approx(angle, rel=1e-6, abs=1e-7)
