@@ -107,7 +107,7 @@ class SevenScenesRecording:
         frames, duration, image_size = 0, 0.0, None
         notes = [f"stamps are frame numbers at {FRAME_RATE:g} Hz"]
         if self._options.map_T_world is None:
-            notes.append("the world is taken as level, z up; if it is not, give map_T_world")
+            notes.append("the world is taken as level, z up; if it is not, give --world-transform")
         try:
             frames = len(self._frames)
             duration = self._frames[-1].stamp - self._frames[0].stamp

@@ -13,7 +13,7 @@ from hypermap.perception.detections import Detections
 from hypermap.recordings.bag.file import BagFile
 from hypermap.recordings.bag.topics import ChosenTopics
 from hypermap.recordings.messages.detections import detections_of
-from hypermap.recordings.messages.header import clean_frame, nanoseconds
+from hypermap.recordings.messages.header import as_seconds, clean_frame, nanoseconds
 from hypermap.recordings.messages.transforms import TransformLog
 
 
@@ -100,7 +100,7 @@ def stamp_of(message: Any, log_time: int) -> int:
 
 def seconds(stamps: dict[int, Any]) -> NDArray[np.float64]:
     """Return the keys of a dictionary by nanoseconds in seconds, shape (N,)."""
-    return np.array([stamp / 1e9 for stamp in stamps])
+    return np.array([as_seconds(stamp) for stamp in stamps])
 
 
 def _detections(topic: str, message: Any) -> tuple[int, Detections]:

@@ -16,7 +16,7 @@ from hypermap.recordings.bag.file import Topic
 from hypermap.recordings.bag.topics import ChosenTopics
 from hypermap.recordings.messages.camera import camera_of_info, has_distortion
 from hypermap.recordings.messages.clouds import fit_camera
-from hypermap.recordings.messages.header import clean_frame
+from hypermap.recordings.messages.header import as_seconds, clean_frame
 from hypermap.recordings.options import RecordingOptions
 from hypermap.recordings.pairing import FramePlan, associate, plan_frames
 
@@ -153,7 +153,7 @@ class BagPlan:
         """The recorded detections of each frame, matched by the stamp of the color image."""
         found = self._contents.detections
         matched: list[Detections | None] = [None] * len(self.frames)
-        image_stamps = np.array([stamps[-1] / 1e9 for stamps in self.stamps])
+        image_stamps = np.array([as_seconds(stamps[-1]) for stamps in self.stamps])
         in_order = list(found.values())
         pairs = associate(image_stamps, seconds(found), self._options.max_time_difference)
         for frame, detections in zip(*pairs, strict=True):

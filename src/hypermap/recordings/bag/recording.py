@@ -16,7 +16,7 @@ from hypermap.recordings.bag.file import BagFile
 from hypermap.recordings.bag.plan import BagPlan
 from hypermap.recordings.bag.stream import stream_frames
 from hypermap.recordings.bag.topics import ChosenTopics, choose_topics
-from hypermap.recordings.messages.header import clean_frame
+from hypermap.recordings.messages.header import as_seconds, clean_frame
 from hypermap.recordings.messages.occupancy import occupancy_of_grid
 from hypermap.recordings.options import RecordingOptions
 
@@ -66,15 +66,16 @@ class BagRecording:
                     color = decode_color(topics[1], messages[1])
                 plan.check_sizes(geometry, None if color is None else color.shape)
             except FormatError as error:
-                key = f"{' and '.join(topic.name for topic in topics)} at {stamps[0] / 1e9:.3f} s"
+                names = " and ".join(topic.name for topic in topics)
+                key = f"{names} at {as_seconds(stamps[0]):.3f} s"
                 raise FormatError(str(error), path=self._path, key=key) from None
             yield RgbdFrame(
-                stamp=stamps[0] / 1e9,
+                stamp=as_seconds(stamps[0]),
                 depth=geometry.depth,
                 camera=plan.camera,
                 map_T_camera=plan.frames.map_T_camera[i],
                 color=color,
-                color_stamp=None if color is None else stamps[-1] / 1e9,
+                color_stamp=None if color is None else as_seconds(stamps[-1]),
                 detections=plan.detections[i],
                 cloud=geometry.cloud,
             )
@@ -92,7 +93,7 @@ class BagRecording:
             if not missing:
                 plan = self._plan
                 frames = len(plan.frames)
-                duration = (plan.stamps[-1][0] - plan.stamps[0][0]) / 1e9
+                duration = as_seconds(plan.stamps[-1][0] - plan.stamps[0][0])
                 image_size = plan.camera.width, plan.camera.height
                 notes += plan.notes()
                 if not plan.has_color and self._topics.detections is None:
@@ -142,7 +143,9 @@ class BagRecording:
         if usable:
             return []
         if self._options.map_T_world is not None:
-            return [f"the map on {name} is left out, because the world is moved (map_T_world)"]
+            return [
+                f"the map on {name} is left out, because the world is moved (--world-transform)"
+            ]
         return [f"the map on {name} is left out: it is not in frame {self._options.map_frame!r}"]
 
     def _streams(self, chosen: ChosenTopics) -> tuple[Stream, ...]:
@@ -158,8 +161,9 @@ class BagRecording:
 
     @cached_property
     def _topics(self) -> ChosenTopics:
+        topics = self._bag.topics
         try:
-            return choose_topics(self._bag.topics, self._options)
+            return choose_topics(topics, self._options)
         except FormatError as error:
             raise FormatError(str(error), path=self._path) from None
 

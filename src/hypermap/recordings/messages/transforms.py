@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from hypermap.core.moving_frames import FixedPose, Motion, MovingFrames
 from hypermap.core.trajectory import Trajectory, pose_matrix
-from hypermap.recordings.messages.header import clean_frame, nanoseconds
+from hypermap.recordings.messages.header import as_seconds, clean_frame, nanoseconds
 
 Edge = tuple[str, str]  # parent, child
 
@@ -41,7 +41,7 @@ class TransformLog:
             elif is_static:
                 self._fixed[edge] = pose_matrix(numbers[:3], numbers[3:])
             else:
-                self._moving[edge].append(nanoseconds(item.header.stamp) / 1e9)
+                self._moving[edge].append(as_seconds(nanoseconds(item.header.stamp)))
                 self._moving[edge].extend(numbers)
 
     def span(self) -> tuple[float, float]:
