@@ -1,9 +1,90 @@
-"""Hypermap: maps for robots that hold more than free and occupied."""
+"""Hypermap: maps for robots that hold more than free and occupied.
+
+Open a map with `open_map`, ask it, and write it with `save_map`. What is offered here is imported
+when it is first used.
+"""
 
 import logging
+from typing import TYPE_CHECKING, Any
 
+from hypermap._lazy import attribute
 from hypermap._version import __version__
+
+if TYPE_CHECKING:
+    from hypermap.core.errors import (
+        FileMissing,
+        FormatError,
+        FrameError,
+        HypermapError,
+        LayerNotFound,
+        MissingExtra,
+    )
+    from hypermap.core.frames import FrameTree, Pose2D, Transform
+    from hypermap.core.grid import GridGeometry
+    from hypermap.core.hypermap import Hypermap
+    from hypermap.core.layer import Hits, Layer
+    from hypermap.core.occupancy import OccupancyLayer
+    from hypermap.core.opaque import OpaqueLayer
+    from hypermap.core.semantic import SemanticLayer, SemanticObject
+    from hypermap.formats.geojson import from_geojson, to_geojson
+    from hypermap.formats.geopandas_bridge import to_geodataframe
+    from hypermap.formats.hmap import open_map, save_map
+    from hypermap.formats.map_server import load_occupancy
+
+_HOMES = {
+    name: module
+    for module, names in {
+        "hypermap.core.errors": (
+            "FileMissing FormatError FrameError HypermapError LayerNotFound MissingExtra"
+        ),
+        "hypermap.core.frames": "FrameTree Pose2D Transform",
+        "hypermap.core.grid": "GridGeometry",
+        "hypermap.core.hypermap": "Hypermap",
+        "hypermap.core.layer": "Hits Layer",
+        "hypermap.core.occupancy": "OccupancyLayer",
+        "hypermap.core.opaque": "OpaqueLayer",
+        "hypermap.core.semantic": "SemanticLayer SemanticObject",
+        "hypermap.formats.geojson": "from_geojson to_geojson",
+        "hypermap.formats.geopandas_bridge": "to_geodataframe",
+        "hypermap.formats.hmap": "open_map save_map",
+        "hypermap.formats.map_server": "load_occupancy",
+    }.items()
+    for name in names.split()
+}
+
+__all__ = [
+    "FileMissing",
+    "FormatError",
+    "FrameError",
+    "FrameTree",
+    "GridGeometry",
+    "Hits",
+    "Hypermap",
+    "HypermapError",
+    "Layer",
+    "LayerNotFound",
+    "MissingExtra",
+    "OccupancyLayer",
+    "OpaqueLayer",
+    "Pose2D",
+    "SemanticLayer",
+    "SemanticObject",
+    "Transform",
+    "__version__",
+    "from_geojson",
+    "load_occupancy",
+    "open_map",
+    "save_map",
+    "to_geodataframe",
+    "to_geojson",
+]
 
 logging.getLogger(__name__).addHandler(logging.NullHandler())
 
-__all__ = ["__version__"]
+
+def __getattr__(name: str) -> Any:
+    return attribute(__name__, name, _HOMES)
+
+
+def __dir__() -> list[str]:
+    return __all__

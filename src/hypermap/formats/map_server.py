@@ -81,7 +81,7 @@ class OccupancyFiles:
         look at it in this mode, take a signed 255 for -1.
 
         Raises:
-            HypermapError: If a cell is not in -1 .. 255, or the grid has too many.
+            HypermapError: If the grid has too many cells.
         """
         if layer.grid is None or layer.cells is None:
             return
@@ -135,7 +135,7 @@ def parse_map_yaml(content: bytes, path: str) -> MapYaml:
 def cells_from_picture(picture: GreyPicture, described: MapYaml) -> Cells:
     """Return the cells, row 0 at the bottom; int16 where a raw picture has values above 100.
 
-    Source: INTERFACES of the first Hypermap program; ROS' map_server, image_loader.cpp.
+    Source: ROS' map_server, image_loader.cpp, with a range of 100 where that has 99.
     """
     cells: Cells = _cell_of_value(picture.white, described)[picture.values[::-1]]
     if picture.opaque is not None:
@@ -168,15 +168,9 @@ def _grey_alpha(cells: Cells, layer_name: str) -> tuple[NDArray[np.uint8], str]:
             f"layer {layer_name!r} has {cells.size} cells, more than the {limits.MAX_PIXELS} "
             "that a file may hold"
         )
-    low, high = int(cells.min()), int(cells.max())
-    if low < UNKNOWN or high > 255:
-        value = low if low < UNKNOWN else high
-        raise HypermapError(
-            f"layer {layer_name!r} cannot be saved: the cell value {value} is not in -1 .. 255"
-        )
     values = np.arange(256)
     table = np.zeros((257, 2), np.uint8)  # row 0 is the unknown cell's
-    if high > 100:
+    if cells.max() > 100:
         mode = "raw"
         table[1:, 0] = values
         table[0, 0] = 255

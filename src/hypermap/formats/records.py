@@ -23,7 +23,7 @@ class _Record(Checked):
     existence: Finite | None = None
     first_seen: Finite | None = None
     last_seen: Finite | None = None
-    attributes: dict[Any, Any] = Field(default_factory=dict)
+    attributes: dict[Any, Any] | None = None
 
     @field_validator("tags", "confidence", mode="before")
     @classmethod
@@ -54,7 +54,7 @@ def object_from_record(record: Any, footprint: Footprint) -> SemanticObject:
         existence=checked.existence,
         first_seen=checked.first_seen,
         last_seen=checked.last_seen,
-        attributes={**others, **checked.attributes},
+        attributes={**others, **(checked.attributes or {})},
     )
 
 

@@ -1,0 +1,133 @@
+"""Semantic layers as GeoJSON, for GIS programs; the specification is docs/formats/geojson.md.
+
+Coordinates are metres in the layer's frame, which `frame_id` names. GeoJSON means degrees unless
+the parties agree otherwise (RFC 7946, section 4), so a `crs` says the same to GDAL, and with it to
+QGIS and geopandas: an engineering system with metres, which lies nowhere on the globe.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
+
+import shapely
+from pydantic import Field
+
+from hypermap.core.errors import FormatError
+from hypermap.core.semantic import SemanticLayer, SemanticObject
+from hypermap.formats.checked import Checked, Text, check
+from hypermap.formats.footprints import Footprint, checked_footprint
+from hypermap.formats.records import MAX_ID, object_from_record, record_from_object
+from hypermap.formats.yaml_text import plain_value
+
+
+class _Collection(Checked):
+    type: Literal["FeatureCollection"]
+    features: list[Any]
+    name: Text | None = None
+    frame_id: Text | None = None
+
+
+class _Feature(Checked):
+    type: Literal["Feature"]
+    geometry: dict[str, Any]
+    properties: dict[str, Any] | None = None
+    id: Any = None
+
+
+class _Geometry(Checked):
+    type: Literal["Polygon", "MultiPolygon"]
+    coordinates: Annotated[list[Any], Field(min_length=1)]
+
+
+def to_geojson(layer: SemanticLayer) -> str:
+    """Return a layer's objects as GeoJSON text; `from_geojson` gives exactly the same again.
+
+    Raises:
+        FormatError: If an object has an attribute that JSON cannot hold.
+    """
+    collection = {
+        "type": "FeatureCollection",
+        "name": layer.name,
+        "frame_id": layer.frame_id,
+        "crs": {"type": "name", "properties": {"name": engineering_crs(layer.frame_id)}},
+        "features": [_feature(item) for item in layer.objects()],
+    }
+    try:
+        return json.dumps(collection, ensure_ascii=False, allow_nan=False, indent=1) + "\n"
+    except (TypeError, ValueError) as error:
+        raise FormatError(f"cannot be written as JSON: {error}", key=layer.name) from error
+
+
+def from_geojson(
+    text: str, name: str | None = None, frame_id: str | None = None, path: str | None = None
+) -> SemanticLayer:
+    """Return the layer that GeoJSON text holds.
+
+    Args:
+        text: a FeatureCollection of polygons and multipolygons in metres.
+        name: the layer's name; None takes the collection's own.
+        frame_id: the frame of the coordinates; None takes the collection's own. Many GIS
+            programs drop it.
+        path: how messages name the file.
+
+    Raises:
+        FormatError: Naming the feature that is wrong.
+    """
+    try:
+        document = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise FormatError(f"is not valid JSON: {error}", path=path) from error
+    collection = check(_Collection, document, path)
+    frame = frame_id or collection.frame_id
+    if frame is None:
+        raise FormatError(
+            "is missing: say in which frame the coordinates are", path=path, key="frame_id"
+        )
+    objects = [_object(item, path, i) for i, item in enumerate(collection.features)]
+    ids = [item.id for item in objects if item.id is not None]
+    if len(set(ids)) < len(ids):
+        twice = next(number for number in ids if ids.count(number) > 1)
+        raise FormatError(f"the id {twice} is there twice", path=path, key="features")
+    return SemanticLayer(name or collection.name or "semantic", frame, objects)
+
+
+def engineering_crs(frame_id: str) -> str:
+    """Return a coordinate reference system of metres in a frame, as well-known text.
+
+    Source: OGC 18-010r7, section 11 (engineering coordinate reference systems).
+    """
+    name = frame_id.replace('"', '""')
+    axes = 'AXIS["x",unspecified],AXIS["y",unspecified]'
+    return f'ENGCRS["{name}",EDATUM["{name}"],CS[Cartesian,2],{axes},LENGTHUNIT["metre",1]]'
+
+
+def _feature(item: SemanticObject) -> dict[str, Any]:
+    return {
+        "type": "Feature",
+        "id": item.id,
+        "geometry": shapely.geometry.mapping(item.footprint),
+        "properties": {"id": item.id, **plain_value(record_from_object(item))},
+    }
+
+
+def _object(raw: Any, path: str | None, position: int) -> SemanticObject:
+    place = f"features[{position}]"
+    feature = check(_Feature, raw, path, place)
+    footprint = _footprint(feature.geometry, path, f"{place}.geometry")
+    properties = dict(feature.properties or {})
+    if "id" not in properties and type(feature.id) is int and 0 <= feature.id <= MAX_ID:
+        properties["id"] = feature.id
+    try:
+        return object_from_record(properties, footprint)
+    except ValueError as error:
+        raise FormatError(str(error), path=path, key=f"{place}.properties") from None
+
+
+def _footprint(raw: Mapping[str, Any], path: str | None, place: str) -> Footprint:
+    geometry = check(_Geometry, raw, path, place)
+    try:
+        return checked_footprint(shapely.geometry.shape(geometry.model_dump()))
+    except (ValueError, TypeError, LookupError, AttributeError, shapely.errors.ShapelyError) as e:
+        raise FormatError(f"is not a valid {geometry.type}: {e}", path=path, key=place) from None
