@@ -12,6 +12,7 @@ from pydantic import ConfigDict, Field
 
 _Number = Annotated[float, Field(strict=True, ge=-1000, le=1000)]
 _Positive = Annotated[float, Field(strict=True, gt=0, le=1000)]
+_Waypoint = Annotated[tuple[_Number, ...], Field(min_length=2, max_length=3)]
 _STILL = 1e-6  # metres or radians below which a motion takes no time
 
 
@@ -29,9 +30,7 @@ class Drive:
         pitch_deg: how far the camera looks down.
     """
 
-    waypoints: Annotated[
-        tuple[tuple[_Number, _Number] | tuple[_Number, _Number, _Number], ...], Field(min_length=1)
-    ]
+    waypoints: Annotated[tuple[_Waypoint, ...], Field(min_length=1, max_length=10_000)]
     speed: _Positive = 0.5
     turn_rate_deg: _Positive = 45.0
     camera_height: _Positive = 1.2

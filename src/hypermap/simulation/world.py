@@ -6,18 +6,17 @@ import math
 from dataclasses import dataclass, field, fields
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, ClassVar
 
 import shapely
-import yaml
 from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
 
 from hypermap.core.errors import FileMissing, FormatError, did_you_mean
 from hypermap.core.frames import Pose2D
+from hypermap.formats.checked import found, place_of
+from hypermap.formats.yaml_text import read_yaml
 from hypermap.simulation.models import Part, build, rgb
 from hypermap.simulation.trajectory import Drive
-
-MAX_BYTES = 1_000_000
 
 Metres = Annotated[float, Field(strict=True, ge=-1000, le=1000)]
 Height = Annotated[float, Field(strict=True, gt=0, le=20)]
@@ -25,6 +24,7 @@ Angle = Annotated[float, Field(strict=True, ge=-360, le=360)]
 Point = tuple[Metres, Metres]
 Rectangle = tuple[Metres, Metres, Metres, Metres]
 _STRICT = ConfigDict(extra="forbid")
+_TEXTS = {("name",), ("objects", "*", "name")}  # texts even where they look like numbers
 
 
 @dataclass(frozen=True)
@@ -195,7 +195,11 @@ def load_world(path: str | Path) -> World:
     from hypermap.simulation.scene import overlaps  # the scene is built of a world
 
     path = Path(path)
-    data = _read_yaml(path)
+    if not path.is_file():
+        raise FileMissing(f"{path}: there is no such world file")
+    data = read_yaml(path.read_bytes(), str(path), _TEXTS)
+    if not isinstance(data, dict):
+        raise FormatError("a world file holds keys such as 'floor' and 'objects'", path=path)
     try:
         world = TypeAdapter(World).validate_python(data)
     except ValidationError as error:
@@ -205,45 +209,32 @@ def load_world(path: str | Path) -> World:
         a, b = world.objects[i], world.objects[j]
         raise FormatError(
             f"the {b.label} at {_place(b.at)} stands in the {a.label} at {_place(a.at)}, "
-            f"which is objects.{i}; move one of them, or raise its z",
+            f"which is objects[{i}]; move one of them, or raise its z",
             path=path,
-            key=f"objects.{j}",
+            key=f"objects[{j}]",
         )
     return world
-
-
-def _read_yaml(path: Path) -> Any:
-    if not path.is_file():
-        raise FileMissing(f"{path}: there is no such world file")
-    if path.stat().st_size > MAX_BYTES:
-        raise FormatError(f"a world file may have at most {MAX_BYTES:,} bytes", path=path)
-    try:
-        data = yaml.load(path.read_bytes(), Loader=yaml.CSafeLoader)
-    except (yaml.YAMLError, UnicodeError, ValueError, RecursionError) as error:
-        mark = getattr(error, "problem_mark", None)
-        key = None if mark is None else f"line {mark.line + 1}"
-        problem = getattr(error, "problem", None) or str(error)
-        raise FormatError(f"this is not YAML: {problem}", path=path, key=key) from None
-    if not isinstance(data, dict):
-        raise FormatError("a world file holds keys such as 'floor' and 'objects'", path=path)
-    return data
 
 
 def _first_problem(error: ValidationError) -> tuple[str | None, str]:
     """Return the key and the message of the first thing that is wrong."""
     problem = error.errors()[0]
     location = problem["loc"]
-    key = ".".join(str(part) for part in location) or None
+    key = place_of(location) or None
     if problem["type"] == "unexpected_keyword_argument":
         parents = [part for part in location[:-1] if isinstance(part, str)]
         kind = _KINDS[parents[-1] if parents else ""]
         hint = did_you_mean(str(location[-1]), (f.name for f in fields(kind)))
         return key, f"unknown key; {hint}"
     if problem["type"] == "missing":
-        return key, "this key is missing"
+        return key, "is missing"
     if problem["type"] == "value_error":
         return key, str(problem["ctx"]["error"])
-    return key, f"{problem['msg'][0].lower()}{problem['msg'][1:]}, got {problem['input']!r:.80}"
+    if problem["type"] == "dataclass_type":
+        return key, f"expected keys and values, found {found(problem['input'])}"
+    message = f"{problem['msg'][0].lower()}{problem['msg'][1:]}"
+    message = message.replace("tuple", "list").replace(" after validation", "")
+    return key, f"{message}, found {found(problem['input'])}"
 
 
 def _check_rectangle(rectangle: Rectangle) -> None:

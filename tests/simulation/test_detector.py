@@ -1,0 +1,136 @@
+"""A detector that knows the truth, and how it errs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from hypermap.perception.detections import Detections
+from hypermap.simulation.detector import (
+    EXACT_DETECTOR,
+    DetectorNoise,
+    NoisyDetector,
+    visible_boxes,
+)
+
+NAMES = ["cup", "chair", "table"]
+
+
+def image() -> np.ndarray:
+    """A cup of 10 x 12 pixels, a chair in two pieces, and no table."""
+    instances = np.full((60, 80), -1, dtype=np.int32)
+    instances[20:32, 30:40] = 0
+    instances[5:15, 0:10] = 1
+    instances[40:60, 50:55] = 1
+    return instances
+
+
+def detect(noise: DetectorNoise, frames: int = 1, seed: int = 0) -> list[Detections]:
+    detector = NoisyDetector(NAMES, noise, np.random.default_rng(seed))
+    return [detector.detect(image()) for _ in range(frames)]
+
+
+def only(**noise: float) -> DetectorNoise:
+    """An exact detector but for the noise that is given."""
+    exact = {
+        "miss": 0,
+        "flicker": 0,
+        "looseness": 0,
+        "shift": 0,
+        "confusion": 0,
+        "false_positives": 0,
+    }
+    return DetectorNoise(**{**exact, **noise})
+
+
+def test_visible_boxes_hold_all_pixels_of_an_object() -> None:
+    assert visible_boxes(image(), 3).tolist() == [[30, 20, 40, 32], [0, 5, 55, 60], [0, 0, 0, 0]]
+
+
+def test_an_exact_detector_finds_what_is_visible() -> None:
+    (found,) = detect(EXACT_DETECTOR)
+    assert found.names.tolist() == ["cup", "chair"]
+    assert found.xyxy.tolist() == [[30, 20, 40, 32], [0, 5, 55, 60]]
+    assert ((found.scores >= 0.5) & (found.scores <= 0.95)).all()
+
+
+def test_objects_of_few_pixels_are_not_found() -> None:
+    (found,) = detect(only(min_pixels=121))  # the cup has 120
+    assert found.names.tolist() == ["chair"]
+
+
+def test_misses_are_as_frequent_as_asked() -> None:
+    found = detect(only(miss=0.3), frames=2000)
+    assert sum(len(d) for d in found) / 4000 == pytest.approx(0.7, abs=0.02)
+
+
+def test_flicker_loses_an_object_for_several_frames_in_a_row() -> None:
+    seen = ["cup" in d.names for d in detect(only(flicker=0.02, flicker_frames=5), frames=5000)]
+    runs = "".join("1" if s else "0" for s in seen).strip("1").split("1")
+    lengths = [len(run) for run in runs if run]
+    assert np.mean(lengths) == pytest.approx(5, rel=0.25)
+    # Lost for 5 frames of every 5 + 1 / 0.02.
+    assert np.mean(seen) == pytest.approx(50 / 55, abs=0.03)
+
+
+def test_loose_boxes_are_larger_and_still_centered() -> None:
+    boxes = np.array([d.xyxy[0] for d in detect(only(looseness=0.2), frames=2000)])
+    size = boxes[:, 2:] - boxes[:, :2]
+    assert (size >= [10 - 1e-4, 12 - 1e-4]).all()
+    assert size.mean(axis=0) == pytest.approx([12, 14.4], rel=0.03)
+    assert (boxes[:, :2] + boxes[:, 2:]) / 2 == pytest.approx(np.tile([35, 26], (2000, 1)))
+
+
+def test_shifted_boxes_keep_their_size() -> None:
+    boxes = np.array([d.xyxy[0] for d in detect(only(shift=0.1), frames=2000)])
+    assert boxes[:, 2:] - boxes[:, :2] == pytest.approx(np.tile([10, 12], (2000, 1)), abs=1e-4)
+    assert boxes[:, :2].std(axis=0) == pytest.approx([1.0, 1.2], rel=0.05)
+
+
+def test_a_confused_object_gets_the_name_of_another_class() -> None:
+    names = [d.names[0] for d in detect(only(confusion=0.25), frames=2000)]
+    assert set(names) == set(NAMES)
+    assert names.count("cup") / 2000 == pytest.approx(0.75, abs=0.03)
+
+
+def test_a_world_of_one_class_cannot_be_confused() -> None:
+    detector = NoisyDetector(["cup"], only(confusion=1), np.random.default_rng(0))
+    assert detector.detect(np.zeros((20, 20), dtype=np.int32)).names.tolist() == ["cup"]
+
+
+def test_false_positives_are_as_frequent_as_asked_and_lie_in_the_image() -> None:
+    found = detect(only(false_positives=0.5, miss=1), frames=2000)
+    assert sum(len(d) for d in found) / 2000 == pytest.approx(0.5, abs=0.05)
+    boxes = np.concatenate([d.xyxy for d in found])
+    assert (boxes >= 0).all()
+    assert (boxes <= [80, 60, 80, 60]).all()
+    assert (boxes[:, 2:] > boxes[:, :2]).all()
+
+
+def test_boxes_never_reach_past_the_image() -> None:
+    boxes = np.concatenate([d.xyxy for d in detect(only(looseness=1, shift=0.3), frames=500)])
+    assert boxes.min() == 0
+    assert (boxes.max(axis=0) <= [80, 60, 80, 60]).all()
+
+
+def test_an_empty_world_gives_empty_detections() -> None:
+    detector = NoisyDetector([], DetectorNoise(false_positives=5), np.random.default_rng(0))
+    assert len(detector.detect(np.full((10, 10), -1, dtype=np.int32))) == 0
+
+
+def test_a_seed_repeats_the_detections() -> None:
+    for a, b in zip(detect(DetectorNoise(), 20, 3), detect(DetectorNoise(), 20, 3), strict=True):
+        assert (a.xyxy == b.xyxy).all()
+        assert a.names.tolist() == b.names.tolist()
+
+
+@pytest.mark.parametrize(
+    ("noise", "message"),
+    [
+        ({"miss": -0.1}, "miss must be a number of at least 0, got -0.1"),
+        ({"flicker_frames": 0.5}, "flicker_frames must be at least 1, got 0.5"),
+    ],
+)
+def test_noise_out_of_range_is_refused(noise: dict[str, float], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        DetectorNoise(**noise)

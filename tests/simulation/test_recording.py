@@ -1,0 +1,116 @@
+"""A drive through a world as a recording."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hypermap.perception.frame import RgbdFrame
+from hypermap.perception.recording import Recording
+from hypermap.simulation import (
+    EXACT_DEPTH,
+    EXACT_DETECTOR,
+    DetectorNoise,
+    PoseNoise,
+    SimulatedRecording,
+)
+from hypermap.simulation.trajectory import Drive
+from hypermap.simulation.world import Floor, Thing, Wall, World
+
+WORLD = World(
+    "test",
+    Floor((0, 0, 6, 4)),
+    objects=(Thing("table", (3, 2)), Thing("cup", (3, 2), z=0.74), Thing("chair", (2.2, 1))),
+    walls=(Wall(rectangle=(0, 0, 6, 4)),),
+    drive=Drive(((0.5, 2), (1.5, 2)), speed=0.5),
+)
+
+
+def frames(**options: object) -> list[RgbdFrame]:
+    return list(SimulatedRecording(WORLD, **options).frames())
+
+
+def assert_same(a: RgbdFrame, b: RgbdFrame) -> None:
+    assert a.stamp == b.stamp
+    assert (a.map_T_camera == b.map_T_camera).all()
+    assert np.array_equal(a.depth, b.depth, equal_nan=True)
+    assert (a.color == b.color).all()
+    assert (a.detections.xyxy == b.detections.xyxy).all()
+    assert (a.detections.scores == b.detections.scores).all()
+    assert a.detections.names.tolist() == b.detections.names.tolist()
+
+
+def test_it_is_a_recording_whose_frames_carry_all_that_mapping_needs() -> None:
+    recording: Recording = SimulatedRecording(WORLD, rate=2)
+    every = list(recording.frames())
+    assert len(every) == len(recording) == 5
+    assert [frame.stamp for frame in every] == [0, 0.5, 1, 1.5, 2]
+    for frame in every:
+        assert frame.depth.shape == (240, 320)
+        assert frame.color_stamp == frame.stamp
+        assert np.nanmin(frame.depth) >= 0.4
+        assert len(frame.detections) > 0
+    assert every[-1].map_T_camera[:3, 3].tolist() == [1.5, 2, 1.2]
+
+
+def test_the_same_seed_gives_the_same_frames_each_time_they_are_asked_for() -> None:
+    recording = SimulatedRecording(WORLD, rate=2, seed=7)
+    for first, second, other in zip(
+        recording.frames(), recording.frames(), frames(rate=2, seed=7), strict=True
+    ):
+        assert_same(first, second)
+        assert_same(first, other)
+
+
+def test_another_seed_gives_other_noise_in_the_same_world() -> None:
+    a, b = frames(rate=1, seed=1)[0], frames(rate=1, seed=2)[0]
+    assert (a.color == b.color).all()
+    assert not np.array_equal(a.depth, b.depth, equal_nan=True)
+
+
+def test_one_kind_of_noise_does_not_disturb_another() -> None:
+    plain = frames(rate=1)
+    other = frames(rate=1, pose_noise=PoseNoise(0.1, 5), detector_noise=DetectorNoise(miss=0.9))
+    for a, b in zip(plain, other, strict=True):
+        assert np.array_equal(a.depth, b.depth, equal_nan=True)
+        assert not (a.map_T_camera == b.map_T_camera).all()
+
+
+def test_exact_frames_hold_the_truth() -> None:
+    *_, frame = frames(rate=1, depth_noise=EXACT_DEPTH, detector_noise=EXACT_DETECTOR)
+    assert sorted(frame.detections.names) == ["chair", "cup", "table"]
+    (box,) = frame.detections.xyxy[frame.detections.names == "cup"]
+    xmin, ymin, xmax, ymax = box.astype(int)
+    # The cup stands at (3, 2, 0.74), the camera at (1.5, 2, 1.2) looks 15 degrees down along +x.
+    seen = frame.points()[ymin:ymax, xmin:xmax].reshape(-1, 3)
+    in_map = seen @ frame.map_T_camera[:3, :3].T + frame.map_T_camera[:3, 3]
+    near = np.hypot(*(in_map[:, :2] - [3, 2]).T) < 0.05
+    assert (near & (in_map[:, 2] > 0.75)).sum() > 100
+
+
+def test_it_tells_what_is_inside() -> None:
+    info = SimulatedRecording(WORLD, rate=2).info()
+    assert (info.format, info.frames, info.duration) == ("simulation", 5, 2.0)
+    assert info.image_size == (320, 240)
+    assert info.missing == ()
+    assert [stream.name for stream in info.streams] == [
+        "depth",
+        "color",
+        "detections",
+        "poses",
+        "map",
+    ]
+
+
+def test_the_occupancy_map_can_be_kept_back() -> None:
+    assert SimulatedRecording(WORLD).occupancy().value_at([[3, 2]]).tolist() == [100]
+    without = SimulatedRecording(WORLD, has_occupancy=False)
+    assert without.occupancy() is None
+    assert "map" not in [stream.name for stream in without.info().streams]
+
+
+def test_a_world_without_a_drive_is_no_recording() -> None:
+    with pytest.raises(ValueError, match="the world 'test' has no drive, so there is no recording"):
+        SimulatedRecording(replace(WORLD, drive=None))

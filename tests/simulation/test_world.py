@@ -1,0 +1,145 @@
+"""World files, good and bad."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import shapely
+
+from hypermap.core.errors import FileMissing, FormatError
+from hypermap.simulation.scene import footprint, placed
+from hypermap.simulation.trajectory import planar_poses
+from hypermap.simulation.world import Door, Floor, Thing, Wall, demo_world, load_world
+
+BASE = "name: w\nfloor: {rectangle: [0, 0, 4, 3]}\n"
+
+
+def load(folder: Path, text: str) -> object:
+    path = folder / "w.yaml"
+    path.write_text(text, encoding="utf-8")
+    return load_world(path)
+
+
+def test_a_world_file_becomes_plain_data(tmp_path: Path) -> None:
+    text = BASE + (
+        "walls: [{line: [[0, 0], [4, 0]], doors: [{at: [2, 0]}]}]\n"
+        "objects:\n"
+        "  - {model: cup, name: no, at: [1, 2.5], z: 0.7, yaw_deg: 90, size: {height: 0.2}}\n"
+        "drive: {waypoints: [[1, 1], [2, 1, 90]], speed: 1}\n"
+    )
+    world = load(tmp_path, text)
+    assert world.floor == Floor((0, 0, 4, 3))
+    assert world.walls == (Wall(line=((0, 0), (4, 0)), doors=(Door((2, 0), 0.9),)),)
+    assert world.objects == (
+        Thing("cup", (1, 2.5), yaw_deg=90, z=0.7, name="no", size={"height": 0.2}),
+    )
+    assert world.objects[0].label == "no"
+    assert world.drive.waypoints == ((1, 1), (2, 1, 90))
+    assert (world.drive.speed, world.drive.camera_height) == (1, 1.2)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "w.yaml: a world file holds keys such as 'floor' and 'objects'"),
+        ("- 1", "w.yaml: a world file holds keys such as 'floor' and 'objects'"),
+        ("a: [", "w.yaml: is not valid YAML: did not find expected node content (line 2)"),
+        ("a: !!python/object:os.system {}", "w.yaml: line 1: the tag"),
+        ("name: w", "w.yaml: floor: is missing"),
+        (BASE + "objcts: []", "w.yaml: objcts: unknown key; did you mean 'objects'?"),
+        (BASE + "objects: 3", "w.yaml: objects: input should be a valid list, found 3"),
+        (BASE + "objects: [3]", "w.yaml: objects[0]: expected keys and values, found 3"),
+        (
+            BASE + "objects: [{model: char, at: [1, 1]}]",
+            "w.yaml: objects[0]: unknown model 'char'; did you mean 'chair'?",
+        ),
+        (
+            BASE + "objects: [{model: chair, at: [1, 1], siz: {}}]",
+            "w.yaml: objects[0].siz: unknown key; did you mean 'size'?",
+        ),
+        (
+            BASE + "objects: [{model: chair, at: [1, 1], size: {widht: 1}}]",
+            "w.yaml: objects[0]: chair has no size 'widht'; did you mean 'width'?",
+        ),
+        (
+            BASE + "objects: [{model: chair, at: [1, 1], size: {width: 30}}]",
+            "w.yaml: objects[0]: width must lie above 0 and at most at 20 m, got 30.0",
+        ),
+        (
+            BASE + "objects: [{model: chair, at: [1, 1], size: {seat_height: 2}}]",
+            "w.yaml: objects[0]: these sizes do not fit together: a part would have no extent",
+        ),
+        (
+            BASE + "objects: [{model: chair, at: [1, 1], color: bluu}]",
+            "w.yaml: objects[0]: 'bluu' is no color; write it as '#b5835a' or 'teal'",
+        ),
+        (BASE + "objects: [{model: cup, at: [1]}]", "w.yaml: objects[0].at[1]: is missing"),
+        (
+            BASE + "objects: [{model: cup, at: [1, .nan]}]",
+            "w.yaml: objects[0].at[1]: input should be less than or equal to 1000, found nan",
+        ),
+        (
+            BASE + "objects: [{model: cup, at: [1, yes]}]",
+            "w.yaml: objects[0].at[1]: input should be a valid number, found True",
+        ),
+        (
+            BASE + "objects: [{model: cup, at: [1, 1], yaw_deg: 720}]",
+            "w.yaml: objects[0].yaw_deg: input should be less than or equal to 360, found 720",
+        ),
+        (BASE + "walls: [{}]", "w.yaml: walls[0]: a wall needs either a line or a rectangle"),
+        (
+            BASE + "walls: [{line: [[0, 0], [4, 0]], doors: [{at: [2, 1]}]}]",
+            "w.yaml: walls[0]: the door at (2, 1) is not in the wall",
+        ),
+        (
+            BASE + "drive: {waypoints: []}",
+            "w.yaml: drive.waypoints: list should have at least 1 item, not 0, found a list",
+        ),
+        (
+            "name: w\nfloor: {rectangle: [4, 0, 0, 3]}",
+            "w.yaml: floor: a rectangle is xmin, ymin, xmax, ymax, each minimum below its maximum",
+        ),
+        (
+            BASE + "objects: [{model: table, at: [1, 1]}, {model: sofa, at: [1.2, 1]}]",
+            "w.yaml: objects[1]: the sofa at (1.2, 1) stands in the table at (1, 1), "
+            "which is objects[0]; move one of them, or raise its z",
+        ),
+    ],
+)
+def test_a_bad_world_file_is_named_with_its_key_and_the_remedy(
+    tmp_path: Path, text: str, message: str
+) -> None:
+    with pytest.raises(FormatError) as caught:
+        load(tmp_path, text)
+    assert str(caught.value).startswith(f"{tmp_path}/{message}")
+
+
+def test_a_missing_world_file_is_said_to_be_missing(tmp_path: Path) -> None:
+    with pytest.raises(FileMissing, match=r"none.yaml: there is no such world file"):
+        load_world(tmp_path / "none.yaml")
+
+
+def test_a_cup_on_a_table_and_a_chair_under_it_do_not_overlap(tmp_path: Path) -> None:
+    text = BASE + (
+        "objects:\n"
+        "  - {model: table, at: [2, 1.5]}\n"
+        "  - {model: cup, at: [2, 1.5], z: 0.74}\n"
+        "  - {model: chair, at: [2.45, 1.5], yaw_deg: 180}\n"  # seat below the top, back outside
+    )
+    assert len(load(tmp_path, text).objects) == 3
+
+
+def test_the_demo_room_holds_a_dozen_objects_and_more_of_several_classes() -> None:
+    world = demo_world()
+    assert len(world.objects) >= 12
+    assert len({thing.label for thing in world.objects}) >= 6
+    room = shapely.box(*world.floor.rectangle)
+    assert all(room.covers(footprint(placed(thing))) for thing in world.objects)
+
+
+def test_the_drive_through_the_demo_room_hits_nothing() -> None:
+    world = demo_world()
+    _, poses = planar_poses(world.drive, rate=5)
+    obstacles = shapely.union_all([footprint(placed(thing)) for thing in world.objects])
+    assert obstacles.distance(shapely.LineString(poses[:, :2])) > 0.25
