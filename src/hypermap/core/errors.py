@@ -43,6 +43,13 @@ class LayerNotFound(HypermapError, KeyError):
         return str(self.args[0])
 
 
+class ObjectNotFound(HypermapError, KeyError):
+    """A semantic layer has no object with that id."""
+
+    def __str__(self) -> str:  # KeyError would show the message in quotes
+        return str(self.args[0])
+
+
 class FrameError(HypermapError):
     """A frame is unknown, or two frames are not connected."""
 

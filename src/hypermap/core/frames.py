@@ -142,10 +142,9 @@ class FrameTree:
                 return frame_T_target.inverse() @ from_source[frame]
         for name in (source, target):
             if name not in self.frames:
-                raise FrameError(
-                    f"frame {name!r} is unknown to the map; {did_you_mean(name, self.frames)}"
-                )
-        raise FrameError(f"no transform connects frame {source!r} with frame {target!r}")
+                hint = did_you_mean(name, self.frames)
+                raise FrameError(f"no transform has the frame {name!r}; {hint}")
+        raise FrameError(f"no transform connects the frame {source!r} with the frame {target!r}")
 
     def _to_root(self, frame: str) -> list[tuple[str, Pose2D]]:
         """Return the frame and all above it, each with the pose of `frame` in it."""

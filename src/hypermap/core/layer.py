@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from shapely.geometry.base import BaseGeometry
 
-from hypermap.core.arrays import ObjectArray, as_points_xy
+from hypermap.core.arrays import ObjectArray, as_point_xy
 from hypermap.core.grid import GridGeometry
 
 
@@ -141,9 +141,14 @@ class Layer(ABC):
 
         Returns:
             Locations (K, 2) and distances (K,) [m], nearest first; K is at most `k`.
+
+        Raises:
+            ValueError: If `k` is below 1.
         """
+        check_count(k)
+        point = as_point_xy(point_xy)
         locations = self.find(what)
-        distances = np.hypot(*(locations - as_points_xy(point_xy)).T)
+        distances = np.hypot(*(locations - point).T)
         order = np.argsort(distances, kind="stable")[:k]
         return locations[order], distances[order]
 
@@ -154,3 +159,9 @@ class Layer(ABC):
     def picture(self) -> RasterPicture | ShapesPicture | None:
         """Return what a map's picture should show of this layer; None for nothing."""
         return None
+
+
+def check_count(k: int) -> None:
+    """Raise a ValueError if `k` is no number of answers to ask for."""
+    if k < 1:
+        raise ValueError(f"k must be at least 1, got {k}")

@@ -50,3 +50,23 @@ def valid_copies(shapes: ObjectArray) -> ObjectArray:
     valid = shapes.copy()
     valid[bad] = repaired(shapes[bad])
     return valid
+
+
+def check_footprint(footprint: Any) -> None:
+    """Make sure that an object can have this shape; its outline may cross itself.
+
+    Raises:
+        TypeError: If it is no shapely polygon or multipolygon.
+        ValueError: If it has no points, or a third, non-finite or absurdly large coordinate.
+    """
+    if not isinstance(footprint, shapely.Polygon | shapely.MultiPolygon):
+        raise TypeError(
+            f"a footprint must be a polygon or multipolygon, got {type(footprint).__name__}"
+        )
+    if footprint.is_empty:
+        raise ValueError("a footprint must not be empty")
+    if footprint.has_z:
+        raise ValueError("a footprint lies on the floor; its points must have two coordinates")
+    farthest = np.abs(shapely.get_coordinates(footprint)).max()
+    if not farthest <= _FAR:
+        raise ValueError(f"a footprint must be finite and within {_FAR:g} m, got {farthest}")

@@ -1,0 +1,282 @@
+"""The hypermap: layers on top of each other, their frames, and the questions across them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any
+
+import numpy as np
+import shapely
+from numpy.typing import ArrayLike, NDArray
+from shapely.geometry import Point
+from shapely.geometry.base import BaseGeometry
+
+from hypermap.core.arrays import ObjectArray, as_point_xy
+from hypermap.core.errors import FrameError, HypermapError, LayerNotFound, did_you_mean
+from hypermap.core.frames import FrameTree, Pose2D
+from hypermap.core.layer import Hits, Layer, check_count
+from hypermap.core.placed import Found, Placed, PlacedLayer, PlacedLayers
+from hypermap.core.semantic import SemanticLayer
+from hypermap.core.shapes import as_area
+
+__all__ = ["Found", "Hypermap"]
+
+DEFAULT_FRAME = "map"  # REP 105
+
+
+class Hypermap:
+    """Ordered layers, and the tree of their frames.
+
+    A question may be asked in any frame that the map knows, by `frame_id`; None is the base
+    frame. Answers are always in the base frame, which is that of the first layer.
+
+    Attributes:
+        frames: how the frames of the layers lie to each other.
+        metadata: what is saved with the map, as the configuration that made it.
+
+    Raises:
+        HypermapError: If two layers have the same name.
+    """
+
+    def __init__(
+        self,
+        layers: Iterable[Layer] = (),
+        frames: FrameTree | None = None,
+        metadata: Mapping[str, Any] | None = None,
+    ) -> None:
+        self.frames = FrameTree() if frames is None else frames
+        self.metadata: dict[str, Any] = dict(metadata or {})
+        self._layers: dict[str, Layer] = {}
+        for layer in layers:
+            self.add(layer)
+
+    # The layers
+
+    @property
+    def layers(self) -> list[Layer]:
+        """The layers in their order; to change it, use `add` and `remove`."""
+        return list(self._layers.values())
+
+    @property
+    def base_frame(self) -> str:
+        """The frame of the first layer; "map" while there is none."""
+        return next((layer.frame_id for layer in self._layers.values()), DEFAULT_FRAME)
+
+    def __getitem__(self, name: str) -> Layer:
+        """Return a layer by its name.
+
+        Raises:
+            LayerNotFound: If there is none.
+        """
+        if name not in self._layers:
+            raise LayerNotFound(name, self._layers)
+        return self._layers[name]
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._layers
+
+    def __iter__(self) -> Iterator[Layer]:
+        return iter(self.layers)
+
+    def add(self, layer: Layer) -> None:
+        """Add a layer after the others.
+
+        Raises:
+            HypermapError: If there is one of that name.
+        """
+        if layer.name in self._layers:
+            raise HypermapError(
+                f"there are two layers with the name {layer.name!r}; names must be unique"
+            )
+        self._layers[layer.name] = layer
+
+    def remove(self, name: str) -> None:
+        """Take a layer out of the map.
+
+        Raises:
+            LayerNotFound: If there is none of that name.
+        """
+        del self._layers[self[name].name]
+
+    # Questions to one layer
+
+    def label_at(
+        self, layer_name: str, points_xy: ArrayLike, frame_id: str | None = None
+    ) -> ObjectArray:
+        """Return a layer's string representation at each point, shape (N,).
+
+        Raises:
+            LayerNotFound, FrameError: If the layer or the frame is unknown.
+        """
+        layer = self[layer_name]
+        return layer.label_at(self._points(points_xy, layer, frame_id))
+
+    def value_at(
+        self, layer_name: str, points_xy: ArrayLike, frame_id: str | None = None
+    ) -> NDArray[Any]:
+        """Return a layer's number at each point, shape (N,); raises like `label_at`."""
+        layer = self[layer_name]
+        return layer.value_at(self._points(points_xy, layer, frame_id))
+
+    def labels_in(self, layer_name: str, area: BaseGeometry, frame_id: str | None = None) -> Hits:
+        """Return every hit of a layer in an area, as strings; raises like `label_at`."""
+        layer = self[layer_name]
+        return self._in_base_frame(layer, layer.labels_in(self._area(area, layer, frame_id)))
+
+    def values_in(self, layer_name: str, area: BaseGeometry, frame_id: str | None = None) -> Hits:
+        """Return every hit of a layer in an area, as numbers; raises like `label_at`."""
+        layer = self[layer_name]
+        return self._in_base_frame(layer, layer.values_in(self._area(area, layer, frame_id)))
+
+    def find(
+        self,
+        layer_name: str,
+        what: str | float,
+        area: BaseGeometry | None = None,
+        frame_id: str | None = None,
+    ) -> NDArray[np.float64]:
+        """Return where a string or number occurs in a layer, or in an area of it, shape (M, 2).
+
+        Raises:
+            LayerNotFound, FrameError: If the layer or the area's frame is unknown.
+        """
+        layer = self[layer_name]
+        in_layer = None if area is None else self._area(area, layer, frame_id)
+        return self._pose_of(layer).apply(layer.find(what, in_layer))
+
+    # Questions across layers
+
+    def nearest(
+        self,
+        what: str | float,
+        point_xy: ArrayLike,
+        k: int = 1,
+        layer: str | None = None,
+        frame_id: str | None = None,
+    ) -> list[Found]:
+        """Return the k nearest occurrences of a string or number, nearest first.
+
+        To an object, the distance is that to its shape; 0 inside.
+
+        Args:
+            what: what to look for, as in `find`.
+            point_xy: from where, in the frame `frame_id` [m].
+            k: how many at most.
+            layer: where to look; None for all semantic layers.
+            frame_id: frame of the point; None for the base frame.
+
+        Raises:
+            LayerNotFound, FrameError: If the layer or the frame is unknown.
+            ValueError: If `k` is below 1.
+        """
+        check_count(k)
+        asked = self._lookup(self.base_frame, frame_id).apply(as_point_xy(point_xy))[0]
+        found: list[Found] = []
+        for place in self._semantic_layers() if layer is None else [self[layer]]:
+            if isinstance(place, SemanticLayer):
+                found += self._placed(place).nearest(what, asked, k)
+                continue
+            base_T_layer = self._pose_of(place)
+            locations, distances = place.nearest(what, base_T_layer.inverse().apply(asked), k)
+            for point, distance in zip(base_T_layer.apply(locations), distances, strict=True):
+                found.append(Found(place.name, point, float(distance)))
+        return sorted(found, key=lambda hit: hit.distance or 0.0)[:k]
+
+    def objects(
+        self,
+        name: str | None = None,
+        *,
+        near: str | BaseGeometry | ArrayLike | None = None,
+        within: float | None = None,
+        inside: str | BaseGeometry | None = None,
+        area: BaseGeometry | None = None,
+        frame_id: str | None = None,
+    ) -> list[Found]:
+        """Return the objects of all semantic layers for which all that is given is true.
+
+        Args:
+            name: their name; None for any.
+            near: a name, a geometry or a point, from which the distance is measured; with a
+                name, to the nearest other object that has it.
+            within: the largest distance between the shapes [m]; None for any.
+            inside: a name or a geometry in which their centroid lies; with a name, in any other
+                object that has it.
+            area: what their shape meets.
+            frame_id: frame of the geometries and the point; None for the base frame.
+
+        Returns:
+            The nearest first where `near` is given, otherwise in the order of the layers.
+
+        Raises:
+            FrameError: If the frame is unknown.
+            ValueError: If `within` is given without `near`, or is negative.
+
+        >>> from hypermap.core.semantic import SemanticObject
+        >>> sink = SemanticObject("sink", shapely.box(0, 0, 1, 1))
+        >>> chairs = [SemanticObject("chair", shapely.box(x, 0, x + 1, 1)) for x in (2, 5)]
+        >>> hypermap = Hypermap([SemanticLayer("semantic", "map", [sink, *chairs])])
+        >>> [found.distance for found in hypermap.objects("chair", near="sink", within=2)]
+        [1.0]
+        """
+        if within is not None and near is None:
+            raise ValueError("within needs near: a distance from what?")
+        if within is not None and not within >= 0:
+            raise ValueError(f"within must not be negative, got {within}")
+        limit = np.inf if within is None else within
+        layers = PlacedLayers([self._placed(layer) for layer in self._semantic_layers()])
+        chosen = layers.named(name)
+        if area is not None:
+            asked = self._anchors(layers, as_area(area), frame_id).shapes[0]
+            chosen = chosen.take(shapely.intersects(chosen.shapes, asked))
+        if inside is not None:
+            chosen = chosen.take(chosen.stand_in(self._anchors(layers, inside, frame_id)))
+        if near is None:
+            return [layers.found(key) for key in chosen.keys]
+        distances = chosen.distances_to(self._anchors(layers, near, frame_id), limit)
+        order = np.argsort(distances, kind="stable")
+        order = order[np.isfinite(distances[order])]
+        return [layers.found(chosen.keys[i], float(distances[i])) for i in order]
+
+    def _semantic_layers(self) -> list[SemanticLayer]:
+        return [layer for layer in self._layers.values() if isinstance(layer, SemanticLayer)]
+
+    def _placed(self, layer: SemanticLayer) -> PlacedLayer:
+        return PlacedLayer(layer.name, layer.table, self._pose_of(layer))
+
+    def _anchors(
+        self, layers: PlacedLayers, what: str | BaseGeometry | ArrayLike, frame_id: str | None
+    ) -> Placed:
+        """Return what a question names as a place: objects of a name, a geometry or a point."""
+        base_T_asked = self._lookup(self.base_frame, frame_id)
+        if isinstance(what, str):
+            return layers.named(what)
+        shape = as_area(what) if isinstance(what, BaseGeometry) else Point(as_point_xy(what))
+        return Placed.geometry(base_T_asked.apply_geometry(shape))
+
+    # Frames
+
+    def _pose_of(self, layer: Layer) -> Pose2D:
+        """Return `base_T_layer`."""
+        return self._lookup(self.base_frame, layer.frame_id)
+
+    def _area(self, area: BaseGeometry, layer: Layer, frame_id: str | None) -> BaseGeometry:
+        """Return an area given in a frame in the layer's frame."""
+        return self._lookup(layer.frame_id, frame_id).apply_geometry(as_area(area))
+
+    def _points(self, points_xy: ArrayLike, layer: Layer, frame_id: str | None) -> ArrayLike:
+        """Return points given in a frame in the layer's frame."""
+        return self._lookup(layer.frame_id, frame_id).apply(points_xy)
+
+    def _in_base_frame(self, layer: Layer, hits: Hits) -> Hits:
+        return Hits(hits.values, self._pose_of(layer).apply(hits.points_xy))
+
+    def _lookup(self, target: str, source: str | None) -> Pose2D:
+        """Return `target_T_source`, where None is the base frame."""
+        if source is None:
+            return self.frames.lookup(target, self.base_frame)
+        known = dict.fromkeys([*(layer.frame_id for layer in self), *self.frames.frames])
+        if source not in known:
+            raise FrameError(
+                f"frame {source!r} is unknown to the map; {did_you_mean(source, known)}"
+            )
+        return self.frames.lookup(target, source)

@@ -1,0 +1,201 @@
+"""Semantic objects: one as a value, and many as a table of columns."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
+
+from hypermap.core.arrays import IntArray, ObjectArray, as_objects
+from hypermap.core.shapes import check_footprint, valid_copies
+
+MAX_ID = 2**31 - 1  # what messages can carry
+
+
+@dataclass(frozen=True, eq=False)
+class SemanticObject:
+    """One object of a semantic layer, as a value.
+
+    Attributes:
+        name: its class, as "cup".
+        footprint: shapely Polygon or MultiPolygon on the floor, in the layer's frame [m]. Its
+            outline may cross itself, as in some old files.
+        id: stable identifier, 0 .. 2147483647; None lets the layer choose the next free one.
+        tags: other names for it, most likely first.
+        confidence: one number per tag.
+        existence: evidence that it is there (the log-odds of the mapping half), if known.
+        first_seen: stamp [s], if known.
+        last_seen: stamp [s], if known.
+        attributes: free, of what YAML can hold.
+
+    Raises:
+        ValueError: If the footprint has no points, a third or a non-finite coordinate, the id is
+            out of range, or a number is not finite.
+        TypeError: If the name is no text, the footprint no polygon, or the id no integer.
+    """
+
+    name: str
+    footprint: BaseGeometry
+    id: int | None = None
+    tags: tuple[str, ...] = ()
+    confidence: tuple[float, ...] = ()
+    existence: float | None = None
+    first_seen: float | None = None
+    last_seen: float | None = None
+    attributes: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.name, str):
+            raise TypeError(f"an object's name must be text, got {self.name!r}")
+        check_footprint(self.footprint)
+        if self.id is not None:
+            _check_id(self.id)
+        tags: Any = self.tags
+        if isinstance(tags, str):
+            raise TypeError(f"tags must be several texts, got the text {tags!r}")
+        object.__setattr__(self, "tags", tuple(self.tags))
+        object.__setattr__(self, "confidence", tuple(self.confidence))
+        for key in ("existence", "first_seen", "last_seen"):
+            value = getattr(self, key)
+            if value is not None and not math.isfinite(value):
+                raise ValueError(f"{key} must be finite, got {value}")
+
+
+@dataclass(frozen=True, eq=False)
+class ObjectTable:
+    """Semantic objects as parallel columns, one row per object; never changed once made.
+
+    Attributes:
+        ids: int64, shape (N,), unique.
+        codes: each name's place in the vocabulary, int32, shape (N,).
+        footprints: geometries as they were given, shape (N,).
+        tags: tuples, shape (N,).
+        confidence: tuples, shape (N,).
+        existence: shape (N,); NaN where not known, as in the next two.
+        first_seen: stamps [s], shape (N,).
+        last_seen: stamps [s], shape (N,).
+        attributes: mappings, shape (N,).
+        shapes: the footprints, repaired where they are not valid: what questions are answered by.
+        centroids: of the shapes [m], shape (N, 2).
+        areas: of the shapes [m^2], shape (N,).
+        vocabulary: name -> code; names of objects that are gone may stay.
+    """
+
+    ids: NDArray[np.int64]
+    codes: NDArray[np.int32]
+    footprints: ObjectArray
+    tags: ObjectArray
+    confidence: ObjectArray
+    existence: NDArray[np.float64]
+    first_seen: NDArray[np.float64]
+    last_seen: NDArray[np.float64]
+    attributes: ObjectArray
+    shapes: ObjectArray
+    centroids: NDArray[np.float64]
+    areas: NDArray[np.float64]
+    vocabulary: Mapping[str, int]
+
+    @classmethod
+    def of(
+        cls, objects: Sequence[SemanticObject], vocabulary: Mapping[str, int] | None = None
+    ) -> ObjectTable:
+        """Return objects, all of which have ids, as a table; its vocabulary may extend another."""
+        known = dict(vocabulary or {})
+        codes = [known.setdefault(item.name, len(known)) for item in objects]
+        footprints = as_objects(item.footprint for item in objects)
+        shapes = valid_copies(footprints)
+        return cls(
+            ids=np.array([item.id for item in objects], dtype=np.int64),
+            codes=np.array(codes, dtype=np.int32),
+            footprints=footprints,
+            tags=as_objects(item.tags for item in objects),
+            confidence=as_objects(item.confidence for item in objects),
+            existence=_or_nan(item.existence for item in objects),
+            first_seen=_or_nan(item.first_seen for item in objects),
+            last_seen=_or_nan(item.last_seen for item in objects),
+            attributes=as_objects(item.attributes for item in objects),
+            shapes=shapes,
+            centroids=shapely.get_coordinates(shapely.centroid(shapes)),
+            areas=np.asarray(shapely.area(shapes)),
+            vocabulary=known,
+        )
+
+    def __len__(self) -> int:
+        return len(self.ids)
+
+    @cached_property
+    def names(self) -> ObjectArray:
+        """The objects' names, shape (N,)."""
+        return as_objects(self.vocabulary)[self.codes]
+
+    def rows_of(self, what: str | float) -> IntArray:
+        """Return the rows of the objects with a name or, for a number, with an id."""
+        if isinstance(what, str):
+            return np.flatnonzero(self.codes == self.vocabulary.get(what, -1))
+        return np.flatnonzero(self.ids == what)
+
+    def nearest(
+        self, what: str | float, point_xy: NDArray[np.float64], k: int
+    ) -> tuple[IntArray, NDArray[np.float64]]:
+        """Return the k rows with a name or id that are nearest to a point of shape (2,).
+
+        Returns:
+            Rows and the distances to their shapes [m], both of shape (K,), nearest first; of
+            equally near ones, that with the nearer centroid first.
+        """
+        rows = self.rows_of(what)
+        distances = np.asarray(shapely.distance(self.shapes[rows], shapely.Point(point_xy)))
+        to_centroids = np.hypot(*(self.centroids[rows] - point_xy).T)
+        order = np.lexsort((rows, to_centroids, distances))[:k]
+        return rows[order], distances[order]
+
+    def object(self, row: int) -> SemanticObject:
+        """Return one row as an object."""
+        return SemanticObject(
+            name=str(self.names[row]),
+            footprint=self.footprints[row],
+            id=int(self.ids[row]),
+            tags=self.tags[row],
+            confidence=self.confidence[row],
+            existence=_or_none(self.existence[row]),
+            first_seen=_or_none(self.first_seen[row]),
+            last_seen=_or_none(self.last_seen[row]),
+            attributes=self.attributes[row],
+        )
+
+    def take(self, rows: IntArray) -> ObjectTable:
+        """Return some of the rows."""
+        columns: dict[str, Any] = {name: getattr(self, name)[rows] for name in _COLUMNS}
+        return replace(self, **columns)
+
+    def followed_by(self, other: ObjectTable) -> ObjectTable:
+        """Return both tables' rows; the other's vocabulary must extend this one's."""
+        columns: dict[str, Any] = {
+            name: np.concatenate([getattr(self, name), getattr(other, name)]) for name in _COLUMNS
+        }
+        return replace(other, **columns)
+
+
+_COLUMNS = [column.name for column in fields(ObjectTable) if column.name != "vocabulary"]
+
+
+def _check_id(number: int) -> None:
+    if isinstance(number, bool) or not isinstance(number, int | np.integer):
+        raise TypeError(f"an object's id must be an integer, got {number!r}")
+    if not 0 <= number <= MAX_ID:
+        raise ValueError(f"an object's id must lie between 0 and {MAX_ID}, got {number}")
+
+
+def _or_nan(values: Iterable[float | None]) -> NDArray[np.float64]:
+    return np.array([np.nan if value is None else value for value in values], dtype=np.float64)
+
+
+def _or_none(value: float) -> float | None:
+    return None if math.isnan(value) else float(value)

@@ -1,0 +1,151 @@
+"""Objects of several layers side by side in one frame, and how they lie to each other."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
+
+from hypermap.core.arrays import BoolArray, IntArray, ObjectArray, as_objects
+from hypermap.core.frames import Pose2D
+from hypermap.core.objects import ObjectTable, SemanticObject
+
+NO_OBJECT = -1
+_ROWS = 2**32  # keys count rows, and above them layers
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """Something that a question across layers has found.
+
+    Attributes:
+        layer: name of the layer that holds it.
+        point_xy: its location in the base frame [m], shape (2,); an object's centroid.
+        distance: metres to what the question named; None where it named nothing to be near to.
+        object: the object, its footprint in the base frame; None in layers without objects.
+    """
+
+    layer: str
+    point_xy: NDArray[np.float64]
+    distance: float | None = None
+    object: SemanticObject | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Placed:
+    """Shapes in one frame.
+
+    Attributes:
+        shapes: valid geometries, shape (N,).
+        centroids: of the shapes [m], shape (N, 2).
+        keys: a number for each object, int64, shape (N,); -1 for a shape that is no object.
+    """
+
+    shapes: ObjectArray
+    centroids: NDArray[np.float64]
+    keys: NDArray[np.int64]
+
+    @classmethod
+    def geometry(cls, geometry: BaseGeometry) -> Placed:
+        """Return a geometry that is no object."""
+        centroid = shapely.get_coordinates(geometry.centroid)
+        return cls(as_objects([geometry]), centroid, np.array([NO_OBJECT]))
+
+    def __len__(self) -> int:
+        return len(self.keys)
+
+    def take(self, rows: IntArray | BoolArray) -> Placed:
+        """Return some of the shapes."""
+        return Placed(self.shapes[rows], self.centroids[rows], self.keys[rows])
+
+    def followed_by(self, other: Placed) -> Placed:
+        """Return the shapes of both."""
+        return Placed(
+            np.concatenate([self.shapes, other.shapes]),
+            np.concatenate([self.centroids, other.centroids]),
+            np.concatenate([self.keys, other.keys]),
+        )
+
+    def distances_to(self, others: Placed, limit: float) -> NDArray[np.float64]:
+        """Return the distance from each shape to the nearest of the others that is not itself.
+
+        Returns:
+            Metres, shape (N,); infinite where there is none within the limit.
+        """
+        if np.isfinite(limit):
+            tree = shapely.STRtree(others.shapes)
+            here, there = tree.query(self.shapes, predicate="dwithin", distance=limit)
+        else:
+            here, there = np.indices((len(self), len(others))).reshape(2, -1)
+        other = ~self._same(here, others, there)
+        here, there = here[other], there[other]
+        nearest = np.full(len(self), np.inf)
+        np.minimum.at(nearest, here, shapely.distance(self.shapes[here], others.shapes[there]))
+        return nearest
+
+    def stand_in(self, others: Placed) -> BoolArray:
+        """Return whether each shape's centroid lies in one of the others that is not itself."""
+        tree = shapely.STRtree(others.shapes)
+        here, there = tree.query(shapely.points(self.centroids), predicate="intersects")
+        inside = np.zeros(len(self), dtype=bool)
+        inside[here[~self._same(here, others, there)]] = True
+        return inside
+
+    def _same(self, here: IntArray, others: Placed, there: IntArray) -> BoolArray:
+        keys = self.keys[here]
+        return np.asarray((keys == others.keys[there]) & (keys != NO_OBJECT))
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedLayer:
+    """The objects of a semantic layer at one moment, and where the layer lies."""
+
+    name: str
+    table: ObjectTable
+    base_T_layer: Pose2D
+
+    def found(self, row: int, distance: float | None) -> Found:
+        """Return one object, brought into the base frame."""
+        item = self.table.object(row)
+        item = replace(item, footprint=self.base_T_layer.apply_geometry(item.footprint))
+        point = self.base_T_layer.apply(self.table.centroids[row])[0]
+        return Found(self.name, point, distance, item)
+
+    def nearest(self, what: str | float, point_xy: NDArray[np.float64], k: int) -> list[Found]:
+        """Return the k objects with a name or id that are nearest to a point in the base frame."""
+        point = self.base_T_layer.inverse().apply(point_xy)[0]
+        rows, distances = self.table.nearest(what, point, k)
+        pairs = zip(rows, distances, strict=True)
+        return [self.found(int(row), float(distance)) for row, distance in pairs]
+
+
+class PlacedLayers:
+    """The objects of several layers in one frame."""
+
+    def __init__(self, layers: Sequence[PlacedLayer]) -> None:
+        self._layers = layers
+
+    def named(self, name: str | None) -> Placed:
+        """Return the objects with a name, or all, in the order of the layers."""
+        placed = [_placed(i, layer, name) for i, layer in enumerate(self._layers)]
+        nothing = Placed(as_objects([]), np.empty((0, 2)), np.empty(0, dtype=np.int64))
+        return functools.reduce(Placed.followed_by, placed, nothing)
+
+    def found(self, key: int, distance: float | None = None) -> Found:
+        """Return the object with that key."""
+        number, row = divmod(int(key), _ROWS)
+        return self._layers[number].found(row, distance)
+
+
+def _placed(number: int, layer: PlacedLayer, name: str | None) -> Placed:
+    rows = np.arange(len(layer.table)) if name is None else layer.table.rows_of(name)
+    return Placed(
+        layer.base_T_layer.apply_geometries(layer.table.shapes[rows]),
+        layer.base_T_layer.apply(layer.table.centroids[rows]),
+        number * _ROWS + rows,
+    )
