@@ -32,8 +32,9 @@ def read_archive(path: str | Path) -> MemoryStore:
     """
     path = Path(path)
     packed = read_file(path, limits.MAX_ARCHIVE_BYTES)
-    if not packed:
-        raise FormatError("is empty", path=path)
+    if not packed.startswith(b"PK"):
+        problem = "is not a zip archive" if packed else "is empty"
+        raise FormatError(problem, path=path)
     try:
         _check_member_count(packed)
         with zipfile.ZipFile(io.BytesIO(packed)) as archive:

@@ -48,7 +48,7 @@ def write_files(folder: str | Path, files: Mapping[str, bytes]) -> None:
             if target.is_dir():
                 raise HypermapError(f"{target}: is a folder; choose another name to save under")
             # A link keeps pointing at the file, which is what changes.
-            final = target.resolve() if target.is_symlink() else target
+            final = Path(os.path.realpath(target)) if target.is_symlink() else target
             final.parent.mkdir(parents=True, exist_ok=True)
             staged.append((_write_beside(final, content), final))
         for temporary, target in staged:

@@ -1,37 +1,35 @@
-"""Shapes of objects: well-known text in, exact well-known text out, and what a shape must be."""
+"""Shapes of objects: well-known text in, and exact well-known text out."""
 
 from __future__ import annotations
 
 import math
 import re
 
-import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
-
-Footprint = shapely.Polygon | shapely.MultiPolygon
 
 _RING = re.compile(r"\(([^()]*)\)")
 
 
-def footprint_from_wkt(text: str) -> Footprint:
-    """Return a polygon or multipolygon; rings may be left open, and wind either way.
+def footprint_from_wkt(text: str) -> BaseGeometry:
+    """Return the geometry; rings of polygons may be left open, and wind either way.
 
     Raises:
-        ValueError: Saying what is wrong with the text.
+        ValueError: Saying what is wrong with the text. Whether an object can have the shape is
+            not looked at.
 
     >>> print(footprint_from_wkt("POLYGON((0 0, 2 0, 2 1))"))
     POLYGON ((0 0, 2 0, 2 1, 0 0))
     """
     try:
-        geometry = shapely.from_wkt(text)
+        return shapely.from_wkt(text)
     except shapely.errors.GEOSException:
-        try:
-            geometry = shapely.from_wkt(_RING.sub(_close_ring, text))
-        except shapely.errors.GEOSException as error:
-            reason = str(error).partition("Exception: ")[2] or str(error)
-            raise ValueError(f"its shape is not well-known text: {reason}") from None
-    return checked_footprint(geometry)
+        closed = _RING.sub(_close_ring, text)
+    try:
+        return shapely.from_wkt(closed)
+    except shapely.errors.GEOSException as error:
+        reason = str(error).partition("Exception: ")[2] or str(error)
+        raise ValueError(f"its shape is not well-known text: {reason}") from None
 
 
 def footprint_to_wkt(footprint: BaseGeometry) -> str:
@@ -45,24 +43,6 @@ def footprint_to_wkt(footprint: BaseGeometry) -> str:
     if isinstance(footprint, shapely.MultiPolygon):
         return f"MULTIPOLYGON({', '.join(_rings_text(part) for part in footprint.geoms)})"
     raise TypeError(f"a footprint is a polygon or multipolygon, not a {footprint.geom_type}")
-
-
-def checked_footprint(geometry: BaseGeometry) -> Footprint:
-    """Return the geometry if an object can have that shape.
-
-    Raises:
-        ValueError: If it is no polygon, is empty, or has a third or a non-finite coordinate.
-    """
-    if not isinstance(geometry, shapely.Polygon | shapely.MultiPolygon):
-        kind = "nothing" if geometry is None else f"a {geometry.geom_type}"
-        raise ValueError(f"its shape must be a polygon or multipolygon, not {kind}")
-    if geometry.is_empty:
-        raise ValueError("its shape is empty")
-    if geometry.has_z:
-        raise ValueError("its shape has points of more than two numbers")
-    if not np.isfinite(shapely.get_coordinates(geometry)).all():
-        raise ValueError("its shape has a coordinate that is not finite")
-    return geometry
 
 
 def _close_ring(match: re.Match[str]) -> str:

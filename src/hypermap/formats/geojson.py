@@ -13,12 +13,14 @@ from typing import Annotated, Any, Literal
 
 import shapely
 from pydantic import Field
+from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.errors import FormatError
+from hypermap.core.objects import MAX_ID
 from hypermap.core.semantic import SemanticLayer, SemanticObject
+from hypermap.core.shapes import check_footprint
 from hypermap.formats.checked import Checked, Text, check
-from hypermap.formats.footprints import Footprint, checked_footprint
-from hypermap.formats.records import MAX_ID, object_from_record, record_from_object
+from hypermap.formats.records import object_from_record, record_from_object
 from hypermap.formats.yaml_text import plain_value
 
 
@@ -125,9 +127,11 @@ def _object(raw: Any, path: str | None, position: int) -> SemanticObject:
         raise FormatError(str(error), path=path, key=f"{place}.properties") from None
 
 
-def _footprint(raw: Mapping[str, Any], path: str | None, place: str) -> Footprint:
+def _footprint(raw: Mapping[str, Any], path: str | None, place: str) -> BaseGeometry:
     geometry = check(_Geometry, raw, path, place)
     try:
-        return checked_footprint(shapely.geometry.shape(geometry.model_dump()))
+        footprint: BaseGeometry = shapely.geometry.shape(geometry.model_dump())
+        check_footprint(footprint)
     except (ValueError, TypeError, LookupError, AttributeError, shapely.errors.ShapelyError) as e:
         raise FormatError(f"is not a valid {geometry.type}: {e}", path=path, key=place) from None
+    return footprint

@@ -66,6 +66,10 @@ def decode_grey(content: bytes, path: str) -> GreyPicture:
         raise
     except UnidentifiedImageError:
         raise FormatError("is not a picture", path=path) from None
+    except Image.DecompressionBombError:  # Pillow's bound, which is higher than ours
+        raise FormatError(
+            f"has more than the {limits.MAX_PIXELS} pixels that are allowed", path=path
+        ) from None
     except Exception as error:  # the decoders raise nearly anything for damaged files
         raise FormatError(f"is not an intact picture: {error}", path=path) from error
 

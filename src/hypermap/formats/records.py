@@ -6,13 +6,11 @@ from collections.abc import Mapping
 from typing import Annotated, Any
 
 from pydantic import Field, field_validator
+from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.errors import FormatError
-from hypermap.core.semantic import SemanticObject
+from hypermap.core.objects import MAX_ID, SemanticObject
 from hypermap.formats.checked import Checked, Finite, check
-from hypermap.formats.footprints import Footprint
-
-MAX_ID = 2**31 - 1  # what messages can carry
 
 
 class _Record(Checked):
@@ -34,28 +32,28 @@ class _Record(Checked):
 _KNOWN = _Record.known_keys() | {"shape"}
 
 
-def object_from_record(record: Any, footprint: Footprint) -> SemanticObject:
+def object_from_record(record: Any, footprint: BaseGeometry) -> SemanticObject:
     """Return the object that a file's entry describes; keys of others become attributes.
 
     Raises:
-        ValueError: Naming the wrong key.
+        ValueError: Naming the wrong key, or what is wrong with the shape.
     """
     try:
         checked = check(_Record, record, None)
-    except FormatError as error:
+        others = {key: value for key, value in record.items() if key not in _KNOWN}
+        return SemanticObject(
+            name=checked.name,
+            footprint=footprint,
+            id=checked.id,
+            tags=checked.tags,
+            confidence=checked.confidence,
+            existence=checked.existence,
+            first_seen=checked.first_seen,
+            last_seen=checked.last_seen,
+            attributes={**others, **(checked.attributes or {})},
+        )
+    except (FormatError, TypeError) as error:
         raise ValueError(str(error)) from None
-    others = {key: value for key, value in record.items() if key not in _KNOWN}
-    return SemanticObject(
-        name=checked.name,
-        footprint=footprint,
-        id=checked.id,
-        tags=checked.tags,
-        confidence=checked.confidence,
-        existence=checked.existence,
-        first_seen=checked.first_seen,
-        last_seen=checked.last_seen,
-        attributes={**others, **(checked.attributes or {})},
-    )
 
 
 def record_from_object(item: SemanticObject) -> dict[str, Any]:

@@ -14,10 +14,11 @@ from typing import Any
 
 from hypermap.core.errors import FormatError
 from hypermap.core.layer import Store
+from hypermap.core.objects import MAX_ID
 from hypermap.core.semantic import Rejected, SemanticLayer, SemanticObject
 from hypermap.formats.checked import found
 from hypermap.formats.footprints import footprint_from_wkt, footprint_to_wkt
-from hypermap.formats.records import MAX_ID, object_from_record, record_from_object
+from hypermap.formats.records import object_from_record, record_from_object
 from hypermap.formats.yaml_text import read_yaml, write_yaml
 
 logger = logging.getLogger(__name__)

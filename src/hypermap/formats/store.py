@@ -71,7 +71,7 @@ class FolderStore:
             FormatError: If there is no such file, or it is too large or lies elsewhere.
         """
         path = self.folder / safe_name(name, str(self.folder))
-        if not path.resolve().is_relative_to(self.folder.resolve()):
+        if not Path(os.path.realpath(path)).is_relative_to(os.path.realpath(self.folder)):
             raise FormatError("is a link that leads out of the folder", path=path)
         try:
             return read_file(path)
