@@ -11,13 +11,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from hypermap.core.errors import FileMissing, FormatError, HypermapError
+from hypermap.core.errors import FileMissing, FormatError
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.trajectory import compose
 from hypermap.perception.frame import Camera, RgbdFrame
 from hypermap.perception.recording import RecordingInfo, Stream
 from hypermap.recordings.folders import first_size, load_color, load_depth
 from hypermap.recordings.options import RecordingOptions, check_rigid
+from hypermap.recordings.problems import problems_of
 from hypermap.recordings.textfiles import read_matrix
 
 DEPTH_SCALE = 1000.0  # units per metre
@@ -108,13 +109,12 @@ class SevenScenesRecording:
         notes = [f"stamps are frame numbers at {FRAME_RATE:g} Hz"]
         if self._options.map_T_world is None:
             notes.append("the world is taken as level, z up; if it is not, give --world-transform")
-        try:
+        problems = problems_of(self, "_frames", "_camera")
+        if not problems:
             frames = len(self._frames)
             duration = self._frames[-1].stamp - self._frames[0].stamp
-            notes += self._notes
             image_size = (self._camera.width, self._camera.height)
-        except HypermapError as error:
-            missing.append(str(error))
+            notes += self._notes
         return RecordingInfo(
             self._path,
             "7-Scenes",
@@ -122,7 +122,7 @@ class SevenScenesRecording:
             frames,
             image_size,
             streams,
-            tuple(missing),
+            (*missing, *problems),
             tuple(notes),
         )
 

@@ -18,6 +18,7 @@ from hypermap.perception.recording import RecordingInfo, Stream
 from hypermap.recordings.folders import check_present, first_size, load_color, load_depth
 from hypermap.recordings.options import RecordingOptions
 from hypermap.recordings.pairing import FramePlan, plan_frames
+from hypermap.recordings.problems import problems_of
 from hypermap.recordings.textfiles import parse_numbers, read_lines
 
 DEPTH_SCALE = 5000.0  # units per metre
@@ -65,17 +66,16 @@ class TumRecording:
             FormatError: If a list, an image or the trajectory is broken.
             FileMissing: If one of them is not there.
         """
-        plan, camera = self._plan, self._camera
+        plan, camera, depth, color = self._plan, self._camera, self._depth, self._color
         scale = self._options.depth_scale or DEPTH_SCALE
         for d, c, pose in zip(plan.depth, plan.color, plan.map_T_camera, strict=True):
-            depth_path = self._depth.paths[d]
             yield RgbdFrame(
-                stamp=float(self._depth.stamps[d]),
-                depth=load_depth(depth_path, camera, scale, invalid=(0,)),
+                stamp=float(depth.stamps[d]),
+                depth=load_depth(depth.paths[d], camera, scale, invalid=(0,)),
                 camera=camera,
                 map_T_camera=pose,
-                color=load_color(self._color.paths[c], camera) if c >= 0 else None,
-                color_stamp=float(self._color.stamps[c]) if c >= 0 else None,
+                color=load_color(color.paths[c], camera) if color else None,
+                color_stamp=float(color.stamps[c]) if color else None,
             )
 
     def occupancy(self) -> OccupancyLayer | None:
@@ -93,18 +93,18 @@ class TumRecording:
             if (self._path / name).is_file():
                 count = sum(1 for _ in _tolerant(self._path / name))
                 streams.append(Stream(name, kind, count, use if count else ""))
-        if not self._has_color:
+        if not (self._path / "rgb.txt").is_file():
             missing.append("rgb.txt is missing: without color images no objects can be detected")
+        problems = problems_of(self, "_depth", "_color", "_trajectory", "_plan", "_camera")
+        missing += problems
         frames, duration, image_size = 0, 0.0, None
-        try:
+        if not problems:
             stamps = self._depth.stamps[self._plan.depth]
             frames, duration = len(stamps), float(stamps[-1] - stamps[0])
-            notes += [*self._trajectory[1], *self._plan.notes]
             image_size = (self._camera.width, self._camera.height)
+            notes += [*self._trajectory[1], *self._plan.notes]
             if self._options.intrinsics is None:
                 notes.append("the intrinsics are the benchmark's default, without distortion")
-        except HypermapError as error:
-            missing.append(str(error))
         return RecordingInfo(
             self._path,
             "TUM RGB-D",
@@ -116,17 +116,14 @@ class TumRecording:
             tuple(notes),
         )
 
-    @property
-    def _has_color(self) -> bool:
-        return (self._path / "rgb.txt").is_file()
-
     @cached_property
     def _depth(self) -> ImageList:
         return read_image_list(self._path / "depth.txt")
 
     @cached_property
-    def _color(self) -> ImageList:
-        return read_image_list(self._path / "rgb.txt")
+    def _color(self) -> ImageList | None:
+        path = self._path / "rgb.txt"
+        return read_image_list(path) if path.is_file() else None
 
     @cached_property
     def _trajectory(self) -> tuple[Trajectory, tuple[str, ...]]:
@@ -134,16 +131,16 @@ class TumRecording:
 
     @cached_property
     def _plan(self) -> FramePlan:
-        trajectory, _ = self._trajectory
+        (trajectory, _), depth, color = self._trajectory, self._depth, self._color
         span = (float(trajectory.stamps[0]), float(trajectory.stamps[-1]))
-        color_stamps = self._color.stamps if self._has_color else None
+        color_stamps = None if color is None else color.stamps
         try:
-            plan = plan_frames(self._depth.stamps, color_stamps, trajectory, span, self._options)
+            plan = plan_frames(depth.stamps, color_stamps, trajectory, span, self._options)
         except FormatError as error:
             raise FormatError(str(error), path=self._path) from None
-        check_present([self._depth.paths[i] for i in plan.depth], "depth images", self._path)
-        if self._has_color:
-            check_present([self._color.paths[i] for i in plan.color], "color images", self._path)
+        check_present([depth.paths[i] for i in plan.depth], "depth images", self._path)
+        if color is not None:
+            check_present([color.paths[i] for i in plan.color], "color images", self._path)
         return plan
 
     @cached_property

@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from hypermap.core.errors import FormatError, FrameError, HypermapError
+from hypermap.core.errors import FormatError, FrameError
 from hypermap.core.moving_frames import Motion, MovingFrames
 from hypermap.perception.detections import Detections
 from hypermap.perception.frame import Camera
@@ -19,6 +19,7 @@ from hypermap.recordings.messages.clouds import fit_camera
 from hypermap.recordings.messages.header import as_seconds, clean_frame
 from hypermap.recordings.options import RecordingOptions
 from hypermap.recordings.pairing import FramePlan, associate, plan_frames
+from hypermap.recordings.problems import problems_of
 
 DEPTH_SCALE = 1000.0  # units per metre, REP 118
 
@@ -36,9 +37,7 @@ class BagPlan:
 
     def problems(self) -> list[str]:
         """Return a sentence for everything without which there are no frames."""
-        needs = ("geometry_topic", "camera", "motion", "frames", "color_topic")
-        found = (self._problem_of(need) for need in needs)
-        return list(dict.fromkeys(problem for problem in found if problem))
+        return problems_of(self, "geometry_topic", "camera", "motion", "frames", "color_topic")
 
     def notes(self) -> list[str]:
         """Return sentences on what was left out, assumed or chosen, for a plan without problems."""
@@ -208,11 +207,3 @@ class BagPlan:
     @property
     def _is_rectified(self) -> bool:
         return "rect" in self.geometry_topic.name.rpartition("/")[2]
-
-    def _problem_of(self, need: str) -> str | None:
-        """Return why a property cannot be had, if so."""
-        try:
-            getattr(self, need)
-        except HypermapError as error:
-            return str(error)
-        return None

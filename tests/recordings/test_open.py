@@ -1,0 +1,71 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from shots import make_shots, write_seven_scenes, write_tum
+
+from hypermap.core.errors import FileMissing, FormatError
+from hypermap.recordings import open_recording
+
+LOOKED_FOR = """\
+looked for
+  a TUM RGB-D folder    with rgb.txt, depth.txt and groundtruth.txt
+  a 7-Scenes folder     with frame-000000.color.jpg (or .png), .depth.png and .pose.txt, ...
+  a ROS 1 bag           NAME.bag
+  a ROS 2 bag           a folder with metadata.yaml, or one NAME.db3 or NAME.mcap"""
+
+
+@pytest.mark.parametrize(
+    ("files", "kind"),
+    [
+        (["depth.txt", "rgb.txt", "groundtruth.txt"], "TUM RGB-D"),
+        (["rgb.txt"], "TUM RGB-D"),
+        (["frame-000007.depth.png"], "7-Scenes"),
+        (["frame-000007.pose.txt"], "7-Scenes"),
+        (["metadata.yaml", "x_0.db3"], "ROS 2 bag"),
+        (["x_0.mcap"], "ROS 2 bag"),
+    ],
+)
+def test_a_folder_is_recognised_by_what_lies_in_it(
+    tmp_path: Path, files: list[str], kind: str
+) -> None:
+    for name in files:
+        (tmp_path / name).touch()
+    info = open_recording(tmp_path).info()
+    assert info.format == kind
+    assert info.missing  # the files are empty
+
+
+@pytest.mark.parametrize(
+    ("name", "kind"), [("a.bag", "ROS 1 bag"), ("a.db3", "ROS 2 bag"), ("a.mcap", "ROS 2 bag")]
+)
+def test_a_file_is_recognised_by_its_ending(tmp_path: Path, name: str, kind: str) -> None:
+    (tmp_path / name).touch()
+    assert open_recording(tmp_path / name).info().format == kind
+
+
+def test_nothing_at_all_is_an_error(tmp_path: Path) -> None:
+    with pytest.raises(FileMissing) as caught:
+        open_recording(tmp_path / "nowhere")
+    assert str(caught.value) == f"{tmp_path}/nowhere: there is no such file or folder"
+
+
+@pytest.mark.parametrize("name", ["map.hmap", "README", "frame-000000.depth.png"])
+def test_a_foreign_file_is_an_error_that_lists_what_was_looked_for(
+    tmp_path: Path, name: str
+) -> None:
+    (tmp_path / name).write_text("something else")
+    with pytest.raises(FormatError) as caught:
+        open_recording(tmp_path / name)
+    assert str(caught.value) == f"{tmp_path / name}: no recording found\n{LOOKED_FOR}"
+
+
+def test_a_folder_of_recordings_points_to_the_first(tmp_path: Path) -> None:
+    (tmp_path / "notes").mkdir()
+    write_seven_scenes(tmp_path / "seq-01", make_shots(1))
+    write_tum(tmp_path / "seq-02", make_shots(1))
+    with pytest.raises(FormatError) as caught:
+        open_recording(tmp_path)
+    hint = f"no recording found; did you mean {tmp_path}/seq-01?"
+    assert str(caught.value) == f"{tmp_path}: {hint}\n{LOOKED_FOR}"

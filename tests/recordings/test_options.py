@@ -1,0 +1,70 @@
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hypermap.recordings import RecordingOptions
+
+TURNED = [0, -1, 0, 1, 1, 0, 0, 2, 0, 0, 1, 3, 0, 0, 0, 1]
+
+
+def test_without_options_the_world_is_the_map_and_the_camera_unknown() -> None:
+    options = RecordingOptions()
+    np.testing.assert_array_equal(options.world_pose(), np.eye(4))
+    assert options.camera(640, 480) is None
+
+
+def test_six_numbers_and_the_matrix_say_the_same_pose() -> None:
+    six = RecordingOptions(map_T_world=(1, 2, 3, 0, 0, math.pi / 2)).world_pose()
+    matrix = RecordingOptions(map_T_world=TURNED).world_pose()
+    assert six == pytest.approx(matrix)
+
+
+def test_intrinsics_become_a_camera() -> None:
+    camera = RecordingOptions(intrinsics=(500, 501, 320, 240)).camera(640, 480)
+    assert camera is not None
+    assert camera.K.tolist() == [[500, 0, 320], [0, 501, 240], [0, 0, 1]]
+    assert (camera.width, camera.height) == (640, 480)
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        (
+            {"intrinsics": (1, 2, 3)},
+            "intrinsics must be 4 numbers (fx, fy, cx, cy), got 3",
+        ),
+        (
+            {"intrinsics": (1, math.nan, 3, 4)},
+            "intrinsics must be finite numbers, got (1, nan, 3, 4)",
+        ),
+        ({"intrinsics": (1, 0, 3, 4)}, "the focal lengths must be positive, got (1, 0)"),
+        (
+            {"map_T_world": [0] * 7},
+            "map_T_world must be 6 numbers (x, y, z, roll, pitch, yaw) or 16 numbers (the rows of "
+            "a 4 x 4 matrix), got 7",
+        ),
+        (
+            {"map_T_world": [2.0 * x for x in TURNED]},
+            "the matrix is not a rotation and a translation with last row 0 0 0 1",
+        ),
+        (
+            {"map_T_world": [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, -1, 0, 0, 0, 0, 1]},  # a mirror
+            "the matrix is not a rotation and a translation with last row 0 0 0 1",
+        ),
+        ({"depth_scale": 0}, "depth_scale must be positive, got 0"),
+        ({"max_time_difference": -0.1}, "max_time_difference must be 0 .. 1 s, got -0.1"),
+        ({"max_time_difference": 1.5}, "max_time_difference must be 0 .. 1 s, got 1.5"),
+        ({"max_time_difference": math.nan}, "max_time_difference must be 0 .. 1 s, got nan"),
+        ({"max_pose_gap": 0}, "max_pose_gap must be positive, got 0"),
+        ({"every": 0}, "every must be at least 1, got 0"),
+        ({"map_frame": ""}, "map_frame must be the name of a frame, got an empty string"),
+    ],
+)
+def test_values_out_of_range_are_refused(values: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError) as caught:
+        RecordingOptions(**values)
+    assert str(caught.value) == message

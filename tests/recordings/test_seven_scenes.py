@@ -1,0 +1,186 @@
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+from shots import INTRINSICS, assert_shows, make_shots, write_seven_scenes
+
+from hypermap.core.errors import FileMissing, FormatError, HypermapError
+from hypermap.recordings import RecordingOptions, open_recording
+
+SHOTS = make_shots()
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    return write_seven_scenes(tmp_path / "seq-01", SHOTS)
+
+
+def test_the_frames_of_a_folder_are_what_was_written(folder: Path) -> None:
+    recording = open_recording(folder)
+    frames = list(recording.frames())
+    assert len(recording) == len(frames) == len(SHOTS)
+    for i, (frame, shot) in enumerate(zip(frames, SHOTS, strict=True)):
+        assert_shows(frame, shot)
+        assert frame.stamp == frame.color_stamp == i / 30
+        K = frame.camera.K
+        assert (K[0, 0], K[1, 1], K[0, 2], K[1, 2]) == INTRINSICS
+
+
+def test_info_tells_of_a_complete_recording(folder: Path) -> None:
+    info = open_recording(folder).info()
+    assert info.format == "7-Scenes"
+    assert (info.frames, info.image_size, info.missing) == (4, (32, 24), ())
+    assert info.duration == pytest.approx(0.1)
+    assert [(s.name, s.count) for s in info.streams] == [
+        ("frame-*.depth.png", 4),
+        ("frame-*.color.png", 4),
+        ("frame-*.pose.txt", 4),
+    ]
+    assert info.notes == (
+        "stamps are frame numbers at 30 Hz",
+        "the world is taken as level, z up; if it is not, give --world-transform",
+    )
+
+
+def test_jpeg_color_and_intrinsics_one_folder_up(folder: Path) -> None:
+    for path in folder.glob("*.color.png"):
+        with Image.open(path) as image:
+            image.save(path.with_suffix(".jpg"), quality=100)
+        path.unlink()
+    (folder / "camera-intrinsics.txt").rename(folder.parent / "camera-intrinsics.txt")
+    frame = next(open_recording(folder).frames())
+    with Image.open(folder / "frame-000000.color.jpg") as image:
+        np.testing.assert_array_equal(frame.color, np.asarray(image))
+
+
+def test_depth_of_0_and_65535_is_no_return(folder: Path) -> None:
+    depth = SHOTS[0].depth_mm.copy()
+    depth[2, 2:5] = 0, 65535, 65534
+    Image.fromarray(depth).save(folder / "frame-000000.depth.png")
+    frame = next(open_recording(folder).frames())
+    np.testing.assert_array_equal(frame.depth[2, 2:5], np.float32([np.nan, np.nan, 65.534]))
+
+
+def test_a_world_that_is_not_level_is_turned_by_an_option(folder: Path) -> None:
+    # The world's y axis points down and its origin lies 1.2 m above the floor.
+    options = RecordingOptions(map_T_world=(0, 0, 1.2, -math.pi / 2, 0, 0))
+    frame = next(open_recording(folder, options).frames())
+    x, y, z = SHOTS[0].position
+    assert frame.map_T_camera[:3, 3] == pytest.approx([x, z, 1.2 - y])
+
+
+def test_frames_without_tracking_or_an_image_are_counted(folder: Path) -> None:
+    for i, word in enumerate(["nan", "-inf", "-1.#IND"]):
+        row = f"{word} 0 0 0\n"
+        (folder / f"frame-{i:06d}.pose.txt").write_text(row + "0 1 0 0\n0 0 1 0\n0 0 0 1\n")
+    (folder / "frame-000000.color.png").unlink()
+    recording = open_recording(folder)
+    [frame] = recording.frames()
+    assert frame.stamp == 3 / 30
+    assert recording.info().notes[2:] == (
+        "1 frames lack an image or a pose and are left out",
+        "2 frames have no pose (tracking was lost) and are left out",
+    )
+
+
+def test_without_color_there_is_depth_and_info_says_what_is_missing(folder: Path) -> None:
+    for path in folder.glob("*.color.png"):
+        path.unlink()
+    recording = open_recording(folder)
+    assert [frame.color for frame in recording.frames()] == [None] * 4
+    assert recording.info().missing == (
+        "there are no color images frame-*.color.jpg or .color.png: without them no objects can "
+        "be detected",
+    )
+
+
+def text_of(name: str, text: str) -> Callable[[Path], object]:
+    return lambda folder: (folder / name).write_text(text)
+
+
+def remove_all(pattern: str) -> Callable[[Path], None]:
+    def change(folder: Path) -> None:
+        for path in folder.glob(pattern):
+            path.unlink()
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("change", "kind", "message"),
+    [
+        (
+            remove_all("camera-intrinsics.txt"),
+            FileMissing,
+            "{}/camera-intrinsics.txt: there is no such file, nor one folder up; give --intrinsics "
+            "(the data set's page says 585 585 320 240)",
+        ),
+        (
+            text_of("camera-intrinsics.txt", "585 585 320 240"),
+            FormatError,
+            "{}/camera-intrinsics.txt: expected 3 rows of 3 numbers, found rows of these "
+            "lengths: 4",
+        ),
+        (
+            text_of("camera-intrinsics.txt", "0 0 1\n0 1 1\n0 0 1\n"),
+            FormatError,
+            "{}/camera-intrinsics.txt: focal lengths must be positive, got 0.0, 1.0",
+        ),
+        (
+            text_of("camera-intrinsics.txt", ""),
+            FormatError,
+            "{}/camera-intrinsics.txt: expected 3 rows of 3 numbers, found rows of these "
+            "lengths: none",
+        ),
+        (
+            text_of("frame-000002.pose.txt", "1 0 0 0\n0 one 0 0\n"),
+            FormatError,
+            "{}/frame-000002.pose.txt: line 2: could not convert string to float: 'one'",
+        ),
+        (
+            text_of("frame-000002.pose.txt", "2 0 0 0\n0 2 0 0\n0 0 2 0\n0 0 0 1\n"),
+            FormatError,
+            "{}/frame-000002.pose.txt: the matrix is not a rotation and a translation with last "
+            "row 0 0 0 1",
+        ),
+        (
+            remove_all("*.pose.txt"),
+            FormatError,
+            "{}: there is no complete frame: 4 depth images, 4 color images and 0 poses, 0 of "
+            "them without tracking",
+        ),
+        (
+            remove_all("*.depth.png"),
+            FormatError,
+            "{}: there is no complete frame: 0 depth images, 4 color images and 4 poses, 0 of "
+            "them without tracking",
+        ),
+    ],
+)
+def test_broken_folders_are_errors_that_info_tells(
+    folder: Path, change: Callable[[Path], None], kind: type[HypermapError], message: str
+) -> None:
+    change(folder)
+    expected = message.replace("{}", str(folder))
+    assert open_recording(folder).info().missing == (expected,)
+    with pytest.raises(kind) as caught:
+        next(open_recording(folder).frames())
+    assert str(caught.value) == expected
+
+
+def test_depth_and_color_of_different_size_are_an_error(folder: Path) -> None:
+    path = folder / "frame-000001.color.png"
+    Image.fromarray(np.zeros((48, 64, 3), np.uint8)).save(path)
+    frames = open_recording(folder).frames()
+    next(frames)
+    with pytest.raises(FormatError) as caught:
+        next(frames)
+    assert str(caught.value) == (
+        f"{path}: the picture has 64 x 48 pixels, but the depth image (color must be registered "
+        "to depth) has 32 x 24"
+    )

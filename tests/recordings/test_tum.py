@@ -1,0 +1,321 @@
+from __future__ import annotations
+
+import shutil
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from PIL import Image
+from scipy.spatial.transform import Rotation, Slerp
+from shots import INTRINSICS, Shot, assert_shows, make_shots, write_tum
+
+from hypermap.core.errors import FileMissing, FormatError, HypermapError
+from hypermap.perception.recording import Recording
+from hypermap.recordings import RecordingOptions, open_recording
+from hypermap.recordings.tum import default_camera
+
+SHOTS = make_shots()
+
+
+def opened(folder: Path, **options: object) -> Recording:
+    known = {"depth_scale": 1000.0, "intrinsics": INTRINSICS} | options
+    return open_recording(folder, RecordingOptions(**known))  # type: ignore[arg-type]
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    return write_tum(tmp_path / "recording", SHOTS)
+
+
+def test_the_frames_of_a_folder_are_what_was_written(folder: Path) -> None:
+    recording = opened(folder)
+    frames = list(recording.frames())
+    assert len(recording) == len(frames) == len(SHOTS)
+    for frame, shot in zip(frames, SHOTS, strict=True):
+        assert_shows(frame, shot)
+        assert frame.stamp == shot.stamp / 10**9
+        assert frame.color_stamp == shot.color_stamp / 10**9
+    assert recording.occupancy() is None
+
+
+def test_info_tells_of_a_complete_recording(folder: Path) -> None:
+    info = opened(folder).info()
+    assert info.format == "TUM RGB-D"
+    assert (info.frames, info.image_size) == (4, (32, 24))
+    assert info.duration == pytest.approx(0.3, abs=1e-6)
+    assert [(s.name, s.count) for s in info.streams] == [
+        ("depth.txt", 4),
+        ("rgb.txt", 4),
+        ("groundtruth.txt", 4),
+    ]
+    assert info.missing == ()
+    assert info.notes == ()
+
+
+def test_the_desk_is_read_whole_with_interpolated_poses(shared_data: Path) -> None:
+    recording = open_recording(shared_data / "desk")
+    info = recording.info()
+    assert (info.frames, info.image_size, info.missing) == (116, (640, 480), ())
+    assert info.duration == pytest.approx(23.96, abs=0.01)
+    assert info.notes == ("the intrinsics are the benchmark's default, without distortion",)
+
+    frame = next(recording.frames())
+    assert frame.camera.K.tolist() == [[525, 0, 319.5], [0, 525, 239.5], [0, 0, 1]]
+    assert frame.color_stamp == 1305031229.528748
+    with Image.open(shared_data / "desk/depth/1305031229.528784.png") as image:
+        raw = np.asarray(image).astype(float)
+    np.testing.assert_allclose(frame.depth, np.where(raw == 0, np.nan, raw / 5000), rtol=1e-6)
+
+    table = np.loadtxt(shared_data / "desk/groundtruth.txt")
+    after = np.searchsorted(table[:, 0], 1305031229.528784)
+    pair = table[after - 1 : after + 1]
+    rotation = Slerp(pair[:, 0], Rotation.from_quat(pair[:, 4:]))(1305031229.528784)
+    position = [np.interp(1305031229.528784, pair[:, 0], pair[:, 1 + k]) for k in range(3)]
+    np.testing.assert_allclose(frame.map_T_camera[:3, :3], rotation.as_matrix(), atol=1e-6)
+    np.testing.assert_allclose(frame.map_T_camera[:3, 3], position, atol=1e-6)
+
+
+@settings(
+    deadline=None, max_examples=10, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+@given(seed=st.integers(0, 2**31))
+def test_the_order_of_the_lines_does_not_matter(folder: Path, seed: int) -> None:
+    random = np.random.default_rng(seed)
+    for name in ("rgb.txt", "depth.txt", "groundtruth.txt"):
+        lines = (folder / name).read_text().splitlines()
+        random.shuffle(lines)
+        (folder / name).write_text("\n".join(lines))
+    for frame, shot in zip(opened(folder).frames(), SHOTS, strict=True):
+        assert_shows(frame, shot)
+
+
+def test_poses_out_of_order_and_repeated_are_sorted_out_and_noted(folder: Path) -> None:
+    path = folder / "groundtruth.txt"
+    lines = path.read_text().splitlines()[1:]
+    path.write_text("\n".join([*lines[::-1], lines[0]]))
+    assert opened(folder).info().notes == (
+        "the stamps of groundtruth.txt were out of order and have been sorted",
+        "1 poses of groundtruth.txt repeat a stamp and are left out",
+    )
+
+
+def test_without_color_there_is_depth_and_info_says_what_is_missing(folder: Path) -> None:
+    (folder / "rgb.txt").unlink()
+    recording = opened(folder)
+    assert [frame.color for frame in recording.frames()] == [None] * 4
+    assert recording.info().missing == (
+        "rgb.txt is missing: without color images no objects can be detected",
+    )
+
+
+def test_every_second_frame(folder: Path) -> None:
+    for frame, shot in zip(opened(folder, every=2).frames(), SHOTS[::2], strict=True):
+        assert_shows(frame, shot)
+
+
+@pytest.mark.parametrize(
+    ("size", "K"),
+    [
+        ((640, 480), [[525, 0, 319.5], [0, 525, 239.5], [0, 0, 1]]),
+        ((320, 240), [[262.5, 0, 159.5], [0, 262.5, 119.5], [0, 0, 1]]),
+    ],
+)
+def test_the_default_camera_scales_with_the_image(
+    size: tuple[int, int], K: list[list[float]]
+) -> None:
+    assert default_camera(*size, Path("x")).K.tolist() == K
+
+
+def line_of(name: str, number: int, text: str) -> Callable[[Path], None]:
+    """Replace a line of a list."""
+
+    def change(folder: Path) -> None:
+        lines = (folder / name).read_text().splitlines()
+        lines[number - 1] = text
+        (folder / name).write_text("\n".join(lines))
+
+    return change
+
+
+def content_of(pattern: str, content: bytes | None) -> Callable[[Path], None]:
+    """Replace the content of the first file that fits; cut it off for None."""
+
+    def change(folder: Path) -> None:
+        path = min(folder.glob(pattern))
+        path.write_bytes(path.read_bytes()[:60] if content is None else content)
+
+    return change
+
+
+def picture_of(pattern: str, pixels: np.ndarray) -> Callable[[Path], None]:
+    return lambda folder: Image.fromarray(pixels).save(min(folder.glob(pattern)))
+
+
+def remove(pattern: str) -> Callable[[Path], None]:
+    return lambda folder: min(folder.glob(pattern)).unlink()
+
+
+D0, C0 = "1600000000.250000000", "1600000000.254000000"
+
+
+@pytest.mark.parametrize(
+    ("change", "kind", "message"),
+    [
+        (remove("depth.txt"), FileMissing, "{}/depth.txt: there is no such file"),
+        (remove("groundtruth.txt"), FileMissing, "{}/groundtruth.txt: there is no such file"),
+        (
+            remove("depth/*"),
+            FileMissing,
+            f"{{}}: 1 of 4 depth images are missing, the first is {{}}/depth/{D0}.png",
+        ),
+        (
+            remove("rgb/*"),
+            FileMissing,
+            f"{{}}: 1 of 4 color images are missing, the first is {{}}/rgb/{C0}.png",
+        ),
+        (content_of("depth.txt", b"# nothing\n"), FormatError, "{}/depth.txt: the list is empty"),
+        (
+            content_of("rgb.txt", b"\xff\xfe\x00"),
+            FormatError,
+            "{}/rgb.txt: this is not a text file",
+        ),
+        (
+            content_of("groundtruth.txt", b"\n"),
+            FormatError,
+            "{}/groundtruth.txt: there are no poses in it",
+        ),
+        (
+            line_of("depth.txt", 2, "1600000000.35"),
+            FormatError,
+            "{}/depth.txt: line 2: expected a stamp and a file name, found '1600000000.35'",
+        ),
+        (
+            line_of("rgb.txt", 3, "soon rgb/x.png"),
+            FormatError,
+            "{}/rgb.txt: line 3: could not convert string to float: 'soon'",
+        ),
+        (
+            line_of("rgb.txt", 3, "inf rgb/x.png"),
+            FormatError,
+            "{}/rgb.txt: line 3: there is a number that is not finite",
+        ),
+        (
+            line_of("groundtruth.txt", 2, "1 2 3 4 5 6 7"),
+            FormatError,
+            "{}/groundtruth.txt: line 2: expected 8 numbers (stamp tx ty tz qx qy qz qw), found 7",
+        ),
+        (
+            line_of("groundtruth.txt", 3, "1 2 3 nan 0 0 0 1"),
+            FormatError,
+            "{}/groundtruth.txt: line 3: there is a number that is not finite",
+        ),
+        (
+            line_of("groundtruth.txt", 3, "1 2 3 4 0 0 0 0"),
+            FormatError,
+            "{}/groundtruth.txt: line 3: the quaternion is zero",
+        ),
+        (
+            content_of("groundtruth.txt", b"5 1 2 3 0 0 0 1\n6 1 2 3 0 0 0 1\n"),
+            FormatError,
+            "{}: no frame has a pose: depth images reach from 1600000000.250 to 1600000000.550 s, "
+            "poses from 5.000 to 6.000 s; gaps of up to 1 s between poses are bridged "
+            "(--max-pose-gap)",
+        ),
+        (
+            picture_of("depth/*", np.zeros((24, 32), np.uint8)),
+            FormatError,
+            f"{{}}/depth/{D0}.png: expected a depth image of 16 bits, found a picture of mode L "
+            "(8 bits)",
+        ),
+        (
+            picture_of("rgb/*", np.zeros((12, 16, 3), np.uint8)),
+            FormatError,
+            f"{{}}/rgb/{C0}.png: the picture has 16 x 12 pixels, but the depth image (color must "
+            "be registered to depth) has 32 x 24",
+        ),
+        (
+            picture_of("rgb/*", np.zeros((24, 32), np.uint16)),
+            FormatError,
+            f"{{}}/rgb/{C0}.png: expected a color picture of 8 bits, found mode I;16",
+        ),
+        (
+            content_of("rgb/*", b"GIF but not really"),
+            FormatError,
+            f"{{}}/rgb/{C0}.png: this is not a picture that can be read",
+        ),
+        (
+            content_of("rgb/*", None),
+            FormatError,
+            f"{{}}/rgb/{C0}.png: the picture is damaged: image file is truncated",
+        ),
+        (
+            content_of("depth/*", None),
+            FormatError,
+            f"{{}}/depth/{D0}.png: the picture is damaged: image file is truncated",
+        ),
+    ],
+)
+def test_broken_folders_are_errors_that_name_file_and_line(
+    folder: Path, change: Callable[[Path], None], kind: type[HypermapError], message: str
+) -> None:
+    change(folder)
+    with pytest.raises(kind) as caught:
+        list(opened(folder).frames())
+    assert str(caught.value).startswith(message.replace("{}", str(folder)))
+    if "/depth/" not in message and "/rgb/" not in message:  # what is wrong before any picture
+        info = opened(folder).info()
+        assert str(caught.value) in info.missing
+        assert info.frames == 0
+
+
+def test_info_tells_all_that_is_wrong_at_once(folder: Path) -> None:
+    for name in ("rgb.txt", "groundtruth.txt"):
+        (folder / name).unlink()
+    line_of("depth.txt", 1, "1 2 3\nx")(folder)
+    info = opened(folder).info()
+    assert info.missing == (
+        "rgb.txt is missing: without color images no objects can be detected",
+        f"{folder}/depth.txt: line 2: expected a stamp and a file name, found 'x'",
+        f"{folder}/groundtruth.txt: there is no such file",
+    )
+    assert [(s.name, s.count) for s in info.streams] == [("depth.txt", 5)]
+
+
+def test_images_of_unknown_shape_need_intrinsics(tmp_path: Path) -> None:
+    wide = [
+        Shot(s.stamp, s.color_stamp, s.depth_mm[:10], s.color[:10], s.position, s.quat_xyzw)
+        for s in SHOTS
+    ]
+    folder = write_tum(tmp_path / "wide", wide)
+    recording = opened(folder, intrinsics=None)
+    message = (
+        f"{folder}: the images have 32 x 10 pixels, for which no intrinsics are known; "
+        "give them with --intrinsics"
+    )
+    assert recording.info().missing == (message,)
+    with pytest.raises(FormatError) as caught:
+        next(recording.frames())
+    assert str(caught.value) == message
+
+
+def test_a_picture_that_claims_too_many_pixels_is_refused(folder: Path) -> None:
+    path = min(folder.glob("rgb/*"))
+    content = bytearray(path.read_bytes())
+    content[16:24] = (100_000).to_bytes(4, "big") * 2  # width and height
+    content[29:33] = zlib.crc32(bytes(content[12:29])).to_bytes(4, "big")
+    path.write_bytes(content)
+    with pytest.raises(FormatError, match="the picture is damaged: Image size"):
+        next(opened(folder).frames())
+
+
+def test_what_existed_is_untouched(folder: Path, tmp_path: Path) -> None:
+    copy = tmp_path / "copy"
+    shutil.copytree(folder, copy)
+    list(opened(folder).frames())
+    for path in copy.rglob("*.*"):
+        if path.is_file():
+            assert path.read_bytes() == (folder / path.relative_to(copy)).read_bytes()
