@@ -16,6 +16,7 @@ from hypermap.core.arrays import ObjectArray
 from hypermap.core.errors import HypermapError, did_you_mean
 from hypermap.core.frames import Pose2D
 from hypermap.core.layer import RasterPicture, ShapesPicture
+from hypermap.formats.atomic import write_file
 from hypermap.viewer.colors import Color, class_colors
 
 if TYPE_CHECKING:
@@ -105,7 +106,7 @@ def render(
     )
     from hypermap.viewer.drawing import draw  # loads matplotlib
 
-    path.write_bytes(draw(drawing, path.suffix[1:].lower(), size))
+    write_file(path, draw(drawing, path.suffix[1:].lower(), size))
 
 
 def check_suffix(path: Path) -> None:

@@ -1,0 +1,213 @@
+"""From the options of `hypermap query` to rows of an answer."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
+
+from hypermap.cli.options import parse_area, parse_point
+from hypermap.core.errors import HypermapError, did_you_mean
+from hypermap.core.hypermap import Found, Hypermap
+from hypermap.core.layer import Layer
+from hypermap.core.opaque import OpaqueLayer
+from hypermap.core.semantic import SemanticLayer
+
+Row: TypeAlias = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Question:
+    """What is asked; None where nothing is said.
+
+    Attributes:
+        at: a point [m].
+        what: a name or a number.
+        area: as the user wrote it, like `near` and `inside`.
+        start: from where the nearest are measured [m].
+        most: how many of the nearest are wanted.
+        near: a name or a point.
+        within: distance to `near` [m].
+        inside: a name or an area.
+        layer: the one that is asked.
+        frame_id: of points and areas.
+    """
+
+    at: tuple[float, float] | None = None
+    what: str | float | None = None
+    area: str | None = None
+    start: tuple[float, float] = (0.0, 0.0)
+    most: int | None = None
+    near: str | None = None
+    within: float | None = None
+    inside: str | None = None
+    layer: str | None = None
+    frame_id: str | None = None
+
+    @property
+    def is_about_objects(self) -> bool:
+        """Whether only objects can be an answer."""
+        return self.near is not None or self.inside is not None
+
+
+def answers(hypermap: Hypermap, question: Question) -> list[Row]:
+    """Return the rows of the answer, each with layer, label, value, x and y in the base frame.
+
+    Raises:
+        HypermapError: If the question has no meaning, or names an unknown layer or frame.
+    """
+    _check(question)
+    layers = _asked_layers(hypermap, question)
+    if question.at is not None:
+        return [_row_at(hypermap, layer, question.at, question.frame_id) for layer in layers]
+    semantic = {layer.name for layer in layers if isinstance(layer, SemanticLayer)}
+    rows = [_row_of_object(found) for found in _objects(hypermap, question, semantic)]
+    if not question.is_about_objects:
+        for layer in layers:
+            if layer.name not in semantic:
+                rows += _rows_of_layer(hypermap, layer, question)
+    if question.most is not None:
+        rows = sorted(rows, key=lambda row: float(row["distance"]))[: question.most]
+    return rows
+
+
+def hint_for(hypermap: Hypermap, question: Question) -> Iterator[str]:
+    """Yield what may be wrong with the names in a question to which there is no answer."""
+    layers = [layer for layer in hypermap.layers if isinstance(layer, SemanticLayer)]
+    known = sorted({str(name) for layer in layers for name in layer.names})
+    for name in (question.what, question.near, question.inside):
+        if isinstance(name, str) and name not in known and not _is_place(name):
+            yield f"no object is called {name!r}; {did_you_mean(name, known)}"
+
+
+def _check(question: Question) -> None:
+    asked = (question.what, question.area, question.near, question.inside)
+    if question.at is not None and any(part is not None for part in (*asked, question.most)):
+        raise HypermapError("--at asks what is at a point; it goes with --layer and --frame alone")
+    if question.at is None and all(part is None for part in asked):
+        raise HypermapError("nothing is asked; give --at X,Y, --in AREA or --name NAME")
+    if question.most is not None and question.what is None:
+        raise HypermapError("the nearest what? give --name NAME")
+    if question.most is not None and question.near is not None:
+        raise HypermapError("give either --nearest (or -k) with --from, or --near")
+    if question.within is not None and question.near is None:
+        raise HypermapError("--within needs --near: a distance from what?")
+
+
+def _asked_layers(hypermap: Hypermap, question: Question) -> list[Layer]:
+    if question.layer is not None:
+        layer = hypermap[question.layer]
+        if question.is_about_objects and not isinstance(layer, SemanticLayer):
+            raise HypermapError(f"--near and --inside ask for objects; {layer.name!r} holds none")
+        return [layer]
+    # A number is an id unless a layer is named: a grid has thousands of cells with each number.
+    only_objects = question.what is not None and not isinstance(question.what, str)
+    return [
+        layer
+        for layer in hypermap.layers
+        if isinstance(layer, SemanticLayer) or not (only_objects or isinstance(layer, OpaqueLayer))
+    ]
+
+
+def _row_at(
+    hypermap: Hypermap, layer: Layer, point: tuple[float, float], frame_id: str | None
+) -> Row:
+    label = hypermap.label_at(layer.name, point, frame_id)[0]
+    value = hypermap.value_at(layer.name, point, frame_id)[0]
+    return _row(layer.name, label, value, *_in_base_frame(hypermap, point, frame_id))
+
+
+def _objects(hypermap: Hypermap, question: Question, layers: set[str]) -> list[Found]:
+    """Return the objects of some layers for which all that is asked is true."""
+    name = question.what if isinstance(question.what, str) else None
+    near: Any = question.start if question.most is not None else None
+    if question.near is not None:
+        is_point = _is_place(question.near)
+        near = parse_point(question.near, "--near") if is_point else question.near
+    inside: Any = question.inside
+    if inside is not None and _is_place(inside):
+        inside = parse_area(inside, "--inside")
+    found = hypermap.objects(
+        name,
+        near=near,
+        within=question.within,
+        inside=inside,
+        area=_area(question),
+        frame_id=question.frame_id,
+    )
+    by_id = question.what is not None and name is None
+    return [
+        item
+        for item in found
+        if item.layer in layers and item.object and (not by_id or item.object.id == question.what)
+    ]
+
+
+def _rows_of_layer(hypermap: Hypermap, layer: Layer, question: Question) -> list[Row]:
+    """Return the rows of a layer that holds no objects."""
+    area = _area(question)
+    if question.what is not None:
+        places = hypermap.find(layer.name, question.what, area, question.frame_id)
+    elif area is not None:
+        places = hypermap.labels_in(layer.name, area, question.frame_id).points_xy
+    else:
+        return []
+    labels, values = hypermap.label_at(layer.name, places), hypermap.value_at(layer.name, places)
+    hits = zip(labels, values, places, strict=True)
+    rows = [_row(layer.name, label, value, x, y) for label, value, (x, y) in hits]
+    if question.most is not None:
+        start = _in_base_frame(hypermap, question.start, question.frame_id)
+        for row, distance in zip(rows, np.hypot(*(places - start).T), strict=True):
+            row["distance"] = float(distance)
+    return rows
+
+
+def _area(question: Question) -> BaseGeometry | None:
+    return None if question.area is None else parse_area(question.area, "--in")
+
+
+def _is_place(text: str) -> bool:
+    """Return whether a text is numbers or WKT, and not a name."""
+    return re.fullmatch(r"\s*([-+.\d][-+.,\s\deE]*|[A-Za-z]+\s*\(.*)", text) is not None
+
+
+def _in_base_frame(
+    hypermap: Hypermap, point: tuple[float, float], frame_id: str | None
+) -> NDArray[np.float64]:
+    base_T_asked = hypermap.frames.lookup(hypermap.base_frame, frame_id or hypermap.base_frame)
+    in_base: NDArray[np.float64] = base_T_asked.apply(point)[0]
+    return in_base
+
+
+def _row_of_object(found: Found) -> Row:
+    item = found.object
+    assert item is not None  # semantic layers hold objects alone
+    row = _row(found.layer, item.name, item.id, *found.point_xy)
+    if found.distance is not None:
+        row["distance"] = found.distance
+    row["object"] = {
+        "id": item.id,
+        "name": item.name,
+        "footprint": shapely.to_wkt(item.footprint, rounding_precision=6),
+        "tags": list(item.tags),
+        "confidence": list(item.confidence),
+        "existence": item.existence,
+        "first_seen": item.first_seen,
+        "last_seen": item.last_seen,
+        "attributes": dict(item.attributes),
+    }
+    return row
+
+
+def _row(layer: str, label: Any, value: Any, x: float, y: float) -> Row:
+    number = value.item() if isinstance(value, np.generic) else value
+    if isinstance(number, float) and not math.isfinite(number):
+        number = None
+    return {"layer": layer, "label": str(label), "value": number, "x": float(x), "y": float(y)}

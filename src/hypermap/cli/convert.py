@@ -1,0 +1,197 @@
+"""`hypermap convert`: the same map, or one of its layers, in another kind of file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, TypeVar
+
+import typer
+
+from hypermap.cli.options import Force, check_output
+from hypermap.cli.terminal import note
+from hypermap.core.errors import HypermapError
+
+if TYPE_CHECKING:
+    from hypermap.core.hypermap import Hypermap
+    from hypermap.core.layer import Layer
+    from hypermap.core.semantic import SemanticLayer
+
+    L = TypeVar("L", bound=Layer)
+
+_ZIP = b"PK"
+_JSON = {".geojson", ".json"}
+_YAML = {".yaml"}
+
+
+def command(
+    source: Annotated[
+        Path,
+        typer.Argument(
+            metavar="IN",
+            show_default=False,
+            help="An .hmap archive, a configuration or its folder, a map_server YAML, a GeoJSON "
+            "file, or a YAML list of objects.",
+        ),
+    ],
+    target: Annotated[
+        Path,
+        typer.Argument(metavar="OUT", show_default=False, help="The new file or folder."),
+    ],
+    layers: Annotated[
+        list[str] | None,
+        typer.Option("--layer", metavar="NAME", help="Take only this layer; may be repeated."),
+    ] = None,
+    frame_id: Annotated[
+        str | None,
+        typer.Option("--frame", metavar="FRAME", help="Frame of an IN that does not say its own."),
+    ] = None,
+    force: Force = False,
+) -> None:
+    """Convert a map, or one of its layers, to another kind of file. OUT's ending says which.
+
+    .hmap and a folder (a name without an ending) hold whole maps. .geojson holds the objects of
+    one layer, in metres. .yaml holds one layer: a map_server map with its picture, or a list of
+    objects. What OUT cannot hold is named on standard error.
+
+    Examples:
+        hypermap convert lab.hmap lab                       a folder with hmap_config.yaml
+        hypermap convert lab hand-edited.hmap               and back
+        hypermap convert lab.hmap lab.geojson               the objects, for a GIS program
+        hypermap convert lab.hmap map.yaml --layer occupancy
+        hypermap convert objects.geojson objects.hmap --frame map
+    """
+    hypermap = _chosen(_open(source, frame_id), layers)
+    if target.suffix.lower() == ".hmap":
+        _save_archive(hypermap, target, force)
+    elif target.suffix.lower() in _JSON:
+        _save_geojson(hypermap, target, force)
+    elif target.suffix.lower() in _YAML:
+        _save_yaml(hypermap, target, force)
+    elif target.suffix == "" or target.is_dir():
+        _save_folder(hypermap, target, force)
+    else:
+        raise HypermapError(
+            f"{target}: nothing is known of the ending {target.suffix!r}; known: .hmap, .geojson, "
+            ".yaml, or none for a folder"
+        )
+    note(f"saved {target}")
+
+
+def _open(path: Path, frame_id: str | None) -> Hypermap:
+    """Return the map in a file of any kind; a file of one layer becomes a map of one layer."""
+    from hypermap.core.hypermap import Hypermap
+    from hypermap.formats import open_map
+    from hypermap.formats.geojson import from_geojson
+    from hypermap.formats.map_server import load_occupancy
+    from hypermap.formats.store import read_file
+    from hypermap.formats.yaml_text import read_yaml
+
+    content = _ZIP if path.is_dir() else read_file(path)
+    if path.suffix.lower() in _JSON:
+        text = content.decode(errors="replace")
+        return Hypermap([from_geojson(text, frame_id=frame_id, path=str(path))])
+    if path.suffix.lower() != ".hmap" and not content.startswith(_ZIP):
+        document = read_yaml(content, str(path))
+        if isinstance(document, list):
+            return Hypermap([_objects_layer(content, path, frame_id or "map")])
+        if isinstance(document, dict) and "image" in document:
+            return Hypermap([load_occupancy(path, frame_id=frame_id or "map")])
+    if frame_id is not None:
+        raise HypermapError(f"{path}: a whole map says its frames itself; leave --frame out")
+    return open_map(path)
+
+
+def _objects_layer(content: bytes, path: Path, frame_id: str) -> SemanticLayer:
+    from hypermap.core.semantic import SemanticLayer
+    from hypermap.formats.semantic_yaml import parse_objects
+
+    objects, rejected = parse_objects(content, str(path))
+    return SemanticLayer("semantic", frame_id, objects, rejected=rejected)
+
+
+def _chosen(hypermap: Hypermap, names: list[str] | None) -> Hypermap:
+    """Return the map with only the layers of these names; None for all."""
+    from hypermap.core.hypermap import Hypermap
+
+    if not names:
+        return hypermap
+    layers = [hypermap[name] for name in dict.fromkeys(names)]
+    return Hypermap(layers, hypermap.frames, hypermap.metadata)
+
+
+def _save_archive(hypermap: Hypermap, target: Path, force: bool) -> None:
+    from hypermap.formats import save_map
+
+    check_output(target, force)
+    save_map(hypermap, target)
+
+
+def _save_folder(hypermap: Hypermap, target: Path, force: bool) -> None:
+    from hypermap.formats import save_map
+
+    if target.is_file():
+        raise HypermapError(f"{target}: this is a file; a name without an ending means a folder")
+    if target.is_dir() and any(target.iterdir()) and not force:
+        raise HypermapError(f"{target}: the folder is not empty; give --force to write into it")
+    target.mkdir(parents=True, exist_ok=True)
+    save_map(hypermap, target / "hmap_config.yaml")
+
+
+def _save_geojson(hypermap: Hypermap, target: Path, force: bool) -> None:
+    from hypermap.core.semantic import SemanticLayer
+    from hypermap.formats.atomic import write_file
+    from hypermap.formats.geojson import to_geojson
+
+    check_output(target, force)
+    layer = _only_one(hypermap, (SemanticLayer,), f"{target} can hold the objects of one layer")
+    write_file(target, to_geojson(layer).encode())
+    _say_what_is_lost(hypermap, layer)
+    if layer.rejected:
+        note(f"left out: {len(layer.rejected)} objects that could not be read")
+
+
+def _save_yaml(hypermap: Hypermap, target: Path, force: bool) -> None:
+    from hypermap.core.occupancy import OccupancyLayer
+    from hypermap.core.semantic import SemanticLayer
+    from hypermap.formats.atomic import write_file, write_files
+    from hypermap.formats.map_server import OccupancyFiles
+    from hypermap.formats.semantic_yaml import dump_objects
+    from hypermap.formats.store import MemoryStore
+
+    check_output(target, force)
+    kinds = (OccupancyLayer, SemanticLayer)
+    layer = _only_one(hypermap, kinds, f"{target} can hold one layer, a grid or objects")
+    if isinstance(layer, OccupancyLayer):
+        check_output(target.with_suffix(".png"), force)
+        files = MemoryStore()
+        OccupancyFiles().save(layer, files, target.stem)
+        if not files.files:
+            raise HypermapError(f"layer {layer.name!r} is empty: there is no grid to save")
+        write_files(target.parent, files.files)
+    elif isinstance(layer, SemanticLayer):
+        write_file(target, dump_objects(layer.objects(), layer.rejected))
+    _say_what_is_lost(hypermap, layer)
+    note(f"the file does not say that its frame is {layer.frame_id!r}")
+
+
+def _only_one(hypermap: Hypermap, kinds: tuple[type[L], ...], reason: str) -> L:
+    """Return the one layer of a kind.
+
+    Raises:
+        HypermapError: If there is none or more than one.
+    """
+    fitting = [layer for layer in hypermap.layers if isinstance(layer, kinds)]
+    if len(fitting) == 1:
+        return fitting[0]
+    if not fitting:
+        names = ", ".join(f"{layer.name} ({layer.class_name})" for layer in hypermap.layers)
+        raise HypermapError(f"{reason}, but there is none; the map has: {names or 'no layers'}")
+    names = " or ".join(f"--layer {layer.name}" for layer in fitting)
+    raise HypermapError(f"{reason}; choose with {names}")
+
+
+def _say_what_is_lost(hypermap: Hypermap, kept: Layer) -> None:
+    lost = [f"layer {layer.name}" for layer in hypermap.layers if layer is not kept]
+    lost += [f"frame {transform.child}" for transform in hypermap.frames]
+    if lost:
+        note(f"left out: {', '.join(lost)}")

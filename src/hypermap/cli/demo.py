@@ -1,0 +1,101 @@
+"""`hypermap demo`: see a map being made, with nothing but this program."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from hypermap.cli.terminal import note, out, say, table
+from hypermap.core.errors import HypermapError
+
+if TYPE_CHECKING:
+    from hypermap.core.hypermap import Hypermap
+    from hypermap.core.semantic import SemanticObject
+    from hypermap.evaluation.metrics import Evaluation, Score
+
+
+def command(
+    folder: Annotated[
+        Path,
+        typer.Option("-o", "--output", metavar="FOLDER", help="Where map and picture go."),
+    ] = Path("hypermap-demo"),
+) -> None:
+    """See a map being made, of a simulated room, and how near it comes to the truth.
+
+    A camera with the errors of a real one looks at the room, and a detector that errs now and then
+    names what it sees. The map made of it is saved, compared with the true one, and drawn.
+
+    Examples:
+        hypermap demo -o demo
+    """
+    from hypermap.cli.progress import mapping_progress
+    from hypermap.evaluation import evaluate
+    from hypermap.formats import save_map
+    from hypermap.mapping.config import profile
+    from hypermap.mapping.mapper import map_recording
+    from hypermap.perception.detectors.sources import detections_from_recording
+    from hypermap.simulation import SimulatedRecording, demo_world, ground_truth
+    from hypermap.viewer.picture import render
+
+    _make_folder(folder)
+    world = demo_world()
+    recording = SimulatedRecording(world, has_occupancy=False)
+    note(f"driving through a simulated room with {len(world.objects)} objects ...")
+    with mapping_progress(len(recording)) as report:
+        source = detections_from_recording()
+        hypermap = map_recording(recording, source, profile("default"), on_progress=report)
+
+    truth = ground_truth(world)
+    map_file, truth_file, picture = (folder / n for n in ("room.hmap", "truth.hmap", "room.png"))
+    save_map(hypermap, map_file)
+    save_map(truth, truth_file)
+    render(hypermap, picture, title="A simulated room, mapped")
+    _show_comparison(evaluate(_objects(hypermap), _objects(truth)))
+    say(f"""
+the map      {map_file}
+the truth    {truth_file}
+the picture  {picture}
+
+Now ask it:
+  hypermap query {map_file} --name cup --nearest
+  hypermap query {map_file} --at 2,1
+  hypermap info {map_file}
+  hypermap shell {map_file}""")
+
+
+def _make_folder(folder: Path) -> None:
+    if folder.exists() and not folder.is_dir():
+        raise HypermapError(f"{folder}: this is a file; name a folder to save in")
+    folder.mkdir(parents=True, exist_ok=True)
+
+
+def _objects(hypermap: Hypermap) -> list[SemanticObject]:
+    from hypermap.core.semantic import SemanticLayer
+
+    layers = [layer for layer in hypermap.layers if isinstance(layer, SemanticLayer)]
+    return [thing for layer in layers for thing in layer.objects()]
+
+
+def _show_comparison(evaluation: Evaluation) -> None:
+    numbers = ("in the room", "in the map", "found", "overlap", "off by")
+    rows = table("class", *numbers, right=numbers)
+    for name, score in evaluation.classes.items():
+        rows.add_row(name, *_numbers(score))
+    rows.add_section()
+    rows.add_row("all", *_numbers(evaluation.overall))
+    say()
+    out().print(rows)
+    say("found: of those in the room, with at least a quarter of overlap")
+
+
+def _numbers(score: Score) -> list[str]:
+    quarter = score.detection[0]
+    return [
+        str(score.true),
+        str(score.estimated),
+        str(quarter.found),
+        "-" if score.iou is None else f"{100 * score.iou:.0f} %",
+        "-" if score.centroid_distance is None else f"{100 * score.centroid_distance:.0f} cm",
+    ]

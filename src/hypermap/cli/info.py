@@ -1,0 +1,185 @@
+"""`hypermap info`: what is inside a map or a recording."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from hypermap.cli.options import AsJson
+from hypermap.cli.terminal import facts, out, say, say_json, table
+from hypermap.viewer.text import printable
+
+if TYPE_CHECKING:
+    from hypermap.core.hypermap import Hypermap
+    from hypermap.core.layer import Layer
+    from hypermap.perception.recording import RecordingInfo
+
+
+def command(
+    path: Annotated[
+        Path, typer.Argument(metavar="PATH", show_default=False, help="A map or a recording.")
+    ],
+    as_json: AsJson = False,
+) -> None:
+    """Say what is inside a map, or inside a recording and what it lacks for mapping.
+
+    The exit code is 0 even where mapping would lack something: the question was answered. With
+    --json, a recording from which a map can be made has an empty list under "missing".
+
+    Examples:
+        hypermap info lab.hmap
+        hypermap info drive.bag
+    """
+    if is_map(path):
+        from hypermap.formats import open_map
+
+        content = describe_map(open_map(path))
+        show = show_map
+    else:
+        from hypermap.recordings import open_recording
+
+        content = describe_recording(open_recording(path).info())
+        show = show_recording
+    if as_json:
+        say_json({"path": str(path), **content})
+    else:
+        show(content)
+
+
+def is_map(path: Path) -> bool:
+    """Return whether a path looks like a map rather than a recording."""
+    return path.is_file() and path.suffix.lower() in {".hmap", ".yaml", ".yml"}
+
+
+def describe_map(hypermap: Hypermap) -> dict[str, Any]:
+    """Return what `--json` prints of a map."""
+    return {
+        "kind": "map",
+        "base_frame": hypermap.base_frame,
+        "frames": [
+            {"parent": t.parent, "child": t.child, "pose": [t.pose.x, t.pose.y, t.pose.yaw]}
+            for t in hypermap.frames
+        ],
+        "layers": [_describe_layer(layer) for layer in hypermap.layers],
+        "metadata": dict(hypermap.metadata),
+    }
+
+
+def _describe_layer(layer: Layer) -> dict[str, Any]:
+    from hypermap.core.occupancy import OccupancyLayer
+    from hypermap.core.semantic import SemanticLayer
+
+    extent = layer.extent()
+    content: dict[str, Any] = {
+        "name": layer.name,
+        "class": layer.class_name,
+        "frame_id": layer.frame_id,
+        "extent": None if extent.is_empty else list(extent.bounds),
+    }
+    if isinstance(layer, SemanticLayer):
+        content["objects"] = len(layer)
+        content["names"] = _counts(layer.names)
+        content["rejected"] = [
+            {"position": r.position, "name": r.name, "reason": r.reason} for r in layer.rejected
+        ]
+    elif isinstance(layer, OccupancyLayer) and layer.grid is not None:
+        grid = layer.grid
+        content["width"], content["height"] = grid.width, grid.height
+        content["resolution"] = grid.resolution
+        content["origin"] = [grid.origin.x, grid.origin.y, grid.origin.yaw]
+        content["cells"] = layer.counts()
+    return content
+
+
+def _counts(names: Any) -> dict[str, int]:
+    """Return how often each name occurs, the most frequent first."""
+    counts = Counter(map(str, names))
+    return dict(sorted(counts.items(), key=lambda item: (-item[1], item[0])))
+
+
+def show_map(content: dict[str, Any]) -> None:
+    """Print a map as text."""
+    rows = table("layer", "class", "frame", "extent in metres", "content")
+    for layer in content["layers"]:
+        rows.add_row(
+            printable(layer["name"]),
+            printable(layer["class"]),
+            printable(layer["frame_id"]),
+            _extent(layer["extent"]),
+            _content(layer),
+        )
+    out().print(rows)
+    for layer in content["layers"]:
+        if layer.get("names"):
+            counts = [f"{count} {printable(name)}" for name, count in layer["names"].items()]
+            say(f"\n{printable(layer['name'])}: {', '.join(counts)}")
+        for entry in layer.get("rejected", ()):
+            name, reason = printable(entry["name"]), printable(entry["reason"], 200)
+            say(f"rejected: object {entry['position']} ({name}): {reason}")
+    for frame in content["frames"]:
+        x, y, yaw = frame["pose"]
+        say(f"frame {frame['child']} stands in {frame['parent']} at x {x:g}, y {y:g}, yaw {yaw:g}")
+    if content["metadata"]:
+        say("\nmade with")
+        out().print(facts(list(_flat(content["metadata"]))))
+
+
+def _extent(bounds: list[float] | None) -> str:
+    if bounds is None:
+        return "empty"
+    x0, y0, x1, y1 = bounds
+    return f"{x1 - x0:.1f} x {y1 - y0:.1f} from ({x0:.1f}, {y0:.1f})"
+
+
+def _content(layer: dict[str, Any]) -> str:
+    if "names" in layer:
+        return f"{layer['objects']} objects of {len(layer['names'])} classes"
+    if "cells" in layer:
+        cells = ", ".join(f"{label} {count}" for label, count in layer["cells"].items())
+        return f"{layer['width']} x {layer['height']} cells of {layer['resolution']:g} m: {cells}"
+    return ""
+
+
+def _flat(values: dict[str, Any], prefix: str = "") -> list[tuple[str, str]]:
+    rows: list[tuple[str, str]] = []
+    for key, value in values.items():
+        if isinstance(value, dict):
+            rows += _flat(value, f"{prefix}{key}.")
+        else:
+            rows.append((printable(f"{prefix}{key}", 60), printable(value, 100)))
+    return rows
+
+
+def describe_recording(info: RecordingInfo) -> dict[str, Any]:
+    """Return what `--json` prints of a recording."""
+    content = asdict(info)
+    content.pop("path")
+    return {"kind": "recording", **content}
+
+
+def show_recording(content: dict[str, Any]) -> None:
+    """Print a recording as text."""
+    size = content["image_size"]
+    overview = [
+        ("format", content["format"]),
+        ("frames", str(content["frames"])),
+        ("duration", f"{content['duration']:.1f} s"),
+        ("images", "none" if size is None else f"{size[0]} x {size[1]} pixels"),
+    ]
+    out().print(facts(overview))
+    rows = table("stream", "kind", "count", "used for", right=("count",))
+    for stream in content["streams"]:
+        name, kind = printable(stream["name"], 60), printable(stream["kind"], 60)
+        rows.add_row(name, kind, str(stream["count"]), stream["use"] or "-")
+    say()
+    out().print(rows)
+    for text in content["notes"]:
+        say(f"note: {text}")
+    for text in content["missing"]:
+        say(f"missing: {text}", style="bold")
+    if not content["missing"]:
+        say("Nothing is missing: a map can be made of it.")

@@ -1,0 +1,201 @@
+"""`hypermap map`: make a map of a recording."""
+
+from __future__ import annotations
+
+import enum
+import time
+from collections import Counter
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from hypermap.cli.options import Force, check_output
+from hypermap.cli.recording_options import takes_recording_options
+from hypermap.cli.terminal import INTERRUPTED, note
+from hypermap.core.errors import HypermapError
+from hypermap.viewer.text import printable
+
+if TYPE_CHECKING:
+    from hypermap.core.hypermap import Hypermap
+    from hypermap.mapping.config import MappingConfig
+    from hypermap.perception.detections import DetectionSource
+    from hypermap.perception.recording import Recording
+    from hypermap.recordings import RecordingOptions
+
+
+class Profile(str, enum.Enum):
+    """The named configurations."""
+
+    default = "default"
+    thesis = "thesis"
+
+
+@takes_recording_options
+def command(
+    path: Annotated[
+        Path,
+        typer.Argument(
+            metavar="RECORDING",
+            show_default=False,
+            help="A folder of images (TUM RGB-D, 7-Scenes) or a ROS bag.",
+        ),
+    ],
+    output: Annotated[
+        Path,
+        typer.Option(
+            "-o", "--output", metavar="OUT", show_default=False, help="The map to make: .hmap."
+        ),
+    ],
+    recording_options: RecordingOptions,
+    detector: Annotated[
+        str | None,
+        typer.Option(metavar="MODEL", help="Find objects with this neural network (.onnx)."),
+    ] = None,
+    labels: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Names of the network's classes, where it has none."),
+    ] = None,
+    score: Annotated[
+        float, typer.Option(min=0, max=1, help="Leave out what the network is less sure of.")
+    ] = 0.3,
+    detections: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Take detections from this JSON file.")
+    ] = None,
+    map_file: Annotated[
+        Path | None,
+        typer.Option(
+            "--map",
+            metavar="MAP.YAML",
+            help="Occupancy map of map_server, in place of one made from depth.",
+        ),
+    ] = None,
+    profile: Annotated[
+        Profile, typer.Option(help="thesis: the method of 2019. default: the best that we know.")
+    ] = Profile.default,
+    config: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="YAML with settings that differ.")
+    ] = None,
+    force: Force = False,
+) -> None:
+    """Make a map of a recording: an occupancy layer, and the objects seen, with their shapes.
+
+    Objects come from a neural network (--detector), from a file (--detections), or, when neither
+    is given, from the detections in the recording itself or in its folder's detections.json.
+    `hypermap info RECORDING` says what a recording holds and what it lacks.
+
+    Ctrl-C stops early and saves what was seen so far; the exit code is 130 then.
+
+    Examples:
+        hypermap map desk --detector yolox_nano.onnx -o desk.hmap
+        hypermap map drive.bag --map map.yaml -o office.hmap
+        hypermap map heads --world-transform 0,0,1.2,-1.9,0,0 -o heads.hmap
+    """
+    from hypermap.formats import save_map
+    from hypermap.recordings import open_recording
+
+    if output.suffix.lower() != ".hmap":
+        raise HypermapError(f"{output}: a map is saved as .hmap")
+    check_output(output, force)
+    recording = open_recording(path, recording_options)
+    settings = _settings(profile, config)
+    source = _detection_source(recording, detector, labels, score, detections)
+    hypermap, is_whole = _make_map(recording, source, settings, map_file)
+    save_map(hypermap, output)
+    _summarize(hypermap, output)
+    if not is_whole:
+        note("This is the map of a part of the recording: Ctrl-C ended it early.")
+        raise typer.Exit(INTERRUPTED)
+
+
+def _settings(profile: Profile, path: Path | None) -> MappingConfig:
+    from hypermap.mapping import config
+
+    settings = config.profile(profile.value)
+    return settings if path is None else config.load_config(path, settings)
+
+
+def _detection_source(
+    recording: Recording,
+    detector: str | None,
+    labels: Path | None,
+    score: float,
+    detections: Path | None,
+) -> DetectionSource:
+    """Return where the detections come from: as the user says, or else as the recording has them.
+
+    Raises:
+        HypermapError: If the user says two things, or there are none.
+    """
+    from hypermap.perception.detectors import load_detector, sources
+
+    if detector is not None and detections is not None:
+        raise HypermapError("give either --detector or --detections, not both")
+    if labels is not None and detector is None:
+        raise HypermapError("--labels belongs to a --detector, which is not given")
+    if detector is not None:
+        return sources.detections_from_detector(load_detector(detector, labels, score))
+    if detections is not None:
+        return sources.detections_from_file(detections)
+    beside = recording.path / "detections.json"
+    if beside.is_file():
+        note(f"taking detections from {beside}")
+        return sources.detections_from_file(beside)
+    if any(stream.use == "recorded detections" for stream in recording.info().streams):
+        note("taking the detections recorded in the bag")
+        return sources.detections_from_recording()
+    raise HypermapError(
+        f"{recording.path}: nothing says what is on the images; give --detector MODEL.onnx or "
+        "--detections FILE, or a recording that has detections (in a bag, or as detections.json "
+        "in its folder)"
+    )
+
+
+def _make_map(
+    recording: Recording,
+    source: DetectionSource,
+    settings: MappingConfig,
+    map_file: Path | None,
+) -> tuple[Hypermap, bool]:
+    """Return the map, and whether it is that of the whole recording."""
+    from hypermap.cli.progress import mapping_progress
+    from hypermap.cli.stopping import StoppableRecording, stop_on_interrupt
+    from hypermap.formats.map_server import load_occupancy
+    from hypermap.mapping.mapper import map_recording
+
+    occupancy = None if map_file is None else load_occupancy(map_file)
+    started = time.monotonic()
+    with stop_on_interrupt() as stop, mapping_progress(len(recording)) as report:
+        stoppable = StoppableRecording(recording, stop)
+        try:
+            hypermap = map_recording(stoppable, source, settings, occupancy, report)
+        except HypermapError:
+            if stoppable.ended_early:  # before anything was seen, and so there is nothing to save
+                raise KeyboardInterrupt from None
+            raise
+    seconds = time.monotonic() - started
+    frames = hypermap.metadata["frames"]
+    total = sum(frames.values())
+    note(
+        f"{total} frames in {seconds:.1f} s ({total / seconds:.1f}/s): {frames['used']} used, "
+        f"{frames['skipped']} skipped because the camera had hardly moved, "
+        f"{frames['unusable']} unusable"
+    )
+    return hypermap, not stoppable.ended_early
+
+
+def _summarize(hypermap: Hypermap, output: Path) -> None:
+    from hypermap.core.semantic import SemanticLayer
+
+    names = Counter(
+        name
+        for layer in hypermap.layers
+        if isinstance(layer, SemanticLayer)
+        for name in layer.names
+    )
+    listed = ", ".join(f"{count} {printable(name)}" for name, count in names.most_common())
+    note(f"{names.total()} objects" + (f": {listed}" if listed else ""))
+    note(f"saved {output}")
+    name = next(iter(names), "chair")
+    note(f"\nnow try:  hypermap render {output} -o {output.with_suffix('.png')}")
+    note(f'          hypermap query {output} --name "{printable(name)}" --nearest')

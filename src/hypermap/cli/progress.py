@@ -1,0 +1,68 @@
+"""How far a long work is: a bar at a terminal, a plain line now and then elsewhere."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, TypeAlias
+
+from hypermap.cli.terminal import err, note
+
+if TYPE_CHECKING:
+    from hypermap.mapping.mapper import Progress
+
+_EVERY = 5.0  # seconds between two plain lines
+
+Report: TypeAlias = "Callable[[Progress], None]"
+
+
+@contextmanager
+def mapping_progress(total: int) -> Iterator[Report]:
+    """Show the progress of mapping `total` frames while the caller reports it."""
+    if err().is_terminal:
+        with _bar(total) as report:
+            yield report
+    else:
+        yield _lines(total)
+
+
+@contextmanager
+def _bar(total: int) -> Iterator[Report]:
+    from rich import progress as rich
+
+    started = time.monotonic()
+    with rich.Progress(
+        rich.TextColumn("mapping"),
+        rich.BarColumn(),
+        rich.MofNCompleteColumn(),
+        rich.TextColumn("frames, {task.fields[rate]:.1f}/s, {task.fields[objects]} objects,"),
+        rich.TimeRemainingColumn(),
+        rich.TextColumn("left"),
+        console=err(),
+    ) as bar:
+        task = bar.add_task("mapping", total=total, rate=0.0, objects=0)
+
+        def report(progress: Progress) -> None:
+            rate = progress.done / (time.monotonic() - started)
+            bar.update(task, completed=progress.done, rate=rate, objects=progress.objects)
+
+        yield report
+
+
+def _lines(total: int) -> Report:
+    started = last = time.monotonic()
+
+    def report(progress: Progress) -> None:
+        nonlocal last
+        now = time.monotonic()
+        if now - last < _EVERY:
+            return
+        last = now
+        rate = progress.done / (now - started)
+        note(
+            f"mapping: {progress.done} of {total} frames, {rate:.1f}/s, "
+            f"{progress.objects} objects, {(total - progress.done) / rate:.0f} s left"
+        )
+
+    return report

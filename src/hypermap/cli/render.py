@@ -1,0 +1,75 @@
+"""`hypermap render`: draw a map."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from hypermap.cli.options import MapPath, check_output, parse_area
+from hypermap.cli.terminal import note
+
+
+def command(
+    path: MapPath,
+    output: Annotated[
+        Path,
+        typer.Option(
+            "-o", "--output", metavar="OUT", show_default=False, help="Picture: .png or .svg."
+        ),
+    ],
+    layers: Annotated[
+        list[str] | None,
+        typer.Option("--layer", metavar="NAME", help="Draw only this layer; may be repeated."),
+    ] = None,
+    names: Annotated[
+        list[str] | None,
+        typer.Option("--name", metavar="NAME", help="Draw only objects of this class; repeatable."),
+    ] = None,
+    area: Annotated[
+        str | None,
+        typer.Option("--in", metavar="AREA", help="Show this area: X0,Y0,X1,Y1 or X,Y X,Y X,Y."),
+    ] = None,
+    full: Annotated[
+        bool, typer.Option("--full", help="Show the whole grid, unknown borders too.")
+    ] = False,
+    labels: Annotated[
+        bool, typer.Option("--labels/--no-labels", help="Write names at the objects.")
+    ] = True,
+    title: Annotated[
+        str | None,
+        typer.Option("--title", show_default="the file's name", help="First line."),
+    ] = None,
+    size: Annotated[
+        int, typer.Option("--size", min=200, max=10000, help="Longer side of the map in pixels.")
+    ] = 1400,
+) -> None:
+    """Draw a map from above: occupancy, objects in a color per class, names, a scale bar.
+
+    The picture shows what is known; --full shows the grid as far as it reaches. A class has the
+    same color in every picture, and the same map gives the same file.
+
+    Examples:
+        hypermap render lab.hmap -o lab.png
+        hypermap render lab.hmap -o lab.svg --name chair --name table
+        hypermap render floor.hmap -o corner.png --in 18,-4,30,4
+    """
+    from hypermap.formats import open_map
+    from hypermap.viewer.picture import check_suffix, render
+
+    check_suffix(output)
+    check_output(output, replace=True)
+    shown = None if area is None else parse_area(area, "--in")
+    render(
+        open_map(path),
+        output,
+        layers=layers,
+        names=names,
+        area=shown,
+        full=full,
+        labels=labels,
+        title=path.stem if title is None else title,
+        size=size,
+    )
+    note(f"saved {output}")

@@ -1,0 +1,89 @@
+"""`hypermap shell`: ask a map line by line."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from hypermap.cli.terminal import BAD_INPUT, complain, describe, say
+from hypermap.core.errors import HypermapError
+
+if TYPE_CHECKING:
+    from prompt_toolkit.history import History
+
+    from hypermap.console import Console
+
+
+def command(
+    path: Annotated[
+        Path | None, typer.Argument(metavar="[MAP]", show_default=False, help="A map to open.")
+    ] = None,
+) -> None:
+    """Ask a map line by line, with the commands of the map server.
+
+    The Tab key completes commands, layers, names and files; the arrow keys bring back what was
+    typed. Without a terminal the lines are read from standard input; one that fails does not stop
+    the others, but makes the exit code 2.
+
+    Examples:
+        hypermap shell lab.hmap
+        echo 'getCoords semantic sink' | hypermap shell lab.hmap
+    """
+    from hypermap.console import Console, Leave
+    from hypermap.formats import open_map
+
+    console = Console(None if path is None else open_map(path))
+    is_typed = sys.stdin.isatty()
+    all_went_well = True
+    with contextlib.suppress(Leave):
+        for line in _typed_lines(console) if is_typed else sys.stdin:
+            all_went_well &= _answer(console, line)
+    if not (is_typed or all_went_well):
+        raise typer.Exit(BAD_INPUT)
+
+
+def _answer(console: Console, line: str) -> bool:
+    """Print the answer to a line and return whether there was one."""
+    try:
+        answer = console.run(line)
+    except (HypermapError, OSError) as error:
+        complain(describe(error))
+        return False
+    if answer:
+        say(answer)
+    return True
+
+
+def _typed_lines(console: Console) -> Iterator[str]:
+    """Yield what is typed at the terminal, until the end of input; Ctrl-C drops a line."""
+    from prompt_toolkit import PromptSession
+
+    from hypermap.cli.completion import ConsoleCompleter
+
+    session: PromptSession[str] = PromptSession(
+        history=_history(), completer=ConsoleCompleter(console), complete_while_typing=False
+    )
+    say("Type help for the commands, exit to leave.", style="dim")
+    with contextlib.suppress(EOFError):
+        while True:
+            with contextlib.suppress(KeyboardInterrupt):
+                yield session.prompt("hypermap> ")
+
+
+def _history() -> History:
+    """Return what was typed in earlier sessions, kept where the system keeps such things."""
+    from prompt_toolkit.history import FileHistory, InMemoryHistory
+
+    state = Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state")
+    try:
+        (state / "hypermap").mkdir(parents=True, exist_ok=True)
+        (state / "hypermap" / "history").touch()
+    except OSError:
+        return InMemoryHistory()
+    return FileHistory(str(state / "hypermap" / "history"))

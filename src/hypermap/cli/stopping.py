@@ -1,0 +1,79 @@
+"""Ctrl-C as a wish: the first one ends a long work early, the second one ends the program."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import FrameType
+
+from hypermap.cli.terminal import note
+from hypermap.core.occupancy import OccupancyLayer
+from hypermap.perception.frame import RgbdFrame
+from hypermap.perception.recording import Recording, RecordingInfo
+
+
+class Stop:
+    """Whether the user wants the work to end.
+
+    Attributes:
+        is_wanted: set by Ctrl-C.
+    """
+
+    def __init__(self) -> None:
+        self.is_wanted = False
+
+
+@contextmanager
+def stop_on_interrupt() -> Iterator[Stop]:
+    """Turn the first Ctrl-C into a wish while the caller works; the next one interrupts."""
+    stop = Stop()
+
+    def wish(_number: int, _frame: FrameType | None) -> None:
+        stop.is_wanted = True
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+    before = signal.signal(signal.SIGINT, wish)
+    try:
+        yield stop
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+class StoppableRecording:
+    """A recording that ends early when the user wishes so; the rest is as it was.
+
+    Attributes:
+        ended_early: whether it did.
+    """
+
+    def __init__(self, recording: Recording, stop: Stop) -> None:
+        self.ended_early = False
+        self._recording = recording
+        self._stop = stop
+
+    @property
+    def path(self) -> Path:
+        """Where it lies."""
+        return self._recording.path
+
+    def __len__(self) -> int:
+        return len(self._recording)
+
+    def frames(self) -> Iterator[RgbdFrame]:
+        """Yield the frames in order of time, up to the wish to stop."""
+        for frame in self._recording.frames():
+            if self._stop.is_wanted:
+                self.ended_early = True
+                note("stopping; what was seen so far is saved, Ctrl-C again gives up")
+                return
+            yield frame
+
+    def info(self) -> RecordingInfo:
+        """Say what is inside and what is missing."""
+        return self._recording.info()
+
+    def occupancy(self) -> OccupancyLayer | None:
+        """Return the recorded occupancy map, if there is one."""
+        return self._recording.occupancy()

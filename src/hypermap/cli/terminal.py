@@ -1,0 +1,106 @@
+"""How the commands speak: answers on standard output, everything else on standard error."""
+
+from __future__ import annotations
+
+import functools
+import json
+import logging
+import math
+import sys
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from hypermap.core.errors import HypermapError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.table import Table
+
+BAD_INPUT, INTERRUPTED = 2, 130  # exit codes
+_PIPED_WIDTH = 160  # columns of a table that goes to a file or another program
+
+
+@functools.cache
+def out() -> Console:
+    """Return the console for answers."""
+    return _console(stderr=False)
+
+
+@functools.cache
+def err() -> Console:
+    """Return the console for progress, notes and complaints."""
+    return _console(stderr=True)
+
+
+def _console(stderr: bool) -> Console:
+    from rich.console import Console
+
+    stream = sys.stderr if stderr else sys.stdout
+    width = None if stream.isatty() else _PIPED_WIDTH
+    return Console(stderr=stderr, width=width, highlight=False, markup=False, emoji=False)
+
+
+def say(text: str = "", style: str | None = None) -> None:
+    """Print a line of an answer; what comes from files goes through `printable` first."""
+    out().print(text, style=style, soft_wrap=True)
+
+
+def note(text: str) -> None:
+    """Print a line that is no answer, such as where something was saved."""
+    err().print(text, soft_wrap=True)
+
+
+def complain(text: str) -> None:
+    """Print what is wrong, in one line."""
+    lines = (line.strip() for line in text.splitlines())
+    print("hypermap: error:", "; ".join(filter(None, lines)), file=sys.stderr, flush=True)  # noqa: T201
+
+
+def describe(error: HypermapError | OSError) -> str:
+    """Return what an error says, without Python's decoration."""
+    if isinstance(error, HypermapError) or error.strerror is None:
+        return str(error)
+    return ": ".join(str(part) for part in (error.filename, error.strerror) if part)
+
+
+def say_json(value: Any) -> None:
+    """Print JSON; a number that is not finite becomes null, and what JSON does not know, text."""
+    json.dump(_finite(value), sys.stdout, indent=2, ensure_ascii=False, default=str)
+    sys.stdout.write("\n")
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {str(key): _finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def table(*columns: str, right: Sequence[str] = ()) -> Table:
+    """Return an empty table; the columns named in `right` hold numbers."""
+    from rich.box import SIMPLE
+    from rich.table import Table
+
+    grid = Table(box=SIMPLE, pad_edge=False, show_edge=False, header_style="bold")
+    for column in columns:
+        grid.add_column(column, justify="right" if column in right else "left", overflow="fold")
+    return grid
+
+
+def facts(rows: Sequence[tuple[str, str]]) -> Table:
+    """Return a table of names and what they are, without a head."""
+    from rich.table import Table
+
+    grid = Table.grid(padding=(0, 3))
+    for name, value in rows:
+        grid.add_row(name, value)
+    return grid
+
+
+class LineHandler(logging.Handler):
+    """Shows what the library logs, one line each, above a progress bar if there is one."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Print a record on standard error."""
+        note(f"hypermap: {record.levelname.lower()}: {' '.join(record.getMessage().split())}")

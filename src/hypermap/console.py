@@ -1,0 +1,192 @@
+"""The console of the map server: a line of text in, an answer in text out.
+
+It knows no terminal, so that the shell of the command line and a ROS node can use the same one.
+
+Source: INTERFACES, section 4: the commands and their spelling are those of the first Hypermap.
+"""
+
+from __future__ import annotations
+
+import math
+import shlex
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from hypermap.core.errors import HypermapError, did_you_mean
+from hypermap.core.hypermap import Hypermap
+from hypermap.formats import open_map, save_map
+
+
+class Leave(Exception):
+    """The user said `exit`."""
+
+
+@dataclass(frozen=True)
+class Command:
+    """What a command is called with, and what it does.
+
+    Attributes:
+        words: its arguments as the help shows them.
+        meaning: what the help says.
+        run: takes the console and the arguments and returns the answer.
+    """
+
+    words: str
+    meaning: str
+    run: Callable[[Console, list[str]], str]
+
+    def takes(self, arguments: list[str]) -> bool:
+        """Return whether the number of arguments is right."""
+        names = self.words.replace("...", "").split()
+        if self.words.endswith("..."):
+            return len(arguments) >= len(names) and (len(arguments) - len(names)) % 2 == 0
+        return len(arguments) == len(names)
+
+
+class Console:
+    """A map that is asked line by line.
+
+    Attributes:
+        hypermap: the map; a load that fails leaves it as it was.
+        republish: called when the user asks to publish everything anew; returns the answer.
+    """
+
+    def __init__(
+        self,
+        hypermap: Hypermap | None = None,
+        republish: Callable[[], str] = lambda: "nothing is published here",
+    ) -> None:
+        self.hypermap = Hypermap() if hypermap is None else hypermap
+        self.republish = republish
+
+    def run(self, line: str) -> str:
+        """Carry out one line and return the answer; empty for an empty line.
+
+        Raises:
+            HypermapError: If the line is not understood or cannot be carried out.
+            Leave: If the line is `exit`.
+        """
+        words = split(line)
+        if not words:
+            return ""
+        name, arguments = words[0], words[1:]
+        command = COMMANDS.get(name)
+        if command is None:
+            raise HypermapError(f"unknown command {name!r}; {did_you_mean(name, COMMANDS)}")
+        if not command.takes(arguments):
+            raise HypermapError(f"usage: {name} {command.words}".rstrip())
+        return command.run(self, arguments)
+
+    def _help(self, _: list[str]) -> str:
+        calls = {f"{name} {command.words}".strip(): command for name, command in COMMANDS.items()}
+        width = max(map(len, calls))
+        lines = [f"{call:<{width}}  {command.meaning}" for call, command in calls.items()]
+        lines.append('Words with blanks stand in "double quotes"; a backslash escapes.')
+        return "\n".join(lines)
+
+    def _load(self, arguments: list[str]) -> str:
+        self.hypermap = open_map(Path(arguments[0]).expanduser())
+        return f"loaded {len(self.hypermap.layers)} layers from {arguments[0]}"
+
+    def _save(self, arguments: list[str]) -> str:
+        save_map(self.hypermap, Path(arguments[0]).expanduser())
+        return f"saved {len(self.hypermap.layers)} layers to {arguments[0]}"
+
+    def _get_string(self, arguments: list[str]) -> str:
+        layer, *coordinates = arguments
+        return str(self.hypermap.label_at(layer, _points(coordinates))[0])
+
+    def _get_strings(self, arguments: list[str]) -> str:
+        layer, *corners = arguments
+        hits = self.hypermap.labels_in(layer, _area(corners))
+        lines = zip(_lines(hits.points_xy), hits.values, strict=True)
+        return "\n".join(f"{place} {label}" for place, label in lines)
+
+    def _get_coords(self, arguments: list[str]) -> str:
+        layer, label = arguments
+        return "\n".join(_lines(self.hypermap.find(layer, label)))
+
+    def _get_coords_area(self, arguments: list[str]) -> str:
+        layer, label, *corners = arguments
+        return "\n".join(_lines(self.hypermap.find(layer, label, _area(corners))))
+
+    def _republish(self, _: list[str]) -> str:
+        return self.republish()
+
+    def _clear(self, _: list[str]) -> str:
+        self.hypermap = Hypermap()
+        return "the map is empty now"
+
+    def _get_layer_count(self, _: list[str]) -> str:
+        return str(len(self.hypermap.layers))
+
+    def _exit(self, _: list[str]) -> str:
+        raise Leave
+
+
+COMMANDS = {
+    "help": Command("", "this list", Console._help),
+    "load": Command("FILE", "open an .hmap archive in place of this map", Console._load),
+    "loadConfig": Command("FILE", "open a configuration file in a folder", Console._load),
+    "save": Command("FILE", "save this map as an .hmap archive", Console._save),
+    "getString": Command("LAYER X Y", "what is at a point", Console._get_string),
+    "getStrings": Command("LAYER X Y X Y X Y ...", "what is in an area", Console._get_strings),
+    "getCoords": Command("LAYER STRING", "where something is", Console._get_coords),
+    "getCoordsArea": Command(
+        "LAYER STRING X Y X Y X Y ...", "where it is in an area", Console._get_coords_area
+    ),
+    "republish": Command("", "publish all layers anew", Console._republish),
+    "clear": Command("", "forget this map", Console._clear),
+    "getLayerCount": Command("", "how many layers there are", Console._get_layer_count),
+    "exit": Command("", "leave", Console._exit),
+}
+
+
+def split(line: str) -> list[str]:
+    r"""Return the words of a line; double quotes hold blanks, a backslash escapes.
+
+    Raises:
+        HypermapError: If a quote or an escape is not finished.
+
+    >>> split('getCoords semantic "potted plant"')
+    ['getCoords', 'semantic', 'potted plant']
+    >>> split('load my\\ map.hmap')
+    ['load', 'my map.hmap']
+    """
+    lexer = shlex.shlex(line, posix=True)
+    lexer.whitespace_split = True
+    lexer.commenters = ""
+    lexer.quotes = lexer.escapedquotes = '"'
+    try:
+        return list(lexer)
+    except ValueError as error:
+        raise HypermapError(f"{str(error).lower()} in: {line.strip()}") from None
+
+
+def _points(words: list[str]) -> NDArray[np.float64]:
+    numbers = []
+    for word in words:
+        try:
+            numbers.append(float(word))
+        except ValueError:
+            raise HypermapError(f"{word!r} is not a number") from None
+        if not math.isfinite(numbers[-1]):
+            raise HypermapError(f"{word!r} is not a finite number")
+    return np.reshape(numbers, (-1, 2))
+
+
+def _area(words: list[str]) -> shapely.Polygon:
+    area = shapely.Polygon(_points(words))
+    if not area.is_valid or area.area == 0:
+        raise HypermapError("the corners do not bound an area, or its outline crosses itself")
+    return area
+
+
+def _lines(points_xy: NDArray[np.float64]) -> list[str]:
+    """Return each point as "x y", to the millimetre."""
+    return [f"{x:.3f} {y:.3f}" for x, y in points_xy.round(3) + 0.0]
