@@ -54,9 +54,9 @@ def command(
     objects. What OUT cannot hold is named on standard error.
 
     Examples:
-        hypermap convert lab.hmap lab                       a folder with hmap_config.yaml
-        hypermap convert lab hand-edited.hmap               and back
-        hypermap convert lab.hmap lab.geojson               the objects, for a GIS program
+        hypermap convert lab.hmap lab
+        hypermap convert lab edited.hmap
+        hypermap convert lab.hmap objects.geojson
         hypermap convert lab.hmap map.yaml --layer occupancy
         hypermap convert objects.geojson objects.hmap --frame map
     """

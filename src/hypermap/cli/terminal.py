@@ -52,7 +52,7 @@ def note(text: str) -> None:
 
 def complain(text: str) -> None:
     """Print what is wrong, in one line."""
-    lines = (line.strip() for line in text.splitlines())
+    lines = (" ".join(line.split()) for line in text.splitlines())
     print("hypermap: error:", "; ".join(filter(None, lines)), file=sys.stderr, flush=True)  # noqa: T201
 
 
