@@ -18,7 +18,7 @@ class PerceptionConfig:
             slow reference, which looks for them in a k-d tree of all points as PCL does.
         normal_neighbors: nearest points that a surface normal is fitted to, the point included.
         region_neighbors: nearest points of the same object to which a region may grow from a
-            point, the point included.
+            point, the point included; up to `normal_neighbors`.
         smoothness_deg: largest angle between the normals of two points that join [degrees].
         curvature_threshold: a region does not grow on from a point above it, 0 flat .. 1/3.
         min_cluster: points below which a region is noise.
@@ -45,7 +45,7 @@ class PerceptionConfig:
         if self.method not in get_args(Method):
             raise ValueError(f"method must be organised or unorganised, got {self.method!r}")
         _check("normal_neighbors", self.normal_neighbors, 3, 1000)
-        _check("region_neighbors", self.region_neighbors, 2, 1000)
+        _check("region_neighbors", self.region_neighbors, 2, self.normal_neighbors)
         _check("smoothness_deg", self.smoothness_deg, 0, 90)
         _check("curvature_threshold", self.curvature_threshold, 0, math.inf)
         _check("min_cluster", self.min_cluster, 1, math.inf)

@@ -13,6 +13,7 @@ from hypermap.perception.config import PerceptionConfig
 from hypermap.perception.frame import Camera
 from hypermap.perception.normals import (
     FAR,
+    LARGEST,
     MARGIN,
     WINDOWS,
     fit_planes,
@@ -21,8 +22,8 @@ from hypermap.perception.normals import (
     reach,
 )
 
-SMALL = 1  # the window of WINDOWS that holds the neighbours of nearly all points
-OUTSIDE, FREE, FOREIGN = 0, 1, 2  # what a pixel is to a growing region
+# What a pixel is to a growing region.
+NOTHING, FREE, FOREIGN = 0, 1, 2
 
 
 def grow_regions(
@@ -40,45 +41,32 @@ def grow_regions(
     if not objects:
         return []
     pitch = _pitch(camera)
-    cloud = planes_of(points, valid)
-    wanted = np.unique(np.concatenate(objects))
-    row, column = np.divmod(wanted, camera.width)
-    at = (row + MARGIN) * cloud.shape[2] + column + MARGIN
-    normals, curvatures, radii2 = fit_planes(cloud, at, config.normal_neighbors, pitch)
-    if config.region_neighbors > config.normal_neighbors:
-        radii2[:] = np.inf  # says nothing of where the region's neighbours lie
+    planes = planes_of(points, valid)
+    places = [_places(pixels, camera, planes.shape[2]) for pixels in objects]
+    wanted = np.zeros(planes[0].size, dtype=np.bool_)
+    for own in places:
+        wanted[own] = True
+    normals, curvatures, radii2 = fit_planes(
+        planes, np.flatnonzero(wanted), config.normal_neighbors, config.region_neighbors, pitch
+    )
+    spreads = curvatures <= config.curvature_threshold
+    cosine = np.cos(np.radians(config.smoothness_deg))
+    state_of_others = np.where(planes[2].ravel() < FAR, FOREIGN, NOTHING).astype(np.uint8)
     regions = []
-    for pixels in objects:
-        own = np.searchsorted(wanted, pixels)
-        row, column = np.divmod(pixels, camera.width)
-        top, left = row.min(), column.min()
-        window = (
-            slice(top, row.max() + 1 + 2 * MARGIN),
-            slice(left, column.max() + 1 + 2 * MARGIN),
-        )
-        crop = np.ascontiguousarray(cloud[(slice(None), *window)])
-        at = (row - top + MARGIN) * crop.shape[2] + column - left + MARGIN
-        state = np.where(crop[2] < FAR, FOREIGN, OUTSIDE).astype(np.uint8)
-        state.flat[at] = FREE
-        crop[:, state != FREE] = FAR
-        index_of = np.full(state.shape, -1, np.int32)
-        index_of.flat[at] = np.arange(len(at))
-        regions.append(
-            _flood(
-                crop,
-                state.ravel(),
-                index_of.ravel(),
-                at,
-                np.argsort(curvatures[own], kind="stable"),
-                normals[own],
-                radii2[own],
-                curvatures[own] <= config.curvature_threshold,
-                config.region_neighbors,
-                np.float32(np.cos(np.radians(config.smoothness_deg))),
-                pitch,
-            )
-        )
+    for own in places:
+        state = state_of_others.copy()
+        state[own] = FREE
+        seeds = own[np.argsort(curvatures[own], kind="stable")]
+        k = config.region_neighbors
+        region_of = _flood(planes, state, seeds, normals, spreads, radii2, k, cosine, pitch)
+        regions.append(region_of[own])
     return regions
+
+
+def _places(pixels: IntArray, camera: Camera, stride: int) -> IntArray:
+    """Return where pixels lie in a plane with margins."""
+    row, column = np.divmod(pixels, camera.width)
+    return (row + MARGIN) * stride + column + MARGIN
 
 
 def _pitch(camera: Camera) -> float:
@@ -90,56 +78,56 @@ def _pitch(camera: Camera) -> float:
     K = camera.K
     pitch = np.inf
     for f, c, size in ((K[0, 0], K[0, 2], camera.width), (K[1, 1], K[1, 2], camera.height)):
-        steepest = max(abs(0 - c), abs(size - 1 - c)) / f
+        steepest = max(abs(c), abs(size - 1 - c)) / f
         pitch = min(pitch, 1 / (f * np.hypot(1, steepest)))
     return float(pitch)
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@njit(cache=True)
 def _flood(  # type: ignore[no-untyped-def]
-    planes, state, index_of, at, seeds, normals, radii2, spreads, k, cosine, pitch
+    planes, state, seeds, normals, spreads, radii2, k, cosine, pitch
 ):
     """Grow one region after the other, from the flattest point that is still free."""
-    region_of = np.full(len(at), -1)
-    queue = np.empty(len(at), np.int64)
     stride = planes.shape[2]
     x, y, z = planes[0].ravel(), planes[1].ravel(), planes[2].ravel()
-    distances2 = np.empty((2 * MARGIN) ** 2, np.float32)
+    own_z = np.where(state == FREE, z, FAR)
+    region_of = np.full(len(z), -1, np.int32)
+    queue = np.empty(len(seeds), np.int64)
+    distances2 = np.empty(LARGEST, np.float32)
     region = 0
     for seed in seeds:
-        if region_of[seed] >= 0:
+        if state[seed] != FREE:
             continue
         region_of[seed] = region
-        state[at[seed]] = OUTSIDE
+        state[seed] = NOTHING
         queue[0] = seed
         head, tail = 0, 1
         while head < tail:
-            point = queue[head]
+            place = queue[head]
             head += 1
-            pixel = at[point]
-            if radii2[point] < reach(z[pixel], pitch, SMALL) ** 2 and _is_done(
-                state, stride, pixel
-            ):
-                continue  # all its neighbours have been taken
-            radius2, window = nearest(x, y, z, stride, pixel, k, pitch, distances2)
+            radius2 = radii2[place]
+            window = _window_of(radius2, z[place], pitch)
+            states = _states_around(state, stride, place, window)
+            if states & FOREIGN:  # so the object's own neighbours lie farther away
+                radius2, window = nearest(x, y, own_z, stride, place, k, pitch, distances2)
+            elif states == NOTHING:
+                continue
             half, columns = WINDOWS[window]
-            for i in range((2 * half + 1) * columns):
-                if distances2[i] > radius2:
-                    continue
-                other_pixel = (
-                    pixel + (i // columns - half) * stride + i % columns - columns // 2 + 1
-                )
-                if state[other_pixel] != FREE:
-                    continue
-                other = index_of[other_pixel]
-                dot = (
-                    normals[point, 0] * normals[other, 0]
-                    + normals[point, 1] * normals[other, 1]
-                    + normals[point, 2] * normals[other, 2]
-                )
-                if abs(dot) >= cosine:
+            for row in range(-half, half + 1):
+                start = place + row * stride - columns // 2 + 1
+                for other in range(start, start + columns):
+                    if state[other] != FREE:
+                        continue
+                    dx, dy, dz = x[other] - x[place], y[other] - y[place], z[other] - z[place]
+                    if dx * dx + dy * dy + dz * dz > radius2:
+                        continue
+                    dot = np.float32(0)
+                    for axis in range(3):
+                        dot += normals[place, axis] * normals[other, axis]
+                    if abs(dot) < cosine:
+                        continue
                     region_of[other] = region
-                    state[other_pixel] = OUTSIDE
+                    state[other] = NOTHING
                     if spreads[other]:
                         queue[tail] = other
                         tail += 1
@@ -147,13 +135,22 @@ def _flood(  # type: ignore[no-untyped-def]
     return region_of
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
-def _is_done(state: NDArray[np.uint8], stride: int, pixel: int) -> bool:
-    """Return whether no point around a pixel is free, or foreign and so not counted."""
-    half, columns = WINDOWS[SMALL]
+@njit(cache=True)
+def _window_of(radius2, depth, pitch):  # type: ignore[no-untyped-def]
+    """Return the smallest window that holds all points within a squared radius."""
+    for window in range(len(WINDOWS)):
+        if radius2 < reach(window, depth, pitch) ** 2:
+            break
+    return window
+
+
+@njit(cache=True)
+def _states_around(state, stride, place, window):  # type: ignore[no-untyped-def]
+    """Return all states in a window, or-ed."""
+    half, columns = WINDOWS[window]
     found = np.uint8(0)
     for row in range(-half, half + 1):
-        start = uint64(pixel + row * stride - columns // 2 + 1)
+        start = uint64(place + row * stride - columns // 2 + 1)
         for column in range(uint64(columns)):
             found |= state[start + column]
-    return found == 0
+    return found

@@ -1,0 +1,102 @@
+"""From the points in a detection's box or mask to the points of the object itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hypermap.core.arrays import BoolArray, IntArray
+from hypermap.perception import organised, unorganised
+from hypermap.perception.config import PerceptionConfig
+from hypermap.perception.detections import Detections
+from hypermap.perception.frame import Camera, RgbdFrame
+
+FARTHEST = 1e4  # what is farther away than any camera sees is a broken number [m]
+
+
+@dataclass(frozen=True, eq=False)
+class Segment:
+    """The points of one detected object.
+
+    Attributes:
+        detection: the number of its detection.
+        pixels: row-major indices of its pixels, increasing, shape (N,).
+        points_xyz: its points in the camera's optical frame [m], shape (N, 3).
+    """
+
+    detection: int
+    pixels: IntArray
+    points_xyz: NDArray[np.float32]
+
+
+def valid_pixels(frame: RgbdFrame, config: PerceptionConfig) -> BoolArray:
+    """Return which pixels hold a point within the depths of the configuration, shape (H, W)."""
+    z = frame.points()[..., 2] if frame.cloud is not None else frame.depth
+    valid = (z > config.min_depth) & (z <= min(config.max_depth, FARTHEST))
+    if frame.cloud is not None:
+        valid &= (np.abs(frame.cloud[..., :2]) < FARTHEST).all(axis=-1)
+    return np.asarray(valid)
+
+
+def segment(
+    points: NDArray[np.float32],
+    valid: BoolArray,
+    camera: Camera,
+    detections: Detections,
+    config: PerceptionConfig,
+) -> list[Segment]:
+    """Return the largest smooth region in each detection's box, or mask if it has one.
+
+    Args:
+        points: organised cloud in the optical frame [m], shape (H, W, 3).
+        valid: which of its pixels hold a point, shape (H, W).
+        camera: intrinsics.
+        detections: what was found in the image.
+        config: method and thresholds.
+
+    Returns:
+        Segments in the order of the detections; those without a region that is large enough have
+        none.
+
+    Raises:
+        ValueError: If the masks are not of the image's size.
+    """
+    candidates = [
+        (number, pixels)
+        for number in range(len(detections))
+        if len(pixels := _pixels_of(detections, number, valid)) >= config.min_cluster
+    ]
+    objects = [pixels for _, pixels in candidates]
+    if not objects:
+        return []
+    if config.method == "organised":
+        regions = organised.grow_regions(points, valid, camera, objects, config)
+    else:
+        regions = unorganised.grow_regions(points, valid, objects, config)
+    segments = []
+    for (number, pixels), region_of in zip(candidates, regions, strict=True):
+        sizes = np.bincount(region_of)
+        sizes[(sizes < config.min_cluster) | (sizes > config.max_cluster)] = 0
+        if sizes.any():
+            largest = pixels[region_of == sizes.argmax()]
+            segments.append(Segment(number, largest, points.reshape(-1, 3)[largest]))
+    return segments
+
+
+def _pixels_of(detections: Detections, number: int, valid: BoolArray) -> IntArray:
+    """Return the valid pixels of a detection as row-major indices."""
+    if detections.masks is not None:
+        mask = detections.masks[number]
+        if mask.shape != valid.shape:
+            raise ValueError(f"masks must have the image's shape {valid.shape}, got {mask.shape}")
+        return np.flatnonzero(mask & valid)
+    height, width = valid.shape
+    box = detections.xyxy[number]
+    if np.isnan(box).any():
+        return np.empty(0, dtype=np.int64)
+    # The box holds the pixels from xmin up to, but without, xmax.
+    left, top, right, bottom = np.ceil(np.clip(box, 0, [width, height] * 2)).astype(int)
+    rows, columns = np.nonzero(valid[top:bottom, left:right])
+    return np.asarray((rows + top) * width + columns + left)
