@@ -1,0 +1,143 @@
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from hypermap.recordings import RecordingOptions
+from hypermap.recordings.bag.file import Topic
+from hypermap.recordings.bag.topics import (
+    CAMERA_INFO,
+    CLOUD,
+    COMPRESSED,
+    DETECTIONS,
+    IMAGE,
+    OCCUPANCY,
+    TRANSFORMS,
+    choose_topics,
+)
+
+OPENNI = {
+    "/camera/depth/camera_info": CAMERA_INFO,
+    "/camera/depth/image_raw": IMAGE,
+    "/camera/depth_registered/image_raw": IMAGE,
+    "/camera/depth_registered/points": CLOUD,
+    "/camera/rgb/camera_info": CAMERA_INFO,
+    "/camera/rgb/image_color": IMAGE,
+    "/camera/rgb/image_raw": IMAGE,
+    "/darknet_ros/detection_image": IMAGE,
+    "/darknet_ros/bounding_boxes": DETECTIONS[0],
+    "/map": OCCUPANCY,
+    "/move_base/local_costmap/costmap": OCCUPANCY,
+    "/tf": TRANSFORMS[1],
+}
+REALSENSE = {
+    "/camera/aligned_depth_to_color/camera_info": CAMERA_INFO,
+    "/camera/aligned_depth_to_color/image_raw/compressedDepth": COMPRESSED,
+    "/camera/color/camera_info": CAMERA_INFO,
+    "/camera/color/image_raw/compressed": COMPRESSED,
+    "/camera/depth/camera_info": CAMERA_INFO,
+    "/camera/depth/image_rect_raw": IMAGE,
+    "/camera/infra1/image_rect_raw": IMAGE,
+    "/tf": TRANSFORMS[0],
+    "/tf_static": TRANSFORMS[0],
+}
+TWO_CAMERAS = {
+    f"/{side}/{kind}": type_name
+    for side in ("front", "rear")
+    for kind, type_name in {
+        "depth/image": IMAGE,
+        "depth/camera_info": CAMERA_INFO,
+        "rgb/image": IMAGE,
+        "rgb/image/compressed": COMPRESSED,
+    }.items()
+}
+CLOUD_ONLY = {"/camera/points": CLOUD, "/camera/rgb/image": IMAGE, "/velodyne_points": CLOUD}
+DEPTH_WITHOUT_INFO = {"/camera/depth/image": IMAGE, "/camera/points": CLOUD}
+
+
+@pytest.mark.parametrize(
+    ("topics", "options", "expected"),
+    [
+        (
+            OPENNI,
+            {},
+            {
+                "depth": "/camera/depth_registered/image_raw",
+                "cloud": None,
+                "color": "/camera/rgb/image_color",
+                "camera_info": "/camera/rgb/camera_info",
+                "detections": "/darknet_ros/bounding_boxes",
+                "occupancy": "/map",
+            },
+        ),
+        (
+            REALSENSE,
+            {},
+            {
+                "depth": "/camera/aligned_depth_to_color/image_raw/compressedDepth",
+                "color": "/camera/color/image_raw/compressed",
+                "camera_info": "/camera/aligned_depth_to_color/camera_info",
+                "detections": None,
+                "occupancy": None,
+            },
+        ),
+        (
+            TWO_CAMERAS,
+            {},
+            {
+                "depth": "/front/depth/image",
+                "color": "/front/rgb/image",
+                "camera_info": "/front/depth/camera_info",
+            },
+        ),
+        (
+            TWO_CAMERAS,
+            {"depth_topic": "/rear/depth/image"},
+            {
+                "depth": "/rear/depth/image",
+                "color": "/rear/rgb/image",
+                "camera_info": "/rear/depth/camera_info",
+            },
+        ),
+        (CLOUD_ONLY, {}, {"depth": None, "cloud": "/camera/points", "color": "/camera/rgb/image"}),
+        (OPENNI, {"cloud_topic": "/camera/depth_registered/points"}, {"depth": None}),
+        (DEPTH_WITHOUT_INFO, {}, {"depth": None, "cloud": "/camera/points"}),
+        (
+            DEPTH_WITHOUT_INFO,
+            {"intrinsics": (500, 500, 320, 240)},
+            {"depth": "/camera/depth/image", "cloud": None},
+        ),
+        ({}, {}, {"depth": None, "cloud": None, "color": None, "occupancy": None}),
+    ],
+)
+def test_the_topics_that_fit_are_found(
+    topics: dict[str, str], options: dict[str, Any], expected: dict[str, str | None]
+) -> None:
+    listed = [Topic(name, type_name, 10) for name, type_name in topics.items()]
+    chosen = choose_topics(listed, RecordingOptions(**options))
+    found = {role: getattr(chosen, role) for role in expected}
+    assert {role: topic and topic.name for role, topic in found.items()} == expected
+
+
+def test_topics_without_messages_do_not_count() -> None:
+    topics = [Topic("/depth/a", IMAGE, 0), Topic("/depth/b", IMAGE, 3)]
+    chosen = choose_topics(topics, RecordingOptions())
+    assert chosen.depth == topics[1]
+    assert chosen.notes == ()
+
+
+def test_a_choice_among_several_is_noted() -> None:
+    topics = [Topic(f"/camera_{i}/rgb", IMAGE, 3) for i in range(6)]
+    assert choose_topics(topics, RecordingOptions()).notes == (
+        "/camera_0/rgb is used; also there: /camera_1/rgb, /camera_2/rgb, /camera_3/rgb and 2 "
+        "more (--color-topic)",
+    )
+
+
+def test_all_topics_of_tf_are_read() -> None:
+    topics = [Topic(name, kind, 1) for name, kind in REALSENSE.items()]
+    chosen = choose_topics(topics, RecordingOptions())
+    assert [topic.name for topic in chosen.transforms] == ["/tf", "/tf_static"]
+    assert chosen.use_of(chosen.transforms[1]) == "where the camera was"
+    assert chosen.use_of(topics[6]) == ""

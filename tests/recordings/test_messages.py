@@ -1,0 +1,147 @@
+"""Camera info, transforms, occupancy grids and detections, where bags of good data do not reach."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hypermap.core.errors import FormatError, FrameError
+from hypermap.recordings.messages.camera import camera_of_info, has_distortion
+from hypermap.recordings.messages.detections import detections_of
+from hypermap.recordings.messages.header import as_seconds, clean_frame, nanoseconds
+from hypermap.recordings.messages.occupancy import occupancy_of_grid
+from hypermap.recordings.messages.transforms import TransformLog
+
+
+def test_stamps_keep_their_nanoseconds_and_seconds_round_once() -> None:
+    stamp = SimpleNamespace(sec=1600000000, nanosec=250000000)
+    assert nanoseconds(stamp) == 1600000000250000000
+    assert as_seconds(1600000000250000000) == 1600000000.25
+
+
+@pytest.mark.parametrize(("given", "clean"), [("/map", "map"), ("map", "map"), ("a/b", "a/b")])
+def test_frames_lose_their_leading_slash(given: str, clean: str) -> None:
+    assert clean_frame(given) == clean
+
+
+def test_camera_infos_of_both_ros_versions_say_the_same() -> None:
+    numbers = {"D": [0.0] * 5, "K": [50, 0, 3, 0, 51, 2, 0, 0, 1], "P": [0.0] * 12}
+    one = SimpleNamespace(width=7, height=5, **numbers)
+    two = SimpleNamespace(width=7, height=5, **{k.lower(): v for k, v in numbers.items()})
+    for info in (one, two):
+        camera = camera_of_info(info, 7, 5, is_rectified=True)
+        assert camera.K.tolist() == [[50, 0, 3], [0, 51, 2], [0, 0, 1]]
+        assert not has_distortion(info)
+
+
+def transform(parent: str, child: str, stamp: float, x: float, w: float = 1.0) -> Any:
+    header = SimpleNamespace(
+        frame_id=parent, stamp=SimpleNamespace(sec=int(stamp), nanosec=int(stamp % 1 * 1e9))
+    )
+    pose = SimpleNamespace(
+        translation=SimpleNamespace(x=x, y=0.0, z=0.0),
+        rotation=SimpleNamespace(x=0.0, y=0.0, z=0.0, w=w),
+    )
+    item = SimpleNamespace(header=header, child_frame_id=child, transform=pose)
+    return SimpleNamespace(transforms=[item])
+
+
+def test_the_last_of_several_transforms_with_a_stamp_counts() -> None:
+    log = TransformLog()
+    for x in (1.0, 2.0, 3.0):
+        log.add(transform("map", "base", 5, x), is_static=False)
+        log.add(transform("base", "camera", 5, x * 10), is_static=True)
+    tree, notes = log.frames(max_gap=1)
+    assert tree.motion("map", "camera").at([5.0])[0, 0, 3] == 33
+    assert notes == []
+    assert log.span() == (5, 5)
+
+
+def test_broken_transforms_and_second_parents_are_noted() -> None:
+    log = TransformLog()
+    log.add(transform("map", "base", 1, math.nan), is_static=False)
+    log.add(transform("map", "base", 1, 0, w=0.0), is_static=False)
+    for stamp in (1, 2, 3):
+        log.add(transform("odom", "base", stamp, 7.0), is_static=False)
+    log.add(transform("map", "base", 2, 8.0), is_static=False)
+    tree, notes = log.frames(max_gap=1)
+    assert tree.motion("odom", "base").at([2.0])[0, 0, 3] == 7
+    assert notes == [
+        "frame 'base' has several parents in tf (odom, map); 'odom' is used",
+        "2 transforms are not finite and are left out",
+    ]
+
+
+def test_a_loop_of_transforms_is_an_error() -> None:
+    log = TransformLog()
+    log.add(transform("a", "b", 1, 0), is_static=True)
+    log.add(transform("b", "a", 1, 0), is_static=True)
+    with pytest.raises(FrameError, match="form a loop"):
+        log.frames(max_gap=1)
+
+
+def test_without_transforms_there_are_no_frames_and_no_times() -> None:
+    log = TransformLog()
+    assert log.frames(max_gap=1)[0].frames == []
+    assert all(math.isnan(stamp) for stamp in log.span())
+
+
+def grid(
+    cells: list[int], width: int = 2, height: int = 1, resolution: float = 0.5, **turn: float
+) -> Any:
+    rotation = {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0} | turn
+    origin = SimpleNamespace(
+        position=SimpleNamespace(x=1.0, y=2.0), orientation=SimpleNamespace(**rotation)
+    )
+    info = SimpleNamespace(width=width, height=height, resolution=resolution, origin=origin)
+    header = SimpleNamespace(frame_id="")
+    return SimpleNamespace(header=header, info=info, data=np.array(cells, np.int8))
+
+
+def test_a_grid_without_frame_or_orientation_lies_in_the_map() -> None:
+    layer = occupancy_of_grid(grid([0, 100], w=0.0))
+    assert layer.frame_id == "map"
+    assert layer.grid is not None
+    assert (layer.grid.origin.x, layer.grid.origin.y, layer.grid.origin.yaw) == (1, 2, 0)
+
+
+@pytest.mark.parametrize(
+    ("message", "text"),
+    [
+        (grid([0]), "the map of 2 x 1 cells holds 1 numbers"),
+        (grid([0, 101]), "the map's cells must be -1 .. 100, found 0 .. 101"),
+        (grid([0, -2]), "the map's cells must be -1 .. 100, found -2 .. 0"),
+        (grid([0, 0], x=0.1), "the map's origin is tilted out of the plane"),
+        (
+            grid([], width=0),
+            "the map's geometry is wrong: a grid needs at least one cell, got 0 x 1",
+        ),
+        (
+            grid([0, 0], resolution=0.0),
+            "the map's geometry is wrong: resolution must be ",
+        ),
+        (grid([0, 0], w=math.nan), "the map's geometry is wrong: a pose must be finite, got "),
+    ],
+)
+def test_broken_grids_are_errors(message: Any, text: str) -> None:
+    with pytest.raises(FormatError) as caught:
+        occupancy_of_grid(message)
+    assert str(caught.value).startswith(text)
+
+
+def test_darknets_own_stamp_serves_where_the_images_is_empty() -> None:
+    at = SimpleNamespace(stamp=SimpleNamespace(sec=5, nanosec=1))
+    nothing = SimpleNamespace(stamp=SimpleNamespace(sec=0, nanosec=0))
+    message = SimpleNamespace(header=at, image_header=nothing, bounding_boxes=[])
+    stamp, found = detections_of(message)
+    assert stamp == 5_000_000_001
+    assert len(found) == 0
+
+
+def test_a_message_of_another_kind_holds_no_detections() -> None:
+    with pytest.raises(FormatError, match="SimpleNamespace holds no detections"):
+        detections_of(SimpleNamespace())
