@@ -8,12 +8,11 @@ from shots import make_shots, write_seven_scenes, write_tum
 from hypermap.core.errors import FileMissing, FormatError
 from hypermap.recordings import open_recording
 
-LOOKED_FOR = """\
-looked for
-  a TUM RGB-D folder    with rgb.txt, depth.txt and groundtruth.txt
-  a 7-Scenes folder     with frame-000000.color.jpg (or .png), .depth.png and .pose.txt, ...
-  a ROS 1 bag           NAME.bag
-  a ROS 2 bag           a folder with metadata.yaml, or one NAME.db3 or NAME.mcap"""
+LOOKED_FOR = (
+    "looked for a TUM RGB-D folder (rgb.txt, depth.txt, groundtruth.txt), a 7-Scenes folder "
+    "(frame-000000.color.jpg or .png, .depth.png, .pose.txt, ...), a ROS 1 bag (NAME.bag) or a "
+    "ROS 2 bag (a folder with metadata.yaml, NAME.db3 or NAME.mcap)"
+)
 
 
 @pytest.mark.parametrize(
@@ -58,7 +57,7 @@ def test_a_foreign_file_is_an_error_that_lists_what_was_looked_for(
     (tmp_path / name).write_text("something else")
     with pytest.raises(FormatError) as caught:
         open_recording(tmp_path / name)
-    assert str(caught.value) == f"{tmp_path / name}: no recording found\n{LOOKED_FOR}"
+    assert str(caught.value) == f"{tmp_path / name}: no recording found; {LOOKED_FOR}"
 
 
 def test_a_folder_of_recordings_points_to_the_first(tmp_path: Path) -> None:
@@ -67,5 +66,5 @@ def test_a_folder_of_recordings_points_to_the_first(tmp_path: Path) -> None:
     write_tum(tmp_path / "seq-02", make_shots(1))
     with pytest.raises(FormatError) as caught:
         open_recording(tmp_path)
-    hint = f"no recording found; did you mean {tmp_path}/seq-01?"
-    assert str(caught.value) == f"{tmp_path}: {hint}\n{LOOKED_FOR}"
+    hint = f"no recording found (is it {tmp_path}/seq-01?)"
+    assert str(caught.value) == f"{tmp_path}: {hint}; {LOOKED_FOR}"

@@ -9,11 +9,11 @@ from hypermap.core.errors import FileMissing, FormatError
 from hypermap.perception.recording import Recording
 from hypermap.recordings.options import RecordingOptions
 
-_LOOKED_FOR = """\
-  a TUM RGB-D folder    with rgb.txt, depth.txt and groundtruth.txt
-  a 7-Scenes folder     with frame-000000.color.jpg (or .png), .depth.png and .pose.txt, ...
-  a ROS 1 bag           NAME.bag
-  a ROS 2 bag           a folder with metadata.yaml, or one NAME.db3 or NAME.mcap"""
+_LOOKED_FOR = (
+    "a TUM RGB-D folder (rgb.txt, depth.txt, groundtruth.txt), "
+    "a 7-Scenes folder (frame-000000.color.jpg or .png, .depth.png, .pose.txt, ...), "
+    "a ROS 1 bag (NAME.bag) or a ROS 2 bag (a folder with metadata.yaml, NAME.db3 or NAME.mcap)"
+)
 
 
 def open_recording(path: str | Path, options: RecordingOptions | None = None) -> Recording:
@@ -31,8 +31,8 @@ def open_recording(path: str | Path, options: RecordingOptions | None = None) ->
     open_it = _recognise(path)
     if open_it is None:
         inside = [] if path.is_file() else sorted(p for p in path.iterdir() if p.is_dir())
-        hint = next((f"; did you mean {p}?" for p in inside if _recognise(p) is not None), "")
-        raise FormatError(f"no recording found{hint}\nlooked for\n{_LOOKED_FOR}", path=path)
+        hint = next((f" (is it {p}?)" for p in inside if _recognise(p) is not None), "")
+        raise FormatError(f"no recording found{hint}; looked for {_LOOKED_FOR}", path=path)
     return open_it(path, options or RecordingOptions())
 
 
