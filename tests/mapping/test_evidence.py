@@ -111,11 +111,11 @@ def test_an_object_loses_only_where_its_whole_shape_was_observed(
 def test_in_the_default_profile_only_what_was_not_seen_loses() -> None:
     evidence = EvidenceMap(published_all(DEFAULT))
     evidence.update(seen(square(0), score=0.5))
-    assert only(evidence).existence == 0.5
-    evidence.update(seen(square(0), score=0.75))
-    assert only(evidence).existence == 1.25
+    assert only(evidence).existence == 0.75  # 1.5 times the score
+    evidence.update(seen(square(0), score=0.9))
+    assert only(evidence).existence == 2.1
     evidence.update(seen())
-    assert only(evidence).existence == 1.05
+    assert only(evidence).existence == 1.9
 
 
 def test_in_the_default_profile_the_edge_of_the_view_and_distant_things_lose_nothing() -> None:
@@ -123,7 +123,7 @@ def test_in_the_default_profile_the_edge_of_the_view_and_distant_things_lose_not
     evidence.update(seen(square(0), square(6)))
     evidence.update(seen(area=square(0, side=1.1)))
     evidence.update(seen(area=square(6, side=3)))  # the camera stands at the origin
-    assert [found.existence for found in evidence.objects()] == [1, 1]
+    assert [found.existence for found in evidence.objects()] == [1.5, 1.5]
 
 
 def test_evidence_goes_to_the_object_it_overlaps_by_a_fifth() -> None:

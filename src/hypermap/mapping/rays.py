@@ -38,7 +38,7 @@ class Rays:
         """
         step = config.pixel_step
         points = frame.points()[::step, ::step].reshape(-1, 3)
-        points = points[np.isfinite(points).all(axis=1)]
+        points = points[np.isfinite(points[:, 2])]
         rotation, camera = frame.map_T_camera[:3, :3], frame.map_T_camera[:3, 3]
         rays = points.astype(np.float64) @ rotation.T
         heights, ranges = camera[2] + rays[:, 2], np.hypot(rays[:, 0], rays[:, 1])
@@ -96,8 +96,8 @@ class Rays:
         """
         rows, cols = grid.cells_at(self.hits_xy).T
         on_grid = grid.contains(rows, cols)
-        hits = np.zeros(grid.shape, dtype=np.int64)
-        np.add.at(hits, (rows[on_grid], cols[on_grid]), 1)
+        hit_cells = rows[on_grid] * grid.width + cols[on_grid]
+        hits = np.bincount(hit_cells, minlength=grid.height * grid.width).reshape(grid.shape)
         matrix = grid.to_cells_matrix()
         begin = self.free_from_xy @ matrix[:2, :2].T + matrix[:2, 2]
         end = self.free_to_xy @ matrix[:2, :2].T + matrix[:2, 2]

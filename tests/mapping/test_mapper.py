@@ -1,0 +1,216 @@
+"""The whole of mapping: frames in, a hypermap out."""
+
+from __future__ import annotations
+
+import dataclasses
+import logging
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+from numpy.typing import NDArray
+
+from hypermap.core.errors import HypermapError
+from hypermap.core.grid import GridGeometry
+from hypermap.core.occupancy import OccupancyLayer
+from hypermap.mapping.config import profile, to_dict
+from hypermap.mapping.mapper import Counts, Mapper, Progress, map_recording
+from hypermap.perception.detections import Detections
+from hypermap.perception.detectors.sources import detections_from_file
+from hypermap.perception.frame import Camera, RgbdFrame
+from hypermap.perception.recording import RecordingInfo
+from hypermap.recordings import RecordingOptions, open_recording
+
+CAMERA = Camera.from_intrinsics(fx=120, fy=120, cx=79.5, cy=59.5, width=160, height=120)
+CONFIG = profile("default")
+# A camera 2 m above the floor that looks straight down: its x is the map's x, its y is minus y.
+DOWN = np.diag([1.0, -1.0, -1.0, 1.0])
+
+
+def frame(i: int, x: float = 0.0) -> RgbdFrame:
+    """A box of 0.4 m x 0.4 m and 0.5 m high about the map's origin, seen from above."""
+    map_T_camera = DOWN.copy()
+    map_T_camera[:3, 3] = x, 0.0, 2.0
+    v, u = np.mgrid[0:120, 0:160]
+    at_top_x, at_top_y = x + (u - 79.5) / 120 * 1.5, (v - 59.5) / 120 * 1.5
+    on_box = (np.abs(at_top_x) < 0.2) & (np.abs(at_top_y) < 0.2)
+    return RgbdFrame(float(i), np.where(on_box, 1.5, 2.0).astype(np.float32), CAMERA, map_T_camera)
+
+
+def boxes(of: RgbdFrame) -> Detections:
+    """Where the box is in the image."""
+    vs, us = np.nonzero(of.depth < 1.7)
+    return Detections.of([(us.min(), vs.min(), us.max() + 1, vs.max() + 1)], ["box"], [0.9])
+
+
+@dataclasses.dataclass
+class Frames:
+    """A recording in memory."""
+
+    items: list[RgbdFrame]
+    map: OccupancyLayer | None = None
+    path: Path = Path("some/where/walk")
+
+    def __len__(self) -> int:
+        return len(self.items)
+
+    def frames(self) -> Iterator[RgbdFrame]:
+        yield from self.items
+
+    def info(self) -> RecordingInfo:
+        raise NotImplementedError
+
+    def occupancy(self) -> OccupancyLayer | None:
+        return self.map
+
+
+def walk(count: int = 6) -> Frames:
+    return Frames([frame(i, x=0.1 * i - 0.25) for i in range(count)])
+
+
+def test_frames_become_a_map_of_two_layers() -> None:
+    hypermap = map_recording(walk(), boxes, CONFIG)
+    assert [layer.name for layer in hypermap.layers] == ["occupancy", "semantic"]
+    assert hypermap.base_frame == "map"
+    (found,) = hypermap["semantic"].objects()
+    truth = shapely.box(-0.2, -0.2, 0.2, 0.2)
+    overlap = found.footprint.intersection(truth).area / found.footprint.union(truth).area
+    assert overlap > 0.85
+    assert (found.name, found.attributes["evidence"]) == ("box", 6)
+    assert found.attributes["z_max"] == pytest.approx(0.5, abs=0.01)
+    assert hypermap["occupancy"].value_at([[0.0, 0.0], [0.5, 0.5]]).tolist() == [100, 0]
+
+
+def test_the_map_tells_how_it_was_made() -> None:
+    metadata = map_recording(walk(), boxes, CONFIG).metadata
+    assert metadata["recording"] == "walk"
+    assert metadata["config"] == to_dict(CONFIG)
+    assert metadata["frames"] == {"used": 6, "skipped": 0, "unusable": 0}
+    assert isinstance(metadata["hypermap_version"], str)
+
+
+@pytest.mark.parametrize("given_by", ["recording", "caller"])
+def test_a_known_occupancy_map_is_used_and_names_the_frame(given_by: str) -> None:
+    grid = GridGeometry(width=2, height=2, resolution=1.0)
+    known = OccupancyLayer("floor", "lab", grid, np.zeros((2, 2), np.int8))
+    other = OccupancyLayer("other", "other", grid, np.zeros((2, 2), np.int8))
+    if given_by == "recording":
+        hypermap = map_recording(dataclasses.replace(walk(), map=known), boxes, CONFIG)
+    else:
+        recording = dataclasses.replace(walk(), map=other)
+        hypermap = map_recording(recording, boxes, CONFIG, occupancy=known)
+    assert hypermap.layers[0] is known
+    assert hypermap["semantic"].frame_id == "lab"
+
+
+def test_frames_whose_camera_has_not_moved_are_skipped() -> None:
+    calls = []
+
+    def source(of: RgbdFrame) -> Detections:
+        calls.append(of.stamp)
+        return boxes(of)
+
+    mapper = Mapper(CONFIG, source)
+    observations = [mapper.add(frame(i, x=0.02 * i)) for i in range(6)]
+    assert [observation is None for observation in observations] == [
+        *[False, True, True],
+        *[False, True, True],
+    ]
+    assert calls == [0, 3]
+    assert mapper.counts == Counts(used=2, skipped=4, unusable=0)
+
+
+def _with_pose(pose: NDArray[np.float64]) -> RgbdFrame:
+    return dataclasses.replace(frame(0), map_T_camera=pose)
+
+
+@pytest.mark.parametrize(
+    ("bad", "reason"),
+    [
+        (
+            dataclasses.replace(frame(0), depth=np.full((120, 160), np.nan, np.float32)),
+            "its depth image is empty",
+        ),
+        (_with_pose(np.full((4, 4), np.nan)), "its pose is not finite"),
+        (_with_pose(np.diag([2.0, 2.0, 2.0, 1.0])), "its pose is no rigid motion"),
+        (
+            dataclasses.replace(frame(0, x=0), map_T_camera=frame(0, x=1e7).map_T_camera),
+            "the occupancy map would grow to",
+        ),
+    ],
+    ids=["no depth", "no pose", "not rigid", "far away"],
+)
+def test_an_unusable_frame_is_counted_and_logged_and_the_rest_is_mapped(
+    bad: RgbdFrame, reason: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    frames = walk()
+    frames.items.insert(3, bad)
+    with caplog.at_level(logging.WARNING):
+        hypermap = map_recording(frames, boxes, CONFIG)
+    assert hypermap.metadata["frames"] == {"used": 6, "skipped": 0, "unusable": 1}
+    assert len(hypermap["semantic"].objects()) == 1
+    assert f"frame 0.000000 left out: {reason}" in caplog.text
+
+
+@pytest.mark.parametrize("count", [0, 3])
+def test_a_recording_without_a_usable_frame_is_an_error(count: int) -> None:
+    empty = dataclasses.replace(frame(0), depth=np.full((120, 160), np.nan, np.float32))
+    with pytest.raises(HypermapError) as error:
+        map_recording(Frames([empty] * count), boxes, CONFIG)
+    assert str(error.value) == (
+        f"some/where/walk: there is nothing to map: of {count} frames none has both depth and a "
+        "proper pose"
+    )
+
+
+def test_progress_is_reported_after_each_frame() -> None:
+    reports: list[Progress] = []
+    map_recording(walk(), boxes, CONFIG, on_progress=reports.append)
+    assert [(report.done, report.total) for report in reports] == [(i, 6) for i in range(1, 7)]
+    assert reports[-1].objects == 1
+    assert reports[-1].counts == Counts(used=6)
+
+
+def test_the_map_can_be_asked_for_at_any_time() -> None:
+    mapper = Mapper(CONFIG, boxes)
+    assert len(mapper.hypermap()["semantic"].objects()) == 0
+    for item in walk().items:
+        mapper.add(item)
+    assert len(mapper.hypermap()["semantic"].objects()) == 1
+
+
+def test_an_error_of_the_source_leaves_the_map_as_it_was() -> None:
+    mapper = Mapper(CONFIG, boxes)
+    for item in walk().items:
+        mapper.add(item)
+
+    def failing(of: RgbdFrame) -> Detections:
+        raise HypermapError("no color")
+
+    mapper._source = failing
+    with pytest.raises(HypermapError, match="no color"):
+        mapper.add(frame(9, x=1.0))
+    assert mapper.counts.used == 6
+
+
+def test_nothing_detected_still_gives_an_occupancy_layer() -> None:
+    hypermap = map_recording(walk(), lambda _: Detections.of([], []), CONFIG)
+    assert len(hypermap["semantic"].objects()) == 0
+    assert hypermap["occupancy"].value_at([[0.0, 0.0]]).tolist() == [100]
+
+
+@pytest.mark.parametrize("name", ["default", "thesis"])
+def test_a_real_desk_is_mapped(shared_data: Path, name: str) -> None:
+    recording = open_recording(shared_data / "desk", RecordingOptions(every=6))
+    source = detections_from_file(shared_data / "desk" / "detections.json")
+    # The reference method of perception takes a second a frame; its results have their own tests.
+    config = dataclasses.replace(CONFIG, evidence=profile(name).evidence)
+    hypermap = map_recording(recording, source, config)
+    objects = hypermap["semantic"].objects()
+    assert {"tv", "keyboard", "person", "chair"} <= {found.name for found in objects}
+    for found in objects:
+        assert found.existence is not None
+        assert found.existence > 2
+        assert found.attributes["z_max"] < 2.5
