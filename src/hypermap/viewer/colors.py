@@ -15,11 +15,11 @@ Color: TypeAlias = tuple[float, float, float]
 _COMMON = (
     "chair", "tv", "pottedplant", "table", "cup", "person", "cupboard", "desk", "keyboard",
     "bottle", "laptop", "book", "couch", "bench", "bed", "sink", "mouse", "bin", "refrigerator",
-    "door", "diningtable", "backpack", "toilet", "clock", "microwave", "oven", "vase", "bowl",
+    "door", "lamp", "diningtable", "backpack", "toilet", "clock", "microwave", "oven", "vase", "bowl",
     "cellphone", "shelf", "bookshelf", "whiteboard", "window", "fan", "cabinet", "remote",
 )
 # fmt: on
-_PLACE = {key: place for place, key in enumerate(_COMMON)} | {"tvmonitor": 1, "monitor": 1}
+_OTHER_WORDS = {"tvmonitor": "tv", "monitor": "tv", "plant": "pottedplant", "sofa": "couch"}
 _OTHERS = 96  # how many of the palette's next colors all other names share
 
 
@@ -36,7 +36,7 @@ def class_colors(names: Iterable[str]) -> dict[str, Color]:
     palette = _palette()
     places: dict[str, int] = {}
     taken: set[int] = set()
-    for name in sorted(set(names), key=lambda name: (_key(name) not in _PLACE, name)):
+    for name in sorted(set(names), key=lambda name: (_key(name) not in _COMMON, name)):
         place = _wanted_place(name)
         while place in taken and len(taken) < len(palette):
             place = (place + 1) % len(palette)
@@ -46,13 +46,14 @@ def class_colors(names: Iterable[str]) -> dict[str, Color]:
 
 
 def _key(name: str) -> str:
-    return name.lower().replace(" ", "").replace("_", "")
+    key = name.lower().replace(" ", "").replace("_", "")
+    return _OTHER_WORDS.get(key, key)
 
 
 def _wanted_place(name: str) -> int:
     key = _key(name)
-    if key in _PLACE:
-        return _PLACE[key]
+    if key in _COMMON:
+        return _COMMON.index(key)
     return len(_COMMON) + zlib.crc32(key.encode()) % _OTHERS
 
 

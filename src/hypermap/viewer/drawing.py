@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from hypermap.viewer.picture import Drawing
 
 _LEFT, _BOTTOM, _TOP, _RIGHT, _GAP = 84, 78, 92, 20, 32  # pixels around the map
+_VEIL = 0.75  # how much a shape hides of the ground
 _STYLE: dict[Any, Any] = {
     "font.family": [FONT],
     "text.parse_math": False,
@@ -143,8 +144,10 @@ def _draw_rasters(axes: Axes, drawing: Drawing, vector: bool) -> None:
 def _draw_shapes(axes: Axes, drawing: Drawing) -> None:
     for part in drawing.shapes:
         for name, shape in zip(part.names, part.shapes, strict=True):
-            look = fill(drawing.colors[name], SHAPE_ALPHA)
-            axes.add_patch(PathPatch(_outline(shape), **look))
+            outline = _outline(shape)
+            # White in between keeps the color that of the legend where the ground is black.
+            axes.add_patch(PathPatch(outline, facecolor=PAPER, alpha=_VEIL, linewidth=0))
+            axes.add_patch(PathPatch(outline, **fill(drawing.colors[name], SHAPE_ALPHA)))
 
 
 def _outline(shape: BaseGeometry) -> Outline:

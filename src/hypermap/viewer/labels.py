@@ -53,10 +53,13 @@ def place_labels(
         free = inside & (_overlap(boxes, taken, _GAP).sum(axis=1) == 0)
         if not free.any():
             continue
-        smaller = areas < areas[i]
-        # A label that covers a small shape wholly is as bad as one that lies wholly on a shape.
-        whole = np.minimum(areas[smaller], np.prod(spot.size)) + 1e-9
-        hidden = (_overlap(boxes, shapes[smaller], 0.0) / whole).sum(axis=1)
+        # A large shape may be written on. A label that covers a small one wholly is as bad as one
+        # that lies wholly on another shape.
+        label_area = spot.size[0] * spot.size[1]
+        is_hidden = areas < max(areas[i], 2 * label_area)
+        is_hidden[i] = False
+        whole = np.minimum(areas[is_hidden], label_area) + 1e-9
+        hidden = (_overlap(boxes, shapes[is_hidden], 0.0) / whole).sum(axis=1)
         cost = np.where(free, np.arange(len(boxes)) * 0.05 + hidden, np.inf)
         best = int(np.argmin(cost))
         places[i] = (float(centers[best, 0]), float(centers[best, 1]))

@@ -76,7 +76,7 @@ def _rows(drawing: Drawing) -> list[Row]:
             for name in sorted(counts, key=lambda name: (-counts[name], name))
         ]
     for raster in drawing.rasters:
-        rows.append(Row(printable(raster.layer)))
+        rows += [Row(""), Row(printable(raster.layer))] if rows else [Row(printable(raster.layer))]
         for text, (red, green, blue) in raster.picture.legend.items():
             rows.append(Row(printable(text), (red / 255, green / 255, blue / 255)))
     return rows

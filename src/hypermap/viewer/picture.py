@@ -12,10 +12,11 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from hypermap.core.arrays import ObjectArray
+from hypermap.core.arrays import ObjectArray, as_objects
 from hypermap.core.errors import HypermapError, did_you_mean
 from hypermap.core.frames import Pose2D
 from hypermap.core.layer import RasterPicture, ShapesPicture
+from hypermap.core.shapes import valid_copies
 from hypermap.formats.atomic import write_file
 from hypermap.viewer.colors import Color, class_colors
 
@@ -149,7 +150,8 @@ def compose(
 
 
 def _in_base_frame(layer: str, picture: ShapesPicture, base_T_layer: Pose2D) -> Shapes:
-    placed = np.array([base_T_layer.apply_geometry(shape) for shape in picture.shapes], object)
+    shapes = valid_copies(picture.shapes)
+    placed = as_objects(base_T_layer.apply_geometry(shape) for shape in shapes)
     order = np.argsort(-shapely.area(placed), kind="stable")
     return Shapes(layer, picture.names[order], placed[order])
 
