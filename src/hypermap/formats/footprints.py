@@ -49,7 +49,7 @@ def _close_ring(match: re.Match[str]) -> str:
     """Return a ring's text with its first point again at its end.
 
     Raises:
-        ValueError: If a point has not two finite numbers.
+        ValueError: If there are too few points, or one has not two finite numbers.
     """
     points = match[1].split(",")
     for position, point in enumerate(points):
@@ -61,6 +61,8 @@ def _close_ring(match: re.Match[str]) -> str:
             )
         if any(number is not None and not math.isfinite(number) for number in map(_float, numbers)):
             raise ValueError("its shape has a coordinate that is not finite")
+    if len(points) < 3:
+        raise ValueError(f"its shape has an outline of {len(points)} points; three are needed")
     closed = points if points[0].split() == points[-1].split() else [*points, points[0]]
     return f"({','.join(closed)})"
 

@@ -11,6 +11,7 @@ import json
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
+import numpy as np
 import shapely
 from pydantic import Field
 from shapely.geometry.base import BaseGeometry
@@ -78,7 +79,7 @@ def from_geojson(
         FormatError: Naming the feature that is wrong.
     """
     try:
-        document = json.loads(text)
+        document = json.loads(text, parse_constant=_refuse)
     except (ValueError, RecursionError) as error:
         raise FormatError(f"is not valid JSON: {error}", path=path) from error
     collection = check(_Collection, document, path)
@@ -130,8 +131,13 @@ def _object(raw: Any, path: str | None, position: int) -> SemanticObject:
 def _footprint(raw: Mapping[str, Any], path: str | None, place: str) -> BaseGeometry:
     geometry = check(_Geometry, raw, path, place)
     try:
-        footprint: BaseGeometry = shapely.geometry.shape(geometry.model_dump())
+        with np.errstate(invalid="ignore"):  # of infinite coordinates, which are refused below
+            footprint: BaseGeometry = shapely.geometry.shape(geometry.model_dump())
         check_footprint(footprint)
     except (ValueError, TypeError, LookupError, AttributeError, shapely.errors.ShapelyError) as e:
         raise FormatError(f"is not a valid {geometry.type}: {e}", path=path, key=place) from None
     return footprint
+
+
+def _refuse(constant: str) -> None:
+    raise ValueError(f"{constant} is no number")

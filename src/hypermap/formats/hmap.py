@@ -113,11 +113,13 @@ def _read_map(store: MemoryStore | FolderStore, config_name: str) -> Hypermap:
     for layer in opaque:
         if (file := layer.settings.get("file")) is not None:
             layer.files.update((name, claims.read(name)) for name in claims.left(file))
-    rest = [name for name in getattr(store, "files", ()) if name not in claims.names]
-    if opaque:
-        opaque[0].files.update((name, claims.read(name)) for name in rest)
-    elif rest:
-        logger.warning("%s: no layer uses %s", store.path_of(config_name), ", ".join(rest))
+    if isinstance(store, MemoryStore):
+        rest = {name: store.files[name] for name in store.files if name not in claims.names}
+        if opaque:
+            opaque[0].files.update(rest)
+        elif rest:
+            names = ", ".join(rest)
+            logger.warning("%s: no layer uses %s; saving will leave it out", store.where, names)
     metadata = dict(config.metadata)
     if config.others:
         metadata[OTHER_KEYS] = config.others

@@ -1,0 +1,67 @@
+from __future__ import annotations
+
+import pytest
+import shapely
+from hypothesis import given
+from shapely.geometry.base import BaseGeometry
+from tests.formats.strategies import exact, footprints
+
+from hypermap.formats.footprints import footprint_from_wkt, footprint_to_wkt
+
+SQUARE = [(0, 0), (2, 0), (2, 2), (0, 2), (0, 0)]
+HOLE = [(0.5, 0.5), (1, 0.5), (1, 1), (0.5, 0.5)]
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("POLYGON((0 0, 2 0, 2 2, 0 2, 0 0))", shapely.Polygon(SQUARE)),
+        ("POLYGON((0 0, 2 0, 2 2, 0 2))", shapely.Polygon(SQUARE)),
+        ("POLYGON((0 0, 0 2, 2 2, 2 0))", shapely.Polygon(SQUARE[::-1])),
+        ("polygon ( (0 0,2 0 , 2 2,0 2) )", shapely.Polygon(SQUARE)),
+        ("POLYGON((0 0, 2 0, 2 2, 0 2), (.5 .5, 1 .5, 1 1))", shapely.Polygon(SQUARE, [HOLE])),
+        ("MULTIPOLYGON(((0 0, 2 0, 2 2, 0 2)))", shapely.MultiPolygon([(SQUARE, [])])),
+        (
+            "MULTIPOLYGON(((0 0,2 0,2 2,0 2),(0.5 0.5,1e0 0.5,1 1,0.5 0.5)),((5 5,6 5,6 6)))",
+            shapely.MultiPolygon([(SQUARE, [HOLE]), ([(5, 5), (6, 5), (6, 6), (5, 5)], [])]),
+        ),
+    ],
+)
+def test_rings_are_closed_and_keep_their_winding(text: str, expected: BaseGeometry) -> None:
+    assert exact(footprint_from_wkt(text)) == exact(expected)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "its shape is not well-known text: Expected word but encountered end of stream"),
+        ("a chair", "its shape is not well-known text: Unknown type: 'A'"),
+        ("POLYGON(())", "point 0 of its shape has 0 numbers, not 2"),
+        (
+            "POLYGON((-4.7 1.56, -4.68 1.56, -4.7 2.16 -4.72 2.16))",
+            "point 2 of its shape has 4 numbers, not 2; is a comma missing?",
+        ),
+        ("POLYGON((0 0, 1 0, 1))", "point 2 of its shape has 1 numbers, not 2"),
+        ("POLYGON((0 0, nan 0, 1 1))", "its shape has a coordinate that is not finite"),
+        ("POLYGON((0 0, 1e999 0, 1 1))", "its shape has a coordinate that is not finite"),
+        ("POLYGON((0 0))", "its shape has an outline of 1 points; three are needed"),
+        ("POLYGON((0 0, 1 1))", "its shape has an outline of 2 points; three are needed"),
+        ("POLYGON((0 0, 1 0, 1 1, 0 0)", "its shape is not well-known text: Expected word but "),
+        ("POLYGON((0 0, 1 0, x 1))", "its shape is not well-known text: Expected number but "),
+        ("POLYGON((0 0, 1 0, 1 1)) or so", "its shape is not well-known text: Unexpected text"),
+    ],
+)
+def test_broken_text_is_refused_with_a_reason(text: str, message: str) -> None:
+    with pytest.raises(ValueError) as error:
+        footprint_from_wkt(text)
+    assert str(error.value).startswith(message)
+
+
+@given(footprints)
+def test_text_gives_every_coordinate_again(footprint: BaseGeometry) -> None:
+    assert exact(footprint_from_wkt(footprint_to_wkt(footprint))) == exact(footprint)
+
+
+def test_only_polygons_have_text() -> None:
+    with pytest.raises(TypeError, match="a footprint is a polygon or multipolygon, not a Point"):
+        footprint_to_wkt(shapely.Point(0, 0))

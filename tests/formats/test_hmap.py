@@ -1,0 +1,484 @@
+from __future__ import annotations
+
+import io
+import logging
+import random
+import shutil
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import HealthCheck, given, settings
+from tests.formats.strategies import hypermaps, map_facts
+
+from hypermap.core.errors import FileMissing, FormatError, HypermapError
+from hypermap.core.frames import FrameTree, Pose2D, Transform
+from hypermap.core.grid import GridGeometry
+from hypermap.core.hypermap import Hypermap
+from hypermap.core.occupancy import OccupancyLayer
+from hypermap.core.opaque import OpaqueLayer
+from hypermap.core.semantic import SemanticLayer, SemanticObject
+from hypermap.formats import open_map, save_map
+
+LAB_FRAME = Transform("map", "lab", Pose2D(1.0, 2.0, 0.5))
+
+
+def small_map() -> Hypermap:
+    grid = GridGeometry(3, 2, 0.05, Pose2D(-1.0, -2.0))
+    cells = np.array([[0, 100, -1], [50, 0, 0]], np.int8)
+    chair = SemanticObject("chair", shapely.box(0, 0, 1, 1), id=4)
+    return Hypermap(
+        [
+            OccupancyLayer("occupancy", "map", grid, cells),
+            SemanticLayer("objects", "lab", [chair], {"subscribe_mode": True, "vendor": 3}),
+        ],
+        FrameTree([LAB_FRAME]),
+        {"profile": "default"},
+    )
+
+
+def occupancy(hypermap: Hypermap, name: str = "occupancy") -> OccupancyLayer:
+    layer = hypermap[name]
+    assert isinstance(layer, OccupancyLayer)
+    return layer
+
+
+def semantic(hypermap: Hypermap, name: str = "semantic") -> SemanticLayer:
+    layer = hypermap[name]
+    assert isinstance(layer, SemanticLayer)
+    return layer
+
+
+# Maps of the first program
+
+
+@pytest.mark.parametrize("name", ["lab", "floor", "office", "example"])
+@pytest.mark.parametrize("target", ["again.hmap", "again.yaml", "."])
+def test_a_map_of_the_first_program_is_exactly_the_same_after_saving(
+    shared_data: Path, tmp_path: Path, name: str, target: str
+) -> None:
+    first = open_map(shared_data / "maps" / f"{name}.hmap")
+    save_map(first, tmp_path / target)
+    second = open_map(tmp_path / target)
+    assert map_facts(second) == map_facts(first)
+    assert [layer.settings for layer in second] == [layer.settings for layer in first]
+    files = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    save_map(second, tmp_path / target)
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == files
+
+
+def test_the_lab_holds_what_was_worked_out_independently(shared_data: Path) -> None:
+    lab = open_map(shared_data / "maps" / "lab.hmap")
+    grid = occupancy(lab).grid
+    assert grid == GridGeometry(320, 576, 0.05, Pose2D(-8.0, -20.8, 0.0))
+    assert np.count_nonzero(occupancy(lab).cells == 100) == 954
+    objects = semantic(lab)
+    assert len(objects) == 28
+    names = list(objects.names)
+    assert [names.count(word) for word in ("chair", "cup", "tvmonitor", "table")] == [8, 5, 3, 3]
+    assert objects.find("sink").round(3).tolist() == [[3.259, 2.378]]
+    hits = objects.labels_in(shapely.box(1, 2, 2, 3))
+    assert hits.points_xy[hits.values == "chair"].round(3).tolist() == [[1.429, 2.887]]
+    assert objects.label_at([[3, -2]]).tolist() == ["table"]
+    hits = objects.labels_in(shapely.box(2, -2, 3, -1))
+    assert sorted(hits.values) == ["chair", "table", "tvmonitor"]
+    assert all(shape.exterior.is_ccw for shape in objects.geometries)
+
+
+def test_the_floor_holds_what_was_worked_out_independently(shared_data: Path) -> None:
+    floor = open_map(shared_data / "maps" / "floor.hmap")
+    assert occupancy(floor).grid == GridGeometry(1472, 992, 0.05, Pose2D(-32.0, -19.2, 0.0))
+    names = list(semantic(floor).names)
+    assert len(names) == 32
+    assert [names.count(word) for word in ("pottedplant", "chair", "bench")] == [7, 7, 6]
+
+
+def test_the_broken_monitor_of_the_office_is_reported_and_the_rest_loads(
+    shared_data: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    path = shared_data / "maps" / "office.hmap"
+    with caplog.at_level(logging.WARNING):
+        office = semantic(open_map(path))
+    assert caplog.messages == [
+        f"{path}/semantic: object 22 'tvmonitor' is left out: "
+        "point 2 of its shape has 4 numbers, not 2; is a comma missing?"
+    ]
+    assert office.ids.tolist() == [number for number in range(35) if number != 22]
+    assert [(item.position, item.name) for item in office.rejected] == [(22, "tvmonitor")]
+
+
+def test_unknown_keys_and_endings_of_the_example_are_kept(shared_data: Path) -> None:
+    example = open_map(shared_data / "maps" / "example.hmap")
+    assert example.metadata == {"other_keys": {"layer_cnt": 2}}
+    layer = semantic(example)
+    assert layer.settings["file"] == "test_semantic.yaml"
+    assert layer.settings["vic_display_type"] == "hypermap::PolygonArray"
+    assert layer.settings["subscribe_mode"] is True
+    assert [(item.name, item.tags, item.confidence) for item in layer.objects()] == [
+        ("chair", ("furniture", "chair", "table"), (0.8, 0.6, 0.3)),
+        ("bin", ("furniture", "bin"), (0.7, 0.65)),
+    ]
+
+
+# Saving
+
+
+@pytest.mark.parametrize("target", ["t.hmap", "t.yaml", "t.zip", "."])
+def test_a_map_is_the_same_after_saving(tmp_path: Path, target: str) -> None:
+    save_map(small_map(), tmp_path / target)
+    again = open_map(tmp_path / target)
+    assert map_facts(again) == map_facts(small_map())
+    assert again["objects"].settings == {
+        "file": "objects",
+        "subscribe_mode": True,
+        "enable_update": True,
+        "publish_global_topics": False,
+        "vendor": 3,
+    }
+
+
+@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(hypermap=hypermaps())
+def test_any_map_is_exactly_the_same_after_saving(tmp_path: Path, hypermap: Hypermap) -> None:
+    for target in (tmp_path / "t.hmap", tmp_path / "folder"):
+        if target.name == "folder":
+            shutil.rmtree(target, ignore_errors=True)
+            target.mkdir()
+        save_map(hypermap, target)
+        assert map_facts(open_map(target)) == map_facts(hypermap)
+    first = (tmp_path / "t.hmap").read_bytes()
+    save_map(open_map(tmp_path / "t.hmap"), tmp_path / "t.hmap")
+    assert (tmp_path / "t.hmap").read_bytes() == first
+
+
+def test_the_first_program_finds_its_files_in_our_archive(tmp_path: Path) -> None:
+    save_map(small_map(), tmp_path / "t.hmap")
+    with zipfile.ZipFile(tmp_path / "t.hmap") as archive:
+        assert archive.namelist() == [
+            "hmap_config.yaml",
+            "occupancy.yaml",
+            "occupancy.png",
+            "objects",
+        ]
+        assert archive.read("hmap_config.yaml").decode() == (
+            "layers:\n"
+            "- class: OccupancyGridLayer\n"
+            "  name: occupancy\n"
+            "  frame_id: map\n"
+            "  load_file: true\n"
+            "  file: occupancy\n"
+            "  subscribe_mode: false\n"
+            "  enable_update: true\n"
+            "  publish_global_topics: false\n"
+            "- class: SemanticLayer\n"
+            "  name: objects\n"
+            "  frame_id: lab\n"
+            "  load_file: true\n"
+            "  file: objects\n"
+            "  subscribe_mode: true\n"
+            "  enable_update: true\n"
+            "  publish_global_topics: false\n"
+            "  vendor: 3\n"
+            "transforms:\n"
+            "- frame_id: map\n"
+            "  child_frame_id: lab\n"
+            "  transform_pose: [1.0, 2.0, 0.5]\n"
+            "hypermap_metadata:\n"
+            "  profile: default\n"
+        )
+
+
+def test_the_same_map_saved_twice_gives_the_same_bytes(tmp_path: Path) -> None:
+    save_map(small_map(), tmp_path / "one.hmap")
+    save_map(small_map(), tmp_path / "two.hmap")
+    assert (tmp_path / "one.hmap").read_bytes() == (tmp_path / "two.hmap").read_bytes()
+
+
+def test_layers_whose_files_would_have_the_same_name_get_others(tmp_path: Path) -> None:
+    squares = [SemanticObject("a", shapely.box(0, 0, size, 1)) for size in (1, 2, 3)]
+    layers = [
+        SemanticLayer("a/b", "map", squares[:1], {"file": "same"}),
+        SemanticLayer("a b", "map", squares[1:2], {"file": "same"}),
+        SemanticLayer("a_b", "map", squares[2:], {"file": "../out"}),
+        SemanticLayer("same", "map", squares[:1], {"file": "same"}),
+        SemanticLayer("...", "map", squares[1:2], {"file": "hmap_config.yaml"}),
+    ]
+    save_map(Hypermap(layers), tmp_path / "t.hmap")
+    again = open_map(tmp_path / "t.hmap")
+    assert map_facts(again) == map_facts(Hypermap(layers))
+    files = [layer.settings["file"] for layer in again]
+    assert files == ["same", "a_b", "a_b_2", "same", "layer"]
+
+
+def test_an_empty_layer_is_saved_without_a_file(tmp_path: Path) -> None:
+    layers = [OccupancyLayer("occupancy", "map"), SemanticLayer("objects", "map")]
+    save_map(Hypermap(layers), tmp_path / "t.hmap")
+    with zipfile.ZipFile(tmp_path / "t.hmap") as archive:
+        assert archive.namelist() == ["hmap_config.yaml"]
+    again = open_map(tmp_path / "t.hmap")
+    assert occupancy(again).grid is None
+    assert len(semantic(again, "objects")) == 0
+
+
+class Unsaveable(OccupancyLayer):
+    class_name = "RoomLayer"
+
+
+def test_a_layer_without_plugin_is_not_saved_and_the_old_file_stays(tmp_path: Path) -> None:
+    path = tmp_path / "t.hmap"
+    save_map(small_map(), path)
+    before = path.read_bytes()
+    with pytest.raises(HypermapError) as error:
+        save_map(Hypermap([Unsaveable("rooms", "map")]), path)
+    assert str(error.value).startswith(
+        "layer 'rooms' cannot be saved: no plug-in for its class 'RoomLayer' is installed "
+        "(known: OccupancyGridLayer, SemanticLayer"
+    )
+    with pytest.raises(TypeError, match="YAML has no object"):
+        save_map(Hypermap(metadata={"a": object()}), path)
+    assert path.read_bytes() == before
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_folder_to_save_in_must_exist(tmp_path: Path) -> None:
+    for target in ("none/t.hmap", "none/t.yaml"):
+        with pytest.raises(FileMissing) as error:
+            save_map(small_map(), tmp_path / target)
+        assert str(error.value) == f"{tmp_path / 'none'}: there is no such folder to save in"
+
+
+# Other kinds of files
+
+
+def test_a_bare_map_server_map_becomes_a_map_of_one_layer(tmp_path: Path) -> None:
+    save_map(small_map(), tmp_path)
+    hypermap = open_map(tmp_path / "occupancy.yaml")
+    assert [layer.name for layer in hypermap.layers] == ["occupancy"]
+    assert (occupancy(hypermap).cells == occupancy(small_map()).cells).all()
+    assert hypermap.base_frame == "map"
+
+
+CONFIG = """\
+layers:
+- {class: SemanticLayer, name: semantic, frame_id: map, load_file: true, file: objects}
+"""
+OBJECTS = "- {name: chair, shape: 'POLYGON((0 0, 1 0, 1 1))'}\n"
+
+
+def archive(path: Path, files: dict[str, str | bytes]) -> Path:
+    with zipfile.ZipFile(path, "w") as target:
+        for name, content in files.items():
+            target.writestr(name, content)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("files", "message"),
+    [
+        ({"readme": "x"}, "is a zip archive without hmap_config.yaml, so it is no map"),
+        ({}, "is a zip archive without hmap_config.yaml, so it is no map"),
+        (
+            {"hmap_config.yaml": CONFIG},
+            "/objects: there is no such file, only hmap_config.yaml",
+        ),
+        (
+            {"hmap_config.yaml": CONFIG.replace("objects", "../objects")},
+            "the file name '../objects' is not allowed; it must lie within the map's files",
+        ),
+        ({"hmap_config.yaml": "layers: ["}, "/hmap_config.yaml: is not valid YAML: "),
+        (
+            {"hmap_config.yaml": CONFIG + CONFIG.partition("\n")[2], "objects": OBJECTS},
+            "/hmap_config.yaml: layers[1].name: 'semantic' is already the name of layers[0]",
+        ),
+        (
+            {"hmap_config.yaml": CONFIG, "objects": "name: chair"},
+            "/objects: expected a list of objects, found keys and values",
+        ),
+        (
+            {
+                "hmap_config.yaml": CONFIG.replace("SemanticLayer", "OccupancyGridLayer"),
+                "objects.yaml": "image: a.png\nresolution: 0.05\norigin: [0, 0, 0]\n"
+                "occupied_thresh: 1\nfree_thresh: 0\n",
+                "a.png": "no picture",
+            },
+            "/a.png: is not a picture",
+        ),
+    ],
+)
+def test_a_bad_archive_is_one_clear_error(
+    tmp_path: Path, files: dict[str, str | bytes], message: str
+) -> None:
+    path = archive(tmp_path / "t.hmap", files)
+    with pytest.raises(FormatError) as error:
+        open_map(path)
+    text = str(error.value)
+    assert text.startswith(f"{path}{message}") or text == f"{path}: {message}"
+
+
+def test_what_is_no_map_says_so(tmp_path: Path) -> None:
+    cases = {
+        "empty.hmap": (b"", "is empty"),
+        "picture.png": (b"\x89PNG\r\n\x1a\n", "is not a zip archive"),
+        "list.yaml": (b"- 1\n", "is neither a map's configuration (with the key 'layers') nor"),
+        "empty.yaml": (b"", "is neither a map's configuration (with the key 'layers') nor"),
+        "broken.yml": (b"{", "is not valid YAML: "),
+    }
+    for name, (content, message) in cases.items():
+        (tmp_path / name).write_bytes(content)
+        with pytest.raises(FormatError) as error:
+            open_map(tmp_path / name)
+        assert str(error.value).startswith(f"{tmp_path / name}: {message}")
+    with pytest.raises(FormatError) as folder:
+        open_map(tmp_path)
+    assert str(folder.value) == f"{tmp_path}: is a folder without hmap_config.yaml"
+    for missing in ("none.hmap", "none.yaml", "none/none"):
+        with pytest.raises(FileMissing) as error_missing:
+            open_map(tmp_path / missing)
+        assert str(error_missing.value) == f"{tmp_path / missing}: there is no such file"
+
+
+def test_a_configuration_may_not_reach_out_of_its_folder(tmp_path: Path) -> None:
+    (tmp_path / "objects").write_text(OBJECTS)
+    folder = tmp_path / "map"
+    folder.mkdir()
+    (folder / "link").symlink_to("../objects")
+    (folder / "hmap_config.yaml").write_text(CONFIG.replace("objects", "link"))
+    with pytest.raises(FormatError) as error:
+        open_map(folder)
+    assert str(error.value) == f"{folder / 'link'}: is a link that leads out of the folder"
+    (folder / "hmap_config.yaml").write_text(CONFIG.replace("objects", "../objects"))
+    with pytest.raises(FormatError, match=r"the file name '\.\./objects' is not allowed"):
+        open_map(folder)
+
+
+# Layers of unknown kinds
+
+ROOMS = """\
+layers:
+- {class: OccupancyGridLayer, name: occupancy, frame_id: map, load_file: false}
+- {class: RoomLayer, name: rooms, frame_id: map, load_file: true, file: rooms, color: red}
+- {class: RoomLayer, name: more, frame_id: map, load_file: true, file: more}
+- {class: SemanticLayer, name: semantic, frame_id: map, load_file: true, file: objects}
+"""
+ROOM_FILES: dict[str, str | bytes] = {
+    "hmap_config.yaml": ROOMS,
+    "rooms": b"\x00\xff",
+    "rooms.idx": b"index",
+    "objects": OBJECTS,
+    "more/a": b"a",
+    "more/b": b"b",
+    "notes.txt": b"whose?",
+}
+
+
+def test_a_layer_of_unknown_class_keeps_all_files_that_no_other_layer_reads(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    path = archive(tmp_path / "t.hmap", ROOM_FILES)
+    with caplog.at_level(logging.WARNING):
+        hypermap = open_map(path)
+    assert len(caplog.messages) == 2
+    assert caplog.messages[0].startswith(
+        "layer 'rooms' has the unknown class 'RoomLayer'; is its plug-in installed? Its files are "
+        "kept as they are (known: OccupancyGridLayer, SemanticLayer"
+    )
+    rooms, more = hypermap["rooms"], hypermap["more"]
+    assert isinstance(rooms, OpaqueLayer)
+    assert isinstance(more, OpaqueLayer)
+    assert rooms.files == {"rooms": b"\x00\xff", "rooms.idx": b"index", "notes.txt": b"whose?"}
+    assert more.files == {"more/a": b"a", "more/b": b"b"}
+    assert (rooms.class_name, rooms.settings["color"]) == ("RoomLayer", "red")
+    with pytest.raises(HypermapError) as error:
+        hypermap.label_at("rooms", [[0, 0]])
+    assert str(error.value) == (
+        "layer 'rooms' cannot be asked: no plug-in for its class 'RoomLayer' is installed"
+    )
+
+    save_map(hypermap, tmp_path / "again.hmap")
+    with zipfile.ZipFile(tmp_path / "again.hmap") as again:
+        for name, content in ROOM_FILES.items():
+            if name not in ("hmap_config.yaml", "objects"):
+                assert again.read(name) == content
+    assert map_facts(open_map(tmp_path / "again.hmap")) == map_facts(hypermap)
+
+
+def test_in_a_folder_an_unknown_layer_takes_only_files_with_its_name(tmp_path: Path) -> None:
+    folder = tmp_path / "map"
+    with zipfile.ZipFile(archive(tmp_path / "t.hmap", ROOM_FILES)) as source:
+        source.extractall(folder)
+    rooms = open_map(folder)["rooms"]
+    assert isinstance(rooms, OpaqueLayer)
+    assert rooms.files == {"rooms": b"\x00\xff", "rooms.idx": b"index"}
+
+
+def test_other_layers_keep_clear_of_an_unknown_layers_files(tmp_path: Path) -> None:
+    hypermap = open_map(archive(tmp_path / "t.hmap", ROOM_FILES))
+    chair = SemanticObject("chair", shapely.box(0, 0, 1, 1))
+    hypermap.add(SemanticLayer("new", "map", [chair], {"file": "notes.txt"}))
+    save_map(hypermap, tmp_path / "t.hmap")
+    again = open_map(tmp_path / "t.hmap")
+    assert again["new"].settings["file"] == "new"
+    assert map_facts(again) == map_facts(hypermap)
+    clash = OpaqueLayer("RoomLayer", "clash", "map", {"rooms": b"other"})
+    hypermap.add(clash)
+    with pytest.raises(HypermapError) as error:
+        save_map(hypermap, tmp_path / "t.hmap")
+    assert str(error.value) == ("layer 'clash' cannot be saved: another file is named 'rooms'")
+
+
+def test_files_that_no_layer_reads_are_reported_where_nobody_keeps_them(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    files: dict[str, str | bytes] = {"hmap_config.yaml": CONFIG, "objects": OBJECTS, "note": "x"}
+    path = archive(tmp_path / "t.hmap", files)
+    with caplog.at_level(logging.WARNING):
+        open_map(path)
+    assert caplog.messages == [f"{path}: no layer uses note; saving will leave it out"]
+
+
+# Damage
+
+
+def test_damage_to_a_maps_files_never_gives_another_error(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    save_map(small_map(), tmp_path / "intact.hmap")
+    with zipfile.ZipFile(tmp_path / "intact.hmap") as source:
+        intact = {name: source.read(name) for name in source.namelist()}
+    chance = random.Random(0)
+    failed = 0
+    for _ in range(400):
+        damaged = {name: bytearray(content) for name, content in intact.items()}
+        victim = damaged[chance.choice(sorted(intact))]
+        for _ in range(chance.randint(1, 4)):
+            victim[chance.randrange(len(victim))] = chance.randrange(256)
+        path = archive(tmp_path / "t.hmap", {name: bytes(c) for name, c in damaged.items()})
+        try:
+            hypermap = open_map(path)
+        except HypermapError:
+            failed += 1
+        else:
+            save_map(hypermap, path)
+            assert map_facts(open_map(path)) == map_facts(hypermap)
+    assert failed > 100
+
+
+def test_a_truncated_archive_never_opens(tmp_path: Path) -> None:
+    save_map(small_map(), tmp_path / "t.hmap")
+    packed = (tmp_path / "t.hmap").read_bytes()
+    for end in range(0, len(packed), 7):
+        (tmp_path / "t.hmap").write_bytes(packed[:end])
+        with pytest.raises(FormatError):
+            open_map(tmp_path / "t.hmap")
+
+
+def test_a_picture_that_shrinks_like_a_bomb_is_refused(tmp_path: Path) -> None:
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as target:
+        target.writestr("hmap_config.yaml", CONFIG + " " * (10 << 20))
+    path = tmp_path / "t.hmap"
+    path.write_bytes(file.getvalue())
+    with pytest.raises(FormatError, match="unpacks to more than 200 times its size"):
+        open_map(path)
