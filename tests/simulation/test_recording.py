@@ -22,7 +22,7 @@ from hypermap.simulation.world import Floor, Thing, Wall, World
 WORLD = World(
     "test",
     Floor((0, 0, 6, 4)),
-    objects=(Thing("table", (3, 2)), Thing("cup", (3, 2), z=0.74), Thing("chair", (2.2, 1))),
+    objects=(Thing("table", (3, 2)), Thing("cup", (3, 2), z=0.74), Thing("chair", (4.2, 2.7))),
     walls=(Wall(rectangle=(0, 0, 6, 4)),),
     drive=Drive(((0.5, 2), (1.5, 2)), speed=0.5),
 )

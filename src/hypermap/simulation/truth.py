@@ -85,7 +85,8 @@ def _grid_around(area: BaseGeometry, resolution: float) -> GridGeometry:
 def _touched(grid: GridGeometry, area: BaseGeometry) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Return rows and columns of the cells that share some area with `area`."""
     half = 0.499 * grid.resolution  # a little less than half, so that a mere touch does not count
-    rows, cols = grid.cells_in(area.buffer(half, join_style="mitre"))
+    near = area.buffer(half * math.sqrt(2), join_style="mitre")  # a corner may be what touches
+    rows, cols = grid.cells_in(near)
     centers = grid.centers(rows, cols)
     squares = shapely.box(*(centers - half).T, *(centers + half).T)
     hit = shapely.intersects(area, squares)
