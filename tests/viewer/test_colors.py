@@ -4,7 +4,7 @@ import itertools
 import math
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hypermap.viewer.colors import class_colors
@@ -12,6 +12,7 @@ from hypermap.viewer.colors import class_colors
 ROOM = ["chair", "table", "cup", "tvmonitor", "keyboard", "sink", "person", "cupboard", "bin"]
 
 
+@settings(deadline=None)  # the first call loads the palette
 @given(st.sets(st.text(max_size=8), max_size=60))
 def test_no_two_classes_of_a_map_look_alike(names):
     colors = class_colors(names)
@@ -19,6 +20,7 @@ def test_no_two_classes_of_a_map_look_alike(names):
     assert len(set(colors.values())) == len(names)
 
 
+@settings(deadline=None)  # the first call loads the palette
 @given(st.permutations(["zebra", *ROOM, "noteboard", "Weinglas"]))
 def test_colors_do_not_depend_on_the_order_of_the_objects(names):
     assert class_colors(names) == class_colors(sorted(names))

@@ -15,8 +15,8 @@ Color: TypeAlias = tuple[float, float, float]
 _COMMON = (
     "chair", "tv", "pottedplant", "table", "cup", "person", "cupboard", "desk", "keyboard",
     "bottle", "laptop", "book", "couch", "bench", "bed", "sink", "mouse", "bin", "refrigerator",
-    "door", "lamp", "diningtable", "backpack", "toilet", "clock", "microwave", "oven", "vase", "bowl",
-    "cellphone", "shelf", "bookshelf", "whiteboard", "window", "fan", "cabinet", "remote",
+    "door", "lamp", "diningtable", "backpack", "toilet", "clock", "microwave", "oven", "vase",
+    "bowl", "cellphone", "shelf", "bookshelf", "whiteboard", "window", "fan", "cabinet", "remote",
 )
 # fmt: on
 _OTHER_WORDS = {"tvmonitor": "tv", "monitor": "tv", "plant": "pottedplant", "sofa": "couch"}

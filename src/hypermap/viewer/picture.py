@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from hypermap.core.hypermap import Hypermap
 
 SUFFIXES = (".png", ".svg")
+_RAY = 2  # cells of a row through which a single ray of a sensor passes
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,8 +205,7 @@ def _known_corners(picture: RasterPicture, full: bool) -> NDArray[np.float64]:
 
 def _well_filled(counts: NDArray[np.int64]) -> tuple[int, int]:
     """Return where rows begin and end that hold more than what a stray ray leaves behind."""
-    enough = np.median(counts[counts > 0]) / 20
-    filled = np.flatnonzero(counts > enough)
+    filled = np.flatnonzero(counts > min(_RAY, counts.max() - 1))
     return int(filled[0]), int(filled[-1]) + 1
 
 
