@@ -23,11 +23,10 @@ def pose_matrix(position: ArrayLike, quat_xyzw: ArrayLike) -> NDArray[np.float64
     """
     p = np.asarray(position, dtype=np.float64)
     q = np.asarray(quat_xyzw, dtype=np.float64)
-    norm = np.linalg.norm(q, axis=-1, keepdims=True)
-    if not (np.isfinite(p).all() and np.isfinite(q).all() and (norm > 0).all()):
-        raise ValueError("a pose needs finite numbers and a quaternion other than zero")
-    x, y, z, w = np.moveaxis(q / norm, -1, 0)
-    matrix = np.zeros((*q.shape[:-1], 4, 4))
+    x, y, z, w = np.moveaxis(_unit(q), -1, 0)
+    if not np.isfinite(p).all():
+        raise ValueError("a position must be finite")
+    matrix = np.zeros((*np.broadcast_shapes(p.shape[:-1], q.shape[:-1]), 4, 4))
     matrix[..., 0, 0] = 1 - 2 * (y * y + z * z)
     matrix[..., 0, 1] = 2 * (x * y - z * w)
     matrix[..., 0, 2] = 2 * (x * z + y * w)
@@ -102,8 +101,12 @@ class Trajectory:
     Attributes:
         stamps: seconds, strictly increasing, shape (N,).
         positions: metres, shape (N, 3).
-        quats_xyzw: unit quaternions, shape (N, 4).
+        quats_xyzw: rotations, shape (N, 4); need not have unit length.
         max_gap: seconds between two poses above which nothing is interpolated.
+
+    Raises:
+        ValueError: If there is no pose, the shapes do not fit, a number is not finite, a
+            quaternion is zero, or the stamps do not increase.
     """
 
     stamps: NDArray[np.float64]
@@ -112,6 +115,8 @@ class Trajectory:
     max_gap: float = np.inf
 
     def __post_init__(self) -> None:
+        if self.stamps.ndim != 1:
+            raise ValueError(f"expected stamps of shape (N,), got {self.stamps.shape}")
         n = len(self.stamps)
         if n == 0:
             raise ValueError("a trajectory needs at least one pose")
@@ -120,8 +125,11 @@ class Trajectory:
                 f"expected positions ({n}, 3) and quaternions ({n}, 4), "
                 f"got {self.positions.shape} and {self.quats_xyzw.shape}"
             )
-        if (np.diff(self.stamps) <= 0).any():
+        if not (np.isfinite(self.stamps).all() and np.isfinite(self.positions).all()):
+            raise ValueError("stamps and positions of a trajectory must be finite")
+        if not (np.diff(self.stamps) > 0).all():
             raise ValueError("the stamps of a trajectory must increase")
+        _unit(self.quats_xyzw)
 
     def covers(self, stamps: ArrayLike) -> NDArray[np.bool_]:
         """Return whether a pose can be interpolated at each stamp, shape (M,)."""
@@ -160,8 +168,7 @@ def _slerp(
     q0: NDArray[np.float64], q1: NDArray[np.float64], weight: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Interpolate unit quaternions along the shorter arc (Shoemake, SIGGRAPH 1985)."""
-    q0 = q0 / np.linalg.norm(q0, axis=1, keepdims=True)
-    q1 = q1 / np.linalg.norm(q1, axis=1, keepdims=True)
+    q0, q1 = _unit(q0), _unit(q1)
     cosine = np.sum(q0 * q1, axis=1, keepdims=True)
     q1 = np.where(cosine < 0, -q1, q1)
     angle = np.arccos(np.clip(np.abs(cosine), 0, 1))
@@ -171,3 +178,17 @@ def _slerp(
     w0 = np.where(nearly_equal, 1 - weight, np.sin((1 - weight) * angle) / safe)
     w1 = np.where(nearly_equal, weight, np.sin(weight * angle) / safe)
     return np.asarray(w0 * q0 + w1 * q1)
+
+
+def _unit(quats: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return quaternions (..., 4) with unit length.
+
+    Raises:
+        ValueError: If one is zero or not finite.
+    """
+    # The largest component first: squares of tiny and huge numbers would vanish or overflow.
+    largest = np.abs(quats).max(axis=-1, keepdims=True)
+    if not (np.isfinite(largest) & (largest > 0)).all():
+        raise ValueError("a quaternion must be finite and other than zero")
+    scaled = quats / largest
+    return np.asarray(scaled / np.linalg.norm(scaled, axis=-1, keepdims=True))

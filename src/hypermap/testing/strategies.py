@@ -21,7 +21,7 @@ from hypermap.core.semantic import SemanticLayer
 NAMES = ("chair", "table", "cup", "potted plant", "Tür")
 
 coordinates = st.floats(-50, 50, allow_nan=False, width=32)
-angles = st.floats(-math.pi, math.pi, allow_nan=False, width=32)
+angles = st.floats(-math.pi, math.pi)
 poses = st.builds(Pose2D, coordinates, coordinates, angles)
 grids = st.builds(
     GridGeometry,

@@ -1,0 +1,60 @@
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hypermap.core.arrays import as_objects, as_point_xy, as_points_xy
+
+
+@pytest.mark.parametrize(
+    ("points", "shape"),
+    [
+        ([], (0, 2)),
+        (np.empty((0, 2)), (0, 2)),
+        ((1, 2), (1, 2)),
+        ([(1, 2)], (1, 2)),
+        (np.zeros((3, 2), dtype=np.float32), (3, 2)),
+        (np.zeros((3, 2), dtype=int), (3, 2)),
+    ],
+)
+def test_points_become_float64_of_shape_n_2(points: Any, shape: tuple[int, int]) -> None:
+    array = as_points_xy(points)
+    assert array.shape == shape
+    assert array.dtype == np.float64
+
+
+@pytest.mark.parametrize(
+    ("points", "message"),
+    [
+        (1.0, "points must have shape (N, 2), got ()"),
+        ([1, 2, 3], "points must have shape (N, 2), got (3,)"),
+        ([1, 2, 3, 4], "points must have shape (N, 2), got (4,)"),
+        ([[1, 2, 3]], "points must have shape (N, 2), got (1, 3)"),
+        (np.empty((0, 3)), "points must have shape (N, 2), got (0, 3)"),
+        (np.zeros((1, 1, 2)), "points must have shape (N, 2), got (1, 1, 2)"),
+        ([[0, np.nan]], "points must be finite; there is a NaN or infinite coordinate"),
+        ([[0, -np.inf]], "points must be finite; there is a NaN or infinite coordinate"),
+    ],
+)
+def test_what_is_no_list_of_points_is_refused(points: Any, message: str) -> None:
+    with pytest.raises(ValueError) as caught:
+        as_points_xy(points)
+    assert str(caught.value) == message
+
+
+def test_one_point_may_be_given_flat_or_as_a_row() -> None:
+    assert as_point_xy([1, 2]).tolist() == as_point_xy([[1, 2]]).tolist() == [1, 2]
+
+
+@pytest.mark.parametrize("points", [[], [[1, 2], [3, 4]]])
+def test_none_or_two_are_not_one_point(points: Any) -> None:
+    with pytest.raises(ValueError, match=f"expected a single point, got {len(points)}"):
+        as_point_xy(points)
+
+
+def test_sequences_stay_single_elements_of_an_object_array() -> None:
+    array = as_objects(iter([(1, 2), (), "text"]))
+    assert array.shape == (3,)
+    assert array.tolist() == [(1, 2), (), "text"]
