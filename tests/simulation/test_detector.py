@@ -39,6 +39,7 @@ def only(**noise: float) -> DetectorNoise:
         "shift": 0,
         "confusion": 0,
         "false_positives": 0,
+        "mask_margin": 0,
     }
     return DetectorNoise(**{**exact, **noise})
 
@@ -111,6 +112,28 @@ def test_boxes_never_reach_past_the_image() -> None:
     boxes = np.concatenate([d.xyxy for d in detect(only(looseness=1, shift=0.3), frames=500)])
     assert boxes.min() == 0
     assert (boxes.max(axis=0) <= [80, 60, 80, 60]).all()
+
+
+def masks(noise: DetectorNoise) -> Detections:
+    return NoisyDetector(NAMES, noise, np.random.default_rng(0), has_masks=True).detect(image())
+
+
+def test_masks_hold_the_visible_pixels_and_a_margin_around_them() -> None:
+    exact = masks(EXACT_DETECTOR)
+    assert (exact.masks == [image() == 0, image() == 1]).all()
+    loose = masks(only(mask_margin=2))
+    assert loose.masks[0, 18:34, 35].all()
+    assert loose.masks[0, :, 35].sum() == 12 + 2 * 2
+    assert detect(EXACT_DETECTOR)[0].masks is None
+
+
+def test_the_mask_of_a_false_positive_is_its_box() -> None:
+    found = masks(only(false_positives=3, miss=1))
+    assert len(found) == len(found.masks) > 0
+    for mask, box in zip(found.masks, found.xyxy, strict=True):
+        rows, cols = np.nonzero(mask)
+        bounds = [cols.min(), rows.min(), cols.max() + 1, rows.max() + 1]
+        assert bounds == pytest.approx(box, abs=0.51)
 
 
 def test_an_empty_world_gives_empty_detections() -> None:

@@ -26,6 +26,7 @@ class DetectorNoise:
         shift: standard deviation of a box's centre, as a share of its size.
         confusion: probability that an object gets the name of another class of the world.
         false_positives: boxes around nothing, per frame, in the mean.
+        mask_margin: pixels by which masks, where there are any, reach past their objects.
     """
 
     min_pixels: int = 60
@@ -36,6 +37,7 @@ class DetectorNoise:
     shift: float = 0.02
     confusion: float = 0.02
     false_positives: float = 0.03
+    mask_margin: int = 1
 
     def __post_init__(self) -> None:
         check_not_negative(self, *(f.name for f in fields(self)))
@@ -44,7 +46,7 @@ class DetectorNoise:
 
 
 EXACT_DETECTOR = DetectorNoise(
-    miss=0, flicker=0, looseness=0, shift=0, confusion=0, false_positives=0
+    miss=0, flicker=0, looseness=0, shift=0, confusion=0, false_positives=0, mask_margin=0
 )
 
 
@@ -52,13 +54,25 @@ class NoisyDetector:
     """Finds objects by their true pixels, and errs; it remembers what it has lost for a while."""
 
     def __init__(
-        self, names: Sequence[str], noise: DetectorNoise, rng: np.random.Generator
+        self,
+        names: Sequence[str],
+        noise: DetectorNoise,
+        rng: np.random.Generator,
+        has_masks: bool = False,
     ) -> None:
-        """Take the class name of every object of the world, in their order."""
+        """Prepare to detect.
+
+        Args:
+            names: the class of every object of the world, in their order.
+            noise: how it errs.
+            rng: all chance comes from here.
+            has_masks: whether it gives masks with its boxes.
+        """
         self._names = list(names)
         self._classes = sorted(set(names))
         self._noise = noise
         self._rng = rng
+        self._has_masks = has_masks
         self._lost_for = np.zeros(len(names), dtype=np.int64)
 
     def detect(self, instances: NDArray[np.int32]) -> Detections:
@@ -67,18 +81,21 @@ class NoisyDetector:
         Args:
             instances: which object each pixel shows, -1 for none, shape (H, W).
         """
-        found = self._is_found(np.bincount(instances[instances >= 0], minlength=len(self._names)))
-        boxes = visible_boxes(instances, len(self._names))[found]
-        names = [self._named(self._names[i]) for i in np.flatnonzero(found)]
+        height, width = instances.shape
+        size = [width, height, width, height]
+        pixels = np.bincount(instances[instances >= 0], minlength=len(self._names))
+        found = np.flatnonzero(self._is_found(pixels))
+        boxes = self._misplaced(visible_boxes(instances, len(self._names))[found])
+        names = [self._named(self._names[i]) for i in found]
         scores = self._rng.uniform(0.5, 0.95, len(names))
 
-        boxes = self._misplaced(boxes)
         extra = self._rng.poisson(self._noise.false_positives) if self._classes else 0
-        height, width = instances.shape
-        boxes = np.vstack([boxes, *(self._nonsense(width, height) for _ in range(extra))])
+        nonsense = [self._nonsense(width, height) for _ in range(extra)]
         names += [self._classes[self._rng.integers(len(self._classes))] for _ in range(extra)]
         scores = np.append(scores, self._rng.uniform(0.3, 0.6, extra))
-        return Detections.of(np.clip(boxes, 0, [width, height, width, height]), names, scores)
+        masks = self._masks(instances, found, nonsense) if self._has_masks else None
+        boxes = np.clip(np.vstack([boxes, *nonsense]), 0, size)
+        return Detections.of(boxes, names, scores, masks)
 
     def _is_found(self, pixels: NDArray[np.int64]) -> NDArray[np.bool_]:
         noise, rng, n = self._noise, self._rng, len(pixels)
@@ -99,6 +116,23 @@ class NoisyDetector:
         shift = self._rng.normal(size=size.shape) * self._noise.shift * size
         growth = self._rng.exponential(size=size.shape) * self._noise.looseness * size
         return np.hstack([boxes[:, :2] + shift - growth / 2, boxes[:, 2:] + shift + growth / 2])
+
+    def _masks(
+        self,
+        instances: NDArray[np.int32],
+        found: NDArray[np.intp],
+        nonsense: Sequence[NDArray[np.float64]],
+    ) -> NDArray[np.bool_]:
+        """Return the found objects' pixels and what is around them; a false positive is all box."""
+        masks = np.zeros((len(found) + len(nonsense), *instances.shape), dtype=bool)
+        for mask, index in zip(masks, found, strict=False):
+            mask[:] = instances == index
+            if self._noise.mask_margin:
+                mask[:] = ndimage.binary_dilation(mask, iterations=self._noise.mask_margin)
+        for mask, box in zip(masks[len(found) :], nonsense, strict=True):
+            xmin, ymin, xmax, ymax = np.round(box).astype(int)
+            mask[ymin:ymax, xmin:xmax] = True
+        return masks
 
     def _nonsense(self, width: int, height: int) -> NDArray[np.float64]:
         size = self._rng.uniform(0.05, 0.4, 2) * [width, height]

@@ -37,6 +37,7 @@ class SimulatedRecording:
         depth_noise: DepthNoise | None = None,
         pose_noise: PoseNoise | None = None,
         detector_noise: DetectorNoise | None = None,
+        has_masks: bool = False,
         has_occupancy: bool = True,
         seed: int = 0,
     ) -> None:
@@ -49,6 +50,7 @@ class SimulatedRecording:
             depth_noise: errors of the camera; None for a Kinect's.
             pose_noise: errors of the poses; None for none.
             detector_noise: errors of the detections; None for the defaults.
+            has_masks: whether the detector gives masks with its boxes.
             has_occupancy: whether the recording comes with the exact occupancy map.
             seed: of all random numbers.
 
@@ -61,6 +63,7 @@ class SimulatedRecording:
         self.camera = camera
         self._depth_noise = depth_noise or DepthNoise()
         self._detector_noise = detector_noise or DetectorNoise()
+        self._has_masks = has_masks
         self._has_occupancy = has_occupancy
         self._seed = seed
         self._stamps, poses = planar_poses(world.drive, rate)
@@ -81,7 +84,7 @@ class SimulatedRecording:
         """Yield the frames in order of time, with color and detections."""
         renderer = Renderer(Scene.of(self.world), self.camera)
         names = [thing.label for thing in self.world.objects]
-        detector = NoisyDetector(names, self._detector_noise, self._rng(_DETECTOR))
+        detector = NoisyDetector(names, self._detector_noise, self._rng(_DETECTOR), self._has_masks)
         for i, stamp in enumerate(self._stamps.tolist()):
             view = renderer.render(self._true_poses[i])
             yield RgbdFrame(
