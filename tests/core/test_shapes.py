@@ -1,0 +1,87 @@
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+import shapely
+
+from hypermap.core.arrays import as_objects
+from hypermap.core.shapes import as_area, check_footprint, repaired, valid_copies
+
+BOW_TIE = "POLYGON((0 0, 2 2, 2 0, 0 2, 0 0))"
+
+
+@pytest.mark.parametrize(
+    ("wkt", "area", "dimension"),
+    [
+        (BOW_TIE, 2.0, 2),  # both halves
+        ("POLYGON((0 0,4 0,4 4,1 4,1 1,3 1,3 3,0 3,0 0))", 15.0, 2),  # what is wound around twice
+        ("MULTIPOLYGON(((0 0,2 0,2 2,0 2,0 0)),((1 1,3 1,3 3,1 3,1 1)))", 7.0, 2),  # once each
+        ("POLYGON((0 0,4 0,4 4,0 4,0 0),(1 1,6 1,6 2,1 2,1 1))", 13.0, 2),  # a hole that sticks out
+        ("POLYGON((0 0,1 0,2 0,0 0))", 0.0, 1),
+        ("POLYGON((1 1,1 1,1 1,1 1))", 0.0, 0),
+    ],
+)
+def test_a_repaired_shape_is_valid_and_holds_what_its_outline_winds_around(
+    wkt: str, area: float, dimension: int
+) -> None:
+    shape = repaired(shapely.from_wkt(wkt))
+    assert shape.is_valid
+    assert not shape.is_empty
+    assert shape.area == area
+    assert shapely.get_dimensions(shape) == dimension
+
+
+def test_only_invalid_shapes_are_replaced() -> None:
+    good, bad = shapely.box(0, 0, 1, 1), shapely.from_wkt(BOW_TIE)
+    given = as_objects([good, bad])
+    valid = valid_copies(given)
+    assert valid[0] is good
+    assert valid[1].area == 2
+    assert given[1] is bad
+    alone = given[:1]
+    assert valid_copies(alone) is alone
+
+
+def test_areas_are_taken_as_they_are_where_they_are_sound() -> None:
+    for area in (shapely.box(0, 0, 1, 1), shapely.Polygon(), shapely.Point(1, 2)):
+        assert as_area(area) is area
+
+
+def test_what_of_an_area_lies_beyond_all_maps_is_cut_off() -> None:
+    assert as_area(shapely.box(-1e300, 0, 5, 1e300)).bounds == (-1e9, 0, 5, 1e9)
+
+
+def polygon(*corners: Any) -> shapely.Polygon:
+    with np.errstate(invalid="ignore"):
+        return shapely.Polygon(corners)
+
+
+@pytest.mark.parametrize(
+    ("footprint", "error", "message"),
+    [
+        (None, TypeError, "a footprint must be a polygon or multipolygon, got NoneType"),
+        (shapely.Point(), TypeError, "a footprint must be a polygon or multipolygon, got Point"),
+        (shapely.Polygon(), ValueError, "a footprint must not be empty"),
+        (polygon((0, 0, 1), (1, 0, 1), (1, 1, 1)), ValueError,
+         "a footprint lies on the floor; its points must have two coordinates"),
+        (polygon((0, 0), (1, 0), (1, math.inf)), ValueError,
+         "a footprint must be finite and within 1e+09 m, got inf"),
+        (polygon((0, 0), (math.nan, 0), (1, 1)), ValueError,
+         "a footprint must be finite and within 1e+09 m, got nan"),
+        (polygon((0, 0), (-2e9, 0), (1, 1)), ValueError,
+         "a footprint must be finite and within 1e+09 m, got 2000000000.0"),
+    ],
+)  # fmt: skip
+def test_what_no_object_can_stand_on_is_refused(
+    footprint: Any, error: type[Exception], message: str
+) -> None:
+    with pytest.raises(error) as caught:
+        check_footprint(footprint)
+    assert str(caught.value) == message
+
+
+def test_a_footprint_may_cross_itself() -> None:
+    check_footprint(shapely.from_wkt(BOW_TIE))
