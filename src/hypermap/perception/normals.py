@@ -53,14 +53,14 @@ def fit_planes(
 
     Returns:
         Unit normals of either sign, shape (H * W, 3); curvatures from 0 (flat) to 1/3, shape
-        (H * W,); and squared distances to the k_region-th nearest point, shape (H * W,). Only the
-        places asked for are set.
+        (H * W,); and squared distances to the k_region-th nearest point, shape (H * W,). All are
+        zero but at the places asked for.
     """
     stride = planes.shape[2]
     x, y, z = planes[0].ravel(), planes[1].ravel(), planes[2].ravel()
-    normals = np.empty((len(x), 3), np.float32)
-    curvatures = np.empty(len(x), np.float32)
-    region_radii2 = np.empty(len(x), np.float32)
+    normals = np.zeros((len(x), 3), np.float32)
+    curvatures = np.zeros(len(x), np.float32)
+    region_radii2 = np.zeros(len(x), np.float32)
     distances2 = np.empty(LARGEST, np.float32)
     for place in places:
         radius2, window = nearest(x, y, z, stride, place, k, pitch, distances2)

@@ -1,0 +1,126 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from hypermap.perception.frame import Camera, RgbdFrame
+from hypermap.perception.normals import MARGIN, fit_planes, plane_of, planes_of
+from hypermap.perception.unorganised import normals_of
+
+CAMERA = Camera.from_intrinsics(60, 60, 19.5, 14.5, 40, 30)
+PITCH = 1 / 60 / np.hypot(1, 20 / 60)
+K, K_REGION = 50, 30
+
+
+def cloud_of(depth: NDArray[np.floating]) -> NDArray[np.float32]:
+    return RgbdFrame(0.0, depth.astype(np.float32), CAMERA, np.eye(4)).points()
+
+
+def tilted_plane(normal: tuple[float, float, float]) -> NDArray[np.float32]:
+    """Return the cloud of a plane two metres in front of the camera."""
+    rays = cloud_of(np.ones((30, 40))).astype(float)
+    return cloud_of(2.0 * normal[2] / (rays @ np.array(normal)))
+
+
+def rough_cloud(seed: int, holes: float = 0.0) -> NDArray[np.float32]:
+    """Return a bumpy surface with a step, noise and pixels without a point."""
+    rng = np.random.default_rng(seed)
+    v, u = np.mgrid[:30, :40]
+    depth = 1.5 + 0.1 * np.sin(u / 5) + 0.05 * np.cos(v / 4) + 0.8 * (u > 22)
+    depth += rng.normal(0, 0.003, depth.shape)
+    depth[rng.random(depth.shape) < holes] = np.nan
+    return cloud_of(depth)
+
+
+def fit_all(
+    points: NDArray[np.float32],
+) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
+    """Return normals, curvatures and region radii of all valid pixels, row-major."""
+    valid = np.isfinite(points[..., 2])
+    planes = planes_of(points, valid)
+    rows, columns = np.nonzero(valid)
+    places = (rows + MARGIN) * planes.shape[2] + columns + MARGIN
+    normals, curvatures, radii2 = fit_planes(planes, places, K, K_REGION, PITCH)
+    return normals[places], curvatures[places], radii2[places]
+
+
+@settings(deadline=None, max_examples=30)  # the first example compiles
+@given(st.tuples(st.floats(-1, 1), st.floats(-1, 1)))
+def test_the_normals_of_a_plane_are_its_normal_everywhere(slope: tuple[float, float]) -> None:
+    normal = np.array([*slope, 1.0]) / np.linalg.norm([*slope, 1.0])
+    points = tilted_plane(tuple(normal))
+    for normals, curvatures in (
+        fit_all(points)[:2],
+        normals_of(points.reshape(-1, 3), points.reshape(-1, 3), K),
+    ):
+        np.testing.assert_allclose(np.abs(normals @ normal), 1, atol=1e-5)
+        np.testing.assert_allclose(curvatures, 0, atol=1e-5)
+
+
+@pytest.mark.parametrize("holes", [0.0, 0.4, 0.9])
+@pytest.mark.parametrize("k", [K, K_REGION])
+def test_the_nearest_points_in_the_image_are_the_nearest_of_all(holes: float, k: int) -> None:
+    points = rough_cloud(seed=1, holes=holes)
+    valid = np.isfinite(points[..., 2])
+    cloud = points[valid].astype(float)
+    distances2 = np.sort(((cloud[:, np.newaxis] - cloud) ** 2).sum(axis=2), axis=1)
+    planes = planes_of(points, valid)
+    rows, columns = np.nonzero(valid)
+    places = (rows + MARGIN) * planes.shape[2] + columns + MARGIN
+    found = fit_planes(planes, places, K, k, PITCH)[2][places]
+    # The limit lies between the k-th nearest point and the one after it.
+    assert (found >= distances2[:, k - 1] * (1 - 1e-4)).all()
+    assert (found <= distances2[:, k] * (1 + 1e-4)).all()
+
+
+@pytest.mark.parametrize("holes", [0.0, 0.4])
+def test_the_fast_normals_are_those_of_the_reference(holes: float) -> None:
+    points = rough_cloud(seed=2, holes=holes)
+    cloud = points[np.isfinite(points[..., 2])]
+    normals, curvatures, _ = fit_all(points)
+    expected_normals, expected_curvatures = normals_of(cloud, cloud, K)
+    np.testing.assert_allclose(curvatures, expected_curvatures, atol=1e-4)
+    cosines = np.abs(np.sum(normals * expected_normals, axis=1))
+    np.testing.assert_allclose(cosines, 1, atol=1e-3)
+
+
+@settings(deadline=None, max_examples=200)
+@given(st.lists(st.floats(-1, 1), min_size=9, max_size=9))
+def test_the_plane_of_a_covariance_is_its_smallest_eigenvector(numbers: list[float]) -> None:
+    root = np.array(numbers).reshape(3, 3)
+    m = root @ root.T
+    variances, axes = np.linalg.eigh(m)
+    x, y, z, curvature = plane_of((m[0, 0], m[0, 1], m[0, 2], m[1, 1], m[1, 2], m[2, 2]))
+    assert np.hypot(np.hypot(x, y), z) == pytest.approx(1)
+    if variances[2] > 1e-12:
+        assert curvature == pytest.approx(variances[0] / variances.sum(), abs=1e-7)
+    if variances[1] - variances[0] > 1e-2 * variances[2] > 1e-12:
+        assert abs(np.dot([x, y, z], axes[:, 0])) == pytest.approx(1, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("covariance", "expected"),
+    [
+        ((0.0, 0.0, 0.0, 0.0, 0.0, 0.0), (0, 0, 1, 0)),  # one point
+        ((1.0, 0.0, 0.0, 1.0, 0.0, 1.0), (0, 0, 1, 1 / 3)),  # a ball
+        ((1.0, 0.0, 0.0, 2.0, 0.0, 0.0), (0, 0, 1, 0)),  # the x-y plane
+    ],
+)
+def test_points_that_are_no_plane_still_have_a_unit_normal(
+    covariance: tuple[float, ...], expected: tuple[float, ...]
+) -> None:
+    assert plane_of(covariance) == pytest.approx(expected)
+
+
+def test_fewer_points_than_neighbours_are_all_neighbours() -> None:
+    depth = np.full((30, 40), np.nan)
+    depth[3, [4, 5, 6]] = 1.0
+    depth[5, 5] = 1.0
+    normals, curvatures, _ = fit_all(cloud_of(depth))
+    np.testing.assert_allclose(np.abs(normals), [[0, 0, 1]] * 4, atol=1e-6)
+    np.testing.assert_allclose(curvatures, 0, atol=1e-9)
+    cloud = cloud_of(depth)[np.isfinite(depth)]
+    np.testing.assert_allclose(np.abs(normals_of(cloud, cloud, K)[0]), [[0, 0, 1]] * 4, atol=1e-6)
