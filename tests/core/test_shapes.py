@@ -45,6 +45,13 @@ def test_only_invalid_shapes_are_replaced() -> None:
     assert valid_copies(alone) is alone
 
 
+def test_a_shape_whose_hole_is_as_large_as_itself_becomes_its_outline() -> None:
+    ring = [(0, 0), (0, 1), (1, 0), (0, 0)]
+    (valid,) = valid_copies(as_objects([shapely.Polygon(ring, [ring])]))
+    assert valid.is_valid
+    assert valid.equals(shapely.LineString(ring))
+
+
 def test_areas_are_taken_as_they_are_where_they_are_sound() -> None:
     for area in (shapely.box(0, 0, 1, 1), shapely.Polygon(), shapely.Point(1, 2)):
         assert as_area(area) is area

@@ -39,7 +39,8 @@ def repaired(shape: Any) -> Any:
     Whatever the outline winds around belongs to it: both halves of a bow tie, and what it winds
     around twice. A polygon without area becomes the line or point that it is.
     """
-    return shapely.make_valid(shape, method="structure", keep_collapsed=True)
+    with np.errstate(all="ignore"):  # GEOS divides by the lengths of edges without length
+        return shapely.make_valid(shape, method="structure", keep_collapsed=True)
 
 
 def valid_copies(shapes: ObjectArray) -> ObjectArray:
@@ -49,6 +50,9 @@ def valid_copies(shapes: ObjectArray) -> ObjectArray:
         return shapes
     valid = shapes.copy()
     valid[bad] = repaired(shapes[bad])
+    # A hole as large as its outline leaves nothing; what it has then is the outline.
+    nothing = shapely.is_empty(valid)
+    valid[nothing] = shapely.boundary(shapes[nothing])
     return valid
 
 
