@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TypeVar
 
 import numpy as np
 from embreex.mesh_construction import TriangleMesh
@@ -19,9 +18,6 @@ DEFAULT_CAMERA = Camera.from_intrinsics(262.5, 262.5, 159.5, 119.5, width=320, h
 SKY = np.array([0.80, 0.86, 0.92], dtype=np.float32)  # color where there is nothing
 _AMBIENT, _FROM_ABOVE, _FROM_LAMP = 0.56, 0.14, 0.48  # shares of light
 _BOARD = 0.16  # width of a floor board [m]
-
-
-_Number = TypeVar("_Number", bound=np.generic)
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,29 +48,35 @@ class Renderer:
         self._embree = EmbreeScene(robust=True)  # no gaps between neighbouring triangles
         self._mesh = TriangleMesh(self._embree, scene.triangles)
         self._rays = _rays(camera)
+        self._lengths = np.linalg.norm(self._rays, axis=1)
         self._lamp = _lamp(scene)
 
     def render(self, map_T_camera: NDArray[np.float64]) -> View:
         """Return the view from a pose of the optical frame."""
+        shape = (self.camera.height, self.camera.width)
         pose = map_T_camera.astype(np.float32)
-        directions = np.ascontiguousarray(self._rays @ pose[:3, :3].T)
+        # Not `@`: for so narrow a matrix the threads of BLAS cost more than they save.
+        directions = np.einsum("ij,kj->ik", self._rays, pose[:3, :3])
         origins = np.tile(pose[:3, 3], (len(directions), 1))
         found = self._embree.run(origins, directions, output=True)
-        hit = found["primID"] >= 0
-        triangles = found["primID"][hit]
-        depth = found["tfar"]  # the rays advance one metre along the optical axis per unit
-        points = origins[hit] + depth[hit, np.newaxis] * directions[hit]
 
-        seen = directions[hit] / np.linalg.norm(directions[hit], axis=1, keepdims=True)
-        cosine = -np.einsum("ij,ij->i", seen, self._normals[triangles])
-        shape = (self.camera.height, self.camera.width)
-        color = np.tile(SKY, (len(directions), 1))
-        color[hit] = self._shade(points, triangles)
+        triangles = found["primID"]  # -1 for nothing: what it stands for is overwritten below
+        nothing = triangles < 0
+        # A ray advances one metre along the optical axis per unit of length.
+        depth = np.where(nothing, np.float32(np.nan), found["tfar"])
+        points = origins + depth[:, np.newaxis] * directions
+        cosine = np.einsum("ij,ij->i", directions, self._normals[triangles]) / self._lengths
+        instances = self._scene.instances[triangles]
+        instances[nothing] = BACKGROUND
+        incidence = np.arccos(np.minimum(np.abs(cosine), 1))
+        incidence[nothing] = np.nan
+        color = self._shade(points, triangles)
+        color[nothing] = SKY
         return View(
-            depth=_image(depth[hit], hit, np.nan, shape),
+            depth=depth.reshape(shape),
             color=np.round(255 * np.clip(color, 0, 1)).astype(np.uint8).reshape(*shape, 3),
-            instances=_image(self._scene.instances[triangles], hit, BACKGROUND, shape),
-            incidence=_image(np.arccos(np.clip(np.abs(cosine), 0, 1)), hit, np.nan, shape),
+            instances=instances.reshape(shape),
+            incidence=incidence.reshape(shape),
         )
 
     def _shade(
@@ -84,16 +86,15 @@ class Renderer:
         normals = self._normals[triangles]
         to_lamp = self._lamp - points
         facing = np.einsum("ij,ij->i", normals, to_lamp)
-        facing /= np.linalg.norm(to_lamp, axis=1)
+        facing /= np.sqrt(np.einsum("ij,ij->i", to_lamp, to_lamp))
         lit = np.flatnonzero(facing > 0)
         start = points[lit] + 1e-3 * normals[lit]
         shadow = self._embree.run(start, to_lamp[lit], dists=np.ones(len(lit), np.float32)) >= 0
         facing[lit[shadow]] = 0
         light = _AMBIENT + _FROM_ABOVE * normals[:, 2] + _FROM_LAMP * np.maximum(facing, 0)
-        colors = self._scene.colors[triangles]
-        boards = self._scene.is_floor[triangles]
-        colors[boards] *= _boards(points[boards])[:, np.newaxis]
-        shaded: NDArray[np.float32] = colors * light[:, np.newaxis]
+        boards = np.flatnonzero(self._scene.is_floor[triangles])
+        light[boards] *= _boards(points[boards])
+        shaded: NDArray[np.float32] = self._scene.colors[triangles] * light[:, np.newaxis]
         return shaded
 
 
@@ -126,12 +127,3 @@ def _boards(points: NDArray[np.float32]) -> NDArray[np.float32]:
     column = np.floor(points[:, 0] / 1.2 + 0.37 * row)
     tone = np.abs(np.sin(12.9898 * row + 78.233 * column))
     return np.asarray(0.86 + 0.14 * tone, dtype=np.float32)
-
-
-def _image(
-    values: NDArray[_Number], hit: NDArray[np.bool_], nothing: float, shape: tuple[int, int]
-) -> NDArray[_Number]:
-    """Return one value per pixel from the values of the pixels that hit something."""
-    image = np.full(len(hit), nothing, dtype=values.dtype)
-    image[hit] = values
-    return image.reshape(shape)
