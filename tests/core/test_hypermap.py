@@ -1,0 +1,289 @@
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given
+
+from hypermap.core.errors import FrameError, HypermapError, LayerNotFound
+from hypermap.core.frames import FrameTree, Pose2D, Transform
+from hypermap.core.hypermap import Found, Hypermap
+from hypermap.core.occupancy import OccupancyLayer
+from hypermap.core.semantic import SemanticLayer, SemanticObject
+from hypermap.testing import assert_same_map, occupancy_from_text, square
+from hypermap.testing.strategies import points, poses, semantic_layers
+
+# The lab's frame stands at (10, 0) in the map, turned left by 90 degrees:
+# (x, y) in the lab is (10 - y, x) in the map.
+FRAMES = [
+    Transform("map", "lab", Pose2D(10.0, 0.0, math.pi / 2)),
+    Transform("moon", "crater", Pose2D()),
+]
+
+
+def building() -> Hypermap:
+    return Hypermap(
+        [
+            occupancy_from_text("##\n.?", name="occupancy", frame_id="map"),
+            SemanticLayer(
+                "lab",
+                "lab",
+                [
+                    SemanticObject("room B", shapely.box(0, 0, 6, 6)),
+                    square("sink", 1, 1),
+                    square("chair", 3, 1),
+                    square("chair", 1, 7),
+                    square("chair", 5.5, 5.5, 2),  # reaches out of the room
+                ],
+            ),
+            SemanticLayer("hall", "map", [square("chair", 0, 0), square("sink", 0, -2.5)]),
+            SemanticLayer("crater", "crater", [square("rock", 0, 0)]),
+        ],
+        FrameTree(FRAMES),
+        {"made by": "hand"},
+    )
+
+
+def near_building() -> Hypermap:
+    hypermap = building()
+    hypermap.remove("crater")
+    return hypermap
+
+
+# Layers and frames
+
+
+def test_layers_keep_their_order_and_the_first_ones_frame_is_the_base() -> None:
+    hypermap = building()
+    assert [layer.name for layer in hypermap.layers] == ["occupancy", "lab", "hall", "crater"]
+    assert [layer.name for layer in hypermap] == ["occupancy", "lab", "hall", "crater"]
+    assert hypermap.base_frame == "map"
+    assert "lab" in hypermap
+    assert "cellar" not in hypermap
+    hypermap.remove("occupancy")
+    assert hypermap.base_frame == "lab"
+    hypermap.add(OccupancyLayer("occupancy", "map"))
+    assert [layer.name for layer in hypermap.layers] == ["lab", "hall", "crater", "occupancy"]
+
+
+def test_an_empty_map_has_a_base_frame_and_nothing_else() -> None:
+    hypermap = Hypermap()
+    assert hypermap.base_frame == "map"
+    assert hypermap.layers == hypermap.objects() == hypermap.nearest("chair", [0, 0]) == []
+
+
+def test_two_layers_cannot_have_one_name() -> None:
+    message = "there are two layers with the name 'a'; names must be unique"
+    with pytest.raises(HypermapError) as caught:
+        Hypermap([OccupancyLayer("a", "map"), SemanticLayer("a", "map")])
+    assert str(caught.value) == message
+
+
+AREA = shapely.box(0, 0, 1, 1)
+QUESTIONS: dict[str, Any] = {
+    "label_at": lambda m, layer, frame: m.label_at(layer, [0, 0], frame),
+    "value_at": lambda m, layer, frame: m.value_at(layer, [0, 0], frame),
+    "labels_in": lambda m, layer, frame: m.labels_in(layer, AREA, frame),
+    "values_in": lambda m, layer, frame: m.values_in(layer, AREA, frame),
+    "find": lambda m, layer, frame: m.find(layer, "chair", AREA, frame),
+    "nearest": lambda m, layer, frame: m.nearest("chair", [0, 0], layer=layer, frame_id=frame),
+}
+
+
+@pytest.mark.parametrize("question", QUESTIONS)
+@pytest.mark.parametrize(
+    ("layer", "frame", "error", "message"),
+    [
+        ("hal", None, LayerNotFound, "there is no layer 'hal'; did you mean 'hall'?"),
+        ("hall", "laab", FrameError, "frame 'laab' is unknown to the map; did you mean 'lab'?"),
+        ("hall", "zoo", FrameError,
+         "frame 'zoo' is unknown to the map; known: map, lab, crater, moon"),
+        ("hall", "crater", FrameError,
+         "no transform connects the frame 'crater' with the frame 'map'"),
+        ("crater", None, FrameError,
+         "no transform connects the frame 'map' with the frame 'crater'"),
+    ],
+)  # fmt: skip
+def test_a_question_to_an_unknown_layer_or_frame_is_an_error(
+    question: str, layer: str, frame: str | None, error: type[Exception], message: str
+) -> None:
+    with pytest.raises(error) as caught:
+        QUESTIONS[question](building(), layer, frame)
+    expected = {message, message.replace("'map' with the frame 'crater'",
+                                         "'crater' with the frame 'map'")}  # fmt: skip
+    assert str(caught.value) in expected
+
+
+def test_a_layer_in_a_frame_without_transforms_can_be_asked_if_all_are_in_it() -> None:
+    hypermap = Hypermap([SemanticLayer("s", "odom", [square("cup", 1, 1)])])
+    assert hypermap.label_at("s", [1, 1]).tolist() == ["cup"]
+    assert hypermap.label_at("s", [1, 1], "odom").tolist() == ["cup"]
+
+
+# Questions to one layer
+
+
+@pytest.mark.parametrize(
+    ("layer", "point", "frame", "label", "value"),
+    [
+        ("occupancy", (0.5, 1.5), None, "Occupied", 100),
+        ("occupancy", (0.5, 0.5), "map", "Free", 0),
+        ("occupancy", (1.5, 8.5), "lab", "Occupied", 100),  # (1.5, 1.5) in the map
+        ("occupancy", (0.5, 8.5), "lab", "Unknown", -1),  # (1.5, 0.5)
+        ("lab", (9, 1), None, "sink", 1),
+        ("lab", (1, 1), "lab", "sink", 1),
+        ("lab", (1, 1), "map", "Empty", -1),
+    ],
+)
+def test_points_are_turned_into_the_layers_frame(layer, point, frame, label, value) -> None:
+    assert building().label_at(layer, point, frame).tolist() == [label]
+    assert building().value_at(layer, point, frame).tolist() == [value]
+
+
+def test_answers_about_areas_are_in_the_base_frame() -> None:
+    hypermap = building()
+    in_lab = shapely.box(0.6, 0.6, 3, 3)
+    in_map = shapely.box(7, 0.6, 9.4, 3)  # the same place
+    for area, frame in ((in_lab, "lab"), (in_map, None), (in_map, "map")):
+        labels = hypermap.labels_in("lab", area, frame)
+        assert labels.values.tolist() == ["room B", "sink", "chair"]
+        np.testing.assert_allclose(labels.points_xy, [(7, 3), (9, 1), (9, 3)], atol=1e-12)
+        assert hypermap.values_in("lab", area, frame).values.tolist() == [0, 1, 2]
+        np.testing.assert_allclose(hypermap.find("lab", "chair", area, frame), [(9, 3)])
+        np.testing.assert_allclose(hypermap.find("lab", 1, area, frame), [(9, 1)])
+    assert hypermap.find("occupancy", "Free").tolist() == [[0.5, 0.5]]
+
+
+@given(semantic_layers(), poses, points(min_size=1))
+def test_a_frame_changes_where_things_are_but_not_what_they_are(layer, pose, xy) -> None:
+    first = OccupancyLayer("first", "map")
+    other = SemanticLayer("semantic", "lab", layer.objects())
+    moved = Hypermap([first, other], FrameTree([Transform("map", "lab", pose)]))
+    assert moved.label_at("semantic", xy, "lab").tolist() == layer.label_at(xy).tolist()
+    for name in set(layer.names):
+        np.testing.assert_allclose(
+            moved.find("semantic", name), pose.apply(layer.find(name)), atol=1e-9
+        )
+        found = moved.nearest(name, xy[0], 3, frame_id="lab")
+        places, distances = layer.nearest(name, xy[0], 3)
+        np.testing.assert_allclose([f.distance for f in found], distances, atol=1e-9)
+        np.testing.assert_allclose([f.point_xy for f in found], pose.apply(places), atol=1e-9)
+
+
+# Questions across layers
+
+
+def ids(found: list[Found]) -> list[tuple[str, int | None]]:
+    return [(item.layer, item.object and item.object.id) for item in found]
+
+
+def test_the_nearest_objects_of_all_layers_come_first() -> None:
+    found = near_building().nearest("chair", [9, 2.5], k=3)
+    assert ids(found) == [("lab", 2), ("lab", 4), ("lab", 3)]
+    distances = [item.distance for item in found]
+    np.testing.assert_allclose(distances, [0, math.hypot(3.5, 2), math.hypot(5.5, 1)])
+    assert found[0].object is not None
+    assert (
+        found[0].object.footprint.symmetric_difference(shapely.box(8.5, 2.5, 9.5, 3.5)).area < 1e-9
+    )
+    np.testing.assert_allclose(found[0].point_xy, [9, 3])
+    in_hall = near_building().nearest("chair", [9, 2.5], k=3, layer="hall")
+    assert ids(in_hall) == [("hall", 0)]
+
+
+def test_the_nearest_cells_of_a_grid_are_places_without_an_object() -> None:
+    (found,) = building().nearest("Free", [0.5, 5.5], layer="occupancy", frame_id="lab")
+    # The point is (4.5, 0.5) in the map.
+    assert found.object is None
+    assert found.point_xy.tolist() == [0.5, 0.5]
+    assert found.distance == pytest.approx(4)
+
+
+@pytest.mark.parametrize(
+    ("question", "expected"),
+    [
+        ({"name": "chair"}, [("lab", 2), ("lab", 3), ("lab", 4), ("hall", 0)]),
+        ({"name": "lamp"}, []),
+        ({"name": "chair", "near": "lamp"}, []),
+        ({"name": "chair", "inside": "lamp"}, []),
+        ({"name": "chair", "inside": "room B"}, [("lab", 2), ("lab", 4)]),
+        ({"inside": "room B"}, [("lab", 1), ("lab", 2), ("lab", 4)]),  # not in itself
+        ({"name": "chair", "inside": shapely.box(-1, -1, 4, 4)}, [("lab", 3), ("hall", 0)]),
+        ({"name": "chair", "area": shapely.box(0.5, 0, 3, 1)}, [("lab", 3), ("hall", 0)]),
+        ({"name": "chair", "area": shapely.box(0, 6.9, 9, 9), "frame_id": "lab"}, [("lab", 3)]),
+    ],
+)
+def test_objects_are_chosen_by_name_and_place(question: Any, expected: Any) -> None:
+    found = near_building().objects(**question)
+    assert ids(found) == expected
+    assert all(item.distance is None for item in found)
+
+
+@pytest.mark.parametrize(
+    ("question", "expected"),
+    [
+        ({"name": "chair", "near": "sink", "within": 2}, [("lab", 2, 1.0), ("hall", 0, 1.5)]),
+        ({"name": "chair", "near": "sink", "within": 1}, [("lab", 2, 1.0)]),
+        ({"name": "chair", "near": "sink", "within": 0.999}, []),
+        ({"name": "chair", "near": "sink", "within": 2, "inside": "room B"}, [("lab", 2, 1.0)]),
+        ({"name": "chair", "near": "chair"},
+         [("lab", 3, 2), ("hall", 0, 2), ("lab", 4, 3), ("lab", 2, math.sqrt(10))]),
+        ({"name": "room B", "near": "room B"}, []),  # there is no other one
+        ({"near": [0, 0], "within": 3, "frame_id": "lab"},
+         [("lab", 0, 0), ("lab", 1, math.sqrt(0.5)), ("lab", 2, math.hypot(2.5, 0.5))]),
+        ({"name": "sink", "near": shapely.box(0, -1.5, 1, 9), "within": 0.5}, [("hall", 1, 0.5)]),
+    ],
+)  # fmt: skip
+def test_objects_near_something_come_with_their_distances(question: Any, expected: Any) -> None:
+    found = near_building().objects(**question)
+    assert ids(found) == [(layer, number) for layer, number, _ in expected]
+    distances = [item.distance for item in found]
+    np.testing.assert_allclose(distances, [distance for *_, distance in expected], atol=1e-12)
+
+
+def test_found_objects_stand_in_the_base_frame() -> None:
+    (sink, _) = near_building().objects("sink")
+    assert sink.object is not None
+    np.testing.assert_allclose(sink.object.footprint.bounds, (8.5, 0.5, 9.5, 1.5))
+    np.testing.assert_allclose(sink.point_xy, (9, 1))
+
+
+@pytest.mark.parametrize(
+    ("question", "error", "message"),
+    [
+        ({"within": 2}, ValueError, "within needs near: a distance from what?"),
+        ({"near": "sink", "within": -1}, ValueError, "within must not be negative, got -1"),
+        ({"near": "sink", "within": math.nan}, ValueError, "within must not be negative, got nan"),
+        ({"near": [[0, 0], [1, 1]]}, ValueError, "expected a single point, got 2"),
+        ({"area": [0, 0, 1, 1]}, TypeError, "an area must be a shapely geometry, got list"),
+        ({"near": [0, 0], "frame_id": "laab"}, FrameError,
+         "frame 'laab' is unknown to the map; did you mean 'lab'?"),
+        ({"near": "sink", "frame_id": "laab"}, FrameError,
+         "frame 'laab' is unknown to the map; did you mean 'lab'?"),
+    ],
+)  # fmt: skip
+def test_a_question_that_makes_no_sense_is_refused(
+    question: Any, error: type[Exception], message: str
+) -> None:
+    with pytest.raises(error) as caught:
+        near_building().objects("chair", **question)
+    assert str(caught.value) == message
+
+
+def test_a_map_is_the_same_as_one_made_alike_and_no_other() -> None:
+    assert_same_map(building(), building())
+    other = building()
+    other.metadata["made by"] = "robot"
+    with pytest.raises(AssertionError, match="the metadata differ"):
+        assert_same_map(other, building())
+    with pytest.raises(AssertionError, match="the layers differ"):
+        assert_same_map(near_building(), building())
+    other = building()
+    layer = other["hall"]
+    assert isinstance(layer, SemanticLayer)
+    layer.update(0, square("chair", 0, 1e-12))
+    with pytest.raises(AssertionError, match="object 0 'chair': footprint differ"):
+        assert_same_map(other, building())

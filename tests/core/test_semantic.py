@@ -1,0 +1,312 @@
+from __future__ import annotations
+
+import math
+import threading
+from typing import Any
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
+
+from hypermap.core.errors import ObjectNotFound
+from hypermap.core.semantic import SemanticLayer, SemanticObject
+from hypermap.testing import assert_same_objects, square
+from hypermap.testing.strategies import areas, coordinates, points, semantic_layers
+
+
+def desk() -> SemanticLayer:
+    """A cup on a table, a chair that touches it, and a sofa with a hole far away."""
+    sofa = shapely.box(10, 0, 14, 4).difference(shapely.box(11, 1, 13, 3))
+    return SemanticLayer(
+        "semantic",
+        "map",
+        [
+            SemanticObject("table", shapely.box(0, 0, 2, 1), id=7),
+            square("cup", 0.5, 0.5, 0.1),
+            SemanticObject("chair", shapely.box(2, 0, 2.5, 0.5)),
+            SemanticObject("sofa", sofa),
+            square("chair", -3, 0.5, id=2),
+        ],
+    )
+
+
+@pytest.mark.parametrize(
+    ("point", "label", "value"),
+    [
+        ((1, 0.5), "table", 7),
+        ((0.5, 0.5), "cup", 8),  # the smallest of the two that are there
+        ((0.55, 0.5), "cup", 8),  # its border belongs to it
+        ((2, 0.25), "chair", 9),  # on the border of two: the smaller one
+        ((12, 2), "Empty", -1),  # in the sofa's hole
+        ((10.5, 2), "sofa", 10),
+        ((-3, 0.5), "chair", 2),
+        ((50, 50), "Empty", -1),
+    ],
+)
+def test_a_point_belongs_to_the_smallest_object_there(point, label: str, value: int) -> None:
+    assert desk().label_at(point).tolist() == [label]
+    assert desk().value_at(point).tolist() == [value]
+
+
+def test_of_objects_of_equal_size_the_one_added_first_answers() -> None:
+    layer = SemanticLayer("s", "map", [square("b", 0, 0, id=5), square("a", 0, 0, id=3)])
+    assert layer.label_at([0, 0]).tolist() == ["b"]
+    assert layer.value_at([0, 0]).tolist() == [5]
+
+
+@pytest.mark.parametrize(
+    ("area", "ids"),
+    [
+        (shapely.box(1.9, 0.4, 2.1, 0.6), [7, 9]),
+        (shapely.box(2.5, 0.5, 3, 1), [9]),  # one point in common
+        (shapely.box(11.1, 1.1, 12.9, 2.9), []),  # in the sofa's hole
+        (shapely.box(-100, -100, 100, 100), [7, 8, 9, 10, 2]),
+        (shapely.MultiPolygon([shapely.box(-3, 0, -2, 1), shapely.box(13, 0, 14, 1)]), [10, 2]),
+        (shapely.Polygon(), []),
+    ],
+)
+def test_an_area_holds_the_objects_that_meet_it(area: Any, ids: list[int]) -> None:
+    layer = desk()
+    values, labels = layer.values_in(area), layer.labels_in(area)
+    assert values.values.tolist() == ids
+    assert labels.values.tolist() == [layer.get(number).name for number in ids]
+    for hits in (values, labels):
+        expected = [layer.get(number).footprint.centroid for number in ids]
+        np.testing.assert_allclose(hits.points_xy, shapely.get_coordinates(expected))
+
+
+@pytest.mark.parametrize(
+    ("what", "area", "places"),
+    [
+        ("chair", None, [(2.25, 0.25), (-3, 0.5)]),
+        ("chair", shapely.box(0, 0, 5, 5), [(2.25, 0.25)]),
+        (7, None, [(1, 0.5)]),
+        (7.0, shapely.box(0, 0, 5, 5), [(1, 0.5)]),
+        (7, shapely.box(3, 3, 5, 5), []),
+        (7.5, None, []),
+        (99, None, []),
+        ("Chair", None, []),
+        ("Empty", None, []),
+        ("7", None, []),
+    ],
+)
+def test_objects_are_found_by_name_or_id(what: Any, area: Any, places: list[Any]) -> None:
+    found = desk().find(what, area)
+    assert found.shape == (len(places), 2)
+    np.testing.assert_allclose(found, np.reshape(places, (-1, 2)), atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("what", "point", "k", "ids", "distances"),
+    [
+        ("chair", (3, 0.25), 1, [9], [0.5]),
+        ("chair", (3, 0.25), 5, [9, 2], [0.5, 5.5]),
+        ("table", (1, 0.2), 1, [7], [0]),  # inside
+        ("table", (5, 5), 1, [7], [5]),  # a 3-4-5 triangle from the corner (2, 1)
+        ("sofa", (12, 2), 1, [10], [1]),  # in its hole
+        (2, (0, 0.5), 3, [2], [2.5]),
+        ("lamp", (0, 0), 3, [], []),
+    ],
+)
+def test_the_nearest_objects_are_measured_to_their_shapes(what, point, k, ids, distances) -> None:
+    objects, to_shapes = desk().nearest_objects(what, point, k)
+    assert [item.id for item in objects] == ids
+    np.testing.assert_allclose(to_shapes, distances)
+    places, also = desk().nearest(what, point, k)
+    np.testing.assert_array_equal(also, to_shapes)
+    np.testing.assert_allclose(
+        places, shapely.get_coordinates([x.footprint.centroid for x in objects])
+    )
+
+
+def test_of_equally_near_objects_the_one_with_the_nearer_centroid_comes_first() -> None:
+    large, small = square("rug", 0, 0, 8), square("rug", 1, 1, 4)
+    layer = SemanticLayer("s", "map", [large, small])
+    assert [x.id for x in layer.nearest_objects("rug", [1, 1], 2)[0]] == [1, 0]
+    assert [x.id for x in layer.nearest_objects("rug", [-0.5, 0], 2)[0]] == [0, 1]
+
+
+def test_the_nearest_of_none_is_an_error() -> None:
+    with pytest.raises(ValueError, match="k must be at least 1, got 0"):
+        desk().nearest_objects("chair", [0, 0], 0)
+    with pytest.raises(ValueError, match="expected a single point, got 2"):
+        desk().nearest("chair", [[0, 0], [1, 1]])
+
+
+@given(semantic_layers(), points(min_size=1, max_size=5), st.data())
+def test_all_answers_agree_with_looking_at_each_object(layer, xy, data: st.DataObject) -> None:
+    area = data.draw(areas())
+    objects = layer.objects()
+    for point, value, label in zip(xy, layer.value_at(xy), layer.label_at(xy), strict=True):
+        there = [item for item in objects if item.footprint.intersects(shapely.Point(point))]
+        smallest = min(there, key=lambda item: item.footprint.area, default=None)
+        assert value == (-1 if smallest is None else smallest.id)
+        assert label == ("Empty" if smallest is None else smallest.name)
+    meeting = [item.id for item in objects if item.footprint.intersects(area)]
+    assert layer.values_in(area).values.tolist() == meeting
+    for name in set(layer.names):
+        mine = [item for item in objects if item.name == name]
+        places = [item.footprint.centroid for item in mine]
+        np.testing.assert_array_equal(layer.find(name), shapely.get_coordinates(places))
+        _, distances = layer.nearest_objects(name, xy[0], len(objects))
+        expected = sorted(item.footprint.distance(shapely.Point(xy[0])) for item in mine)
+        np.testing.assert_allclose(distances, expected)
+
+
+@given(semantic_layers())
+def test_the_extent_covers_every_object(layer: SemanticLayer) -> None:
+    assert layer.extent().is_empty == (len(layer) == 0)
+    for geometry in layer.geometries:
+        assert layer.extent().covers(shapely.box(*geometry.bounds))
+
+
+# Objects whose outline crosses itself
+
+BOW_TIE = shapely.Polygon([(0, 0), (4, 2), (4, 0), (0, 2)])
+
+
+def test_an_outline_that_crosses_itself_is_kept_and_answered_by_its_repaired_copy() -> None:
+    layer = SemanticLayer("s", "map", [SemanticObject("kite", BOW_TIE)])
+    assert layer.label_at([[0.5, 1], [3.5, 1], [2, 0.2]]).tolist() == ["kite", "kite", "Empty"]
+    assert layer.find("kite").tolist() == [[2, 1]]
+    assert len(layer.labels_in(shapely.box(1.9, 0, 2.1, 0.5))) == 0
+    assert layer.nearest("kite", [2, 0])[1] == pytest.approx(2 / math.sqrt(5))
+    assert layer.get(0).footprint is BOW_TIE
+    assert layer.picture().shapes[0] is BOW_TIE
+
+
+def test_an_outline_without_area_is_found_where_it_is() -> None:
+    line = shapely.Polygon([(0, 0), (4, 0), (2, 0)])
+    layer = SemanticLayer("s", "map", [SemanticObject("wire", line), square("rug", 0, 0, 9)])
+    assert layer.label_at([[1, 0], [1, 1]]).tolist() == ["wire", "rug"]
+    assert layer.nearest("wire", [2, 3])[1].tolist() == [3]
+
+
+# Ids and changes
+
+
+def test_ids_are_given_in_order_and_never_twice() -> None:
+    layer = SemanticLayer("s", "map", [square("a", 0, 0), square("b", 0, 0, id=5)])
+    assert layer.ids.tolist() == [6, 5]
+    assert layer.add([square("c", 0, 0), square("d", 0, 0)]) == [7, 8]
+    layer.remove([8, 6])
+    assert layer.ids.tolist() == [5, 7]
+    assert layer.names.tolist() == ["b", "c"]
+    assert layer.add([square("e", 0, 0)]) == [9]
+    assert layer.add([square("f", 0, 0, id=6)]) == [6]  # only who asks for it gets it again
+
+
+@pytest.mark.parametrize(
+    ("objects", "message"),
+    [
+        ([square("x", 0, 0, id=3), square("y", 0, 0, id=3)], "two objects have the id 3"),
+        ([square("x", 0, 0, id=3), square("y", 0, 0, id=7)], "two objects have the id 7"),
+        ([square("x", 0, 0, id=2**31 - 1), square("y", 0, 0)],
+         "an object's id must lie between 0 and 2147483647, got 2147483648"),
+    ],
+)  # fmt: skip
+def test_a_change_that_is_refused_changes_nothing(objects: Any, message: str) -> None:
+    layer = desk()
+    with pytest.raises(ValueError, match=message):
+        layer.add(objects)
+    assert layer.ids.tolist() == [7, 8, 9, 10, 2]
+    with pytest.raises(ObjectNotFound, match="layer 'semantic' has no object with id 99"):
+        layer.remove([7, 99])
+    with pytest.raises(ObjectNotFound, match="layer 'semantic' has no object with id 99"):
+        layer.update(99, square("x", 0, 0))
+    with pytest.raises(ValueError, match="an object keeps its id: 7 cannot become 8"):
+        layer.update(7, square("x", 0, 0, id=8))
+    with pytest.raises(ObjectNotFound, match="layer 'semantic' has no object with id 99"):
+        layer.get(99)
+    assert_same_objects(layer.objects(), desk().objects())
+
+
+def test_an_update_keeps_the_id_and_the_place_in_the_order() -> None:
+    layer = desk()
+    layer.update(9, square("stool", 20, 20))
+    assert layer.ids.tolist() == [7, 8, 9, 10, 2]
+    assert layer.names.tolist() == ["table", "cup", "stool", "sofa", "chair"]
+    assert layer.label_at([[20, 20], [2.25, 0.25]]).tolist() == ["stool", "Empty"]
+    assert layer.find("chair").tolist() == [[-3, 0.5]]
+
+
+def test_removing_nothing_and_everything() -> None:
+    layer = desk()
+    layer.remove([])
+    assert len(layer) == 5
+    layer.remove(layer.ids)
+    assert len(layer) == 0
+    assert layer.extent().is_empty
+    assert layer.label_at([0.5, 0.5]).tolist() == ["Empty"]
+    assert layer.objects() == []
+
+
+def test_a_table_taken_before_a_change_stays_as_it_was() -> None:
+    layer = desk()
+    before = layer.table
+    layer.remove([7])
+    assert before.ids.tolist() == [7, 8, 9, 10, 2]
+    assert layer.table.ids.tolist() == [8, 9, 10, 2]
+
+
+def test_readers_see_each_change_as_a_whole() -> None:
+    pair = [square("left", 0, 0), square("right", 5, 0)]
+    layer = SemanticLayer("s", "map", pair)
+    stop = threading.Event()
+
+    def write() -> None:
+        while not stop.is_set():
+            layer.remove(layer.ids)
+            layer.add(pair)
+
+    writer = threading.Thread(target=write)
+    writer.start()
+    try:
+        seen = {len(layer.labels_in(shapely.box(-9, -9, 9, 9))) for _ in range(1500)}
+    finally:
+        stop.set()
+        writer.join()
+    assert seen <= {0, 2}
+
+
+class Changes(RuleBasedStateMachine):
+    """Any sequence of changes leaves what a plain dictionary would hold."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.layer = SemanticLayer("s", "map")
+        self.model: dict[int, tuple[str, float, float]] = {}
+
+    @rule(items=st.lists(st.tuples(st.sampled_from("abc"), coordinates, coordinates), max_size=40))
+    def add(self, items: list[tuple[str, float, float]]) -> None:
+        ids = self.layer.add([square(*item) for item in items])
+        assert not set(ids) & set(self.model)
+        self.model.update(zip(ids, items, strict=True))
+
+    @rule(data=st.data())
+    def remove(self, data: st.DataObject) -> None:
+        ids = data.draw(st.sets(st.sampled_from([*self.model]))) if self.model else set()
+        self.layer.remove(ids)
+        for number in ids:
+            del self.model[number]
+
+    @rule(data=st.data(), name=st.sampled_from("abc"), x=coordinates, y=coordinates)
+    def update(self, data: st.DataObject, name: str, x: float, y: float) -> None:
+        if self.model:
+            number = data.draw(st.sampled_from([*self.model]))
+            self.layer.update(number, square(name, x, y))
+            self.model[number] = (name, x, y)
+
+    @invariant()
+    def the_layer_holds_the_same(self) -> None:
+        assert self.layer.ids.tolist() == list(self.model)
+        assert self.layer.names.tolist() == [name for name, _, _ in self.model.values()]
+        expected = [i for i, (_, x, y) in self.model.items() if abs(x) <= 10 and abs(y) <= 10]
+        assert self.layer.values_in(shapely.box(-9.5, -9.5, 9.5, 9.5)).values.tolist() == expected
+
+
+TestChanges = Changes.TestCase
+TestChanges.settings = settings(max_examples=25, stateful_step_count=20)
