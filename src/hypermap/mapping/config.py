@@ -17,8 +17,6 @@ from hypermap.core.errors import did_you_mean
 from hypermap.mapping.overrides import override, read_overrides
 from hypermap.perception.config import PerceptionConfig
 
-ProfileName = Literal["default", "thesis"]
-
 
 @dataclass(frozen=True)
 class KeyframeConfig:
