@@ -4,13 +4,24 @@ from __future__ import annotations
 
 import io
 import json
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+import shapely
+from PIL import Image
 
 from hypermap.cli.main import main
+from hypermap.core.frames import FrameTree, Pose2D, Transform
+from hypermap.core.grid import GridGeometry
+from hypermap.core.hypermap import Hypermap
+from hypermap.core.occupancy import OccupancyLayer
+from hypermap.core.semantic import SemanticLayer, SemanticObject
+from hypermap.formats import save_map
 
 
 @dataclass(frozen=True)
@@ -53,3 +64,54 @@ def assert_one_error(result: Result, *words: str) -> None:
     assert line.startswith("hypermap: error: ")
     for word in words:
         assert word in line
+
+
+INTRINSICS = "131.25,131.25,79.5,59.5"
+
+
+def write_drive(folder: Path, frames: int, has_detections: bool = True) -> Path:
+    """Write a TUM RGB-D folder in which a camera swaying at 1 m height looks at a chair.
+
+    The chair is a slope from 1.3 to 1.7 m away, so at (1.5, 0) in the map, before a wall.
+    """
+    folder.mkdir()
+    depth = np.full((120, 160), 2.5)
+    depth[40:80, 60:100] = np.linspace(1.7, 1.3, 40)[:, np.newaxis]
+    Image.fromarray((depth * 5000).astype(np.uint16)).save(folder / "depth.png")
+    Image.new("RGB", (160, 120), "gray").save(folder / "color.png")
+    stamps = [f"{100 + 0.1 * i:.4f}" for i in range(frames)]
+    for name in ("depth", "rgb"):
+        image = "depth.png" if name == "depth" else "color.png"
+        (folder / f"{name}.txt").write_text("".join(f"{stamp} {image}\n" for stamp in stamps))
+    poses = (f"{stamp} 0 {0.03 * (-1) ** i} 1 -0.5 0.5 -0.5 0.5" for i, stamp in enumerate(stamps))
+    (folder / "groundtruth.txt").write_text("\n".join(poses) + "\n")
+    if has_detections:
+        chair = {"box": [58, 38, 102, 82], "name": "chair", "score": 0.9}
+        found = {"image_size": [160, 120], "frames": {stamp: [chair] for stamp in stamps}}
+        (folder / "detections.json").write_text(json.dumps(found))
+    return folder
+
+
+@pytest.fixture(scope="session")
+def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A recording of six frames with its detections."""
+    return write_drive(tmp_path_factory.mktemp("recordings") / "drive", frames=6)
+
+
+@pytest.fixture(scope="session")
+def room_map(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A map with a turned layer: two chairs and a potted plant in a frame that lies at (10, 0)."""
+    things = [
+        SemanticObject("chair", shapely.box(0, 0, 1, 1)),
+        SemanticObject("chair", shapely.box(4, 0, 5, 1), existence=3.5, attributes={"z_max": 0.9}),
+        SemanticObject("potted plant", shapely.box(2, 2, 3, 3)),
+    ]
+    cells = np.full((20, 30), -1, dtype=np.int8)
+    cells[5:15, 5:25] = 0
+    cells[5, 5:25] = 100
+    occupancy = OccupancyLayer("occupancy", "map", GridGeometry(30, 20, 0.5), cells)
+    frames = FrameTree([Transform("map", "room", Pose2D(x=10.0, yaw=math.pi / 2))])
+    hypermap = Hypermap([occupancy, SemanticLayer("semantic", "room", things)], frames)
+    path = tmp_path_factory.mktemp("maps") / "room.hmap"
+    save_map(hypermap, path)
+    return path

@@ -10,6 +10,7 @@ import typer
 from hypermap.cli.options import Force, check_output
 from hypermap.cli.terminal import note
 from hypermap.core.errors import HypermapError
+from hypermap.viewer.text import counted
 
 if TYPE_CHECKING:
     from hypermap.core.hypermap import Hypermap
@@ -147,7 +148,8 @@ def _save_geojson(hypermap: Hypermap, target: Path, force: bool) -> None:
     write_file(target, to_geojson(layer).encode())
     _say_what_is_lost(hypermap, layer)
     if layer.rejected:
-        note(f"left out: {len(layer.rejected)} objects that could not be read")
+        unread = counted(len(layer.rejected), "object")
+        note(f"left out: {unread} that could not be read")
 
 
 def _save_yaml(hypermap: Hypermap, target: Path, force: bool) -> None:

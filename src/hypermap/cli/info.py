@@ -10,19 +10,23 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from hypermap.cli.options import AsJson
+from hypermap.cli.recording_options import takes_recording_options
 from hypermap.cli.terminal import facts, out, say, say_json, table
-from hypermap.viewer.text import printable
+from hypermap.viewer.text import counted, printable
 
 if TYPE_CHECKING:
     from hypermap.core.hypermap import Hypermap
     from hypermap.core.layer import Layer
     from hypermap.perception.recording import RecordingInfo
+    from hypermap.recordings import RecordingOptions
 
 
+@takes_recording_options
 def command(
     path: Annotated[
         Path, typer.Argument(metavar="PATH", show_default=False, help="A map or a recording.")
     ],
+    recording_options: RecordingOptions,
     as_json: AsJson = False,
 ) -> None:
     """Say what is inside a map, or inside a recording and what it lacks for mapping.
@@ -42,7 +46,7 @@ def command(
     else:
         from hypermap.recordings import open_recording
 
-        content = describe_recording(open_recording(path).info())
+        content = describe_recording(open_recording(path, recording_options).info())
         show = show_recording
     if as_json:
         say_json({"path": str(path), **content})
@@ -137,7 +141,8 @@ def _extent(bounds: list[float] | None) -> str:
 
 def _content(layer: dict[str, Any]) -> str:
     if "names" in layer:
-        return f"{layer['objects']} objects of {len(layer['names'])} classes"
+        kinds = counted(len(layer["names"]), "class", "classes")
+        return f"{counted(layer['objects'], 'object')} of {kinds}"
     if "cells" in layer:
         cells = ", ".join(f"{label} {count}" for label, count in layer["cells"].items())
         return f"{layer['width']} x {layer['height']} cells of {layer['resolution']:g} m: {cells}"

@@ -14,10 +14,11 @@ from hypermap.cli.options import Force, check_output
 from hypermap.cli.recording_options import takes_recording_options
 from hypermap.cli.terminal import INTERRUPTED, note
 from hypermap.core.errors import HypermapError
-from hypermap.viewer.text import printable
+from hypermap.viewer.text import counted, printable
 
 if TYPE_CHECKING:
     from hypermap.core.hypermap import Hypermap
+    from hypermap.core.occupancy import OccupancyLayer
     from hypermap.mapping.config import MappingConfig
     from hypermap.perception.detections import DetectionSource
     from hypermap.perception.recording import Recording
@@ -92,6 +93,7 @@ def command(
         hypermap map heads --world-transform 0,0,1.2,-1.9,0,0 -o heads.hmap
     """
     from hypermap.formats import save_map
+    from hypermap.formats.map_server import load_occupancy
     from hypermap.recordings import open_recording
 
     if output.suffix.lower() != ".hmap":
@@ -99,8 +101,9 @@ def command(
     check_output(output, force)
     recording = open_recording(path, recording_options)
     settings = _settings(profile, config)
+    occupancy = None if map_file is None else load_occupancy(map_file)
     source = _detection_source(recording, detector, labels, score, detections)
-    hypermap, is_whole = _make_map(recording, source, settings, map_file)
+    hypermap, is_whole = _make_map(recording, source, settings, occupancy)
     save_map(hypermap, output)
     _summarize(hypermap, output)
     if not is_whole:
@@ -155,15 +158,13 @@ def _make_map(
     recording: Recording,
     source: DetectionSource,
     settings: MappingConfig,
-    map_file: Path | None,
+    occupancy: OccupancyLayer | None,
 ) -> tuple[Hypermap, bool]:
     """Return the map, and whether it is that of the whole recording."""
     from hypermap.cli.progress import mapping_progress
     from hypermap.cli.stopping import StoppableRecording, stop_on_interrupt
-    from hypermap.formats.map_server import load_occupancy
     from hypermap.mapping.mapper import map_recording
 
-    occupancy = None if map_file is None else load_occupancy(map_file)
     started = time.monotonic()
     with stop_on_interrupt() as stop, mapping_progress(len(recording)) as report:
         stoppable = StoppableRecording(recording, stop)
@@ -194,7 +195,7 @@ def _summarize(hypermap: Hypermap, output: Path) -> None:
         for name in layer.names
     )
     listed = ", ".join(f"{count} {printable(name)}" for name, count in names.most_common())
-    note(f"{names.total()} objects" + (f": {listed}" if listed else ""))
+    note(counted(names.total(), "object") + (f": {listed}" if listed else ""))
     note(f"saved {output}")
     name = next(iter(names), "chair")
     note(f"\nnow try:  hypermap render {output} -o {output.with_suffix('.png')}")

@@ -73,10 +73,8 @@ def _area_from_wkt(text: str, option: str) -> BaseGeometry:
 
 
 def _checked(area: BaseGeometry, text: str, option: str) -> BaseGeometry:
-    if not area.is_valid:
-        raise HypermapError(f"{option} {text!r}: the outline crosses itself or has a bad number")
-    if area.area == 0:
-        raise HypermapError(f"{option} {text!r}: the area is empty")
+    if area.area == 0 or not area.is_valid:
+        raise HypermapError(f"{option} {text!r}: the area is empty, or its outline crosses itself")
     return area
 
 

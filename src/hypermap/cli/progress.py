@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -51,7 +52,8 @@ def _bar(total: int) -> Iterator[Report]:
 
 
 def _lines(total: int) -> Report:
-    started = last = time.monotonic()
+    started = time.monotonic()
+    last = -math.inf
 
     def report(progress: Progress) -> None:
         nonlocal last

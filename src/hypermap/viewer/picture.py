@@ -19,6 +19,7 @@ from hypermap.core.layer import RasterPicture, ShapesPicture
 from hypermap.core.shapes import valid_copies
 from hypermap.formats.atomic import write_file
 from hypermap.viewer.colors import Color, class_colors
+from hypermap.viewer.text import counted
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
@@ -170,10 +171,8 @@ def _objects(shapes: Sequence[Shapes]) -> str:
     if not shapes:
         return ""
     counts = Counter(name for part in shapes for name in part.names)
-    number, kinds = counts.total(), len(counts)
-    plural = "object" if number == 1 else "objects"
-    classes = "class" if kinds == 1 else "classes"
-    return f"{number} {plural} of {kinds} {classes}, "
+    kinds = counted(len(counts), "class", "classes")
+    return f"{counted(counts.total(), 'object')} of {kinds}, "
 
 
 def _view(

@@ -14,3 +14,12 @@ def printable(text: object, longest: int = 28) -> str:
     visible = "".join(c if c.isprintable() else " " for c in str(text))
     line = " ".join(visible.split())
     return line if len(line) <= longest else line[: longest - 1] + "…"
+
+
+def counted(number: int, one: str, many: str = "") -> str:
+    """Return a number with its noun.
+
+    >>> counted(1, "object"), counted(2, "class", "classes")
+    ('1 object', '2 classes')
+    """
+    return f"{number} {one if number == 1 else many or one + 's'}"

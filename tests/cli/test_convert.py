@@ -1,0 +1,130 @@
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+import yaml
+
+from hypermap.core.occupancy import OccupancyLayer
+from hypermap.core.semantic import SemanticLayer
+from hypermap.formats import open_map
+
+from .conftest import assert_one_error
+
+
+@pytest.mark.parametrize("name", ["lab", "floor", "office", "example"])
+def test_a_real_map_goes_to_a_folder_and_back_without_loss(hypermap, shared_data, tmp_path, name):
+    folder, again = tmp_path / name, tmp_path / "again.hmap"
+    assert hypermap("convert", shared_data / "maps" / f"{name}.hmap", folder).code == 0
+    assert (folder / "hmap_config.yaml").is_file()
+    assert hypermap("convert", folder, again).code == 0
+    before, after = open_map(shared_data / "maps" / f"{name}.hmap"), open_map(again)
+    for one, other in zip(before.layers, after.layers, strict=True):
+        if isinstance(one, OccupancyLayer):
+            assert isinstance(other, OccupancyLayer)
+            assert one.grid == other.grid
+            assert one.cells is not None
+            assert np.array_equal(one.cells, other.cells)
+        else:
+            assert isinstance(one, SemanticLayer)
+            assert isinstance(other, SemanticLayer)
+            assert list(one.names) == list(other.names)
+            assert [g.wkb for g in one.geometries] == [g.wkb for g in other.geometries]
+            assert one.rejected == other.rejected
+
+
+def test_objects_go_to_geojson_and_back(hypermap, room_map, tmp_path):
+    out, again = tmp_path / "objects.geojson", tmp_path / "objects.hmap"
+    result = hypermap("convert", room_map, out)
+    assert result.code == 0
+    assert result.err == f"left out: layer occupancy, frame room\nsaved {out}\n"
+    document = json.loads(out.read_text())
+    assert document["frame_id"] == "room"
+    assert [f["properties"]["name"] for f in document["features"]][0] == "chair"
+    assert hypermap("convert", out, again).code == 0
+    [layer] = open_map(again).layers
+    assert (layer.name, layer.frame_id) == ("semantic", "room")
+
+
+def test_objects_go_to_yaml_and_back(hypermap, room_map, tmp_path):
+    out, again = tmp_path / "objects.yaml", tmp_path / "objects.hmap"
+    result = hypermap("convert", room_map, out, "--layer", "semantic")
+    assert "the file does not say that its frame is 'room'" in result.err
+    assert [entry["name"] for entry in yaml.safe_load(out.read_text())][2] == "potted plant"
+    assert hypermap("convert", out, again, "--frame", "room").code == 0
+    [layer] = open_map(again).layers
+    assert layer.frame_id == "room"
+
+
+def test_a_grid_goes_to_map_server_and_back(hypermap, room_map, tmp_path):
+    out, again = tmp_path / "grid.yaml", tmp_path / "grid.hmap"
+    assert hypermap("convert", room_map, out, "--layer", "occupancy").code == 0
+    assert yaml.safe_load(out.read_text())["image"] == "grid.png"
+    assert hypermap("convert", out, again).code == 0
+    one, other = open_map(room_map)["occupancy"], open_map(again)["occupancy"]
+    assert isinstance(one, OccupancyLayer)
+    assert isinstance(other, OccupancyLayer)
+    assert one.cells is not None
+    assert np.array_equal(one.cells, other.cells)
+
+
+def test_objects_that_could_not_be_read_are_named_as_left_out(hypermap, shared_data, tmp_path):
+    result = hypermap("convert", shared_data / "maps" / "office.hmap", tmp_path / "x.geojson")
+    assert "left out: 1 object that could not be read" in result.err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "reason"),
+    [
+        (["x.shp"], "nothing is known of the ending '.shp'; known: .hmap, .geojson, .yaml"),
+        (["x.yaml"], "choose with --layer occupancy or --layer semantic"),
+        (["x.geojson", "--layer", "occupancy"], "can hold the objects of one layer, but there is"),
+        (["x.hmap", "--layer", "rooms"], "there is no layer 'rooms'"),
+        (["x.hmap", "--frame", "map"], "a whole map says its frames itself; leave --frame out"),
+        (["no/x.hmap"], "does not exist; create it first"),
+    ],
+)
+def test_what_cannot_be_converted_is_said_so(
+    hypermap, room_map, tmp_path, monkeypatch, arguments, reason
+):
+    monkeypatch.chdir(tmp_path)
+    assert_one_error(hypermap("convert", room_map, *arguments), reason)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("bad.geojson", b"{"),
+        ("bad.geojson", b'{"type": "Feature"}'),
+        ("noframe.geojson", b'{"type": "FeatureCollection", "features": []}'),
+        ("bad.yaml", b"- ["),
+        ("objects.yaml", b"!!python/object/apply:os.system [ls]"),
+        ("words.yaml", b"hello"),
+        ("grid.yaml", b"image: nowhere.png\nresolution: 0.1\norigin: [0, 0, 0]\n"),
+    ],
+)
+def test_a_bad_input_names_the_file(hypermap, tmp_path, name, content):
+    (tmp_path / name).write_bytes(content)
+    assert_one_error(hypermap("convert", tmp_path / name, tmp_path / "out.hmap"), name)
+    assert not (tmp_path / "out.hmap").exists()
+
+
+def test_what_exists_is_replaced_only_by_force(hypermap, room_map, tmp_path):
+    folder = tmp_path / "folder"
+    folder.mkdir()
+    for name in ("x.hmap", "x.geojson", "objects.yaml", "grid.png", "folder/precious"):
+        (tmp_path / name).write_text("precious")
+    for arguments in (
+        ["x.hmap"],
+        ["x.geojson"],
+        ["objects.yaml", "--layer", "semantic"],
+        ["grid.yaml", "--layer", "occupancy"],
+        ["folder"],
+    ):
+        target = tmp_path / arguments[0]
+        assert_one_error(hypermap("convert", room_map, target, *arguments[1:]), "--force")
+        assert not target.is_file() or target.read_text() == "precious"
+        assert hypermap("convert", room_map, target, *arguments[1:], "--force").code == 0
+    assert (folder / "precious").read_text() == "precious"

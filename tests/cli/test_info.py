@@ -1,0 +1,41 @@
+from __future__ import annotations
+
+import pytest
+
+
+def test_a_map_is_described_for_programs(hypermap, room_map):
+    content = hypermap("info", room_map, "--json").json
+    assert content["kind"] == "map"
+    assert content["base_frame"] == "map"
+    [frame] = content["frames"]
+    assert (frame["parent"], frame["child"]) == ("map", "room")
+    assert frame["pose"] == pytest.approx([10, 0, 1.5707963])
+    grid, objects = content["layers"]
+    assert grid["extent"] == [0, 0, 15, 10]
+    assert (grid["width"], grid["height"], grid["resolution"]) == (30, 20, 0.5)
+    assert grid["cells"] == {"Free": 180, "Occupied": 20, "Unknown": 400}
+    assert (objects["frame_id"], objects["objects"]) == ("room", 3)
+    assert objects["names"] == {"chair": 2, "potted plant": 1}
+    assert objects["rejected"] == []
+
+
+def test_a_map_is_described_for_people(hypermap, room_map):
+    text = hypermap("info", room_map).out
+    assert "semantic: 2 chair, 1 potted plant" in text
+    assert "30 x 20 cells of 0.5 m: Free 180, Occupied 20, Unknown 400" in text
+    assert "frame room stands in map at x 10, y 0, yaw 1.5708" in text
+
+
+@pytest.mark.parametrize(
+    ("name", "objects", "classes"), [("lab", 28, 12), ("floor", 32, 10), ("example", 2, 2)]
+)
+def test_the_real_maps_hold_what_their_readme_says(hypermap, shared_data, name, objects, classes):
+    text = hypermap("info", shared_data / "maps" / f"{name}.hmap").out
+    assert f"{objects} objects of {classes} classes" in text
+
+
+def test_an_object_that_could_not_be_read_is_named(hypermap, shared_data):
+    path = shared_data / "maps" / "office.hmap"
+    [rejected] = hypermap("info", path, "--json").json["layers"][1]["rejected"]
+    assert (rejected["position"], rejected["name"]) == (22, "tvmonitor")
+    assert "rejected: object 22 (tvmonitor): " in hypermap("info", path).out

@@ -1,0 +1,120 @@
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+from hypermap import __version__
+from hypermap.cli.terminal import BAD_INPUT
+
+from .conftest import assert_one_error
+
+COMMANDS = ["demo", "map", "info", "query", "render", "convert", "shell"]
+HEAVY = ["numpy", "shapely", "matplotlib", "numba", "onnxruntime", "rosbags", "scipy", "pydantic"]
+
+
+def run_python(code: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+
+
+def test_help_names_every_command(hypermap):
+    result = hypermap("--help")
+    assert result.code == 0
+    for command in COMMANDS:
+        assert f" {command} " in result.out
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_the_help_of_every_command_shows_how_to_call_it(hypermap, command):
+    result = hypermap(command, "--help")
+    assert result.code == 0
+    assert f"hypermap {command} " in result.out.partition("Examples:")[2]
+
+
+def test_help_loads_nothing_heavy():
+    code = (
+        "import sys, hypermap.cli.main as m\n"
+        "try: m.main(['--help'])\n"
+        "except SystemExit: pass\n"
+        f"print([name for name in {HEAVY} if name in sys.modules], file=sys.stderr)"
+    )
+    assert run_python(code).stderr == "[]\n"
+
+
+def test_the_version_is_the_packages():
+    done = subprocess.run(
+        [sys.executable, "-m", "hypermap", "--version"], capture_output=True, text=True, check=True
+    )
+    assert done.stdout == f"hypermap {__version__}\n"
+
+
+def test_without_arguments_the_help_is_shown(hypermap):
+    assert "Usage: hypermap" in hypermap().out
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["fly"],
+        ["query"],
+        ["query", "a.hmap", "--colour", "red"],
+        ["render", "a.hmap"],
+        ["render", "a.hmap", "-o", "a.png", "--size", "3"],
+        ["map", "desk", "-o", "a.hmap", "--profile", "best"],
+    ],
+)
+def test_wrong_usage_ends_with_code_2_and_a_hint(hypermap, arguments):
+    result = hypermap(*arguments)
+    assert result.code == BAD_INPUT
+    assert result.out == ""
+    assert "Usage: hypermap" in result.err
+    assert "Traceback" not in result.err
+
+
+@pytest.mark.parametrize("command", ["info", "query", "render", "convert", "shell"])
+def test_a_bad_map_gives_one_line_and_code_2_for_every_command(
+    hypermap, tmp_path, room_map, command
+):
+    whole = room_map.read_bytes()
+    bad = {
+        "nowhere.hmap": None,
+        "empty.hmap": b"",
+        "truncated.hmap": whole[: len(whole) // 2],
+        "foreign.hmap": b"\x89PNG\r\n\x1a\n" + bytes(100),
+        "broken.yaml": b"layers: [unclosed",
+        "list.yaml": b"layers: 3",
+    }
+    arguments = {
+        "info": [],
+        "query": ["--at", "0,0"],
+        "render": ["-o", tmp_path / "out.png"],
+        "convert": [tmp_path / "out.hmap"],
+        "shell": [],
+    }
+    for name, content in bad.items():
+        path = tmp_path / name
+        if content is not None:
+            path.write_bytes(content)
+        assert_one_error(hypermap(command, path, *arguments[command]), str(path))
+        assert not (tmp_path / "out.png").exists()
+        assert not (tmp_path / "out.hmap").exists()
+
+
+def test_a_folder_where_a_map_is_meant_is_said_so(hypermap, tmp_path):
+    assert_one_error(hypermap("query", tmp_path, "--at", "0,0"), str(tmp_path), "folder")
+
+
+def test_what_the_library_warns_of_is_one_line_on_standard_error(hypermap, shared_data):
+    result = hypermap("query", shared_data / "maps" / "office.hmap", "--name", "bottle")
+    assert result.code == 0
+    (line,) = result.err.splitlines()
+    assert line.startswith("hypermap: warning: ")
+    assert "object 22 'tvmonitor'" in line
+
+
+def test_a_reader_that_stops_early_ends_the_command_quietly(room_map):
+    program = f"{sys.executable} -m hypermap query {room_map} --in 0,0,15,10 --json | head -c 10"
+    done = subprocess.run(["bash", "-c", program], capture_output=True, text=True, check=False)
+    assert done.stdout == '{\n  "map":'
+    assert done.stderr == ""

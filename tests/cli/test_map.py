@@ -1,0 +1,188 @@
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from hypermap.cli.recording_options import OPTIONS
+from hypermap.core.semantic import SemanticLayer
+from hypermap.formats import open_map
+from hypermap.recordings import RecordingOptions
+
+from .conftest import INTRINSICS, assert_one_error, write_drive
+
+
+def objects_in(path: Path) -> list[tuple[str, float, float]]:
+    layer = open_map(path)["semantic"]
+    assert isinstance(layer, SemanticLayer)
+    centers = ((thing.name, thing.footprint.centroid) for thing in layer.objects())
+    return [(name, center.x, center.y) for name, center in centers]
+
+
+def test_a_recording_becomes_a_map_that_holds_what_it_shows(hypermap, drive, tmp_path):
+    out = tmp_path / "out.hmap"
+    result = hypermap("map", drive, "--intrinsics", INTRINSICS, "-o", out)
+    assert result.code == 0
+    assert result.out == ""
+    assert f"taking detections from {drive / 'detections.json'}" in result.err
+    assert "6 used, 0 skipped" in result.err
+    assert "1 object: 1 chair" in result.err
+    assert f"saved {out}" in result.err
+    assert f'hypermap query {out} --name "chair" --nearest' in result.err
+    [(name, x, y)] = objects_in(out)
+    assert name == "chair"
+    assert (x, y) == pytest.approx((1.5, 0.0), abs=0.1)
+    wall = hypermap("query", out, "--layer", "occupancy", "--in", "2.4,0.5,2.6,1").out
+    assert "Occupied" in wall
+
+
+def test_the_configuration_in_force_is_saved_with_the_map(hypermap, drive, tmp_path):
+    config, out = tmp_path / "config.yaml", tmp_path / "out.hmap"
+    config.write_text("evidence: {loss: 0.3}\n")
+    arguments = ["--intrinsics", INTRINSICS, "--profile", "thesis", "--config", config, "-o", out]
+    assert hypermap("map", drive, *arguments).code == 0
+    made_with = hypermap("info", out, "--json").json["metadata"]["config"]
+    assert made_with["evidence"]["loss"] == 0.3
+    assert made_with["evidence"]["association"] == "jaccard"
+
+
+def test_detections_may_come_from_a_file(hypermap, tmp_path):
+    drive = write_drive(tmp_path / "drive", frames=4)
+    elsewhere = (drive / "detections.json").rename(tmp_path / "boxes.json")
+    out = tmp_path / "out.hmap"
+    arguments = ["--detections", elsewhere, "--intrinsics", INTRINSICS, "-o", out]
+    assert hypermap("map", drive, *arguments).code == 0
+    assert [name for name, _, _ in objects_in(out)] == ["chair"]
+
+
+def test_a_given_occupancy_map_becomes_the_first_layer(hypermap, drive, room_map, tmp_path):
+    given, out = tmp_path / "given.yaml", tmp_path / "out.hmap"
+    assert hypermap("convert", room_map, given, "--layer", "occupancy").code == 0
+    arguments = ["--map", given, "--intrinsics", INTRINSICS, "-o", out]
+    assert hypermap("map", drive, *arguments).code == 0
+    first = hypermap("info", out, "--json").json["layers"][0]
+    assert (first["name"], first["width"], first["height"]) == ("occupancy", 30, 20)
+
+
+def test_an_output_that_exists_is_replaced_only_by_force(hypermap, drive, tmp_path):
+    out = tmp_path / "out.hmap"
+    out.write_text("precious")
+    arguments = ["map", drive, "--intrinsics", INTRINSICS, "-o", out]
+    assert_one_error(hypermap(*arguments), str(out), "give --force to replace it")
+    assert out.read_text() == "precious"
+    assert hypermap(*arguments, "--force").code == 0
+    assert len(objects_in(out)) == 1
+
+
+def test_a_failure_leaves_the_old_output(hypermap, drive, tmp_path):
+    out = tmp_path / "out.hmap"
+    out.write_text("precious")
+    (tmp_path / "bad.json").write_text("{")
+    result = hypermap("map", drive, "--detections", tmp_path / "bad.json", "-o", out, "--force")
+    assert_one_error(result, "bad.json")
+    assert out.read_text() == "precious"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "reason"),
+    [
+        (["-o", "out.zip"], "out.zip: a map is saved as .hmap"),
+        (["-o", "nowhere/out.hmap"], "does not exist; create it first"),
+        (["--detector", "a.onnx", "--detections", "b.json"], "either --detector or --detections"),
+        (["--labels", "names.txt"], "--labels belongs to a --detector"),
+        (["--detector", "a.onnx"], "a.onnx"),
+        (["--detections", "b.json"], "b.json: there is no such file"),
+        (["--map", "m.yaml"], "m.yaml"),
+        (["--config", "c.yaml"], "c.yaml: there is no such configuration file"),
+        (["--every", "0"], "--every must be at least 1, got 0"),
+        (["--intrinsics", "1,2,3"], "--intrinsics must be 4 numbers (fx, fy, cx, cy), got 3"),
+        (["--intrinsics", "1,2,3,x"], "--intrinsics '1,2,3,x': expected numbers FX,FY,CX,CY"),
+        (["--world-transform", "1,2"], "--world-transform must be 6 numbers"),
+        (["--max-time-difference", "5"], "--max-time-difference must be 0 .. 1 s"),
+    ],
+)
+def test_bad_options_are_said_so(hypermap, drive, tmp_path, monkeypatch, arguments, reason):
+    monkeypatch.chdir(tmp_path)
+    output = [] if "-o" in arguments else ["-o", "out.hmap"]
+    assert_one_error(hypermap("map", drive, *arguments, *output), reason)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_without_detections_the_three_choices_are_told(hypermap, tmp_path):
+    drive = write_drive(tmp_path / "drive", frames=2, has_detections=False)
+    result = hypermap("map", drive, "-o", tmp_path / "out.hmap")
+    assert_one_error(result, "--detector MODEL.onnx", "--detections FILE", "detections.json")
+
+
+@pytest.mark.parametrize("kind", ["nothing", "a file", "an empty folder"])
+def test_what_is_no_recording_is_said_so(hypermap, tmp_path, kind):
+    path = tmp_path / "recording"
+    if kind == "a file":
+        path.write_text("hello")
+    if kind == "an empty folder":
+        path.mkdir()
+    assert_one_error(hypermap("map", path, "-o", tmp_path / "out.hmap"), str(path))
+
+
+def test_there_is_an_option_for_every_field_of_the_recording_options():
+    fields = set(RecordingOptions.__dataclass_fields__)
+    assert set(OPTIONS) == fields
+
+
+def test_ctrl_c_saves_what_there_is(tmp_path):
+    drive, out = write_drive(tmp_path / "drive", frames=3000), tmp_path / "out.hmap"
+    command = [sys.executable, "-m", "hypermap", "map", drive, "-o", out]
+    with subprocess.Popen(
+        [*command, "--intrinsics", INTRINSICS], stderr=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stderr is not None
+        said = ""
+        while "mapping: 1 of 3000 frames" not in said:
+            line = process.stderr.readline()
+            assert line, f"ended before the first frame: {said}"
+            said += line
+        process.send_signal(signal.SIGINT)
+        said += process.stderr.read()
+    assert process.returncode == 130
+    assert "stopping; what was seen so far is saved, Ctrl-C again gives up" in said
+    assert f"saved {out}" in said
+    assert "Ctrl-C ended it early" in said
+    assert "Traceback" not in said
+    frames = open_map(out).metadata["frames"]
+    assert 1 <= frames["used"] < 3000
+
+
+def test_info_tells_what_a_recording_holds(hypermap, drive):
+    result = hypermap("info", drive, "--intrinsics", INTRINSICS, "--json")
+    assert result.code == 0
+    content = result.json
+    assert content["kind"] == "recording"
+    assert content["path"] == str(drive)
+    assert (content["frames"], content["image_size"]) == (6, [160, 120])
+    assert content["missing"] == []
+    assert {stream["name"] for stream in content["streams"]} >= {"depth.txt", "groundtruth.txt"}
+    text = hypermap("info", drive).out
+    assert "depth images" in text
+    assert "TUM" in text
+
+
+def test_info_tells_what_is_missing_and_still_ends_well(hypermap, tmp_path):
+    drive = write_drive(tmp_path / "drive", frames=2)
+    (drive / "groundtruth.txt").unlink()
+    result = hypermap("info", drive)
+    assert result.code == 0
+    assert "missing: " in result.out
+    assert "groundtruth.txt" in result.out
+    assert hypermap("info", drive, "--json").json["missing"]
+
+
+def test_a_real_recording_becomes_a_map(hypermap, shared_data, tmp_path):
+    out = tmp_path / "desk.hmap"
+    result = hypermap("map", shared_data / "desk", "--every", "12", "-o", out)
+    assert result.code == 0
+    assert "10 frames in" in result.err
+    assert json.loads(hypermap("info", out, "--json").out)["metadata"]["recording"] == "desk"

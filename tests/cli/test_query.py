@@ -1,0 +1,155 @@
+from __future__ import annotations
+
+import pytest
+
+from .conftest import assert_one_error
+
+
+def places(result) -> list[tuple[str, float, float]]:
+    assert result.code == 0
+    return [
+        (row["label"], round(row["x"], 3), round(row["y"], 3)) for row in result.json["answers"]
+    ]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [
+        # the base frame: x = 10 - y_room, y = x_room
+        (["--name", "chair"], [("chair", 9.5, 0.5), ("chair", 9.5, 4.5)]),
+        (["--name", "potted plant"], [("potted plant", 7.5, 2.5)]),
+        (["--id", "1"], [("chair", 9.5, 4.5)]),
+        (["--value", "2"], [("potted plant", 7.5, 2.5)]),
+        (["--name", "chair", "--nearest"], [("chair", 9.5, 0.5)]),
+        (["--name", "chair", "--nearest", "--from", "9,6"], [("chair", 9.5, 4.5)]),
+        (["--name", "chair", "-k", "5", "--from", "9,6"],
+         [("chair", 9.5, 4.5), ("chair", 9.5, 0.5)]),
+        (["--name", "chair", "--in", "9,4,10,5"], [("chair", 9.5, 4.5)]),
+        (["--name", "chair", "--in", "4,0,5,1", "--frame", "room"], [("chair", 9.5, 4.5)]),
+        (["--name", "chair", "--near", "potted plant", "--within", "1.5"],
+         [("chair", 9.5, 0.5), ("chair", 9.5, 4.5)]),
+        (["--name", "chair", "--near", "potted plant", "--within", "1"], []),
+        (["--near", "7.5,2.5", "--within", "0.1"], [("potted plant", 7.5, 2.5)]),
+        (["--name", "chair", "--inside", "9,0,10,2"], [("chair", 9.5, 0.5)]),
+        (["--inside", "POLYGON((7 2, 8 2, 8 3, 7 3, 7 2))"], [("potted plant", 7.5, 2.5)]),
+        (["--in", "9.1,0.1 9.9,0.1 9.5,0.9", "--layer", "semantic"], [("chair", 9.5, 0.5)]),
+        (["--name", "Occupied", "--layer", "occupancy", "--nearest", "--from", "2.6,0"],
+         [("Occupied", 2.75, 2.75)]),
+        (["--name", "unicorn"], []),
+    ],
+)  # fmt: skip
+def test_the_map_answers(hypermap, room_map, arguments, expected):
+    assert places(hypermap("query", room_map, *arguments, "--json")) == expected
+
+
+def test_every_layer_answers_at_a_point(hypermap, room_map):
+    result = hypermap("query", room_map, "--at", "9.5,4.5", "--json")
+    assert result.json == {
+        "map": str(room_map),
+        "frame_id": "map",
+        "answers": [
+            {"layer": "occupancy", "label": "Free", "value": 0, "x": 9.5, "y": 4.5},
+            {"layer": "semantic", "label": "chair", "value": 1, "x": 9.5, "y": 4.5},
+        ],
+    }
+    asked_in_room = hypermap("query", room_map, "--at", "4.5,0.5", "--frame", "room", "--json")
+    assert [row["label"] for row in asked_in_room.json["answers"]] == ["Free", "chair"]
+
+
+def test_an_object_is_described_in_full(hypermap, room_map):
+    [row] = hypermap("query", room_map, "--id", "1", "--json").json["answers"]
+    assert row["object"] == {
+        "id": 1,
+        "name": "chair",
+        "footprint": "POLYGON ((10 5, 9 5, 9 4, 10 4, 10 5))",
+        "tags": [],
+        "confidence": [],
+        "existence": 3.5,
+        "first_seen": None,
+        "last_seen": None,
+        "attributes": {"z_max": 0.9},
+    }
+
+
+def test_the_distance_is_that_to_the_shape(hypermap, room_map):
+    [row] = hypermap("query", room_map, "--name", "chair", "--nearest", "--json").json["answers"]
+    assert row["distance"] == pytest.approx(9.0)
+
+
+def test_an_area_lists_objects_and_counts_cells(hypermap, room_map):
+    result = hypermap("query", room_map, "--in", "2.5,2.5,8,3.5")
+    assert result.code == 0
+    assert "potted plant" in result.out
+    assert "occupancy: 11 Occupied" in result.out
+    assert "occupancy: 11 Free" in result.out
+    rows = hypermap("query", room_map, "--in", "2.5,2.5,8,3.5", "--json").json["answers"]
+    assert [row["layer"] for row in rows].count("occupancy") == 22
+
+
+def test_from_where_the_nearest_is_measured_is_said(hypermap, room_map):
+    result = hypermap("query", room_map, "--name", "chair", "--nearest")
+    assert "9.000" in result.out
+    assert result.err == "measured from (0, 0); give --from X,Y to measure from elsewhere\n"
+    assert hypermap("query", room_map, "--name", "chair", "--nearest", "--from", "0,0").err == ""
+
+
+def test_an_empty_answer_is_no_error_and_hints_at_the_nearest_name(hypermap, room_map):
+    result = hypermap("query", room_map, "--name", "chiar")
+    assert (result.code, result.out) == (0, "")
+    assert result.err == "nothing found; no object is called 'chiar'; did you mean 'chair'?\n"
+    result = hypermap("query", room_map, "--name", "chair", "--in", "0,0,1,1")
+    assert result.err == "nothing found\n"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "reason"),
+    [
+        ([], "nothing is asked; give --at X,Y, --in AREA or --name NAME"),
+        (["--at", "1"], "--at '1': a point is given as X,Y"),
+        (["--at", "1,2", "--name", "chair"], "--at asks what is at a point"),
+        (["--in", "1,2,3"], "--in '1,2,3': an area is a rectangle"),
+        (["--name", "chair", "--id", "1"], "give either --name or --value, not both"),
+        (["--nearest", "--in", "0,0,1,1"], "the nearest what? give --name NAME"),
+        (["--name", "chair", "--nearest", "--near", "sink"], "give either --nearest"),
+        (["--name", "chair", "--within", "1"], "--within needs --near"),
+        (["--name", "chair", "--layer", "rooms"], "there is no layer 'rooms'"),
+        (["--name", "chair", "--layer", "semantics"], "did you mean 'semantic'?"),
+        (["--near", "chair", "--layer", "occupancy"], "'occupancy' holds none"),
+        (["--at", "1,2", "--frame", "rom"], "did you mean 'room'?"),
+        (["--in", "0,0,1,1", "--frame", "moon"], "frame 'moon' is unknown to the map"),
+        (["--inside", "POLYGON((1 2"], "this is not WKT"),
+    ],
+)
+def test_a_question_without_meaning_is_said_so(hypermap, room_map, arguments, reason):
+    assert_one_error(hypermap("query", room_map, *arguments), reason)
+
+
+# The facts that the maps' README gives, worked out independently.
+
+
+@pytest.fixture
+def lab(shared_data):
+    return shared_data / "maps" / "lab.hmap"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [
+        (["--name", "sink"], [("sink", 3.259, 2.378)]),
+        (["--name", "chair", "--in", "1,2,2,3"], [("chair", 1.429, 2.887)]),
+        (["--at", "3,-2", "--layer", "semantic"], [("table", 3.0, -2.0)]),
+    ],
+)
+def test_the_lab_answers_as_worked_out(hypermap, lab, arguments, expected):
+    assert places(hypermap("query", lab, *arguments, "--json")) == expected
+
+
+def test_the_labs_square_holds_three_things(hypermap, lab):
+    found = hypermap("query", lab, "--in", "2,-2,3,-1", "--layer", "semantic", "--json")
+    assert sorted(label for label, _, _ in places(found)) == ["chair", "table", "tvmonitor"]
+
+
+def test_the_labs_occupied_cells_are_all_found(hypermap, lab):
+    found = hypermap("query", lab, "--name", "Occupied", "--json")
+    assert len(found.json["answers"]) == 954
+    assert "and 904 more; --json lists all" in hypermap("query", lab, "--name", "Occupied").err

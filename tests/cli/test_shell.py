@@ -1,0 +1,65 @@
+from __future__ import annotations
+
+import pytest
+from prompt_toolkit.completion import CompleteEvent
+from prompt_toolkit.document import Document
+
+from hypermap.cli.completion import ConsoleCompleter
+from hypermap.console import Console
+from hypermap.formats import open_map
+
+from .conftest import assert_one_error
+
+
+def test_lines_from_standard_input_are_answered_until_its_end(hypermap, room_map):
+    result = hypermap("shell", room_map, stdin='getLayerCount\n\ngetCoords semantic "potted plant"')
+    assert (result.code, result.out, result.err) == (0, "2\n7.500 2.500\n", "")
+
+
+def test_exit_ends_before_the_end_of_input(hypermap, room_map):
+    assert hypermap("shell", room_map, stdin="getLayerCount\nexit\ngetLayerCount\n").out == "2\n"
+
+
+def test_a_line_that_fails_does_not_stop_the_others(hypermap, room_map, tmp_path):
+    lines = ["fly", f"load {tmp_path / 'nowhere.hmap'}", f"load {tmp_path}", "getLayerCount"]
+    result = hypermap("shell", room_map, stdin="\n".join(lines))
+    assert (result.code, result.out) == (2, "2\n")
+    errors = result.err.splitlines()
+    assert len(errors) == 3
+    assert all(line.startswith("hypermap: error: ") for line in errors)
+
+
+def test_the_shell_starts_without_a_map(hypermap, room_map):
+    result = hypermap("shell", stdin=f"getLayerCount\nload {room_map}\ngetLayerCount\n")
+    assert result.out == f"0\nloaded 2 layers from {room_map}\n2\n"
+
+
+def test_a_map_that_cannot_be_opened_ends_the_shell(hypermap, tmp_path):
+    assert_one_error(hypermap("shell", tmp_path / "nowhere.hmap"), "nowhere.hmap")
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("getC", ["getCoords", "getCoordsArea"]),
+        ("getCoords s", ["semantic"]),
+        ("getString ", ["occupancy", "semantic"]),
+        ("getCoords semantic ", ["chair", '"potted plant"']),
+        ("getCoords semantic p", ['"potted plant"']),
+        ("getCoords occupancy F", ["Free"]),
+        ("getCoords nowhere ", []),
+        ("getString semantic ", []),
+        ("fly ", []),
+        ("exit ", []),
+    ],
+)
+def test_the_tab_key_offers_what_belongs_there(room_map, text, expected):
+    completer = ConsoleCompleter(Console(open_map(room_map)))
+    found = completer.get_completions(Document(text), CompleteEvent())
+    assert [completion.text for completion in found] == expected
+
+
+def test_the_tab_key_offers_files(room_map):
+    completer = ConsoleCompleter(Console())
+    document = Document(f"load {room_map.parent}/ro")
+    assert [c.text for c in completer.get_completions(document, CompleteEvent())] == ["om.hmap"]
