@@ -83,6 +83,11 @@ def test_saving_and_loading_gives_exactly_the_same_objects(layer: SemanticLayer)
     assert layer_facts(again) == layer_facts(layer)
 
 
+def test_an_object_that_could_not_be_read_again_cannot_be_made() -> None:
+    with pytest.raises(ValueError, match=r"confidence must be finite, got \(nan,\)"):
+        SemanticObject("cup", shapely.box(0, 0, 1, 1), confidence=(float("nan"),))
+
+
 def test_words_that_yaml_takes_for_something_else_are_names() -> None:
     objects, _ = parse(
         f"- {{name: no, shape: '{SQUARE}', tags: [12, ~, 1.50]}}\n"
