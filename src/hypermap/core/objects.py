@@ -62,6 +62,8 @@ class SemanticObject:
             raise TypeError(f"tags must be several texts, got the text {tags!r}")
         object.__setattr__(self, "tags", tuple(self.tags))
         object.__setattr__(self, "confidence", tuple(self.confidence))
+        if not all(math.isfinite(value) for value in self.confidence):
+            raise ValueError(f"confidence must be finite, got {self.confidence}")
         for key in ("existence", "first_seen", "last_seen"):
             value = getattr(self, key)
             if value is not None and not math.isfinite(value):
