@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from PIL import Image
 from scipy.spatial.transform import Rotation
 
-from hypermap.core.errors import FileMissing, FormatError
+from hypermap.core.errors import FileMissing, FormatError, HypermapError
 from hypermap.perception.detectors.recorded import RecordedDetections
 from hypermap.perception.frame import RgbdFrame
 from hypermap.perception.recording import Recording
@@ -34,6 +34,7 @@ def write_tum(recording: Recording, folder: str | Path) -> None:
     Raises:
         FormatError: If the folder holds something already, or a frame has no color.
         FileMissing: If the folder's parent does not exist.
+        HypermapError: If it cannot be written, as on a full disk.
     """
     folder = Path(folder)
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
@@ -41,10 +42,14 @@ def write_tum(recording: Recording, folder: str | Path) -> None:
     if not folder.parent.is_dir():
         raise FileMissing(f"{folder.parent}: there is no such folder")
     partial = folder.with_name(f".{folder.name}.{os.getpid()}")
-    partial.mkdir()
     try:
+        partial.mkdir()
         _write(recording, partial)
         partial.replace(folder)
+    except HypermapError:
+        raise  # FileMissing, which is an OSError too
+    except OSError as error:
+        raise HypermapError(f"{folder}: cannot be written: {error.strerror}") from error
     finally:
         shutil.rmtree(partial, ignore_errors=True)
 
