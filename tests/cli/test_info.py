@@ -39,3 +39,8 @@ def test_an_object_that_could_not_be_read_is_named(hypermap, shared_data):
     [rejected] = hypermap("info", path, "--json").json["layers"][1]["rejected"]
     assert (rejected["position"], rejected["name"]) == (22, "tvmonitor")
     assert "rejected: object 22 (tvmonitor): " in hypermap("info", path).out
+
+
+def test_a_map_in_a_folder_is_described_like_its_archive(hypermap, room_map, tmp_path):
+    assert hypermap("convert", room_map, tmp_path / "room").code == 0
+    assert hypermap("info", tmp_path / "room").out == hypermap("info", room_map).out

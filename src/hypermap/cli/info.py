@@ -56,7 +56,9 @@ def command(
 
 def is_map(path: Path) -> bool:
     """Return whether a path looks like a map rather than a recording."""
-    return path.is_file() and path.suffix.lower() in {".hmap", ".yaml", ".yml"}
+    if path.is_dir():
+        return (path / "hmap_config.yaml").is_file()
+    return path.suffix.lower() in {".hmap", ".yaml", ".yml"}
 
 
 def describe_map(hypermap: Hypermap) -> dict[str, Any]:
