@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hypermap.core.errors import FormatError
+from hypermap.core.errors import FormatError, HypermapError
 from hypermap.formats import limits
 from hypermap.formats.yaml_text import read_yaml, write_yaml
 
@@ -86,6 +86,18 @@ def test_bad_yaml_is_one_clear_error(text: bytes, message: str) -> None:
     with pytest.raises(FormatError) as error:
         read_yaml(text, "f")
     assert str(error.value).startswith(message)
+
+
+@pytest.mark.parametrize(("limit", "value"), [("MAX_YAML_BYTES", 22), ("MAX_YAML_VALUES", 5)])
+def test_what_could_not_be_read_again_is_not_written(
+    monkeypatch: pytest.MonkeyPatch, limit: str, value: int
+) -> None:
+    document = {"a": [1, 2], "b": {"c": "text"}}  # six values in 23 bytes
+    monkeypatch.setattr(limits, limit, value + 1)
+    assert read_yaml(write_yaml(document), "f") == document
+    monkeypatch.setattr(limits, limit, value)
+    with pytest.raises(HypermapError, match="23 bytes of YAML are too large to be read again"):
+        write_yaml(document)
 
 
 def test_a_text_that_is_too_large_is_not_parsed(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -15,7 +15,7 @@ import numpy as np
 import yaml
 from yaml.constructor import SafeConstructor
 
-from hypermap.core.errors import FormatError
+from hypermap.core.errors import FormatError, HypermapError
 from hypermap.formats import limits
 
 _Loader: type[Any] = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
@@ -72,21 +72,26 @@ def write_yaml(value: Any) -> bytes:
     Raises:
         TypeError: If a value is of a type that YAML does not have.
         ValueError: If it is nested too deeply.
+        HypermapError: If it is too large to be read again.
 
     >>> print(write_yaml({"layers": [{"name": "no", "origin": (0.1, 2.0)}]}).decode(), end="")
     layers:
     - name: 'no'
       origin: [0.1, 2.0]
     """
+    plain = plain_value(value)
     dumped = yaml.dump(
-        plain_value(value),
+        plain,
         Dumper=_PlainDumper,
         default_flow_style=False,
         sort_keys=False,
         allow_unicode=True,
         width=2**31 - 1,
     )
-    return str(dumped).encode()
+    content = str(dumped).encode()
+    if len(content) > limits.MAX_YAML_BYTES or _count(plain) > limits.MAX_YAML_VALUES:
+        raise HypermapError(f"{len(content)} bytes of YAML are too large to be read again")
+    return content
 
 
 def plain_value(value: Any, place: str = "the value", depth: int = 0) -> Any:
@@ -121,6 +126,13 @@ def _plain_scalar(value: Any, place: str) -> Any:
     if isinstance(value, PurePath):
         return str(value)
     raise TypeError(f"{place} cannot be saved: YAML has no {type(value).__name__}")
+
+
+def _count(plain: Any) -> int:
+    """Return how many values a reader would count."""
+    if isinstance(plain, dict):
+        return 1 + sum(map(_count, plain.values()))
+    return 1 + sum(map(_count, plain)) if isinstance(plain, list) else 1
 
 
 class _PlainDumper(_Dumper):  # type: ignore[misc]  # which of two classes is known only here
