@@ -66,12 +66,15 @@ class GridGeometry:
 
     def cells_at(self, points_xy: ArrayLike) -> IntArray:
         """Return (row, col) of each point, int64, shape (N, 2); they may lie off the grid."""
+        return np.floor(self.positions_at(points_xy)).astype(np.int64)
+
+    def positions_at(self, points_xy: ArrayLike) -> NDArray[np.float64]:
+        """Return what `cells_at` rounds down, shape (N, 2); a cell's centre is at (0.5, 0.5)."""
         near = np.clip(as_points_xy(points_xy), -_FAR, _FAR)
-        local = self.origin.inverse().apply(near) / self.resolution
-        return np.floor(local[:, ::-1]).astype(np.int64)
+        return self.origin.inverse().apply(near)[:, ::-1] / self.resolution
 
     def to_cells_matrix(self) -> NDArray[np.float64]:
-        """Return what `cells_at` does before it rounds down, as a matrix, for compiled loops.
+        """Return what `positions_at` does, but as (col, row), as a matrix for compiled loops.
 
         Returns:
             Shape (3, 3); takes (x, y, 1) in the layer's frame [m] to (col, row, 1), where cell
