@@ -1,10 +1,15 @@
 from __future__ import annotations
 
 import pytest
+from prompt_toolkit.application import create_app_session
 from prompt_toolkit.completion import CompleteEvent
 from prompt_toolkit.document import Document
+from prompt_toolkit.history import InMemoryHistory
+from prompt_toolkit.input import create_pipe_input
+from prompt_toolkit.output import DummyOutput
 
 from hypermap.cli.completion import ConsoleCompleter
+from hypermap.cli.shell import _history, command
 from hypermap.console import Console
 from hypermap.formats import open_map
 
@@ -63,3 +68,23 @@ def test_the_tab_key_offers_files(room_map):
     completer = ConsoleCompleter(Console())
     document = Document(f"load {room_map.parent}/ro")
     assert [c.text for c in completer.get_completions(document, CompleteEvent())] == ["om.hmap"]
+
+
+def test_what_is_typed_at_a_terminal_is_answered_and_remembered(
+    capsys, monkeypatch, room_map, tmp_path
+):
+    monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    with create_pipe_input() as keys, create_app_session(input=keys, output=DummyOutput()):
+        # Ctrl-C drops a line, and Ctrl-D ends.
+        keys.send_text('fly\x03getLayerCount\rgetCoords semantic "potted plant"\r\x04')
+        command(room_map)
+    assert capsys.readouterr().out.splitlines()[1:] == ["2", "7.500 2.500"]
+    history = (tmp_path / "state" / "hypermap" / "history").read_text()
+    assert '+getCoords semantic "potted plant"' in history
+
+
+def test_the_shell_works_where_no_history_can_be_kept(monkeypatch, tmp_path):
+    (tmp_path / "state").write_text("a file in place of the folder")
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    assert isinstance(_history(), InMemoryHistory)

@@ -155,11 +155,14 @@ def _rows_of_layer(hypermap: Hypermap, layer: Layer, question: Question) -> list
     area = _area(question)
     if question.what is not None:
         places = hypermap.find(layer.name, question.what, area, question.frame_id)
+        labels = hypermap.label_at(layer.name, places)
+        values = hypermap.value_at(layer.name, places)
     elif area is not None:
-        places = hypermap.labels_in(layer.name, area, question.frame_id).points_xy
+        found = hypermap.labels_in(layer.name, area, question.frame_id)
+        labels, places = found.values, found.points_xy
+        values = hypermap.values_in(layer.name, area, question.frame_id).values
     else:
         return []
-    labels, values = hypermap.label_at(layer.name, places), hypermap.value_at(layer.name, places)
     hits = zip(labels, values, places, strict=True)
     rows = [_row(layer.name, label, value, x, y) for label, value, (x, y) in hits]
     if question.most is not None:

@@ -1,0 +1,28 @@
+from __future__ import annotations
+
+import io
+
+from rich.console import Console
+
+from hypermap.cli import progress
+from hypermap.mapping.mapper import Counts, Progress
+
+
+def test_a_terminal_shows_a_bar_with_rate_objects_and_time_left(monkeypatch):
+    screen = io.StringIO()
+    console = Console(file=screen, force_terminal=True, width=120)
+    monkeypatch.setattr(progress, "err", lambda: console)
+    with progress.mapping_progress(40) as report:
+        report(Progress(done=10, total=40, objects=3, counts=Counts(used=10)))
+    text = screen.getvalue()
+    for words in ("mapping", "10/40", "/s, 3 objects", "left"):
+        assert words in text
+
+
+def test_elsewhere_a_plain_line_comes_now_and_then(capsys):
+    with progress.mapping_progress(40) as report:
+        for done in range(1, 41):
+            report(Progress(done=done, total=40, objects=3, counts=Counts(used=done)))
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("mapping: 1 of 40 frames, ")
+    assert "3 objects" in line
