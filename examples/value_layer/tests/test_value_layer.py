@@ -1,7 +1,10 @@
 from __future__ import annotations
 
 import io
+import json
 import math
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -109,10 +112,12 @@ def test_the_picture_runs_from_dark_to_bright_and_leaves_out_what_is_unknown() -
     assert picture is not None
     brightness = picture.rgba[..., :3].sum(axis=2).tolist()
     assert brightness[0][0] == brightness[1][0] < brightness[0][1] < brightness[0][2]
-    assert picture.rgba[..., 3].tolist() == [[255, 255, 255], [255, 0, 255]]
+    assert (picture.rgba[..., 3] > 0).tolist() == [[True, True, True], [True, False, True]]
     assert list(picture.legend) == ["28.0 °C", "26.0 °C", "24.0 °C", "22.0 °C", "20.0 °C"]
-    assert picture.legend["20.0 °C"] == tuple(picture.rgba[0, 0, :3].tolist())
-    assert picture.legend["28.0 °C"] == tuple(picture.rgba[1, 2, :3].tolist())
+    for label, cell in (("20.0 °C", picture.rgba[0, 0]), ("28.0 °C", picture.rgba[1, 2])):
+        *color, alpha = cell.astype(float)
+        on_white = np.array(color) * alpha / 255 + 255 - alpha
+        np.testing.assert_allclose(picture.legend[label], on_white, atol=1)
 
 
 @pytest.mark.parametrize(
@@ -222,3 +227,36 @@ def test_a_map_with_the_layer_is_saved_opened_and_asked_in_other_frames(tmp_path
     assert hit.distance == pytest.approx(2)
     hits = again.values_in("warmth", shapely.box(9, 0, 10, 3))
     assert hits.values.tolist() == [20, 22, 24]
+
+
+def test_without_the_plug_in_a_map_keeps_the_layers_files(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    save_map(Hypermap([occupancy_from_text("#."), warmth()]), tmp_path / "first.hmap")
+    with monkeypatch.context() as elsewhere:
+        elsewhere.setattr("hypermap.formats.plugins.entry_points", lambda **_: [])
+        opaque = open_map(tmp_path / "first.hmap")
+        assert not isinstance(opaque["warmth"], ValueLayer)
+        save_map(opaque, tmp_path / "second.hmap")
+    assert (tmp_path / "first.hmap").read_bytes() == (tmp_path / "second.hmap").read_bytes()
+
+
+def hypermap(*arguments: object) -> str:
+    command = [sys.executable, "-m", "hypermap", *map(str, arguments)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_the_commands_know_the_layer(tmp_path: Path) -> None:
+    path = tmp_path / "warm.hmap"
+    save_map(Hypermap([occupancy_from_text("#."), warmth()]), path)
+    assert "ValueLayer" in hypermap("info", path)
+    answers = json.loads(hypermap("query", path, "--layer", "warmth", "--at", "1,0.5", "--json"))
+    (answer,) = answers["answers"]
+    assert (answer["label"], answer["value"]) == ("21.0 °C", 21)
+    found = json.loads(hypermap("query", path, "--layer", "warmth", "--name", "28.0 °C", "--json"))
+    (place,) = found["answers"]
+    assert (place["x"], place["y"]) == (2.5, 1.5)
+    hypermap("render", path, "-o", tmp_path / "warm.svg")
+    assert "28.0 °C" in (tmp_path / "warm.svg").read_text(encoding="utf-8")

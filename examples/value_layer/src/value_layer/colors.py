@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 # Five colors of matplotlib's map "viridis", evenly spaced.
 _STOPS = np.array([(68, 1, 84), (59, 82, 139), (33, 145, 140), (94, 201, 98), (253, 231, 37)])
-_OPAQUE = 255
+_ALPHA = 170  # walls below stay visible
 
 
 def colored(cells: NDArray[np.float32]) -> NDArray[np.uint8]:
@@ -17,21 +17,19 @@ def colored(cells: NDArray[np.float32]) -> NDArray[np.uint8]:
     known = ~np.isnan(cells)
     rgba = np.zeros((*cells.shape, 4), dtype=np.uint8)
     rgba[known, :3] = _color(share[known])
-    rgba[known, 3] = _OPAQUE
+    rgba[known, 3] = _ALPHA
     return rgba
 
 
 def legend(cells: NDArray[np.float32]) -> list[tuple[float, tuple[int, int, int]]]:
-    """Return some numbers from the highest to the lowest, and their colors."""
+    """Return some numbers from the highest to the lowest, and their colors on white ground."""
     if np.isnan(cells).all():
         return []
     low, high = _range(cells)
     shares = np.linspace(1, 0, len(_STOPS)) if high > low else np.zeros(1)
-    values = low + shares * (high - low)
-    return [
-        (float(x), (int(r), int(g), int(b)))
-        for x, (r, g, b) in zip(values, _color(shares), strict=True)
-    ]
+    values = (low + shares * (high - low)).tolist()
+    on_white = 255 - (255 - _color(shares).astype(int)) * _ALPHA // 255
+    return [(x, (r, g, b)) for x, (r, g, b) in zip(values, on_white.tolist(), strict=True)]
 
 
 def _range(cells: NDArray[np.float32]) -> tuple[float, float]:
