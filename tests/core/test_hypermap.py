@@ -209,6 +209,9 @@ def test_the_nearest_cells_of_a_grid_are_places_without_an_object() -> None:
         ({"name": "lamp"}, []),
         ({"name": "chair", "near": "lamp"}, []),
         ({"name": "chair", "inside": "lamp"}, []),
+        ({"name": "chair", "near": shapely.Polygon()}, []),
+        ({"name": "chair", "inside": shapely.Polygon()}, []),
+        ({"name": "chair", "area": shapely.Polygon()}, []),
         ({"name": "chair", "inside": "room B"}, [("lab", 2), ("lab", 4)]),
         ({"inside": "room B"}, [("lab", 1), ("lab", 2), ("lab", 4)]),  # not in itself
         ({"name": "chair", "inside": shapely.box(-1, -1, 4, 4)}, [("lab", 3), ("hall", 0)]),

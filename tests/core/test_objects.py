@@ -40,6 +40,7 @@ def test_lists_of_tags_become_tuples() -> None:
         ({"id": 1.0}, TypeError, "an object's id must be an integer, got 1.0"),
         ({"id": True}, TypeError, "an object's id must be an integer, got True"),
         ({"tags": "cup"}, TypeError, "tags must be several texts, got the text 'cup'"),
+        ({"confidence": [float("nan")]}, ValueError, "confidence must be finite, got (nan,)"),
         ({"existence": float("nan")}, ValueError, "existence must be finite, got nan"),
         ({"last_seen": float("inf")}, ValueError, "last_seen must be finite, got inf"),
         ({"footprint": shapely.Polygon()}, ValueError, "a footprint must not be empty"),

@@ -44,6 +44,25 @@ def test_touching_is_meeting() -> None:
     assert hits(index, [shapely.Point(1, 1), shapely.box(1, 0, 2, 1)]) == [(0, 0), (1, 0)]
 
 
+def test_the_index_stays_right_while_it_grows_and_shrinks_one_by_one() -> None:
+    shapes: list[shapely.Polygon] = []
+    index = ShapeIndex.over(as_objects(shapes))
+    queries = [square((3, 3))]
+    for i in range(300):
+        shapes.append(square((i * 7 % 10, i * 3 % 10)))
+        index = index.after(as_objects(shapes), np.arange(i), np.array([i]))
+        if i % 20 == 0:
+            assert hits(index, queries) == expected_hits(queries, shapes)
+    for i in range(299, 0, -1):
+        gone = i * 7 % (i + 1)
+        del shapes[gone]
+        rows = np.arange(i + 1)
+        moved_to = np.where(rows == gone, -1, rows - (rows > gone))
+        index = index.after(as_objects(shapes), moved_to, np.empty(0, dtype=np.int64))
+        if i % 20 == 0:
+            assert hits(index, queries) == expected_hits(queries, shapes)
+
+
 @pytest.mark.parametrize("start", [0, 5, 200])
 @given(data=st.data())
 def test_the_index_follows_any_sequence_of_changes(start: int, data: st.DataObject) -> None:

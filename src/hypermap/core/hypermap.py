@@ -226,7 +226,7 @@ class Hypermap:
         layers = PlacedLayers([self._placed(layer) for layer in self._semantic_layers()])
         chosen = layers.named(name)
         if area is not None:
-            asked = self._anchors(layers, as_area(area), frame_id).shapes[0]
+            asked = self._lookup(self.base_frame, frame_id).apply_geometry(as_area(area))
             chosen = chosen.take(shapely.intersects(chosen.shapes, asked))
         if inside is not None:
             chosen = chosen.take(chosen.stand_in(self._anchors(layers, inside, frame_id)))

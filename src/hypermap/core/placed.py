@@ -52,9 +52,10 @@ class Placed:
 
     @classmethod
     def geometry(cls, geometry: BaseGeometry) -> Placed:
-        """Return a geometry that is no object."""
-        centroid = shapely.get_coordinates(geometry.centroid)
-        return cls(as_objects([geometry]), centroid, np.array([NO_OBJECT]))
+        """Return a geometry that is no object; nothing for an empty one."""
+        shapes = as_objects([] if geometry.is_empty else [geometry])
+        centroids = shapely.get_coordinates(shapely.centroid(shapes))
+        return cls(shapes, centroids, np.full(len(shapes), NO_OBJECT))
 
     def __len__(self) -> int:
         return len(self.keys)
