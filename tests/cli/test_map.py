@@ -68,13 +68,10 @@ def test_a_given_occupancy_map_becomes_the_first_layer(hypermap, drive, room_map
     assert (first["name"], first["width"], first["height"]) == ("occupancy", 30, 20)
 
 
-def test_an_output_that_exists_is_replaced_only_by_force(hypermap, drive, tmp_path):
+def test_an_output_that_exists_is_replaced(hypermap, drive, tmp_path):
     out = tmp_path / "out.hmap"
-    out.write_text("precious")
-    arguments = ["map", drive, "--intrinsics", INTRINSICS, "-o", out]
-    assert_one_error(hypermap(*arguments), str(out), "give --force to replace it")
-    assert out.read_text() == "precious"
-    assert hypermap(*arguments, "--force").code == 0
+    out.write_text("an older map")
+    assert hypermap("map", drive, "--intrinsics", INTRINSICS, "-o", out).code == 0
     assert len(objects_in(out)) == 1
 
 
@@ -82,7 +79,7 @@ def test_a_failure_leaves_the_old_output(hypermap, drive, tmp_path):
     out = tmp_path / "out.hmap"
     out.write_text("precious")
     (tmp_path / "bad.json").write_text("{")
-    result = hypermap("map", drive, "--detections", tmp_path / "bad.json", "-o", out, "--force")
+    result = hypermap("map", drive, "--detections", tmp_path / "bad.json", "-o", out)
     assert_one_error(result, "bad.json")
     assert out.read_text() == "precious"
 

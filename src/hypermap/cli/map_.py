@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hypermap.cli.options import Force, check_output
+from hypermap.cli.options import check_output
 from hypermap.cli.recording_options import takes_recording_options
 from hypermap.cli.terminal import INTERRUPTED, note
 from hypermap.core.errors import HypermapError
@@ -77,7 +77,6 @@ def command(
     config: Annotated[
         Path | None, typer.Option(metavar="FILE", help="YAML with settings that differ.")
     ] = None,
-    force: Force = False,
 ) -> None:
     """Make a map of a recording: an occupancy layer, and the objects seen, with their shapes.
 
@@ -98,7 +97,7 @@ def command(
 
     if output.suffix.lower() != ".hmap":
         raise HypermapError(f"{output}: a map is saved as .hmap")
-    check_output(output, force)
+    check_output(output, replace=True)
     recording = open_recording(path, recording_options)
     settings = _settings(profile, config)
     occupancy = None if map_file is None else load_occupancy(map_file)
