@@ -29,9 +29,9 @@ def shared_data() -> Path:
 
 @pytest.fixture(scope="session")
 def demo_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """What `hypermap demo` makes; tests that use it share the xdist group "demo"."""
+    """What `hypermap demo --keep-recording` makes; its tests share the xdist group "demo"."""
     folder = tmp_path_factory.mktemp("demo") / "hypermap-demo"
-    command = [sys.executable, "-m", "hypermap", "demo", "-o", str(folder)]
+    command = [sys.executable, "-m", "hypermap", "demo", "-o", str(folder), "--keep-recording"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     return folder

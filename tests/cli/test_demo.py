@@ -38,6 +38,14 @@ def test_the_demo_makes_a_map_and_compares_it(hypermap, short_demo, tmp_path):
         assert image.width > 1000
 
 
+def test_the_kept_recording_gives_the_same_map(hypermap, short_demo, tmp_path):
+    assert hypermap("demo", "-o", tmp_path, "--keep-recording").code == 0
+    again = tmp_path / "again.hmap"
+    assert hypermap("map", tmp_path / "recording", "-o", again).code == 0
+    first, second = (open_map(path)["semantic"] for path in (tmp_path / "room.hmap", again))
+    assert sorted(first.names) == sorted(second.names)
+
+
 def test_a_file_in_place_of_the_folder_is_said_so(hypermap, tmp_path):
     (tmp_path / "demo").write_text("precious")
     assert_one_error(hypermap("demo", "-o", tmp_path / "demo"), "this is a file; name a folder")

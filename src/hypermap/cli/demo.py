@@ -21,6 +21,10 @@ def command(
         Path,
         typer.Option("-o", "--output", metavar="FOLDER", help="Where map and picture go."),
     ] = Path("hypermap-demo"),
+    keep_recording: Annotated[
+        bool,
+        typer.Option("--keep-recording", help="Save what the camera saw, too, for `hypermap map`."),
+    ] = False,
 ) -> None:
     """See a map being made, of a simulated room, and how near it comes to the truth.
 
@@ -28,7 +32,8 @@ def command(
     names what it sees. The map made of it is saved, compared with the true one, and drawn.
 
     Examples:
-        hypermap demo -o demo
+        hypermap demo
+        hypermap demo -o demo --keep-recording
     """
     from hypermap.cli.progress import mapping_progress
     from hypermap.evaluation import evaluate
@@ -36,12 +41,15 @@ def command(
     from hypermap.mapping.config import profile
     from hypermap.mapping.mapper import map_recording
     from hypermap.perception.detectors.sources import detections_from_recording
-    from hypermap.simulation import SimulatedRecording, demo_world, ground_truth
+    from hypermap.simulation import SimulatedRecording, demo_world, ground_truth, write_tum
     from hypermap.viewer.picture import render
 
     _make_folder(folder)
     world = demo_world()
     recording = SimulatedRecording(world, has_occupancy=False)
+    if keep_recording:
+        note(f"saving {len(recording)} simulated frames ...")
+        write_tum(recording, folder / "recording")
     note(f"driving through a simulated room with {len(world.objects)} objects ...")
     with mapping_progress(len(recording)) as report:
         source = detections_from_recording()
@@ -63,6 +71,9 @@ Now ask it:
   hypermap query {map_file} --at 2,1
   hypermap info {map_file}
   hypermap shell {map_file}""")
+    if keep_recording:
+        say("\nOr map the recording yourself:")
+        say(f"  hypermap map {folder / 'recording'} -o {folder / 'mine.hmap'}")
 
 
 def _make_folder(folder: Path) -> None:
