@@ -152,12 +152,17 @@ def _content(layer: dict[str, Any]) -> str:
 
 
 def _flat(values: dict[str, Any], prefix: str = "") -> list[tuple[str, str]]:
+    """Return names and values; what belongs together and holds no more groups is one row."""
     rows: list[tuple[str, str]] = []
     for key, value in values.items():
-        if isinstance(value, dict):
+        name = printable(f"{prefix}{key}", 60)
+        if not isinstance(value, dict):
+            rows.append((name, printable(value, 100)))
+        elif any(isinstance(inner, dict) for inner in value.values()):
             rows += _flat(value, f"{prefix}{key}.")
         else:
-            rows.append((printable(f"{prefix}{key}", 60), printable(value, 100)))
+            pairs = [f"{printable(k, 60)} {printable(v, 100)}" for k, v in value.items()]
+            rows.append((name, ", ".join(pairs)))
     return rows
 
 
