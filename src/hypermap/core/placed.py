@@ -43,7 +43,7 @@ class Placed:
     Attributes:
         shapes: valid geometries, shape (N,).
         centroids: of the shapes [m], shape (N, 2).
-        keys: a number for each object, int64, shape (N,); -1 for a shape that is no object.
+        keys: a number for each object, int64, shape (N,); -1 for an asked geometry.
     """
 
     shapes: ObjectArray
@@ -52,7 +52,7 @@ class Placed:
 
     @classmethod
     def geometry(cls, geometry: BaseGeometry) -> Placed:
-        """Return a geometry that is no object; nothing for an empty one."""
+        """Return a geometry to ask about, which is no object; nothing for an empty one."""
         shapes = as_objects([] if geometry.is_empty else [geometry])
         centroids = shapely.get_coordinates(shapely.centroid(shapes))
         return cls(shapes, centroids, np.full(len(shapes), NO_OBJECT))
@@ -98,8 +98,7 @@ class Placed:
         return inside
 
     def _same(self, here: IntArray, others: Placed, there: IntArray) -> BoolArray:
-        keys = self.keys[here]
-        return np.asarray((keys == others.keys[there]) & (keys != NO_OBJECT))
+        return np.asarray(self.keys[here] == others.keys[there])
 
 
 @dataclass(frozen=True, eq=False)
