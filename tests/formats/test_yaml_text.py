@@ -168,10 +168,17 @@ def test_what_yaml_cannot_hold_is_a_type_error_with_its_place() -> None:
         write_yaml({(1, 2): 3})
     endless: list[Any] = []
     endless.append(endless)
-    with pytest.raises(ValueError, match="nested too deeply"):
+    with pytest.raises(HypermapError, match="nested too deeply"):
         write_yaml(endless)
 
 
 def test_the_same_list_twice_is_written_twice() -> None:
     shared = ["a"]
     assert write_yaml([shared, shared]) == b"- [a]\n- [a]\n"
+
+
+@pytest.mark.parametrize("digits", ["9" * 1001, "0x" + "f" * 1000, ":".join(["1"] * 600)])
+def test_a_whole_number_too_long_to_be_written_again_is_refused(digits: str) -> None:
+    with pytest.raises(FormatError) as error:
+        read_yaml(f"size: {digits}".encode(), "objects")
+    assert str(error.value) == f"objects: line 1: {digits[:40]!r} is not a valid int"

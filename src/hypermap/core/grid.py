@@ -17,7 +17,8 @@ from hypermap.core.shapes import as_area
 _TILE = 64  # cells; tiles wholly inside or outside an area are decided at once
 _DECIMALS = 6  # of a cell
 _FAR = 1e12  # metres; no grid reaches there
-_RESOLUTIONS = (1e-6, 1e6)  # metres
+RESOLUTIONS = (1e-6, 1e6)
+"""The smallest and the largest side of a cell [m]."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +54,7 @@ class GridGeometry:
         operator.index(self.width), operator.index(self.height)  # a TypeError for others
         if self.width < 1 or self.height < 1:
             raise ValueError(f"a grid needs at least one cell, got {self.width} x {self.height}")
-        smallest, largest = _RESOLUTIONS
+        smallest, largest = RESOLUTIONS
         if not smallest <= self.resolution <= largest:
             raise ValueError(
                 f"resolution must be from {smallest:g} to {largest:g} m, got {self.resolution}"

@@ -8,9 +8,13 @@ from typing import Annotated, Any, TypeVar
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from hypermap.core.errors import FormatError
+from hypermap.formats.limits import MAX_PLACE
 
 Text = Annotated[str, Field(min_length=1)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
+_Placed = Annotated[Finite, Field(ge=-MAX_PLACE, le=MAX_PLACE)]
+Pose = tuple[_Placed, _Placed, Finite]
+"""x, y, yaw [m, m, rad]."""
 
 
 class Checked(BaseModel):

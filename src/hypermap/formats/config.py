@@ -9,7 +9,7 @@ from pydantic import Field
 
 from hypermap.core.errors import FormatError, FrameError
 from hypermap.core.frames import FrameTree, Pose2D, Transform
-from hypermap.formats.checked import Checked, Finite, Text, check
+from hypermap.formats.checked import Checked, Pose, Text, check
 from hypermap.formats.yaml_text import read_yaml, write_yaml
 
 CONFIG_NAME = "hmap_config.yaml"
@@ -73,7 +73,7 @@ class _Layer(Checked):
 class _Transform(Checked):
     frame_id: Text
     child_frame_id: Text
-    transform_pose: tuple[Finite, Finite, Finite]
+    transform_pose: Pose
 
 
 class _Config(Checked):

@@ -30,3 +30,9 @@ MAX_YAML_VALUES = 5_000_000
 """Values in a YAML file, with aliases counted as often as they are used."""
 
 MAX_YAML_DEPTH = 64
+
+MAX_PLACE = 1e9
+"""Metres from the origin of a frame; farther out, cells and outlines have no room in a number."""
+
+MAX_INTEGER_LETTERS = 1000
+"""Of a whole number in YAML; Python writes no more than 4300 digits."""

@@ -16,11 +16,11 @@ from pydantic import Field, model_validator
 
 from hypermap.core.errors import FormatError, HypermapError
 from hypermap.core.frames import Pose2D
-from hypermap.core.grid import GridGeometry
+from hypermap.core.grid import RESOLUTIONS, GridGeometry
 from hypermap.core.layer import Store
 from hypermap.core.occupancy import UNKNOWN, OccupancyLayer
 from hypermap.formats import limits
-from hypermap.formats.checked import Checked, Finite, Text, check
+from hypermap.formats.checked import Checked, Finite, Pose, Text, check
 from hypermap.formats.pictures import GreyPicture, decode_grey, encode_png
 from hypermap.formats.store import read_file
 from hypermap.formats.yaml_text import read_yaml, write_yaml
@@ -33,8 +33,8 @@ class MapYaml(Checked):
     """What a map_server YAML file says about its picture."""
 
     image: Text
-    resolution: Annotated[Finite, Field(gt=0)]
-    origin: tuple[Finite, Finite, Finite]
+    resolution: Annotated[Finite, Field(ge=RESOLUTIONS[0], le=RESOLUTIONS[1])]
+    origin: Pose
     negate: bool = False
     occupied_thresh: _Fraction
     free_thresh: _Fraction

@@ -71,8 +71,7 @@ def write_yaml(value: Any) -> bytes:
 
     Raises:
         TypeError: If a value is of a type that YAML does not have.
-        ValueError: If it is nested too deeply.
-        HypermapError: If it is too large to be read again.
+        HypermapError: If it is too large or nested too deeply to be read again.
 
     >>> print(write_yaml({"layers": [{"name": "no", "origin": (0.1, 2.0)}]}).decode(), end="")
     layers:
@@ -97,7 +96,7 @@ def write_yaml(value: Any) -> bytes:
 def plain_value(value: Any, place: str = "the value", depth: int = 0) -> Any:
     """Return a value in the types that YAML has, sharing nothing that could change."""
     if depth > limits.MAX_YAML_DEPTH - 2:
-        raise ValueError(f"{place} is nested too deeply to be saved")
+        raise HypermapError(f"{place[:80]} is nested too deeply to be saved")
     if isinstance(value, np.ndarray | np.generic):
         value = value.tolist()
     if isinstance(value, Mapping):
@@ -224,6 +223,8 @@ class _Reader:
         if tag not in _SCALARS:
             raise self._error(event, f"the tag {tag} is not allowed")
         try:
+            if tag == f"{_TAG}int" and len(event.value) > limits.MAX_INTEGER_LETTERS:
+                raise ValueError("too long to be written again")
             return _SCALARS[tag](yaml.ScalarNode(tag, event.value))
         except (ValueError, OverflowError, KeyError, AttributeError, yaml.YAMLError):
             kind = tag.removeprefix(_TAG)
