@@ -29,6 +29,7 @@ def command(
         Path,
         typer.Argument(
             metavar="IN",
+            readable=False,
             show_default=False,
             help="An .hmap archive, a configuration or its folder, a map_server YAML, a GeoJSON "
             "file, or a YAML list of objects.",

@@ -24,7 +24,10 @@ if TYPE_CHECKING:
 @takes_recording_options
 def command(
     path: Annotated[
-        Path, typer.Argument(metavar="PATH", show_default=False, help="A map or a recording.")
+        Path,
+        typer.Argument(
+            metavar="PATH", readable=False, show_default=False, help="A map or a recording."
+        ),
     ],
     recording_options: RecordingOptions,
     as_json: AsJson = False,

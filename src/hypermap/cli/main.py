@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import inspect
-import logging
 import re
 import sys
 from collections.abc import Sequence
@@ -13,7 +12,14 @@ import typer
 
 from hypermap import __version__
 from hypermap.cli import convert, demo, info, map_, query, render, shell
-from hypermap.cli.terminal import BAD_INPUT, INTERRUPTED, LineHandler, complain, describe
+from hypermap.cli.terminal import (
+    BAD_INPUT,
+    INTERRUPTED,
+    complain,
+    describe,
+    log_to_standard_error,
+    prepare_streams,
+)
 from hypermap.core.errors import HypermapError
 
 app = typer.Typer(
@@ -48,9 +54,7 @@ def _options(
     ] = False,
 ) -> None:
     """Maps for robots that hold more than free and occupied, built from RGB-D and easy to ask."""
-    logger = logging.getLogger("hypermap")
-    logger.handlers = [LineHandler()]
-    logger.setLevel([logging.WARNING, logging.INFO, logging.DEBUG][min(verbose, 2)])
+    log_to_standard_error(verbose)
 
 
 def _flowing(docstring: str) -> str:
@@ -73,6 +77,7 @@ for _name, _module in {
 
 def main(args: Sequence[str] | None = None) -> NoReturn:
     """Run the command line and exit: 0 done, 2 bad input or usage, 130 stopped by Ctrl-C."""
+    prepare_streams()
     try:
         app(args, prog_name="hypermap")
     except (HypermapError, OSError) as error:

@@ -18,6 +18,7 @@ MapPath = Annotated[
     Path,
     typer.Argument(
         metavar="MAP",
+        readable=False,
         show_default=False,
         help="An .hmap archive, a configuration file in a folder, or a map_server YAML.",
     ),

@@ -22,7 +22,8 @@ if TYPE_CHECKING:
 
 def command(
     path: Annotated[
-        Path | None, typer.Argument(metavar="[MAP]", show_default=False, help="A map to open.")
+        Path | None,
+        typer.Argument(metavar="[MAP]", readable=False, show_default=False, help="A map to open."),
     ] = None,
 ) -> None:
     """Ask a map line by line, with the commands of the map server.

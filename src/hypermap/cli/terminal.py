@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import functools
+import io
 import json
 import logging
 import math
+import os
 import sys
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hypermap.core.errors import HypermapError
@@ -17,6 +20,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 BAD_INPUT, INTERRUPTED = 2, 130  # exit codes
+_LONGEST = 2000  # characters of a message
 _PIPED_WIDTH = 160  # columns of a table that goes to a file or another program
 
 
@@ -47,13 +51,35 @@ def say(text: str = "", style: str | None = None) -> None:
 
 def note(text: str) -> None:
     """Print a line that is no answer, such as where something was saved."""
-    err().print(text, soft_wrap=True)
+    err().print(visible(text), soft_wrap=True)
 
 
 def complain(text: str) -> None:
     """Print what is wrong, in one line."""
-    lines = (" ".join(line.split()) for line in text.splitlines())
-    print("hypermap: error:", "; ".join(filter(None, lines)), file=sys.stderr, flush=True)  # noqa: T201
+    lines = (line.strip() for line in text.splitlines())
+    message = visible("; ".join(filter(None, lines)))
+    print("hypermap: error:", message, file=sys.stderr, flush=True)  # noqa: T201
+
+
+def visible(text: str) -> str:
+    r"""Return a text of ours with names from outside in it, safe for a terminal and not endless.
+
+    >>> visible("\x1b[31m.hmap: there is no such file")
+    '\\x1b[31m.hmap: there is no such file'
+    """
+    if len(text) > _LONGEST:
+        text = f"{text[: _LONGEST // 2]} ... {text[-_LONGEST // 2 :]}"
+    return "".join(c if c.isprintable() or c == "\n" else ascii(c)[1:-1] for c in text)
+
+
+def prepare_streams() -> None:
+    """Make it safe to write: where a stream is closed, and where it does not know all letters."""
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+        if getattr(sys, name) is None:  # what Python makes of `>&-`
+            setattr(sys, name, Path(os.devnull).open(mode))  # noqa: SIM115 - it stays open
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
 
 
 def describe(error: HypermapError | OSError) -> str:
@@ -65,7 +91,8 @@ def describe(error: HypermapError | OSError) -> str:
 
 def say_json(value: Any) -> None:
     """Print JSON; a number that is not finite becomes null, and what JSON does not know, text."""
-    json.dump(_finite(value), sys.stdout, indent=2, ensure_ascii=False, default=str)
+    knows_all_letters = (getattr(sys.stdout, "encoding", None) or "").lower().startswith("utf")
+    json.dump(_finite(value), sys.stdout, indent=2, ensure_ascii=not knows_all_letters, default=str)
     sys.stdout.write("\n")
 
 
@@ -104,3 +131,14 @@ class LineHandler(logging.Handler):
     def emit(self, record: logging.LogRecord) -> None:
         """Print a record on standard error."""
         note(f"hypermap: {record.levelname.lower()}: {' '.join(record.getMessage().split())}")
+
+
+def log_to_standard_error(verbose: int) -> None:
+    """Show what the library logs; what other libraries warn of is for its developers alone."""
+    logging.captureWarnings(True)  # of no use to someone who asks a map
+    levels = {"hypermap": (logging.WARNING, logging.INFO, logging.DEBUG)}
+    levels["py.warnings"] = (logging.ERROR, logging.ERROR, logging.WARNING)
+    for name, level in levels.items():
+        logger = logging.getLogger(name)
+        logger.handlers = [LineHandler()]
+        logger.setLevel(level[min(verbose, 2)])
