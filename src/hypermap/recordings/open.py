@@ -12,8 +12,10 @@ from hypermap.recordings.options import RecordingOptions
 _LOOKED_FOR = (
     "a TUM RGB-D folder (rgb.txt, depth.txt, groundtruth.txt), "
     "a 7-Scenes folder (frame-000000.color.jpg or .png, .depth.png, .pose.txt, ...), "
-    "a ROS 1 bag (NAME.bag) or a ROS 2 bag (a folder with metadata.yaml, NAME.db3 or NAME.mcap)"
+    "a ROS 1 bag (NAME.bag, or a folder of its parts NAME_0.bag, NAME_1.bag, ...) or a ROS 2 bag "
+    "(a folder with metadata.yaml, NAME.db3 or NAME.mcap)"
 )
+_BAG_ENDINGS = (".bag", ".active", ".db3", ".mcap")
 
 
 def open_recording(path: str | Path, options: RecordingOptions | None = None) -> Recording:
@@ -28,18 +30,27 @@ def open_recording(path: str | Path, options: RecordingOptions | None = None) ->
     path = Path(path)
     if not path.exists():
         raise FileMissing(f"{path}: there is no such file or folder")
+    if not (path.is_file() or path.is_dir()):
+        raise FormatError("is neither a file nor a folder", path=path)
     open_it = _recognise(path)
     if open_it is None:
         inside = [] if path.is_file() else sorted(p for p in path.iterdir() if p.is_dir())
-        hint = next((f" (is it {p}?)" for p in inside if _recognise(p) is not None), "")
-        raise FormatError(f"no recording found{hint}; looked for {_LOOKED_FOR}", path=path)
+        recordings = [p.name for p in inside if _recognise(p) is not None]
+        if recordings:
+            listed = ", ".join(recordings[:6]) + (", ..." if len(recordings) > 6 else "")
+            raise FormatError(
+                f"a recording lies one folder further down ({listed}); "
+                f"name it, as {path / recordings[0]}",
+                path=path,
+            )
+        raise FormatError(f"no recording found; looked for {_LOOKED_FOR}", path=path)
     return open_it(path, options or RecordingOptions())
 
 
 def _recognise(path: Path) -> Callable[[Path, RecordingOptions], Recording] | None:
     # Each kind is imported where it is needed: rosbags and Pillow take their time.
     if path.is_file():
-        return _bag() if path.suffix in (".bag", ".db3", ".mcap") else None
+        return _bag() if path.suffix in _BAG_ENDINGS else None
     if (path / "metadata.yaml").exists():
         return _bag()
     if (path / "depth.txt").exists() or (path / "rgb.txt").exists():
@@ -50,7 +61,7 @@ def _recognise(path: Path) -> Callable[[Path, RecordingOptions], Recording] | No
         from hypermap.recordings.seven_scenes import SevenScenesRecording
 
         return SevenScenesRecording
-    if any(path.glob("*.db3")) or any(path.glob("*.mcap")):
+    if any(file.suffix in _BAG_ENDINGS for file in path.iterdir()):
         return _bag()
     return None
 
