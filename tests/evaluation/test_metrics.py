@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hypermap.core.semantic import SemanticObject
-from hypermap.evaluation.metrics import Detection, closest_shapes, evaluate
+from hypermap.evaluation.metrics import Detection, evaluate
 
 
 def bar(name: str, x0: float, x1: float) -> SemanticObject:
@@ -28,10 +28,48 @@ def test_the_scores_of_a_small_map() -> None:
     assert overall.iou == pytest.approx((3 / 4 + 1 / 3 + 1 + 0) / 4)
     assert overall.centroid_distance == pytest.approx((0.5 + 1 + 0) / 3)
     loose, strict = overall.detection
-    assert loose == Detection(0.25, found=3, missed=1, invented=1)
+    mean = pytest.approx((3 / 4 + 1 / 3 + 1) / 3)
+    assert loose == Detection(0.25, found=3, missed=1, duplicates=0, false=1, found_iou=mean)
     assert (loose.precision, loose.recall, loose.f1) == (0.75, 0.75, 0.75)
-    assert strict == Detection(0.5, found=2, missed=2, invented=2)
+    mean = pytest.approx((3 / 4 + 1) / 2)
+    assert strict == Detection(0.5, found=2, missed=2, duplicates=0, false=2, found_iou=mean)
     assert (strict.precision, strict.recall, strict.f1) == (0.5, 0.5, 0.5)
+
+
+def test_panoptic_quality_is_the_sum_of_iou_over_finds_and_half_of_all_errors() -> None:
+    # Kirillov's equation 1: the sum over the finds, over finds + missed / 2 + no finds / 2.
+    loose, strict = evaluate(ESTIMATE, TRUTH).overall.detection
+    assert loose.panoptic_quality == pytest.approx((3 / 4 + 1 / 3 + 1) / (3 + 1 / 2 + 1 / 2))
+    assert strict.panoptic_quality == pytest.approx((3 / 4 + 1) / (2 + 2 / 2 + 2 / 2))
+
+
+def test_its_mean_over_the_classes_leaves_out_those_without_truth() -> None:
+    # At 0.25 chairs have (3/4 + 1/3) / 2, the table 1 and the cup 0; plants have no truth.
+    at_quarter, at_half = evaluate(ESTIMATE, TRUTH).class_mean_quality()
+    assert at_quarter == pytest.approx(((3 / 4 + 1 / 3) / 2 + 1 + 0) / 3)
+    assert at_half == pytest.approx((3 / 4 / (1 + 1 / 2 + 1 / 2) + 1 + 0) / 3)
+    assert evaluate(ESTIMATE, []).class_mean_quality() == [None, None]
+    assert evaluate([], []).class_mean_quality() == [None, None]
+
+
+def test_the_area_is_off_by_a_share_of_the_true_one() -> None:
+    # Matches: 3 of 4 m2 (-1/4), 2 of 2 (0), and a sofa three times as large as it is (+2).
+    overall = evaluate([*ESTIMATE, bar("sofa", 50, 53)], [*TRUTH, bar("sofa", 51, 52)]).overall
+    assert overall.area_bias == pytest.approx((-1 / 4 + 0 + 0 + 2) / 4)
+    assert overall.area_error == pytest.approx((1 / 4 + 0 + 0 + 2) / 4)
+
+
+def test_a_second_object_on_a_found_one_is_a_duplicate_and_elsewhere_it_is_false() -> None:
+    estimate = [bar("chair", 0, 4), bar("chair", 3, 5), bar("chair", 3.1, 5.1), bar("chair", 8, 9)]
+    (loose, _) = evaluate(estimate, [bar("chair", 0, 4)]).overall.detection
+    assert (loose.found, loose.duplicates, loose.false) == (1, 1, 2)
+    assert loose.precision == 1 / 4
+
+
+def test_a_second_object_where_nothing_was_found_is_no_duplicate() -> None:
+    pieces = [bar("table", 0, 1), bar("table", 5, 6)]
+    (loose, _) = evaluate(pieces, [bar("table", 0, 10)]).overall.detection
+    assert (loose.found, loose.missed, loose.duplicates, loose.false) == (0, 1, 0, 2)
 
 
 def test_the_scores_of_one_class() -> None:
@@ -48,16 +86,19 @@ def test_every_class_of_either_map_is_scored_in_alphabetical_order() -> None:
 
 def test_a_class_without_ground_truth_is_not_defined() -> None:
     plant = evaluate(ESTIMATE, TRUTH).classes["plant"]
-    assert (plant.iou, plant.centroid_distance, plant.shape_iou) == (None, None, None)
+    assert (plant.iou, plant.centroid_distance, plant.area_error) == (None, None, None)
+    assert (plant.compared, plant.shape_iou, plant.shape_distance) == (0, None, None)
     for detection in plant.detection:
         assert (detection.precision, detection.recall, detection.f1) == (None, None, None)
-        assert detection.invented == 1
+        assert detection.panoptic_quality is None
+        assert detection.false == 1
 
 
 def test_a_class_that_was_missed_scores_zero_where_that_is_defined() -> None:
     cup = evaluate(ESTIMATE, TRUTH).classes["cup"]
     assert (cup.iou, cup.centroid_distance, cup.shape_iou) == (0.0, None, None)
     assert [(d.precision, d.recall, d.f1) for d in cup.detection] == [(None, 0.0, 0.0)] * 2
+    assert [d.panoptic_quality for d in cup.detection] == [0.0, 0.0]
 
 
 def test_two_empty_maps_have_no_scores() -> None:
@@ -71,28 +112,14 @@ def test_the_iou_of_every_true_object_is_told() -> None:
     assert evaluate(ESTIMATE, TRUTH).object_iou == pytest.approx((3 / 4, 1 / 3, 1, 0))
 
 
-def test_the_shape_measure_moves_the_nearest_object_onto_the_true_one() -> None:
-    # A bar of 2 m beside one of 4 m: moved onto each other they share 2 of 4 square metres.
-    (closest,) = closest_shapes([bar("sofa", 100, 140), bar("sofa", 11, 13)], [bar("sofa", 0, 4)])
-    assert (closest.ground_truth, closest.estimate) == (0, 1)
-    assert closest.distance == pytest.approx(10)
-    assert closest.iou == pytest.approx(0.5)
-
-
 def test_the_shape_measure_takes_its_means_over_classes_that_the_estimate_has() -> None:
     evaluation = evaluate(ESTIMATE, TRUTH)
     # Chairs: 3 of 4 m, and 2 of 2 m; the table is exact; the cup's class is not in the estimate.
     assert evaluation.classes["chair"].shape_iou == pytest.approx((3 / 4 + 1) / 2)
     assert evaluation.classes["cup"].shape_iou is None
+    assert evaluation.overall.compared == 3
     assert evaluation.overall.shape_iou == pytest.approx((3 / 4 + 1 + 1) / 3)
-
-
-def test_one_estimated_object_may_be_the_nearest_of_several() -> None:
-    closest = closest_shapes([bar("cup", 0, 1)], [bar("cup", 2, 3), bar("cup", 5, 6)])
-    assert [(c.estimate, c.distance) for c in closest] == [
-        (0, pytest.approx(2)),
-        (0, pytest.approx(5)),
-    ]
+    assert evaluation.overall.shape_distance == pytest.approx((0.5 + 1 + 0) / 3)
 
 
 things = st.lists(
@@ -124,8 +151,10 @@ def test_the_truth_against_itself_is_perfect(truth: list[SemanticObject]) -> Non
     for score in (evaluation.overall, *evaluation.classes.values()):
         assert score.iou == pytest.approx(1)
         assert score.shape_iou == pytest.approx(1)
-        assert score.centroid_distance == pytest.approx(0)
+        assert score.centroid_distance == score.shape_distance == pytest.approx(0)
+        assert score.area_error == pytest.approx(0)
         assert [d.f1 for d in score.detection] == [1, 1]
+        assert [d.panoptic_quality for d in score.detection] == pytest.approx([1, 1])
 
 
 @given(things, things)
@@ -143,4 +172,16 @@ def test_scores_lie_between_zero_and_one(a: list[SemanticObject], b: list[Semant
     for score in (evaluation.overall, *evaluation.classes.values()):
         values = [score.iou, score.shape_iou]
         values += [v for d in score.detection for v in (d.precision, d.recall, d.f1)]
+        values += [d.panoptic_quality for d in score.detection]
         assert all(0 <= value <= 1 + 1e-9 for value in values if value is not None)
+
+
+@given(things, things)
+def test_every_object_is_counted_once(a: list[SemanticObject], b: list[SemanticObject]) -> None:
+    evaluation = evaluate(a, b)
+    for k, whole in enumerate(evaluation.overall.detection):
+        parts = [score.detection[k] for score in evaluation.classes.values()]
+        assert whole.found + whole.duplicates + whole.false == len(a)
+        assert whole.found + whole.missed == len(b)
+        for count in ("found", "missed", "duplicates", "false"):
+            assert getattr(whole, count) == sum(getattr(part, count) for part in parts)

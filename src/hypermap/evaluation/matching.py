@@ -11,8 +11,11 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 from shapely.geometry.base import BaseGeometry
 
+from hypermap.core.arrays import as_objects
 from hypermap.core.semantic import SemanticObject
+from hypermap.core.shapes import valid_copies
 
+DUPLICATE_SHARE = 0.5  # of the smaller area, which a duplicate shares with an object found already
 _PER_PAIR = 1e-9  # what a pair is worth besides its IoU; enough to decide between equal sums
 
 
@@ -65,24 +68,65 @@ def match_objects(
     return tuple(sorted(matches, key=lambda match: match.ground_truth))
 
 
+def find_duplicates(
+    estimate: Sequence[SemanticObject],
+    ground_truth: Sequence[SemanticObject],
+    matches: Sequence[Match],
+    min_share: float = DUPLICATE_SHARE,
+) -> tuple[int, ...]:
+    """Return the places of the estimated objects that show a matched true object once more.
+
+    These have no match of their own, but share at least `min_share` of the smaller one's area with
+    a true object of their name that has one. So a piece of an object is a duplicate, too.
+    """
+    taken = {match.estimate for match in matches}
+    found: list[int] = []
+    for name in {ground_truth[match.ground_truth].name for match in matches}:
+        free = [i for i, thing in enumerate(estimate) if thing.name == name and i not in taken]
+        shown = [ground_truth[match.ground_truth] for match in matches]
+        overlap = _overlap(
+            [estimate[i].footprint for i in free],
+            [thing.footprint for thing in shown if thing.name == name],
+        )
+        shares = overlap.of_smaller().max(axis=1)
+        found += [i for i, share in zip(free, shares, strict=True) if share >= min_share]
+    return tuple(sorted(found))
+
+
 def iou_matrix(
     shapes: Sequence[BaseGeometry], others: Sequence[BaseGeometry]
 ) -> NDArray[np.float64]:
     """Return the intersection over union of every shape with every other, shape (N, M).
 
-    It is 0 where neither of the two has an area.
+    It is 0 where neither of the two has an area. An outline that crosses itself counts as what it
+    winds around.
     """
-    a, b = _valid(shapes), _valid(others)
-    iou = np.zeros((len(a), len(b)))
+    return _overlap(shapes, others).of_both()
+
+
+@dataclass(frozen=True, eq=False)
+class _Overlap:
+    """Areas [m^2]: shared by each of N shapes with each of M others, and of each by itself."""
+
+    shared: NDArray[np.float64]
+    areas: NDArray[np.float64]
+    others: NDArray[np.float64]
+
+    def of_both(self) -> NDArray[np.float64]:
+        """Return the share of what the two cover together, shape (N, M)."""
+        return self._over(self.areas[:, None] + self.others - self.shared)
+
+    def of_smaller(self) -> NDArray[np.float64]:
+        """Return the share of the smaller of the two, shape (N, M)."""
+        return self._over(np.minimum(self.areas[:, None], self.others))
+
+    def _over(self, whole: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.divide(self.shared, whole, out=np.zeros_like(self.shared), where=whole > 0)
+
+
+def _overlap(shapes: Sequence[BaseGeometry], others: Sequence[BaseGeometry]) -> _Overlap:
+    a, b = (valid_copies(as_objects(column)) for column in (shapes, others))
+    shared = np.zeros((len(a), len(b)))
     i, j = shapely.STRtree(b).query(a, predicate="intersects")
-    shared = shapely.area(shapely.intersection(a[i], b[j]))
-    covered = shapely.area(a[i]) + shapely.area(b[j]) - shared
-    iou[i, j] = np.divide(shared, covered, out=np.zeros_like(shared), where=covered > 0)
-    return iou
-
-
-def _valid(shapes: Sequence[BaseGeometry]) -> NDArray[np.object_]:
-    """Return shapes of which areas can be taken: a ring drawn by hand may cross itself."""
-    column = np.empty(len(shapes), dtype=object)
-    column[:] = list(shapes)
-    return shapely.make_valid(column)
+    shared[i, j] = shapely.area(shapely.intersection(a[i], b[j]))
+    return _Overlap(shared, np.asarray(shapely.area(a)), np.asarray(shapely.area(b)))

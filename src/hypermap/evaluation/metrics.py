@@ -9,8 +9,11 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from hypermap.core.arrays import as_objects
 from hypermap.core.semantic import SemanticObject
-from hypermap.evaluation.matching import Match, iou_matrix, match_objects
+from hypermap.core.shapes import valid_copies
+from hypermap.evaluation.closest import ClosestShape, centroids, closest_shapes
+from hypermap.evaluation.matching import Match, find_duplicates, match_objects
 
 THRESHOLDS = (0.25, 0.5)
 
@@ -23,20 +26,24 @@ class Detection:
         min_iou: the least IoU of a find.
         found: true objects that were found.
         missed: true objects that were not.
-        invented: estimated objects that stand for no true one.
+        duplicates: estimated objects that show a found one once more.
+        false: all other estimated objects that are no find.
+        found_iou: mean IoU of the finds; None if there are none.
     """
 
     min_iou: float
     found: int
     missed: int
-    invented: int
+    duplicates: int
+    false: int
+    found_iou: float | None
 
     @property
     def precision(self) -> float | None:
-        """Share of the estimated objects that are true; None unless there are some of both."""
-        if self.found + self.missed == 0:
+        """Share of the estimated objects that are finds; None unless there are some of both."""
+        if not self._has_truth:
             return None
-        return _ratio(self.found, self.found + self.invented)
+        return _ratio(self.found, self.found + self.duplicates + self.false)
 
     @property
     def recall(self) -> float | None:
@@ -46,9 +53,22 @@ class Detection:
     @property
     def f1(self) -> float | None:
         """Harmonic mean of precision and recall; None if there are no true objects."""
-        if self.found + self.missed == 0:
+        if not self._has_truth:
             return None
-        return _ratio(2 * self.found, 2 * self.found + self.missed + self.invented)
+        return _ratio(2 * self.found, 2 * self.found + self.missed + self.duplicates + self.false)
+
+    @property
+    def panoptic_quality(self) -> float | None:
+        """Mean IoU of the finds, times F1; None if there are no true objects.
+
+        Source: Kirillov et al., "Panoptic Segmentation", 2019, equation 1, with `min_iou` in
+        place of their 0.5.
+        """
+        return None if self.f1 is None else self.f1 * (self.found_iou or 0.0)
+
+    @property
+    def _has_truth(self) -> bool:
+        return self.found + self.missed > 0
 
 
 @dataclass(frozen=True)
@@ -61,17 +81,41 @@ class Score:
         iou: mean over the true objects of the IoU with their match, 0 without one; None if there
             are no true objects.
         centroid_distance: mean over the matched objects of the distance between the centroids
-            [m]; None if nothing matched.
-        shape_iou: the thesis' measure, see `closest_shapes`; None where it is not defined.
-        detection: precision, recall and F1, one for each threshold.
+            [m]; None if nothing matched, as in the next two.
+        area_error: mean over the matched objects of how much the area is off, either way, as a
+            share of the true area.
+        area_bias: the same with a sign: above 0 where areas are too large.
+        compared: number of true objects that the thesis' measure compares, see `closest_shapes`.
+        shape_iou: their mean Jaccard index, moved onto each other; None if there are none.
+        shape_distance: mean distance of their centroids [m]; None if there are none.
+        detection: what was found, one for each threshold.
     """
 
     estimated: int
     true: int
     iou: float | None
     centroid_distance: float | None
+    area_error: float | None
+    area_bias: float | None
+    compared: int
     shape_iou: float | None
+    shape_distance: float | None
     detection: tuple[Detection, ...]
+
+
+@dataclass(frozen=True)
+class Finds:
+    """Which estimated objects are finds at a threshold, and which show one of these once more.
+
+    Attributes:
+        min_iou: the least IoU of a find.
+        matches: the finds.
+        duplicates: places among the estimated objects.
+    """
+
+    min_iou: float
+    matches: tuple[Match, ...]
+    duplicates: tuple[int, ...]
 
 
 @dataclass(frozen=True)
@@ -83,29 +127,27 @@ class Evaluation:
         classes: of every class in the estimate or in the truth, by name in alphabetical order.
         object_iou: IoU of every true object with its match, 0 without one, in their order.
         matches: of estimated and true objects, with the largest sum of IoU.
+        closest: the thesis' comparisons.
+        finds: one for each threshold.
     """
 
     overall: Score
     classes: Mapping[str, Score]
     object_iou: tuple[float, ...]
     matches: tuple[Match, ...]
+    closest: tuple[ClosestShape, ...]
+    finds: tuple[Finds, ...]
 
+    def class_mean_quality(self) -> list[float | None]:
+        """Return for each threshold the panoptic quality, as its authors take the mean.
 
-@dataclass(frozen=True)
-class ClosestShape:
-    """A true object beside the nearest estimated object of its class.
-
-    Attributes:
-        ground_truth: its place among the true objects.
-        estimate: place of the one whose centroid is the nearest.
-        distance: between the centroids [m].
-        iou: of the shapes, moved so that the centroids coincide.
-    """
-
-    ground_truth: int
-    estimate: int
-    distance: float
-    iou: float
+        That is over the classes that have true objects, each class counting the same.
+        """
+        by_class = [
+            [d.panoptic_quality for d in score.detection] for score in self.classes.values()
+        ]
+        columns = zip(*by_class, strict=True) if by_class else [()] * len(self.finds)
+        return [_mean([q for q in column if q is not None]) for column in columns]
 
 
 def evaluate(
@@ -116,84 +158,97 @@ def evaluate(
     """Return how well estimated objects agree with the true ones, both in the same frame.
 
     Precision and recall at a threshold use the matching that is best among the pairs that reach
-    it; IoU and distance that of all pairs that overlap.
+    it; IoU, distance and area that of all pairs that overlap.
 
     >>> table = SemanticObject("table", shapely.box(0, 0, 2, 1))
     >>> half = SemanticObject("table", shapely.box(0, 0, 1, 1))
     >>> score = evaluate([half], [table]).overall
-    >>> score.iou, score.centroid_distance, [d.recall for d in score.detection]
-    (0.5, 0.5, [1.0, 1.0])
+    >>> score.iou, score.centroid_distance, score.area_bias, [d.recall for d in score.detection]
+    (0.5, 0.5, -0.5, [1.0, 1.0])
     """
     matches = match_objects(estimate, ground_truth)
-    finds = {at: match_objects(estimate, ground_truth, min_iou=at) for at in thresholds}
+    finds = tuple(_finds(estimate, ground_truth, at) for at in thresholds)
     closest = closest_shapes(estimate, ground_truth)
-
-    def score(names: set[str]) -> Score:
-        """Return the score of the objects that have one of the names."""
-        estimated = sum(thing.name in names for thing in estimate)
-        true = sum(thing.name in names for thing in ground_truth)
-        pairs = [m for m in matches if ground_truth[m.ground_truth].name in names]
-        shapes = [c for c in closest if ground_truth[c.ground_truth].name in names]
-        found = {
-            at: sum(ground_truth[m.ground_truth].name in names for m in of)
-            for at, of in finds.items()
-        }
-        return Score(
-            estimated=estimated,
-            true=true,
-            iou=_ratio(sum(m.iou for m in pairs), true),
-            centroid_distance=_mean(
-                [_distance(estimate[m.estimate], ground_truth[m.ground_truth]) for m in pairs]
-            ),
-            shape_iou=_mean([c.iou for c in shapes]),
-            detection=tuple(Detection(at, n, true - n, estimated - n) for at, n in found.items()),
-        )
-
+    scoring = _Scoring(estimate, ground_truth, matches, finds, closest)
     names = sorted({thing.name for thing in (*estimate, *ground_truth)})
     object_iou = [0.0] * len(ground_truth)
     for match in matches:
         object_iou[match.ground_truth] = match.iou
     return Evaluation(
-        overall=score(set(names)),
-        classes={name: score({name}) for name in names},
+        overall=scoring.of(set(names)),
+        classes={name: scoring.of({name}) for name in names},
         object_iou=tuple(object_iou),
         matches=matches,
+        closest=closest,
+        finds=finds,
     )
 
 
-def closest_shapes(
-    estimate: Sequence[SemanticObject], ground_truth: Sequence[SemanticObject]
-) -> tuple[ClosestShape, ...]:
-    """Return for every true object how well the nearest estimated one of its class has its shape.
-
-    The nearest is the one with the nearest centroid; it is moved so that the centroids coincide,
-    and the Jaccard index of the shapes is taken. One estimated object may be the nearest of
-    several. True objects whose class does not occur in the estimate are left out.
-
-    Source: the measure of the 2019 thesis.
-    """
-    closest = []
-    for j, true in enumerate(ground_truth):
-        same = [i for i, thing in enumerate(estimate) if thing.name == true.name]
-        if same:
-            nearest = min(same, key=lambda i: _distance(estimate[i], true))
-            closest.append(_compare_shapes(estimate[nearest], true, nearest, j))
-    return tuple(closest)
+def _finds(
+    estimate: Sequence[SemanticObject], ground_truth: Sequence[SemanticObject], min_iou: float
+) -> Finds:
+    matches = match_objects(estimate, ground_truth, min_iou)
+    return Finds(min_iou, matches, find_duplicates(estimate, ground_truth, matches))
 
 
-def _compare_shapes(estimate: SemanticObject, true: SemanticObject, i: int, j: int) -> ClosestShape:
-    shift = _centroid(true) - _centroid(estimate)
-    moved = shapely.transform(estimate.footprint, lambda points_xy: points_xy + shift)
-    iou = iou_matrix([moved], [true.footprint])
-    return ClosestShape(j, i, float(np.hypot(*shift)), float(iou[0, 0]))
+class _Scoring:
+    """All that is known about two maps, from which the score of any classes is taken."""
+
+    def __init__(
+        self,
+        estimate: Sequence[SemanticObject],
+        ground_truth: Sequence[SemanticObject],
+        matches: Sequence[Match],
+        finds: Sequence[Finds],
+        closest: Sequence[ClosestShape],
+    ) -> None:
+        self.estimate, self.ground_truth = estimate, ground_truth
+        self.matches, self.finds, self.closest = matches, finds, closest
+        ours = np.array([m.estimate for m in matches], dtype=int)
+        true = np.array([m.ground_truth for m in matches], dtype=int)
+        shifts = centroids(estimate)[ours] - centroids(ground_truth)[true]
+        self.distances = np.hypot(*shifts.T)
+        self.area_errors = _areas(estimate)[ours] / _areas(ground_truth)[true] - 1
+
+    def of(self, names: set[str]) -> Score:
+        """Return the score of the objects that have one of the names."""
+        estimated = sum(thing.name in names for thing in self.estimate)
+        true = sum(thing.name in names for thing in self.ground_truth)
+        rows = [k for k, match in enumerate(self.matches) if self._is_of(names, match)]
+        shapes = [c for c in self.closest if self.ground_truth[c.ground_truth].name in names]
+        return Score(
+            estimated=estimated,
+            true=true,
+            iou=_ratio(sum(self.matches[k].iou for k in rows), true),
+            centroid_distance=_mean(self.distances[rows].tolist()),
+            area_error=_mean(np.abs(self.area_errors[rows]).tolist()),
+            area_bias=_mean(self.area_errors[rows].tolist()),
+            compared=len(shapes),
+            shape_iou=_mean([c.iou for c in shapes]),
+            shape_distance=_mean([c.distance for c in shapes]),
+            detection=tuple(self._detection(at, names, estimated, true) for at in self.finds),
+        )
+
+    def _detection(self, at: Finds, names: set[str], estimated: int, true: int) -> Detection:
+        ious = [match.iou for match in at.matches if self._is_of(names, match)]
+        found = len(ious)
+        duplicates = sum(self.estimate[i].name in names for i in at.duplicates)
+        return Detection(
+            min_iou=at.min_iou,
+            found=found,
+            missed=true - found,
+            duplicates=duplicates,
+            false=estimated - found - duplicates,
+            found_iou=_mean(ious),
+        )
+
+    def _is_of(self, names: set[str], match: Match) -> bool:
+        return self.ground_truth[match.ground_truth].name in names
 
 
-def _centroid(thing: SemanticObject) -> NDArray[np.float64]:
-    return np.array([thing.footprint.centroid.x, thing.footprint.centroid.y])
-
-
-def _distance(a: SemanticObject, b: SemanticObject) -> float:
-    return float(a.footprint.centroid.distance(b.footprint.centroid))
+def _areas(objects: Sequence[SemanticObject]) -> NDArray[np.float64]:
+    shapes = valid_copies(as_objects(thing.footprint for thing in objects))
+    return np.asarray(shapely.area(shapes))
 
 
 def _ratio(part: float, whole: int) -> float | None:

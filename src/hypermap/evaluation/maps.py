@@ -1,0 +1,90 @@
+"""The objects of whole maps, brought into one frame so that they can be compared."""
+
+from __future__ import annotations
+
+import contextlib
+from dataclasses import dataclass, replace
+
+from hypermap.core.errors import FrameError, HypermapError
+from hypermap.core.frames import Pose2D
+from hypermap.core.hypermap import Hypermap
+from hypermap.core.semantic import SemanticLayer, SemanticObject
+
+
+@dataclass(frozen=True, eq=False)
+class MapObjects:
+    """The objects of all semantic layers of a map.
+
+    Attributes:
+        name: how messages and results call the map, as its path.
+        frame_id: in which the footprints are.
+        objects: in the order of the layers.
+        layers: name of the layer of each object.
+        repaired: number of outlines that cross themselves; they count as what they wind around.
+        unread: number of entries of the map's files that could not be read, and so are missing.
+    """
+
+    name: str
+    frame_id: str
+    objects: tuple[SemanticObject, ...]
+    layers: tuple[str, ...]
+    repaired: int
+    unread: int
+
+
+def map_objects(
+    hypermap: Hypermap, name: str, ground_truth: Hypermap | None = None, truth_name: str = ""
+) -> MapObjects:
+    """Return all objects of a map in the base frame of the truth that it is compared with.
+
+    Args:
+        hypermap: the map.
+        name: how messages call it.
+        ground_truth: the true map; None if this is the true map itself.
+        truth_name: how messages call the true map.
+
+    Raises:
+        HypermapError: If the map has no semantic layer, or the true map no objects.
+        FrameError: If neither map knows how the two base frames lie to each other.
+    """
+    layers = [layer for layer in hypermap.layers if isinstance(layer, SemanticLayer)]
+    if not layers:
+        raise HypermapError(f"{name}: the map has no layer of objects, so nothing can be compared")
+    if ground_truth is None:
+        if not any(len(layer) for layer in layers):
+            raise HypermapError(f"{name}: the ground truth has no objects to compare with")
+        frame_id, truth_T_base = hypermap.base_frame, Pose2D()
+    else:
+        frame_id = ground_truth.base_frame
+        truth_T_base = _pose_in_truth(hypermap, name, ground_truth, truth_name)
+    objects: list[SemanticObject] = []
+    for layer in layers:
+        base_T_layer = hypermap.frames.lookup(hypermap.base_frame, layer.frame_id)
+        truth_T_layer = truth_T_base @ base_T_layer
+        objects += [_moved(thing, truth_T_layer) for thing in layer.objects()]
+    return MapObjects(
+        name=name,
+        frame_id=frame_id,
+        objects=tuple(objects),
+        layers=tuple(layer.name for layer in layers for _ in range(len(layer))),
+        repaired=sum(not thing.footprint.is_valid for thing in objects),
+        unread=sum(len(layer.rejected) for layer in layers),
+    )
+
+
+def _pose_in_truth(
+    hypermap: Hypermap, name: str, ground_truth: Hypermap, truth_name: str
+) -> Pose2D:
+    """Return the pose of a map's base frame in that of the truth, as either of the two knows it."""
+    target, source = ground_truth.base_frame, hypermap.base_frame
+    for frames in (ground_truth.frames, hypermap.frames):
+        with contextlib.suppress(FrameError):
+            return frames.lookup(target, source)
+    raise FrameError(
+        f"{name} is in the frame {source!r} and {truth_name} in {target!r}, and neither map has a "
+        "transform between the two; add it to the `transforms` of one of them"
+    )
+
+
+def _moved(thing: SemanticObject, target_T_thing: Pose2D) -> SemanticObject:
+    return replace(thing, footprint=target_T_thing.apply_geometry(thing.footprint))
