@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import shutil
 import sqlite3
 from collections.abc import Callable
 from pathlib import Path
@@ -403,20 +404,34 @@ NO_INFO = (
             without("/tf_static"),
             {},
             [
-                "tf has no frame 'map'; it has odom, base (fixed: odom); name one with --map-frame",
+                "tf has no frame 'camera', the camera's; it has odom, base; record /tf_static as "
+                "well, or name the camera's frame with --camera-frame"
             ],
         ),
         (
             without("/tf_static"),
-            {"map_frame": "odom"},
-            ["tf has no frame 'camera'; it has odom, base; name one with --camera-frame"],
+            {"camera_frame": "base", "map_frame": "world"},
+            ["tf has no frame 'world'; it has odom, base (fixed: odom); name one with --map-frame"],
+        ),
+        (
+            lambda bag: [
+                bag.add_tf("/tf_static", START, "base", "camera", (0, 0, 1)),
+                *(add_images(bag, shot) for shot in SHOTS),
+            ],
+            {},
+            [
+                "tf has no frame 'map', and camera frame 'camera' does not move against the root "
+                "of tf, 'base'; it has base, camera; record /tf as well, or, if the camera stood "
+                "still, name its fixed frame with --map-frame"
+            ],
         ),
         (
             without("/tf"),
             {},
             [
                 "tf does not lead from the camera to the map: frames 'map' and 'camera' are not "
-                "connected: the first hangs below 'map', the second below 'base'"
+                "connected: the first hangs below 'map', the second below 'base'; name another "
+                "fixed frame with --map-frame"
             ],
         ),
         (
@@ -431,9 +446,9 @@ NO_INFO = (
             with_message(COLOR, IMAGE, image(SMALL_COLOR, "rgb8", START)),
             {},
             [
-                "the color image has 7 x 5 pixels, but the depth image has 32 x 24; record depth "
-                "that is registered to color, or choose other topics with --depth-topic and "
-                "--color-topic"
+                f"color images on {COLOR} have 7 x 5 pixels, but depth images on {DEPTH} have "
+                "32 x 24; record depth that is registered to color, or choose other topics with "
+                "--depth-topic and --color-topic"
             ],
         ),
         (
@@ -644,6 +659,97 @@ def test_the_map_frame_may_have_another_name(tmp_path: Path) -> None:
     path = write_bag(tmp_path, "ros1", SHOTS, root="world")
     for frame, shot in zip(frames_of(path, map_frame="/world"), SHOTS, strict=True):
         assert_shows(frame, shot)
+
+
+@pytest.mark.parametrize("slash", ["", "/"])
+def test_without_a_frame_map_the_root_above_the_camera_is_taken_and_said(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, slash: str
+) -> None:
+    with BagBuilder(tmp_path, "ros1") as bag:
+        add_poses(bag, SHOTS, root="world", slash=slash)
+        bag.add_tf("/tf_static", START, "elsewhere", "something", (0, 0, 0))
+        bag.add("/map", GRID, START, grid([0] * 6, slash + "world"))
+        for shot in SHOTS:
+            add_images(bag, shot)
+    recording = open_recording(bag.path)
+    note = (
+        "tf has no frame 'map': the map is made in 'world', the root above the camera, whose z "
+        "axis must point up (--map-frame)"
+    )
+    assert recording.info().notes == (note,)
+    assert caplog.messages == []
+    for frame, shot in zip(recording.frames(), SHOTS, strict=True):
+        assert_shows(frame, shot)
+    assert caplog.messages == [f"{bag.path}: {note}"]
+    layer = recording.occupancy()
+    assert layer is not None
+    assert layer.frame_id == "world"
+
+
+def test_a_camera_that_stood_still_needs_a_frame_by_name(tmp_path: Path) -> None:
+    with BagBuilder(tmp_path, "mcap") as bag:
+        bag.add_tf("/tf_static", START, "base", "camera", (0, 0, 1))
+        for shot in SHOTS:
+            add_images(bag, shot)
+    [*frames] = frames_of(bag.path, map_frame="base")
+    assert [frame.map_T_camera[2, 3] for frame in frames] == [1.0] * 4
+
+
+def write_parts(folder: Path, kind: str, names: list[str]) -> Path:
+    """Write a bag in parts, of which the first has tf and each one more shot."""
+    (folder / "work").mkdir(parents=True)
+    for i, name in enumerate(names):
+        with BagBuilder(folder / "work", kind, f"part_{i}") as bag:
+            if i == 0:
+                add_poses(bag, SHOTS)
+            if i < len(SHOTS):
+                add_images(bag, SHOTS[i])
+        storage_file(bag.path).rename(folder / name)
+    shutil.rmtree(folder / "work")
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("kind", "names"),
+    [
+        ("ros1", [f"drive_{i}.bag" for i in range(4)]),
+        ("ros1", [f"desk_2026-11-21-07-10-{50 + i}_{i + 9}.bag" for i in range(5)]),
+        ("mcap", [f"rosbag2_2026_11_21-07_10_51_{i}.mcap" for i in range(4)]),
+        ("db3", [f"drive_{i}.db3" for i in range(4)]),
+    ],
+)
+def test_the_parts_of_a_bag_are_read_in_order_of_their_numbers(
+    tmp_path: Path, kind: str, names: list[str]
+) -> None:
+    folder = write_parts(tmp_path / "parts", kind, names)
+    recording = open_recording(folder)
+    info = recording.info()
+    assert info.format == ("ROS 1 bag" if kind == "ros1" else "ROS 2 bag")
+    assert info.missing == ()
+    assert {(s.name, s.count) for s in info.streams} >= {(DEPTH, 4), ("/tf_static", 2)}
+    for frame, shot in zip(recording.frames(), SHOTS, strict=True):
+        assert_shows(frame, shot)
+
+
+@pytest.mark.parametrize(
+    ("names", "listed"),
+    [
+        (["a.bag", "b.bag"], "a.bag, b.bag"),
+        (["a_0.bag", "b_1.bag"], "a_0.bag, b_1.bag"),
+        (["a_0.bag", "a_1.bag", "other.bag"], "a_0.bag, a_1.bag, other.bag"),
+        ([f"{i}_7.bag" for i in range(5)], "0_7.bag, 1_7.bag, 2_7.bag, 3_7.bag, ..."),
+        (["a_0.bag", "a_1.mcap"], "a_0.bag, a_1.mcap"),
+    ],
+)
+def test_several_bags_that_are_not_parts_of_one_are_an_error(
+    tmp_path: Path, names: list[str], listed: str
+) -> None:
+    for name in names:
+        (tmp_path / name).touch()
+    assert open_recording(tmp_path).info().missing == (
+        f"{tmp_path}: there are {len(names)} bags that are not the parts of one, which would be "
+        f"called NAME_0, NAME_1 and so on: {listed}; name one of them",
+    )
 
 
 def test_jpeg_color_is_what_pillow_decodes(tmp_path: Path) -> None:

@@ -10,8 +10,9 @@ from hypermap.recordings import open_recording
 
 LOOKED_FOR = (
     "looked for a TUM RGB-D folder (rgb.txt, depth.txt, groundtruth.txt), a 7-Scenes folder "
-    "(frame-000000.color.jpg or .png, .depth.png, .pose.txt, ...), a ROS 1 bag (NAME.bag) or a "
-    "ROS 2 bag (a folder with metadata.yaml, NAME.db3 or NAME.mcap)"
+    "(frame-000000.color.jpg or .png, .depth.png, .pose.txt, ...), a ROS 1 bag (NAME.bag, or a "
+    "folder of its parts NAME_0.bag, NAME_1.bag, ...) or a ROS 2 bag (a folder with "
+    "metadata.yaml, NAME.db3 or NAME.mcap)"
 )
 
 
@@ -24,6 +25,7 @@ LOOKED_FOR = (
         (["frame-000007.pose.txt"], "7-Scenes"),
         (["metadata.yaml", "x_0.db3"], "ROS 2 bag"),
         (["x_0.mcap"], "ROS 2 bag"),
+        (["x_0.bag", "x_1.bag"], "ROS 1 bag"),
     ],
 )
 def test_a_folder_is_recognised_by_what_lies_in_it(
@@ -37,7 +39,13 @@ def test_a_folder_is_recognised_by_what_lies_in_it(
 
 
 @pytest.mark.parametrize(
-    ("name", "kind"), [("a.bag", "ROS 1 bag"), ("a.db3", "ROS 2 bag"), ("a.mcap", "ROS 2 bag")]
+    ("name", "kind"),
+    [
+        ("a.bag", "ROS 1 bag"),
+        ("a.bag.active", "ROS 1 bag"),
+        ("a.db3", "ROS 2 bag"),
+        ("a.mcap", "ROS 2 bag"),
+    ],
 )
 def test_a_file_is_recognised_by_its_ending(tmp_path: Path, name: str, kind: str) -> None:
     (tmp_path / name).touch()
@@ -60,11 +68,13 @@ def test_a_foreign_file_is_an_error_that_lists_what_was_looked_for(
     assert str(caught.value) == f"{tmp_path / name}: no recording found; {LOOKED_FOR}"
 
 
-def test_a_folder_of_recordings_points_to_the_first(tmp_path: Path) -> None:
+def test_a_folder_of_recordings_names_them(tmp_path: Path) -> None:
     (tmp_path / "notes").mkdir()
     write_seven_scenes(tmp_path / "seq-01", make_shots(1))
     write_tum(tmp_path / "seq-02", make_shots(1))
     with pytest.raises(FormatError) as caught:
         open_recording(tmp_path)
-    hint = f"no recording found (is it {tmp_path}/seq-01?)"
-    assert str(caught.value) == f"{tmp_path}: {hint}; {LOOKED_FOR}"
+    assert str(caught.value) == (
+        f"{tmp_path}: a recording lies one folder further down (seq-01, seq-02); name it, as "
+        f"{tmp_path}/seq-01"
+    )

@@ -118,7 +118,7 @@ def remove_all(pattern: str) -> Callable[[Path], None]:
             remove_all("camera-intrinsics.txt"),
             FileMissing,
             "{}/camera-intrinsics.txt: there is no such file, nor one folder up; give --intrinsics "
-            "(the data set's page says 585 585 320 240)",
+            "(the data set's page says 585,585,320,240)",
         ),
         (
             text_of("camera-intrinsics.txt", "585 585 320 240"),
@@ -130,6 +130,12 @@ def remove_all(pattern: str) -> Callable[[Path], None]:
             text_of("camera-intrinsics.txt", "0 0 1\n0 1 1\n0 0 1\n"),
             FormatError,
             "{}/camera-intrinsics.txt: focal lengths must be positive, got 0.0, 1.0",
+        ),
+        (
+            text_of("camera-intrinsics.txt", "585 0 320\n0 585 240\n0 0 1\n"),
+            FormatError,
+            "{}/camera-intrinsics.txt: the principal point (320, 240) is not on the images of 32 x "
+            "24 pixels: these are the intrinsics of another size; give --intrinsics",
         ),
         (
             text_of("camera-intrinsics.txt", ""),
@@ -171,6 +177,26 @@ def test_broken_folders_are_errors_that_info_tells(
     with pytest.raises(kind) as caught:
         next(open_recording(folder).frames())
     assert str(caught.value) == expected
+
+
+@pytest.mark.parametrize("digits", [2, 4, 7])
+def test_poses_of_rounded_numbers_are_made_rigid(folder: Path, digits: int) -> None:
+    for i, shot in enumerate(SHOTS):
+        lines = ("".join(f"{number: .{digits}f}\t " for number in row) for row in shot.map_T_camera)
+        (folder / f"frame-{i:06d}.pose.txt").write_text("\n".join(lines) + "\n\n")
+    for frame, shot in zip(open_recording(folder).frames(), SHOTS, strict=True):
+        rotation = frame.map_T_camera[:3, :3]
+        np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-12)
+        np.testing.assert_allclose(frame.map_T_camera, shot.map_T_camera, atol=10.0**-digits)
+
+
+def test_depth_and_color_of_different_size_from_the_start_are_told_by_info(folder: Path) -> None:
+    path = folder / "frame-000000.color.png"
+    Image.fromarray(np.zeros((48, 64, 3), np.uint8)).save(path)
+    assert open_recording(folder).info().missing == (
+        f"{path}: color has 64 x 48 pixels, but depth in {folder}/frame-000000.depth.png has "
+        "32 x 24; color must be registered to depth and of its size",
+    )
 
 
 def test_depth_and_color_of_different_size_are_an_error(folder: Path) -> None:

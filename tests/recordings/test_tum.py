@@ -61,7 +61,10 @@ def test_the_desk_is_read_whole_with_interpolated_poses(shared_data: Path) -> No
     info = recording.info()
     assert (info.frames, info.image_size, info.missing) == (116, (640, 480), ())
     assert info.duration == pytest.approx(23.96, abs=0.01)
-    assert info.notes == ("the intrinsics are the benchmark's default, without distortion",)
+    assert info.notes == (
+        "the folder names no intrinsics: those that the benchmark recommends for all its cameras "
+        "are taken, 525,525,319.5,239.5 without distortion (--intrinsics)",
+    )
 
     frame = next(recording.frames())
     assert frame.camera.K.tolist() == [[525, 0, 319.5], [0, 525, 239.5], [0, 0, 1]]
@@ -234,8 +237,8 @@ D0, C0 = "1600000000.250000000", "1600000000.254000000"
         (
             picture_of("rgb/*", np.zeros((12, 16, 3), np.uint8)),
             FormatError,
-            f"{{}}/rgb/{C0}.png: the picture has 16 x 12 pixels, but the depth image (color must "
-            "be registered to depth) has 32 x 24",
+            f"{{}}/rgb/{C0}.png: color has 16 x 12 pixels, but depth in {{}}/depth/{D0}.png has "
+            "32 x 24; color must be registered to depth and of its size",
         ),
         (
             picture_of("rgb/*", np.zeros((24, 32), np.uint16)),

@@ -110,6 +110,15 @@ class MovingFrames:
         """The frames without a parent."""
         return [name for name in self.frames if name not in self._edges]
 
+    def root_of(self, frame: str) -> str:
+        """Return the topmost frame above a frame; the frame itself if it has no parent."""
+        return list(self._to_root(frame))[-1]
+
+    def moves(self, frame: str) -> bool:
+        """Return whether a frame moves against its root."""
+        links = self._to_root(frame)[self.root_of(frame)]
+        return not all(isinstance(link, FixedPose) for link in links)
+
     def motion(self, target: str, source: str) -> Motion:
         """Return the motion `target_T_source`.
 

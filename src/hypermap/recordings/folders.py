@@ -53,18 +53,30 @@ def load_color(path: Path, camera: Camera) -> NDArray[np.uint8]:
     return color
 
 
-def first_size(paths: Sequence[Path]) -> tuple[int, int]:
-    """Return columns and rows of the first of some pictures.
+def frame_size(depth: Path, color: Path | None) -> tuple[int, int]:
+    """Return columns and rows of a frame's pictures.
 
     Raises:
         FileMissing: If there is no such file.
-        FormatError: If it is no picture.
+        FormatError: If one is no picture, or their sizes differ.
     """
-    content = read_file(paths[0])
+    width, height = _size_of(depth)
+    if color is not None and _size_of(color) != (width, height):
+        color_width, color_height = _size_of(color)
+        raise FormatError(
+            f"color has {color_width} x {color_height} pixels, but depth in {depth} has "
+            f"{width} x {height}; color must be registered to depth and of its size",
+            path=color,
+        )
+    return width, height
+
+
+def _size_of(path: Path) -> tuple[int, int]:
+    content = read_file(path)
     try:
         return picture_size(content)
     except FormatError as error:
-        raise FormatError(str(error), path=paths[0]) from None
+        raise FormatError(str(error), path=path) from None
 
 
 def check_present(paths: Sequence[Path], kind: str, source: Path) -> None:

@@ -21,7 +21,8 @@ class RecordingOptions:
         intrinsics: fx, fy, cx, cy of the depth images [pixels]; None takes the recording's own.
         map_T_world: pose of the recording's world in the map, whose z axis must point up, as x, y,
             z [m], roll, pitch, yaw [rad], or as the 16 numbers of a 4 x 4 matrix, row by row.
-        map_frame: the fixed frame of a bag in which the map is made.
+        map_frame: the fixed frame of a bag in which the map is made, z up; None takes `map`, or,
+            where tf has no such frame, the root of tf above the camera.
         camera_frame: the optical frame of a bag's camera; None takes it from the depth messages.
         depth_topic: topic of the depth images; None finds one, as for all topics below.
         cloud_topic: topic of organised clouds; when given, they are used in place of depth images.
@@ -42,7 +43,7 @@ class RecordingOptions:
 
     intrinsics: tuple[float, float, float, float] | None = None
     map_T_world: Sequence[float] | None = None
-    map_frame: str = "map"
+    map_frame: str | None = None
     camera_frame: str | None = None
     depth_topic: str | None = None
     cloud_topic: str | None = None
@@ -66,7 +67,7 @@ class RecordingOptions:
                 self.map_T_world,
                 {6: "x, y, z, roll, pitch, yaw", 16: "the rows of a 4 x 4 matrix"},
             )
-            check_rigid(self.world_pose())
+            self.world_pose()
         if self.depth_scale is not None and not 0 < self.depth_scale < math.inf:
             raise ValueError(f"depth_scale must be positive, got {self.depth_scale}")
         if not 0 <= self.max_time_difference <= 1:
@@ -77,7 +78,7 @@ class RecordingOptions:
             raise ValueError(f"max_pose_gap must be positive, got {self.max_pose_gap}")
         if self.every < 1:
             raise ValueError(f"every must be at least 1, got {self.every}")
-        if not self.map_frame:
+        if self.map_frame == "":
             raise ValueError("map_frame must be the name of a frame, got an empty string")
 
     def world_pose(self) -> NDArray[np.float64]:
@@ -87,7 +88,7 @@ class RecordingOptions:
         numbers = [float(number) for number in self.map_T_world]
         if len(numbers) == 6:
             return pose_from_rpy(*numbers)
-        return np.array(numbers).reshape(4, 4)
+        return nearest_rigid(np.array(numbers).reshape(4, 4))
 
     def camera(self, width: int, height: int) -> Camera | None:
         """Return the camera that the user described, if so."""
@@ -96,16 +97,26 @@ class RecordingOptions:
         return Camera.from_intrinsics(*self.intrinsics, width=width, height=height)
 
 
-def check_rigid(pose: NDArray[np.float64]) -> None:
-    """Raise a ValueError unless a 4 x 4 matrix is a rotation and a translation."""
-    rotation = pose[:3, :3]
+def nearest_rigid(pose: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the rotation and translation that a 4 x 4 matrix of rounded numbers stands for.
+
+    Raises:
+        ValueError: If it stretches by more than 1 %, mirrors, or has another last row.
+
+    Source: the nearest rotation is that of the polar decomposition (Higham, 1986).
+    """
+    left, stretch, right = np.linalg.svd(pose[:3, :3])
     is_rigid = (
-        np.abs(rotation @ rotation.T - np.eye(3)).max() < 1e-3
-        and np.linalg.det(rotation) > 0
+        np.abs(stretch - 1).max() < 1e-2
+        and np.linalg.det(left @ right) > 0
         and np.allclose(pose[3], [0, 0, 0, 1])
     )
     if not is_rigid:
         raise ValueError("the matrix is not a rotation and a translation with last row 0 0 0 1")
+    rigid = np.eye(4)
+    rigid[:3, :3] = left @ right
+    rigid[:3, 3] = pose[:3, 3]
+    return rigid
 
 
 def _check_numbers(name: str, numbers: Sequence[float], meanings: dict[int, str]) -> None:

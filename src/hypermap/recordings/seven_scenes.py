@@ -16,8 +16,8 @@ from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.trajectory import compose
 from hypermap.perception.frame import Camera, RgbdFrame
 from hypermap.perception.recording import RecordingInfo, Stream
-from hypermap.recordings.folders import first_size, load_color, load_depth
-from hypermap.recordings.options import RecordingOptions, check_rigid
+from hypermap.recordings.folders import frame_size, load_color, load_depth
+from hypermap.recordings.options import RecordingOptions, nearest_rigid
 from hypermap.recordings.problems import problems_of
 from hypermap.recordings.textfiles import read_matrix
 
@@ -178,7 +178,8 @@ class SevenScenesRecording:
 
     @cached_property
     def _camera(self) -> Camera:
-        width, height = first_size([frame.depth for frame in self._frames])
+        first = self._frames[0]
+        width, height = frame_size(first.depth, first.color)
         return self._options.camera(width, height) or self._own_camera(width, height)
 
     def _own_camera(self, width: int, height: int) -> Camera:
@@ -187,12 +188,20 @@ class SevenScenesRecording:
         if path is None:
             raise FileMissing(
                 f"{places[0]}: there is no such file, nor one folder up; give --intrinsics "
-                "(the data set's page says 585 585 320 240)"
+                "(the data set's page says 585,585,320,240)"
             )
         try:
-            return Camera(read_matrix(path, 3), width, height)
+            camera = Camera(read_matrix(path, 3), width, height)
         except ValueError as error:
             raise FormatError(str(error), path=path) from None
+        cx, cy = camera.K[:2, 2]
+        if not (0 < cx < width and 0 < cy < height):
+            raise FormatError(
+                f"the principal point ({cx:g}, {cy:g}) is not on the images of {width} x {height} "
+                "pixels: these are the intrinsics of another size; give --intrinsics",
+                path=path,
+            )
+        return camera
 
 
 def read_pose(path: Path) -> NDArray[np.float64] | None:
@@ -205,7 +214,6 @@ def read_pose(path: Path) -> NDArray[np.float64] | None:
     if not np.isfinite(pose).all():
         return None
     try:
-        check_rigid(pose)
+        return nearest_rigid(pose)
     except ValueError as error:
         raise FormatError(str(error), path=path) from None
-    return pose

@@ -15,7 +15,7 @@ from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.trajectory import Trajectory
 from hypermap.perception.frame import Camera, RgbdFrame
 from hypermap.perception.recording import RecordingInfo, Stream
-from hypermap.recordings.folders import check_present, first_size, load_color, load_depth
+from hypermap.recordings.folders import check_present, frame_size, load_color, load_depth
 from hypermap.recordings.options import RecordingOptions
 from hypermap.recordings.pairing import FramePlan, plan_frames
 from hypermap.recordings.problems import problems_of
@@ -104,7 +104,12 @@ class TumRecording:
             image_size = (self._camera.width, self._camera.height)
             notes += [*self._trajectory[1], *self._plan.notes]
             if self._options.intrinsics is None:
-                notes.append("the intrinsics are the benchmark's default, without distortion")
+                K = self._camera.K
+                notes.append(
+                    "the folder names no intrinsics: those that the benchmark recommends for all "
+                    f"its cameras are taken, {K[0, 0]:g},{K[1, 1]:g},{K[0, 2]:g},{K[1, 2]:g} "
+                    "without distortion (--intrinsics)"
+                )
         return RecordingInfo(
             self._path,
             "TUM RGB-D",
@@ -145,7 +150,9 @@ class TumRecording:
 
     @cached_property
     def _camera(self) -> Camera:
-        width, height = first_size([self._depth.paths[i] for i in self._plan.depth])
+        depth = self._depth.paths[self._plan.depth[0]]
+        color = self._color.paths[self._plan.color[0]] if self._color else None
+        width, height = frame_size(depth, color)
         return self._options.camera(width, height) or default_camera(width, height, self._path)
 
 

@@ -40,8 +40,8 @@ class ImageStream:
 
     @property
     def frame_id(self) -> str:
-        """The frame of its first message."""
-        return clean_frame(self.first.header.frame_id)
+        """The frame of its first message; empty if it names none, or there is no message."""
+        return "" if self.first is None else clean_frame(self.first.header.frame_id)
 
     def seconds(self) -> NDArray[np.float64]:
         """Return the stamps in seconds, shape (N,)."""

@@ -16,9 +16,11 @@ from rosbags.typesys.store import Typestore
 
 from hypermap.core.errors import FormatError, HypermapError
 from hypermap.recordings.bag.definitions import known_types
+from hypermap.recordings.bag.parts import is_ros1_bag, parts_of
 
 _REPAIR = {
     ".bag": "rosbag reindex",
+    ".active": "rosbag reindex",
     ".mcap": "mcap recover",
     ".db3": "ros2 bag reindex",
 }
@@ -40,9 +42,9 @@ class Topic:
 
 
 class BagFile:
-    """A ROS 1 bag, a ROS 2 bag's folder, or one of its files.
+    """A ROS 1 bag, a ROS 2 bag's folder, one of its files, or a folder of a bag's parts.
 
-    The file is open only while something is read from it.
+    A file is open only while something is read from it; parts are read one after the other.
     """
 
     def __init__(self, path: Path) -> None:
@@ -52,7 +54,8 @@ class BagFile:
     @property
     def format(self) -> str:
         """What kind of bag it is."""
-        return "ROS 1 bag" if self.path.suffix == ".bag" else "ROS 2 bag"
+        is_ros1 = is_ros1_bag(self.path) or any(self.path.glob("*.bag"))
+        return "ROS 1 bag" if is_ros1 else "ROS 2 bag"
 
     @cached_property
     def topics(self) -> list[Topic]:
@@ -61,12 +64,13 @@ class BagFile:
         Raises:
             FormatError: If the bag cannot be read.
         """
-        with self._open() as reader:
-            counts: dict[tuple[str, str], int] = {}
-            for connection in reader.connections:
-                key = connection.topic, connection.msgtype
-                counts[key] = counts.get(key, 0) + connection.msgcount
-            return [Topic(name, kind, counts[name, kind]) for name, kind in sorted(counts)]
+        counts: dict[tuple[str, str], int] = {}
+        for part in self._parts:
+            with _open(part) as reader:
+                for connection in reader.connections:
+                    key = connection.topic, connection.msgtype
+                    counts[key] = counts.get(key, 0) + connection.msgcount
+        return [Topic(name, kind, counts[name, kind]) for name, kind in sorted(counts)]
 
     def messages(self, names: Collection[str]) -> Iterator[tuple[str, int, Any]]:
         """Yield topic, time of recording [ns] and message, in the order of recording.
@@ -74,19 +78,24 @@ class BagFile:
         Raises:
             FormatError: If the bag or one of the messages cannot be read.
         """
-        with self._open() as reader:
-            wanted = [c for c in reader.connections if c.topic in names]
-            if not wanted:
-                return
-            for connection, log_time, data in reader.messages(wanted):
-                yield connection.topic, log_time, self._decode(connection, data)
+        for part in self._parts:
+            with _open(part) as reader:
+                wanted = [c for c in reader.connections if c.topic in names]
+                if not wanted:
+                    continue
+                for connection, log_time, data in reader.messages(wanted):
+                    yield connection.topic, log_time, self._decode(part, connection, data)
 
-    def _decode(self, connection: Connection, data: bytes) -> Any:
+    @cached_property
+    def _parts(self) -> list[Path]:
+        return parts_of(self.path)
+
+    def _decode(self, part: Path, connection: Connection, data: bytes) -> Any:
         key = connection.msgtype, connection.msgdef.data
         if key not in self._stores:
             self._stores[key] = _types_of(connection)
         try:
-            if self.path.suffix == ".bag":
+            if is_ros1_bag(part):
                 return self._stores[key].deserialize_ros1(data, connection.msgtype)
             return self._stores[key].deserialize_cdr(data, connection.msgtype)
         except KeyError:
@@ -96,37 +105,26 @@ class BagFile:
         except Exception as error:
             raise FormatError(f"a message is damaged: {error}", key=connection.topic) from None
 
-    @contextmanager
-    def _open(self) -> Iterator[rosbag1.Reader | rosbag2.Reader]:
-        """Give an open reader; whatever goes wrong inside is the bag's fault."""
-        reader: rosbag1.Reader | rosbag2.Reader
-        try:
-            if self.path.suffix == ".bag":
-                reader = rosbag1.Reader(self.path)
-            else:
-                reader = rosbag2.Reader(_storage(self.path))
-            with reader:
-                yield reader
-        except HypermapError as error:
-            raise FormatError(str(error), path=self.path) from None
-        except Exception as error:
-            # rosbags reports damage by errors of many kinds: its own, struct's, zlib's, SQLite's.
-            repair = _REPAIR.get(_storage(self.path).suffix, "ros2 bag reindex")
-            detail = str(error) or type(error).__name__
-            raise FormatError(
-                f"the bag cannot be read ({detail}); if its recording was cut off, "
-                f"`{repair}` may repair it",
-                path=self.path,
-            ) from error
 
-
-def _storage(path: Path) -> Path:
-    """Return what to open: of a folder without metadata, its only data file."""
-    if path.is_dir() and not (path / "metadata.yaml").exists():
-        files = [*path.glob("*.db3"), *path.glob("*.mcap")]
-        if len(files) == 1:
-            return files[0]
-    return path
+@contextmanager
+def _open(path: Path) -> Iterator[rosbag1.Reader | rosbag2.Reader]:
+    """Give an open reader; whatever goes wrong inside is the bag's fault."""
+    reader: rosbag1.Reader | rosbag2.Reader
+    try:
+        reader = rosbag1.Reader(path) if is_ros1_bag(path) else rosbag2.Reader(path)
+        with reader:
+            yield reader
+    except HypermapError as error:
+        raise FormatError(str(error), path=path) from None
+    except Exception as error:
+        # rosbags reports damage by errors of many kinds: its own, struct's, zlib's, SQLite's.
+        repair = _REPAIR.get(path.suffix, "ros2 bag reindex")
+        detail = str(error) or type(error).__name__
+        raise FormatError(
+            f"the bag cannot be read ({detail}); if its recording was cut off, "
+            f"`{repair}` may repair it",
+            path=path,
+        ) from error
 
 
 def _types_of(connection: Connection) -> Typestore:

@@ -22,6 +22,7 @@ from hypermap.recordings.pairing import FramePlan, associate, plan_frames
 from hypermap.recordings.problems import problems_of
 
 DEPTH_SCALE = 1000.0  # units per metre, REP 118
+MAP_FRAME = "map"  # REP 105
 
 
 class BagPlan:
@@ -42,7 +43,7 @@ class BagPlan:
     def notes(self) -> list[str]:
         """Return sentences on what was left out, assumed or chosen, for a plan without problems."""
         contents = self._contents
-        notes = [*self._topics.notes, *self._tree[1], *self.frames.notes]
+        notes = [*self._topics.notes, *self.map_frame_notes, *self._tree[1], *self.frames.notes]
         repeated = contents.geometry.repeated + contents.color.repeated
         if repeated:
             notes.append(f"{repeated} images repeat a stamp and are left out")
@@ -109,24 +110,61 @@ class BagPlan:
     def motion(self) -> Motion:
         """Where the camera was in the map."""
         tree, _ = self._tree
-        if not tree.frames:
+        known = ", ".join(tree.frames)
+        if not known:
             raise FormatError(
                 "there is no tf, so that nothing tells where the camera was; record /tf and "
                 "/tf_static"
             )
-        map_frame = clean_frame(self._options.map_frame)
-        camera_frame = clean_frame(self._options.camera_frame or self._camera_frame)
-        for frame, option in ((map_frame, "--map-frame"), (camera_frame, "--camera-frame")):
-            if frame not in tree.frames:
-                roots = f" (fixed: {', '.join(tree.roots)})" if frame == map_frame else ""
-                raise FormatError(
-                    f"tf has no frame {frame!r}; it has {', '.join(tree.frames)}{roots}; "
-                    f"name one with {option}"
-                )
+        _ = self.geometry_topic
+        if not self._camera_frame:
+            raise FormatError("the depth messages name no frame; name it with --camera-frame")
+        if self._camera_frame not in tree.frames:
+            raise FormatError(
+                f"tf has no frame {self._camera_frame!r}, the camera's; it has {known}; record "
+                "/tf_static as well, or name the camera's frame with --camera-frame"
+            )
+        if self.map_frame not in tree.frames:
+            raise FormatError(
+                f"tf has no frame {self.map_frame!r}; it has {known} (fixed: "
+                f"{', '.join(tree.roots)}); name one with --map-frame"
+            )
+        if self.map_frame_notes and not tree.moves(self._camera_frame):
+            raise FormatError(
+                f"tf has no frame {MAP_FRAME!r}, and camera frame {self._camera_frame!r} does not "
+                f"move against the root of tf, {self.map_frame!r}; it has {known}; record /tf as "
+                "well, or, if the camera stood still, name its fixed frame with --map-frame"
+            )
         try:
-            return tree.motion(map_frame, camera_frame)
+            return tree.motion(self.map_frame, self._camera_frame)
         except FrameError as error:
-            raise FormatError(f"tf does not lead from the camera to the map: {error}") from None
+            raise FormatError(
+                f"tf does not lead from the camera to the map: {error}; name another fixed frame "
+                "with --map-frame"
+            ) from None
+
+    @cached_property
+    def map_frame(self) -> str:
+        """The frame of the map: the user's, or `map`, or, without one, the root above the camera.
+
+        Whether tf has the frame, `motion` checks.
+        """
+        if self._options.map_frame is not None:
+            return clean_frame(self._options.map_frame)
+        tree, _ = self._tree
+        if MAP_FRAME in tree.frames or self._camera_frame not in tree.frames:
+            return MAP_FRAME
+        return tree.root_of(self._camera_frame)
+
+    @property
+    def map_frame_notes(self) -> list[str]:
+        """A sentence on the map's frame, where none was asked for and it is not the usual one."""
+        if self._options.map_frame is not None or self.map_frame == MAP_FRAME:
+            return []
+        return [
+            f"tf has no frame {MAP_FRAME!r}: the map is made in {self.map_frame!r}, the root above "
+            "the camera, whose z axis must point up (--map-frame)"
+        ]
 
     @cached_property
     def frames(self) -> FramePlan:
@@ -172,10 +210,13 @@ class BagPlan:
     def _check(self, color_width: int, color_height: int) -> None:
         width, height = self._first.size
         if (color_width, color_height) != (width, height):
+            depth_topic = self.geometry_topic
+            color_topic = self._topics.color or depth_topic
             raise FormatError(
-                f"the color image has {color_width} x {color_height} pixels, but the depth image "
-                f"has {width} x {height}; record depth that is registered to color, or choose "
-                "other topics with --depth-topic and --color-topic"
+                f"color images on {color_topic.name} have {color_width} x {color_height} pixels, "
+                f"but depth images on {depth_topic.name} have {width} x {height}; record depth "
+                "that is registered to color, or choose other topics with --depth-topic and "
+                "--color-topic"
             )
 
     @cached_property
@@ -192,11 +233,10 @@ class BagPlan:
 
     @property
     def _camera_frame(self) -> str:
-        _ = self.geometry_topic
-        frame = self._contents.geometry.frame_id
-        if not frame:
-            raise FormatError("the depth messages name no frame; name it with --camera-frame")
-        return frame
+        """The camera's optical frame; empty if the messages do not name it."""
+        if self._options.camera_frame:
+            return clean_frame(self._options.camera_frame)
+        return self._contents.geometry.frame_id
 
     @property
     def _has_uncorrected_lens(self) -> bool:

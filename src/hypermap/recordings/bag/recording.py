@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator
 from functools import cached_property
 from pathlib import Path
@@ -16,9 +17,11 @@ from hypermap.recordings.bag.file import BagFile
 from hypermap.recordings.bag.plan import BagPlan
 from hypermap.recordings.bag.stream import stream_frames
 from hypermap.recordings.bag.topics import ChosenTopics, choose_topics
-from hypermap.recordings.messages.header import as_seconds, clean_frame
+from hypermap.recordings.messages.header import as_seconds
 from hypermap.recordings.messages.occupancy import occupancy_of_grid
 from hypermap.recordings.options import RecordingOptions
+
+_log = logging.getLogger(__name__)
 
 
 class BagRecording:
@@ -55,6 +58,8 @@ class BagRecording:
         """
         self._require_no_problems()
         plan = self._plan
+        for note in plan.map_frame_notes:
+            _log.warning("%s: %s", self._path, note)
         topics = [topic for topic in (plan.geometry_topic, plan.color_topic) if topic]
         parts = stream_frames(self._bag, [topic.name for topic in topics], plan.stamps)
         for i, messages in enumerate(parts):
@@ -130,7 +135,7 @@ class BagRecording:
             layer = occupancy_of_grid(last)
         except FormatError as error:
             raise FormatError(str(error), path=self._path, key=topic.name) from None
-        return layer if layer.frame_id == clean_frame(self._options.map_frame) else None
+        return layer if layer.frame_id == self._plan.map_frame else None
 
     def _occupancy_note(self) -> list[str]:
         if self._topics.occupancy is None:
@@ -146,7 +151,7 @@ class BagRecording:
             return [
                 f"the map on {name} is left out, because the world is moved (--world-transform)"
             ]
-        return [f"the map on {name} is left out: it is not in frame {self._options.map_frame!r}"]
+        return [f"the map on {name} is left out: it is not in frame {self._plan.map_frame!r}"]
 
     def _streams(self, chosen: ChosenTopics) -> tuple[Stream, ...]:
         return tuple(

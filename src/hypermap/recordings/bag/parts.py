@@ -1,0 +1,49 @@
+"""The files that a bag consists of."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from hypermap.core.errors import FormatError
+
+ENDINGS = (".bag", ".active", ".db3", ".mcap")  # rosbag calls a bag NAME.bag.active until it ends
+_DATE = r"\d{4}(?:-\d\d){5}"
+_PART = re.compile(rf"(?P<name>.*?)(?:_?{_DATE})?_(?P<number>\d+)(?P<ending>(?:\.\w+)+)")
+
+
+def is_ros1_bag(path: Path) -> bool:
+    """Return whether a file is called as ROS 1 calls its bags."""
+    return path.suffix in (".bag", ".active")
+
+
+def parts_of(path: Path) -> list[Path]:
+    """Return the files or folders that hold a bag, in the order of recording.
+
+    `rosbag record --split` writes NAME_0.bag, NAME_1.bag and so on; with `-o`, each has the date
+    of its start before the number. ROS 2 writes parts into a folder, which its metadata describes
+    unless the recording was cut off.
+
+    Raises:
+        FormatError: If a folder holds several bags that are not parts of one.
+    """
+    if path.is_file() or (path / "metadata.yaml").exists():
+        return [path]
+    files = sorted(file for file in path.iterdir() if file.suffix in ENDINGS)
+    if len(files) == 1:
+        return files
+    parts = {int(match["number"]): file for file, match in _matches(files)}
+    names = {(match["name"], match["ending"].split(".")[1]) for _, match in _matches(files)}
+    if len(parts) < len(files) or len(names) > 1:
+        listed = ", ".join(file.name for file in files[:4]) + (", ..." if len(files) > 4 else "")
+        raise FormatError(
+            f"there are {len(files)} bags that are not the parts of one, which would be called "
+            f"NAME_0, NAME_1 and so on: {listed}; name one of them",
+            path=path,
+        )
+    return [parts[number] for number in sorted(parts)]
+
+
+def _matches(files: list[Path]) -> list[tuple[Path, re.Match[str]]]:
+    found = ((file, _PART.fullmatch(file.name)) for file in files)
+    return [(file, match) for file, match in found if match is not None]
