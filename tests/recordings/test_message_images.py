@@ -77,6 +77,77 @@ def test_color_is_rgb(encoding: str, bytes_: list[int], rgb: list[int]) -> None:
     np.testing.assert_array_equal(color, np.array([[rgb, rgb]] * 3, np.uint8))
 
 
+@pytest.mark.parametrize(
+    ("yuv", "rgb"),
+    [  # the primaries, from the table of BT.601 at 75 .. 100 %
+        ((16, 128, 128), (0, 0, 0)),
+        ((235, 128, 128), (255, 255, 255)),
+        ((81, 90, 240), (255, 0, 0)),
+        ((145, 54, 34), (0, 255, 0)),
+        ((41, 240, 110), (0, 0, 255)),
+        ((0, 128, 128), (0, 0, 0)),
+    ],
+)
+@pytest.mark.parametrize(
+    ("encoding", "order"),
+    [("yuv422", "uyvy"), ("uyvy", "uyvy"), ("yuv422_yuy2", "yuyv"), ("yuyv", "yuyv")],
+)
+def test_packed_yuv_is_rgb(
+    yuv: tuple[int, int, int], rgb: tuple[int, int, int], encoding: str, order: str
+) -> None:
+    y, u, v = yuv
+    pair = [u, y, v, y] if order == "uyvy" else [y, u, y, v]
+    pixels = np.array([pair * 2] * 2, np.uint8).reshape(2, 4, 2)
+    color = color_of_image(message(pixels, encoding))
+    assert color.shape == (2, 4, 3)
+    assert np.abs(color.astype(int) - rgb).max() <= 2
+
+
+def test_the_two_pixels_of_a_yuv_pair_have_their_own_brightness() -> None:
+    pixels = np.array([[[128, 16], [128, 235]]], np.uint8)
+    color = color_of_image(message(pixels, "yuv422"))
+    assert color.tolist() == [[[0] * 3, [255] * 3]]
+
+
+PATTERNS = ["rggb", "bggr", "gbrg", "grbg"]
+
+
+def bilinear(mosaic: NDArray[np.uint8], pattern: str, row: int, col: int, color: str) -> float:
+    """A pixel's color as the textbook has it: measured, or the mean of the nearest that are."""
+
+    def measures(r: int, c: int) -> bool:
+        on_image = 0 <= r < mosaic.shape[0] and 0 <= c < mosaic.shape[1]
+        return on_image and pattern[2 * (r % 2) + c % 2] == color
+
+    beside = [(row, col - 1), (row, col + 1), (row - 1, col), (row + 1, col)]
+    corners = [(row + i, col + j) for i in (-1, 1) for j in (-1, 1)]
+    for ring in ([(row, col)], beside, corners):
+        found = [float(mosaic[at]) for at in ring if measures(*at)]
+        if found:
+            return sum(found) / len(found)
+    raise AssertionError("every 3 x 3 neighbourhood has all colors")
+
+
+@given(
+    hnp.arrays(np.uint8, st.tuples(st.integers(2, 6), st.integers(2, 6))),
+    st.sampled_from(PATTERNS),
+)
+def test_bayer_mosaics_are_interpolated_from_the_nearest_pixels(
+    mosaic: NDArray[np.uint8], pattern: str
+) -> None:
+    color = color_of_image(message(mosaic, f"bayer_{pattern}8"))
+    for row, col in np.ndindex(mosaic.shape):
+        expected = [bilinear(mosaic, pattern, row, col, channel) for channel in "rgb"]
+        np.testing.assert_allclose(color[row, col], expected, atol=0.5)
+    deep = color_of_image(message(mosaic.astype(np.uint16) * 256 + 99, f"bayer_{pattern}16"))
+    np.testing.assert_array_equal(deep, color)
+
+
+def test_grey_of_16_bits_keeps_its_upper_byte() -> None:
+    color = color_of_image(message(np.array([[0x1234, 0xFFFF]], np.uint16), "mono16"))
+    assert color.tolist() == [[[0x12] * 3, [0xFF] * 3]]
+
+
 @given(
     hnp.arrays(np.uint16, st.tuples(st.integers(1, 5), st.integers(1, 5))),
     st.integers(0, 7),
@@ -129,11 +200,31 @@ def test_depth_that_cannot_be_read_is_an_error(image: SimpleNamespace, text: str
 
 def test_color_of_another_encoding_is_an_error_with_a_remedy() -> None:
     with pytest.raises(FormatError) as caught:
-        color_of_image(message(GREY, "bayer_grbg8"))
+        color_of_image(message(GREY, "nv21"))
     assert str(caught.value) == (
-        "color images of encoding 'bayer_grbg8' cannot be read, only rgb8, bgr8, 8UC3, rgba8, "
-        "bgra8, 8UC4, mono8, 8UC1; record a topic that image_proc has converted"
+        "color images of encoding 'nv21' cannot be read, only rgb8, bgr8, 8UC3, rgba8, bgra8, "
+        "8UC4, mono8, 8UC1, mono16, yuv422, uyvy, yuv422_yuy2, yuyv and bayer_*; record a topic "
+        "that image_proc has converted"
     )
+
+
+@pytest.mark.parametrize(
+    ("image", "text"),
+    [
+        (
+            message(np.zeros((2, 3, 2), np.uint8), "yuyv"),
+            "a YUV 4:2:2 image has an even number of columns, found 3",
+        ),
+        (
+            message(np.zeros((1, 3), np.uint8), "bayer_grbg8"),
+            "a Bayer image needs 2 x 2 pixels, found 3 x 1",
+        ),
+    ],
+)
+def test_raw_color_of_impossible_size_is_an_error(image: Any, text: str) -> None:
+    with pytest.raises(FormatError) as caught:
+        color_of_image(image)
+    assert str(caught.value) == text
 
 
 def test_compressed_color_is_what_the_picture_shows() -> None:

@@ -5,16 +5,18 @@ Source: REP 118 (depth images: 16UC1 in millimetres, 32FC1 in metres), `sensor_m
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hypermap.core.errors import FormatError
+from hypermap.recordings.messages.raw_colors import color_of_yuv422, demosaic
 from hypermap.recordings.pictures import decode_color, depth_in_metres
 
 _INTEGER_DEPTH = ("16UC1", "mono16")
-_COLORS = {  # which channels are red, green and blue, and of how many
+_CHANNELS = {  # which channels are red, green and blue, and of how many
     "rgb8": ((0, 1, 2), 3),
     "bgr8": ((2, 1, 0), 3),
     "8UC3": ((2, 1, 0), 3),
@@ -24,6 +26,8 @@ _COLORS = {  # which channels are red, green and blue, and of how many
     "mono8": ((0, 0, 0), 1),
     "8UC1": ((0, 0, 0), 1),
 }
+_PACKED = {"yuv422": "uyvy", "uyvy": "uyvy", "yuv422_yuy2": "yuyv", "yuyv": "yuyv"}
+_BAYER = re.compile("bayer_(rggb|bggr|gbrg|grbg)(8|16)")
 
 
 def depth_of_image(message: Any, units_per_metre: float) -> NDArray[np.float32]:
@@ -49,15 +53,25 @@ def color_of_image(message: Any) -> NDArray[np.uint8]:
     """Return a `sensor_msgs/Image` as RGB, uint8, shape (H, W, 3).
 
     Raises:
-        FormatError: If the encoding is not a common one of 8 bits, or the data too short.
+        FormatError: If the encoding is not a common one, or the data too short.
     """
-    if message.encoding not in _COLORS:
-        raise FormatError(
-            f"color images of encoding {message.encoding!r} cannot be read, "
-            f"only {', '.join(_COLORS)}; record a topic that image_proc has converted"
-        )
-    channels, count = _COLORS[message.encoding]
-    return np.ascontiguousarray(_pixels(message, np.uint8, count)[..., channels])
+    encoding = message.encoding
+    if encoding in _CHANNELS:
+        channels, count = _CHANNELS[encoding]
+        return np.ascontiguousarray(_pixels(message, np.uint8, count)[..., channels])
+    if encoding in _PACKED:
+        return color_of_yuv422(_pixels(message, np.uint8, 2), _PACKED[encoding])
+    if encoding == "mono16":
+        return np.repeat(_upper_bytes(_pixels(message, np.uint16, 1)), 3, axis=-1)
+    if bayer := _BAYER.fullmatch(encoding):
+        pattern, bits = bayer.groups()
+        if bits == "8":
+            return demosaic(_pixels(message, np.uint8, 1)[..., 0], pattern)
+        return demosaic(_upper_bytes(_pixels(message, np.uint16, 1))[..., 0], pattern)
+    raise FormatError(
+        f"color images of encoding {encoding!r} cannot be read, only {', '.join(_CHANNELS)}, "
+        f"mono16, {', '.join(_PACKED)} and bayer_*; record a topic that image_proc has converted"
+    )
 
 
 def color_of_compressed(message: Any) -> NDArray[np.uint8]:
@@ -75,6 +89,10 @@ def without_invalid(depth: NDArray[np.float32]) -> NDArray[np.float32]:
     Source: REP 117 (infinite: out of range).
     """
     return np.where(np.isfinite(depth) & (depth > 0), depth, np.float32("nan")).astype(np.float32)
+
+
+def _upper_bytes(pixels: NDArray[np.uint16]) -> NDArray[np.uint8]:
+    return (pixels >> 8).astype(np.uint8)
 
 
 def _pixels(
