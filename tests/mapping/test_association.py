@@ -45,9 +45,9 @@ def test_jaccard_misses_the_corner_of_a_table_that_overlap_finds() -> None:
 
 
 @pytest.mark.parametrize(
-    ("shared", "expected"), [(0.5, [0]), (0.499, [])], ids=["exactly half", "less than half"]
+    ("shared", "expected"), [(0.35, [0]), (0.349, [])], ids=["just enough", "too little"]
 )
-def test_overlap_asks_for_half_of_the_smaller_one(shared: float, expected: list[int]) -> None:
+def test_overlap_asks_for_a_third_of_the_smaller_one(shared: float, expected: list[int]) -> None:
     shape = shapely.box(-1 + shared, 0, shared, 1)
     assert overlap(shape, CHAIR, known((0, 0, 5, 5)), CONFIG).tolist() == expected
 

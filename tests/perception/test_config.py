@@ -12,6 +12,7 @@ def test_the_thesis_profile_takes_all_detections_and_depths_with_the_method_of_p
     thesis = PerceptionConfig.thesis()
     assert thesis == PerceptionConfig(
         method="unorganised",
+        visible_step=1,
         normal_neighbors=50,
         region_neighbors=30,
         smoothness_deg=20.0,
@@ -28,7 +29,16 @@ def test_the_thesis_profile_takes_all_detections_and_depths_with_the_method_of_p
 @pytest.mark.parametrize(
     ("setting", "message"),
     [
-        ({"method": "fast"}, "method must be organised or unorganised, got 'fast'"),
+        (
+            {"method": "fast"},
+            "method must be one of enclosed, organised, unorganised, got 'fast'",
+        ),
+        ({"depth_noise": -1}, "depth_noise must lie between 0 and 1, got -1"),
+        ({"max_gap": math.nan}, "max_gap must lie between 0 and inf, got nan"),
+        ({"min_inside": 1.1}, "min_inside must lie between 0 and 1, got 1.1"),
+        ({"min_own_border": -0.1}, "min_own_border must lie between 0 and 1, got -0.1"),
+        ({"max_offset": -1}, "max_offset must lie between 0 and inf, got -1"),
+        ({"visible_step": 0}, "visible_step must lie between 1 and inf, got 0"),
         ({"normal_neighbors": 2}, "normal_neighbors must lie between 3 and 1000, got 2"),
         ({"region_neighbors": 51}, "region_neighbors must lie between 2 and 50, got 51"),
         ({"smoothness_deg": 91.0}, "smoothness_deg must lie between 0 and 90, got 91.0"),

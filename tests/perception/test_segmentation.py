@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from collections import deque
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from hypermap.perception.segmentation import Segment, segment, valid_pixels
 
 HEIGHT, WIDTH = 60, 80
 CAMERA = Camera.from_intrinsics(120, 120, 39.5, 29.5, WIDTH, HEIGHT)
-METHODS: list[Method] = ["organised", "unorganised"]
+METHODS: list[Method] = ["enclosed", "organised", "unorganised"]
 
 
 def rough_depth(seed: int) -> NDArray[np.float32]:
@@ -177,11 +178,14 @@ def test_regions_that_are_too_large_or_too_small_are_no_objects() -> None:
     depth = np.full((HEIGHT, WIDTH), 2.0)
     depth[:, 60:] = 1.0
     whole = one_box(0, 0, WIDTH, HEIGHT)
-    largest = segment_frame(frame_of(depth), whole, PerceptionConfig())[0]
-    second = segment_frame(frame_of(depth), whole, PerceptionConfig(max_cluster=2000))[0]
+    organised = PerceptionConfig(method="organised")
+    largest = segment_frame(frame_of(depth), whole, organised)[0]
+    second = segment_frame(frame_of(depth), whole, replace(organised, max_cluster=2000))[0]
     assert largest.points_xyz[0, 2] == 2.0
     assert second.points_xyz[0, 2] == 1.0
-    assert segment_frame(frame_of(depth), whole, PerceptionConfig(min_cluster=5000)) == []
+    for method in METHODS:
+        none = PerceptionConfig(method=method, min_cluster=5000)
+        assert segment_frame(frame_of(depth), whole, none) == []
 
 
 def test_only_points_at_the_depths_of_the_configuration_take_part() -> None:

@@ -67,12 +67,12 @@ class EvidenceConfig:
     """
 
     association: Literal["overlap", "jaccard", "radius"] = "overlap"
-    min_overlap: float = 0.5
+    min_overlap: float = 0.35
     min_jaccard: float = 0.2
     radius: float = 0.5
     combine: Literal["overlapping", "matches"] = "overlapping"
     fusion: Literal["votes", "best_shape", "convex_hull"] = "votes"
-    vote_share: float = 0.5
+    vote_share: float = 0.35
     vote_resolution: float = 0.02
     renewal: float = 0.1
     max_evidence: int = 100

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-Method = Literal["organised", "unorganised"]
+Method = Literal["enclosed", "organised", "unorganised"]
 
 
 @dataclass(frozen=True)
@@ -14,22 +14,40 @@ class PerceptionConfig:
     """Settings of segmentation and footprints; the defaults are the best that we know.
 
     Attributes:
-        method: "organised" looks for neighbours in the image and is fast; "unorganised" is the
-            slow reference, which looks for them in a k-d tree of all points as PCL does.
+        method: "enclosed" takes the surfaces that end within the box; "organised" takes the largest
+            smooth region, with neighbours looked up in the image; "unorganised" is the slow
+            reference for it, which looks for them in a k-d tree of all points as PCL does.
+        depth_noise: standard deviation of the depth divided by its square, for "enclosed" [1/m];
+            a Kinect's is 0.0015 to 0.002.
+        max_gap: jump in depth between neighbouring pixels, noise apart, at which one thing ends
+            and another begins, for "enclosed" [m].
+        min_inside: share of a surface that must lie within the box for it to belong to the object,
+            for "enclosed"; boxes are seldom quite large enough.
+        min_own_border: share of a surface's jumps in depth at which it must be the nearer side, for
+            "enclosed"; what ends only behind other things is background.
+        max_offset: how much nearer or farther an object's parts may be than its main part, as a
+            multiple of the box's larger side, for "enclosed": things are about as deep as wide.
         normal_neighbors: nearest points that a surface normal is fitted to, the point included.
         region_neighbors: nearest points of the same object to which a region may grow from a
             point, the point included; up to `normal_neighbors`.
-        smoothness_deg: largest angle between the normals of two points that join [degrees].
+        smoothness_deg: largest angle between the normals of what joins: two points, or two planes
+            for "enclosed" [degrees].
         curvature_threshold: a region does not grow on from a point above it, 0 flat .. 1/3.
         min_cluster: points below which a region is noise.
         max_cluster: points above which a region is no object.
         voxel_size: side of the floor's cells whose centroids make up a footprint [m].
+        visible_step: every n-th row and column of the image makes up the visible area.
         min_score: detections below it are left out, 0..1.
         min_depth: points nearer than this take no part [m].
         max_depth: points farther than this take no part, in the visible area neither [m].
     """
 
-    method: Method = "organised"
+    method: Method = "enclosed"
+    depth_noise: float = 0.002
+    max_gap: float = 0.03
+    min_inside: float = 0.7
+    min_own_border: float = 0.2
+    max_offset: float = 0.8
     normal_neighbors: int = 50
     region_neighbors: int = 30
     smoothness_deg: float = 20.0
@@ -37,13 +55,20 @@ class PerceptionConfig:
     min_cluster: int = 50
     max_cluster: int = 1_000_000
     voxel_size: float = 0.01
+    visible_step: int = 2
     min_score: float = 0.3
     min_depth: float = 0.0
     max_depth: float = 5.0
 
     def __post_init__(self) -> None:
         if self.method not in get_args(Method):
-            raise ValueError(f"method must be organised or unorganised, got {self.method!r}")
+            methods = ", ".join(get_args(Method))
+            raise ValueError(f"method must be one of {methods}, got {self.method!r}")
+        _check("depth_noise", self.depth_noise, 0, 1)
+        _check("max_gap", self.max_gap, 0, math.inf)
+        _check("min_inside", self.min_inside, 0, 1)
+        _check("min_own_border", self.min_own_border, 0, 1)
+        _check("max_offset", self.max_offset, 0, math.inf)
         _check("normal_neighbors", self.normal_neighbors, 3, 1000)
         _check("region_neighbors", self.region_neighbors, 2, self.normal_neighbors)
         _check("smoothness_deg", self.smoothness_deg, 0, 90)
@@ -51,6 +76,7 @@ class PerceptionConfig:
         _check("min_cluster", self.min_cluster, 1, math.inf)
         _check("max_cluster", self.max_cluster, self.min_cluster, math.inf)
         _check("voxel_size", self.voxel_size, 1e-4, 10)
+        _check("visible_step", self.visible_step, 1, math.inf)
         _check("min_score", self.min_score, 0, 1)
         _check("min_depth", self.min_depth, 0, math.inf)
         _check("max_depth", self.max_depth, self.min_depth, math.inf)
@@ -58,7 +84,7 @@ class PerceptionConfig:
     @classmethod
     def thesis(cls) -> PerceptionConfig:
         """Return the settings of the first Hypermap program, with PCL's method."""
-        return cls(method="unorganised", min_score=0.0, max_depth=math.inf)
+        return cls(method="unorganised", visible_step=1, min_score=0.0, max_depth=math.inf)
 
 
 def _check(name: str, value: float, lowest: float, highest: float) -> None:

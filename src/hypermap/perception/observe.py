@@ -46,6 +46,7 @@ def observe(frame: RgbdFrame, detections: Detections, config: PerceptionConfig) 
                 z_max=float(points_map[:, 2].max()),
             )
         )
-    all_points_map = transform_points(frame.map_T_camera, points[valid])
-    visible_area = footprint(all_points_map, config.voxel_size)
+    some = (slice(None, None, config.visible_step),) * 2
+    some_points_map = transform_points(frame.map_T_camera, points[some][valid[some]])
+    visible_area = footprint(some_points_map, config.voxel_size)
     return Observation(frame.stamp, frame.map_T_camera, tuple(objects), visible_area)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hypermap.core.arrays import BoolArray, IntArray
-from hypermap.perception import organised, unorganised
+from hypermap.perception import enclosed, organised, unorganised
 from hypermap.perception.config import PerceptionConfig
 from hypermap.perception.detections import Detections
 from hypermap.perception.frame import Camera, RgbdFrame
@@ -47,7 +47,7 @@ def segment(
     detections: Detections,
     config: PerceptionConfig,
 ) -> list[Segment]:
-    """Return the largest smooth region in each detection's box, or mask if it has one.
+    """Return the object in each detection's box, or mask if it has one.
 
     Args:
         points: organised cloud in the optical frame [m], shape (H, W, 3).
@@ -57,8 +57,8 @@ def segment(
         config: method and thresholds.
 
     Returns:
-        Segments in the order of the detections; those without a region that is large enough have
-        none.
+        Segments in the order of the detections; those of which too few or too many points are left
+        have none.
 
     Raises:
         ValueError: If the masks are not of the image's size.
@@ -71,18 +71,30 @@ def segment(
     objects = [pixels for _, pixels in candidates]
     if not objects:
         return []
-    if config.method == "organised":
-        regions = organised.grow_regions(points, valid, camera, objects, config)
+    if config.method == "enclosed":
+        boxes = detections.xyxy[[number for number, _ in candidates]]
+        cut = enclosed.cut_out(points, valid, camera, objects, boxes, config)
     else:
-        regions = unorganised.grow_regions(points, valid, objects, config)
-    segments = []
-    for (number, pixels), region_of in zip(candidates, regions, strict=True):
-        sizes = np.bincount(region_of)
-        sizes[(sizes < config.min_cluster) | (sizes > config.max_cluster)] = 0
-        if sizes.any():
-            largest = pixels[region_of == sizes.argmax()]
-            segments.append(Segment(number, largest, points.reshape(-1, 3)[largest]))
-    return segments
+        if config.method == "organised":
+            regions = organised.grow_regions(points, valid, camera, objects, config)
+        else:
+            regions = unorganised.grow_regions(points, valid, objects, config)
+        cut = [
+            _largest(pixels, region_of, config)
+            for pixels, region_of in zip(objects, regions, strict=True)
+        ]
+    return [
+        Segment(number, pixels, points.reshape(-1, 3)[pixels])
+        for (number, _), pixels in zip(candidates, cut, strict=True)
+        if config.min_cluster <= len(pixels) <= config.max_cluster
+    ]
+
+
+def _largest(pixels: IntArray, region_of: IntArray, config: PerceptionConfig) -> IntArray:
+    """Return the pixels of the largest region that may be an object; none if there is none."""
+    sizes = np.bincount(region_of)
+    sizes[(sizes < config.min_cluster) | (sizes > config.max_cluster)] = 0
+    return pixels[region_of == sizes.argmax()] if sizes.any() else pixels[:0]
 
 
 def _pixels_of(detections: Detections, number: int, valid: BoolArray) -> IntArray:

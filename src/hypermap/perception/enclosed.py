@@ -1,0 +1,132 @@
+"""Which surfaces belong to a detected object: those that its box encloses.
+
+An object ends where its box ends, and the background runs on past it. What is enclosed by several
+boxes belongs to the smallest: the cup in its own box, not the table that it stands on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from hypermap.core.arrays import BoolArray, IntArray
+from hypermap.perception.config import PerceptionConfig
+from hypermap.perception.frame import Camera
+from hypermap.perception.surfaces import Surfaces, find_surfaces
+
+SPECK = 8  # surfaces of fewer pixels are noise at the edges of others
+FLAT_SHARE = 0.8  # of a box that shows nothing but one plane
+
+
+def cut_out(
+    points: NDArray[np.float32],
+    valid: BoolArray,
+    camera: Camera,
+    objects: Sequence[IntArray],
+    boxes: NDArray[np.float32],
+    config: PerceptionConfig,
+) -> list[IntArray]:
+    """Return the pixels of each detected object, without those that only share its box.
+
+    Args:
+        points: organised cloud in the optical frame [m], shape (H, W, 3).
+        valid: which of its pixels hold a point, shape (H, W).
+        camera: intrinsics.
+        objects: row-major indices of the valid pixels in each detection's box or mask.
+        boxes: xmin, ymin, xmax, ymax of the same detections [pixels], shape (N, 4).
+        config: noise and thresholds.
+
+    Returns:
+        For each detection, increasing row-major indices out of its own; empty if none is left.
+    """
+    surfaces = find_surfaces(points, valid, camera, config)
+    inside = [_Inside(surfaces, pixels) for pixels in objects]
+    is_thing = (surfaces.own_border >= config.min_own_border) & (surfaces.sizes >= SPECK)
+    is_enclosed = [
+        is_thing & (found.sizes >= config.min_inside * surfaces.sizes) for found in inside
+    ]
+    owner = np.full(len(surfaces.sizes), -1)
+    for number in sorted(range(len(objects)), key=lambda number: -len(objects[number])):
+        owner[is_enclosed[number]] = number  # the smaller ones come later
+    cut = []
+    for number, (pixels, box) in enumerate(zip(objects, boxes, strict=True)):
+        own = np.flatnonzero(owner == number)
+        if len(own):
+            chosen = _together(own, inside[number], box, camera, config)
+        else:
+            chosen = _flat(inside[number], surfaces.planes)
+        cut.append(pixels[np.isin(surfaces.labels.ravel()[pixels], chosen)])
+    return cut
+
+
+class _Inside:
+    """What a box shows of each surface.
+
+    Attributes:
+        sizes: pixels of each, shape (N,).
+        extents: xmin, ymin, xmax, ymax of these [pixels], shape (N, 4).
+        depths: the depth in the middle of their disparities [m], infinite for none, shape (N,).
+    """
+
+    def __init__(self, surfaces: Surfaces, pixels: IntArray) -> None:
+        count = len(surfaces.sizes)
+        self.sizes, self.extents, sums = _measure(
+            surfaces.labels, surfaces.disparity, pixels, count
+        )
+        self.depths = np.divide(self.sizes, sums, out=np.full(count, np.inf), where=sums > 0)
+
+
+def _together(
+    own: IntArray,
+    inside: _Inside,
+    box: NDArray[np.float32],
+    camera: Camera,
+    config: PerceptionConfig,
+) -> IntArray:
+    """Return the surface that fits the box best, and the others that are about as far away."""
+    main = own[np.argmax(_iou(inside.extents[own], box))]
+    depth = inside.depths[main]
+    width, height = (box[2] - box[0]) / camera.K[0, 0], (box[3] - box[1]) / camera.K[1, 1]
+    max_offset = config.max_offset * max(width, height) * depth
+    return np.asarray(own[np.abs(inside.depths[own] - depth) <= max_offset])
+
+
+def _flat(inside: _Inside, planes: int) -> IntArray:
+    """Return the one plane that fills the box, if there is one.
+
+    A book is too flat to stand out from its table, and a poster from its wall: what the box cuts
+    out of the plane is the object.
+    """
+    largest = int(np.argmax(inside.sizes))
+    fills = inside.sizes[largest] >= FLAT_SHARE * inside.sizes.sum()
+    return np.array([largest] if fills and largest < planes else [], dtype=np.int64)
+
+
+def _iou(extents: IntArray, box: NDArray[np.float32]) -> NDArray[np.float64]:
+    """Return the intersection over union of some boxes with another one."""
+    low, high = np.maximum(extents[:, :2], box[:2]), np.minimum(extents[:, 2:], box[2:])
+    shared = np.prod(np.maximum(high - low, 0), axis=1)
+    areas = np.prod(extents[:, 2:] - extents[:, :2], axis=1)
+    return np.asarray(shared / (areas + np.prod(box[2:] - box[:2]) - shared))
+
+
+@njit(cache=True)
+def _measure(labels, disparity, pixels, count):  # type: ignore[no-untyped-def]
+    """Return size, extent and sum of disparities of each surface among some pixels."""
+    width = labels.shape[1]
+    sizes = np.zeros(count, np.int64)
+    sums = np.zeros(count)
+    extents = np.zeros((count, 4), np.int64)
+    for pixel in pixels:
+        row, col = pixel // width, pixel % width
+        label, extent = labels[row, col], extents[labels[row, col]]
+        if sizes[label] == 0:
+            extent[0], extent[1], extent[2], extent[3] = col, row, col + 1, row + 1
+        extent[0], extent[1] = min(extent[0], col), min(extent[1], row)
+        extent[2], extent[3] = max(extent[2], col + 1), max(extent[3], row + 1)
+        sizes[label] += 1
+        sums[label] += disparity[row, col]
+    return sizes, extents, sums
