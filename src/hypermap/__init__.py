@@ -7,6 +7,7 @@ when it is first used.
 import logging
 from typing import TYPE_CHECKING, Any
 
+from hypermap._compiled import find_a_cache
 from hypermap._lazy import attribute
 from hypermap._version import __version__
 
@@ -79,6 +80,7 @@ __all__ = [
     "to_geojson",
 ]
 
+find_a_cache()
 logging.getLogger(__name__).addHandler(logging.NullHandler())
 
 

@@ -1,0 +1,31 @@
+"""Where compiled loops are kept when numba would find no place for them."""
+
+from __future__ import annotations
+
+import os
+import stat
+from pathlib import Path
+
+
+def find_a_cache() -> None:
+    """Name a private temporary folder to numba if neither the package nor the home is writable.
+
+    Without any folder numba refuses to load the functions that it could not keep.
+    """
+    if "NUMBA_CACHE_DIR" in os.environ or os.access(Path(__file__).parent, os.W_OK):
+        return
+    caches = Path(os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache"))  # noqa: PTH111
+    if os.access(next(p for p in (caches, *caches.parents) if p.exists()), os.W_OK):
+        return
+    import tempfile  # not needed on most machines
+
+    user = os.getuid()
+    folder = Path(tempfile.gettempdir()) / f"hypermap-{user}"
+    try:
+        folder.mkdir(mode=0o700, exist_ok=True)
+        status = folder.lstat()
+    except OSError:
+        return
+    # What lies there will be executed, so nobody else may write there.
+    if stat.S_ISDIR(status.st_mode) and status.st_uid == user and not status.st_mode & 0o077:
+        os.environ["NUMBA_CACHE_DIR"] = str(folder)
