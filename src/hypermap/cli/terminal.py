@@ -136,8 +136,9 @@ class LineHandler(logging.Handler):
 def log_to_standard_error(verbose: int) -> None:
     """Show what the library logs; what other libraries warn of is for its developers alone."""
     logging.captureWarnings(True)  # of no use to someone who asks a map
+    others = (logging.ERROR, logging.ERROR, logging.WARNING)
     levels = {"hypermap": (logging.WARNING, logging.INFO, logging.DEBUG)}
-    levels["py.warnings"] = (logging.ERROR, logging.ERROR, logging.WARNING)
+    levels |= {"py.warnings": others, "matplotlib": others}
     for name, level in levels.items():
         logger = logging.getLogger(name)
         logger.handlers = [LineHandler()]
