@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypeVar
 
@@ -131,12 +132,17 @@ def _save_archive(hypermap: Hypermap, target: Path, force: bool) -> None:
 def _save_folder(hypermap: Hypermap, target: Path, force: bool) -> None:
     from hypermap.formats import save_map
 
-    if target.is_file():
+    if target.exists() and not target.is_dir():
         raise HypermapError(f"{target}: this is a file; a name without an ending means a folder")
     if target.is_dir() and any(target.iterdir()) and not force:
         raise HypermapError(f"{target}: the folder is not empty; give --force to write into it")
     target.mkdir(parents=True, exist_ok=True)
-    save_map(hypermap, target / "hmap_config.yaml")
+    try:
+        save_map(hypermap, target / "hmap_config.yaml")
+    except HypermapError:
+        with contextlib.suppress(OSError):  # it was there before, and holds something
+            target.rmdir()
+        raise
 
 
 def _save_geojson(hypermap: Hypermap, target: Path, force: bool) -> None:
