@@ -69,7 +69,8 @@ def test_the_published_map_of_the_laboratory_against_a_shifted_copy(shared_data)
 
     objects = open_map(shared_data / "maps" / "lab.hmap")["semantic"].objects()
     moved = [
-        SemanticObject(o.name, Pose2D(x=0.006, y=-0.008).apply_geometry(o.footprint)) for o in objects
+        SemanticObject(o.name, Pose2D(x=0.006, y=-0.008).apply_geometry(o.footprint))
+        for o in objects
     ]
     closest = closest_shapes(moved, objects)
     assert [(c.estimate, c.ground_truth) for c in closest] == [(i, i) for i in range(28)]

@@ -11,7 +11,7 @@ from typing import Annotated, NoReturn
 import typer
 
 from hypermap import __version__
-from hypermap.cli import convert, demo, info, map_, query, render, shell
+from hypermap.cli import convert, demo, evaluate, info, map_, query, render, shell
 from hypermap.cli.terminal import (
     BAD_INPUT,
     INTERRUPTED,
@@ -69,6 +69,7 @@ for _name, _module in {
     "info": info,
     "query": query,
     "render": render,
+    "evaluate": evaluate,
     "convert": convert,
     "shell": shell,
 }.items():

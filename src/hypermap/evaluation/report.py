@@ -17,15 +17,16 @@ from hypermap.evaluation.significance import MOST_EXACT
 Data: TypeAlias = dict[str, Any]
 
 RULES = {
+    "count": "all objects of all semantic layers",
     "closest": "each true object beside the estimated one of its class with the nearest centroid, "
-    "moved so that the centroids coincide; mean over the true objects whose class the estimate "
-    "has (thesis, 2019)",
+    "moved so that the centroids coincide; means over the true objects whose class the estimate "
+    "has (thesis, 2019; IoU is the Jaccard index)",
     "matched": "one to one within a class, with the largest sum of IoU; a true object without a "
     "match has an IoU of 0; distance and area are means over the matches, area as a share of the "
     "true one",
     "found": "one to one within a class, among pairs of at least that IoU; a duplicate has no "
     f"match but shares {DUPLICATE_SHARE:.0%} of the smaller area with an object found already; all "
-    "others without a match are false; panoptic quality is F1 times the mean IoU of the finds",
+    "others without a match are false; panoptic quality (PQ) is F1 times the mean IoU of the finds",
     "comparison": "Wilcoxon signed-rank test, paired by true object, one-sided: better than the "
     f"other? Zero differences dropped; exact up to {MOST_EXACT} others, then the normal "
     "distribution with corrections for ties and continuity",
@@ -72,7 +73,7 @@ def report(
     data = {
         "ground_truth": _inputs(ground_truth),
         "frame_id": ground_truth.frame_id,
-        "rules": dict(RULES),
+        "rules": {k: text for k, text in RULES.items() if k != "comparison" or against is not None},
         **_run_data(ground_truth, estimate),
     }
     if against is not None:
@@ -86,15 +87,14 @@ def csv_text(data: Data) -> str:
     text = io.StringIO()
     rows = csv.DictWriter(text, COLUMNS, restval="", lineterminator="\n")
     rows.writeheader()
-    true = data["ground_truth"]["map"]
-    against = data.get("against")
-    for run in (data, against) if against else (data,):
-        for row in _rows(run):
-            rows.writerow({"estimate": run["estimate"]["map"], "ground_truth": true, **row})
-    for comparison in data.get("comparison", ()):
-        inputs = {"estimate": data["estimate"]["map"], "ground_truth": true}
-        for row in _comparison_rows(comparison):
-            rows.writerow({**inputs, "against": against["estimate"]["map"], **row})
+    inputs = {"ground_truth": data["ground_truth"]["map"], "estimate": data["estimate"]["map"]}
+    rows.writerows({**inputs, **row} for row in _rows(data))
+    if "against" in data:
+        other = data["against"]["estimate"]["map"]
+        rows.writerows({**inputs, "estimate": other, **row} for row in _rows(data["against"]))
+        for comparison in data["comparison"]:
+            for row in _comparison_rows(comparison):
+                rows.writerow({**inputs, "against": other, **row})
     return text.getvalue()
 
 

@@ -95,11 +95,9 @@ def _exact_p(ranks: NDArray[np.float64], statistic: float) -> float:
             f"{len(ranks)}; leave the exact test out, the normal one is as good for so many"
         )
     doubled = np.rint(2 * ranks).astype(np.int64)  # mean ranks are halves
-    share = np.zeros(doubled.sum() + 1)  # of the patterns so far, by twice their sum
-    share[0] = 1
+    share = np.ones(1)  # of the patterns so far, by twice their sum
     for rank in doubled:
-        share *= 0.5
-        share[rank:] += share[:-rank].copy()
+        share = 0.5 * (np.pad(share, (0, rank)) + np.pad(share, (rank, 0)))
     return min(1.0, float(share[round(2 * statistic) :].sum()))
 
 

@@ -32,6 +32,7 @@ from hypermap.viewer.paper import (
     SMALL,
     TITLE,
     fill,
+    outline,
     text_width,
 )
 from hypermap.viewer.text import printable
@@ -98,6 +99,7 @@ def _figure(drawing: Drawing, size: int, vector: bool) -> Figure:
     _style_axes(axes, drawing)
     _draw_rasters(axes, drawing, vector)
     _draw_shapes(axes, drawing)
+    _draw_links(axes, drawing)
     if drawing.labels:
         _write_names(axes, drawing, scale, vector)
     return figure
@@ -144,13 +146,23 @@ def _draw_rasters(axes: Axes, drawing: Drawing, vector: bool) -> None:
 def _draw_shapes(axes: Axes, drawing: Drawing) -> None:
     for part in drawing.shapes:
         for name, shape in zip(part.names, part.shapes, strict=True):
-            outline = _outline(shape)
+            rings, color = _rings(shape), drawing.colors[name]
+            if part.are_outlines:
+                axes.add_patch(PathPatch(rings, **outline(color)))
+                continue
             # White in between keeps the color that of the legend where the ground is black.
-            axes.add_patch(PathPatch(outline, facecolor=PAPER, alpha=_VEIL, linewidth=0))
-            axes.add_patch(PathPatch(outline, **fill(drawing.colors[name], SHAPE_ALPHA)))
+            axes.add_patch(PathPatch(rings, facecolor=PAPER, alpha=_VEIL, linewidth=0))
+            axes.add_patch(PathPatch(rings, **fill(color, SHAPE_ALPHA)))
 
 
-def _outline(shape: BaseGeometry) -> Outline:
+def _draw_links(axes: Axes, drawing: Drawing) -> None:
+    """Draw lines with a dot at their second end."""
+    for ends in drawing.links:
+        axes.plot(*ends.T, color=INK, linewidth=0.9, solid_capstyle="round")
+        axes.plot(*ends[1], color=INK, marker="o", markersize=2.4, markeredgewidth=0)
+
+
+def _rings(shape: BaseGeometry) -> Outline:
     """Return the rings of a polygon, holes too; what has no area is drawn as a small blot."""
     if shape.area == 0:
         shape = shape.buffer(0.05)
@@ -165,7 +177,10 @@ def _write_names(axes: Axes, drawing: Drawing, scale: float, vector: bool) -> No
     height = NAME * DPI / 72
     names, spots = [], []
     for part in drawing.shapes:
-        for name, shape in zip(part.names, part.shapes, strict=True):
+        texts = part.names if part.labels is None else part.labels
+        for name, shape in zip(texts, part.shapes, strict=True):
+            if not name:
+                continue
             bounds = (np.reshape(shape.bounds, (2, 2)) - origin) * scale
             middle = shape.centroid
             if not shape.covers(middle):

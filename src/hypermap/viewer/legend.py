@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 
-from hypermap.viewer.paper import FAINT, INK, SHAPE_ALPHA, SMALL, fill, text_width
+from hypermap.viewer.paper import FAINT, INK, SHAPE_ALPHA, SMALL, fill, outline, text_width
 from hypermap.viewer.text import printable
 
 if TYPE_CHECKING:
@@ -30,6 +30,7 @@ class Row:
     color: Color | None = None
     count: str = ""
     alpha: float = 1.0
+    is_outline: bool = False
 
 
 @dataclass(frozen=True)
@@ -60,7 +61,8 @@ def draw_legend(page: Axes, columns: Sequence[Column], left: float, top: float) 
             if row.color is None:
                 page.text(left, y, row.text, fontsize=SMALL, color=FAINT)
                 continue
-            page.add_patch(Rectangle((left, y - 2), _SWATCH, _SWATCH, **fill(row.color, row.alpha)))
+            style = outline(row.color) if row.is_outline else fill(row.color, row.alpha)
+            page.add_patch(Rectangle((left, y - 2), _SWATCH, _SWATCH, **style))
             page.text(left + _INDENT, y, row.text, fontsize=SMALL, color=INK)
             page.text(right, y, row.count, fontsize=SMALL, color=FAINT, ha="right")
         left += column.width
@@ -70,9 +72,15 @@ def _rows(drawing: Drawing) -> list[Row]:
     rows: list[Row] = []
     for part in drawing.shapes:
         counts = Counter(part.names)
-        rows.append(Row(printable(part.layer)))
+        rows += [Row(""), Row(printable(part.layer))] if rows else [Row(printable(part.layer))]
         rows += [
-            Row(printable(name), drawing.colors[name], str(counts[name]), SHAPE_ALPHA)
+            Row(
+                printable(name),
+                drawing.colors[name],
+                str(counts[name]),
+                SHAPE_ALPHA,
+                part.are_outlines,
+            )
             for name in sorted(counts, key=lambda name: (-counts[name], name))
         ]
     for raster in drawing.rasters:

@@ -30,3 +30,8 @@ def fill(color: Color, alpha: float) -> dict[str, Any]:
     """Return how a shape of that color looks: filled, with a darker outline."""
     edge = tuple(0.65 * part for part in color)
     return {"facecolor": (*color, alpha), "edgecolor": edge, "linewidth": 0.9}
+
+
+def outline(color: Color) -> dict[str, Any]:
+    """Return how a shape looks that is drawn as a line of that color."""
+    return {"facecolor": "none", "edgecolor": color, "linewidth": 1.6}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -41,11 +41,21 @@ class Raster:
 
 @dataclass(frozen=True, eq=False)
 class Shapes:
-    """Named shapes in the picture's frame, the largest first, so that no one hides another."""
+    """Named shapes in the picture's frame, the largest first, so that no one hides another.
+
+    Attributes:
+        layer: heading in the legend.
+        names: by which they are colored and counted.
+        shapes: polygons.
+        labels: what is written at them; nothing where empty. None: their names.
+        are_outlines: whether they are drawn as lines alone.
+    """
 
     layer: str
     names: ObjectArray
     shapes: ObjectArray
+    labels: ObjectArray | None = None
+    are_outlines: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +70,7 @@ class Drawing:
         title: in the first line; may be empty.
         subtitle: what the picture says about itself.
         labels: whether names are written at the shapes.
+        links: from x, y to x, y of lines between what belongs together [m], shape (N, 2, 2).
     """
 
     rasters: tuple[Raster, ...]
@@ -69,6 +80,7 @@ class Drawing:
     title: str
     subtitle: str
     labels: bool
+    links: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 2, 2)))
 
 
 def render(

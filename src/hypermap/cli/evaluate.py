@@ -1,0 +1,128 @@
+"""`hypermap evaluate`: measure a map against the truth, and against another map."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from hypermap.cli.options import AsJson, check_output
+from hypermap.cli.terminal import note, say_json
+from hypermap.core.errors import HypermapError
+from hypermap.viewer.text import counted
+
+if TYPE_CHECKING:
+    from hypermap.evaluation import MapObjects
+
+
+def command(
+    estimate: Annotated[
+        Path, typer.Argument(metavar="ESTIMATE", show_default=False, help="The map to measure.")
+    ],
+    ground_truth: Annotated[
+        Path, typer.Argument(metavar="GROUND_TRUTH", show_default=False, help="The true map.")
+    ],
+    against: Annotated[
+        Path | None,
+        typer.Option(
+            "--against",
+            metavar="OTHER",
+            show_default=False,
+            help="Another map of the same truth: is ESTIMATE better by more than chance?",
+        ),
+    ] = None,
+    exact: Annotated[
+        bool,
+        typer.Option("--exact", help="With --against: the exact test, however many objects."),
+    ] = False,
+    csv: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", show_default=False, help="Save all figures: .csv."),
+    ] = None,
+    picture: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            show_default=False,
+            help="Draw both maps over each other, with the matches: .png or .svg.",
+        ),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Measure the objects of a map against those of the true one.
+
+    Told are the measures of the 2019 thesis; with each object used once, overlap, distance and
+    area; and what was found, missed, mapped twice and made up. A figure that is not defined, as
+    the recall of a class that the truth lacks, is shown as a dash.
+
+    Examples:
+        hypermap evaluate room.hmap truth.hmap
+        hypermap evaluate room.hmap truth.hmap --picture room.png --csv room.csv
+        hypermap evaluate default.hmap truth.hmap --against thesis.hmap
+    """
+    from hypermap.cli.evaluation_tables import show
+    from hypermap.evaluation import compare, evaluate, map_objects
+    from hypermap.evaluation.report import Run, csv_text, report
+    from hypermap.formats import open_map
+    from hypermap.formats.atomic import write_file
+    from hypermap.viewer.comparison import render_comparison
+
+    _check_outputs(csv, picture)
+    if exact and against is None:
+        raise HypermapError("--exact is about a test between two maps; name the other by --against")
+    true_map = open_map(ground_truth)
+    truth = map_objects(true_map, str(ground_truth))
+    _note_flaws(truth)
+
+    def measure(path: Path) -> Run:
+        objects = map_objects(open_map(path), str(path), true_map, truth.name)
+        _note_flaws(objects)
+        _note_strangers(objects, truth)
+        return Run(objects, evaluate(objects.objects, truth.objects))
+
+    run = measure(estimate)
+    other = None if against is None else measure(against)
+    tests = () if other is None else compare(run.evaluation, other.evaluation, exact)
+    data = report(truth, run, other, tests)
+    if as_json:
+        say_json(data)
+    else:
+        show(data)
+    if csv is not None:
+        write_file(csv, csv_text(data).encode())
+        note(f"saved {csv}")
+    if picture is not None:
+        title = f"{estimate.stem} against {ground_truth.stem}"
+        render_comparison(true_map, truth, run.objects, run.evaluation, picture, title=title)
+        note(f"saved {picture}")
+
+
+def _check_outputs(csv: Path | None, picture: Path | None) -> None:
+    from hypermap.viewer.picture import check_suffix
+
+    if csv is not None:
+        if csv.suffix.lower() != ".csv":
+            raise HypermapError(f"{csv}: a table of figures is saved as .csv")
+        check_output(csv, replace=True)
+    if picture is not None:
+        check_suffix(picture)
+        check_output(picture, replace=True)
+
+
+def _note_flaws(objects: MapObjects) -> None:
+    if objects.repaired:
+        outlines = counted(objects.repaired, "outline crosses itself", "outlines cross themselves")
+        note(f"{objects.name}: {outlines}; what is wound around counts as inside")
+    if objects.unread:
+        entries = counted(objects.unread, "entry", "entries")
+        note(f"{objects.name}: {entries} could not be read and are not measured")
+
+
+def _note_strangers(objects: MapObjects, truth: MapObjects) -> None:
+    """Say it if there is nothing to compare: that is an answer, but seldom the expected one."""
+    names = {thing.name for thing in objects.objects}
+    if not names:
+        note(f"{objects.name}: the map has no objects; nothing was found")
+    elif not names & {thing.name for thing in truth.objects}:
+        note(f"{objects.name}: the map and {truth.name} have no class in common; are names alike?")
