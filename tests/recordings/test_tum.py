@@ -115,6 +115,56 @@ def test_without_color_there_is_depth_and_info_says_what_is_missing(folder: Path
     )
 
 
+@pytest.mark.parametrize("depth_first", [True, False])
+def test_a_list_of_pairs_stands_in_for_two_lists(folder: Path, depth_first: bool) -> None:
+    lists = [(folder / name).read_text().splitlines() for name in ("depth.txt", "rgb.txt")]
+    pairs = zip(*(lists if depth_first else lists[::-1]), strict=True)
+    (folder / "associations.txt").write_text("# pairs\n" + "\n".join(map(" ".join, pairs)) + "\n")
+    for name in ("depth.txt", "rgb.txt"):
+        (folder / name).unlink()
+    recording = opened(folder)
+    assert recording.info().missing == ()
+    assert recording.info().streams[0].name == "associations.txt"
+    for frame, shot in zip(recording.frames(), SHOTS, strict=True):
+        assert_shows(frame, shot)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("# nothing\n", "the list is empty"),
+        (
+            "1 a/1.png 1 b/1.png\n",
+            "line 1: expected stamp, file, stamp, file, of which one file is called depth, found "
+            "'1 a/1.png 1 b/1.png'",
+        ),
+        (
+            "1 depth/1.png\n",
+            "line 1: expected stamp, file, stamp, file, of which one file is called depth, found "
+            "'1 depth/1.png'",
+        ),
+        ("x rgb/1.png 1 depth/1.png\n", "line 1: could not convert string to float: 'x'"),
+    ],
+)
+def test_a_broken_list_of_pairs_is_an_error(folder: Path, text: str, message: str) -> None:
+    (folder / "depth.txt").unlink()
+    path = folder / "associations.txt"
+    path.write_text(text)
+    with pytest.raises(FormatError) as caught:
+        len(opened(folder))
+    assert str(caught.value) == f"{path}: {message}"
+
+
+def test_what_else_lies_in_a_folder_as_downloaded_changes_nothing(folder: Path) -> None:
+    (folder / "accelerometer.txt").write_text("# timestamp ax ay az\n1600000000.2 0 0 9.81\n")
+    poses = folder / "groundtruth.txt"
+    before, after = "1599999999.9 0 0 0 0 0 0 1\n", "1600000009 0 0 0 0 0 0 1\n"
+    comments = "# ground truth trajectory\n# file: 'a.bag'\n"
+    poses.write_text(comments + before + poses.read_text() + after)
+    for frame, shot in zip(opened(folder).frames(), SHOTS, strict=True):
+        assert_shows(frame, shot)
+
+
 def test_every_second_frame(folder: Path) -> None:
     for frame, shot in zip(opened(folder, every=2).frames(), SHOTS[::2], strict=True):
         assert_shows(frame, shot)

@@ -53,7 +53,7 @@ def _recognise(path: Path) -> Callable[[Path, RecordingOptions], Recording] | No
         return _bag() if path.suffix in _BAG_ENDINGS else None
     if (path / "metadata.yaml").exists():
         return _bag()
-    if (path / "depth.txt").exists() or (path / "rgb.txt").exists():
+    if any((path / name).exists() for name in ("depth.txt", "rgb.txt", "associations.txt")):
         from hypermap.recordings.tum import TumRecording
 
         return TumRecording

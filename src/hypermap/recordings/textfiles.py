@@ -47,6 +47,18 @@ def parse_numbers(words: Sequence[str], path: Path, key: str) -> list[float]:
         raise FormatError(str(error), path=path, key=key) from None
 
 
+def finite_numbers(words: Sequence[str], path: Path, key: str) -> list[float]:
+    """Return words as finite numbers.
+
+    Raises:
+        FormatError: If a word is no number, or one that is not finite.
+    """
+    numbers = parse_numbers(words, path, key)
+    if not np.isfinite(numbers).all():
+        raise FormatError("there is a number that is not finite", path=path, key=key)
+    return numbers
+
+
 def read_matrix(path: Path, size: int) -> NDArray[np.float64]:
     """Return a square matrix; it may hold NaN and infinite numbers.
 

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hypermap.core.errors import FormatError, HypermapError
 from hypermap.core.occupancy import OccupancyLayer
@@ -16,32 +14,25 @@ from hypermap.core.trajectory import Trajectory
 from hypermap.perception.frame import Camera, RgbdFrame
 from hypermap.perception.recording import RecordingInfo, Stream
 from hypermap.recordings.folders import check_present, frame_size, load_color, load_depth
+from hypermap.recordings.image_lists import (
+    ImageList,
+    read_associations,
+    read_image_list,
+)
 from hypermap.recordings.options import RecordingOptions
 from hypermap.recordings.pairing import FramePlan, plan_frames
 from hypermap.recordings.problems import problems_of
-from hypermap.recordings.textfiles import parse_numbers, read_lines
+from hypermap.recordings.textfiles import finite_numbers, read_lines
 
 DEPTH_SCALE = 5000.0  # units per metre
-
-
-@dataclass(frozen=True, eq=False)
-class ImageList:
-    """What `rgb.txt` or `depth.txt` lists.
-
-    Attributes:
-        stamps: seconds, shape (N,).
-        paths: the image files, N of them.
-    """
-
-    stamps: NDArray[np.float64]
-    paths: list[Path]
 
 
 class TumRecording:
     """A folder with `rgb.txt`, `depth.txt` and `groundtruth.txt`.
 
-    The lists' stamps are associated one to one, and poses interpolated between those of the
-    ground truth. Depth is of 16 bits, 5000 to the metre, 0 for no return.
+    `associations.txt` may stand in place of the two lists. Their stamps are associated one to one,
+    and poses interpolated between those of the ground truth. Depth is of 16 bits, 5000 to the
+    metre, 0 for no return.
 
     Source: the benchmark's page on file formats (Sturm et al., IROS 2012).
     """
@@ -88,12 +79,13 @@ class TumRecording:
         for name, kind, use in (
             ("depth.txt", "depth images", "geometry"),
             ("rgb.txt", "color images", "detection of objects"),
+            ("associations.txt", "pairs of images", "geometry and detection of objects"),
             ("groundtruth.txt", "camera poses", "where each image was taken"),
         ):
             if (self._path / name).is_file():
                 count = sum(1 for _ in _tolerant(self._path / name))
                 streams.append(Stream(name, kind, count, use if count else ""))
-        if not (self._path / "rgb.txt").is_file():
+        if not any((self._path / name).is_file() for name in ("rgb.txt", "associations.txt")):
             missing.append("rgb.txt is missing: without color images no objects can be detected")
         problems = problems_of(self, "_depth", "_color", "_trajectory", "_plan", "_camera")
         missing += problems
@@ -123,12 +115,23 @@ class TumRecording:
 
     @cached_property
     def _depth(self) -> ImageList:
+        if self._associations is not None:
+            return self._associations[0]
         return read_image_list(self._path / "depth.txt")
 
     @cached_property
     def _color(self) -> ImageList | None:
+        if self._associations is not None:
+            return self._associations[1]
         path = self._path / "rgb.txt"
         return read_image_list(path) if path.is_file() else None
+
+    @cached_property
+    def _associations(self) -> tuple[ImageList, ImageList] | None:
+        """What stands in place of the two lists, where there is no `depth.txt`."""
+        path = self._path / "associations.txt"
+        is_needed = path.is_file() and not (self._path / "depth.txt").is_file()
+        return read_associations(path) if is_needed else None
 
     @cached_property
     def _trajectory(self) -> tuple[Trajectory, tuple[str, ...]]:
@@ -174,27 +177,6 @@ def default_camera(width: int, height: int, path: Path) -> Camera:
     )
 
 
-def read_image_list(path: Path) -> ImageList:
-    """Return the images that a list names, in the list's order.
-
-    Raises:
-        FileMissing: If there is no list.
-        FormatError: If a line is not a stamp and a file name, or there is none.
-    """
-    stamps, paths = [], []
-    for key, text in read_lines(path):
-        stamp, *name = text.split(maxsplit=1)
-        if not name:
-            raise FormatError(
-                f"expected a stamp and a file name, found {text!r}", path=path, key=key
-            )
-        stamps.append(_finite([stamp], path, key)[0])
-        paths.append(path.parent / name[0])
-    if not stamps:
-        raise FormatError("the list is empty", path=path)
-    return ImageList(np.array(stamps), paths)
-
-
 def read_trajectory(path: Path, max_gap: float) -> tuple[Trajectory, tuple[str, ...]]:
     """Return the poses of a TUM trajectory file in order of time, and notes on what was amiss.
 
@@ -204,7 +186,7 @@ def read_trajectory(path: Path, max_gap: float) -> tuple[Trajectory, tuple[str, 
     """
     rows = []
     for key, text in read_lines(path):
-        numbers = _finite(text.split(), path, key)
+        numbers = finite_numbers(text.split(), path, key)
         if len(numbers) != 8:
             raise FormatError(
                 f"expected 8 numbers (stamp tx ty tz qx qy qz qw), found {len(numbers)}",
@@ -227,13 +209,6 @@ def read_trajectory(path: Path, max_gap: float) -> tuple[Trajectory, tuple[str, 
         )
     table = table[order]
     return Trajectory(table[:, 0], table[:, 1:4], table[:, 4:], max_gap), tuple(notes)
-
-
-def _finite(words: list[str], path: Path, key: str) -> list[float]:
-    numbers = parse_numbers(words, path, key)
-    if not np.isfinite(numbers).all():
-        raise FormatError("there is a number that is not finite", path=path, key=key)
-    return numbers
 
 
 def _tolerant(path: Path) -> Iterator[tuple[str, str]]:
