@@ -270,7 +270,10 @@ def test_recorded_detections_go_with_the_image_they_were_made_from(
     assert found[2].names.tolist() == ["41" if is_number else "cup"]
     assert found[2].scores.tolist() == [0.75]
     assert found[2].xyxy.tolist() == [[3, 4, 9, 8]]
-    assert "1 of 4 frames have recorded detections" in recording.info().notes
+    notes = recording.info().notes
+    assert "1 of 4 frames have recorded detections" in notes
+    by_number = "the recorded detections name classes by number, and so will the map"
+    assert (by_number in notes) == is_number
 
 
 def grid(cells: list[int], frame: str = "map", width: int = 3) -> dict[str, Any]:

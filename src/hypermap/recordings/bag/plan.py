@@ -58,6 +58,9 @@ class BagPlan:
         if self._topics.detections:
             matched = sum(found is not None for found in self.detections)
             notes.append(f"{matched} of {len(self.frames)} frames have recorded detections")
+            names = [name for found in self.detections if found is not None for name in found.names]
+            if names and all(name.isdigit() for name in names):
+                notes.append("the recorded detections name classes by number, and so will the map")
         return notes
 
     @cached_property
