@@ -1,0 +1,137 @@
+"""Bags that ROS 1 itself has recorded, where it is installed: roscore, rospy, `rosbag record`."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import socket
+import subprocess
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hypermap.core.errors import FormatError
+from hypermap.recordings import open_recording
+
+COUNT = 6
+TOPICS = [
+    "/tf",
+    "/tf_static",
+    "/camera/depth/image",
+    "/camera/depth/camera_info",
+    "/camera/rgb/image_color",
+]
+RECORDERS: list[tuple[Any, ...]] = [  # file, signal that ends it, options
+    ("plain.bag", signal.SIGINT),
+    ("bz2.bag", signal.SIGINT, "--bz2"),
+    ("lz4.bag", signal.SIGINT, "--lz4"),
+    ("parts/desk", signal.SIGINT, "--split", "--size=4"),
+    ("killed.bag", signal.SIGKILL),
+]
+ROS_PYTHON = "/usr/bin/python3"  # ROS lives in the system's Python, not in ours
+NEEDS = "rospy, rosbag, numpy, PIL, sensor_msgs.msg, tf2_msgs.msg"
+
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("ros")]
+
+
+def has_ros() -> bool:
+    if not (shutil.which("roscore") and shutil.which("rosbag")):
+        return False
+    command = [ROS_PYTHON, "-c", f"import {NEEDS}"]
+    return subprocess.run(command, capture_output=True, check=False).returncode == 0
+
+
+@contextmanager
+def running(command: list[str], environment: dict[str, str], stop: int) -> Iterator[None]:
+    """Run a command in a process group of its own, which gets a signal at the end."""
+    process = subprocess.Popen(
+        command,
+        env=environment,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+    )
+    try:
+        yield
+    finally:
+        os.killpg(process.pid, stop)
+        process.wait(timeout=30)
+
+
+@pytest.fixture(scope="module")
+def bags(tmp_path_factory: pytest.TempPathFactory, shared_data: Path) -> Path:
+    """A folder of bags recorded at the same time, in several ways."""
+    if not has_ros():
+        pytest.skip(f"ROS 1 is not here: roscore, rosbag, and {ROS_PYTHON} with {NEEDS}")
+    folder = tmp_path_factory.mktemp("bags")
+    (folder / "parts").mkdir()
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    environment = os.environ | {
+        "ROS_MASTER_URI": f"http://127.0.0.1:{port}",
+        "ROS_HOSTNAME": "127.0.0.1",
+        "ROS_HOME": str(folder / "home"),
+    }
+    player = [ROS_PYTHON, str(Path(__file__).parent / "ros_player.py")]
+    with ExitStack() as stack:
+        stack.enter_context(running(["roscore", "-p", str(port)], environment, signal.SIGINT))
+        wait_for_port(port)
+        for name, stop, *options in RECORDERS:
+            flag = "-o" if name.startswith("parts") else "-O"
+            command = ["rosbag", "record", *options, flag, str(folder / name), *TOPICS]
+            stack.enter_context(running(command, environment, stop))
+        played = [str(shared_data / "desk"), str(COUNT), str(len(RECORDERS))]
+        subprocess.run([*player, *played], env=environment, check=True, timeout=60)
+    return folder
+
+
+def wait_for_port(port: int) -> None:
+    for _ in range(200):
+        with socket.socket() as probe:
+            if probe.connect_ex(("127.0.0.1", port)) == 0:
+                return
+        time.sleep(0.1)
+    raise TimeoutError("roscore did not start")
+
+
+@pytest.mark.parametrize("name", ["plain.bag", "bz2.bag", "lz4.bag", "parts"])
+def test_a_recorded_bag_gives_the_frames_of_the_folder_that_was_played(
+    bags: Path, shared_data: Path, name: str
+) -> None:
+    recording = open_recording(bags / name)
+    info = recording.info()
+    assert (info.format, info.frames, info.missing) == ("ROS 1 bag", COUNT, ())
+    folder_frames = open_recording(shared_data / "desk").frames()
+    for ours, theirs in zip(recording.frames(), folder_frames, strict=False):
+        np.testing.assert_array_equal(ours.depth, theirs.depth)
+        np.testing.assert_array_equal(ours.color, theirs.color)
+        np.testing.assert_array_equal(ours.camera.K, theirs.camera.K)
+        np.testing.assert_allclose(ours.map_T_camera, theirs.map_T_camera, atol=1e-5)
+        assert ours.stamp == pytest.approx(theirs.stamp, abs=1e-6)
+
+
+def test_a_bag_in_parts_has_several(bags: Path) -> None:
+    assert len(list((bags / "parts").glob("desk_*.bag"))) > 1
+
+
+def test_a_bag_whose_recording_was_killed_is_an_error_with_a_remedy_that_helps(
+    bags: Path, tmp_path: Path
+) -> None:
+    path = shutil.copy(bags / "killed.bag.active", tmp_path)
+    [problem] = open_recording(path).info().missing
+    assert problem == (
+        f"{path}: the bag cannot be read (Bag is not indexed, reindex before reading.); if its "
+        "recording was cut off, `rosbag reindex` may repair it"
+    )
+    with pytest.raises(FormatError):
+        len(open_recording(path))
+    subprocess.run(["rosbag", "reindex", path], check=True, capture_output=True)
+    assert {stream.name for stream in open_recording(path).info().streams} <= set(TOPICS)
+    assert open_recording(path).info().streams
