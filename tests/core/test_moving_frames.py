@@ -110,3 +110,19 @@ def test_roll_pitch_and_yaw_turn_about_fixed_axes(
     assert pose[:3, 0] == pytest.approx(forward)
     assert pose[:3, 2] == pytest.approx(up)
     assert compose(pose, invert(pose)) == pytest.approx(np.eye(4))
+
+
+@pytest.mark.parametrize(
+    ("frame", "root", "moves"),
+    [
+        ("camera", "map", True),
+        ("base", "map", True),
+        ("map", "map", False),
+        ("shelf", "warehouse", False),
+    ],
+)
+def test_every_frame_has_a_root_against_which_it_moves_or_not(
+    frame: str, root: str, moves: bool
+) -> None:
+    assert robot().root_of(frame) == root
+    assert robot().moves(frame) == moves
