@@ -40,7 +40,11 @@ OPTIONS = {
         "--world-transform",
     ),
     "depth_scale": _Option(float, "UNITS", "Units of the depth images per metre."),
-    "map_frame": _Option(str, "FRAME", "Fixed frame of a bag in which the map is made."),
+    "map_frame": _Option(
+        str,
+        "FRAME",
+        "Fixed frame of a bag in which the map is made, z up; else `map`, or the root of tf.",
+    ),
     "camera_frame": _Option(str, "FRAME", "Optical frame of a bag's camera."),
     "depth_topic": _Option(str, "TOPIC", "Topic of the depth images."),
     "cloud_topic": _Option(str, "TOPIC", "Topic of organised clouds, used in place of depth."),
