@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 from bag_builder import (
     CAMERA_INFO,
     CLOUD,
@@ -731,6 +732,20 @@ def test_the_parts_of_a_bag_are_read_in_order_of_their_numbers(
     assert info.missing == ()
     assert {(s.name, s.count) for s in info.streams} >= {(DEPTH, 4), ("/tf_static", 2)}
     for frame, shot in zip(recording.frames(), SHOTS, strict=True):
+        assert_shows(frame, shot)
+
+
+@pytest.mark.parametrize("kind", ["db3", "mcap"])
+def test_a_ros2_bag_in_parts_is_read_by_its_metadata(tmp_path: Path, kind: str) -> None:
+    names = [f"drive_{i}.{kind}" for i in range(4)]
+    folder = write_parts(tmp_path / "drive", kind, names)
+    with BagBuilder(tmp_path, kind, "whole") as bag:
+        without()(bag)
+    metadata = yaml.safe_load((bag.path / "metadata.yaml").read_text())
+    metadata["rosbag2_bagfile_information"]["relative_file_paths"] = names
+    (folder / "metadata.yaml").write_text(yaml.safe_dump(metadata))
+    assert open_recording(folder).info().missing == ()
+    for frame, shot in zip(frames_of(folder), SHOTS, strict=True):
         assert_shows(frame, shot)
 
 
