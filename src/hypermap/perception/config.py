@@ -45,9 +45,9 @@ class PerceptionConfig:
     method: Method = "enclosed"
     depth_noise: float = 0.002
     max_gap: float = 0.03
-    min_inside: float = 0.7
+    min_inside: float = 0.8
     min_own_border: float = 0.2
-    max_offset: float = 0.8
+    max_offset: float = 0.6
     normal_neighbors: int = 50
     region_neighbors: int = 30
     smoothness_deg: float = 20.0

@@ -1,0 +1,163 @@
+"""Objects in front of what runs on past their boxes: scenes of boxes, ray-cast with noise."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from hypermap.perception.config import PerceptionConfig
+from hypermap.perception.detections import Detections
+from hypermap.perception.frame import Camera, RgbdFrame
+from hypermap.perception.segmentation import segment, valid_pixels
+from hypermap.perception.surfaces import find_surfaces
+
+HEIGHT, WIDTH = 240, 320
+CAMERA = Camera.from_intrinsics(262.5, 262.5, 159.5, 119.5, WIDTH, HEIGHT)
+NOTHING = -1
+
+# Corners xmin, ymin, zmin, xmax, ymax, zmax in the optical frame: x right, y down, z forward.
+Box = tuple[float, float, float, float, float, float]
+FLOOR: Box = (-9, 1.0, 0, 9, 1.1, 9)
+WALL: Box = (-9, -9, 2.5, 9, 9, 2.6)
+TABLE: Box = (-0.8, 0.30, 1.2, 0.8, 0.34, 2.2)
+CUP: Box = (0.10, 0.18, 1.45, 0.19, 0.2995, 1.54)
+SEAT: Box = (-0.25, 0.55, 1.6, 0.2, 0.60, 2.05)
+BACK: Box = (-0.25, 0.10, 2.0, 0.2, 0.55, 2.05)
+LEGS: tuple[Box, ...] = tuple(
+    (x, 0.6, z, x + 0.04, 1.0, z + 0.04) for x in (-0.25, 0.16) for z in (1.6, 2.01)
+)
+CHAIR = (SEAT, BACK, *LEGS)
+
+
+def look(*bodies: Box, seed: int = 1) -> tuple[NDArray[np.float32], NDArray[np.intp]]:
+    """Return the depth of a scene, as noisy as a Kinect's, and which body each pixel shows."""
+    v, u = np.mgrid[:HEIGHT, :WIDTH]
+    rays = np.stack([(u - 159.5) / 262.5, (v - 119.5) / 262.5, np.ones(u.shape)], axis=-1)
+    depths = np.full((len(bodies) + 1, HEIGHT, WIDTH), np.inf)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        for depth, body in zip(depths[1:], np.array(bodies), strict=True):
+            hits = np.sort(np.stack([body[:3] / rays, body[3:] / rays]), axis=0)
+            enter, leave = hits[0].max(axis=-1), hits[1].min(axis=-1)
+            depth[:] = np.where((enter < leave) & (enter > 0), enter, np.inf)
+    shown = depths.argmin(axis=0) - 1
+    z = np.where(shown == NOTHING, np.nan, depths.min(axis=0))
+    noise = np.random.default_rng(seed).normal(0, 0.0015, z.shape)
+    return (z + noise * z**2).astype(np.float32), shown
+
+
+def box_of(mask: NDArray[np.bool_], looseness: float = 0.0) -> list[float]:
+    """Return the box around some pixels, larger by a share of its size."""
+    rows, columns = np.nonzero(mask)
+    xmin, ymin, xmax, ymax = columns.min(), rows.min(), columns.max() + 1, rows.max() + 1
+    dx, dy = looseness / 2 * (xmax - xmin), looseness / 2 * (ymax - ymin)
+    return [xmin - dx, ymin - dy, xmax + dx, ymax + dy]
+
+
+def cut(depth: NDArray[np.float32], boxes: list[list[float]]) -> dict[int, NDArray[np.bool_]]:
+    """Return the pixels that each detection was left with."""
+    frame = RgbdFrame(0.0, depth, CAMERA, np.eye(4))
+    config = PerceptionConfig()
+    detections = Detections.of(boxes, ["thing"] * len(boxes))
+    masks = {}
+    valid = valid_pixels(frame, config)
+    for found in segment(frame.points(), valid, CAMERA, detections, config):
+        masks[found.detection] = np.zeros(depth.shape, dtype=bool)
+        masks[found.detection].ravel()[found.pixels] = True
+    return masks
+
+
+def shares(found: NDArray[np.bool_], true: NDArray[np.bool_]) -> tuple[float, float]:
+    """Return which share of the object was found, and which share of what was found is true."""
+    both = np.count_nonzero(found & true)
+    return both / np.count_nonzero(true), both / np.count_nonzero(found)
+
+
+@pytest.mark.parametrize("looseness", [0.0, 0.2])
+def test_a_cup_on_a_table_is_cut_out_of_table_and_wall(looseness: float) -> None:
+    depth, shown = look(FLOOR, WALL, TABLE, CUP)
+    cup = shown == 3
+    found, precision = shares(cut(depth, [box_of(cup, looseness)])[0], cup)
+    assert found > 0.8  # its foot is as near to the table as the noise is large
+    assert precision > 0.98
+
+
+@pytest.mark.parametrize("looseness", [0.0, 0.2])
+def test_a_chair_before_a_wall_keeps_seat_back_and_legs(looseness: float) -> None:
+    depth, shown = look(FLOOR, WALL, *CHAIR)
+    chair = shown >= 2
+    found, precision = shares(cut(depth, [box_of(chair, looseness)])[0], chair)
+    assert found > 0.85
+    assert precision > 0.95
+
+
+def test_a_thing_in_two_boxes_belongs_to_the_smaller_one() -> None:
+    depth, shown = look(FLOOR, WALL, TABLE, CUP)
+    table, cup = shown == 2, shown == 3
+    found = cut(depth, [box_of(table | cup), box_of(cup)])
+    assert shares(found[0], table)[0] > 0.95
+    assert not (found[0] & found[1]).any()
+    # Without a box of its own the cup cannot be told from the table that it stands on.
+    assert np.count_nonzero(cut(depth, [box_of(table | cup)])[0] & cup) > 0.8 * cup.sum()
+
+
+def test_a_thing_that_the_image_cuts_off_is_still_a_thing() -> None:
+    depth, shown = look(FLOOR, WALL, (-1.2, 0.0, 1.5, -0.7, 1.0, 1.9))
+    found, precision = shares(cut(depth, [box_of(shown == 2)])[0], shown == 2)
+    assert (found, precision) == pytest.approx((1, 1), abs=0.05)
+
+
+def test_a_thing_before_what_is_too_far_to_be_measured_has_a_border_of_its_own() -> None:
+    low = (-0.3, 0.0, 1.5, 0.3, 0.4, 1.9)
+    before = (-0.9, 0.2, 1.2, 0.9, 1.0, 1.25)
+    depth, shown = look(low, before)
+    assert shares(cut(depth, [box_of(shown == 0)])[0], shown == 0) == pytest.approx((1, 1), abs=0.1)
+
+
+def test_a_wall_between_two_things_is_none_of_them() -> None:
+    left, right = (-0.4, -0.2, 1.5, -0.1, 1.0, 1.6), (0.1, -0.2, 1.5, 0.4, 1.0, 1.6)
+    top = (-0.4, -0.3, 1.5, 0.4, -0.2, 1.6)  # a gate, through which one sees a piece of the wall
+    depth, shown = look(FLOOR, WALL, left, right, top)
+    found, precision = shares(cut(depth, [box_of(shown >= 2)])[0], shown >= 2)
+    assert found > 0.95
+    assert precision > 0.98
+
+
+def test_a_thing_far_behind_another_in_the_same_box_is_left_out() -> None:
+    near, far = (-0.3, 0.0, 1.0, 0.3, 0.3, 1.1), (-0.1, -0.2, 2.0, 0.1, 0.1, 2.1)
+    depth, shown = look(FLOOR, WALL, near, far)
+    found = cut(depth, [box_of(shown >= 2)])[0]
+    assert shares(found, shown == 2) == pytest.approx((1, 1), abs=0.03)
+
+
+def test_a_book_on_a_table_is_what_its_box_cuts_out_of_the_table() -> None:
+    depth, _ = look(FLOOR, WALL, TABLE)
+    book = [140.0, 165.0, 180.0, 180.0]
+    (found,) = cut(depth, [book]).values()
+    assert box_of(found) == book
+
+
+def test_a_box_with_nothing_but_background_of_several_surfaces_has_no_object() -> None:
+    depth, shown = look(FLOOR, WALL)
+    corner = np.flatnonzero(shown[:, 50] == 0)[0]  # the first row of the floor
+    assert cut(depth, [[100, corner - 30, 200, corner + 30]]) == {}
+
+
+def test_planes_are_found_as_they_are() -> None:
+    depth, shown = look(FLOOR, WALL)
+    frame = RgbdFrame(0.0, depth, CAMERA, np.eye(4))
+    config = PerceptionConfig()
+    surfaces = find_surfaces(frame.points(), valid_pixels(frame, config), CAMERA, config)
+    assert surfaces.planes == 2
+    for body in (0, 1):
+        largest = np.bincount(surfaces.labels[shown == body]).max()
+        assert largest > 0.95 * np.count_nonzero(shown == body)
+    assert surfaces.sizes.sum() == shown.size
+
+
+def test_an_image_smaller_than_a_block_is_no_trouble() -> None:
+    camera = Camera.from_intrinsics(262.5, 262.5, 2, 2, 5, 5)
+    frame = RgbdFrame(0.0, np.ones((5, 5), np.float32), camera, np.eye(4))
+    config = PerceptionConfig()
+    surfaces = find_surfaces(frame.points(), valid_pixels(frame, config), camera, config)
+    assert (surfaces.planes, surfaces.sizes.tolist()) == (0, [25])
