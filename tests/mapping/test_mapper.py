@@ -139,8 +139,12 @@ def _with_pose(pose: NDArray[np.float64]) -> RgbdFrame:
             dataclasses.replace(frame(0, x=0), map_T_camera=frame(0, x=1e7).map_T_camera),
             "the occupancy map would grow to",
         ),
+        (
+            dataclasses.replace(frame(0, x=0), map_T_camera=frame(0, x=1e300).map_T_camera),
+            "its pose lies more than 1e+09 m away",
+        ),
     ],
-    ids=["no depth", "no pose", "not rigid", "far away"],
+    ids=["no depth", "no pose", "not rigid", "far away", "absurdly far away"],
 )
 def test_an_unusable_frame_is_counted_and_logged_and_the_rest_is_mapped(
     bad: RgbdFrame, reason: str, caplog: pytest.LogCaptureFixture

@@ -39,6 +39,7 @@ def command(
         typer.Argument(
             metavar="RECORDING",
             show_default=False,
+            readable=False,
             help="A folder of images (TUM RGB-D, 7-Scenes) or a ROS bag.",
         ),
     ],
@@ -55,19 +56,25 @@ def command(
     ] = None,
     labels: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Names of the network's classes, where it has none."),
+        typer.Option(
+            metavar="FILE",
+            readable=False,
+            help="Names of the network's classes, where it has none.",
+        ),
     ] = None,
     score: Annotated[
         float, typer.Option(min=0, max=1, help="Leave out what the network is less sure of.")
     ] = 0.3,
     detections: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Take detections from this JSON file.")
+        Path | None,
+        typer.Option(metavar="FILE", readable=False, help="Take detections from this JSON file."),
     ] = None,
     map_file: Annotated[
         Path | None,
         typer.Option(
             "--map",
             metavar="MAP.YAML",
+            readable=False,
             help="Occupancy map of map_server, in place of one made from depth.",
         ),
     ] = None,
@@ -75,7 +82,8 @@ def command(
         Profile, typer.Option(help="thesis: the method of 2019. default: the best that we know.")
     ] = Profile.default,
     config: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="YAML with settings that differ.")
+        Path | None,
+        typer.Option(metavar="FILE", readable=False, help="YAML with settings that differ."),
     ] = None,
 ) -> None:
     """Make a map of a recording: an occupancy layer, and the objects seen, with their shapes.

@@ -24,6 +24,8 @@ from hypermap.perception.recording import Recording
 
 _log = logging.getLogger(__name__)
 
+_FARTHEST = 1e9  # metres; beyond, shapes on the floor could not be computed with
+
 
 @dataclass(frozen=True)
 class Counts:
@@ -189,6 +191,8 @@ def _why_unusable(frame: RgbdFrame) -> str | None:
     """Return why a frame cannot be mapped; None if it can."""
     if not np.isfinite(frame.map_T_camera).all():
         return "its pose is not finite"
+    if np.abs(frame.map_T_camera[:3, 3]).max() > _FARTHEST:
+        return f"its pose lies more than {_FARTHEST:g} m away"
     rotation = frame.map_T_camera[:3, :3]
     if not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-3):
         return "its pose is no rigid motion"

@@ -11,6 +11,7 @@ import pytest
 from hypermap.core.errors import FormatError, HypermapError
 from hypermap.perception.detections import Detections
 from hypermap.perception.detectors import load_detector
+from hypermap.perception.detectors.recorded import RecordedDetections
 from hypermap.perception.detectors.sources import (
     detections_from_detector,
     detections_from_file,
@@ -34,14 +35,14 @@ def frame(
 def test_a_detector_looks_at_the_color_image(
     save_model: Callable[..., Path], networks: dict[str, dict[str, np.ndarray]]
 ) -> None:
-    source = detections_from_detector(load_detector(save_model(networks["RT-DETR"])))
+    source = detections_from_detector(load_detector(save_model(networks["RT-DETR, D-FINE"])))
     assert list(source(frame(COLOR)).names) == ["cup", "chair"]
 
 
 def test_without_a_color_image_a_detector_has_nothing_to_look_at(
     save_model: Callable[..., Path], networks: dict[str, dict[str, np.ndarray]]
 ) -> None:
-    source = detections_from_detector(load_detector(save_model(networks["RT-DETR"])))
+    source = detections_from_detector(load_detector(save_model(networks["RT-DETR, D-FINE"])))
     with pytest.raises(HypermapError) as error:
         source(frame())
     assert str(error.value) == (
@@ -74,6 +75,18 @@ def test_detections_of_images_of_another_size_are_refused(tmp_path: Path) -> Non
     assert str(error.value) == (
         f"{path}: image_size: the detections are of images of 640 x 480 pixels, "
         "but the recording has 64 x 64"
+    )
+
+
+def test_masks_of_another_size_are_refused(tmp_path: Path) -> None:
+    recorded = RecordedDetections()
+    masks = np.ones((1, 48, 32), dtype=bool)
+    recorded.add(10.0, Detections.of([[0, 0, 9, 9]], ["cup"], masks=masks))
+    recorded.save(path := tmp_path / "detections.json")
+    with pytest.raises(FormatError) as error:
+        detections_from_file(path)(frame(COLOR))
+    assert (
+        str(error.value) == f"{path}: the masks have 32 x 48 pixels, but the recording has 64 x 64"
     )
 
 

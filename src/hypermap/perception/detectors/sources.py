@@ -50,7 +50,15 @@ def detections_from_file(path: str | Path) -> DetectionSource:
                 path=path,
                 key="image_size",
             )
-        return recorded.at(frame.stamp if frame.color_stamp is None else frame.color_stamp)
+        found = recorded.at(frame.stamp if frame.color_stamp is None else frame.color_stamp)
+        if found.masks is not None and found.masks.shape[1:] != size[::-1]:
+            height, width = found.masks.shape[1:]
+            raise FormatError(
+                f"the masks have {width} x {height} pixels, "
+                f"but the recording has {size[0]} x {size[1]}",
+                path=path,
+            )
+        return found
 
     return source
 
