@@ -36,6 +36,7 @@ def save_model(tmp_path_factory: pytest.TempPathFactory) -> SaveModel:
         input_shape: tuple[Any, ...] = (1, 3, 64, 64),
         input_type: int = TensorProto.FLOAT,
         inputs: tuple[str, ...] = ("images",),
+        size_input: str | None = None,
         nodes: Sequence[onnx.NodeProto] = (),
         outputs: Sequence[str] = (),
         words: Sequence[str] = (),
@@ -46,7 +47,12 @@ def save_model(tmp_path_factory: pytest.TempPathFactory) -> SaveModel:
         graph = helper.make_graph(
             nodes,
             "network",
-            [helper.make_tensor_value_info(name, input_type, input_shape) for name in inputs],
+            [helper.make_tensor_value_info(name, input_type, input_shape) for name in inputs]
+            + [
+                helper.make_tensor_value_info(name, TensorProto.INT64, ("N", 2))
+                for name in [size_input]
+                if name
+            ],
             [
                 helper.make_tensor_value_info(name, TensorProto.FLOAT, None)
                 for name in outputs or values
@@ -108,11 +114,65 @@ def end_to_end_seg_tables() -> dict[str, np.ndarray]:
     return {"output0": table, "output1": _halves()}
 
 
-def rt_detr_table() -> np.ndarray:
+def decoded_yolox_table() -> np.ndarray:
+    table = np.full((1, CELLS, 8), 0.01)
+    rows, columns = (
+        np.concatenate([np.indices((n, n))[i].ravel() for n in (8, 4, 2)]) for i in (0, 1)
+    )
+    strides = np.repeat([8, 16, 32], [64, 16, 4])
+    table[0, :, 0], table[0, :, 1] = (columns + 0.5) * strides, (rows + 0.5) * strides
+    table[0, 3 * 8 + 2] = (*CUP, 1, 0.9, 0, 0)
+    table[0, 80 + 1] = (*CHAIR, 0.8, 0, 0, 0.75)
+    return table
+
+
+def yolov6_table() -> np.ndarray:
+    table = decoded_yolox_table()
+    table[0, :, 4] = 1
+    table[0, 80 + 1, 5:] = 0, 0, 0.6
+    return table
+
+
+def old_rt_detr_table() -> np.ndarray:
     table = np.full((1, 300, 7), 0.01)
     table[0, 0, :5] = (*np.divide(CUP, 64), 0.9)
     table[0, 1, :4], table[0, 1, 6] = np.divide(CHAIR, 64), 0.6
     return table
+
+
+def rt_detr_table() -> np.ndarray:
+    table = np.full((1, 300, 6), 0.01)
+    table[0, :, 5] = 1
+    table[0, 0] = (*np.divide(CUP, 64), 0.9, 0)
+    table[0, 1] = (*np.divide(CHAIR, 64), 0.6, 2)
+    return table
+
+
+def rt_detr_arrays() -> dict[str, np.ndarray]:
+    rows = end_to_end_table()[..., [5, 0, 1, 2, 3, 4]]
+    return {"labels": rows[..., 0], "boxes": rows[..., 1:5], "scores": rows[..., 5]}
+
+
+def transformers_arrays() -> dict[str, np.ndarray]:
+    rows = old_rt_detr_table()
+    return {"logits": np.log(rows[..., 4:] / (1 - rows[..., 4:])), "pred_boxes": rows[..., :4]}
+
+
+def rf_detr_arrays(nothing: float = 9) -> dict[str, np.ndarray]:
+    """The last column says how sure the network is that there is nothing."""
+    arrays = transformers_arrays()
+    last = np.full((1, 300, 1), nothing)
+    return {"dets": arrays["pred_boxes"], "labels": np.concatenate([arrays["logits"], last], 2)}
+
+
+def rf_detr_seg_arrays() -> dict[str, np.ndarray]:
+    masks = np.full((1, 300, 16, 16), -1.0)
+    masks[0, :2] = np.where(np.arange(16) < 6, 1, -1) * np.array([1, -1]).reshape(2, 1, 1)
+    return rf_detr_arrays() | {"masks": masks}
+
+
+def final_yolov7_rows() -> np.ndarray:
+    return np.array([[0, 16, 20, 32, 40, 0, 0.9], [0, 32, 8, 64, 24, 2, 0.6]])
 
 
 def _halves() -> np.ndarray:
@@ -124,11 +184,19 @@ def _halves() -> np.ndarray:
 NETWORKS = {
     "YOLOv8, YOLO11": {"output0": yolov8_table()},
     "YOLOv8, YOLO11 with masks": yolov8_seg_tables(),
-    "YOLOX, not decoded": {"output": yolox_table()},
     "YOLOv5, YOLOv7": {"output0": yolov5_table()},
+    "YOLOv6": {"outputs": yolov6_table()},
+    "YOLOX": {"output": yolox_table()},
+    "YOLOX, decoded": {"output": decoded_yolox_table()},
     "YOLOv10, YOLO26": {"output0": end_to_end_table()},
     "YOLOv10, YOLO26 with masks": end_to_end_seg_tables(),
-    "RT-DETR": {"output0": rt_detr_table()},
+    "YOLOv7 with suppression": {"output": final_yolov7_rows()},
+    "RT-DETR by ultralytics": {"output0": rt_detr_table()},
+    "RT-DETR by older ultralytics": {"output0": old_rt_detr_table()},
+    "RT-DETR, D-FINE": rt_detr_arrays(),
+    "RT-DETR, D-FINE by transformers": transformers_arrays(),
+    "RF-DETR": rf_detr_arrays(),
+    "RF-DETR with masks": rf_detr_seg_arrays(),
 }
 
 

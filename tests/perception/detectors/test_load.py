@@ -64,7 +64,7 @@ def test_with_none_installed_the_error_says_so() -> None:
 def test_an_onnx_file_is_opened_under_any_name(
     save_model: Callable[..., Path], networks: dict[str, dict[str, np.ndarray]], tmp_path: Path
 ) -> None:
-    model = save_model(networks["RT-DETR"])
+    model = save_model(networks["RT-DETR, D-FINE"])
     renamed = model.rename(tmp_path / "a:model")
     found = load_detector(str(renamed), score_threshold=0.7).detect(np.zeros((64, 64, 3), np.uint8))
     assert list(found.names) == ["cup"]

@@ -69,7 +69,7 @@ def test_yolox_finds_on_a_real_desk_what_another_implementation_found(
 
 
 def test_yolox_without_names_takes_those_of_coco(yolox: OnnxDetector) -> None:
-    assert yolox.layout.name == "YOLOX, not decoded"
+    assert yolox.layout.name == "YOLOX"
     assert yolox.model.input_size == (416, 416)
     assert (yolox.names[0], yolox.names[62], yolox.names[79]) == ("person", "tv", "toothbrush")
 
@@ -167,6 +167,32 @@ def test_a_network_of_half_precision_runs(save_model: SaveModel, networks: Netwo
     assert list(OnnxDetector.load(path).detect(SQUARE).names) == ["cup", "chair"]
 
 
+def test_a_network_that_asks_for_a_size_gets_that_of_its_input(save_model: SaveModel) -> None:
+    """Its only box fills the size that it is given."""
+    make = helper.make_node
+    nodes = [
+        make("Cast", ["orig_target_sizes"], ["size"], to=TensorProto.FLOAT),
+        make("Constant", [], ["zeros"], value_floats=[0.0, 0.0]),
+        make("Constant", [], ["first"], value_ints=[0]),
+        make("Constant", [], ["one_row"], value_ints=[1, 2]),
+        make("Reshape", ["zeros", "one_row"], ["corner"]),
+        make("Concat", ["corner", "size"], ["box"], axis=1),
+        make("Unsqueeze", ["box", "first"], ["boxes"]),
+        make("Identity", ["labels.value"], ["labels"]),
+        make("Identity", ["scores.value"], ["scores"]),
+    ]
+    path = save_model(
+        {"labels": [[1]], "scores": [[0.5]]},
+        input_shape=("N", 3, 32, 64),
+        size_input="orig_target_sizes",
+        nodes=nodes,
+        outputs=["labels", "boxes", "scores"],
+    )
+    found = OnnxDetector.load(path).detect(np.zeros((48, 30, 3), np.uint8))
+    assert list(found.names) == ["bowl"]
+    assert found.xyxy.tolist() == [[0, 0, 30, 48]]
+
+
 def test_outputs_that_are_not_numbers_are_left_aside(
     save_model: SaveModel, networks: Networks
 ) -> None:
@@ -180,7 +206,7 @@ def test_outputs_that_are_not_numbers_are_left_aside(
 
 
 def test_the_number_of_threads_can_be_given(save_model: SaveModel, networks: Networks) -> None:
-    detector = OnnxDetector.load(save_model(networks["RT-DETR"]), threads=1)
+    detector = OnnxDetector.load(save_model(networks["RT-DETR, D-FINE"]), threads=1)
     assert len(detector.detect(SQUARE)) == 2
 
 
@@ -196,6 +222,13 @@ def test_labels_in_a_file_go_before_those_in_the_model(
     assert list(found.names) == ["Tasse", "Stuhl"]
 
 
+def test_coco_can_be_asked_for_where_a_network_names_nothing(
+    save_model: SaveModel, networks: Networks
+) -> None:
+    path = save_model(networks["RT-DETR, D-FINE"], metadata={})
+    assert list(OnnxDetector.load(path, "coco").detect(SQUARE).names) == ["person", "car"]
+
+
 @pytest.mark.parametrize(
     ("layout", "metadata", "labels", "expected"),
     [
@@ -203,13 +236,15 @@ def test_labels_in_a_file_go_before_those_in_the_model(
             "YOLOv8, YOLO11",
             {},
             None,
-            "{model}: the model does not name its 3 classes; give their names with --labels FILE",
+            "{model}: the model does not name its 3 classes; give their names with --labels FILE, "
+            "or --labels coco",
         ),
         (
             "YOLOv10, YOLO26",
             {},
             None,
-            "{model}: the model does not name its classes; give their names with --labels FILE",
+            "{model}: the model does not name its classes; give their names with --labels FILE, "
+            "or --labels coco",
         ),
         (
             "YOLOv8, YOLO11",
@@ -217,7 +252,7 @@ def test_labels_in_a_file_go_before_those_in_the_model(
             None,
             "{model}: 2 names, but the model has 3 classes",
         ),
-        ("RT-DETR", {}, "cup\n", "{labels}: 1 names, but the model has 3 classes"),
+        ("RF-DETR", {}, "cup\n", "{labels}: 1 names, but the model has 3 classes"),
         (
             "YOLOv8, YOLO11",
             {"names": "__import__('os').system('true')"},
@@ -262,9 +297,16 @@ def test_a_class_without_a_name_is_an_error_when_it_is_found(
 
 KNOWN = (
     "known are: YOLOv8, YOLO11: (1, 4 + classes, cells); "
-    "YOLOX, not decoded: (1, cells, 5 + classes); YOLOv5, YOLOv7: (1, 3 cells, 5 + classes); "
-    "YOLOv10, YOLO26: (1, boxes, 6); RT-DETR: (1, boxes, 4 + classes); "
-    "YOLOv5, v8, 11 and 26 also with masks: (1, 32, h, w)"
+    "YOLOv5, YOLOv7: (1, 3 cells, 5 + classes); YOLOv6: (1, cells, 5 + classes); "
+    "YOLOX: (1, cells, 5 + classes); YOLOX, decoded: (1, cells, 5 + classes); "
+    "YOLOv10, YOLO26: (1, boxes, 6); YOLOv7 with suppression: (boxes, 7); "
+    "RT-DETR by ultralytics: (1, boxes, 6); "
+    "RT-DETR by older ultralytics: (1, boxes, 4 + classes); "
+    "RT-DETR, D-FINE: labels (1, boxes), boxes (1, boxes, 4), scores (1, boxes); "
+    "RT-DETR, D-FINE by transformers: "
+    "logits (1, boxes, classes), pred_boxes (1, boxes, 4); "
+    "RF-DETR: dets (1, boxes, 4), labels (1, boxes, classes + 1); "
+    "YOLO also with masks: (1, 32, h, w)"
 )
 FAILING = [
     helper.make_node("Constant", [], ["size"], value_ints=[7, 7]),
@@ -283,6 +325,16 @@ FAILING = [
             {"constants": {"boxes": np.zeros((1, 9, 4)), "logits": np.zeros((1, 9, 80))}},
             "the outputs of the model are not understood: "
             f"boxes (1, 9, 4), logits (1, 9, 80); {KNOWN}",
+        ),
+        (
+            {"constants": {"labels": np.zeros((1, 9)), "boxes": np.zeros((1, 8, 4))}}
+            | {"outputs": ["labels", "boxes"]},
+            f"the outputs of the model are not understood: labels (1, 9), boxes (1, 8, 4); {KNOWN}",
+        ),
+        (
+            {"constants": {f"scale{n}": np.zeros((1, 3, n, n, 8)) for n in (8, 4, 2)}},
+            "the outputs of the model are not understood: scale8 (1, 3, 8, 8, 8), "
+            f"scale4 (1, 3, 4, 4, 8), scale2 (1, 3, 2, 2, 8); {KNOWN}",
         ),
         (
             {"constants": {"table": np.ones((1, 100, 17)) * 9}},
@@ -328,6 +380,11 @@ FAILING = [
             {"constants": {"a": [0]}, "inputs": ("images", "size")},
             "the model takes images tensor(float) [1, 3, 64, 64], size tensor(float) "
             "[1, 3, 64, 64]; expected one image, float, (1, 3, rows, columns)",
+        ),
+        (
+            {"constants": {"a": [0]}, "size_input": "scale_factor"},
+            "the model takes images tensor(float) [1, 3, 64, 64], scale_factor tensor(int64) "
+            "['N', 2]; expected one image, float, (1, 3, rows, columns)",
         ),
         (
             {"constants": {"a": [0]}, "input_shape": (1, 3, 64, 100_000)},
@@ -379,7 +436,7 @@ def test_a_missing_file_and_a_folder_are_told_apart(tmp_path: Path) -> None:
 def test_something_else_than_an_image_is_refused(
     image: Any, save_model: SaveModel, networks: Networks
 ) -> None:
-    detector = OnnxDetector.load(save_model(networks["RT-DETR"]))
+    detector = OnnxDetector.load(save_model(networks["RT-DETR, D-FINE"]))
     with pytest.raises(ValueError, match=r"expected uint8 \(H, W, 3\)"):
         detector.detect(image)
 
@@ -388,7 +445,7 @@ def test_something_else_than_an_image_is_refused(
 def test_thresholds_lie_between_0_and_1(
     name: str, save_model: SaveModel, networks: Networks
 ) -> None:
-    path = save_model(networks["RT-DETR"])
+    path = save_model(networks["RT-DETR, D-FINE"])
     with pytest.raises(ValueError, match=rf"^{name} must lie in 0\.\.1, got 1\.5$"):
         OnnxDetector.load(path, **{name: 1.5})
 

@@ -28,7 +28,7 @@ COCO = tuple(" ".join(name.split()) for name in _COCO.split(","))
 
 
 def read_labels(path: str | Path) -> tuple[str, ...]:
-    """Return the class names in a file.
+    """Return the class names in a file; `coco` stands for the 80 of COCO.
 
     YAML and JSON (.yaml, .yml, .json) hold a list, a mapping from number to name, or one of both
     under the key `names`, as in the data files of YOLO. Any other file has one name per line.
@@ -37,6 +37,8 @@ def read_labels(path: str | Path) -> tuple[str, ...]:
         FileMissing: If there is no such file.
         FormatError: If it holds something else.
     """
+    if str(path) == "coco":
+        return COCO
     path = Path(path)
     if not path.is_file():
         raise FileMissing(f"{path}: there is no such file of labels")

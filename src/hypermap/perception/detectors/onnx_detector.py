@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from hypermap.core.errors import FormatError
 from hypermap.perception.detections import Detections
 from hypermap.perception.detectors.labels import COCO, parse_names, read_labels
-from hypermap.perception.detectors.layouts import LAYOUTS, Candidates, Layout, Outputs, recognise
+from hypermap.perception.detectors.layout import Candidates, Layout, Outputs
+from hypermap.perception.detectors.layouts import LAYOUTS, recognise
 from hypermap.perception.detectors.masks import mix_masks
 from hypermap.perception.detectors.nms import suppress
 from hypermap.perception.detectors.onnx_model import OnnxModel
@@ -83,15 +84,15 @@ class OnnxDetector:
             raise ValueError(f"expected uint8 (H, W, 3), got {color.dtype} {color.shape}")
         placement = self.layout.place((color.shape[1], color.shape[0]), self.model.input_size)
         image = placement.fill(color[..., ::-1] if self.layout.is_bgr else color)
-        arrays = self.model.run(image * np.float32(self.layout.white / 255))
-        outputs = Outputs.of(arrays.values(), self.model.input_size)
+        arrays = self.model.run(self.layout.scale(image))
+        outputs = Outputs.of(arrays, self.model.input_size)
         found = self._select(_decode(self.model, self.layout, outputs))
 
         boxes = placement.to_image(found.xyxy)
         in_image = (boxes[:, 2:] > boxes[:, :2]).all(axis=1)
         found, boxes = found[in_image], boxes[in_image]
         masks = None
-        if len(outputs.prototypes):
+        if found.mixture.shape[1]:
             masks = mix_masks(found.mixture, outputs.prototypes, boxes, placement)
         return Detections.of(boxes, [self._name(i) for i in found.class_ids], found.scores, masks)
 
@@ -118,15 +119,15 @@ def _recognise(model: OnnxModel) -> tuple[Layout, Candidates]:
     """Return the network's layout, and its answer to a grey image."""
     width, height = model.input_size
     arrays = model.run(np.full((height, width, 3), BORDER / 255, np.float32))
+    outputs = Outputs.of(arrays, model.input_size)
     try:
-        outputs = Outputs.of(arrays.values(), model.input_size)
         layout = recognise(outputs)
     except ValueError as error:
         found = ", ".join(f"{name} {array.shape}" for name, array in arrays.items())
         known = "; ".join(f"{layout.name}: {layout.shape}" for layout in LAYOUTS)
         raise FormatError(
             f"the outputs of the model are not understood: {found}; known are: {known}; "
-            "YOLOv5, v8, 11 and 26 also with masks: (1, 32, h, w)",
+            "YOLO also with masks: (1, 32, h, w)",
             path=model.path,
         ) from error
     return layout, _decode(model, layout, outputs)
@@ -160,7 +161,8 @@ def _class_names(
     else:
         classes = "classes" if class_count is None else f"{class_count} classes"
         raise FormatError(
-            f"the model does not name its {classes}; give their names with --labels FILE",
+            f"the model does not name its {classes}; give their names with --labels FILE, "
+            "or --labels coco",
             path=model.path,
         )
     if class_count not in (None, len(names)):

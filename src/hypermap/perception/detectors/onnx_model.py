@@ -16,6 +16,7 @@ from hypermap.perception.detectors.labels import parse_literal
 DEFAULT_SIDE = 640  # of a network that takes any size and does not name one
 MAX_SIDE = 8192
 INPUT_TYPES = {"tensor(float)": np.float32, "tensor(float16)": np.float16}
+SIZE_INPUT = "orig_target_sizes"  # of RT-DETR and D-FINE: columns and rows that boxes are to fill
 
 
 @dataclass(frozen=True)
@@ -59,10 +60,8 @@ class OnnxModel:
         Raises:
             FormatError: If the network fails, or answers something else than finite numbers.
         """
-        entry = self._session.get_inputs()[0]
-        batch = np.ascontiguousarray(image.transpose(2, 0, 1)[np.newaxis], INPUT_TYPES[entry.type])
         try:
-            outputs = self._session.run(None, {entry.name: batch})
+            outputs = self._session.run(None, self._inputs(image))
         except Exception as error:  # ONNX Runtime's errors have no common class of their own
             raise FormatError(
                 f"the model fails on an image of {image.shape[1]} x {image.shape[0]} pixels: "
@@ -78,6 +77,15 @@ class OnnxModel:
         if not all(np.isfinite(array).all() for array in arrays.values()):
             raise FormatError("the model answers NaN or infinity", path=self.path)
         return arrays
+
+    def _inputs(self, image: NDArray[np.float32]) -> dict[str, NDArray[Any]]:
+        batch = image.transpose(2, 0, 1)[np.newaxis]
+        return {
+            entry.name: np.array([self.input_size], np.int64)
+            if entry.name == SIZE_INPUT
+            else np.ascontiguousarray(batch, INPUT_TYPES[entry.type])
+            for entry in self._session.get_inputs()
+        }
 
 
 def _open_session(path: Path, threads: int | None) -> Any:
@@ -100,14 +108,15 @@ def _open_session(path: Path, threads: int | None) -> Any:
 
 def _input_size(path: Path, inputs: list[Any], metadata: Mapping[str, str]) -> tuple[int, int]:
     """Return columns and rows of the image, having checked that an image is what it takes."""
-    if len(inputs) != 1 or not _is_image(inputs[0]):
+    images = [entry for entry in inputs if not _is_size(entry)]
+    if len(images) != 1 or not _is_image(images[0]):
         found = ", ".join(f"{entry.name} {entry.type} {entry.shape}" for entry in inputs)
         raise FormatError(
             f"the model takes {found or 'nothing'}; "
             "expected one image, float, (1, 3, rows, columns)",
             path=path,
         )
-    _, _, height, width = inputs[0].shape
+    _, _, height, width = images[0].shape
     rows, columns = _size_in_metadata(path, metadata)
     size = (
         width if isinstance(width, int) else columns,
@@ -120,6 +129,10 @@ def _input_size(path: Path, inputs: list[Any], metadata: Mapping[str, str]) -> t
             path=path,
         )
     return size
+
+
+def _is_size(entry: Any) -> bool:
+    return entry.name == SIZE_INPUT and entry.type == "tensor(int64)" and len(entry.shape) == 2
 
 
 def _is_image(entry: Any) -> bool:
