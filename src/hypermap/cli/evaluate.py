@@ -73,11 +73,11 @@ def command(
         raise HypermapError("--exact is about a test between two maps; name the other by --against")
     true_map = open_map(ground_truth)
     truth = map_objects(true_map, str(ground_truth))
-    _note_flaws(truth)
+    _note_repairs(truth)
 
     def measure(path: Path) -> Run:
         objects = map_objects(open_map(path), str(path), true_map, truth.name)
-        _note_flaws(objects)
+        _note_repairs(objects)
         _note_strangers(objects, truth)
         return Run(objects, evaluate(objects.objects, truth.objects))
 
@@ -110,13 +110,10 @@ def _check_outputs(csv: Path | None, picture: Path | None) -> None:
         check_output(picture, replace=True)
 
 
-def _note_flaws(objects: MapObjects) -> None:
+def _note_repairs(objects: MapObjects) -> None:
     if objects.repaired:
         outlines = counted(objects.repaired, "outline crosses itself", "outlines cross themselves")
         note(f"{objects.name}: {outlines}; what is wound around counts as inside")
-    if objects.unread:
-        entries = counted(objects.unread, "entry", "entries")
-        note(f"{objects.name}: {entries} could not be read and are not measured")
 
 
 def _note_strangers(objects: MapObjects, truth: MapObjects) -> None:
