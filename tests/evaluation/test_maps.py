@@ -56,6 +56,13 @@ def test_unconnected_base_frames_are_an_error_that_names_both() -> None:
     )
 
 
+def test_a_layer_whose_frame_hangs_in_the_air_is_an_error_that_names_it() -> None:
+    hypermap = Hypermap([occupancy_from_text(".."), *one_cup("lab")])
+    message = "a.hmap: layer 'semantic': no transform has the frame 'lab'"
+    with pytest.raises(FrameError, match=message):
+        map_objects(hypermap, "a.hmap")
+
+
 @pytest.mark.parametrize("layers", [[], [occupancy_from_text("..")]])
 def test_a_map_without_a_semantic_layer_is_an_error(layers: list[SemanticLayer]) -> None:
     message = "a.hmap: the map has no layer of objects, so nothing can be compared"

@@ -45,7 +45,8 @@ def map_objects(
 
     Raises:
         HypermapError: If the map has no semantic layer, or the true map no objects.
-        FrameError: If neither map knows how the two base frames lie to each other.
+        FrameError: If neither map knows how the two base frames lie to each other, or the map
+            does not know how a layer's frame lies to its own.
     """
     layers = [layer for layer in hypermap.layers if isinstance(layer, SemanticLayer)]
     if not layers:
@@ -59,8 +60,7 @@ def map_objects(
         truth_T_base = _pose_in_truth(hypermap, name, ground_truth, truth_name)
     objects: list[SemanticObject] = []
     for layer in layers:
-        base_T_layer = hypermap.frames.lookup(hypermap.base_frame, layer.frame_id)
-        truth_T_layer = truth_T_base @ base_T_layer
+        truth_T_layer = truth_T_base @ _pose_in_base(hypermap, name, layer)
         objects += [_moved(thing, truth_T_layer) for thing in layer.objects()]
     return MapObjects(
         name=name,
@@ -70,6 +70,13 @@ def map_objects(
         repaired=sum(not thing.footprint.is_valid for thing in objects),
         unread=sum(len(layer.rejected) for layer in layers),
     )
+
+
+def _pose_in_base(hypermap: Hypermap, name: str, layer: SemanticLayer) -> Pose2D:
+    try:
+        return hypermap.frames.lookup(hypermap.base_frame, layer.frame_id)
+    except FrameError as error:
+        raise FrameError(f"{name}: layer {layer.name!r}: {error}") from None
 
 
 def _pose_in_truth(
