@@ -47,7 +47,7 @@ class PerceptionConfig:
     max_gap: float = 0.03
     min_inside: float = 0.8
     min_own_border: float = 0.2
-    max_offset: float = 0.6
+    max_offset: float = 0.4
     normal_neighbors: int = 50
     region_neighbors: int = 30
     smoothness_deg: float = 20.0

@@ -58,7 +58,9 @@ def cut_out(
             chosen = _together(own, inside[number], box, camera, config)
         else:
             chosen = _flat(inside[number], surfaces.planes)
-        cut.append(pixels[np.isin(surfaces.labels.ravel()[pixels], chosen)])
+        is_chosen = np.zeros(len(owner), dtype=bool)
+        is_chosen[chosen] = True
+        cut.append(pixels[is_chosen[surfaces.labels.ravel()[pixels]]])
     return cut
 
 

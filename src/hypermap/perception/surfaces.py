@@ -203,7 +203,7 @@ def _spread(disparity, blocks, planes, center, side, tolerance):  # type: ignore
     """Return the plane of each pixel: those of its blocks, and on from there to all that touch."""
     height, width = disparity.shape
     labels = np.full((height, width), UNFIT, np.int32)
-    queue = np.empty(height * width, np.int64)
+    queue = np.empty((height * width, 2), np.int32)
     head, tail = 0, 0
     for row in range(blocks.shape[0]):
         for col in range(blocks.shape[1]):
@@ -214,10 +214,10 @@ def _spread(disparity, blocks, planes, center, side, tolerance):  # type: ignore
                 for x in range(col * side, col * side + side):
                     if _is_on(disparity[y, x], planes[k], x, y, center, tolerance):
                         labels[y, x] = k
-                        queue[tail] = y * width + x
+                        queue[tail, 0], queue[tail, 1] = y, x
                         tail += 1
     while head < tail:
-        row, col = queue[head] // width, queue[head] % width
+        row, col = queue[head, 0], queue[head, 1]
         head += 1
         k = labels[row, col]
         for step in range(4):
@@ -226,7 +226,7 @@ def _spread(disparity, blocks, planes, center, side, tolerance):  # type: ignore
                 continue
             if _is_on(disparity[y, x], planes[k], x, y, center, tolerance):
                 labels[y, x] = k
-                queue[tail] = y * width + x
+                queue[tail, 0], queue[tail, 1] = y, x
                 tail += 1
     return labels
 
@@ -250,29 +250,27 @@ def _label_rest(disparity, labels, first, max_gap, tolerance):  # type: ignore[n
     Neighbours may be two pixels apart, as edges often lose one.
     """
     height, width = disparity.shape
-    queue = np.empty(height * width, np.int64)
+    queue = np.empty((height * width, 2), np.int32)
     label = first
-    for seed in range(height * width):
-        if (
-            labels[seed // width, seed % width] != UNFIT
-            or disparity[seed // width, seed % width] == 0
-        ):
-            continue
-        labels[seed // width, seed % width] = label
-        queue[0] = seed
-        head, tail = 0, 1
-        while head < tail:
-            row, col = queue[head] // width, queue[head] % width
-            head += 1
-            for y in range(max(row - 2, 0), min(row + 3, height)):
-                for x in range(max(col - 2, 0), min(col + 3, width)):
-                    if labels[y, x] != UNFIT or disparity[y, x] == 0:
-                        continue
-                    if _is_near(disparity[row, col], disparity[y, x], max_gap, tolerance):
-                        labels[y, x] = label
-                        queue[tail] = y * width + x
-                        tail += 1
-        label += 1
+    for seed_row in range(height):
+        for seed_col in range(width):
+            if labels[seed_row, seed_col] != UNFIT or disparity[seed_row, seed_col] == 0:
+                continue
+            labels[seed_row, seed_col] = label
+            queue[0, 0], queue[0, 1] = seed_row, seed_col
+            head, tail = 0, 1
+            while head < tail:
+                row, col = queue[head, 0], queue[head, 1]
+                head += 1
+                for y in range(max(row - 2, 0), min(row + 3, height)):
+                    for x in range(max(col - 2, 0), min(col + 3, width)):
+                        if labels[y, x] != UNFIT or disparity[y, x] == 0:
+                            continue
+                        if _is_near(disparity[row, col], disparity[y, x], max_gap, tolerance):
+                            labels[y, x] = label
+                            queue[tail, 0], queue[tail, 1] = y, x
+                            tail += 1
+            label += 1
     return label
 
 
