@@ -26,7 +26,7 @@ from hypermap.perception.segmentation import segment, valid_pixels
 
 CONFIGS = {
     "reference": PerceptionConfig.thesis(),
-    "fast": PerceptionConfig(max_depth=np.inf),
+    "fast": PerceptionConfig(method="organised", max_depth=np.inf),
 }
 
 
