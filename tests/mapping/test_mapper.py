@@ -52,6 +52,7 @@ class Frames:
     items: list[RgbdFrame]
     map: OccupancyLayer | None = None
     path: Path = Path("some/where/walk")
+    frame_id: str = "map"
 
     def __len__(self) -> int:
         return len(self.items)
@@ -89,6 +90,11 @@ def test_the_map_tells_how_it_was_made() -> None:
     assert metadata["config"] == to_dict(CONFIG)
     assert metadata["frames"] == {"used": 6, "skipped": 0, "unusable": 0}
     assert isinstance(metadata["hypermap_version"], str)
+
+
+def test_a_map_made_from_depth_is_in_the_frame_of_the_recordings_poses() -> None:
+    hypermap = map_recording(dataclasses.replace(walk(), frame_id="odom"), boxes, CONFIG)
+    assert [layer.frame_id for layer in hypermap] == ["odom", "odom"]
 
 
 @pytest.mark.parametrize("given_by", ["recording", "caller"])

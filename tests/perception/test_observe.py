@@ -8,6 +8,7 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from shapely.affinity import translate
 from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.trajectory import compose, pose_from_rpy
@@ -128,3 +129,19 @@ def test_scattered_points_are_no_trouble(method: Method, share: float) -> None:
     observation = observe(frame_of(depth), whole, PerceptionConfig(method=method))
     assert observation.visible_area.area > 1
     assert all(found.footprint.area > 0 for found in observation.objects)
+
+
+def test_a_shape_is_as_exact_far_from_the_origin_as_near_to_it() -> None:
+    camera = Camera.from_intrinsics(100, 100, 31.5, 23.5, 64, 48)
+    depth = np.full((48, 64), 1.0, np.float32)
+    down = np.diag([1.0, -1.0, -1.0, 1.0])
+    down[2, 3] = 2.0
+    boxes = Detections.of([[0, 0, 64, 48]], ["plate"])
+    shapes = []
+    for x, y in [(0.0, 0.0), (460_000.0, 5_500_000.0)]:
+        pose = down.copy()
+        pose[:2, 3] = x, y
+        frame = RgbdFrame(0.0, depth, camera, pose)
+        (seen,) = observe(frame, boxes, PerceptionConfig.thesis()).objects
+        shapes.append(translate(seen.footprint, -x, -y))
+    assert shapes[1].hausdorff_distance(shapes[0]) < 1e-6

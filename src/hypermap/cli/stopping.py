@@ -58,6 +58,11 @@ class StoppableRecording:
         """Where it lies."""
         return self._recording.path
 
+    @property
+    def frame_id(self) -> str:
+        """The fixed frame of its poses."""
+        return self._recording.frame_id
+
     def __len__(self) -> int:
         return len(self._recording)
 

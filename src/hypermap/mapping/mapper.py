@@ -78,6 +78,7 @@ class Mapper:
         config: MappingConfig,
         source: DetectionSource,
         occupancy: OccupancyLayer | None = None,
+        frame_id: str = "map",
     ) -> None:
         """Prepare an empty map.
 
@@ -86,6 +87,8 @@ class Mapper:
             source: says what a frame shows.
             occupancy: the first layer of the map, if it is known already; otherwise it is made
                 from the frames' depth. The frames' poses must be in its frame.
+            frame_id: frame of the frames' poses, and so of the layers; not used if `occupancy`
+                is given.
         """
         self.config = config
         self.counts = Counts()
@@ -93,6 +96,7 @@ class Mapper:
         self._source = source
         self._keyframes = KeyframeSelector(config.keyframes)
         self._given_occupancy = occupancy
+        self._frame_id = frame_id
         self._occupancy = OccupancyMapper(config.occupancy)
 
     def add(self, frame: RgbdFrame) -> Observation | None:
@@ -126,7 +130,7 @@ class Mapper:
         """Return the map so far: the layers "occupancy" and "semantic", in one frame."""
         occupancy = self._given_occupancy
         if occupancy is None:
-            occupancy = self._occupancy.layer()
+            occupancy = self._occupancy.layer(frame_id=self._frame_id)
         semantic = self.evidence.layer(frame_id=occupancy.frame_id)
         metadata = {
             "hypermap_version": __version__,
@@ -171,7 +175,7 @@ def map_recording(
     """
     if occupancy is None:
         occupancy = recording.occupancy()
-    mapper = Mapper(config, source, occupancy)
+    mapper = Mapper(config, source, occupancy, recording.frame_id)
     for frame in recording.frames():
         mapper.add(frame)
         if on_progress is not None:

@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
+
 from hypermap.core.trajectory import transform_points
 from hypermap.perception.config import PerceptionConfig
 from hypermap.perception.detections import Detections
@@ -31,10 +36,20 @@ def observe(frame: RgbdFrame, detections: Detections, config: PerceptionConfig) 
     valid = valid_pixels(frame, config)
     detections = detections[detections.scores >= config.min_score]
 
+    # In float32 a millimetre counts only near the origin, so shapes far from it are made as if the
+    # camera stood there, and then moved back.
+    offset = np.round(frame.map_T_camera[:2, 3], -2)
+    near_T_camera = frame.map_T_camera.copy()
+    near_T_camera[:2, 3] -= offset
+
+    def on_floor(points_near: NDArray[np.float32]) -> BaseGeometry:
+        shape = footprint(points_near, config.voxel_size)
+        return shapely.transform(shape, lambda xy: xy + offset) if offset.any() else shape
+
     objects = []
     for found in segment(points, valid, frame.camera, detections, config):
-        points_map = transform_points(frame.map_T_camera, found.points_xyz)
-        shape = footprint(points_map, config.voxel_size)
+        points_near = transform_points(near_T_camera, found.points_xyz)
+        shape = on_floor(points_near)
         if shape.is_empty:
             continue
         objects.append(
@@ -42,11 +57,10 @@ def observe(frame: RgbdFrame, detections: Detections, config: PerceptionConfig) 
                 name=str(detections.names[found.detection]),
                 score=float(detections.scores[found.detection]),
                 footprint=shape,
-                z_min=float(points_map[:, 2].min()),
-                z_max=float(points_map[:, 2].max()),
+                z_min=float(points_near[:, 2].min()),
+                z_max=float(points_near[:, 2].max()),
             )
         )
     some = (slice(None, None, config.visible_step),) * 2
-    some_points_map = transform_points(frame.map_T_camera, points[some][valid[some]])
-    visible_area = footprint(some_points_map, config.voxel_size)
+    visible_area = on_floor(transform_points(near_T_camera, points[some][valid[some]]))
     return Observation(frame.stamp, frame.map_T_camera, tuple(objects), visible_area)

@@ -61,6 +61,11 @@ class Recording(Protocol):
         """Where it lies."""
         ...
 
+    @property
+    def frame_id(self) -> str:
+        """The fixed frame of its poses, in which a map of it is made."""
+        ...
+
     def __len__(self) -> int:
         """Return how many frames `frames` will yield at most."""
         ...

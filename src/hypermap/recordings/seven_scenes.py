@@ -60,6 +60,11 @@ class SevenScenesRecording:
         """The folder."""
         return self._path
 
+    @property
+    def frame_id(self) -> str:
+        """The name given to the map's frame; "map" by default."""
+        return self._options.map_frame or "map"
+
     def __len__(self) -> int:
         """Return the number of frames."""
         return len(self._frames)

@@ -25,7 +25,7 @@ def read_lines(path: Path) -> Iterator[tuple[str, str]]:
         raise FileMissing(f"{path}: there is no such file")
     if path.stat().st_size > MAX_BYTES:
         raise FormatError(f"larger than {MAX_BYTES // 2**20} MiB, too large for a list", path=path)
-    with path.open(encoding="utf-8") as file:
+    with path.open(encoding="utf-8-sig") as file:
         try:
             for number, line in enumerate(file, start=1):
                 text = line.strip()

@@ -46,6 +46,11 @@ class TumRecording:
         """The folder."""
         return self._path
 
+    @property
+    def frame_id(self) -> str:
+        """The name given to the folder's world; "map" by default."""
+        return self._options.map_frame or "map"
+
     def __len__(self) -> int:
         """Return the number of frames."""
         return len(self._plan)

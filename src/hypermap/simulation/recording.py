@@ -76,6 +76,11 @@ class SimulatedRecording:
         """The name of the world; there is no file."""
         return Path(self.world.name)
 
+    @property
+    def frame_id(self) -> str:
+        """The frame of the world."""
+        return "map"
+
     def __len__(self) -> int:
         """Return the number of frames."""
         return len(self._stamps)

@@ -41,6 +41,11 @@ class BagRecording:
         """The bag."""
         return self._path
 
+    @property
+    def frame_id(self) -> str:
+        """The frame of tf in which the map is made."""
+        return self._plan.map_frame
+
     def __len__(self) -> int:
         """Return the number of frames.
 
