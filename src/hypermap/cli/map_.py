@@ -5,6 +5,7 @@ from __future__ import annotations
 import enum
 import time
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -17,12 +18,15 @@ from hypermap.core.errors import HypermapError
 from hypermap.viewer.text import counted, printable
 
 if TYPE_CHECKING:
+    from hypermap.cli.stopping import Stop
     from hypermap.core.hypermap import Hypermap
     from hypermap.core.occupancy import OccupancyLayer
     from hypermap.mapping.config import MappingConfig
     from hypermap.perception.detections import DetectionSource
     from hypermap.perception.recording import Recording
     from hypermap.recordings import RecordingOptions
+
+_LEAST_SCORE = 0.3  # for a network, where the profile takes all that is recorded
 
 
 class Profile(str, enum.Enum):
@@ -63,8 +67,14 @@ def command(
         ),
     ] = None,
     score: Annotated[
-        float, typer.Option(min=0, max=1, help="Leave out what the network is less sure of.")
-    ] = 0.3,
+        float | None,
+        typer.Option(
+            min=0,
+            max=1,
+            show_default="0.3",
+            help="Leave out what the detector is less sure of.",
+        ),
+    ] = None,
     detections: Annotated[
         Path | None,
         typer.Option(metavar="FILE", readable=False, help="Take detections from this JSON file."),
@@ -99,6 +109,7 @@ def command(
         hypermap map drive.bag --map map.yaml -o office.hmap
         hypermap map heads --world-transform 0,0,1.2,-1.9,0,0 -o heads.hmap
     """
+    from hypermap.cli.stopping import stop_on_interrupt
     from hypermap.formats import save_map
     from hypermap.formats.map_server import load_occupancy
     from hypermap.recordings import open_recording
@@ -107,22 +118,31 @@ def command(
         raise HypermapError(f"{output}: a map is saved as .hmap")
     check_output(output, replace=True)
     recording = open_recording(path, recording_options)
-    settings = _settings(profile, config)
-    occupancy = None if map_file is None else load_occupancy(map_file)
-    source = _detection_source(recording, detector, labels, score, detections)
-    hypermap, is_whole = _make_map(recording, source, settings, occupancy)
-    save_map(hypermap, output)
+    settings = _settings(profile, config, score)
+    occupancy = None
+    if map_file is not None:
+        occupancy = load_occupancy(map_file, frame_id=recording.frame_id)
+    least = settings.perception.min_score or _LEAST_SCORE
+    source = _detection_source(recording, detector, labels, least, detections)
+    frames = len(recording)  # which reads a bag through once
+    with stop_on_interrupt() as stop:
+        hypermap, is_whole = _make_map(recording, source, settings, occupancy, frames, stop)
+        save_map(hypermap, output)
     _summarize(hypermap, output)
     if not is_whole:
         note("This is the map of a part of the recording: Ctrl-C ended it early.")
         raise typer.Exit(INTERRUPTED)
 
 
-def _settings(profile: Profile, path: Path | None) -> MappingConfig:
+def _settings(profile: Profile, path: Path | None, score: float | None) -> MappingConfig:
     from hypermap.mapping import config
 
     settings = config.profile(profile.value)
-    return settings if path is None else config.load_config(path, settings)
+    if path is not None:
+        settings = config.load_config(path, settings)
+    if score is not None:
+        settings = replace(settings, perception=replace(settings.perception, min_score=score))
+    return settings
 
 
 def _detection_source(
@@ -166,14 +186,16 @@ def _make_map(
     source: DetectionSource,
     settings: MappingConfig,
     occupancy: OccupancyLayer | None,
+    frames: int,
+    stop: Stop,
 ) -> tuple[Hypermap, bool]:
     """Return the map, and whether it is that of the whole recording."""
     from hypermap.cli.progress import mapping_progress
-    from hypermap.cli.stopping import StoppableRecording, stop_on_interrupt
+    from hypermap.cli.stopping import StoppableRecording
     from hypermap.mapping.mapper import map_recording
 
     started = time.monotonic()
-    with stop_on_interrupt() as stop, mapping_progress(len(recording)) as report:
+    with mapping_progress(frames) as report:
         stoppable = StoppableRecording(recording, stop)
         try:
             hypermap = map_recording(stoppable, source, settings, occupancy, report)
@@ -182,12 +204,12 @@ def _make_map(
                 raise KeyboardInterrupt from None
             raise
     seconds = time.monotonic() - started
-    frames = hypermap.metadata["frames"]
-    total = sum(frames.values())
+    counts = hypermap.metadata["frames"]
+    total = sum(counts.values())
     note(
-        f"{total} frames in {seconds:.1f} s ({total / seconds:.1f}/s): {frames['used']} used, "
-        f"{frames['skipped']} skipped because the camera had hardly moved, "
-        f"{frames['unusable']} unusable"
+        f"{total} frames in {seconds:.1f} s ({total / seconds:.1f}/s): {counts['used']} used, "
+        f"{counts['skipped']} skipped because the camera had hardly moved, "
+        f"{counts['unusable']} unusable"
     )
     return hypermap, not stoppable.ended_early
 
