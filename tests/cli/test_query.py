@@ -153,3 +153,29 @@ def test_the_labs_occupied_cells_are_all_found(hypermap, lab):
     found = hypermap("query", lab, "--name", "Occupied", "--json")
     assert len(found.json["answers"]) == 954
     assert "and 904 more; --json lists all" in hypermap("query", lab, "--name", "Occupied").err
+
+
+def test_nested_objects_are_told_apart_by_their_middles(hypermap, tmp_path):
+    content = "- {name: table, shape: 'POLYGON((0 0, 9 0, 9 4, 0 4))'}\n"
+    content += "- {name: table, shape: 'POLYGON((1 1, 3 1, 3 3, 1 3))'}\n"
+    content += "- {name: '2', shape: 'POLYGON((20 0, 21 0, 21 1, 20 1))'}\n"
+    (tmp_path / "objects.yaml").write_text(content)
+    made = tmp_path / "x.hmap"
+    assert hypermap("convert", tmp_path / "objects.yaml", made).code == 0
+    nearest = hypermap("query", made, "--name", "table", "--nearest", "--from", "2,2", "--json")
+    assert [row["value"] for row in nearest.json["answers"]] == [1]
+    near = hypermap("query", made, "--name", "table", "--near", "2", "--within", "12", "--json")
+    assert [row["value"] for row in near.json["answers"]] == [0]
+
+
+def test_a_layer_in_a_lost_frame_does_not_keep_others_from_answering(hypermap, tmp_path):
+    (tmp_path / "near").write_text("- {name: cup, shape: 'POLYGON((0 0, 1 0, 1 1))'}")
+    (tmp_path / "far").write_text("- {name: cup, shape: 'POLYGON((0 0, 1 0, 1 1))'}")
+    (tmp_path / "hmap_config.yaml").write_text(
+        "layers:\n"
+        "- {class: SemanticLayer, name: near, frame_id: map, load_file: true, file: near}\n"
+        "- {class: SemanticLayer, name: far, frame_id: lab, load_file: true, file: far}\n"
+    )
+    assert_one_error(hypermap("query", tmp_path, "--name", "cup"), "'lab'")
+    answer = hypermap("query", tmp_path, "--name", "cup", "--layer", "near", "--json")
+    assert len(answer.json["answers"]) == 1

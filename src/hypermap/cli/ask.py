@@ -83,7 +83,7 @@ def hint_for(hypermap: Hypermap, question: Question) -> Iterator[str]:
     layers = [layer for layer in hypermap.layers if isinstance(layer, SemanticLayer)]
     known = sorted({str(name) for layer in layers for name in layer.names})
     for name in (question.what, question.near, question.inside):
-        if isinstance(name, str) and name not in known and not _is_place(name):
+        if isinstance(name, str) and name not in known and not _is_place(hypermap, name):
             yield f"no object is called {name!r}; {did_you_mean(name, known)}"
 
 
@@ -129,10 +129,10 @@ def _objects(hypermap: Hypermap, question: Question, layers: set[str]) -> list[F
     name = question.what if isinstance(question.what, str) else None
     near: Any = question.start if question.most is not None else None
     if question.near is not None:
-        is_point = _is_place(question.near)
+        is_point = _is_place(hypermap, question.near)
         near = parse_point(question.near, "--near") if is_point else question.near
     inside: Any = question.inside
-    if inside is not None and _is_place(inside):
+    if inside is not None and _is_place(hypermap, inside):
         inside = parse_area(inside, "--inside")
     found = hypermap.objects(
         name,
@@ -140,6 +140,7 @@ def _objects(hypermap: Hypermap, question: Question, layers: set[str]) -> list[F
         within=question.within,
         inside=inside,
         area=_area(question),
+        layer=question.layer,
         frame_id=question.frame_id,
     )
     by_id = question.what is not None and name is None
@@ -176,8 +177,10 @@ def _area(question: Question) -> BaseGeometry | None:
     return None if question.area is None else parse_area(question.area, "--in")
 
 
-def _is_place(text: str) -> bool:
-    """Return whether a text is numbers or WKT, and not a name."""
+def _is_place(hypermap: Hypermap, text: str) -> bool:
+    """Return whether a text is numbers or WKT, and not the name of an object."""
+    if any(text in set(layer.names) for layer in hypermap if isinstance(layer, SemanticLayer)):
+        return False
     return re.fullmatch(r"\s*([-+.\d][-+.,\s\deE]*|[A-Za-z]+\s*\(.*)", text) is not None
 
 

@@ -190,9 +190,10 @@ class Hypermap:
         within: float | None = None,
         inside: str | BaseGeometry | None = None,
         area: BaseGeometry | None = None,
+        layer: str | None = None,
         frame_id: str | None = None,
     ) -> list[Found]:
-        """Return the objects of all semantic layers for which all that is given is true.
+        """Return the objects of semantic layers for which all that is given is true.
 
         Args:
             name: their name; None for any.
@@ -202,13 +203,16 @@ class Hypermap:
             inside: a name or a geometry in which their centroid lies; with a name, in any other
                 object that has it.
             area: what their shape meets.
+            layer: the one that holds them, and the objects that `near` and `inside` name; None
+                for all semantic layers.
             frame_id: frame of the geometries and the point; None for the base frame.
 
         Returns:
-            The nearest first where `near` is given, otherwise in the order of the layers.
+            The nearest first where `near` is given, of equally near ones that with the nearer
+            centroid first; otherwise in the order of the layers.
 
         Raises:
-            FrameError: If the frame is unknown.
+            LayerNotFound, FrameError: If the layer or the frame is unknown.
             ValueError: If `within` is given without `near`, or is negative.
 
         >>> from hypermap.core.semantic import SemanticObject
@@ -223,7 +227,10 @@ class Hypermap:
         if within is not None and not within >= 0:
             raise ValueError(f"within must not be negative, got {within}")
         limit = np.inf if within is None else within
-        layers = PlacedLayers([self._placed(layer) for layer in self._semantic_layers()])
+        asked_layers = self._semantic_layers() if layer is None else [self[layer]]
+        layers = PlacedLayers(
+            [self._placed(place) for place in asked_layers if isinstance(place, SemanticLayer)]
+        )
         chosen = layers.named(name)
         if area is not None:
             asked = self._lookup(self.base_frame, frame_id).apply_geometry(as_area(area))
@@ -232,8 +239,10 @@ class Hypermap:
             chosen = chosen.take(chosen.stand_in(self._anchors(layers, inside, frame_id)))
         if near is None:
             return [layers.found(key) for key in chosen.keys]
-        distances = chosen.distances_to(self._anchors(layers, near, frame_id), limit)
-        order = np.argsort(distances, kind="stable")
+        anchors = self._anchors(layers, near, frame_id)
+        distances = chosen.distances_to(anchors, limit)
+        to_centroids = chosen.centroid_distances_to(anchors)
+        order = np.lexsort((to_centroids, distances))
         order = order[np.isfinite(distances[order])]
         return [layers.found(chosen.keys[i], float(distances[i])) for i in order]
 

@@ -89,6 +89,15 @@ class Placed:
         np.minimum.at(nearest, here, shapely.distance(self.shapes[here], others.shapes[there]))
         return nearest
 
+    def centroid_distances_to(self, others: Placed) -> NDArray[np.float64]:
+        """Return the distance from each centroid to the other shape, shape (N,).
+
+        Zeros if there is not exactly one other: it decides between shapes that are equally near.
+        """
+        if len(others) != 1:
+            return np.zeros(len(self))
+        return np.asarray(shapely.distance(shapely.points(self.centroids), others.shapes[0]))
+
     def stand_in(self, others: Placed) -> BoolArray:
         """Return whether each shape's centroid lies in one of the others that is not itself."""
         tree = shapely.STRtree(others.shapes)
