@@ -8,6 +8,7 @@ Source: INTERFACES, section 4: the commands and their spelling are those of the 
 from __future__ import annotations
 
 import math
+import os
 import shlex
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -90,11 +91,14 @@ class Console:
         return "\n".join(lines)
 
     def _load(self, arguments: list[str]) -> str:
-        self.hypermap = open_map(Path(arguments[0]).expanduser())
+        self.hypermap = open_map(_path(arguments[0]))
         return f"loaded {len(self.hypermap.layers)} layers from {arguments[0]}"
 
     def _save(self, arguments: list[str]) -> str:
-        save_map(self.hypermap, Path(arguments[0]).expanduser())
+        path = _path(arguments[0])
+        if path.suffix.lower() in (".yaml", ".yml") or path.is_dir():
+            raise HypermapError(f"{path}: save writes an archive; give a name that ends in .hmap")
+        save_map(self.hypermap, path)
         return f"saved {len(self.hypermap.layers)} layers to {arguments[0]}"
 
     def _get_string(self, arguments: list[str]) -> str:
@@ -166,6 +170,11 @@ def split(line: str) -> list[str]:
         return list(lexer)
     except ValueError as error:
         raise HypermapError(f"{str(error).lower()} in: {line.strip()}") from None
+
+
+def _path(word: str) -> Path:
+    """Return a path; `~` is the user's home."""
+    return Path(os.path.expanduser(word))  # noqa: PTH111 - unlike Path's, it leaves ~nobody alone
 
 
 def _points(words: list[str]) -> NDArray[np.float64]:

@@ -88,3 +88,14 @@ def test_the_shell_works_where_no_history_can_be_kept(monkeypatch, tmp_path):
     (tmp_path / "state").write_text("a file in place of the folder")
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     assert isinstance(_history(), InMemoryHistory)
+
+
+def test_save_writes_archives_alone(hypermap, room_map, tmp_path):
+    (tmp_path / "occupancy.png").write_text("precious")
+    result = hypermap(
+        "shell", room_map, stdin=f"save {tmp_path}/new.yaml\nload ~nobody-here/x.hmap\n"
+    )
+    assert result.code == 2
+    assert "save writes an archive; give a name that ends in .hmap" in result.err
+    assert "there is no such file" in result.err
+    assert (tmp_path / "occupancy.png").read_text() == "precious"

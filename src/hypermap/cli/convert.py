@@ -171,6 +171,8 @@ def _save_yaml(hypermap: Hypermap, target: Path, force: bool) -> None:
     kinds = (OccupancyLayer, SemanticLayer)
     layer = _only_one(hypermap, kinds, f"{target} can hold one layer, a grid or objects")
     if isinstance(layer, OccupancyLayer):
+        if target.suffix != ".yaml":
+            raise HypermapError(f"{target}: a grid is saved as {target.with_suffix('.yaml').name}")
         check_output(target.with_suffix(".png"), force)
         files = MemoryStore()
         OccupancyFiles().save(layer, files, target.stem)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hypermap.cli.options import AsJson, check_output
+from hypermap.cli.options import AsJson, check_output, check_picture
 from hypermap.cli.terminal import note, say_json
 from hypermap.core.errors import HypermapError
 from hypermap.viewer.text import counted
@@ -107,7 +107,7 @@ def _check_outputs(csv: Path | None, picture: Path | None) -> None:
         check_output(csv, replace=True)
     if picture is not None:
         check_suffix(picture)
-        check_output(picture, replace=True)
+        check_picture(picture)
 
 
 def _note_repairs(objects: MapObjects) -> None:

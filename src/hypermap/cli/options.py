@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -23,6 +24,8 @@ MapPath = Annotated[
         help="An .hmap archive, a configuration file in a folder, or a map_server YAML.",
     ),
 ]
+_YAML_HEAD = 65536  # bytes of a YAML file beside a picture that are looked at
+
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON, for programs.")]
 Force = Annotated[bool, typer.Option("--force", "-f", help="Replace the output file if it exists.")]
 
@@ -68,7 +71,7 @@ def _area_from_wkt(text: str, option: str) -> BaseGeometry:
 
     try:
         area = shapely.from_wkt(text)
-    except shapely.GEOSException as error:
+    except (shapely.GEOSException, NotImplementedError) as error:
         raise HypermapError(f"{option} {text!r}: this is not WKT: {error}") from None
     return _checked(area, text, option)
 
@@ -104,3 +107,19 @@ def check_output(path: Path, replace: bool) -> None:
         raise HypermapError(f"{path}: no permission to write in the folder {folder}")
     if path.exists() and not replace:
         raise HypermapError(f"{path} exists already; give --force to replace it")
+
+
+def check_picture(path: Path) -> None:
+    """Make sure that a picture can be saved, and does not replace the cells of a grid.
+
+    Raises:
+        HypermapError: If it cannot, or a map_server YAML beside it names it as its image.
+    """
+    check_output(path, replace=True)
+    if not path.exists():
+        return
+    names_it = re.compile(rf"^image:\s*(['\"]?)(\./)?{re.escape(path.name)}\1\s*$", re.MULTILINE)
+    for beside in path.absolute().parent.glob("*.yaml"):
+        text = beside.read_bytes()[:_YAML_HEAD].decode(errors="replace")
+        if names_it.search(text):
+            raise HypermapError(f"{path}: this is the picture of the grid {beside.name}; it stays")

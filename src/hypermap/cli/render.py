@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from hypermap.cli.options import MapPath, check_output, parse_area
+from hypermap.cli.options import MapPath, check_picture, parse_area
 from hypermap.cli.terminal import note
 
 
@@ -59,7 +59,7 @@ def command(
     from hypermap.viewer.picture import check_suffix, render
 
     check_suffix(output)
-    check_output(output, replace=True)
+    check_picture(output)
     shown = None if area is None else parse_area(area, "--in")
     render(
         open_map(path),
