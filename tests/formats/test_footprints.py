@@ -65,3 +65,8 @@ def test_text_gives_every_coordinate_again(footprint: BaseGeometry) -> None:
 def test_only_polygons_have_text() -> None:
     with pytest.raises(TypeError, match="a footprint is a polygon or multipolygon, not a Point"):
         footprint_to_wkt(shapely.Point(0, 0))
+
+
+def test_a_curve_is_said_to_be_none_of_ours() -> None:
+    with pytest.raises(ValueError, match="its shape is not well-known text"):
+        footprint_from_wkt("CURVEPOLYGON(CIRCULARSTRING(0 0, 2 0, 2 2, 0 2, 0 0))")

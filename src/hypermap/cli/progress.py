@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -52,19 +51,21 @@ def _bar(total: int) -> Iterator[Report]:
 
 
 def _lines(total: int) -> Report:
-    started = time.monotonic()
-    last = -math.inf
+    started = last = 0.0
+    before = 0  # frames; the first one is slow, as what it needs is loaded
 
     def report(progress: Progress) -> None:
-        nonlocal last
+        nonlocal started, last, before
         now = time.monotonic()
-        if now - last < _EVERY:
+        text = f"mapping: {progress.done} of {total} frames, {progress.objects} objects"
+        if before == 0:
+            started, before = now, progress.done
+        elif now - last < _EVERY:
             return
+        else:
+            rate = (progress.done - before) / (now - started)
+            text += f", {rate:.1f}/s, {(total - progress.done) / rate:.0f} s left"
         last = now
-        rate = progress.done / (now - started)
-        note(
-            f"mapping: {progress.done} of {total} frames, {rate:.1f}/s, "
-            f"{progress.objects} objects, {(total - progress.done) / rate:.0f} s left"
-        )
+        note(text)
 
     return report

@@ -23,11 +23,11 @@ def footprint_from_wkt(text: str) -> BaseGeometry:
     """
     try:
         return shapely.from_wkt(text)
-    except shapely.errors.GEOSException:
+    except (shapely.errors.GEOSException, NotImplementedError):  # the latter for curves
         closed = _RING.sub(_close_ring, text)
     try:
         return shapely.from_wkt(closed)
-    except shapely.errors.GEOSException as error:
+    except (shapely.errors.GEOSException, NotImplementedError) as error:
         reason = str(error).partition("Exception: ")[2] or str(error)
         raise ValueError(f"its shape is not well-known text: {reason}") from None
 
