@@ -129,3 +129,10 @@ def test_what_exists_is_replaced_only_by_force(hypermap, room_map, tmp_path):
         assert not target.is_file() or target.read_text() == "precious"
         assert hypermap("convert", room_map, target, *arguments[1:], "--force").code == 0
     assert (folder / "precious").read_text() == "precious"
+
+
+def test_a_grid_in_capitals_does_not_replace_another(hypermap, room_map, tmp_path):
+    (tmp_path / "MAP.yaml").write_text("precious")
+    result = hypermap("convert", room_map, tmp_path / "MAP.YAML", "--layer", "occupancy")
+    assert_one_error(result, "MAP.YAML: a grid is saved as MAP.yaml")
+    assert (tmp_path / "MAP.yaml").read_text() == "precious"

@@ -183,3 +183,22 @@ def test_a_real_recording_becomes_a_map(hypermap, shared_data, tmp_path):
     assert result.code == 0
     assert "10 frames in" in result.err
     assert json.loads(hypermap("info", out, "--json").out)["metadata"]["recording"] == "desk"
+
+
+def test_what_is_less_sure_than_the_score_is_left_out(hypermap, drive, tmp_path):
+    out = tmp_path / "out.hmap"
+    arguments = ["map", drive, "--intrinsics", INTRINSICS, "-o", out, "--score"]
+    for score, objects in [("0.85", 1), ("0.95", 0)]:  # the detections' own is 0.9
+        assert hypermap(*arguments, score).code == 0
+        assert len(objects_in(out)) == objects
+        metadata = hypermap("info", out, "--json").json["metadata"]
+        assert metadata["config"]["perception"]["min_score"] == float(score)
+
+
+def test_a_given_map_lies_in_the_frame_of_the_recording(hypermap, drive, room_map, tmp_path):
+    given, out = tmp_path / "given.yaml", tmp_path / "out.hmap"
+    assert hypermap("convert", room_map, given, "--layer", "occupancy").code == 0
+    arguments = ["--intrinsics", INTRINSICS, "--map-frame", "hall", "--map", given, "-o", out]
+    assert hypermap("map", drive, *arguments).code == 0
+    layers = hypermap("info", out, "--json").json["layers"]
+    assert [layer["frame_id"] for layer in layers] == ["hall", "hall"]

@@ -372,3 +372,13 @@ def test_what_existed_is_untouched(folder: Path, tmp_path: Path) -> None:
     for path in copy.rglob("*.*"):
         if path.is_file():
             assert path.read_bytes() == (folder / path.relative_to(copy)).read_bytes()
+
+
+def test_lists_may_begin_with_a_byte_order_mark(folder: Path) -> None:
+    expected = [frame.map_T_camera for frame in opened(folder).frames()]
+    for name in ("rgb.txt", "depth.txt", "groundtruth.txt"):
+        lines = (folder / name).read_text().splitlines()
+        kept = [line for line in lines if not line.startswith("#")]
+        (folder / name).write_text("\n".join(kept), encoding="utf-8-sig")
+    read = [frame.map_T_camera for frame in opened(folder).frames()]
+    assert np.array_equal(read, expected)
