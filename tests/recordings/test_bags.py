@@ -685,6 +685,7 @@ def test_without_a_frame_map_the_root_above_the_camera_is_taken_and_said(
     for frame, shot in zip(recording.frames(), SHOTS, strict=True):
         assert_shows(frame, shot)
     assert caplog.messages == [f"{bag.path}: {note}"]
+    assert recording.frame_id == "world"
     layer = recording.occupancy()
     assert layer is not None
     assert layer.frame_id == "world"
