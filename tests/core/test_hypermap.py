@@ -290,3 +290,21 @@ def test_a_map_is_the_same_as_one_made_alike_and_no_other() -> None:
     layer.update(0, square("chair", 0, 1e-12))
     with pytest.raises(AssertionError, match="object 0 'chair': footprint differ"):
         assert_same_map(other, building())
+
+
+def test_the_objects_of_one_layer_may_be_near_to_those_of_another() -> None:
+    def chair(x: float) -> SemanticObject:
+        return SemanticObject("chair", shapely.box(x, 0, x + 1, 1))
+
+    sink = SemanticObject("sink", shapely.box(0, 0, 1, 1))
+    hypermap = Hypermap(
+        [
+            SemanticLayer("seats", "map", [chair(3)]),
+            SemanticLayer("fixtures", "map", [sink, chair(2)]),
+            SemanticLayer("lost", "nowhere", [chair(1)]),
+        ]
+    )
+    (found,) = hypermap.objects("chair", near="sink", layer="seats")
+    assert (found.layer, found.distance) == ("seats", 2.0)
+    with pytest.raises(LayerNotFound):
+        hypermap.objects("chair", layer="seat")

@@ -203,8 +203,8 @@ class Hypermap:
             inside: a name or a geometry in which their centroid lies; with a name, in any other
                 object that has it.
             area: what their shape meets.
-            layer: the one that holds them, and the objects that `near` and `inside` name; None
-                for all semantic layers.
+            layer: the one that holds them; None for all semantic layers. What `near` and
+                `inside` name may be in any.
             frame_id: frame of the geometries and the point; None for the base frame.
 
         Returns:
@@ -227,11 +227,17 @@ class Hypermap:
         if within is not None and not within >= 0:
             raise ValueError(f"within must not be negative, got {within}")
         limit = np.inf if within is None else within
-        asked_layers = self._semantic_layers() if layer is None else [self[layer]]
+        # A layer that is not asked need not have a place in the map.
+        only = None if layer is None else self[layer]
+        anchors = {what for what in (near, inside) if isinstance(what, str)}
         layers = PlacedLayers(
-            [self._placed(place) for place in asked_layers if isinstance(place, SemanticLayer)]
+            [
+                self._placed(place)
+                for place in self._semantic_layers()
+                if only in (None, place) or anchors.intersection(place.names)
+            ]
         )
-        chosen = layers.named(name)
+        chosen = layers.named(name, layer)
         if area is not None:
             asked = self._lookup(self.base_frame, frame_id).apply_geometry(as_area(area))
             chosen = chosen.take(shapely.intersects(chosen.shapes, asked))
@@ -239,9 +245,9 @@ class Hypermap:
             chosen = chosen.take(chosen.stand_in(self._anchors(layers, inside, frame_id)))
         if near is None:
             return [layers.found(key) for key in chosen.keys]
-        anchors = self._anchors(layers, near, frame_id)
-        distances = chosen.distances_to(anchors, limit)
-        to_centroids = chosen.centroid_distances_to(anchors)
+        others = self._anchors(layers, near, frame_id)
+        distances = chosen.distances_to(others, limit)
+        to_centroids = chosen.centroid_distances_to(others)
         order = np.lexsort((to_centroids, distances))
         order = order[np.isfinite(distances[order])]
         return [layers.found(chosen.keys[i], float(distances[i])) for i in order]

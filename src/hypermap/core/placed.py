@@ -139,9 +139,13 @@ class PlacedLayers:
     def __init__(self, layers: Sequence[PlacedLayer]) -> None:
         self._layers = layers
 
-    def named(self, name: str | None) -> Placed:
-        """Return the objects with a name, or all, in the order of the layers."""
-        placed = [_placed(i, layer, name) for i, layer in enumerate(self._layers)]
+    def named(self, name: str | None, layer: str | None = None) -> Placed:
+        """Return the objects with a name, or all, of a layer, or all, in their order."""
+        placed = [
+            _placed(i, place, name)
+            for i, place in enumerate(self._layers)
+            if layer in (None, place.name)
+        ]
         nothing = Placed(as_objects([]), np.empty((0, 2)), np.empty(0, dtype=np.int64))
         return functools.reduce(Placed.followed_by, placed, nothing)
 
