@@ -1,0 +1,205 @@
+"""What a node needs of the middleware that it runs on: a ROS 1 or ROS 2 node, or Foxglove.
+
+Names of topics and services are private to the node unless they start with "/". Callbacks and
+handlers may be called from several threads at once: what they share guards itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+Level = Literal["debug", "info", "warning", "error"]
+Value = bool | int | float | str | Sequence[str]
+Message = Any  # of the middleware's own class
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A setting of a node that its operator may give.
+
+    Attributes:
+        name: its name; private to the node.
+        default: its value if none is given; its type is that of the parameter.
+        description: what it does, in one sentence.
+        minimum: smallest number allowed.
+        maximum: largest number allowed.
+        choices: the texts allowed; empty for any.
+        changes: whether it may be changed while the node runs.
+    """
+
+    name: str
+    default: Value
+    description: str
+    minimum: float | None = None
+    maximum: float | None = None
+    choices: tuple[str, ...] = ()
+    changes: bool = False
+
+
+class Closable(Protocol):
+    """Something that lasts until it is closed: a subscription, a service, a timer."""
+
+    def close(self) -> None:
+        """End it; closing twice does no harm."""
+        ...
+
+
+class Publisher(Closable, Protocol):
+    """Publishes messages of one type on one topic."""
+
+    @property
+    def listeners(self) -> int:
+        """How many subscribers there are."""
+        ...
+
+    def publish(self, message: Message) -> None:
+        """Send a message; a latched topic keeps it for those that come later."""
+        ...
+
+
+class Port(Protocol):
+    """The middleware, as a node sees it."""
+
+    @property
+    def node_name(self) -> str:
+        """The node's full name, as "/hypermap_server"."""
+        ...
+
+    # Types
+
+    def message(self, type_name: str) -> type[Any]:
+        """Return the class of a message, as of "nav_msgs/OccupancyGrid".
+
+        Raises:
+            MissingExtra: If its package is not installed.
+        """
+        ...
+
+    def response(self, type_name: str) -> type[Any]:
+        """Return the class of a service's response, as of "nav_msgs/GetMap"."""
+        ...
+
+    # Communication
+
+    def publisher(self, topic: str, type_name: str, *, latched: bool = False) -> Publisher:
+        """Publish on a topic."""
+        ...
+
+    def subscribe(
+        self,
+        topic: str,
+        type_name: str,
+        callback: Callable[[Message], None],
+        *,
+        latched: bool = False,
+        queue: int = 1,
+    ) -> Closable:
+        """Call back with each message of a topic.
+
+        Args:
+            topic: its name.
+            type_name: type of its messages.
+            callback: takes a message. What it raises is logged; the node goes on.
+            latched: whether the publisher latches its last message. In ROS 2 this decides whether
+                that message is received.
+            queue: how many messages wait; older ones are dropped.
+        """
+        ...
+
+    def service(
+        self,
+        name: str,
+        type_name: str,
+        handler: Callable[[Message], Message],
+        failed: Callable[[str], Message],
+    ) -> Closable:
+        """Offer a service.
+
+        Args:
+            name: its name.
+            type_name: its type.
+            handler: takes the request and returns the response. A HypermapError that it raises is
+                logged and reaches the caller as the service's error, where the middleware has
+                such a thing.
+            failed: makes the response that carries an error's text as well as it can, for a
+                middleware whose services cannot fail: ROS 2.
+        """
+        ...
+
+    def timer(self, period: float, callback: Callable[[], None]) -> Closable:
+        """Call back every `period` seconds."""
+        ...
+
+    # Frames and time
+
+    def now(self) -> int:
+        """Return the time [ns], of the simulator if there is one."""
+        ...
+
+    def stamp(self, nanoseconds: int) -> Message:
+        """Return a time as messages carry it."""
+        ...
+
+    def static_transforms(self, transforms: Sequence[Message]) -> None:
+        """Make `geometry_msgs/TransformStamped` known to everyone, now and later.
+
+        Transforms that were given in an earlier call and not in this one are forgotten where the
+        middleware can forget.
+        """
+        ...
+
+    def lookup(
+        self, target: str, source: str, stamp: int | None = None, timeout: float = 0.0
+    ) -> NDArray[np.float64]:
+        """Return `target_T_source`, shape (4, 4), as tf knows it.
+
+        Args:
+            target: a frame.
+            source: a frame.
+            stamp: when [ns]; None for the latest.
+            timeout: seconds to wait for it.
+
+        Raises:
+            FrameError: If tf does not know it, or not at that time.
+        """
+        ...
+
+    # The node itself
+
+    def parameters(
+        self,
+        parameters: Sequence[Parameter],
+        on_change: Callable[[Mapping[str, Value]], None] | None = None,
+    ) -> dict[str, Value]:
+        """Declare parameters and return their values.
+
+        Args:
+            parameters: all of a node.
+            on_change: called with the new values of those that changed while the node runs.
+
+        Raises:
+            HypermapError: If a value is of another type, or not allowed.
+        """
+        ...
+
+    def log(self, level: Level, text: str) -> None:
+        """Write a line to the node's log."""
+        ...
+
+    @property
+    def is_shut_down(self) -> bool:
+        """Whether the node is to end."""
+        ...
+
+    def spin(self) -> None:
+        """Return when the node is to end: on Ctrl-C, on `shut_down`, when it is told to."""
+        ...
+
+    def shut_down(self) -> None:
+        """End the node."""
+        ...
