@@ -203,3 +203,27 @@ class Port(Protocol):
     def shut_down(self) -> None:
         """End the node."""
         ...
+
+
+class Node(Protocol):
+    """One of our nodes, made on a port; ROS 2 calls these as its lifecycle does."""
+
+    def configure(self) -> None:
+        """Read the parameters and load what they name.
+
+        Raises:
+            HypermapError: If a parameter or a file is wrong; the node is as it was before.
+        """
+        ...
+
+    def activate(self) -> None:
+        """Publish, serve and subscribe."""
+        ...
+
+    def deactivate(self) -> None:
+        """Stop that; what was loaded stays."""
+        ...
+
+    def cleanup(self) -> None:
+        """Forget what was loaded."""
+        ...

@@ -1,0 +1,207 @@
+"""Our nodes as programs: which middleware they run on, and from their start to their end.
+
+Every error that an operator can cause is a HypermapError; `hypermap serve` and `hypermap live`
+print it as one line.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib.util
+import json
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from hypermap.core.errors import HypermapError
+
+if TYPE_CHECKING:
+    from hypermap.ros.port import Node, Port, Value
+
+Middleware = Literal["auto", "ros1", "ros2", "foxglove"]
+_NO_ROS = (
+    "neither ROS 1 nor ROS 2 is here: source the setup.bash of one, on Debian 12 install "
+    "python3-rospy and python3-tf2-ros, or do without ROS by --foxglove"
+)
+
+
+@dataclass(frozen=True)
+class Address:
+    """Where a WebSocket server listens; of use with Foxglove alone.
+
+    Attributes:
+        host: its own address; 127.0.0.1 is for programs on the same machine alone.
+        port: its port; 0 for any that is free.
+    """
+
+    host: str = "127.0.0.1"
+    port: int = 8765
+
+
+def run_map_server(
+    argv: Sequence[str] = (),
+    *,
+    middleware: Middleware = "auto",
+    values: Mapping[str, Value] | None = None,
+    address: Address | None = None,
+) -> None:
+    """Serve a map until Ctrl-C, SIGTERM or the middleware ends it.
+
+    Args:
+        argv: at most one map, and ROS arguments (`__name:=office`, `_file:=lab.hmap`,
+            `--ros-args -r __ns:=/robot`) in any order.
+        middleware: what to run on; "auto" takes the ROS that is there.
+        values: parameters of the node; they come before what the middleware knows of them.
+        address: where to listen with Foxglove.
+
+    Raises:
+        HypermapError: If the middleware is missing, an argument or parameter is wrong, or the map
+            cannot be read.
+    """
+    from hypermap.ros.map_server import MapServer
+
+    own, ros = split_arguments(argv)
+    if len(own) > 1:
+        raise HypermapError(f"the map server takes one map, not {len(own)}: {' '.join(own)}")
+    given = {**_values_of_map(own[0]), **(values or {})} if own else dict(values or {})
+    port = make_port(MapServer.NAME, ros, middleware, given, address)
+    run_node(port, MapServer(port))
+
+
+def run_semantic_mapper(
+    argv: Sequence[str] = (),
+    *,
+    middleware: Middleware = "auto",
+    values: Mapping[str, Value] | None = None,
+    address: Address | None = None,
+) -> None:
+    """Map what a robot's camera sees until Ctrl-C, SIGTERM or the middleware ends it.
+
+    Arguments and errors are those of `run_map_server`; there is no map to name.
+    """
+    from hypermap.ros.semantic_mapper import SemanticMapper
+
+    own, ros = split_arguments(argv)
+    if own:
+        raise HypermapError(f"the semantic mapper does not know the argument {own[0]!r}")
+    port = make_port(SemanticMapper.NAME, ros, middleware, dict(values or {}), address)
+    run_node(port, SemanticMapper(port))
+
+
+def split_arguments(argv: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Return our own arguments and those that are meant for ROS.
+
+    >>> split_arguments(["lab.hmap", "__name:=lab", "--ros-args", "-r", "a:=b", "--", "x"])
+    (['lab.hmap', 'x'], ['__name:=lab', '--ros-args', '-r', 'a:=b', '--'])
+    """
+    own: list[str] = []
+    ros: list[str] = []
+    within = False
+    for word in argv:
+        if within or word == "--ros-args":
+            ros.append(word)
+            within = word != "--"
+        else:
+            (ros if ":=" in word else own).append(word)
+    return own, ros
+
+
+def found_middleware() -> Literal["ros1", "ros2"]:
+    """Return the ROS that is there: that of `ROS_VERSION`, or else that which Python can import.
+
+    Raises:
+        HypermapError: If there is none.
+    """
+    version = os.environ.get("ROS_VERSION", "")
+    if version in ("1", "2"):
+        return "ros1" if version == "1" else "ros2"
+    with contextlib.suppress(HypermapError):
+        import hypermap.ros.ros1_libraries  # noqa: F401 - whether it is there
+
+        return "ros1"
+    if importlib.util.find_spec("rclpy") is not None:
+        return "ros2"
+    raise HypermapError(_NO_ROS)
+
+
+def make_port(
+    name: str,
+    ros_arguments: Sequence[str],
+    middleware: Middleware,
+    values: Mapping[str, Value],
+    address: Address | None = None,
+) -> Port:
+    """Return the middleware for a node of that name.
+
+    Args:
+        name: the node's name, unless the ROS arguments give it another.
+        ros_arguments: what `split_arguments` gave for ROS.
+        middleware: what to run on.
+        values: parameters of the node that come before others.
+        address: where to listen with Foxglove.
+
+    Raises:
+        HypermapError: If the middleware is missing or does not answer.
+    """
+    chosen = found_middleware() if middleware == "auto" else middleware
+    if chosen == "ros1":
+        from hypermap.ros.ros1 import Ros1Port
+
+        private = [f"_{key}:={_yaml(value)}" for key, value in values.items()]
+        return Ros1Port(name, [name, *ros_arguments, *private])
+    if chosen == "ros2":
+        from hypermap.ros.ros2 import Ros2Port
+
+        pairs = [word for key, value in values.items() for word in ("-p", f"{key}:={_yaml(value)}")]
+        own = ["--ros-args", *pairs, "--"] if pairs else []
+        return Ros2Port(name, [name, *ros_arguments, *own])
+    if ros_arguments:
+        raise HypermapError(
+            f"{ros_arguments[0]!r} is an argument for ROS; without ROS, give --param NAME=VALUE"
+        )
+    from hypermap.ros.foxglove import FoxglovePort
+
+    where = address or Address()
+    return FoxglovePort(name, values, host=where.host, port=where.port)
+
+
+def run_node(port: Port, node: Node) -> None:
+    """Let a node live: from its configuration until the middleware ends it.
+
+    A port that manages the life of its node, as that of ROS 2 does, has a method `manage`, which
+    takes the node and brings it to life as the middleware's users expect it.
+    """
+    manage = getattr(port, "manage", None)
+    try:
+        if manage is not None:
+            manage(node)
+            port.spin()
+            return
+        node.configure()
+        node.activate()
+        try:
+            port.spin()
+        finally:
+            node.deactivate()
+            node.cleanup()
+    except KeyboardInterrupt:
+        pass  # a usual way to end a node
+    finally:
+        port.shut_down()
+
+
+def _values_of_map(path: str) -> dict[str, Value]:
+    """Return the parameters that make the map server load a map."""
+    is_archive = Path(path).suffix.lower() == ".hmap"
+    return {
+        "file": str(Path(path).absolute()),
+        "load_map": is_archive,
+        "load_map_config": not is_archive,
+    }
+
+
+def _yaml(value: Value) -> str:
+    """Return a value as ROS reads it on its command line: JSON is YAML, and quotes texts."""
+    return json.dumps(value if isinstance(value, (bool, int, float, str)) else list(value))
