@@ -11,6 +11,7 @@ import shapely
 from numpy.typing import NDArray
 from PIL import Image
 
+from hypermap.colors import class_colors
 from hypermap.core.errors import FileMissing, HypermapError, LayerNotFound
 from hypermap.core.frames import FrameTree, Pose2D, Transform
 from hypermap.core.grid import GridGeometry
@@ -18,7 +19,6 @@ from hypermap.core.hypermap import Hypermap
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.semantic import SemanticLayer, SemanticObject
 from hypermap.formats import open_map
-from hypermap.viewer.colors import class_colors
 from hypermap.viewer.picture import compose, render
 
 SVG = "{http://www.w3.org/2000/svg}"

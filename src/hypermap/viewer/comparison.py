@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import shapely
 
+from hypermap.colors import Color
 from hypermap.core.arrays import as_objects
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.occupancy import OccupancyLayer
@@ -18,7 +19,6 @@ from hypermap.evaluation.closest import centroids
 from hypermap.evaluation.maps import MapObjects
 from hypermap.evaluation.metrics import Evaluation, Finds
 from hypermap.formats.atomic import write_file
-from hypermap.viewer.colors import Color
 from hypermap.viewer.picture import Drawing, Shapes, check_suffix, compose
 
 FOUND, MISSED = "found", "missed"  # what becomes of a true object

@@ -14,7 +14,7 @@ from hypermap.viewer.paper import FAINT, INK, SHAPE_ALPHA, SMALL, fill, outline,
 from hypermap.viewer.text import printable
 
 if TYPE_CHECKING:
-    from hypermap.viewer.colors import Color
+    from hypermap.colors import Color
     from hypermap.viewer.picture import Drawing
 
 ROW = 25.0  # pixels

@@ -8,7 +8,7 @@ from matplotlib.font_manager import FontProperties
 from matplotlib.textpath import TextToPath
 
 if TYPE_CHECKING:
-    from hypermap.viewer.colors import Color
+    from hypermap.colors import Color
 
 DPI = 144
 SMALL, TITLE, NAME = 8.0, 13.0, 7.5  # points

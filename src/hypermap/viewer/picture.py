@@ -12,13 +12,13 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from hypermap.colors import Color, class_colors
 from hypermap.core.arrays import ObjectArray, as_objects
 from hypermap.core.errors import HypermapError, did_you_mean
 from hypermap.core.frames import Pose2D
 from hypermap.core.layer import RasterPicture, ShapesPicture
 from hypermap.core.shapes import valid_copies
 from hypermap.formats.atomic import write_file
-from hypermap.viewer.colors import Color, class_colors
 from hypermap.viewer.text import counted
 
 if TYPE_CHECKING:

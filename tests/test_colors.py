@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hypermap.viewer.colors import class_colors
+from hypermap.colors import class_colors
 
 ROOM = ["chair", "table", "cup", "tvmonitor", "keyboard", "sink", "person", "cupboard", "bin"]
 
