@@ -10,7 +10,7 @@ from functools import cache
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-_DEFINITIONS = {
+DETECTION_TYPES = {
     "vision_msgs/msg/Point2D": "float64 x\nfloat64 y",
     "vision_msgs/msg/Pose2D": "vision_msgs/Point2D position\nfloat64 theta",
     "vision_msgs/msg/BoundingBox2D": ("vision_msgs/Pose2D center\nfloat64 size_x\nfloat64 size_y"),
@@ -40,6 +40,6 @@ _DEFINITIONS = {
 def known_types() -> Typestore:
     """Return the types of ROS 2 Humble, and those of detections."""
     store = get_typestore(Stores.ROS2_HUMBLE)
-    for name, text in _DEFINITIONS.items():
+    for name, text in DETECTION_TYPES.items():
         store.register(get_types_from_msg(text, name))
     return store
