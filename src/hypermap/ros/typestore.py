@@ -39,6 +39,7 @@ _SERVICES = {
 }
 _FILLER = "structure_needs_at_least_one_member"  # what ROS 2 sends for a message without fields
 _DEFAULTS: dict[tuple[str, str], Any] = {("geometry_msgs/msg/Quaternion", "w"): 1.0}
+_SCALARS = {"string": str, "wstring": str, "bool": bool, "float32": float, "float64": float}
 _DTYPES = {"bool": "?", "byte": "u1", "char": "u1", "octet": "u1"}
 
 
@@ -130,7 +131,7 @@ def decode(data: bytes, cls: type[Any]) -> Any:
     Raises:
         HypermapError: If the bytes are no message of that class.
     """
-    name: str = cls.__msgtype__  # type: ignore[attr-defined]
+    name: str = cls.__msgtype__
     if not _fields(name):
         return cls()
     try:
@@ -141,7 +142,7 @@ def decode(data: bytes, cls: type[Any]) -> Any:
 
 def definition(cls: type[Any]) -> str:
     """Return the full text of a type and of all types within it, as a `ros2msg` schema."""
-    return typestore().generate_msgdef(cls.__msgtype__, ros_version=2)[0]  # type: ignore[attr-defined]
+    return typestore().generate_msgdef(cls.__msgtype__, ros_version=2)[0]
 
 
 class _Message:
@@ -200,13 +201,7 @@ def _default(owner: str, field: str, kind: Any) -> Callable[[], Any]:
     if node == Nodetype.NAME:
         return _class(rest)
     if node == Nodetype.BASE:
-        return {
-            "string": str,
-            "wstring": str,
-            "bool": bool,
-            "float32": float,
-            "float64": float,
-        }.get(rest[0], int)
+        return _SCALARS.get(rest[0], int)
     inner, count = rest
     one = _default("", "", inner)  # so that what is decoded is of our classes, all the way down
     if node == Nodetype.SEQUENCE:
@@ -222,7 +217,8 @@ def _dtype(kind: Any) -> str | None:
     node, rest = kind
     if node != Nodetype.BASE or rest[0] in ("string", "wstring"):
         return None
-    return _DTYPES.get(rest[0], rest[0])
+    kind_name: str = rest[0]
+    return _DTYPES.get(kind_name, kind_name)
 
 
 @cache
