@@ -1,0 +1,279 @@
+"""Semantic layers as markers, which rviz and others draw: `visualization_msgs/MarkerArray`."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hypermap.colors import Color, class_colors
+from hypermap.core.arrays import IntArray
+from hypermap.core.hypermap import Hypermap
+from hypermap.core.objects import ObjectTable
+from hypermap.core.semantic import SemanticLayer
+from hypermap.ros.points import Points
+from hypermap.ros.port import Message, Parameter, Port, Publisher, Value
+from hypermap.ros.triangles import Corners, label_points, outlines, triangles
+
+# visualization_msgs/Marker
+_LINE_LIST, _TEXT_VIEW_FACING, _TRIANGLE_LIST = 5, 9, 11
+_ADD, _DELETE_ALL = 0, 3
+
+_FILL, _OUTLINE, _FIRST_LABEL = 0, 1, 2  # ids within a class
+_STEP = 0.01  # m between fill and outline
+_SPREAD = 0.03  # m within which fills lie, the smallest object on top
+_INK = (0.08, 0.08, 0.08, 1.0)  # of labels
+
+
+class Types(Protocol):
+    """Where the classes of messages come from; a Port is one."""
+
+    def message(self, type_name: str) -> type[Any]:
+        """Return the class of a message."""
+        ...
+
+    def stamp(self, nanoseconds: int) -> Message:
+        """Return a time as messages carry it."""
+        ...
+
+
+@dataclass(frozen=True)
+class MarkerStyle:
+    """What of a layer is shown, and how; see `LayerMarkers.PARAMETERS`."""
+
+    show_fill: bool = True
+    show_outlines: bool = True
+    show_labels: bool = True
+    fill_opacity: float = 0.6
+    outline_width: float = 0.02
+    label_height: float = 0.15
+    max_labels: int = 1000
+    marker_height: float = 0.02
+    shown_classes: Sequence[str] = ()
+    hidden_classes: Sequence[str] = ()
+
+    def shows(self, name: str) -> bool:
+        """Whether objects of a class are shown."""
+        return name not in self.hidden_classes and (
+            not self.shown_classes or name in self.shown_classes
+        )
+
+
+def marker_array(
+    layer: SemanticLayer, colors: Mapping[str, Color], types: Types, style: MarkerStyle
+) -> Message:
+    """Return a layer as a `visualization_msgs/MarkerArray`.
+
+    The first marker deletes all earlier ones. Each class has a namespace of its own, in which one
+    marker holds all fills, one all outlines, and one each label. Markers are in the layer's frame
+    and carry no time, so they move with it.
+
+    Args:
+        layer: the layer.
+        colors: of each class in it.
+        types: the classes of messages.
+        style: what is shown.
+    """
+    table = layer.table
+    make = _Maker(types, layer.frame_id)
+    markers = [make.marker("", 0, _TRIANGLE_LIST, action=_DELETE_ALL)]
+    shown = np.array([style.shows(str(name)) for name in table.vocabulary], dtype=bool)
+    table = table.take(np.flatnonzero(shown[table.codes]))
+    heights = style.marker_height + _lifts(table)
+    fills = outlined = None
+    if style.show_fill:
+        fills = _Drawn(triangles(table.shapes), table, heights)
+    if style.show_outlines:
+        outlined = _Drawn(outlines(table.footprints), table, heights + _STEP)
+    labels = _labels(table, style)
+    for name, code in table.vocabulary.items():
+        color = colors.get(name, (0.0, 0.0, 0.0))
+        if fills is not None and len(points := fills.of(code)):
+            fill = make.marker(name, _FILL, _TRIANGLE_LIST, color=(*color, style.fill_opacity))
+            make.draw(fill, points)
+            # A color per triangle, though all are the same, makes rviz draw it without shading.
+            fill.colors = [fill.color] * (len(points) // 3)
+            markers.append(fill)
+        if outlined is not None and len(points := outlined.of(code)):
+            outline = make.marker(name, _OUTLINE, _LINE_LIST, color=(*color, 1.0))
+            make.draw(outline, points, scale=style.outline_width)
+            markers.append(outline)
+        for number, row in enumerate(labels[table.codes[labels] == code]):
+            text = make.marker(name, _FIRST_LABEL + number, _TEXT_VIEW_FACING, color=_INK)
+            x, y = label_points(table.shapes[[row]], table.centroids[[row]])[0].tolist()
+            z = style.marker_height + _SPREAD + 2 * _STEP + style.label_height
+            make.write(text, name, (x, y, z), style.label_height)
+            markers.append(text)
+    array = types.message("visualization_msgs/MarkerArray")()
+    array.markers = markers
+    return array
+
+
+def empty_marker_array(frame_id: str, types: Types) -> Message:
+    """Return a `visualization_msgs/MarkerArray` that deletes all markers of its topic."""
+    array = types.message("visualization_msgs/MarkerArray")()
+    array.markers = [_Maker(types, frame_id).marker("", 0, _TRIANGLE_LIST, action=_DELETE_ALL)]
+    return array
+
+
+class LayerMarkers:
+    """The part of a node that publishes `LAYER_markers` for each semantic layer."""
+
+    PARAMETERS = (
+        Parameter("show_fill", True, "Whether objects are filled.", changes=True),
+        Parameter("show_outlines", True, "Whether objects have outlines.", changes=True),
+        Parameter("show_labels", True, "Whether names stand at objects.", changes=True),
+        Parameter(
+            "fill_opacity", 0.6, "How much fills hide what is below.", 0.0, 1.0, changes=True
+        ),
+        Parameter("outline_width", 0.02, "Width of outlines [m].", 0.001, 1.0, changes=True),
+        Parameter("label_height", 0.15, "Height of the letters [m].", 0.01, 10.0, changes=True),
+        Parameter(
+            "max_labels", 1000, "Of more objects, only the largest have names.", 0, changes=True
+        ),
+        Parameter(
+            "marker_height", 0.02, "Height of markers over the floor [m].", -100.0, 100.0, (), True
+        ),
+        Parameter("shown_classes", (), "Show these classes only; all if empty.", changes=True),
+        Parameter("hidden_classes", (), "Classes that are not shown.", changes=True),
+    )
+
+    def __init__(self, port: Port) -> None:
+        self._port = port
+        self._style = MarkerStyle()
+        self._hypermap: Hypermap | None = None
+        self._publishers: dict[str, Publisher] = {}
+        self._colors: dict[str, Color] = {}
+        self._frames: dict[str, str] = {}
+        self._lock = threading.RLock()
+
+    def set(self, values: Mapping[str, Value]) -> None:
+        """Take new values of parameters, all or some; what is shown is shown anew."""
+        own = {p.name: values[p.name] for p in self.PARAMETERS if p.name in values}
+        with self._lock:
+            self._style = MarkerStyle(**{**vars(self._style), **own})
+            if own and self._hypermap is not None:
+                self.show(self._hypermap)
+
+    def show(self, hypermap: Hypermap, changed: Iterable[str] | None = None) -> None:
+        """Publish the semantic layers of a map.
+
+        Args:
+            hypermap: the map.
+            changed: names of the layers that have changed; None for all.
+        """
+        with self._lock:
+            self._hypermap = hypermap
+            layers = {item.name: item for item in hypermap if isinstance(item, SemanticLayer)}
+            for name in [*self._publishers.keys() - layers.keys()]:
+                self._remove(name)
+            colors = class_colors(name for item in layers.values() for name in _classes(item))
+            news = set(layers if changed is None else changed) | layers.keys() - self._publishers
+            for name, layer in layers.items():
+                recolored = any(colors[c] != self._colors.get(c) for c in _classes(layer))
+                if name in news or recolored:
+                    self._publish(layer, colors)
+            self._colors = colors
+
+    def close(self) -> None:
+        """Publish no more; what was shown vanishes."""
+        with self._lock:
+            self._hypermap = None
+            for name in list(self._publishers):
+                self._remove(name)
+
+    def _publish(self, layer: SemanticLayer, colors: Mapping[str, Color]) -> None:
+        if layer.name not in self._publishers:
+            self._publishers[layer.name] = self._port.publisher(
+                f"{layer.name}_markers", "visualization_msgs/MarkerArray", latched=True
+            )
+        self._frames[layer.name] = layer.frame_id
+        message = marker_array(layer, colors, self._port, self._style)
+        self._publishers[layer.name].publish(message)
+
+    def _remove(self, name: str) -> None:
+        publisher = self._publishers.pop(name)
+        publisher.publish(empty_marker_array(self._frames.pop(name), self._port))
+        publisher.close()
+
+
+def _classes(layer: SemanticLayer) -> list[str]:
+    """Return the names of the objects in a layer, each once."""
+    table = layer.table
+    names = list(table.vocabulary)
+    return [names[code] for code in np.unique(table.codes)]
+
+
+def _lifts(table: ObjectTable) -> NDArray[np.float64]:
+    """Return how much higher each object is drawn [m], so that a small one is not hidden."""
+    lifts = np.empty(len(table))
+    lifts[np.argsort(-table.areas, kind="stable")] = np.linspace(0, _SPREAD, len(table))
+    return lifts
+
+
+def _labels(table: ObjectTable, style: MarkerStyle) -> IntArray:
+    """Return the rows of the objects that get a label."""
+    if not style.show_labels:
+        return np.empty(0, dtype=np.int64)
+    return np.sort(np.argsort(-table.areas, kind="stable")[: style.max_labels])
+
+
+class _Drawn:
+    """Corners of the objects of a table, sorted by class."""
+
+    def __init__(self, corners: Corners, table: ObjectTable, heights: NDArray[np.float64]) -> None:
+        codes = table.codes[corners.owners]
+        order = np.argsort(codes, kind="stable")
+        z = heights[corners.owners]
+        self._points = np.column_stack([corners.points_xy, z])[order]
+        self._codes = codes[order]
+
+    def of(self, code: int) -> NDArray[np.float64]:
+        """Return the corners of a class, shape (N, 3)."""
+        begin, end = np.searchsorted(self._codes, [code, code + 1])
+        return self._points[begin:end]
+
+
+class _Maker:
+    """Makes markers in one frame."""
+
+    def __init__(self, types: Types, frame_id: str) -> None:
+        self._marker = types.message("visualization_msgs/Marker")
+        self._point = types.message("geometry_msgs/Point")
+        self._stamp = types.stamp(0)  # the latest transform
+        self._frame_id = frame_id
+
+    def marker(
+        self,
+        namespace: str,
+        number: int,
+        kind: int,
+        *,
+        color: tuple[float, float, float, float] = _INK,
+        action: int = _ADD,
+    ) -> Message:
+        marker = self._marker()
+        marker.header.frame_id = self._frame_id
+        marker.header.stamp = self._stamp
+        marker.ns, marker.id, marker.type, marker.action = namespace, number, kind, action
+        marker.pose.orientation.w = 1.0
+        marker.color.r, marker.color.g, marker.color.b, marker.color.a = color
+        marker.frame_locked = True
+        return marker
+
+    def draw(self, marker: Message, points: NDArray[np.float64], scale: float = 1.0) -> None:
+        """Give a marker corners; in a list of lines, the scale is their width [m]."""
+        marker.scale.x = marker.scale.y = marker.scale.z = float(scale)
+        marker.points = Points(self._point, points)
+
+    def write(
+        self, marker: Message, text: str, at: tuple[float, float, float], height: float
+    ) -> None:
+        """Give a marker text, its place and the height of its letters [m]."""
+        marker.pose.position.x, marker.pose.position.y, marker.pose.position.z = at
+        marker.scale.z = float(height)
+        marker.text = text
