@@ -56,6 +56,16 @@ def near_building() -> Hypermap:
 # Layers and frames
 
 
+def test_a_layer_stands_in_place_of_another_in_a_new_map():
+    old, new = building(), SemanticLayer("lab", "map", [square("plant", 0, 0)])
+    changed = old.with_layer(new)
+    assert [layer.name for layer in changed] == [layer.name for layer in old]
+    assert (changed["lab"], old["lab"].frame_id) == (new, "lab")
+    assert (changed.frames, changed.metadata) == (old.frames, old.metadata)
+    with pytest.raises(LayerNotFound):
+        old.with_layer(SemanticLayer("attic", "map"))
+
+
 def test_layers_keep_their_order_and_the_first_ones_frame_is_the_base() -> None:
     hypermap = building()
     assert [layer.name for layer in hypermap.layers] == ["occupancy", "lab", "hall", "crater"]

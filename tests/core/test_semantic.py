@@ -310,3 +310,14 @@ class Changes(RuleBasedStateMachine):
 
 TestChanges = Changes.TestCase
 TestChanges.settings = settings(max_examples=25, stateful_step_count=20)
+
+
+def test_a_copy_goes_its_own_way_and_gives_out_no_id_again():
+    layer = desk()
+    layer.remove([layer.ids[-1]])
+    other = layer.copy()
+    other.remove([7])
+    (new,) = other.add([square("cup", 9, 9)])
+    assert layer.get(7).name == "table"
+    assert new not in desk().ids
+    assert (other.name, other.frame_id) == (layer.name, layer.frame_id)

@@ -98,6 +98,16 @@ class Hypermap:
         """
         del self._layers[self[name].name]
 
+    def with_layer(self, layer: Layer) -> Hypermap:
+        """Return a map in which a layer stands in place of that of the same name.
+
+        Raises:
+            LayerNotFound: If there is none of that name.
+        """
+        old = self[layer.name]
+        layers = [layer if place is old else place for place in self._layers.values()]
+        return Hypermap(layers, self.frames, self.metadata)
+
     # Questions to one layer
 
     def label_at(

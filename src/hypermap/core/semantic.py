@@ -91,6 +91,12 @@ class SemanticLayer(Layer):
         self._state = _State(nothing, ShapeIndex.over(nothing.shapes), next_id=0)
         self.add(objects)
 
+    def copy(self) -> SemanticLayer:
+        """Return a layer that holds the same; a change of one does not change the other."""
+        other = SemanticLayer(self.name, self.frame_id, (), self.settings, self.rejected)
+        other._state = self._state
+        return other
+
     # The objects
 
     def __len__(self) -> int:
