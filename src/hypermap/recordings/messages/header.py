@@ -6,7 +6,9 @@ from typing import Any
 
 
 def nanoseconds(stamp: Any) -> int:
-    """Return a message's time in nanoseconds."""
+    """Return a message's time in nanoseconds; rospy spells its parts `secs` and `nsecs`."""
+    if hasattr(stamp, "secs"):
+        return int(stamp.secs) * 1_000_000_000 + int(stamp.nsecs)
     return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
 
 
