@@ -6,6 +6,7 @@ Rings may be closed or open and wind either way; the height of a point does not 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from hypermap.core.occupancy import OCCUPIED, UNKNOWN, OccupancyLayer
 from hypermap.core.semantic import SemanticLayer
 from hypermap.core.shapes import repaired
 from hypermap.recordings.messages.header import clean_frame
+from hypermap.ros.to_messages import outline
 
 _CROSSING = 1e-3  # of the area; rounding to float32 makes less
 
@@ -86,11 +88,11 @@ def apply_semantic_update(layer: SemanticLayer, message: Any) -> list[str]:
     to_delete = [int(number) for number in message.to_delete]
     _check_update(layer, to_modify, len(message.updates), to_delete)
     added, problems = _objects(message.to_add, [None] * len(message.to_add), "to_add")
-    for position, (number, update) in enumerate(zip(to_modify, message.updates, strict=True)):
-        changed, wrong = _objects([update], [number], f"updates[{position}], object")
+    for number, update in zip(to_modify, message.updates, strict=True):
+        changed, wrong = _objects([update], [number], "object")
         problems += wrong
         for item in changed:
-            layer.update(number, item)
+            layer.update(number, _changed(layer.get(number), item))
     layer.remove(to_delete)
     layer.add(added)
     return problems
@@ -171,6 +173,19 @@ def _object(message: Any, footprint: shapely.Polygon, number: int | None) -> Sem
     )
 
 
+def _changed(old: SemanticObject, new: SemanticObject) -> SemanticObject:
+    """Return an object with what a message says of it, and all else as it was."""
+    sent, brought = (np.float32(outline(item.footprint)) for item in (old, new))
+    is_same = np.array_equal(sent, brought)
+    return replace(
+        old,
+        name=new.name,
+        footprint=old.footprint if is_same else new.footprint,
+        tags=new.tags,
+        confidence=new.confidence,
+    )
+
+
 def _check_update(
     layer: SemanticLayer, to_modify: list[int], updates: int, to_delete: list[int]
 ) -> None:
@@ -178,9 +193,13 @@ def _check_update(
         raise FormatError(
             f"the update names {len(to_modify)} objects to modify, but brings {updates} new states"
         )
-    missing = np.setdiff1d([*to_modify, *to_delete], layer.ids)
+    named = np.array([*to_modify, *set(to_delete)], dtype=np.int64)
+    ids, counts = np.unique(named, return_counts=True)
+    if (counts > 1).any():
+        raise FormatError(f"the update changes object {ids[counts > 1][0]} twice")
+    missing = np.setdiff1d(ids, layer.ids)
     if len(missing):
-        raise FormatError(f"layer {layer.name!r} has no object with id {missing[0]:.0f}")
+        raise FormatError(f"layer {layer.name!r} has no object with id {missing[0]}")
 
 
 def _polygon(message: Any) -> shapely.Polygon:

@@ -166,7 +166,7 @@ def polygon_stamped(geometry: BaseGeometry, frame_id: str, types: Types, stamp: 
     """
     return types.message("geometry_msgs/PolygonStamped")(
         header=header(frame_id, types, stamp),
-        polygon=_ring(_outer_points(geometry), types),
+        polygon=_ring(outline(geometry), types),
     )
 
 
@@ -179,6 +179,14 @@ def points(points_xy: NDArray[np.float64], types: Types) -> list[Message]:
     """Return points of shape (N, 2) as a list of `geometry_msgs/Point`."""
     point_class = types.message("geometry_msgs/Point")
     return [point_class(x=x, y=y, z=0.0) for x, y in points_xy.tolist()]
+
+
+def outline(geometry: BaseGeometry) -> NDArray[np.float64]:
+    """Return the outer ring of a shape's largest part, without its first point again, (N, 2)."""
+    parts = _parts(geometry)
+    if not parts:
+        return np.empty((0, 2))
+    return _open_ring(max(parts, key=lambda part: part.area).exterior)
 
 
 def numbers(message_class: type[Any], values: NDArray[Any]) -> Any:
@@ -205,7 +213,7 @@ def _object(item: SemanticObject, position: Sequence[float], types: Types) -> Me
     object_class = types.message("hypermap_msgs/SemanticObject")
     return object_class(
         id=-1 if item.id is None else int(item.id),
-        shape=_ring(_outer_points(item.footprint), types),
+        shape=_ring(outline(item.footprint), types),
         position=point(position[0], position[1], types),
         name=item.name,
         tags=[str(tag) for tag in item.tags],
@@ -239,13 +247,6 @@ def _ring(points_xy: NDArray[np.float64], types: Types) -> Message:
     return types.message("geometry_msgs/Polygon")(
         points=[point_class(x=x, y=y, z=0.0) for x, y in points_xy.tolist()]
     )
-
-
-def _outer_points(geometry: BaseGeometry) -> NDArray[np.float64]:
-    parts = _parts(geometry)
-    if not parts:
-        return np.empty((0, 2))
-    return _open_ring(max(parts, key=lambda part: part.area).exterior)
 
 
 def _open_ring(ring: shapely.LinearRing) -> NDArray[np.float64]:

@@ -43,7 +43,9 @@ def occupancy_of_grid(message: Any, name: str = "occupancy") -> OccupancyLayer:
         origin = Pose2D(
             info.origin.position.x, info.origin.position.y, math.remainder(yaw, math.tau)
         )
-        grid = GridGeometry(info.width, info.height, float(info.resolution), origin)
+        # The message rounds to float32: of what it may have been, the shortest number.
+        resolution = float(str(np.float32(info.resolution)))
+        grid = GridGeometry(int(info.width), int(info.height), resolution, origin)
     except ValueError as error:
         raise FormatError(f"the map's geometry is wrong: {error}") from None
     frame_id = clean_frame(message.header.frame_id) or "map"
