@@ -1,11 +1,17 @@
-"""Whether the value that an operator has given fits a parameter."""
+"""Whether the values that an operator gives fit a node's parameters, at its start and later."""
 
 from __future__ import annotations
 
+import logging
+import math
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from hypermap.core.errors import HypermapError, did_you_mean
 from hypermap.ros.port import Parameter, Value
+
+_log = logging.getLogger(__name__)
+_KINDS = {"bool": "true or false", "str": "a text", "int": "a whole number", "float": "a number"}
 
 
 def checked(parameter: Parameter, value: Any) -> Value:
@@ -18,24 +24,94 @@ def checked(parameter: Parameter, value: Any) -> Value:
     1.0
     """
     default = parameter.default
+    if isinstance(default, (list, tuple)):
+        if not isinstance(value, (list, tuple)) or not all(isinstance(item, str) for item in value):
+            raise HypermapError(
+                f"parameter {parameter.name!r} must be a list of texts, got {value!r}"
+            )
+        for item in value:
+            _check_choice(parameter, item)
+        return list(value)
     if isinstance(default, float) and isinstance(value, int) and not isinstance(value, bool):
         value = float(value)
-    is_list = isinstance(default, (list, tuple))
-    fits = isinstance(value, (list, tuple)) if is_list else type(value) is type(default)
-    if not fits:
-        kind = (
-            "a list"
-            if is_list
-            else {"bool": "true or false", "str": "a text"}.get(type(default).__name__, "a number")
-        )
+    if type(value) is not type(default) or (isinstance(value, float) and math.isnan(value)):
+        kind = _KINDS[type(default).__name__]
         raise HypermapError(f"parameter {parameter.name!r} must be {kind}, got {value!r}")
+    if isinstance(value, str):
+        _check_choice(parameter, value)
+    elif isinstance(value, (int, float)) and not isinstance(value, bool):
+        _check_range(parameter, value)
+    known: Value = value
+    return known
+
+
+def _check_choice(parameter: Parameter, value: str) -> None:
     if parameter.choices and value not in parameter.choices:
-        hint = did_you_mean(str(value), parameter.choices)
+        hint = did_you_mean(value, parameter.choices)
         raise HypermapError(f"parameter {parameter.name!r} cannot be {value!r}; {hint}")
-    if isinstance(value, (int, float)) and not isinstance(value, bool):
-        low, high = parameter.minimum, parameter.maximum
-        if not (low is None or value >= low) or not (high is None or value <= high):
-            raise HypermapError(
-                f"parameter {parameter.name!r} must lie in {low} .. {high}, got {value}"
-            )
-    return list(value) if is_list else value  # type: ignore[no-any-return]
+
+
+def _check_range(parameter: Parameter, value: float) -> None:
+    low, high = parameter.minimum, parameter.maximum
+    if low is not None and value < low:
+        raise HypermapError(f"parameter {parameter.name!r} must be at least {low}, got {value}")
+    if high is not None and value > high:
+        raise HypermapError(f"parameter {parameter.name!r} must be at most {high}, got {value}")
+
+
+class ParameterSet:
+    """The parameters of a node with their values, and what its operator has given of them.
+
+    Args:
+        parameters: all of the node.
+        given: what the operator has given, as the middleware read it; other names are ignored.
+        on_change: called with the new values of those that changed while the node runs.
+
+    Attributes:
+        values: the value of each parameter.
+        given: those that the operator has given, as given.
+
+    Raises:
+        HypermapError: If a value is of another type, or not allowed.
+    """
+
+    def __init__(
+        self,
+        parameters: Sequence[Parameter],
+        given: Mapping[str, Any],
+        on_change: Callable[[Mapping[str, Value]], None] | None = None,
+    ) -> None:
+        self._parameters = {parameter.name: parameter for parameter in parameters}
+        self._on_change = on_change
+        self.given = {name: given[name] for name in self._parameters if name in given}
+        self._seen = dict(self.given)
+        self.values = {
+            name: checked(parameter, given.get(name, parameter.default))
+            for name, parameter in self._parameters.items()
+        }
+
+    def update(self, given: Mapping[str, Any]) -> None:
+        """Take what is given now; a wrong value is logged and the old one stays.
+
+        A parameter that is no longer given keeps its value.
+        """
+        changed: dict[str, Value] = {}
+        for name, parameter in self._parameters.items():
+            if name not in given or (name in self._seen and self._seen[name] == given[name]):
+                continue
+            self._seen[name] = given[name]
+            try:
+                value = checked(parameter, given[name])
+            except HypermapError as error:
+                _log.error("%s; it stays at %r", error, self.values[name])
+                continue
+            self.given[name] = given[name]
+            if value == self.values[name]:
+                continue
+            if not parameter.changes:
+                _log.warning("parameter %r counts from the next start of the node on", name)
+                continue
+            changed[name] = value
+        self.values.update(changed)
+        if changed and self._on_change is not None:
+            self._on_change(changed)

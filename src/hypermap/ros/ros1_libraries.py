@@ -30,7 +30,9 @@ def _find() -> None:
 
 _find()
 
+import rosgraph  # noqa: E402
 import rospy  # noqa: E402
+import rospy.impl.registration as registration  # noqa: E402
 import tf2_ros  # noqa: E402
 
-__all__ = ["rospy", "tf2_ros"]
+__all__ = ["registration", "rosgraph", "rospy", "tf2_ros"]

@@ -1,29 +1,27 @@
-"""Classes of ROS 1 messages and services, generated where their package is not built.
-
-Source: the generators of genpy, which catkin runs too, so the md5 sums are the same.
-"""
+"""Classes of ROS 1 messages and services, generated where their package is not built."""
 
 from __future__ import annotations
 
-import hashlib
 import importlib
-import os
-import shutil
 import sys
-import tempfile
 from functools import cache
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
-from hypermap.core.errors import HypermapError, MissingExtra
-from hypermap.ros.definitions import PACKAGE, package_folder
+from hypermap.core.errors import HypermapError
+from hypermap.ros.definitions import PACKAGE
+from hypermap.ros.ros1_definitions import PACKAGES, definitions
+from hypermap.ros.ros1_generation import generate
 
 
 def message_class(type_name: str) -> type[Any]:
     """Return the class of a message, as of "nav_msgs/OccupancyGrid".
 
+    An installed package is used as it is. What it lacks is generated, if we know its definition.
+
     Raises:
-        MissingExtra: If its package is not installed.
+        HypermapError: If it is neither installed nor known to us.
     """
     return _class(type_name, "msg")
 
@@ -33,72 +31,78 @@ def service_class(type_name: str) -> type[Any]:
     return _class(type_name, "srv")
 
 
+def environment() -> dict[str, list[Path]]:
+    """Return the folders that show our messages to the tools of ROS 1, by environment variable.
+
+    Empty where the package is installed with all that this version needs.
+    """
+    folder = generate(PACKAGE)
+    installed = [
+        Path(module.__file__).parent
+        for module in (_module(PACKAGE, kind) for kind in ("msg", "srv"))
+        if module is not None and module.__file__ is not None
+    ]
+    names = {
+        file.stem
+        for package in installed
+        if folder not in package.parents
+        for file in package.glob("_*.py")
+    }
+    if all(f"_{Path(file).stem}" in names for file in definitions(PACKAGE)):
+        return {}
+    return {"PYTHONPATH": [folder / "python"], "ROS_PACKAGE_PATH": [folder / "share"]}
+
+
 @cache
 def _class(type_name: str, kind: str) -> type[Any]:
     package, _, name = type_name.partition("/")
-    if package == PACKAGE:
-        make_importable()
-    try:
-        found: type[Any] = getattr(importlib.import_module(f"{package}.{kind}"), name)
-    except (ImportError, AttributeError):
+    found = getattr(_module(package, kind), name, None)
+    if found is None and f"{kind}/{name}.{kind}" in _known(package):
+        _provide(package)
+        found = getattr(_module(package, kind), name, None)
+    if found is None:
         raise HypermapError(
             f"the ROS 1 type {type_name} is missing; install its package, on Debian: "
             f"apt-get install python3-{package.replace('_', '-')}"
-        ) from None
-    return found
+        )
+    kind_found: type[Any] = found
+    return kind_found
+
+
+def _known(package: str) -> dict[str, str]:
+    return definitions(package) if package in PACKAGES else {}
+
+
+def _module(package: str, kind: str) -> ModuleType | None:
+    try:
+        return importlib.import_module(f"{package}.{kind}")
+    except ImportError:
+        return None
 
 
 @cache
-def make_importable() -> Path | None:
-    """Make the package `hypermap_msgs` importable; return its generated folder, if it is one.
-
-    A package that catkin has built is used as it is.
-    """
+def _provide(package: str) -> None:
+    """Make a generated package importable, or what an installed one lacks of it."""
+    python = generate(package) / "python"
     try:
-        importlib.import_module(f"{PACKAGE}.msg")
-        return None
+        installed = importlib.import_module(package)
     except ImportError:
-        folder = generate()
-        sys.path.append(str(folder))
+        sys.path.append(str(python))
         importlib.invalidate_caches()
-        return folder
+        return
+    installed.__path__.append(str(python / package))
+    importlib.invalidate_caches()
+    for kind in ("msg", "srv"):
+        module = _module(package, kind)
+        if module is None or str(python / package / kind) in module.__path__:
+            continue
+        module.__path__.append(str(python / package / kind))
+        for file in sorted((python / package / kind).glob("_[A-Z]*.py")):
+            if not hasattr(module, file.stem[1:]):
+                _add_classes(module, importlib.import_module(f"{module.__name__}.{file.stem}"))
 
 
-def generate() -> Path:
-    """Generate the Python package once per version of the definitions; return its parent folder."""
-    source = package_folder()
-    files = sorted([*source.glob("msg/*.msg"), *source.glob("srv/*.srv")])
-    digest = hashlib.sha256(b"".join(f.name.encode() + f.read_bytes() for f in files)).hexdigest()
-    caches = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    target = caches / "hypermap" / "ros1" / digest[:16]
-    if not target.is_dir():
-        target.parent.mkdir(parents=True, exist_ok=True)
-        work = Path(tempfile.mkdtemp(dir=target.parent))
-        _generate(files, work / PACKAGE, source)
-        try:
-            work.rename(target)
-        except OSError:  # another node was faster
-            shutil.rmtree(work)
-    return target
-
-
-def _generate(files: list[Path], package: Path, source: Path) -> None:
-    try:
-        import genmsg
-        import rospkg
-        from genpy.generate_initpy import write_modules
-        from genpy.generator import MsgGenerator, SrvGenerator
-    except ImportError:
-        raise MissingExtra("ROS 1", "ros1") from None
-    known = rospkg.RosPack()
-    search = {
-        name: [str(Path(known.get_path(name)) / "msg")] for name in ("std_msgs", "geometry_msgs")
-    }
-    search[PACKAGE] = [str(source / "msg")]
-    for kind, generator in (("msg", MsgGenerator()), ("srv", SrvGenerator())):
-        own = [str(file) for file in files if file.suffix == f".{kind}"]
-        (package / kind).mkdir(parents=True)
-        if generator.generate_messages(PACKAGE, own, str(package / kind), search):
-            raise HypermapError(f"the ROS 1 classes of {PACKAGE} could not be generated")
-        write_modules(str(package / kind))
-    (package / "__init__.py").touch()
+def _add_classes(package: ModuleType, module: ModuleType) -> None:
+    for name, value in vars(module).items():
+        if isinstance(value, type) and value.__module__ == module.__name__:
+            setattr(package, name, value)
