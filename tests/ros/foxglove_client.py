@@ -1,0 +1,168 @@
+"""A client of the Foxglove WebSocket protocol, as plain as can be: for tests alone.
+
+Source: the Foxglove WebSocket protocol specification.
+"""
+
+from __future__ import annotations
+
+import itertools
+import json
+import struct
+import time
+from collections.abc import Callable
+from typing import Any
+
+from websockets.sync.client import connect
+
+from hypermap.ros.typestore import decode, encode, message_class, request_class, response_class
+
+
+class ServiceFailed(Exception):
+    """The server has answered with a failure."""
+
+
+class Client:
+    """A connection; everything that comes is kept."""
+
+    def __init__(self, url: str) -> None:
+        self.texts: list[dict[str, Any]] = []
+        self.messages: list[tuple[int, bytes]] = []  # id of the subscription, CDR
+        self.answers: dict[int, bytes] = {}  # by id of the call
+        self._ids = itertools.count(1)
+        self._topics: dict[int, str] = {}
+        self._socket = connect(url, subprotocols=["foxglove.sdk.v1"], max_size=None)
+
+    def __enter__(self) -> Client:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        self._socket.close()
+
+    def wait(self, condition: Callable[[], Any], what: str, timeout: float = 30.0) -> Any:
+        """Receive until a condition holds, and return what it returned."""
+        end = time.monotonic() + timeout
+        while not (answer := condition()):
+            left = end - time.monotonic()
+            try:
+                self._receive(left)
+            except TimeoutError:
+                raise AssertionError(
+                    f"waited {timeout:g} s in vain for {what}: {self.texts}"
+                ) from None
+        return answer
+
+    def settle(self, seconds: float = 0.3) -> None:
+        """Receive until nothing has come for a while."""
+        try:
+            while True:
+                self._receive(seconds)
+        except TimeoutError:
+            return
+
+    def of(self, op: str) -> list[dict[str, Any]]:
+        return [text for text in self.texts if text["op"] == op]
+
+    def info(self) -> dict[str, Any]:
+        return self.wait(lambda: self.of("serverInfo"), "serverInfo")[0]
+
+    @property
+    def channels(self) -> dict[str, dict[str, Any]]:
+        """Channels by topic, without those that the server has taken back."""
+        found: dict[str, dict[str, Any]] = {}
+        for text in self.texts:
+            if text["op"] == "advertise":
+                found |= {channel["topic"]: channel for channel in text["channels"]}
+            elif text["op"] == "unadvertise":
+                found = {t: c for t, c in found.items() if c["id"] not in text["channelIds"]}
+        return found
+
+    @property
+    def services(self) -> dict[str, dict[str, Any]]:
+        """Services by name, without those that the server has taken back."""
+        found: dict[str, dict[str, Any]] = {}
+        for text in self.texts:
+            if text["op"] == "advertiseServices":
+                found |= {service["name"]: service for service in text["services"]}
+            elif text["op"] == "unadvertiseServices":
+                found = {n: s for n, s in found.items() if s["id"] not in text["serviceIds"]}
+        return found
+
+    def subscribe(self, topic: str) -> int:
+        channel = self.wait(lambda: self.channels.get(topic), f"channel {topic}")
+        number = next(self._ids)
+        self._topics[number] = channel["schemaName"]
+        self.send(op="subscribe", subscriptions=[{"id": number, "channelId": channel["id"]}])
+        return number
+
+    def unsubscribe(self, number: int) -> None:
+        self.send(op="unsubscribe", subscriptionIds=[number])
+
+    def received(self, number: int) -> list[Any]:
+        """Return the messages of a subscription so far."""
+        cls = message_class(self._topics[number])
+        return [decode(data, cls) for one, data in self.messages if one == number]
+
+    def next(self, number: int, count: int = 1) -> Any:
+        """Return the message `count` of a subscription, from 1."""
+        return self.wait(lambda: self.received(number)[count - 1 :], f"message {count}")[0]
+
+    def call(self, name: str, type_name: str, **fields: Any) -> Any:
+        """Call a service and return its response."""
+        return self.call_raw(name, type_name, encode(request_class(type_name)(**fields)))
+
+    def call_raw(self, name: str, type_name: str, data: bytes, encoding: str = "cdr") -> Any:
+        service = self.wait(lambda: self.services.get(name), f"service {name}")
+        number, kind = next(self._ids), encoding.encode()
+        head = struct.pack("<BIII", 2, service["id"], number, len(kind))
+        self._socket.send(head + kind + data)
+
+        def answer() -> Any:
+            failures = [t for t in self.of("serviceCallFailure") if t["callId"] == number]
+            if failures:
+                raise ServiceFailed(failures[0]["message"])
+            return self.answers.get(number)
+
+        return decode(self.wait(answer, f"answer of {name}"), response_class(type_name))
+
+    def advertise(self, topic: str, schema: str, encoding: str = "cdr") -> int:
+        number = next(self._ids)
+        channel = {"id": number, "topic": topic, "encoding": encoding, "schemaName": schema}
+        self.send(op="advertise", channels=[channel])
+        return number
+
+    def publish(self, number: int, message: Any) -> None:
+        self.publish_raw(number, encode(message))
+
+    def publish_raw(self, number: int, data: bytes) -> None:
+        self._socket.send(struct.pack("<BI", 1, number) + data)
+
+    def parameters(self, *names: str) -> dict[str, Any]:
+        return self._asked(op="getParameters", parameterNames=list(names))
+
+    def set_parameters(self, **values: Any) -> dict[str, Any]:
+        changes = [{"name": n.replace("__", "."), "value": v} for n, v in values.items()]
+        return self._asked(op="setParameters", parameters=changes)
+
+    def _asked(self, **text: Any) -> dict[str, Any]:
+        number = str(next(self._ids))
+        self.send(id=number, **text)
+        answers = self.wait(
+            lambda: [t for t in self.of("parameterValues") if t.get("id") == number], "parameters"
+        )
+        return {item["name"]: item.get("value") for item in answers[0]["parameters"]}
+
+    def send(self, **text: Any) -> None:
+        self._socket.send(json.dumps(text))
+
+    def _receive(self, timeout: float) -> None:
+        data = self._socket.recv(timeout=max(timeout, 0.0))
+        if isinstance(data, str):
+            self.texts.append(json.loads(data))
+        elif data[0] == 1:  # message: subscription, time [ns]
+            self.messages.append((struct.unpack_from("<I", data, 1)[0], data[13:]))
+        elif data[0] == 3:  # answer: service, call, length of the encoding's name
+            _, number, length = struct.unpack_from("<III", data, 1)
+            self.answers[number] = data[13 + length :]
