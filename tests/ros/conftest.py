@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import importlib.util
+import io
 import os
 import shutil
 import signal
@@ -112,3 +114,59 @@ def rospy(roscore: str) -> Any:
 
     rospy.init_node("tests", anonymous=True, disable_signals=True)
     return rospy
+
+
+class Ros1Types:
+    """The classes of ROS 1; `sent` returns what the receiver of a message gets."""
+
+    def __init__(self) -> None:
+        import genpy
+
+        from hypermap.ros.ros1_messages import message_class, service_class
+
+        self.message = message_class
+        self.request = lambda name: service_class(name)._request_class
+        self.response = lambda name: service_class(name)._response_class
+        self.stamp = lambda nanoseconds: genpy.Time(*divmod(nanoseconds, 10**9))
+
+    def encoded(self, message: Any) -> bytes:
+        buffer = io.BytesIO()
+        message.serialize(buffer)
+        return buffer.getvalue()
+
+    def sent(self, message: Any) -> Any:
+        made = next(kind for kind in type(message).__mro__ if "_md5sum" in vars(kind))
+        return made().deserialize(self.encoded(message))
+
+
+class Ros2Types:
+    """The classes of ROS 2, as rosbags makes them; `sent` as above."""
+
+    def __init__(self) -> None:
+        from hypermap.ros import typestore
+
+        self.message = typestore.message_class
+        self.request = typestore.request_class
+        self.response = typestore.response_class
+        self.stamp = typestore.stamp
+        self.encoded = typestore.encode
+        self._decode = typestore.decode
+
+    def sent(self, message: Any) -> Any:
+        return self._decode(self.encoded(message), type(message))
+
+
+@pytest.fixture(scope="session")
+def ros1_types() -> Ros1Types:
+    """The message classes of ROS 1; no roscore is needed for them."""
+    if importlib.util.find_spec("rospy") is None and shutil.which("roscore") is None:
+        pytest.skip(NEEDS_ROS1)
+    from hypermap.ros import ros1_libraries  # noqa: F401 - finds Debian's packages
+
+    return Ros1Types()
+
+
+@pytest.fixture(scope="session", params=["ros1", "ros2"])
+def types(request: pytest.FixtureRequest) -> Any:
+    """The message classes of ROS 1, and those of ROS 2."""
+    return request.getfixturevalue("ros1_types") if request.param == "ros1" else Ros2Types()
