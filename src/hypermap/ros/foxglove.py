@@ -45,7 +45,6 @@ _LEVELS: dict[Level, tuple[int, int]] = {  # of Python, of rcl_interfaces/Log
     "warning": (logging.WARNING, 30),
     "error": (logging.ERROR, 40),
 }
-_logger = logging.getLogger(__name__)
 
 
 class FoxglovePort:
@@ -74,6 +73,7 @@ class FoxglovePort:
     ) -> None:
         self._name = f"/{name.strip('/')}"
         self._host = host
+        self._logger = _terminal(self._name)
         self._given = dict(values or {})
         self._transforms = TransformLog()
         self._tf_static: Publisher | None = None
@@ -180,7 +180,7 @@ class FoxglovePort:
                 self.log("error", f"{full}: {error}")
                 raise
             except Exception:
-                _logger.exception(full)
+                self._logger.exception(full)
                 raise
 
         schema = foxglove.ServiceSchema(
@@ -261,7 +261,7 @@ class FoxglovePort:
     def log(self, level: Level, text: str) -> None:
         """Write a line to the node's log and to /rosout."""
         of_python, of_ros = _LEVELS[level]
-        _logger.log(of_python, "%s", text)
+        self._logger.log(of_python, "%s", text)
         if self._rosout is not None and self._rosout.listeners:
             line = self.message("rcl_interfaces/Log")(
                 stamp=self.stamp(self.now()), level=of_ros, name=self._name, msg=text
@@ -299,3 +299,14 @@ class FoxglovePort:
 
     def _resolved(self, name: str) -> str:
         return name if name.startswith("/") else f"{self._name}/{name}"
+
+
+def _terminal(name: str) -> logging.Logger:
+    """Return what writes the log of a node on standard error, as rospy and rclpy do."""
+    handler = logging.StreamHandler()
+    handler.setFormatter(logging.Formatter("[%(levelname)s] [%(name)s]: %(message)s"))
+    logger = logging.getLogger(name)
+    logger.handlers = [handler]
+    logger.setLevel(logging.INFO)
+    logger.propagate = False
+    return logger
