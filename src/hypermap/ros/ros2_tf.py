@@ -1,0 +1,74 @@
+"""What tf knows, in ROS 2."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import tf2_ros
+from numpy.typing import NDArray
+from rclpy.clock import JumpThreshold
+from rclpy.duration import Duration
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.time import Time
+
+from hypermap.core.errors import FrameError
+from hypermap.core.trajectory import pose_matrix
+
+
+class Transforms:
+    """Listens to tf from a node and a thread of its own.
+
+    A handler that waits for a transform can so never keep it from arriving, however many wait.
+
+    Args:
+        name: of the node that it belongs to.
+        clock: of that node; when it jumps back, as with a bag in a loop, what is known is forgotten
+            but for static transforms.
+        run: runs an executor until it is shut down.
+    """
+
+    def __init__(self, name: str, clock: Any, run: Callable[[Any], None]) -> None:
+        own_name = f"{name}_tf"
+        # The argument keeps a `__node:=` that is meant for the other node from renaming this one.
+        self._node = Node(
+            own_name,
+            cli_args=["--ros-args", "-r", f"__node:={own_name}"],
+            start_parameter_services=False,
+        )
+        self._buffer = tf2_ros.Buffer()
+        self._listener = tf2_ros.TransformListener(self._buffer, self._node)
+        threshold = JumpThreshold(
+            min_forward=None, min_backward=Duration(nanoseconds=-1), on_clock_change=False
+        )
+        self._jumps = clock.create_jump_callback(
+            threshold, post_callback=lambda _: self._buffer.clear()
+        )
+        self._executor = SingleThreadedExecutor()
+        self._executor.add_node(self._node)
+        self._thread = threading.Thread(target=run, args=(self._executor,), daemon=True)
+        self._thread.start()
+
+    def lookup(
+        self, target: str, source: str, stamp: int | None, timeout: float
+    ) -> NDArray[np.float64]:
+        """Return `target_T_source`, shape (4, 4); see `Port.lookup`."""
+        time = Time() if stamp is None else Time(nanoseconds=stamp)
+        try:
+            found = self._buffer.lookup_transform(
+                target, source, time, Duration(nanoseconds=int(timeout * 1e9))
+            )
+        except tf2_ros.TransformException as error:
+            raise FrameError(f"tf does not lead from {source!r} to {target!r}: {error}") from None
+        p, q = found.transform.translation, found.transform.rotation
+        return pose_matrix((p.x, p.y, p.z), (q.x, q.y, q.z, q.w))
+
+    def close(self) -> None:
+        """Listen no more."""
+        self._jumps.unregister()
+        self._executor.shutdown()
+        self._thread.join(5.0)
+        self._node.destroy_node()
