@@ -109,7 +109,7 @@ class Mapper:
         Raises:
             HypermapError: If the source cannot say what the frame shows; the map stays as it was.
         """
-        if (reason := _why_unusable(frame)) is not None:
+        if (reason := why_unusable(frame)) is not None:
             self._leave_out(frame, reason)
             return None
         if not self._keyframes.accept(frame.map_T_camera):
@@ -191,7 +191,7 @@ def map_recording(
     return hypermap
 
 
-def _why_unusable(frame: RgbdFrame) -> str | None:
+def why_unusable(frame: RgbdFrame) -> str | None:
     """Return why a frame cannot be mapped; None if it can."""
     if not np.isfinite(frame.map_T_camera).all():
         return "its pose is not finite"

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from hypermap.core.errors import FormatError
 from hypermap.perception.frame import Camera
+from hypermap.recordings.messages.header import octets
 
 _KINDS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}  # PointField
 _MAX_FIT_ERROR = 1.0  # pixels
@@ -110,6 +111,6 @@ def _records(message: Any) -> NDArray[Any]:
     return np.ndarray(
         (height, width),
         dtype,
-        buffer=np.ascontiguousarray(message.data, dtype=np.uint8),
+        buffer=np.ascontiguousarray(octets(message.data)),
         strides=(message.row_step, message.point_step),
     )

@@ -1,8 +1,11 @@
-"""Times and frames in message headers."""
+"""What all messages have: times, frames and bytes."""
 
 from __future__ import annotations
 
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 
 def nanoseconds(stamp: Any) -> int:
@@ -23,3 +26,10 @@ def as_seconds(stamp: int) -> float:
 def clean_frame(frame_id: str) -> str:
     """Return a frame's name without the leading slash that old ROS 1 programs write."""
     return frame_id.lstrip("/")
+
+
+def octets(data: Any) -> NDArray[np.uint8]:
+    """Return the bytes of a message, which rospy carries as `bytes`, others as an array."""
+    if isinstance(data, (bytes, bytearray)):
+        return np.frombuffer(data, dtype=np.uint8)
+    return np.asarray(data, dtype=np.uint8)

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hypermap.core.errors import FormatError
+from hypermap.recordings.messages.header import octets
 from hypermap.recordings.messages.raw_colors import color_of_yuv422, demosaic
 from hypermap.recordings.pictures import decode_color, depth_in_metres
 
@@ -109,6 +110,6 @@ def _pixels(
             f"an image of {width} x {height} pixels of {message.encoding} needs rows of {row} "
             f"bytes, found {len(message.data)} bytes in rows of {step}"
         )
-    rows = np.asarray(message.data, dtype=np.uint8)[: height * step].reshape(height, step)
+    rows = octets(message.data)[: height * step].reshape(height, step)
     pixels = np.ascontiguousarray(rows[:, :row]).view(dtype)
     return pixels.reshape(height, width, channels).astype(kind, copy=False)

@@ -1,0 +1,158 @@
+"""The parameters of the semantic mapper, each written once: name, default, limits, meaning."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any, cast
+
+from hypermap.core.errors import HypermapError
+from hypermap.ros.port import Parameter, Value
+
+CLOUD = "sensor_msgs/PointCloud2"
+IMAGE = "sensor_msgs/Image"
+COMPRESSED = "sensor_msgs/CompressedImage"
+CAMERA_INFO = "sensor_msgs/CameraInfo"
+OCCUPANCY = "nav_msgs/OccupancyGrid"
+DARKNET = "darknet_ros_msgs/BoundingBoxes"
+VISION = "vision_msgs/Detection2DArray"
+
+_TRANSPORTS = ("/compressedDepth", "/compressed")  # of image_transport
+
+
+def _setting(
+    default: Value,
+    description: str,
+    minimum: float | None = None,
+    maximum: float | None = None,
+    choices: tuple[str, ...] = (),
+) -> Any:
+    limits = {"minimum": minimum, "maximum": maximum, "choices": choices}
+    return field(default=default, metadata={"description": description, **limits})
+
+
+@dataclass(frozen=True)
+class LiveSettings:
+    """What a semantic mapper listens to and how it maps; `PARAMETERS` describes each.
+
+    Raises:
+        HypermapError: If the topics and sources of detections do not go together.
+    """
+
+    depth_topic: str = _setting(
+        "", "Depth images, registered to color; compressed if the name ends in /compressedDepth."
+    )
+    cloud_topic: str = _setting("", "Organised clouds, in place of depth images.")
+    camera_info_topic: str = _setting(
+        "", "Intrinsics; by default camera_info beside the depth images, or as a cloud shows."
+    )
+    color_topic: str = _setting("", "Color images; compressed if the name ends in /compressed.")
+    detections_topic: str = _setting("", "Detections by another node.")
+    detections_type: str = _setting(
+        DARKNET, "Type of the detections' messages.", choices=(DARKNET, VISION)
+    )
+    detections_file: str = _setting("", "Detections recorded in a JSON file.")
+    detector: str = _setting("", "Neural network (.onnx) that finds objects in the color images.")
+    labels: str = _setting("", "File with the names of the network's classes, where it has none.")
+    score: float = _setting(
+        0.0, "Leave out detections that are less sure; 0 is 0.3 for a network, and none else.", 0, 1
+    )
+    detector_threads: int = _setting(0, "Threads of the network; 0 takes all cores.", 0, 1024)
+    map_frame: str = _setting("map", "Fixed frame in which the map is made, z up.")
+    camera_frame: str = _setting("", "The camera's optical frame; by default as messages say.")
+    depth_scale: float = _setting(1000.0, "Units of integer depth per metre.", 1e-3, 1e9)
+    profile: str = _setting(
+        "default", "Method: the best that we know, or that of 2019.", choices=("default", "thesis")
+    )
+    config: str = _setting("", "YAML file with settings of mapping that differ.")
+    occupancy: bool = _setting(True, "Whether to make an occupancy layer from depth.")
+    map_topic: str = _setting("", "Occupancy map of another node to save, in place of our own.")
+    slop: float = _setting(
+        0.02, "Seconds by which stamps of messages that go together may differ.", 0, 1
+    )
+    patience: float = _setting(
+        1.0, "Seconds that an image waits for what belongs to it; a detector may take so long.",
+        0.05, 60,
+    )  # fmt: skip
+    tf_timeout: float = _setting(0.2, "Seconds to wait for the camera's pose.", 0, 10)
+    max_rate: float = _setting(0.0, "Frames per second to take at most; 0 is any.", 0, 1000)
+    publish_rate: float = _setting(1.0, "How often per second the map is published.", 0.01, 50)
+    semantic_map_topic: str = _setting("/semantic_map", "Topic of the objects.")
+    save_to: str = _setting("", "File (.hmap) in which the map is saved at the end.")
+    map_directory: str = _setting("", "Directory in which the service save_map saves.")
+
+    def __post_init__(self) -> None:
+        if bool(self.depth_topic) == bool(self.cloud_topic):
+            raise HypermapError(
+                "give either depth_topic, as /camera/aligned_depth_to_color/image_raw, or "
+                "cloud_topic, as /camera/depth_registered/points"
+            )
+        sources = ("detector", "detections_topic", "detections_file")
+        given = [name for name in sources if getattr(self, name)]
+        if len(given) != 1:
+            found = f"found {' and '.join(given)}" if given else "found none"
+            raise HypermapError(
+                f"something must say what the camera sees: give one of {', '.join(sources)}; "
+                f"{found}"
+            )
+        if self.detector and not (self.color_topic or self.cloud_topic):
+            raise HypermapError("the detector needs color images: give color_topic")
+        if self.labels and not self.detector:
+            raise HypermapError("labels belong to a detector, which is not given")
+        if not self.map_frame.strip("/"):
+            raise HypermapError("map_frame must be the name of a frame")
+        if self.save_to and not self.save_to.lower().endswith(".hmap"):
+            raise HypermapError(f"save_to: {self.save_to}: a map is saved as .hmap")
+
+    @classmethod
+    def of(cls, values: Mapping[str, Value]) -> LiveSettings:
+        """Return the settings among a node's parameters; raises as the class does."""
+        known: dict[str, Any] = {f.name: values[f.name] for f in fields(cls) if f.name in values}
+        return cls(**known)
+
+    @property
+    def geometry_topic(self) -> str:
+        """Where depth comes from."""
+        return self.cloud_topic or self.depth_topic
+
+    @property
+    def geometry_type(self) -> str:
+        """Type of its messages."""
+        if self.cloud_topic:
+            return CLOUD
+        return COMPRESSED if self.depth_topic.endswith("/compressedDepth") else IMAGE
+
+    @property
+    def color_type(self) -> str:
+        """Type of the color images."""
+        return COMPRESSED if self.color_topic.endswith("/compressed") else IMAGE
+
+    @property
+    def info_topic(self) -> str:
+        """Where the intrinsics come from; empty if the clouds show them."""
+        if self.camera_info_topic or self.cloud_topic:
+            return self.camera_info_topic
+        folder = image_name(self.depth_topic).rpartition("/")[0]
+        return f"{folder}/camera_info"
+
+    @property
+    def is_rectified(self) -> bool:
+        """Whether the depth images are rectified, as their name tells."""
+        return "rect" in image_name(self.geometry_topic).rpartition("/")[2]
+
+
+def image_name(topic: str) -> str:
+    """Return the image topic of which a compressed topic is the transport.
+
+    >>> image_name("/camera/depth/image_raw/compressedDepth")
+    '/camera/depth/image_raw'
+    """
+    for transport in _TRANSPORTS:
+        topic = topic.removesuffix(transport)
+    return topic
+
+
+PARAMETERS: tuple[Parameter, ...] = tuple(
+    Parameter(setting.name, cast("Value", setting.default), **setting.metadata)
+    for setting in fields(LiveSettings)
+)
