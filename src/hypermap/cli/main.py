@@ -11,7 +11,7 @@ from typing import Annotated, NoReturn
 import typer
 
 from hypermap import __version__
-from hypermap.cli import convert, demo, evaluate, info, map_, query, render, shell
+from hypermap.cli import convert, demo, evaluate, info, map_, query, render, serve, shell
 from hypermap.cli.terminal import (
     BAD_INPUT,
     INTERRUPTED,
@@ -72,8 +72,13 @@ for _name, _module in {
     "evaluate": evaluate,
     "convert": convert,
     "shell": shell,
+    "serve": serve,
 }.items():
-    app.command(_name, help=_flowing(_module.command.__doc__ or ""))(_module.command)
+    app.command(
+        _name,
+        cls=getattr(_module, "COMMAND_CLASS", None),
+        help=_flowing(_module.command.__doc__ or ""),
+    )(_module.command)
 
 
 def main(args: Sequence[str] | None = None) -> NoReturn:

@@ -1,0 +1,139 @@
+"""What the commands that are nodes have in common: their middleware, parameters, ROS arguments."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+import yaml
+from typer.core import TyperCommand
+
+from hypermap.core.errors import HypermapError
+
+if TYPE_CHECKING:
+    from hypermap.ros.nodes import Address, Middleware
+    from hypermap.ros.port import Value
+
+_ROS = "hypermap.ros_arguments"
+_MIDDLEWARE = "Middleware"
+
+Ros1 = Annotated[bool, typer.Option("--ros1", rich_help_panel=_MIDDLEWARE, help="Run on ROS 1.")]
+Ros2 = Annotated[bool, typer.Option("--ros2", rich_help_panel=_MIDDLEWARE, help="Run on ROS 2.")]
+Foxglove = Annotated[
+    bool,
+    typer.Option(
+        "--foxglove",
+        rich_help_panel=_MIDDLEWARE,
+        help="Run without ROS: a WebSocket server for Foxglove and Lichtblick.",
+    ),
+]
+Host = Annotated[
+    str | None,
+    typer.Option(
+        rich_help_panel=_MIDDLEWARE,
+        metavar="ADDRESS",
+        show_default="127.0.0.1",
+        help="Address to listen on, with --foxglove; 0.0.0.0 lets other machines in.",
+    ),
+]
+Port = Annotated[
+    int | None,
+    typer.Option(
+        rich_help_panel=_MIDDLEWARE,
+        min=0,
+        max=65535,
+        show_default="8765",
+        help="Port to listen on, with --foxglove; 0 for any that is free.",
+    ),
+]
+Params = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--param",
+        metavar="NAME=VALUE",
+        show_default=False,
+        help="Set a parameter of the node; may be given several times.",
+    ),
+]
+
+
+class NodeCommand(TyperCommand):
+    """A command that leaves the arguments that are meant for ROS to ROS."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Put the arguments for ROS aside, and parse the others."""
+        from hypermap.ros.nodes import split_arguments
+
+        own, ctx.meta[_ROS] = split_arguments(args)
+        return super().parse_args(ctx, own)
+
+
+def ros_arguments(context: typer.Context) -> list[str]:
+    """Return the arguments that are meant for ROS."""
+    arguments: list[str] = context.meta[_ROS]
+    return arguments
+
+
+def chosen_middleware(ros1: bool, ros2: bool, foxglove: bool) -> Middleware:
+    """Return the middleware that was chosen; "auto" for none.
+
+    Raises:
+        HypermapError: If several were.
+    """
+    chosen: list[Middleware] = []
+    if ros1:
+        chosen.append("ros1")
+    if ros2:
+        chosen.append("ros2")
+    if foxglove:
+        chosen.append("foxglove")
+    if len(chosen) > 1:
+        raise HypermapError(f"give one of {', '.join(f'--{name}' for name in chosen)}")
+    return chosen[0] if chosen else "auto"
+
+
+def address_of(host: str | None, port: int | None, middleware: Middleware) -> Address:
+    """Return where to listen.
+
+    Raises:
+        HypermapError: If an address was given, but not for Foxglove.
+    """
+    from hypermap.ros.nodes import Address
+
+    if middleware != "foxglove" and (host is not None or port is not None):
+        raise HypermapError("--host and --port are for --foxglove alone")
+    default = Address()
+    return Address(default.host if host is None else host, default.port if port is None else port)
+
+
+def parse_params(pairs: Sequence[str] | None) -> dict[str, Value]:
+    """Return the parameters out of "NAME=VALUE"; values are YAML, as on ROS's command line.
+
+    Raises:
+        HypermapError: If a pair is none, or the value is neither a text, a number, true or false,
+            nor a list of texts.
+    """
+    values: dict[str, Value] = {}
+    for pair in pairs or ():
+        name, equals, text = pair.partition("=")
+        if not (equals and name.isidentifier()):
+            raise HypermapError(f"--param {pair!r}: give NAME=VALUE, as label_height=0.5")
+        values[name] = _value(pair, text)
+    return values
+
+
+def _value(pair: str, text: str) -> Value:
+    try:
+        value = yaml.safe_load(text)
+    except yaml.YAMLError:
+        return text
+    if isinstance(value, (bool, int, float, str)):
+        return value
+    if isinstance(value, list) and all(isinstance(item, str) for item in value):
+        return value
+    if isinstance(value, (dict, list)):
+        raise HypermapError(
+            f"--param {pair!r}: a value is a text, a number, true, false or a list of texts"
+        )
+    return text  # what YAML takes for a date, or for nothing

@@ -1,0 +1,86 @@
+"""`hypermap serve`: the map server, as a node of ROS 1 or ROS 2, or for Foxglove without ROS."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from hypermap.cli.node_options import (
+    Foxglove,
+    Host,
+    NodeCommand,
+    Params,
+    Port,
+    Ros1,
+    Ros2,
+    address_of,
+    chosen_middleware,
+    parse_params,
+    ros_arguments,
+)
+from hypermap.core.errors import FileMissing
+
+COMMAND_CLASS = NodeCommand
+
+
+def command(
+    context: typer.Context,
+    path: Annotated[
+        Path | None,
+        typer.Argument(
+            metavar="[MAP]",
+            readable=False,
+            show_default=False,
+            help="A map to serve; without one the server starts as its parameters say.",
+        ),
+    ] = None,
+    ros1: Ros1 = False,
+    ros2: Ros2 = False,
+    foxglove: Foxglove = False,
+    host: Host = None,
+    port: Port = None,
+    map_directory: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            readable=False,
+            show_default=False,
+            help="Let clients load and store maps in this folder, and nowhere else.",
+        ),
+    ] = None,
+    param: Params = None,
+) -> None:
+    """Serve a map to robots and viewers: topics, services and transforms, until Ctrl-C.
+
+    The node hypermap_server publishes every layer and answers questions about it. It runs on the
+    ROS whose setup.bash was sourced; where there is none, --foxglove needs no ROS. At a terminal it
+    takes the commands of hypermap shell while it serves. Arguments of ROS (NAME:=VALUE,
+    --ros-args ...) are handed on to it.
+
+    Examples:
+        hypermap serve lab.hmap
+        hypermap serve lab.hmap --foxglove
+        hypermap serve lab.hmap --map-directory maps --param label_height=0.5
+        hypermap serve lab.hmap --ros2 --ros-args -r __ns:=/robot
+    """
+    from hypermap.ros.nodes import run_map_server
+
+    values = parse_params(param)
+    if map_directory is not None:
+        if not map_directory.is_dir():
+            raise FileMissing(
+                f"--map-directory {map_directory}: there is no such folder"
+            )
+        values["map_directory"] = str(map_directory.absolute())
+    if path is not None and not path.exists():
+        raise FileMissing(f"{path}: there is no such file")
+    middleware = chosen_middleware(ros1, ros2, foxglove)
+    own = [] if path is None else [str(path)]
+    run_map_server(
+        [*own, *ros_arguments(context)],
+        middleware=middleware,
+        values=values,
+        address=address_of(host, port, middleware),
+    )
