@@ -5,7 +5,6 @@ from __future__ import annotations
 import threading
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,30 +14,21 @@ from hypermap.core.arrays import IntArray
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.objects import ObjectTable
 from hypermap.core.semantic import SemanticLayer
-from hypermap.ros.points import Points
+from hypermap.ros.points import is_ros1, many_points
 from hypermap.ros.port import Message, Parameter, Port, Publisher, Value
+from hypermap.ros.ros1_arrays import writing_arrays
+from hypermap.ros.to_messages import Types
+from hypermap.ros.topic_names import topic_name
 from hypermap.ros.triangles import Corners, label_points, outlines, triangles
 
 # visualization_msgs/Marker
 _LINE_LIST, _TEXT_VIEW_FACING, _TRIANGLE_LIST = 5, 9, 11
-_ADD, _DELETE_ALL = 0, 3
+_DELETE_ALL = 3
 
 _FILL, _OUTLINE, _FIRST_LABEL = 0, 1, 2  # ids within a class
 _STEP = 0.01  # m between fill and outline
 _SPREAD = 0.03  # m within which fills lie, the smallest object on top
 _INK = (0.08, 0.08, 0.08, 1.0)  # of labels
-
-
-class Types(Protocol):
-    """Where the classes of messages come from; a Port is one."""
-
-    def message(self, type_name: str) -> type[Any]:
-        """Return the class of a message."""
-        ...
-
-    def stamp(self, nanoseconds: int) -> Message:
-        """Return a time as messages carry it."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -80,7 +70,7 @@ def marker_array(
     """
     table = layer.table
     make = _Maker(types, layer.frame_id)
-    markers = [make.marker("", 0, _TRIANGLE_LIST, action=_DELETE_ALL)]
+    markers = [make.delete_all()]
     shown = np.array([style.shows(str(name)) for name in table.vocabulary], dtype=bool)
     table = table.take(np.flatnonzero(shown[table.codes]))
     heights = style.marker_height + _lifts(table)
@@ -90,34 +80,30 @@ def marker_array(
     if style.show_outlines:
         outlined = _Drawn(outlines(table.footprints), table, heights + _STEP)
     labels = _labels(table, style)
+    places = label_points(table.shapes[labels], table.centroids[labels])
     for name, code in table.vocabulary.items():
         color = colors.get(name, (0.0, 0.0, 0.0))
         if fills is not None and len(points := fills.of(code)):
             fill = make.marker(name, _FILL, _TRIANGLE_LIST, color=(*color, style.fill_opacity))
             make.draw(fill, points)
-            # A color per triangle, though all are the same, makes rviz draw it without shading.
-            fill.colors = [fill.color] * (len(points) // 3)
+            make.unshade(fill)
             markers.append(fill)
         if outlined is not None and len(points := outlined.of(code)):
             outline = make.marker(name, _OUTLINE, _LINE_LIST, color=(*color, 1.0))
             make.draw(outline, points, scale=style.outline_width)
             markers.append(outline)
-        for number, row in enumerate(labels[table.codes[labels] == code]):
+        for number, (x, y) in enumerate(places[table.codes[labels] == code].tolist()):
             text = make.marker(name, _FIRST_LABEL + number, _TEXT_VIEW_FACING, color=_INK)
-            x, y = label_points(table.shapes[[row]], table.centroids[[row]])[0].tolist()
             z = style.marker_height + _SPREAD + 2 * _STEP + style.label_height
             make.write(text, name, (x, y, z), style.label_height)
             markers.append(text)
-    array = types.message("visualization_msgs/MarkerArray")()
-    array.markers = markers
-    return array
+    return make.array(markers)
 
 
 def empty_marker_array(frame_id: str, types: Types) -> Message:
     """Return a `visualization_msgs/MarkerArray` that deletes all markers of its topic."""
-    array = types.message("visualization_msgs/MarkerArray")()
-    array.markers = [_Maker(types, frame_id).marker("", 0, _TRIANGLE_LIST, action=_DELETE_ALL)]
-    return array
+    make = _Maker(types, frame_id)
+    return make.array([make.delete_all()])
 
 
 class LayerMarkers:
@@ -189,7 +175,7 @@ class LayerMarkers:
     def _publish(self, layer: SemanticLayer, colors: Mapping[str, Color]) -> None:
         if layer.name not in self._publishers:
             self._publishers[layer.name] = self._port.publisher(
-                f"{layer.name}_markers", "visualization_msgs/MarkerArray", latched=True
+                topic_name(layer.name, "markers"), "visualization_msgs/MarkerArray", latched=True
             )
         self._frames[layer.name] = layer.frame_id
         message = marker_array(layer, colors, self._port, self._style)
@@ -242,8 +228,8 @@ class _Maker:
     """Makes markers in one frame."""
 
     def __init__(self, types: Types, frame_id: str) -> None:
-        self._marker = types.message("visualization_msgs/Marker")
-        self._point = types.message("geometry_msgs/Point")
+        self._types = types
+        self._marker = writing_arrays(types.message("visualization_msgs/Marker"))
         self._stamp = types.stamp(0)  # the latest transform
         self._frame_id = frame_id
 
@@ -253,22 +239,43 @@ class _Maker:
         number: int,
         kind: int,
         *,
-        color: tuple[float, float, float, float] = _INK,
-        action: int = _ADD,
+        color: tuple[float, float, float, float],
     ) -> Message:
+        """Return a marker without content."""
         marker = self._marker()
         marker.header.frame_id = self._frame_id
         marker.header.stamp = self._stamp
-        marker.ns, marker.id, marker.type, marker.action = namespace, number, kind, action
+        marker.ns, marker.id, marker.type = namespace, number, kind
         marker.pose.orientation.w = 1.0
         marker.color.r, marker.color.g, marker.color.b, marker.color.a = color
         marker.frame_locked = True
         return marker
 
+    def delete_all(self) -> Message:
+        """Return the marker that deletes all others."""
+        marker = self.marker("", 0, _TRIANGLE_LIST, color=_INK)
+        marker.action = _DELETE_ALL
+        return marker
+
+    def array(self, markers: list[Message]) -> Message:
+        """Return markers as one message."""
+        array = writing_arrays(self._types.message("visualization_msgs/MarkerArray"))()
+        array.markers = markers
+        return array
+
     def draw(self, marker: Message, points: NDArray[np.float64], scale: float = 1.0) -> None:
         """Give a marker corners; in a list of lines, the scale is their width [m]."""
         marker.scale.x = marker.scale.y = marker.scale.z = float(scale)
-        marker.points = Points(self._point, points)
+        marker.points = many_points(points, self._types)
+
+    def unshade(self, marker: Message) -> None:
+        """Give each triangle the marker's color, which rviz then draws as it is, without light."""
+        count = len(marker.points) // 3
+        color = marker.color
+        if is_ros1(self._marker):
+            marker.colors = np.tile((color.r, color.g, color.b, color.a), (count, 1))
+        else:
+            marker.colors = [color] * count
 
     def write(
         self, marker: Message, text: str, at: tuple[float, float, float], height: float

@@ -1,4 +1,4 @@
-"""Many points of a message, made when they are written rather than all at once."""
+"""Many points of a message, without an object for each."""
 
 from __future__ import annotations
 
@@ -8,12 +8,29 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import NDArray
 
+from hypermap.ros.to_messages import Types
+
+
+def many_points(points_xyz: NDArray[np.float64], types: Types) -> Any:
+    """Return what a message that `writing_arrays` has made takes as its list of points.
+
+    Args:
+        points_xyz: shape (N, 3).
+        types: the classes of messages.
+    """
+    point = types.message("geometry_msgs/Point")
+    return points_xyz if is_ros1(point) else Points(point, points_xyz)
+
+
+def is_ros1(message_class: type[Any]) -> bool:
+    """Whether a class of messages is one of ROS 1, so that `writing_arrays` extends it."""
+    return hasattr(message_class, "_slot_types")
+
 
 class Points(Sequence[Any]):
     """Rows of an array as a sequence of `geometry_msgs/Point`, in place of a list of them.
 
-    A million points as objects cost seconds; messages are only ever written, so each point is
-    made when it is its turn.
+    Messages are only ever written, so each point is made when it is its turn.
 
     Args:
         point: the class of a point.
@@ -30,9 +47,9 @@ class Points(Sequence[Any]):
         return len(self.points_xyz)
 
     def __iter__(self) -> Iterator[Any]:
-        point = self._point
+        make = self._point
         for x, y, z in self.points_xyz.tolist():
-            yield point(x=x, y=y, z=z)
+            yield make(x=x, y=y, z=z)
 
     @overload
     def __getitem__(self, place: int) -> Any: ...

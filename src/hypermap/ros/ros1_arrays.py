@@ -27,15 +27,18 @@ _NUMBERS = {
     "float32": "<f4",
     "float64": "<f8",
 }
+_ROWS = {"geometry_msgs/Point": ("<f8", 3), "std_msgs/ColorRGBA": ("<f4", 4)}
 _COUNT = struct.Struct("<I")
+_TIMES = {"time": struct.Struct("<II"), "duration": struct.Struct("<ii")}
 
 
 def writing_arrays(message_class: Any) -> type[Any]:
     """Return a class of ROS 1 messages whose fields may hold arrays; another class as it is.
 
-    An array of numbers stands for a list of numbers, an array of shape (M, 2) or (M, 3) for a list
-    of `geometry_msgs/Point`, and any iterable of texts for a list of strings. Such a message is
-    for sending; who wants to read its fields reads arrays.
+    An array of numbers stands for a list of numbers, one of shape (M, 2) or (M, 3) for a list of
+    `geometry_msgs/Point`, one of shape (M, 4) for a list of `std_msgs/ColorRGBA`, and any iterable
+    of texts for a list of strings. Such a message is for sending; who wants to read its fields
+    reads arrays.
     """
     if not hasattr(message_class, "_slot_types"):
         return message_class  # type: ignore[no-any-return]
@@ -54,6 +57,8 @@ def _serialize(message: Any, buff: BinaryIO) -> None:
             _write_list(buff, kind[:-2], value)
         elif kind == "string":
             buff.write(_text(value))
+        elif kind in _TIMES:
+            buff.write(_TIMES[kind].pack(value.secs, value.nsecs))
         elif kind in _NUMBERS:
             buff.write(np.array(value, dtype=_NUMBERS[kind]).tobytes())
         else:
@@ -66,10 +71,11 @@ def _write_list(buff: BinaryIO, kind: str, values: Any) -> None:
         buff.write(np.asarray(values, dtype=_NUMBERS[kind]).tobytes())
     elif kind == "string":
         buff.write(_texts(values))
-    elif kind == "geometry_msgs/Point" and isinstance(values, np.ndarray):
-        points = np.zeros((len(values), 3), dtype="<f8")
-        points[:, : values.shape[1]] = values
-        buff.write(points.tobytes())
+    elif kind in _ROWS and isinstance(values, np.ndarray):
+        dtype, width = _ROWS[kind]
+        rows = np.zeros((len(values), width), dtype=dtype)
+        rows[:, : values.shape[1]] = values
+        buff.write(rows.tobytes())
     else:
         for value in values:
             value.serialize(buff)

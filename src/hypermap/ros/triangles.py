@@ -40,18 +40,18 @@ def triangles(shapes: ObjectArray) -> Corners:
     """
     polygons, owners = _polygons(shapes)
     points, ring_starts, first_rings = _rings(polygons)
-    ends = ring_starts.astype(np.uint32)
-    starts, rings = ring_starts.tolist(), first_rings.tolist()
-    corners: list[NDArray[np.uint32]] = []
-    for first, last in pairwise(rings):
-        begin = starts[first]
-        own = points[begin : starts[last]]
-        found = mapbox_earcut.triangulate_float64(
-            own - own[0], ends[first + 1 : last + 1] - np.uint32(begin)
-        )
-        corners.append(found + np.uint32(begin))
-    counts = [len(found) for found in corners]
-    chosen = np.concatenate([*corners, np.empty(0, dtype=np.uint32)])
+    begins = ring_starts[first_rings]  # of each polygon's points
+    sizes, rings = np.diff(begins), np.diff(first_rings)
+    local = points - np.repeat(points[begins[:-1]], sizes, axis=0)  # exact far from the origin
+    ring_ends = (ring_starts[1:] - np.repeat(begins[:-1], rings)).astype(np.uint32)
+    spans = zip(pairwise(begins.tolist()), pairwise(first_rings.tolist()), strict=True)
+    found = [
+        mapbox_earcut.triangulate_float64(local[first:last], ring_ends[ring:next_ring])
+        for (first, last), (ring, next_ring) in spans
+    ]
+    counts = [len(corners) for corners in found]
+    corners = np.concatenate([*found, np.empty(0, dtype=np.uint32)])
+    chosen = corners + np.repeat(begins[:-1], counts)
     return Corners(points[chosen], np.repeat(owners, counts))
 
 

@@ -1,0 +1,217 @@
+"""Configurations of rviz and rviz2 for a map: one standard display per layer, seen from above."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import shapely
+import yaml
+from shapely.geometry.base import BaseGeometry
+
+from hypermap.core.hypermap import Hypermap
+from hypermap.core.layer import Layer
+from hypermap.core.occupancy import UNKNOWN, OccupancyLayer
+from hypermap.core.semantic import SemanticLayer
+from hypermap.ros.topic_names import topic_name
+
+DEFAULT_SERVER = "/hypermap_server"
+_SUFFIX = {OccupancyLayer.class_name: "map", SemanticLayer.class_name: "markers"}
+_WINDOW = (1280, 860)  # pixels
+_MAP_VIEW = (880, 700)  # what of the window is left for the map
+_MARGIN = 0.9  # how much of it the map fills
+_BACKGROUND = "226; 229; 233"
+
+
+@dataclass(frozen=True)
+class View:
+    """What is seen from above, in the fixed frame.
+
+    Attributes:
+        x: of the middle [m].
+        y: of the middle [m].
+        scale: pixels per metre.
+    """
+
+    x: float = 0.0
+    y: float = 0.0
+    scale: float = 60.0
+
+    @classmethod
+    def of(cls, bounds: Sequence[float]) -> View:
+        """Return the view that shows xmin, ymin, xmax, ymax [m]; the default for NaN."""
+        if not np.isfinite(bounds).all():
+            return cls()
+        xmin, ymin, xmax, ymax = bounds
+        width, height = max(xmax - xmin, 1.0), max(ymax - ymin, 1.0)
+        scale = _MARGIN * min(_MAP_VIEW[0] / width, _MAP_VIEW[1] / height)
+        return cls((xmin + xmax) / 2, (ymin + ymax) / 2, scale)
+
+
+def map_configuration(
+    hypermap: Hypermap, server: str = DEFAULT_SERVER, *, ros2: bool = False
+) -> str:
+    """Return the `.rviz` file for a map that a server publishes.
+
+    Args:
+        hypermap: the map.
+        server: full name of the map server's node.
+        ros2: whether it is for rviz2, where classes have other names and topics a QoS.
+
+    Raises:
+        FrameError: If a layer's frame has no place in the map.
+    """
+    displays = [
+        display(layer.class_name, layer.name, server, ros2=ros2)
+        for layer in hypermap
+        if has_display(layer.class_name)
+    ]
+    return configuration(displays, hypermap.base_frame, view_of(hypermap), ros2=ros2)
+
+
+def has_display(class_name: str) -> bool:
+    """Whether a layer of that class is published in a form that rviz draws."""
+    return class_name in _SUFFIX
+
+
+def display(
+    class_name: str, name: str, server: str = DEFAULT_SERVER, *, ros2: bool = False
+) -> dict[str, Any]:
+    """Return the display of a layer, as it stands in a `.rviz` file.
+
+    Args:
+        class_name: of the layer; `has_display` must be true.
+        name: of the layer.
+        server: full name of the map server's node.
+        ros2: whether it is for rviz2.
+    """
+    topic = f"{server}/{topic_name(name, _SUFFIX[class_name])}"
+    if class_name == OccupancyLayer.class_name:
+        # Behind all else, as the floor is, also where markers lie on it.
+        own: dict[str, Any] = {"Alpha": 1, "Color Scheme": "map", "Draw Behind": True}
+        kind, topic_key = "Map", "Topic"
+    else:
+        own, kind, topic_key = {"Namespaces": {}}, "MarkerArray", "Marker Topic"
+    shown = {"Class": _class(kind, ros2), "Name": name, "Enabled": True, "Value": True, **own}
+    if ros2:
+        shown["Topic"] = _latched(topic)
+        if kind == "Map":
+            shown["Update Topic"] = _latched(f"{topic}_updates")
+    else:
+        shown[topic_key] = topic
+    return shown
+
+
+def configuration(
+    displays: Sequence[dict[str, Any]], fixed_frame: str, view: View, *, ros2: bool = False
+) -> str:
+    """Return a `.rviz` file with a grid, the frames and these displays.
+
+    Args:
+        displays: as `display` returns them.
+        fixed_frame: frame of the view, which is that of the map's first layer.
+        view: what is seen.
+        ros2: whether it is for rviz2.
+    """
+    panel = "rviz_common" if ros2 else "rviz"
+    ground = {
+        "Class": _class("Grid", ros2),
+        "Name": "Grid",
+        "Enabled": True,
+        "Value": True,
+        "Alpha": 0.3,
+        "Cell Size": 1,
+        "Color": "120; 120; 120",
+        "Plane Cell Count": 100,
+        "Reference Frame": "<Fixed Frame>",
+        "Offset": {"X": 0, "Y": 0, "Z": -0.02},
+    }
+    frames = {
+        "Class": _class("TF", ros2),
+        "Name": "Frames",
+        "Enabled": True,
+        "Value": True,
+        "Marker Scale": 1,
+        "Show Arrows": False,
+        "Show Axes": True,
+        "Show Names": True,
+    }
+    current = {
+        "Class": _class("TopDownOrtho", ros2),
+        "Name": "Current View",
+        "Target Frame": "<Fixed Frame>",
+        "Angle": 0,
+        "Scale": round(view.scale, 3),
+        "X": round(view.x, 3),
+        "Y": round(view.y, 3),
+        "Near Clip Distance": 0.01,
+    }
+    tools = ("MoveCamera", "Interact", "Select", "Measure", "PublishPoint")
+    content = {
+        "Panels": [
+            {"Class": f"{panel}/Displays", "Name": "Displays"},
+            {"Class": f"{panel}/Views", "Name": "Views"},
+        ],
+        "Visualization Manager": {
+            "Class": "",
+            "Name": "root",
+            "Enabled": True,
+            "Value": True,
+            "Displays": [ground, *displays, frames],
+            "Global Options": {
+                "Background Color": _BACKGROUND,
+                "Fixed Frame": fixed_frame,
+                "Frame Rate": 30,
+            },
+            "Tools": [{"Class": _class(name, ros2)} for name in tools],
+            "Views": {"Current": current, "Saved": None},
+        },
+        "Window Geometry": {
+            "Displays": {"collapsed": False},
+            "Views": {"collapsed": True},
+            "Hide Left Dock": False,
+            "Hide Right Dock": True,
+            "Width": _WINDOW[0],
+            "Height": _WINDOW[1],
+        },
+    }
+    return yaml.safe_dump(content, sort_keys=False, allow_unicode=True)
+
+
+def view_of(hypermap: Hypermap) -> View:
+    """Return the view of everything that a map knows; raises as `map_configuration`."""
+    shapes = [
+        hypermap.frames.lookup(hypermap.base_frame, layer.frame_id).apply_geometry(_known(layer))
+        for layer in hypermap
+        if has_display(layer.class_name)
+    ]
+    return View.of(shapely.total_bounds(shapes).tolist())
+
+
+def _known(layer: Layer) -> BaseGeometry:
+    """Return an area around what a layer knows."""
+    if not isinstance(layer, OccupancyLayer) or layer.grid is None or layer.cells is None:
+        return layer.extent()
+    known = layer.cells != UNKNOWN
+    rows, cols = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))
+    if len(rows) == 0:
+        return layer.extent()
+    edges = np.array([cols[0], rows[0], cols[-1] + 1, rows[-1] + 1]) * layer.grid.resolution
+    return layer.grid.origin.apply_geometry(shapely.box(*edges))
+
+
+def _class(name: str, ros2: bool) -> str:
+    return f"rviz_default_plugins/{name}" if ros2 else f"rviz/{name}"
+
+
+def _latched(topic: str) -> dict[str, Any]:
+    """Return a topic that rviz2 receives also when it was published before."""
+    return {
+        "Value": topic,
+        "Depth": 5,
+        "History Policy": "Keep Last",
+        "Reliability Policy": "Reliable",
+        "Durability Policy": "Transient Local",
+    }
