@@ -12,7 +12,6 @@ import json
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from hypermap.core.errors import HypermapError
@@ -65,9 +64,8 @@ def run_map_server(
     own, ros = split_arguments(argv)
     if len(own) > 1:
         raise HypermapError(f"the map server takes one map, not {len(own)}: {' '.join(own)}")
-    given = {**_values_of_map(own[0]), **(values or {})} if own else dict(values or {})
-    port = make_port(MapServer.NAME, ros, middleware, given, address)
-    run_node(port, MapServer(port))
+    port = make_port(MapServer.NAME, ros, middleware, dict(values or {}), address)
+    run_node(port, MapServer(port, own[0] if own else None))
 
 
 def run_semantic_mapper(
@@ -190,16 +188,6 @@ def run_node(port: Port, node: Node) -> None:
         pass  # a usual way to end a node
     finally:
         port.shut_down()
-
-
-def _values_of_map(path: str) -> dict[str, Value]:
-    """Return the parameters that make the map server load a map."""
-    is_archive = Path(path).suffix.lower() == ".hmap"
-    return {
-        "file": str(Path(path).absolute()),
-        "load_map": is_archive,
-        "load_map_config": not is_archive,
-    }
 
 
 def _yaml(value: Value) -> str:
