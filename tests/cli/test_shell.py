@@ -8,9 +8,10 @@ from prompt_toolkit.history import InMemoryHistory
 from prompt_toolkit.input import create_pipe_input
 from prompt_toolkit.output import DummyOutput
 
-from hypermap.cli.completion import ConsoleCompleter
-from hypermap.cli.shell import _history, command
+from hypermap.cli.shell import command
 from hypermap.console import Console
+from hypermap.console.completion import ConsoleCompleter
+from hypermap.console.prompt import history
 from hypermap.formats import open_map
 
 from .conftest import assert_one_error
@@ -87,7 +88,7 @@ def test_what_is_typed_at_a_terminal_is_answered_and_remembered(
 def test_the_shell_works_where_no_history_can_be_kept(monkeypatch, tmp_path):
     (tmp_path / "state").write_text("a file in place of the folder")
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
-    assert isinstance(_history(), InMemoryHistory)
+    assert isinstance(history(), InMemoryHistory)
 
 
 def test_save_writes_archives_alone(hypermap, room_map, tmp_path):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -15,8 +14,6 @@ from hypermap.cli.terminal import BAD_INPUT, complain, describe, say
 from hypermap.core.errors import HypermapError
 
 if TYPE_CHECKING:
-    from prompt_toolkit.history import History
-
     from hypermap.console import Console
 
 
@@ -63,28 +60,11 @@ def _answer(console: Console, line: str) -> bool:
 
 def _typed_lines(console: Console) -> Iterator[str]:
     """Yield what is typed at the terminal, until the end of input; Ctrl-C drops a line."""
-    from prompt_toolkit import PromptSession
+    from hypermap.console.prompt import Prompt
 
-    from hypermap.cli.completion import ConsoleCompleter
-
-    session: PromptSession[str] = PromptSession(
-        history=_history(), completer=ConsoleCompleter(console), complete_while_typing=False
-    )
+    prompt = Prompt(console)
     say("Type help for the commands, exit to leave.", style="dim")
     with contextlib.suppress(EOFError):
         while True:
             with contextlib.suppress(KeyboardInterrupt):
-                yield session.prompt("hypermap> ")
-
-
-def _history() -> History:
-    """Return what was typed in earlier sessions, kept where the system keeps such things."""
-    from prompt_toolkit.history import FileHistory, InMemoryHistory
-
-    state = Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state")
-    try:
-        (state / "hypermap").mkdir(parents=True, exist_ok=True)
-        (state / "hypermap" / "history").touch()
-    except OSError:
-        return InMemoryHistory()
-    return FileHistory(str(state / "hypermap" / "history"))
+                yield prompt.line()

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from prompt_toolkit.completion import CompleteEvent, Completer, Completion, PathCompleter
 from prompt_toolkit.document import Document
 
-from hypermap.console import COMMANDS, Console
+from hypermap.console.commands import COMMANDS, Console
 from hypermap.core.semantic import SemanticLayer
 
 

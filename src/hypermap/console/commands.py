@@ -1,6 +1,4 @@
-"""The console of the map server: a line of text in, an answer in text out.
-
-It knows no terminal, so that the shell of the command line and a ROS node can use the same one.
+"""What the console can do: a line of text in, an answer in text out.
 
 Source: INTERFACES, section 4: the commands and their spelling are those of the first Hypermap.
 """
