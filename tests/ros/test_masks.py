@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterator
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import shapely
+import yaml
 
 from hypermap.core.errors import HypermapError
 from hypermap.core.hypermap import Hypermap
@@ -235,3 +239,69 @@ def test_without_nav2_messages_there_are_masks_alone() -> None:
     masks.show(office())
     assert set(topics.published) == {"keepout_mask"}
     assert topics.lines == ["info: keepout_mask: no nav2_msgs here, so no CostmapFilterInfo for it"]
+
+
+DOCUMENT = Path(__file__).resolve().parents[2] / "docs" / "navigation.md"
+
+
+def blocks(word: str) -> list[Any]:
+    """Return the YAML blocks of the document below a heading."""
+    text = DOCUMENT.read_text(encoding="utf-8").split(f"## {word}\n", 1)[1].split("\n## ", 1)[0]
+    return [yaml.safe_load(block) for block in re.findall(r"```yaml\n(.*?)```", text, re.DOTALL)]
+
+
+def leaves(value: Any, key: str = "") -> Iterator[tuple[str, Any]]:
+    if isinstance(value, dict):
+        for name, inner in value.items():
+            yield from leaves(inner, name)
+    else:
+        yield key, value
+
+
+@pytest.mark.parametrize(
+    ("ros", "topic_key", "costmap_of", "node_of"),
+    [
+        (
+            "nav2",
+            "filter_info_topic",
+            lambda tree, name: tree[name][name]["ros__parameters"],
+            lambda tree: tree["hypermap_server"]["ros__parameters"],
+        ),
+        (
+            "move_base",
+            "map_topic",
+            lambda tree, name: tree[name],
+            lambda tree: tree["hypermap_server"],
+        ),
+    ],
+)
+def test_the_configurations_in_the_document_fit_together(
+    ros, topic_key, costmap_of, node_of
+) -> None:
+    server, robot = blocks(ros)
+    topics = Topics()
+    masks = CostmapMasks(topics)
+    parameters = node_of(server)
+    assert set(parameters) <= {parameter.name for parameter in CostmapMasks.PARAMETERS}
+    masks.set(parameters)
+    masks.show(office())
+    wanted = {value for key, value in leaves(robot) if key == topic_key}
+    assert wanted
+    published = {f"{topics.node_name}/{topic}" for topic in topics.published}
+    assert wanted <= published
+    suffix = {"filter_info_topic": "_filter_info", "map_topic": "_mask"}[topic_key]
+    assert all(topic.endswith(suffix) for topic in wanted)
+    for name in ("global_costmap", "local_costmap"):
+        costmap = costmap_of(robot, name)
+        layers = costmap.get("filters") or [plugin["name"] for plugin in costmap["plugins"]]
+        assert [key for key in costmap if key.endswith(("_filter", "keepout_layer"))] == [
+            layer for layer in layers if layer.endswith(("_filter", "keepout_layer"))
+        ]
+
+
+def test_the_static_layers_in_the_document_take_what_is_unknown_as_their_costmap_needs_it() -> None:
+    _, robot = blocks("move_base")
+    for costmap in robot.values():
+        layer = costmap["keepout_layer"]
+        assert layer["use_maximum"] is True
+        assert layer["track_unknown_space"] is not costmap["rolling_window"]
