@@ -11,7 +11,7 @@ from typing import Annotated, NoReturn
 import typer
 
 from hypermap import __version__
-from hypermap.cli import convert, demo, evaluate, info, map_, query, render, serve, shell
+from hypermap.cli import convert, demo, evaluate, info, live, map_, query, render, serve, shell
 from hypermap.cli.terminal import (
     BAD_INPUT,
     INTERRUPTED,
@@ -73,6 +73,7 @@ for _name, _module in {
     "convert": convert,
     "shell": shell,
     "serve": serve,
+    "live": live,
 }.items():
     app.command(
         _name,

@@ -1,0 +1,162 @@
+"""`hypermap live`: map what a live robot sees, through ROS."""
+
+from __future__ import annotations
+
+import enum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from hypermap.cli.live_status import status_line
+from hypermap.cli.map_ import Profile
+from hypermap.cli.node_options import (
+    NodeCommand,
+    Params,
+    Ros1,
+    Ros2,
+    chosen_middleware,
+    parse_params,
+    ros_arguments,
+)
+from hypermap.cli.options import check_output
+
+if TYPE_CHECKING:
+    from hypermap.ros.port import Value
+
+COMMAND_CLASS = NodeCommand
+
+_TOPICS = "What to listen to"
+_TYPES = {
+    "darknet": "darknet_ros_msgs/BoundingBoxes",
+    "vision": "vision_msgs/Detection2DArray",
+}
+
+
+class DetectionsType(str, enum.Enum):
+    """The kinds of messages that carry detections."""
+
+    darknet = "darknet"
+    vision = "vision"
+
+
+def _topic(text: str) -> object:
+    return typer.Option(metavar="TOPIC", help=text, rich_help_panel=_TOPICS, show_default=False)
+
+
+def command(
+    context: typer.Context,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "-o",
+            "--output",
+            metavar="OUT",
+            show_default=False,
+            help="Save the map here (.hmap) at the end.",
+        ),
+    ] = None,
+    depth_topic: Annotated[str | None, _topic("Depth images, registered to color.")] = None,
+    cloud_topic: Annotated[str | None, _topic("Organised clouds, in place of depth.")] = None,
+    camera_info_topic: Annotated[
+        str | None, _topic("Intrinsics; else camera_info beside the depth images.")
+    ] = None,
+    color_topic: Annotated[str | None, _topic("Color images, for --detector.")] = None,
+    detections_topic: Annotated[str | None, _topic("Detections of another node.")] = None,
+    detections_type: Annotated[
+        DetectionsType,
+        typer.Option(
+            help="Their type: darknet_ros_msgs/BoundingBoxes or vision_msgs/Detection2DArray.",
+            rich_help_panel=_TOPICS,
+        ),
+    ] = DetectionsType.darknet,
+    map_topic: Annotated[
+        str | None, _topic("Occupancy map of a SLAM node, in place of one made from depth.")
+    ] = None,
+    detector: Annotated[
+        str | None,
+        typer.Option(metavar="MODEL", help="Find objects with this neural network (.onnx)."),
+    ] = None,
+    labels: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            readable=False,
+            help="Names of the network's classes, where it has none.",
+        ),
+    ] = None,
+    score: Annotated[
+        float | None,
+        typer.Option(
+            min=0, max=1, show_default="0.3", help="Leave out what the detector is less sure of."
+        ),
+    ] = None,
+    detections: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", readable=False, help="Take detections from this JSON file."),
+    ] = None,
+    map_frame: Annotated[
+        str | None,
+        typer.Option(metavar="FRAME", show_default="map", help="Fixed frame of the map, z up."),
+    ] = None,
+    profile: Annotated[
+        Profile, typer.Option(help="thesis: the method of 2019. default: the best that we know.")
+    ] = Profile.default,
+    config: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", readable=False, help="YAML with settings that differ."),
+    ] = None,
+    ros1: Ros1 = False,
+    ros2: Ros2 = False,
+    param: Params = None,
+) -> None:
+    """Map what a live robot sees: the node semantic_mapper, until Ctrl-C, which saves the map.
+
+    Depth images or organised clouds, tf, and something that finds objects (--detector,
+    --detections-topic or --detections) become the topic /semantic_map and, at the end, the file -o.
+    Frames are dropped, not queued, where the machine is too slow. All parameters of the node can be
+    given by --param; arguments of ROS (NAME:=VALUE, --ros-args ...) are handed on to it.
+
+    Examples:
+        hypermap live --depth-topic /camera/aligned_depth_to_color/image_raw --color-topic
+            /camera/color/image_raw --detector yolox_nano.onnx -o office.hmap
+        hypermap live --cloud-topic /camera/depth_registered/points --detections-topic
+            /darknet_ros/bounding_boxes -o office.hmap
+    """
+    values: dict[str, Value | None] = {
+        "depth_topic": depth_topic,
+        "cloud_topic": cloud_topic,
+        "camera_info_topic": camera_info_topic,
+        "color_topic": color_topic,
+        "detections_topic": detections_topic,
+        "detections_type": _TYPES[detections_type.value],
+        "map_topic": map_topic,
+        "detector": _absolute(detector),
+        "labels": _absolute(labels),
+        "score": score,
+        "detections_file": _absolute(detections),
+        "map_frame": map_frame,
+        "profile": profile.value,
+        "config": _absolute(config),
+        "save_to": _absolute(output),
+    }
+    given = {name: value for name, value in values.items() if value is not None}
+    if output is not None:
+        check_output(output, replace=True)
+    middleware = chosen_middleware(ros1, ros2, False)
+    arguments = ros_arguments(context)
+
+    from hypermap.ros.nodes import make_port, run_node
+    from hypermap.ros.semantic_mapper import SemanticMapper
+
+    port = make_port(SemanticMapper.NAME, arguments, middleware, {**given, **parse_params(param)})
+    node = SemanticMapper(port)
+    with status_line(node.report, node.__len__):
+        run_node(port, node)
+
+
+def _absolute(path: Path | str | None) -> str | None:
+    """Return a file as the node finds it from anywhere; a detector of a plug-in as it is."""
+    if path is None or (isinstance(path, str) and not Path(path).exists()):
+        return path
+    return str(Path(path).absolute())
