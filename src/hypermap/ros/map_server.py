@@ -13,8 +13,10 @@ from hypermap.ros.floor_frames import FloorFrames
 from hypermap.ros.layer_topics import LayerTopics
 from hypermap.ros.map_files import MAP_DIRECTORY, MapFiles
 from hypermap.ros.markers import LayerMarkers
+from hypermap.ros.masks import CostmapMasks
 from hypermap.ros.port import Parameter, Port, Value
 from hypermap.ros.requests import Requests
+from hypermap.ros.save_at_end import SAVE_TO, archive_to_save, save_at_end
 from hypermap.ros.services import Services
 from hypermap.ros.terminal_console import TerminalConsole
 from hypermap.ros.updates import LayerUpdates
@@ -34,11 +36,13 @@ class MapServer:
         Parameter("load_map", False, "Whether `file` is loaded, as an .hmap archive."),
         Parameter("load_map_config", False, "Whether `file` is loaded, as a configuration file."),
         MAP_DIRECTORY,
+        SAVE_TO,
         Parameter("tf_timeout", 0.5, "How long to wait for tf to know a frame [s].", 0.0, 60.0),
         Parameter(
             "console", True, "Whether commands are taken from the terminal, if there is one."
         ),
         *LayerMarkers.PARAMETERS,
+        *CostmapMasks.PARAMETERS,
     )
 
     def __init__(self, port: Port, file: str | Path | None = None) -> None:
@@ -55,6 +59,7 @@ class MapServer:
             HypermapError: If a parameter or the file is wrong; no map is loaded then.
         """
         values = self._port.parameters(self.PARAMETERS, self._set)
+        archive_to_save(values)
         file = self._file or _file_to_load(values)
         hypermap = Hypermap() if file is None else open_map(file)
         self._values = dict(values)
@@ -82,6 +87,7 @@ class MapServer:
             Services(port, current, Requests(frames), files),
             LayerUpdates(port, current, frames),
             LayerMarkers(port),
+            CostmapMasks(port),
         ]
         if self._values["console"]:
             parts.append(TerminalConsole(port, current))
@@ -98,7 +104,9 @@ class MapServer:
             part.close()
 
     def cleanup(self) -> None:
-        """Forget the map."""
+        """Forget the map, but store it first where the operator wants that."""
+        if (path := archive_to_save(self._values)) is not None:
+            save_at_end(self._current.hypermap, path, self._port)
         self._current.replace(Hypermap())
 
     def _set(self, values: Mapping[str, Value]) -> None:
