@@ -55,7 +55,9 @@ def area_of(message: Any) -> tuple[shapely.Polygon, str | None]:
     except ValueError as error:
         raise FormatError(f"the area is no polygon: {error}") from None
     if crosses_itself(area):
-        raise FormatError("the area is no polygon: its outline crosses itself")
+        raise FormatError(
+            "the area is no polygon: its outline crosses itself; all that it winds around is taken"
+        )
     return area, _frame(message)
 
 
@@ -159,7 +161,9 @@ def _objects(
             problems.append(f"{label} is left out: {error}")
             continue
         if crosses_itself(footprint):
-            problems.append(f"{label}: its outline crosses itself")
+            problems.append(
+                f"{label}: its outline crosses itself; all that it winds around is taken"
+            )
     return objects, problems
 
 
@@ -212,10 +216,11 @@ def _polygon(message: Any) -> shapely.Polygon:
     xy = xy.reshape(-1, 2)
     if not np.isfinite(xy).all():
         raise ValueError("its shape has a coordinate that is not finite")
-    kept = xy[np.any(xy != np.roll(xy, 1, axis=0), axis=1)] if len(xy) else xy
-    if len(kept) < 3:
-        raise ValueError(f"its shape has {len(kept)} different points; three are needed")
-    return shapely.Polygon(kept)
+    count = len(np.unique(xy, axis=0))
+    if count < 3:
+        noun = "point" if count == 1 else "points"
+        raise ValueError(f"its shape has {count} different {noun}; three are needed")
+    return shapely.Polygon(xy)
 
 
 def _frame(message: Any) -> str | None:
