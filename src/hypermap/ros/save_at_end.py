@@ -21,7 +21,7 @@ def archive_to_save(values: Mapping[str, Value]) -> Path | None:
     Raises:
         HypermapError: If nothing could be stored there: better now than after an hour of mapping.
     """
-    given = str(values[SAVE_TO.name])
+    given = str(values.get(SAVE_TO.name, ""))
     if not given:
         return None
     path = Path(given).expanduser()
