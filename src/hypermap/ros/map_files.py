@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from pathlib import Path
 
-from hypermap.core.errors import FileMissing, HypermapError
+from hypermap.core.errors import HypermapError
 from hypermap.core.hypermap import Hypermap
 from hypermap.formats import open_map, save_map
-from hypermap.formats.store import safe_name
 from hypermap.ros.current_map import CurrentMap
+from hypermap.ros.map_directory import archive_within, path_within
 from hypermap.ros.port import Message, Parameter, Port
 
 MAP_DIRECTORY = Parameter(
@@ -19,7 +18,6 @@ MAP_DIRECTORY = Parameter(
     "Directory in which the services load_map and store_map may read and write; without one they "
     "refuse.",
 )
-ARCHIVE = ".hmap"
 
 
 class MapFiles:
@@ -43,8 +41,7 @@ class MapFiles:
         Raises:
             HypermapError: If the name leads out of the directory, or the file is no map.
         """
-        path = self.path_of(request.filename)
-        hypermap = open_map(path)
+        hypermap = open_map(path_within(self._named_directory(), request.filename))
         self._current.replace(hypermap)
         self._announce(hypermap, request.filename)
         return self._port.response("hypermap_msgs/LoadMap")(success=True)
@@ -56,9 +53,7 @@ class MapFiles:
             HypermapError: If the name leads out of the directory, does not end in .hmap, or the
                 file cannot be written.
         """
-        path = self.path_of(request.filename)
-        if path.suffix.lower() != ARCHIVE:
-            raise HypermapError(f"{request.filename!r}: give a name that ends in {ARCHIVE}")
+        path = archive_within(self._named_directory(), request.filename)
         save_map(self._current.hypermap, path)
         self._port.log("info", f"stored the map in {request.filename}")
         return self._port.response("hypermap_msgs/StoreMap")(success=True)
@@ -69,25 +64,15 @@ class MapFiles:
         self._port.log("info", "the map is empty now")
         return self._port.response("std_srvs/Trigger")(success=True, message="the map is empty now")
 
-    def path_of(self, filename: str) -> Path:
-        """Return where a file of the directory lies.
+    def _named_directory(self) -> Path:
+        """Return the directory.
 
         Raises:
-            HypermapError: If no directory was named, or the name leads out of it: it is absolute,
-                has `..` in it, or passes a link to elsewhere.
+            HypermapError: If the operator has named none.
         """
         if self.directory is None:
             raise HypermapError(
                 "loading and storing by service is off: start the node with the parameter "
                 "map_directory, the folder in which maps may be read and written"
             )
-        if not self.directory.is_dir():
-            raise FileMissing(f"{self.directory}: the map_directory does not exist")
-        path = self.directory / safe_name(filename)
-        if not _real(path).is_relative_to(_real(self.directory)):
-            raise HypermapError(f"{filename!r} is a link that leads out of the map_directory")
-        return path
-
-
-def _real(path: Path) -> Path:
-    return Path(os.path.realpath(path))
+        return self.directory
