@@ -36,7 +36,8 @@ class Settled:
 
     Attributes:
         matches: in order of time.
-        lost: for each reference that will have no match, the stream that lacks a message.
+        lost: for each reference that will have no match, the stream that lacks a message; "" if
+            none does, and it came too late.
         forgotten: how many references were given up because the clock jumped back.
         has_jumped: whether it did.
     """
@@ -74,12 +75,15 @@ class Synchroniser:
     def add(self, stream: str, stamp: int, item: Any) -> Settled:
         """Take a message of a stream, "" for the reference, and return what it decides.
 
-        A message whose stamp is that of one that still waits is left out.
+        A message is left out if its stamp is that of one that still waits, or if it is not newer
+        than what was matched already; a reference counts as lost then, for lack of "".
         """
         forgotten, has_jumped = 0, False
         if stamp < self._streams[stream].newest - self._patience:
             forgotten, has_jumped = len(self._streams[""].items), True
             self.clear()
+        if stamp <= self._streams[stream].matched:
+            return Settled(lost=[""] if stream == "" else [])
         self._streams[stream].add(stamp, item)
         matches, lost = self._settle()
         lost += self._expire()
@@ -119,6 +123,7 @@ class Synchroniser:
                 items = {name: self._streams[name].pop(at) for name, at in stamps.items()}
                 for name, at in stamps.items():
                     self._streams[name].drop_before(at)
+                    self._streams[name].matched = at
                 matches.append(Match(stamp, items, stamps))
         return matches, lost
 
@@ -168,7 +173,7 @@ class _Stream:
     def __init__(self) -> None:
         self.stamps: list[int] = []
         self.items: dict[int, Any] = {}
-        self.newest = -1
+        self.newest = self.matched = -1  # stamps of the newest message, and of the newest matched
         self._steps: deque[int] = deque(maxlen=_STEPS)
 
     @property
@@ -208,6 +213,6 @@ class _Stream:
         return min(near, key=lambda at: abs(at - stamp))
 
     def clear(self) -> None:
-        self.stamps, self.newest = [], -1
+        self.stamps, self.newest, self.matched = [], -1, -1
         self.items = {}
         self._steps.clear()
