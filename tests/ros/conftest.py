@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import importlib.util
 import io
 import os
@@ -17,7 +18,25 @@ from typing import Any
 
 import pytest
 
+from hypermap.core.errors import HypermapError
+
+# rospy leaves the sockets of its calls of the roscore to the garbage collector.
+ROSPY_SOCKETS = pytest.mark.filterwarnings("ignore:unclosed <socket:ResourceWarning")
+
 NEEDS_ROS1 = "ROS 1 is not here: make ros1 installs it on Debian 12"
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    here = Path(__file__).parent
+    for item in items:
+        if item.path.is_relative_to(here):
+            item.add_marker(ROSPY_SOCKETS)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _no_socket_left_for_others() -> Iterator[None]:
+    yield
+    gc.collect()
 
 
 def free_port() -> int:
@@ -91,10 +110,19 @@ def start(tmp_path: Path) -> Iterator[Callable[..., Process]]:
 
 
 @pytest.fixture(scope="session")
-def roscore(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """The URI of a roscore; `ROS_MASTER_URI` names it to this process and those that it starts."""
+def needs_ros1() -> None:
+    """Skip where ROS 1 or its libraries for this Python are missing."""
     if shutil.which("roscore") is None:
         pytest.skip(NEEDS_ROS1)
+    try:
+        import hypermap.ros.ros1_libraries  # noqa: F401 - whether they are there
+    except HypermapError as error:
+        pytest.skip(f"ROS 1 is not for this Python: {error}")
+
+
+@pytest.fixture(scope="session")
+def roscore(needs_ros1: None, tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """The URI of a roscore; `ROS_MASTER_URI` names it to this process and those that it starts."""
     folder = tmp_path_factory.mktemp("roscore")
     port = free_port()
     uri = f"http://127.0.0.1:{port}"
@@ -170,3 +198,13 @@ def ros1_types() -> Ros1Types:
 def types(request: pytest.FixtureRequest) -> Any:
     """The message classes of ROS 1, and those of ROS 2."""
     return request.getfixturevalue("ros1_types") if request.param == "ros1" else Ros2Types()
+
+
+@pytest.fixture(scope="session")
+def port(rospy: Any) -> Iterator[Any]:
+    """A `Ros1Port` on the node of this process."""
+    from hypermap.ros.ros1 import Ros1Port
+
+    port = Ros1Port("tests")
+    yield port
+    port._watch.close()  # to end the node would end it for all tests
