@@ -12,7 +12,9 @@ import numpy as np
 import pytest
 import shapely
 from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
+from hypermap.core.arrays import as_objects
 from hypermap.core.frames import FrameTree, Pose2D, Transform
 from hypermap.core.grid import GridGeometry
 from hypermap.core.hypermap import Hypermap
@@ -21,11 +23,11 @@ from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.semantic import SemanticLayer
 from hypermap.recordings.messages.header import nanoseconds
 from hypermap.recordings.messages.occupancy import occupancy_of_grid
+from hypermap.ros.geometry_messages import numbers, outline, outlines
 from hypermap.ros.to_messages import (
     hypermap_meta_data,
     layer_transforms,
     map_meta_data,
-    numbers,
     object_state_array,
     object_states,
     occupancy_grid,
@@ -109,6 +111,30 @@ def test_objects_are_sent_with_id_centroid_and_outer_ring(types: Any, layer: Sem
         largest = max(shapely.get_parts(ours.footprint), key=lambda part: part.area)
         sent = shapely.get_coordinates(largest.exterior)[:-1].astype(np.float32)
         assert ring(item.shape) == [tuple(point) for point in sent.tolist()]
+
+
+@SHARED
+@given(layer=semantic_layers())
+def test_rospy_gets_objects_as_genpy_writes_them(ros1_types: Any, layer: SemanticLayer) -> None:
+    written = semantic_map(layer, ros1_types, STAMP)
+    assert ros1_types.encoded(ros1_types.sent(written)) == ros1_types.encoded(written)
+
+
+@given(shapes=st.lists(areas(), max_size=5))
+def test_many_outlines_are_those_of_each(shapes: list[Any]) -> None:
+    points_xy, starts = outlines(as_objects(shapes))
+    assert len(starts) == len(shapes) + 1
+    assert starts[-1] == len(points_xy)
+    for shape, start, end in zip(shapes, starts[:-1], starts[1:], strict=True):
+        assert np.array_equal(points_xy[start:end], outline(shape))
+
+
+def test_of_parts_without_points_or_area_one_with_points_is_the_outline() -> None:
+    line = shapely.Polygon([(0, 0), (1, 1), (2, 2)])
+    shape = shapely.MultiPolygon([shapely.Polygon(), line, line])
+    points_xy, starts = outlines(as_objects([shape]))
+    assert points_xy.tolist() == outline(shape).tolist() == [[0, 0], [1, 1], [2, 2]]
+    assert starts.tolist() == [0, 3]
 
 
 def test_tags_and_their_confidence_are_sent(types: Any) -> None:

@@ -5,6 +5,7 @@ Rings may be closed or open and wind either way; the height of a point does not 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -19,7 +20,7 @@ from hypermap.core.occupancy import OCCUPIED, UNKNOWN, OccupancyLayer
 from hypermap.core.semantic import SemanticLayer
 from hypermap.core.shapes import repaired
 from hypermap.recordings.messages.header import clean_frame
-from hypermap.ros.to_messages import outline
+from hypermap.ros.geometry_messages import outline
 
 _CROSSING = 1e-3  # of the area; rounding to float32 makes less
 
@@ -212,11 +213,10 @@ def _polygon(message: Any) -> shapely.Polygon:
     Raises:
         ValueError: If it has too few points, or one is not finite.
     """
-    xy = np.array([(point.x, point.y) for point in message.points], dtype=np.float64)
-    xy = xy.reshape(-1, 2)
-    if not np.isfinite(xy).all():
+    xy = [(float(point.x), float(point.y)) for point in message.points]
+    if not all(math.isfinite(x) and math.isfinite(y) for x, y in xy):
         raise ValueError("its shape has a coordinate that is not finite")
-    count = len(np.unique(xy, axis=0))
+    count = len(set(xy))
     if count < 3:
         noun = "point" if count == 1 else "points"
         raise ValueError(f"its shape has {count} different {noun}; three are needed")

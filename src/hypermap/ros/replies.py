@@ -12,8 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from hypermap.core.layer import Hits
 from hypermap.core.occupancy import OccupancyLayer
-from hypermap.ros.ros1_arrays import writing_arrays
-from hypermap.ros.to_messages import Message, Types, numbers, occupancy_grid, points
+from hypermap.ros.geometry_messages import Message, Types, numbers, points
+from hypermap.ros.ros1_arrays import takes_arrays, writing_arrays
+from hypermap.ros.to_messages import occupancy_grid
 
 _NO_NUMBER = -1
 
@@ -98,12 +99,8 @@ def as_int32(values: ArrayLike) -> NDArray[np.int32]:
 
 
 def _texts(message_class: type[Any], hits: Hits) -> Any:
-    return hits.values if _takes_arrays(message_class) else hits.values.tolist()
+    return hits.values if takes_arrays(message_class) else hits.values.tolist()
 
 
 def _points(message_class: type[Any], points_xy: NDArray[np.float64], types: Types) -> Any:
-    return points_xy if _takes_arrays(message_class) else points(points_xy, types)
-
-
-def _takes_arrays(message_class: type[Any]) -> bool:
-    return hasattr(message_class, "_slot_types")
+    return points_xy if takes_arrays(message_class) else points(points_xy, types)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterable
+from dataclasses import dataclass
 from functools import cache
 from typing import Any, BinaryIO
 
@@ -32,6 +33,22 @@ _COUNT = struct.Struct("<I")
 _TIMES = {"time": struct.Struct("<II"), "duration": struct.Struct("<ii")}
 
 
+@dataclass(frozen=True)
+class WrittenList:
+    """A list of messages that are written already; stands for the list in a field."""
+
+    count: int
+    content: bytes
+
+    def __len__(self) -> int:
+        return self.count
+
+
+def takes_arrays(message_class: Any) -> bool:
+    """Return whether a class is of ROS 1, so that `writing_arrays` makes another of it."""
+    return hasattr(message_class, "_slot_types")
+
+
 def writing_arrays(message_class: Any) -> type[Any]:
     """Return a class of ROS 1 messages whose fields may hold arrays; another class as it is.
 
@@ -40,7 +57,7 @@ def writing_arrays(message_class: Any) -> type[Any]:
     of texts for a list of strings. Such a message is for sending; who wants to read its fields
     reads arrays.
     """
-    if not hasattr(message_class, "_slot_types"):
+    if not takes_arrays(message_class):
         return message_class  # type: ignore[no-any-return]
     return _subclass(message_class)
 
@@ -56,7 +73,7 @@ def _serialize(message: Any, buff: BinaryIO) -> None:
         if kind.endswith("[]"):
             _write_list(buff, kind[:-2], value)
         elif kind == "string":
-            buff.write(_text(value))
+            buff.write(text(value))
         elif kind in _TIMES:
             buff.write(_TIMES[kind].pack(value.secs, value.nsecs))
         elif kind in _NUMBERS:
@@ -67,10 +84,12 @@ def _serialize(message: Any, buff: BinaryIO) -> None:
 
 def _write_list(buff: BinaryIO, kind: str, values: Any) -> None:
     buff.write(_COUNT.pack(len(values)))
-    if kind in _NUMBERS:
+    if isinstance(values, WrittenList):
+        buff.write(values.content)
+    elif kind in _NUMBERS:
         buff.write(np.asarray(values, dtype=_NUMBERS[kind]).tobytes())
     elif kind == "string":
-        buff.write(_texts(values))
+        buff.write(texts(values))
     elif kind in _ROWS and isinstance(values, np.ndarray):
         dtype, width = _ROWS[kind]
         rows = np.zeros((len(values), width), dtype=dtype)
@@ -81,13 +100,14 @@ def _write_list(buff: BinaryIO, kind: str, values: Any) -> None:
             value.serialize(buff)
 
 
-def _texts(texts: Iterable[str]) -> bytes:
-    """Return many texts; each different one is encoded once."""
-    items = texts.tolist() if isinstance(texts, np.ndarray) else list(texts)
-    known = {text: _text(text) for text in set(items)}
-    return b"".join(map(known.__getitem__, items))
+def texts(items: Iterable[str]) -> bytes:
+    """Return many texts as ROS 1 sends them; each different one is encoded once."""
+    every = items.tolist() if isinstance(items, np.ndarray) else list(items)
+    known = {item: text(item) for item in set(every)}
+    return b"".join(map(known.__getitem__, every))
 
 
-def _text(text: str) -> bytes:
-    encoded = text.encode()
+def text(item: str) -> bytes:
+    """Return a text as ROS 1 sends it."""
+    encoded = item.encode()
     return _COUNT.pack(len(encoded)) + encoded

@@ -1,0 +1,124 @@
+"""The parts that many messages have: headers, points, polygons, arrays of numbers."""
+
+from __future__ import annotations
+
+import array
+import math
+from typing import Any, Protocol
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
+
+from hypermap.core.arrays import ObjectArray
+from hypermap.recordings.messages.header import clean_frame
+
+Message = Any  # of the middleware's own class
+
+
+class Types(Protocol):
+    """The message classes of a middleware; a `Port` is one."""
+
+    def message(self, type_name: str) -> type[Any]:
+        """Return the class of a message, as of "nav_msgs/OccupancyGrid"."""
+        ...
+
+    def stamp(self, nanoseconds: int) -> Message:
+        """Return a time as messages carry it."""
+        ...
+
+
+def header(frame_id: str, types: Types, stamp: int) -> Message:
+    """Return a `std_msgs/Header`; the frame has no leading slash."""
+    return types.message("std_msgs/Header")(
+        stamp=types.stamp(stamp), frame_id=clean_frame(frame_id)
+    )
+
+
+def point(x: float, y: float, types: Types) -> Message:
+    """Return a `geometry_msgs/Point` on the floor."""
+    return types.message("geometry_msgs/Point")(x=float(x), y=float(y), z=0.0)
+
+
+def points(points_xy: NDArray[np.float64], types: Types) -> list[Message]:
+    """Return points of shape (N, 2) as a list of `geometry_msgs/Point`."""
+    point_class = types.message("geometry_msgs/Point")
+    return [point_class(x=x, y=y, z=0.0) for x, y in points_xy.tolist()]
+
+
+def quaternion(yaw: float, types: Types) -> Message:
+    """Return a turn about the vertical as `geometry_msgs/Quaternion`."""
+    return types.message("geometry_msgs/Quaternion")(
+        x=0.0, y=0.0, z=math.sin(yaw / 2), w=math.cos(yaw / 2)
+    )
+
+
+def ring(points_xy: NDArray[np.float64], types: Types) -> Message:
+    """Return points of shape (N, 2) as a `geometry_msgs/Polygon`."""
+    point_class = types.message("geometry_msgs/Point32")
+    return types.message("geometry_msgs/Polygon")(
+        points=[point_class(x=x, y=y, z=0.0) for x, y in points_xy.tolist()]
+    )
+
+
+def polygon_stamped(geometry: BaseGeometry, frame_id: str, types: Types, stamp: int) -> Message:
+    """Return the outer ring of a shape's largest part as `geometry_msgs/PolygonStamped`.
+
+    It has no points where the shape is empty or no polygon.
+    """
+    return types.message("geometry_msgs/PolygonStamped")(
+        header=header(frame_id, types, stamp), polygon=ring(outline(geometry), types)
+    )
+
+
+def polygons_of(geometry: BaseGeometry) -> list[shapely.Polygon]:
+    """Return the polygons of a shape that have points."""
+    return [
+        part
+        for part in shapely.get_parts(geometry)
+        if isinstance(part, shapely.Polygon) and not part.is_empty
+    ]
+
+
+def outline(geometry: BaseGeometry) -> NDArray[np.float64]:
+    """Return the outer ring of a shape's largest part, without its first point again, (N, 2)."""
+    parts = polygons_of(geometry)
+    if not parts:
+        return np.empty((0, 2))
+    return open_ring(max(parts, key=lambda part: part.area).exterior)
+
+
+def outlines(footprints: ObjectArray) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Return the outlines of many shapes, each of which has one.
+
+    Returns:
+        All points (P, 2), and where each outline starts and the one before it ends, (N + 1,).
+    """
+    parts, owners = shapely.get_parts(footprints, return_index=True)
+    areas = np.where(shapely.is_empty(parts), -1, shapely.area(parts))
+    order = np.lexsort((-areas, owners))
+    _, first = np.unique(owners[order], return_index=True)
+    rings = shapely.get_exterior_ring(parts[order[first]])
+    points_xy, ring_of = shapely.get_coordinates(rings, return_index=True)
+    is_last = np.diff(ring_of, append=len(rings)) != 0  # the first point again
+    counts = shapely.get_num_points(rings) - 1
+    return points_xy[~is_last], np.concatenate([[0], np.cumsum(counts)])
+
+
+def open_ring(ring: shapely.LinearRing) -> NDArray[np.float64]:
+    """Return a ring's points without the first one again, shape (N, 2)."""
+    return shapely.get_coordinates(ring)[:-1]
+
+
+def numbers(message_class: type[Any], values: NDArray[Any]) -> Any:
+    """Return numbers as the messages of a class carry them fastest.
+
+    rosbags takes numpy's arrays. rclpy takes Python's without looking at each item, and genpy
+    takes any sequence.
+    """
+    if hasattr(message_class, "__msgtype__"):
+        return np.ascontiguousarray(values)
+    packed = array.array(values.dtype.char)
+    packed.frombytes(np.ascontiguousarray(values).tobytes())
+    return packed
