@@ -8,6 +8,7 @@ import pytest
 from hypermap.perception.detections import Detections
 from hypermap.simulation.detector import (
     EXACT_DETECTOR,
+    WALL_NAMES,
     DetectorNoise,
     NoisyDetector,
     visible_boxes,
@@ -39,6 +40,7 @@ def only(**noise: float) -> DetectorNoise:
         "shift": 0,
         "confusion": 0,
         "false_positives": 0,
+        "walls": 0,
         "mask_margin": 0,
     }
     return DetectorNoise(**{**exact, **noise})
@@ -72,6 +74,20 @@ def test_flicker_loses_an_object_for_several_frames_in_a_row() -> None:
     assert np.mean(lengths) == pytest.approx(5, rel=0.25)
     # Lost for 5 frames of every 5 + 1 / 0.02.
     assert np.mean(seen) == pytest.approx(50 / 55, abs=0.03)
+
+
+def test_walls_are_taken_for_large_things_that_are_not_there() -> None:
+    boxes, names = [], []
+    for found in detect(only(walls=0.5), frames=1000):
+        is_wall = np.isin(found.names, WALL_NAMES)
+        boxes += found.xyxy[is_wall].astype(int).tolist()
+        names += found.names[is_wall].tolist()
+    assert set(names) == set(WALL_NAMES)
+    assert 0 < len(names) <= 600  # 0.5 a frame, less those that would have shown an object
+    for xmin, ymin, xmax, ymax in boxes:
+        assert np.mean(image()[ymin:ymax, xmin:xmax] < 0) > 0.9
+        assert (xmax - xmin) >= 0.29 * 80
+        assert (ymax - ymin) >= 0.29 * 60
 
 
 def test_loose_boxes_are_larger_and_still_centered() -> None:

@@ -9,7 +9,8 @@ import trimesh
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hypermap.simulation.models import MODELS, Part, build, rgb, size_parameters
+from hypermap.simulation.models import MODELS, build, size_parameters
+from hypermap.simulation.parts import Part, rgb
 from hypermap.simulation.scene import footprint
 
 

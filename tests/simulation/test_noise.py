@@ -112,12 +112,32 @@ def test_the_truth_is_left_as_it_was_and_a_seed_repeats_the_measurement() -> Non
 
 def test_poses_are_exact_unless_asked_otherwise() -> None:
     poses = np.arange(12.0).reshape(4, 3)
-    assert (PoseNoise().estimate(poses, rng()) == poses).all()
+    assert (PoseNoise().estimate(np.arange(4.0), poses, rng()) == poses).all()
 
 
 def test_pose_noise_has_the_deviations_asked_for() -> None:
-    errors = PoseNoise(position=0.05, yaw_deg=2).estimate(np.zeros((20_000, 3)), rng())
+    errors = pose_errors(PoseNoise(position=0.05, yaw_deg=2), 20_000)
     assert errors.std(axis=0) == pytest.approx([0.05, 0.05, math.radians(2)], rel=0.03)
+
+
+def pose_errors(noise: PoseNoise, count: int, interval: float = 0.1) -> np.ndarray:
+    return noise.estimate(np.arange(count) * interval, np.zeros((count, 3)), rng())
+
+
+def test_drift_has_its_deviation_and_changes_slowly() -> None:
+    errors = pose_errors(PoseNoise(drift=0.1, drift_yaw_deg=3, drift_time=5), 400_000)
+    assert errors.std(axis=0) == pytest.approx([0.1, 0.1, math.radians(3)], rel=0.05)
+    later = [np.corrcoef(errors[:-lag, 0], errors[lag:, 0])[0, 1] for lag in (1, 50, 200)]
+    assert later == pytest.approx([math.exp(-lag / 50) for lag in (1, 50, 200)], abs=0.05)
+
+
+def test_jumps_come_as_often_as_asked_and_nothing_else_jumps() -> None:
+    noise = PoseNoise(drift=0.1, drift_time=1000, jump_interval=10)
+    steps = np.abs(np.diff(pose_errors(noise, 100_000)[:, 0]))
+    assert np.mean(steps > 0.01) == pytest.approx(0.01, rel=0.1)  # 0.1 s of every 10 s
+    assert (
+        np.abs(np.diff(pose_errors(PoseNoise(drift=0.1, drift_time=1000), 100_000)[:, 0])) < 0.01
+    ).all()
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import shapely
 
-from hypermap.simulation.models import box
+from hypermap.simulation.parts import box
 from hypermap.simulation.scene import (
     BACKGROUND,
     Scene,

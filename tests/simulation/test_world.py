@@ -6,11 +6,23 @@ from pathlib import Path
 
 import pytest
 import shapely
+from hypothesis import assume, given
+from hypothesis import strategies as st
 
-from hypermap.core.errors import FileMissing, FormatError
-from hypermap.simulation.scene import footprint, placed
+from hypermap.core.errors import FileMissing, FormatError, HypermapError
+from hypermap.formats import open_map
+from hypermap.simulation.scene import footprint, placed, wall_parts
 from hypermap.simulation.trajectory import planar_poses
-from hypermap.simulation.world import Door, Floor, Thing, Wall, demo_world, load_world
+from hypermap.simulation.world import (
+    Door,
+    Floor,
+    Thing,
+    Wall,
+    built_in_world,
+    built_in_worlds,
+    demo_world,
+    load_world,
+)
 
 BASE = "name: w\nfloor: {rectangle: [0, 0, 4, 3]}\n"
 
@@ -73,6 +85,18 @@ def test_a_world_file_becomes_plain_data(tmp_path: Path) -> None:
         (
             BASE + "objects: [{model: chair, at: [1, 1], color: bluu}]",
             "w.yaml: objects[0]: 'bluu' is no color; write it as '#b5835a' or 'teal'",
+        ),
+        (
+            BASE + "objects: [{model: cup}]",
+            "w.yaml: objects[0]: an object needs either a place ('at') or an outline",
+        ),
+        (
+            BASE + "objects: [{model: cup, outline: [[0, 0], [1, 1], [1, 0], [0, 1]]}]",
+            "w.yaml: objects[0]: the corners of an outline must go around a convex shape",
+        ),
+        (
+            "name: w\nfloor: {color: teal}",
+            "w.yaml: floor: a floor needs either a rectangle or rectangles",
         ),
         (BASE + "objects: [{model: cup, at: [1]}]", "w.yaml: objects[0].at[1]: is missing"),
         (
@@ -138,8 +162,60 @@ def test_the_demo_room_holds_a_dozen_objects_and_more_of_several_classes() -> No
     assert all(room.covers(footprint(placed(thing))) for thing in world.objects)
 
 
-def test_the_drive_through_the_demo_room_hits_nothing() -> None:
-    world = demo_world()
+@pytest.mark.parametrize("name", built_in_worlds())
+def test_the_drive_through_a_world_hits_nothing(name: str) -> None:
+    world = built_in_world(name)
     _, poses = planar_poses(world.drive, rate=5)
-    obstacles = shapely.union_all([footprint(placed(thing)) for thing in world.objects])
-    assert obstacles.distance(shapely.LineString(poses[:, :2])) > 0.25
+    walls = [footprint(wall_parts(wall)) for wall in world.walls]
+    things = [footprint(placed(thing)) for thing in world.objects]
+    assert shapely.union_all([*walls, *things]).distance(shapely.LineString(poses[:, :2])) > 0.2
+
+
+@pytest.mark.parametrize(("name", "duration"), [("lab", 143), ("floor", 420)])
+def test_the_drives_take_as_long_as_those_of_the_real_recordings(name: str, duration: int) -> None:
+    stamps, _ = planar_poses(built_in_world(name).drive, rate=5)
+    assert stamps[-1] == pytest.approx(duration, abs=3)
+
+
+# A hand-drawn outline of a round thing or a person is a quadrilateral; what is built in it is not.
+ROUND = {"cup", "fan", "person", "pottedplant"}
+
+
+@pytest.mark.parametrize("name", ["lab", "floor"])
+def test_worlds_made_after_real_ones_have_their_objects(name: str, shared_data: Path) -> None:
+    real = open_map(shared_data / "maps" / f"{name}.hmap")["semantic"].objects()
+    ours = [(thing.label, footprint(placed(thing))) for thing in built_in_world(name).objects]
+    assert [label for label, _ in ours] == [thing.name for thing in real]
+    for (label, shape), thing in zip(ours, real, strict=True):
+        iou = shape.intersection(thing.footprint).area / shape.union(thing.footprint).area
+        assert iou > (0.6 if label in ROUND else 0.94)
+        # float64 sums leave something of the last digits
+        assert thing.footprint.buffer(1e-9).covers(shape)
+
+
+def test_an_unknown_world_is_named_with_the_known_ones() -> None:
+    with pytest.raises(HypermapError, match=r"no world 'ofice'; did you mean 'office'\?"):
+        built_in_world("ofice")
+
+
+@given(
+    st.lists(st.tuples(*[st.integers(-9, 9)] * 2), min_size=4, max_size=4, unique=True),
+    st.floats(-180, 180),
+)
+def test_a_table_fills_its_outline_exactly(corners: list[tuple[int, int]], yaw: float) -> None:
+    outline = shapely.Polygon(corners)
+    assume(outline.is_valid and outline.convex_hull.area == outline.area)
+    assume(outline.minimum_clearance > 0.3)
+    table = Thing("table", yaw_deg=yaw, outline=tuple((x / 2, y / 2) for x, y in corners))
+    filled = shapely.Polygon(table.outline)
+    assert footprint(table.parts()).symmetric_difference(filled).area < 1e-6 * filled.area
+
+
+@pytest.mark.parametrize(("yaw", "back"), [(0, (0, 1)), (90, (1, 0)), (180, (2, 1)), (-90, (1, 2))])
+@pytest.mark.parametrize("turn", [1, -1])
+def test_an_outline_looks_where_it_is_told(yaw: float, back: tuple[int, int], turn: int) -> None:
+    square = ((0, 0), (2, 0), (2, 2), (0, 2))[::turn]
+    chair = Thing("chair", yaw_deg=yaw, outline=square)
+    highest = max(chair.parts(), key=lambda part: part.vertices[:, 2].max())
+    assert shapely.Point(back).distance(footprint([highest])) < 0.1
+    assert shapely.Point(1, 1).distance(footprint([highest])) > 0.5

@@ -11,7 +11,19 @@ from typing import Annotated, NoReturn
 import typer
 
 from hypermap import __version__
-from hypermap.cli import convert, demo, evaluate, info, live, map_, query, render, serve, shell
+from hypermap.cli import (
+    convert,
+    demo,
+    evaluate,
+    info,
+    live,
+    map_,
+    query,
+    render,
+    serve,
+    shell,
+    simulate,
+)
 from hypermap.cli.terminal import (
     BAD_INPUT,
     INTERRUPTED,
@@ -71,6 +83,7 @@ for _name, _module in {
     "render": render,
     "evaluate": evaluate,
     "convert": convert,
+    "simulate": simulate,
     "shell": shell,
     "serve": serve,
     "live": live,

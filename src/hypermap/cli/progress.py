@@ -28,6 +28,28 @@ def mapping_progress(total: int) -> Iterator[Report]:
 
 
 @contextmanager
+def counting(what: str, total: int) -> Iterator[Callable[[], None]]:
+    """Show how far a work on `total` frames is while the caller counts them."""
+    if not err().is_terminal:
+        note(f"{what}: {total} frames ...")
+        yield lambda: None
+        return
+    from rich import progress as rich
+
+    with rich.Progress(
+        rich.TextColumn(what),
+        rich.BarColumn(),
+        rich.MofNCompleteColumn(),
+        rich.TextColumn("frames,"),
+        rich.TimeRemainingColumn(),
+        rich.TextColumn("left"),
+        console=err(),
+    ) as bar:
+        task = bar.add_task(what, total=total)
+        yield lambda: bar.advance(task)
+
+
+@contextmanager
 def _bar(total: int) -> Iterator[Report]:
     from rich import progress as rich
 

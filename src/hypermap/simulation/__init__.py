@@ -1,10 +1,18 @@
 """A simulated room with known truth becomes RGB-D frames."""
 
+from hypermap.simulation.bag_writer import write_bag
 from hypermap.simulation.detector import EXACT_DETECTOR, DetectorNoise
+from hypermap.simulation.levels import Errors, errors_of_level
 from hypermap.simulation.noise import EXACT_DEPTH, DepthNoise, PoseNoise
 from hypermap.simulation.recording import SimulatedRecording
 from hypermap.simulation.truth import ground_truth
-from hypermap.simulation.world import World, demo_world, load_world
+from hypermap.simulation.world import (
+    World,
+    built_in_world,
+    built_in_worlds,
+    demo_world,
+    load_world,
+)
 from hypermap.simulation.writer import write_tum
 
 __all__ = [
@@ -12,11 +20,16 @@ __all__ = [
     "EXACT_DETECTOR",
     "DepthNoise",
     "DetectorNoise",
+    "Errors",
     "PoseNoise",
     "SimulatedRecording",
     "World",
+    "built_in_world",
+    "built_in_worlds",
     "demo_world",
+    "errors_of_level",
     "ground_truth",
     "load_world",
+    "write_bag",
     "write_tum",
 ]

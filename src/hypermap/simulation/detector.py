@@ -12,6 +12,9 @@ from scipy import ndimage
 from hypermap.perception.detections import Detections
 from hypermap.simulation.noise import check_not_negative
 
+WALL_NAMES = ("train", "refrigerator")  # what detectors trained on COCO take walls for
+_BACKGROUND_SHARE = 0.9
+
 
 @dataclass(frozen=True)
 class DetectorNoise:
@@ -26,6 +29,7 @@ class DetectorNoise:
         shift: standard deviation of a box's centre, as a share of its size.
         confusion: probability that an object gets the name of another class of the world.
         false_positives: boxes around nothing, per frame, in the mean.
+        walls: large boxes on walls and floor with a name of `WALL_NAMES`, per frame, in the mean.
         mask_margin: pixels by which masks, where there are any, reach past their objects.
     """
 
@@ -37,6 +41,7 @@ class DetectorNoise:
     shift: float = 0.02
     confusion: float = 0.02
     false_positives: float = 0.03
+    walls: float = 0.0
     mask_margin: int = 1
 
     def __post_init__(self) -> None:
@@ -46,7 +51,7 @@ class DetectorNoise:
 
 
 EXACT_DETECTOR = DetectorNoise(
-    miss=0, flicker=0, looseness=0, shift=0, confusion=0, false_positives=0, mask_margin=0
+    miss=0, flicker=0, looseness=0, shift=0, confusion=0, false_positives=0, walls=0, mask_margin=0
 )
 
 
@@ -92,7 +97,11 @@ class NoisyDetector:
         extra = self._rng.poisson(self._noise.false_positives) if self._classes else 0
         nonsense = [self._nonsense(width, height) for _ in range(extra)]
         names += [self._classes[self._rng.integers(len(self._classes))] for _ in range(extra)]
-        scores = np.append(scores, self._rng.uniform(0.3, 0.6, extra))
+        if self._noise.walls:
+            on_walls = self._on_walls(instances)
+            nonsense += on_walls
+            names += [WALL_NAMES[self._rng.integers(len(WALL_NAMES))] for _ in on_walls]
+        scores = np.append(scores, self._rng.uniform(0.3, 0.6, len(nonsense)))
         masks = self._masks(instances, found, nonsense) if self._has_masks else None
         boxes = np.clip(np.vstack([boxes, *nonsense]), 0, size)
         return Detections.of(boxes, names, scores, masks)
@@ -133,6 +142,19 @@ class NoisyDetector:
             xmin, ymin, xmax, ymax = np.round(box).astype(int)
             mask[ymin:ymax, xmin:xmax] = True
         return masks
+
+    def _on_walls(self, instances: NDArray[np.int32]) -> list[NDArray[np.float64]]:
+        """Return large boxes that show hardly anything but the background."""
+        height, width = instances.shape
+        boxes = []
+        for _ in range(self._rng.poisson(self._noise.walls)):
+            size = np.round(self._rng.uniform(0.3, 0.8, 2) * [width, height])
+            corner = np.floor(self._rng.uniform(size=2) * ([width, height] - size))
+            box = np.hstack([corner, corner + size])
+            xmin, ymin, xmax, ymax = box.astype(int)
+            if np.mean(instances[ymin:ymax, xmin:xmax] < 0) > _BACKGROUND_SHARE:
+                boxes.append(box)
+        return boxes
 
     def _nonsense(self, width: int, height: int) -> NDArray[np.float64]:
         size = self._rng.uniform(0.05, 0.4, 2) * [width, height]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -94,23 +94,61 @@ def quantised(depth: NDArray[np.float32], step: float) -> NDArray[np.float32]:
 
 @dataclass(frozen=True)
 class PoseNoise:
-    """How localisation errs: independently from frame to frame. None by default.
+    """How localisation errs. Not at all by default.
 
     Attributes:
-        position: standard deviation in x and in y [m].
-        yaw_deg: standard deviation of the heading [degrees].
+        position: standard deviation in x and in y of what changes from frame to frame [m].
+        yaw_deg: likewise of the heading [degrees].
+        drift: standard deviation in x and in y of an error that changes slowly [m].
+        drift_yaw_deg: likewise of the heading [degrees].
+        drift_time: after how many seconds it has mostly changed.
+        jump_interval: seconds between jumps to another such error, in the mean, as when a robot
+            finds its place anew; 0 for no jumps.
+
+    The slow error is an Ornstein-Uhlenbeck process: it wanders, but stays bounded, as that of a
+    localisation in a known map does.
     """
 
     position: float = 0.0
     yaw_deg: float = 0.0
+    drift: float = 0.0
+    drift_yaw_deg: float = 0.0
+    drift_time: float = 20.0
+    jump_interval: float = 0.0
 
     def __post_init__(self) -> None:
-        check_not_negative(self, "position", "yaw_deg")
+        check_not_negative(self, *(f.name for f in fields(self)))
+        if self.drift_time == 0:
+            raise ValueError("drift_time must be positive")
 
-    def estimate(self, poses: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float64]:
-        """Return x, y, yaw as localisation reports them, shape (N, 3)."""
+    def estimate(
+        self, stamps: NDArray[np.float64], poses: NDArray[np.float64], rng: np.random.Generator
+    ) -> NDArray[np.float64]:
+        """Return x, y, yaw as localisation reports them, shape (N, 3).
+
+        Args:
+            stamps: seconds, ascending, shape (N,).
+            poses: true x, y, yaw [m, m, rad], shape (N, 3).
+            rng: all chance comes from here.
+        """
         sigma = [self.position, self.position, math.radians(self.yaw_deg)]
-        return poses + rng.normal(size=poses.shape) * sigma
+        estimated = poses + rng.normal(size=poses.shape) * sigma
+        if self.drift or self.drift_yaw_deg:
+            estimated += self._slow_errors(stamps, rng)
+        return estimated
+
+    def _slow_errors(
+        self, stamps: NDArray[np.float64], rng: np.random.Generator
+    ) -> NDArray[np.float64]:
+        steps = np.diff(stamps)
+        kept = np.exp(-steps / self.drift_time)
+        if self.jump_interval:
+            kept[rng.random(len(steps)) < -np.expm1(-steps / self.jump_interval)] = 0.0
+        new = rng.normal(size=(len(stamps), 3))
+        errors = new.copy()
+        for i, share in enumerate(kept, start=1):
+            errors[i] = share * errors[i - 1] + math.sqrt(1 - share**2) * new[i]
+        return errors * [self.drift, self.drift, math.radians(self.drift_yaw_deg)]
 
 
 def _beside_jump(depth: NDArray[np.float32]) -> NDArray[np.bool_]:

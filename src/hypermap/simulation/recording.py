@@ -68,7 +68,7 @@ class SimulatedRecording:
         self._seed = seed
         self._stamps, poses = planar_poses(world.drive, rate)
         self._true_poses = camera_poses(poses, world.drive)
-        estimated = (pose_noise or PoseNoise()).estimate(poses, self._rng(_POSE))
+        estimated = (pose_noise or PoseNoise()).estimate(self._stamps, poses, self._rng(_POSE))
         self._estimated_poses = camera_poses(estimated, world.drive)
 
     @property

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.frames import Pose2D
-from hypermap.simulation.models import Part, box
+from hypermap.simulation.parts import Part, box, moved
 from hypermap.simulation.world import Floor, Point, Thing, Wall, World
 
 BACKGROUND = -1  # the instance of floor, walls and nothing at all
@@ -40,7 +40,7 @@ class Scene:
     @classmethod
     def of(cls, world: World) -> Scene:
         """Return the triangles of a world."""
-        bodies = [(floor_part(world.floor), BACKGROUND, True)]
+        bodies = [(part, BACKGROUND, True) for part in floor_parts(world.floor)]
         bodies += [(part, BACKGROUND, False) for wall in world.walls for part in wall_parts(wall)]
         bodies += [
             (part, i, False) for i, thing in enumerate(world.objects) for part in placed(thing)
@@ -56,14 +56,19 @@ class Scene:
 
 def placed(thing: Thing) -> tuple[Part, ...]:
     """Return the parts of a thing where it stands, map frame."""
-    return tuple(_moved(part, thing.pose, thing.z) for part in thing.parts())
+    return thing.parts()
 
 
-def floor_part(floor: Floor) -> Part:
-    """Return the floor as a slab whose upper side is at z = 0."""
-    x0, y0, x1, y1 = floor.rectangle
-    size = (x1 - x0, y1 - y0, FLOOR_THICKNESS)
-    return box(size, ((x0 + x1) / 2, (y0 + y1) / 2, -FLOOR_THICKNESS / 2), floor.color)
+def floor_parts(floor: Floor) -> tuple[Part, ...]:
+    """Return the floor as slabs whose upper side is at z = 0."""
+    return tuple(
+        box(
+            (x1 - x0, y1 - y0, FLOOR_THICKNESS),
+            ((x0 + x1) / 2, (y0 + y1) / 2, -FLOOR_THICKNESS / 2),
+            floor.color,
+        )
+        for x0, y0, x1, y1 in floor.all_rectangles
+    )
 
 
 def wall_parts(wall: Wall) -> tuple[Part, ...]:
@@ -76,7 +81,7 @@ def wall_parts(wall: Wall) -> tuple[Part, ...]:
         for a, b in _solid_pieces(wall, direction, length):
             size = (b - a, wall.thickness, wall.height)
             piece = box(size, ((a + b) / 2, 0, wall.height / 2), wall.color)
-            parts.append(_moved(piece, direction, 0.0))
+            parts.append(moved(piece, direction, 0.0))
     return tuple(parts)
 
 
@@ -117,11 +122,6 @@ class _Solid:
 
 def _projection(part: Part) -> BaseGeometry:
     return shapely.MultiPoint(part.vertices[:, :2]).convex_hull
-
-
-def _moved(part: Part, pose: Pose2D, z: float) -> Part:
-    xy = pose.apply(part.vertices[:, :2])
-    return Part(np.column_stack([xy, part.vertices[:, 2] + z]), part.faces, part.color)
 
 
 def _solid_pieces(wall: Wall, direction: Pose2D, length: float) -> list[tuple[float, float]]:

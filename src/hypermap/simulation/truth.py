@@ -14,7 +14,7 @@ from hypermap.core.grid import GridGeometry
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyLayer
 from hypermap.core.semantic import SemanticLayer, SemanticObject
-from hypermap.simulation.models import Part
+from hypermap.simulation.parts import Part
 from hypermap.simulation.scene import footprint, placed, wall_parts
 from hypermap.simulation.world import World
 
@@ -46,7 +46,7 @@ def true_occupancy(
     Cells that a body touches between the heights of `BLOCKING` are occupied, all others on the
     floor free, and the rest is unknown.
     """
-    floor = shapely.box(*world.floor.rectangle)
+    floor = shapely.union_all([shapely.box(*area) for area in world.floor.all_rectangles])
     parts = [part for wall in world.walls for part in wall_parts(wall)]
     parts += [part for thing in world.objects for part in placed(thing)]
     obstacles = footprint(part for part in parts if _blocks(part))

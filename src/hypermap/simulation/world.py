@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from importlib import resources
 from pathlib import Path
 from typing import Annotated, ClassVar
 
+import numpy as np
 import shapely
+from numpy.typing import NDArray
 from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
 
-from hypermap.core.errors import FileMissing, FormatError, did_you_mean
+from hypermap.core.errors import FileMissing, FormatError, HypermapError, did_you_mean
 from hypermap.core.frames import Pose2D
 from hypermap.formats.checked import found, place_of
 from hypermap.formats.yaml_text import read_yaml
-from hypermap.simulation.models import Part, build, rgb
+from hypermap.simulation.models import MODELS, build, size_parameters
+from hypermap.simulation.parts import Part, fitted, moved, rgb
 from hypermap.simulation.trajectory import Drive
 
 Metres = Annotated[float, Field(strict=True, ge=-1000, le=1000)]
@@ -32,18 +36,28 @@ class Floor:
     """The floor; where there is floor and nothing on it, the map is free.
 
     Attributes:
-        rectangle: xmin, ymin, xmax, ymax [m].
+        rectangle: xmin, ymin, xmax, ymax [m]; None where `rectangles` are given.
+        rectangles: several of them; they may overlap.
         color: of its boards.
     """
 
-    rectangle: Rectangle
+    rectangle: Rectangle | None = None
+    rectangles: Annotated[tuple[Rectangle, ...], Field(max_length=1000)] = ()
     color: str = "#c8a878"
 
     __pydantic_config__: ClassVar[ConfigDict] = _STRICT
 
     def __post_init__(self) -> None:
-        _check_rectangle(self.rectangle)
+        if (self.rectangle is None) == (not self.rectangles):
+            raise ValueError("a floor needs either a rectangle or rectangles")
+        for rectangle in self.all_rectangles:
+            _check_rectangle(rectangle)
         rgb(self.color)
+
+    @property
+    def all_rectangles(self) -> tuple[Rectangle, ...]:
+        """What it is made of."""
+        return self.rectangles if self.rectangle is None else (self.rectangle,)
 
 
 @dataclass(frozen=True)
@@ -111,25 +125,35 @@ class Thing:
 
     Attributes:
         model: which of the models it is.
-        at: where it stands [m].
-        yaw_deg: which way it looks, degrees counter-clockwise from +x.
+        at: where it stands [m]; None where `outline` is given.
+        yaw_deg: which way it looks, degrees counter-clockwise from +x. With an outline, the side
+            that faces most that way is the front.
         z: height of what it stands on [m].
         name: its class in the truth; the model's name if empty.
         size: the model's size parameters [m] that differ from its defaults.
         color: of its main parts; None for the model's own.
+        outline: four corners [m], which the model then fills; its length and width, if it has
+            such, are those of the outline.
     """
 
     model: str
-    at: Point
+    at: Point | None = None
     yaw_deg: Angle = 0.0
     z: Annotated[float, Field(strict=True, ge=0, le=20)] = 0.0
     name: str = ""
     size: dict[str, Annotated[float, Field(strict=True)]] = field(default_factory=dict)
     color: str | None = None
+    outline: tuple[Point, Point, Point, Point] | None = None
 
     __pydantic_config__: ClassVar[ConfigDict] = _STRICT
 
     def __post_init__(self) -> None:
+        if (self.at is None) == (self.outline is None):
+            raise ValueError("an object needs either a place ('at') or an outline")
+        if self.outline is not None:
+            ring = shapely.Polygon(self.outline)
+            if not ring.is_valid or not np.isclose(ring.convex_hull.area, ring.area, rtol=1e-9):
+                raise ValueError("the corners of an outline must go around a convex shape")
         self.parts()  # raises where model, size or color are wrong
 
     @property
@@ -138,13 +162,25 @@ class Thing:
         return self.name or self.model
 
     @property
-    def pose(self) -> Pose2D:
-        """Its pose on the floor, map frame."""
-        return Pose2D(*self.at, math.radians(self.yaw_deg))
+    def place(self) -> Point:
+        """Where it stands: `at`, or the middle of its outline."""
+        if self.at is not None:
+            return self.at
+        middle = shapely.Polygon(self.outline).centroid
+        return middle.x, middle.y
 
     def parts(self) -> tuple[Part, ...]:
-        """Return the model's parts at the model's own origin."""
-        return build(self.model, self.size, self.color)
+        """Return its parts where they stand, map frame."""
+        if self.outline is None:
+            pose = Pose2D(*self.place, math.radians(self.yaw_deg))
+            parts = build(self.model, self.size, self.color)
+            return tuple(moved(part, pose, self.z) for part in parts)
+        corners = _from_front_right(self.outline, math.radians(self.yaw_deg))
+        sides = np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1)
+        lengths = {"width": (sides[0] + sides[2]) / 2, "length": (sides[1] + sides[3]) / 2}
+        known = size_parameters(self.model) if self.model in MODELS else {}
+        size = {key: float(value) for key, value in lengths.items() if key in known}
+        return fitted(build(self.model, size | self.size, self.color), corners, self.z)
 
 
 @dataclass(frozen=True)
@@ -179,10 +215,28 @@ _KINDS: dict[str, type] = {
 }
 
 
+def built_in_worlds() -> list[str]:
+    """Return the names of the worlds that come with the package."""
+    folder = resources.files(__package__) / "worlds"
+    return sorted(item.name.removesuffix(".yaml") for item in folder.iterdir())
+
+
+def built_in_world(name: str) -> World:
+    """Return a world that comes with the package, as "lab".
+
+    Raises:
+        HypermapError: If there is none of that name.
+    """
+    if name not in built_in_worlds():
+        hint = did_you_mean(name, built_in_worlds())
+        raise HypermapError(f"there is no world {name!r}; {hint}; or name a world file")
+    with resources.as_file(resources.files(__package__) / "worlds" / f"{name}.yaml") as path:
+        return load_world(path)
+
+
 def demo_world() -> World:
     """Return the room of `hypermap demo`: 7 x 5 m, lived in."""
-    with resources.as_file(resources.files(__package__) / "worlds" / "demo.yaml") as path:
-        return load_world(path)
+    return built_in_world("demo")
 
 
 def load_world(path: str | Path) -> World:
@@ -208,7 +262,7 @@ def load_world(path: str | Path) -> World:
     for i, j in overlaps(world):
         a, b = world.objects[i], world.objects[j]
         raise FormatError(
-            f"the {b.label} at {_place(b.at)} stands in the {a.label} at {_place(a.at)}, "
+            f"the {b.label} at {_place(b.place)} stands in the {a.label} at {_place(a.place)}, "
             f"which is objects[{i}]; move one of them, or raise its z",
             path=path,
             key=f"objects[{j}]",
@@ -241,6 +295,18 @@ def _check_rectangle(rectangle: Rectangle) -> None:
     x0, y0, x1, y1 = rectangle
     if not (x0 < x1 and y0 < y1):
         raise ValueError("a rectangle is xmin, ymin, xmax, ymax, each minimum below its maximum")
+
+
+def _from_front_right(outline: Sequence[Point], yaw: float) -> NDArray[np.float64]:
+    """Return corners counter-clockwise, from the right end of the side that faces a direction."""
+    corners = np.array(outline, dtype=np.float64)
+    if not shapely.LinearRing(corners).is_ccw:
+        corners = corners[::-1]
+    along = np.roll(corners, -1, axis=0) - corners
+    outwards = np.column_stack([along[:, 1], -along[:, 0]])
+    outwards /= np.linalg.norm(outwards, axis=1, keepdims=True)
+    front = int(np.argmax(outwards @ [math.cos(yaw), math.sin(yaw)]))
+    return np.roll(corners, -front, axis=0)
 
 
 def _place(point: Point) -> str:

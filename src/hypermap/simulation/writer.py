@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +20,9 @@ from hypermap.perception.recording import Recording
 DEPTH_SCALE = 5000.0  # units per metre
 
 
-def write_tum(recording: Recording, folder: str | Path) -> None:
+def write_tum(
+    recording: Recording, folder: str | Path, on_frame: Callable[[], None] = lambda: None
+) -> None:
     """Write a recording with color as a folder that `hypermap map` can read.
 
     The folder holds `rgb/`, `depth/` (16 bits, 5000 to the metre, 0 for no return), `rgb.txt`,
@@ -30,6 +33,7 @@ def write_tum(recording: Recording, folder: str | Path) -> None:
     Args:
         recording: its frames need color.
         folder: new, or empty.
+        on_frame: called after each frame.
 
     Raises:
         FormatError: If the folder holds something already, or a frame has no color.
@@ -44,7 +48,7 @@ def write_tum(recording: Recording, folder: str | Path) -> None:
     partial = folder.with_name(f".{folder.name}.{os.getpid()}")
     try:
         partial.mkdir()
-        _write(recording, partial)
+        _write(recording, partial, on_frame)
         partial.replace(folder)
     except HypermapError:
         raise  # FileMissing, which is an OSError too
@@ -54,7 +58,7 @@ def write_tum(recording: Recording, folder: str | Path) -> None:
         shutil.rmtree(partial, ignore_errors=True)
 
 
-def _write(recording: Recording, folder: Path) -> None:
+def _write(recording: Recording, folder: Path, on_frame: Callable[[], None]) -> None:
     (folder / "rgb").mkdir()
     (folder / "depth").mkdir()
     depth_lines, color_lines, pose_lines = ["# depth images"], ["# color images"], ["# poses"]
@@ -75,6 +79,7 @@ def _write(recording: Recording, folder: Path) -> None:
             if detections is None:
                 detections = RecordedDetections((frame.camera.width, frame.camera.height))
             detections.add(float(color_name), frame.detections)
+        on_frame()
     for name, lines in (
         ("depth.txt", depth_lines),
         ("rgb.txt", color_lines),

@@ -1,0 +1,123 @@
+"""`hypermap simulate`: a recording of a described world, with its true map."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from hypermap.cli.progress import counting
+from hypermap.cli.terminal import say
+from hypermap.core.errors import HypermapError
+
+if TYPE_CHECKING:
+    from hypermap.perception.frame import Camera
+    from hypermap.simulation import World
+    from hypermap.simulation.levels import Errors
+
+_SIZES = {"320x240": 1, "640x480": 2}
+
+
+def command(
+    world: Annotated[
+        str,
+        typer.Argument(
+            metavar="WORLD",
+            show_default=False,
+            help="demo, lab, floor, office, or a world file (YAML).",
+        ),
+    ],
+    output: Annotated[
+        Path,
+        typer.Option(
+            "-o",
+            "--output",
+            metavar="PATH",
+            show_default=False,
+            help="A new folder, or a new file that ends in .bag.",
+        ),
+    ],
+    errors: Annotated[
+        str,
+        typer.Option(
+            metavar="none|fair|robot|FILE",
+            help="What camera, localisation and detector get wrong, or a YAML file that says it.",
+        ),
+    ] = "robot",
+    seed: Annotated[
+        int, typer.Option(min=0, help="Of all chance: another seed, other errors.")
+    ] = 0,
+    rate: Annotated[float, typer.Option(min=0.01, max=100, help="Frames per second.")] = 3.0,
+    size: Annotated[str, typer.Option(metavar="|".join(_SIZES), help="Of the images.")] = "320x240",
+) -> None:
+    """Drive a camera through a described world, and record what it sees.
+
+    The recording is a folder in the layout of the TUM RGB-D benchmark with detections.json, or a
+    ROS bag; `hypermap map` reads both. With it comes the true map, to compare with.
+
+    Examples:
+        hypermap simulate lab -o lab
+        hypermap map lab --detections lab/detections.json -o mine.hmap
+        hypermap evaluate mine.hmap lab/truth.hmap
+        hypermap simulate office.yaml -o office.bag --errors none --size 640x480
+    """
+    from hypermap.formats import save_map
+    from hypermap.simulation import SimulatedRecording, ground_truth, write_bag, write_tum
+
+    is_bag = output.suffix == ".bag"
+    truth_file = output.with_suffix(".truth.hmap") if is_bag else output / "truth.hmap"
+    if output.exists() or truth_file.exists():
+        taken = output if output.exists() else truth_file
+        raise HypermapError(f"{taken} exists already; name a new one")
+    described = _world(world)
+    chosen = _errors(errors)
+    recording = SimulatedRecording(
+        described,
+        camera=_camera(size),
+        rate=rate,
+        depth_noise=chosen.depth,
+        pose_noise=chosen.poses,
+        detector_noise=chosen.detector,
+        seed=seed,
+    )
+    with counting("simulating", len(recording)) as count:
+        (write_bag if is_bag else write_tum)(recording, output, on_frame=count)
+    truth = ground_truth(described)
+    truth.metadata["world"] = described.name
+    save_map(truth, truth_file)
+    say(f"recording  {output}: {len(recording)} frames in {recording.info().duration:.0f} s")
+    say(f"true map   {truth_file}: {len(described.objects)} objects")
+
+
+def _world(name: str) -> World:
+    """Return a world that comes with the package, or the one that a file describes."""
+    from hypermap.simulation.world import built_in_world, load_world
+
+    is_file = Path(name).suffix in (".yaml", ".yml") or Path(name).is_file()
+    return load_world(name) if is_file else built_in_world(name)
+
+
+def _errors(name: str) -> Errors:
+    """Return a level of errors, or what a file lays over "fair"."""
+    from hypermap.mapping.overrides import override, read_overrides
+    from hypermap.simulation.levels import Errors, errors_of_level
+
+    path = Path(name)
+    if path.suffix in (".yaml", ".yml") or path.is_file():
+        return override(Errors(), read_overrides(path), path=path)
+    return errors_of_level(name)
+
+
+def _camera(size: str) -> Camera:
+    from hypermap.perception.frame import Camera
+    from hypermap.simulation.render import DEFAULT_CAMERA as SMALL
+
+    if size not in _SIZES:
+        raise HypermapError(f"--size {size}: images are {' or '.join(_SIZES)}")
+    k = _SIZES[size]
+    K = SMALL.K.copy()
+    K[:2, 2] += 0.5  # from the corner of the first pixel, not its centre
+    K[:2] *= k
+    K[:2, 2] -= 0.5
+    return Camera(K, k * SMALL.width, k * SMALL.height)
