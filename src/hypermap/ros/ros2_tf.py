@@ -56,12 +56,12 @@ class Transforms:
         self, target: str, source: str, stamp: int | None, timeout: float
     ) -> NDArray[np.float64]:
         """Return `target_T_source`, shape (4, 4); see `Port.lookup`."""
-        time = Time() if stamp is None else Time(nanoseconds=stamp)
         try:
+            time = Time() if stamp is None else Time(nanoseconds=stamp)
             found = self._buffer.lookup_transform(
                 target, source, time, Duration(nanoseconds=int(timeout * 1e9))
             )
-        except tf2_ros.TransformException as error:
+        except (tf2_ros.TransformException, ValueError, OverflowError) as error:
             raise FrameError(f"tf does not lead from {source!r} to {target!r}: {error}") from None
         p, q = found.transform.translation, found.transform.rotation
         return pose_matrix((p.x, p.y, p.z), (q.x, q.y, q.z, q.w))

@@ -1,0 +1,484 @@
+from __future__ import annotations
+
+import array
+import os
+import signal
+import threading
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hypermap.core.errors import FrameError, HypermapError
+from hypermap.ros.port import Parameter
+
+from .fake_rclpy import (
+    DurabilityPolicy,
+    Graph,
+    MutuallyExclusiveCallbackGroup,
+    QoSProfile,
+    ReentrantCallbackGroup,
+    ReliabilityPolicy,
+    other_node,
+)
+from .ros2_fixtures import Idle, graph, make_port, port
+
+__all__ = ["graph", "make_port", "port"]
+
+LATE = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+def wait_for(condition: Callable[[], Any]) -> None:
+    waiting = threading.Event()
+    for _ in range(1000):
+        if condition():
+            return
+        waiting.wait(0.01)
+    pytest.fail("waited in vain")
+
+
+# Lifecycle
+
+
+def test_a_node_starts_by_itself(graph: Graph, make_port: Any) -> None:
+    port, node = make_port(), Idle()
+    port.manage(node)
+    assert node.calls == ["configure", "activate"]
+    assert graph.node("/hypermap_server").state == "active"
+
+
+def test_without_autostart_a_lifecycle_manager_starts_it(graph: Graph, make_port: Any) -> None:
+    port, node = make_port("hypermap_server", "--ros-args", "-p", "autostart:=false"), Idle()
+    port.manage(node)
+    ours = graph.node("/hypermap_server")
+    assert node.calls == []
+    steps = ["configure", "activate", "deactivate", "activate", "deactivate", "cleanup"]
+    for step in steps:
+        assert ours.change_state(step)
+    assert node.calls == steps
+    assert ours.state == "unconfigured"
+
+
+def test_a_start_that_fails_is_the_error_of_the_program(graph: Graph, make_port: Any) -> None:
+    port, node = make_port(), Idle()
+    node.fails["configure"] = HypermapError("lab.hmap: there is no such file")
+    with pytest.raises(HypermapError, match="no such file"):
+        port.manage(node)
+    assert graph.logged == []  # the program prints it
+    assert not graph.ok
+    assert graph.nodes == []
+
+
+def test_a_transition_that_fails_leaves_the_state(graph: Graph, make_port: Any) -> None:
+    port, node = make_port("hypermap_server", "--ros-args", "-p", "autostart:=false"), Idle()
+    node.fails["configure"] = HypermapError("lab.hmap: there is no such file")
+    port.manage(node)
+    ours = graph.node("/hypermap_server")
+    assert not ours.change_state("configure")
+    assert ours.state == "unconfigured"
+    assert ("error", "configure: lab.hmap: there is no such file") in graph.logged
+    node.fails.clear()
+    assert ours.change_state("configure")
+    node.fails["activate"] = ValueError("a bug")
+    assert not ours.change_state("activate")
+    assert ours.state == "inactive"
+    assert node.calls[-2:] == ["activate", "deactivate"]  # what was begun is undone
+    assert "Traceback" in graph.logged[-1][1]
+
+
+def test_a_wrong_transition_does_not_end_the_node(graph: Graph, port: Any) -> None:
+    ours = graph.node("/hypermap_server")
+    assert not ours.change_state("activate")  # is active already; the executor raises in Humble
+    wait_for(lambda: any("No transition" in text for _, text in graph.logged))
+    assert not port.is_shut_down
+    assert ours.change_state("deactivate")
+
+
+def test_a_node_ends_in_order(graph: Graph, make_port: Any) -> None:
+    port, node = make_port(), Idle()
+    port.manage(node)
+    threading.Timer(0.2, port.shut_down).start()
+    port.spin()
+    assert node.calls == ["configure", "activate", "deactivate", "cleanup"]
+    assert port.is_shut_down
+    assert not graph.ok
+    assert graph.nodes == []
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_signals_end_it_while_it_can_still_publish(
+    graph: Graph, make_port: Any, number: signal.Signals
+) -> None:
+    port, node = make_port(), Idle()
+    last = port.publisher("goodbye", "std_msgs/String", latched=True)
+    node.deactivate = lambda: last.publish(port.message("std_msgs/String")(data="bye"))  # type: ignore[method-assign]
+    port.manage(node)
+    before = signal.getsignal(number)
+    threading.Timer(0.2, os.kill, (os.getpid(), number)).start()
+    port.spin()
+    assert graph.latest("/hypermap_server/goodbye").data == "bye"
+    assert signal.getsignal(number) is before
+
+
+def test_a_context_that_others_shut_down_ends_the_node(graph: Graph, make_port: Any) -> None:
+    port = make_port()
+    port.manage(Idle())
+    threading.Timer(0.2, lambda: setattr(graph, "ok", False)).start()
+    port.spin()
+    assert graph.nodes == []
+
+
+def test_a_shutdown_from_outside_is_not_repeated(graph: Graph, make_port: Any) -> None:
+    port, node = make_port(), Idle()
+    port.manage(node)
+    assert graph.node("/hypermap_server").change_state("shutdown")
+    assert node.calls[-2:] == ["deactivate", "cleanup"]
+    port.shut_down()
+    port.spin()
+    assert node.calls[-2:] == ["deactivate", "cleanup"]
+    assert not [text for level, text in graph.logged if level == "error"]
+
+
+def test_wrong_arguments_are_an_error_of_the_operator(make_port: Any, graph: Graph) -> None:
+    with pytest.raises(HypermapError, match="hypermap_server"):
+        make_port("hypermap_server", "--ros-args", "-p", "file")
+    assert not graph.ok
+
+
+# Names, topics and quality of service
+
+
+def test_names_are_private_unless_they_start_with_a_slash(graph: Graph, make_port: Any) -> None:
+    port = make_port("hypermap_server", "--ros-args", "-r", "__ns:=/robot", "-r", "__node:=maps")
+    port.manage(Idle())
+    assert port.node_name == "/robot/maps"
+    port.publisher("occupancy_map", "nav_msgs/OccupancyGrid")
+    port.publisher("/map", "nav_msgs/OccupancyGrid")
+    port.service("get", "std_srvs/Trigger", lambda request: request, lambda text: text)
+    assert {"/robot/maps/occupancy_map", "/map"} <= graph.topics().keys()
+    assert "/robot/maps/get" in graph.services()
+    assert {node.get_name() for node in graph.nodes} == {"maps", "maps_tf"}
+
+
+def test_remapped_tf_topics_are_heeded(graph: Graph, make_port: Any) -> None:
+    remaps = ("--ros-args", "-r", "/tf:=/robot/tf", "-r", "/tf_static:=/robot/tf_static")
+    port = make_port("hypermap_server", *remaps)
+    port.manage(Idle())
+    port.static_transforms([])
+    assert graph.subscriptions("/robot/tf")
+    assert graph.publishers("/robot/tf_static")
+
+
+@pytest.mark.parametrize("name", ["a b", "2d map", "käse", ""])
+def test_a_name_that_ros_does_not_allow_is_an_error(port: Any, name: str) -> None:
+    with pytest.raises(HypermapError, match="does not allow the name"):
+        port.publisher(name or "a//b", "std_msgs/String")
+
+
+def test_latched_topics_reach_those_that_come_later(graph: Graph, port: Any) -> None:
+    publisher = port.publisher("text", "std_msgs/String", latched=True)
+    string = port.message("std_msgs/String")
+    publisher.publish(string(data="old"))
+    publisher.publish(string(data="new"))
+    received: list[str] = []
+    with other_node(graph) as node:
+        topic = "/hypermap_server/text"
+        node.create_subscription(string, topic, lambda m: received.append(m.data), LATE)
+        assert publisher.listeners == 1
+        publisher.publish(string(data="newer"))
+    assert received == ["new", "newer"]
+    assert publisher.listeners == 0
+    (made,) = graph.publishers("/hypermap_server/text")
+    assert (made.qos.reliability, made.qos.depth) == (ReliabilityPolicy.RELIABLE, 1)
+
+
+def test_our_latched_subscriptions_get_what_was_published_before(graph: Graph, port: Any) -> None:
+    string, received = port.message("std_msgs/String"), []
+    with other_node(graph) as node:
+        node.create_publisher(string, "/map_name", LATE).publish(string(data="lab"))
+        port.subscribe(
+            "/map_name", "std_msgs/String", lambda m: received.append(m.data), latched=True
+        )
+    assert received == ["lab"]
+
+
+@pytest.mark.parametrize("reliability", [ReliabilityPolicy.RELIABLE, ReliabilityPolicy.BEST_EFFORT])
+def test_cameras_are_received_whatever_they_offer(
+    graph: Graph, port: Any, reliability: ReliabilityPolicy
+) -> None:
+    image, received = port.message("sensor_msgs/Image"), []
+    with other_node(graph) as node:
+        camera = node.create_publisher(
+            image, "/depth", QoSProfile(depth=5, reliability=reliability)
+        )
+        subscription = port.subscribe("/depth", "sensor_msgs/Image", received.append, queue=3)
+        camera.publish(image(width=1, height=1, step=2, data=array.array("B", [1, 2])))
+        assert [bytes(message.data) for message in received] == [b"\1\2"]
+        (made,) = graph.subscriptions("/depth")
+        assert made.qos.depth == 3
+        subscription.close()
+        subscription.close()
+        camera.publish(image())
+    assert len(received) == 1
+
+
+def test_changes_of_maps_are_received_reliably(graph: Graph, port: Any) -> None:
+    for name in ("map_msgs/OccupancyGridUpdate", "hypermap_msgs/SemanticMapUpdate"):
+        port.subscribe("/updates", name, print)
+    kinds = [made.qos.reliability for made in graph.subscriptions("/updates")]
+    assert kinds == [ReliabilityPolicy.RELIABLE] * 2
+
+
+def test_callbacks_of_a_topic_come_in_order_and_services_at_once(graph: Graph, port: Any) -> None:
+    port.subscribe("/a", "std_msgs/String", print)
+    port.subscribe("/b", "std_msgs/String", print)
+    port.service("get", "std_srvs/Trigger", print, print)
+    groups = [graph.subscriptions(name)[0].callback_group for name in ("/a", "/b")]
+    assert all(isinstance(group, MutuallyExclusiveCallbackGroup) for group in groups)
+    assert groups[0] is not groups[1]
+    service = graph.services()["/hypermap_server/get"]
+    assert isinstance(service.callback_group, ReentrantCallbackGroup)
+
+
+@pytest.mark.parametrize("error", [HypermapError("a bad map"), ValueError("a bug")])
+def test_an_error_in_a_callback_is_logged(graph: Graph, port: Any, error: Exception) -> None:
+    def fail(_: Any) -> None:
+        raise error
+
+    string = port.message("std_msgs/String")
+    port.subscribe("/text", "std_msgs/String", fail)
+    with other_node(graph) as node:
+        node.create_publisher(string, "/text", QoSProfile(depth=1)).publish(string())
+    level, text = graph.logged[-1]
+    assert (level, text.startswith("/text: "), str(error) in text) == ("error", True, True)
+    assert ("Traceback" in text) == isinstance(error, ValueError)
+
+
+def test_what_is_published_after_the_end_goes_nowhere(graph: Graph, port: Any) -> None:
+    publisher = port.publisher("text", "std_msgs/String")
+    publisher.close()
+    publisher.close()
+    publisher.publish(port.message("std_msgs/String")())
+    assert "/hypermap_server/text" not in graph.topics()
+
+
+def test_a_timer_rings_until_it_is_closed(graph: Graph, port: Any) -> None:
+    rings: list[int] = []
+    timer = port.timer(0.5, lambda: rings.append(1))
+    (made,) = graph.node("/hypermap_server")._timers
+    made.callback()
+    assert (made.period, rings) == (0.5, [1])
+    timer.close()
+    assert graph.node("/hypermap_server")._timers == []
+
+
+# Services
+
+
+def test_services_answer_in_any_case(graph: Graph, port: Any) -> None:
+    response = port.response("std_srvs/SetBool")
+    errors = {True: HypermapError("unknown layer 'x'"), False: KeyError("a bug")}
+
+    def handle(request: Any) -> Any:
+        if request.data is not None and handle.fails:  # type: ignore[attr-defined]
+            raise errors[request.data]
+        return response(success=request.data, message="done")
+
+    service = port.service(
+        "set", "std_srvs/SetBool", handle, lambda text: response(success=False, message=text)
+    )
+    handle.fails = False  # type: ignore[attr-defined]
+    assert graph.call("/hypermap_server/set", data=True) == response(success=True, message="done")
+    handle.fails = True  # type: ignore[attr-defined]
+    known = graph.call("/hypermap_server/set", data=True)
+    assert (known.success, known.message) == (False, "unknown layer 'x'")
+    assert graph.logged[-1] == ("error", "set: unknown layer 'x'")
+    bug = graph.call("/hypermap_server/set", data=False)
+    assert (bug.success, bug.message) == (False, "internal error: KeyError('a bug')")
+    assert "Traceback" in graph.logged[-1][1]
+    service.close()
+    assert "/hypermap_server/set" not in graph.services()
+
+
+# Types
+
+
+def test_missing_types_name_the_remedy(port: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ROS_DISTRO", "jazzy")
+    with pytest.raises(HypermapError, match=r"apt-get install ros-jazzy-no-such-msgs"):
+        port.message("no_such_msgs/Thing")
+    with pytest.raises(HypermapError, match="colcon build --packages-select hypermap_msgs"):
+        port.message("hypermap_msgs/NoSuchMessage")
+
+
+def test_stamps_and_time(graph: Graph, port: Any) -> None:
+    assert (port.stamp(1_500_000_000).sec, port.stamp(1_500_000_000).nanosec) == (1, 500_000_000)
+    graph.time = 42
+    assert port.now() == 42
+
+
+def test_every_level_can_be_logged_in_any_order(graph: Graph, port: Any) -> None:
+    graph.logged.clear()
+    levels = ["error", "info", "warning", "debug", "info", "error"]
+    for level in levels:
+        port.log(level, f"100 % {level}")
+    assert graph.logged == [(level, f"100 % {level}") for level in levels]
+
+
+# Frames
+
+
+def transform(port: Any, parent: str, child: str, x: float, yaw: float = 0.0) -> Any:
+    made = port.message("geometry_msgs/TransformStamped")(child_frame_id=child)
+    made.header.frame_id = parent
+    made.transform.translation.x = x
+    made.transform.rotation.z, made.transform.rotation.w = np.sin(yaw / 2), np.cos(yaw / 2)
+    return made
+
+
+def test_static_transforms_replace_those_of_before(graph: Graph, port: Any) -> None:
+    port.static_transforms(
+        [transform(port, "map", "lab", 1.0), transform(port, "map", "hall", 2.0)]
+    )
+    port.static_transforms([transform(port, "map", "hall", 3.0)])
+    known = graph.latest("/tf_static").transforms
+    assert [(t.child_frame_id, t.transform.translation.x) for t in known] == [("hall", 3.0)]
+    (made,) = graph.publishers("/tf_static")
+    assert made.qos.durability == DurabilityPolicy.TRANSIENT_LOCAL
+
+
+def test_a_lookup_chains_transforms(graph: Graph, port: Any) -> None:
+    port.static_transforms([transform(port, "map", "lab", 1.0, np.pi / 2)])
+    with other_node(graph) as node:
+        kind = port.message("tf2_msgs/TFMessage")
+        moving = node.create_publisher(kind, "/tf", QoSProfile(depth=1))
+        moving.publish(kind(transforms=[transform(port, "lab", "robot", 2.0)]))
+    found = port.lookup("map", "robot")
+    np.testing.assert_allclose(found[:3, 3], [1, 2, 0], atol=1e-12)
+    np.testing.assert_allclose(found[:2, :2], [[0, -1], [1, 0]], atol=1e-12)
+
+
+def test_a_lookup_waits_for_what_comes(graph: Graph, port: Any) -> None:
+    later = [transform(port, "map", "late", 1.0)]
+    threading.Timer(0.2, port.static_transforms, (later,)).start()
+    with pytest.raises(FrameError, match="'late'"):
+        port.lookup("map", "late")
+    assert port.lookup("map", "late", timeout=10.0)[0, 3] == 1.0
+
+
+@pytest.mark.parametrize("stamp", [None, 5, -5, 2**70])
+def test_an_unknown_frame_is_an_error(port: Any, stamp: int | None) -> None:
+    with pytest.raises(FrameError, match="from 'moon' to 'map'"):
+        port.lookup("map", "moon", stamp)
+
+
+def test_a_clock_that_jumps_back_forgets_what_moved(graph: Graph, port: Any) -> None:
+    port.static_transforms([transform(port, "map", "lab", 1.0)])
+    with other_node(graph) as node:
+        kind = port.message("tf2_msgs/TFMessage")
+        moving = node.create_publisher(kind, "/tf", QoSProfile(depth=1))
+        moving.publish(kind(transforms=[transform(port, "map", "robot", 2.0)]))
+    assert port.lookup("map", "robot")[0, 3] == 2.0
+    for jump in graph.node("/hypermap_server").get_clock().jumps:
+        jump.callback(None)
+    with pytest.raises(FrameError):
+        port.lookup("map", "robot")
+    assert port.lookup("map", "lab")[0, 3] == 1.0
+
+
+# Parameters
+
+PARAMETERS = (
+    Parameter("file", "", "The map."),
+    Parameter("height", 0.5, "Height of labels [m].", minimum=0.0, maximum=2.0, changes=True),
+    Parameter("opacity", 0.5, "One end is open.", minimum=0.0, changes=True),
+    Parameter("count", 3, "How many.", minimum=1, maximum=9, changes=True),
+    Parameter("kind", "a", "Which.", choices=("a", "b"), changes=True),
+    Parameter("shown", True, "Whether.", changes=True),
+    Parameter("classes", (), "Which classes.", changes=True),
+    Parameter("tags", ("x",), "Which tags.", changes=True),
+)
+
+
+def test_parameters_are_declared_with_what_they_mean(graph: Graph, port: Any) -> None:
+    values = port.parameters(PARAMETERS)
+    assert values == {
+        "file": "",
+        "height": 0.5,
+        "opacity": 0.5,
+        "count": 3,
+        "kind": "a",
+        "shown": True,
+        "classes": [],
+        "tags": ["x"],
+    }
+    described = graph.node("/hypermap_server")._descriptors
+    assert all(described[p.name].description == p.description for p in PARAMETERS)
+    assert [p.name for p in PARAMETERS if described[p.name].read_only] == ["file"]
+    (height,) = described["height"].floating_point_range
+    (count,) = described["count"].integer_range
+    assert (height.from_value, height.to_value) == (0.0, 2.0)
+    assert (count.from_value, count.to_value) == (1, 9)
+    assert described["opacity"].floating_point_range[0].to_value > 1e300
+    assert described["kind"].additional_constraints == "one of: a, b"
+    assert not described["shown"].integer_range
+
+
+def test_parameters_come_from_the_command_line(graph: Graph, make_port: Any) -> None:
+    given = ("height:=1.5", 'classes:=["desk", "chair"]', "file:=lab.hmap", "kind:=b")
+    words = [word for value in given for word in ("-p", value)]
+    port = make_port("hypermap_server", "--ros-args", *words)
+    values = port.parameters(PARAMETERS)
+    assert (values["height"], values["classes"]) == (1.5, ["desk", "chair"])
+    assert (values["file"], values["kind"]) == ("lab.hmap", "b")
+
+
+@pytest.mark.parametrize(
+    ("given", "name"),
+    [
+        ("height:=high", "height"),
+        ("height:=3.0", "height"),
+        ("kind:=c", "kind"),
+        ("count:=0", "count"),
+    ],
+)
+def test_wrong_parameters_are_errors(make_port: Any, given: str, name: str) -> None:
+    port = make_port("hypermap_server", "--ros-args", "-p", given)
+    with pytest.raises(HypermapError, match=f"parameter '{name}'"):
+        port.parameters(PARAMETERS)
+
+
+def test_parameters_change_while_the_node_runs(graph: Graph, port: Any) -> None:
+    changes: list[Any] = []
+    port.parameters(PARAMETERS, changes.append)
+    ours = graph.node("/hypermap_server")
+    assert ours.set_parameter("height", 1.0) == ""
+    assert ours.set_parameter("classes", ["desk"]) == ""
+    assert changes == [{"height": 1.0}, {"classes": ["desk"]}]
+    assert "out of range" in ours.set_parameter("height", 3.0)
+    assert "Wrong parameter type" in ours.set_parameter("height", "high")
+    assert "cannot be 'c'" in ours.set_parameter("kind", "c")
+    assert "read-only" in ours.set_parameter("file", "x")
+    assert len(changes) == 2
+
+
+@pytest.mark.parametrize("error", [HypermapError("no such class"), ValueError("a bug")])
+def test_the_node_may_refuse_a_change(graph: Graph, port: Any, error: Exception) -> None:
+    def refuse(_: Any) -> None:
+        raise error
+
+    port.parameters(PARAMETERS, refuse)
+    ours = graph.node("/hypermap_server")
+    assert str(error) in ours.set_parameter("height", 1.0)
+    assert ours.get_parameter("height").value == 0.5
+
+
+def test_a_node_that_is_configured_again_reads_parameters_again(graph: Graph, port: Any) -> None:
+    first: list[Any] = []
+    second: list[Any] = []
+    port.parameters(PARAMETERS, first.append)
+    graph.node("/hypermap_server").set_parameter("height", 1.0)
+    assert port.parameters(PARAMETERS, second.append)["height"] == 1.0
+    graph.node("/hypermap_server").set_parameter("height", 2.0)
+    assert (len(first), len(second)) == (1, 1)
