@@ -20,6 +20,7 @@ from hypermap.cli import (
     map_,
     query,
     render,
+    rviz,
     serve,
     shell,
     simulate,
@@ -87,6 +88,7 @@ for _name, _module in {
     "shell": shell,
     "serve": serve,
     "live": live,
+    "rviz": rviz,
 }.items():
     app.command(
         _name,

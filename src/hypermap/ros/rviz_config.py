@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -63,11 +63,13 @@ def map_configuration(
     Raises:
         FrameError: If a layer's frame has no place in the map.
     """
-    displays = [
-        display(layer.class_name, layer.name, server, ros2=ros2)
-        for layer in hypermap
-        if has_display(layer.class_name)
-    ]
+    displays = []
+    for layer in hypermap:
+        if has_display(layer.class_name):
+            shown = display(layer.class_name, layer.name, server, ros2=ros2)
+            if isinstance(layer, SemanticLayer):
+                shown["Namespaces"] = {str(name): True for name in sorted(set(layer.names))}
+            displays.append(shown)
     return configuration(displays, hypermap.base_frame, view_of(hypermap), ros2=ros2)
 
 
@@ -121,8 +123,8 @@ def configuration(
         "Name": "Grid",
         "Enabled": True,
         "Value": True,
-        "Alpha": 0.3,
-        "Cell Size": 1,
+        "Alpha": 0.2,
+        "Cell Size": 1,  # m
         "Color": "120; 120; 120",
         "Plane Cell Count": 100,
         "Reference Frame": "<Fixed Frame>",
@@ -151,8 +153,12 @@ def configuration(
     tools = ("MoveCamera", "Interact", "Select", "Measure", "PublishPoint")
     content = {
         "Panels": [
-            {"Class": f"{panel}/Displays", "Name": "Displays"},
-            {"Class": f"{panel}/Views", "Name": "Views"},
+            {
+                "Class": f"{panel}/Displays",
+                "Name": "Displays",
+                "Help Height": 0,
+                "Property Tree Widget": {"Expanded": list(_open_rows(displays))},
+            },
         ],
         "Visualization Manager": {
             "Class": "",
@@ -170,7 +176,6 @@ def configuration(
         },
         "Window Geometry": {
             "Displays": {"collapsed": False},
-            "Views": {"collapsed": True},
             "Hide Left Dock": False,
             "Hide Right Dock": True,
             "Width": _WINDOW[0],
@@ -200,6 +205,14 @@ def _known(layer: Layer) -> BaseGeometry:
         return layer.extent()
     edges = np.array([cols[0], rows[0], cols[-1] + 1, rows[-1] + 1]) * layer.grid.resolution
     return layer.grid.origin.apply_geometry(shapely.box(*edges))
+
+
+def _open_rows(displays: Sequence[dict[str, Any]]) -> Iterator[str]:
+    """Yield the rows of the panel that are open: those with a switch for each class."""
+    for shown in displays:
+        if "Namespaces" in shown:
+            yield f"/{shown['Name']}1"
+            yield f"/{shown['Name']}1/Namespaces1"
 
 
 def _class(name: str, ros2: bool) -> str:

@@ -1,0 +1,115 @@
+"""A window of rviz that does what it is told on standard input, a line of JSON at a time.
+
+It runs on the Python that rviz's bindings are for, so it imports nothing but those:
+
+- {"do": "load", "config": TEXT}: take a whole configuration.
+- {"do": "put", "name": NAME, "class": CLASS, "config": TEXT}: add a display, in place of one of
+  that name.
+- {"do": "remove", "name": NAME}: remove a display.
+- {"do": "frame", "frame": NAME}: set the fixed frame.
+- {"do": "view", "x": METRES, "y": METRES, "scale": PIXELS_PER_METRE}: look there from above.
+
+Configurations are YAML, as in a `.rviz` file. The end of the input closes the window.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import queue
+import sys
+import threading
+from typing import Any
+
+from python_qt_binding.QtCore import QTimer
+from python_qt_binding.QtWidgets import QApplication
+from rviz import bindings as rviz
+
+_PERIOD = 50  # ms between looks at the input
+
+
+class Window(rviz.VisualizationFrame):  # type: ignore[misc]
+    """The window, and the displays that it was told to show."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.setSplashPath("")
+        self.initialize()
+        self._displays: dict[str, Any] = {}
+
+    def closeEvent(self, event: Any) -> None:  # noqa: N802 - Qt's name
+        """Close without a question: there is no file that changes would belong to."""
+        self.setWindowModified(False)
+        super().closeEvent(event)
+
+    def obey(self, order: dict[str, Any]) -> None:
+        """Do what one line says."""
+        what = order.pop("do")
+        if what == "load":
+            self.load(_parsed(order["config"]))
+        elif what == "put":
+            self.remove(order["name"])
+            self.put(order["name"], order["class"], order["config"])
+        elif what == "remove":
+            self.remove(order["name"])
+        elif what == "frame":
+            self.getManager().setFixedFrame(order["frame"])
+        elif what == "view":
+            view = self.getManager().getViewManager().getCurrent()
+            for key in ("x", "y", "scale"):
+                view.subProp(key.capitalize()).setValue(order[key])
+        self.setWindowModified(False)
+
+    def put(self, name: str, class_name: str, config: str) -> None:
+        """Add a display."""
+        display = self.getManager().createDisplay(class_name, name, True)
+        display.load(_parsed(config))
+        self._displays[name] = display
+
+    def remove(self, name: str) -> None:
+        """Remove a display, unless the user has done so."""
+        display = self._displays.pop(name, None)
+        if display is None:
+            return
+        with contextlib.suppress(RuntimeError):  # Qt's object is gone
+            display.setEnabled(False)
+            self.getManager().getRootDisplayGroup().takeDisplay(display)
+            display.deleteLater()
+
+
+def _parsed(text: str) -> Any:
+    config = rviz.Config()
+    rviz.YamlConfigReader().readString(config, text)
+    return config
+
+
+def main() -> int:
+    """Show the window until it or the input is closed."""
+    application = QApplication([sys.argv[0]])
+    window = Window()
+    orders: queue.SimpleQueue[str | None] = queue.SimpleQueue()
+
+    def read() -> None:
+        for line in sys.stdin:
+            orders.put(line)
+        orders.put(None)
+
+    def work() -> None:
+        while not orders.empty():
+            line = orders.get()
+            if line is None:
+                window.close()
+                application.quit()
+                return
+            window.obey(json.loads(line))
+            window.show()
+
+    timer = QTimer()
+    timer.timeout.connect(work)
+    timer.start(_PERIOD)
+    threading.Thread(target=read, daemon=True).start()
+    return int(application.exec_())
+
+
+if __name__ == "__main__":
+    sys.exit(main())
