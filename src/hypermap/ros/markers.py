@@ -14,10 +14,11 @@ from hypermap.core.arrays import IntArray
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.objects import ObjectTable
 from hypermap.core.semantic import SemanticLayer
+from hypermap.recordings.messages.header import clean_frame
+from hypermap.ros.geometry_messages import Types
 from hypermap.ros.points import is_ros1, many_points
 from hypermap.ros.port import Message, Parameter, Port, Publisher, Value
 from hypermap.ros.ros1_arrays import writing_arrays
-from hypermap.ros.to_messages import Types
 from hypermap.ros.topic_names import topic_name
 from hypermap.ros.triangles import Corners, label_points, outlines, triangles
 
@@ -255,7 +256,7 @@ class _Maker:
     ) -> Message:
         """Return a marker without content."""
         marker = self._marker()
-        marker.header.frame_id = self._frame_id
+        marker.header.frame_id = clean_frame(self._frame_id)
         marker.header.stamp = self._stamp
         marker.ns, marker.id, marker.type = namespace, number, kind
         marker.pose.orientation.w = 1.0

@@ -8,7 +8,7 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from hypermap.ros.to_messages import Types
+from hypermap.ros.geometry_messages import Types
 
 
 def many_points(points_xyz: NDArray[np.float64], types: Types) -> Any:
