@@ -49,9 +49,10 @@ class ShapeIndex:
         Returns:
             Positions among the geometries and rows, both of shape (M,).
         """
-        queries, rows = np.concatenate(
-            [self._hits_in(part, geometries) for part in (self._settled, self._recent)], axis=1
-        )
+        queries, rows = self._hits_in(self._settled, geometries)
+        if len(self._recent.rows):
+            more = self._hits_in(self._recent, geometries)
+            queries, rows = np.append(queries, more[0]), np.append(rows, more[1])
         order = np.lexsort((rows, queries))
         return queries[order], rows[order]
 
@@ -72,11 +73,13 @@ class ShapeIndex:
         return ShapeIndex(_Part(self._settled.tree, settled), _Part.of(shapes, recent))
 
     @staticmethod
-    def _hits_in(part: _Part, geometries: ObjectArray) -> NDArray[np.int64]:
+    def _hits_in(
+        part: _Part, geometries: ObjectArray
+    ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         queries, items = part.tree.query(geometries, predicate="intersects")
         rows = part.rows[items]
         here = rows >= 0
-        return np.stack([queries[here], rows[here]])
+        return queries[here], rows[here]
 
 
 def _moved(rows: IntArray, moved_to: IntArray) -> IntArray:
