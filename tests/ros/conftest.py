@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import gc
-import importlib.util
 import io
 import os
 import shutil
@@ -185,12 +184,8 @@ class Ros2Types:
 
 
 @pytest.fixture(scope="session")
-def ros1_types() -> Ros1Types:
+def ros1_types(needs_ros1: None) -> Ros1Types:
     """The message classes of ROS 1; no roscore is needed for them."""
-    if importlib.util.find_spec("rospy") is None and shutil.which("roscore") is None:
-        pytest.skip(NEEDS_ROS1)
-    from hypermap.ros import ros1_libraries  # noqa: F401 - finds Debian's packages
-
     return Ros1Types()
 
 
