@@ -22,12 +22,30 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
-import numpy as np
 import yaml
-from scipy.spatial.transform import Rotation
 
-from hypermap.core.trajectory import pose_matrix
-
+from .fake_rclpy_values import (
+    Clock,
+    DurabilityPolicy,
+    Duration,
+    ExternalShutdownException,
+    HistoryPolicy,
+    InvalidHandle,
+    InvalidTopicNameException,
+    JumpThreshold,
+    Logger,
+    MutuallyExclusiveCallbackGroup,
+    NameValidationException,
+    Parameter,
+    ParameterException,
+    ParameterType,
+    QoSProfile,
+    ReentrantCallbackGroup,
+    ReliabilityPolicy,
+    Time,
+    compatible,
+)
+from .fake_tf2 import Buffer, TransformException, TransformListener
 from .strict_messages import StrictTypes
 
 
@@ -66,7 +84,7 @@ class Graph:
         data, name = self.kept[topic]
         return self.types.from_cdr(data, name)
 
-    def call(self, name: str, **request: Any) -> Any:
+    def call(self, name: str, /, **request: Any) -> Any:
         """Call a service as another node does."""
         service = self.services()[name]
         service.node.needs_executor()
@@ -76,210 +94,6 @@ class Graph:
         response = service.callback(given, halves.Response())
         assert isinstance(response, halves.Response), f"{name} answered {response!r}"
         return self.types.from_cdr(self.types.to_cdr(response), halves.Response.TYPE_NAME)
-
-
-# rclpy.qos
-
-
-class InvalidQoSProfileException(Exception):
-    pass
-
-
-class HistoryPolicy(enum.IntEnum):
-    SYSTEM_DEFAULT = 0
-    KEEP_LAST = 1
-    KEEP_ALL = 2
-
-
-class ReliabilityPolicy(enum.IntEnum):
-    SYSTEM_DEFAULT = 0
-    RELIABLE = 1
-    BEST_EFFORT = 2
-
-
-class DurabilityPolicy(enum.IntEnum):
-    SYSTEM_DEFAULT = 0
-    TRANSIENT_LOCAL = 1
-    VOLATILE = 2
-
-
-class QoSProfile:
-    def __init__(self, **kwargs: Any) -> None:
-        self.history = HistoryPolicy(kwargs.pop("history", HistoryPolicy.KEEP_LAST))
-        self.depth = kwargs.pop("depth")
-        self.reliability = ReliabilityPolicy(kwargs.pop("reliability", ReliabilityPolicy.RELIABLE))
-        self.durability = DurabilityPolicy(kwargs.pop("durability", DurabilityPolicy.VOLATILE))
-        assert isinstance(self.depth, int)
-        assert not kwargs, kwargs
-
-
-def compatible(offered: QoSProfile, asked: QoSProfile) -> bool:
-    """Source: the ROS 2 documentation, About Quality of Service settings, compatibilities."""
-    return not (
-        (
-            asked.reliability == ReliabilityPolicy.RELIABLE
-            and offered.reliability == ReliabilityPolicy.BEST_EFFORT
-        )
-        or (
-            asked.durability == DurabilityPolicy.TRANSIENT_LOCAL
-            and offered.durability == DurabilityPolicy.VOLATILE
-        )
-    )
-
-
-# rclpy.time, rclpy.duration, rclpy.clock
-
-
-class Duration:
-    def __init__(self, *, seconds: float = 0, nanoseconds: int = 0) -> None:
-        assert isinstance(nanoseconds, int)
-        self.nanoseconds = int(seconds * 1e9) + nanoseconds
-
-
-class Time:
-    def __init__(self, *, seconds: float = 0, nanoseconds: int = 0) -> None:
-        assert isinstance(nanoseconds, int)
-        self.nanoseconds = int(seconds * 1e9) + nanoseconds
-        if self.nanoseconds < 0:
-            raise ValueError("Nanoseconds value must not be negative")
-
-
-class JumpThreshold:
-    def __init__(
-        self,
-        *,
-        min_forward: Duration | None,
-        min_backward: Duration | None,
-        on_clock_change: bool = True,
-    ) -> None:
-        if min_backward is not None and min_backward.nanoseconds >= 0:
-            raise ValueError("min_backward must be a negative non-zero duration")
-
-
-class JumpHandle:
-    def __init__(self, clock: Clock, callback: Callable[[Any], None]) -> None:
-        self.clock, self.callback = clock, callback
-        clock.jumps.append(self)
-
-    def unregister(self) -> None:
-        self.clock.jumps.remove(self)
-
-
-class Clock:
-    def __init__(self, graph: Graph) -> None:
-        self.graph, self.jumps = graph, list[JumpHandle]()
-
-    def now(self) -> Time:
-        return Time(nanoseconds=wall.time_ns() if self.graph.time is None else self.graph.time)
-
-    def create_jump_callback(
-        self,
-        threshold: JumpThreshold,
-        *,
-        pre_callback: Callable[[], None] | None = None,
-        post_callback: Callable[[Any], None] | None = None,
-    ) -> JumpHandle:
-        assert post_callback is not None
-        return JumpHandle(self, post_callback)
-
-
-# rclpy.exceptions
-
-
-class NameValidationException(Exception):
-    pass
-
-
-class InvalidTopicNameException(NameValidationException):
-    pass
-
-
-class ParameterException(Exception):
-    pass
-
-
-class InvalidHandle(RuntimeError):
-    pass
-
-
-class ExternalShutdownException(Exception):
-    pass
-
-
-# rclpy.parameter
-
-
-class ParameterType(enum.Enum):
-    NOT_SET, BOOL, INTEGER, DOUBLE, STRING, BYTE_ARRAY = range(6)
-    BOOL_ARRAY, INTEGER_ARRAY, DOUBLE_ARRAY, STRING_ARRAY = range(6, 10)
-
-    @classmethod
-    def from_parameter_value(cls, value: Any) -> ParameterType:
-        for kind, found in ((bool, cls.BOOL), (int, cls.INTEGER), (float, cls.DOUBLE)):
-            if isinstance(value, kind):
-                return found
-        if isinstance(value, str):
-            return cls.STRING
-        assert isinstance(value, (list, tuple)), f"no parameter can be {value!r}"
-        kinds = ((bytes, cls.BYTE_ARRAY), (bool, cls.BOOL_ARRAY), (int, cls.INTEGER_ARRAY))
-        for kind, found in (*kinds, (float, cls.DOUBLE_ARRAY), (str, cls.STRING_ARRAY)):
-            if all(isinstance(item, kind) for item in value):  # so an empty list is one of bytes
-                return found
-        raise TypeError(f"The given value is not a list of one of the allowed types '{value}'.")
-
-
-class Parameter:
-    def __init__(self, name: str, type_: Any = None, value: Any = None) -> None:
-        self.name, self.value = name, value
-        self.type_ = type_ or ParameterType.from_parameter_value(value)
-
-
-# rclpy.callback_groups
-
-
-class CallbackGroup:
-    pass
-
-
-class MutuallyExclusiveCallbackGroup(CallbackGroup):
-    pass
-
-
-class ReentrantCallbackGroup(CallbackGroup):
-    pass
-
-
-# rclpy.logging
-
-LEVELS = ("debug", "info", "warning", "error")
-
-
-class Logger:
-    """Remembers the level of each place in the code, and refuses another one there."""
-
-    def __init__(self, graph: Graph) -> None:
-        self._graph, self._places = graph, dict[Any, str]()
-
-    def _log(self, level: str, message: str) -> bool:
-        assert isinstance(message, str)
-        frame = inspect.currentframe().f_back.f_back  # type: ignore[union-attr]
-        place = (frame.f_code, frame.f_lasti)  # type: ignore[union-attr]
-        if self._places.setdefault(place, level) != level:
-            raise ValueError("Logger severity cannot be changed between calls.")
-        self._graph.logged.append((level, message))
-        return True
-
-    def debug(self, message: str, **kwargs: Any) -> bool:
-        return self._log("debug", message)
-
-    def info(self, message: str, **kwargs: Any) -> bool:
-        return self._log("info", message)
-
-    def warning(self, message: str, **kwargs: Any) -> bool:
-        return self._log("warning", message)
-
-    def error(self, message: str, **kwargs: Any) -> bool:
-        return self._log("error", message)
 
 
 # rclpy.node
@@ -314,6 +128,8 @@ class Subscription:
 
     def offer(self, publisher: Publisher, data: bytes) -> None:
         assert publisher.msg_type is self.msg_type
+        if self not in self.node._subscriptions:
+            return
         if not compatible(publisher.qos, self.qos):
             self.node.graph.warnings.append(self.full_name)
             return
@@ -431,7 +247,9 @@ class Node:
                 made.qos.durability == DurabilityPolicy.TRANSIENT_LOCAL
                 and made.full_name in self.graph.kept
             ):
-                made.offer(publisher, self.graph.kept[made.full_name][0])
+                data = self.graph.kept[made.full_name][0]
+                # As with rclpy, it comes when the caller is done.
+                threading.Timer(0.02, made.offer, (publisher, data)).start()
         return made
 
     def create_service(
@@ -697,87 +515,6 @@ def rclpy_functions(graph: Graph) -> dict[str, Any]:
         graph.ok = False
 
     return {"init": init, "ok": ok, "shutdown": shutdown}
-
-
-# tf2_ros
-
-
-class TransformException(Exception):
-    pass
-
-
-class Buffer:
-    types: StrictTypes
-
-    def __init__(self, cache_time: Duration | None = None, node: Node | None = None) -> None:
-        self.known: dict[str, list[Any]] = {}
-        self.fixed: dict[str, Any] = {}
-
-    def clear(self) -> None:
-        self.known.clear()
-
-    def lookup_transform(
-        self, target_frame: str, source_frame: str, time: Time, timeout: Duration | None = None
-    ) -> Any:
-        assert isinstance(time, Time)
-        end = wall.monotonic() + (timeout.nanoseconds / 1e9 if timeout else 0)
-        while True:
-            try:
-                matrix = np.linalg.inv(self._to_root(target_frame, source_frame)) @ self._to_root(
-                    source_frame, target_frame
-                )
-                return self._stamped(matrix)
-            except TransformException:
-                if wall.monotonic() >= end:
-                    raise
-            wall.sleep(0.01)
-
-    def _to_root(self, frame: str, other: str) -> Any:
-        if frame != other and not self._links(frame):
-            raise TransformException(f'"{frame}" passed to lookupTransform does not exist.')
-        matrix = np.eye(4)
-        while frame in self.known or frame in self.fixed:
-            message = self.known[frame][-1] if frame in self.known else self.fixed[frame]
-            matrix = _matrix(message.transform) @ matrix
-            frame = message.header.frame_id
-        return matrix
-
-    def _links(self, frame: str) -> bool:
-        every = [*self.fixed.values(), *(m for ms in self.known.values() for m in ms)]
-        return any(frame in (m.child_frame_id, m.header.frame_id) for m in every)
-
-    def _stamped(self, matrix: Any) -> Any:
-        found = self.types.message("geometry_msgs/TransformStamped")()
-        t, q = found.transform.translation, found.transform.rotation
-        t.x, t.y, t.z = (float(v) for v in matrix[:3, 3])
-        q.x, q.y, q.z, q.w = _quaternion(matrix[:3, :3])
-        return found
-
-
-class TransformListener:
-    def __init__(self, buffer: Buffer, node: Node, *, spin_thread: bool = False) -> None:
-        kind = buffer.types.message("tf2_msgs/TFMessage")
-        node.create_subscription(kind, "/tf", self._take, QoSProfile(depth=100))
-        late = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        node.create_subscription(kind, "/tf_static", self._take_static, late)
-        self.buffer = buffer
-
-    def _take(self, message: Any) -> None:
-        for transform in message.transforms:
-            self.buffer.known.setdefault(transform.child_frame_id, []).append(transform)
-
-    def _take_static(self, message: Any) -> None:
-        for transform in message.transforms:
-            self.buffer.fixed[transform.child_frame_id] = transform
-
-
-def _matrix(transform: Any) -> Any:
-    t, q = transform.translation, transform.rotation
-    return pose_matrix((t.x, t.y, t.z), (q.x, q.y, q.z, q.w))
-
-
-def _quaternion(rotation: Any) -> tuple[float, ...]:
-    return tuple(float(v) for v in Rotation.from_matrix(rotation).as_quat())
 
 
 # The modules

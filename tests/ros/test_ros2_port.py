@@ -13,14 +13,13 @@ import pytest
 from hypermap.core.errors import FrameError, HypermapError
 from hypermap.ros.port import Parameter
 
-from .fake_rclpy import (
+from .fake_rclpy import Graph, other_node
+from .fake_rclpy_values import (
     DurabilityPolicy,
-    Graph,
     MutuallyExclusiveCallbackGroup,
     QoSProfile,
     ReentrantCallbackGroup,
     ReliabilityPolicy,
-    other_node,
 )
 from .ros2_fixtures import Idle, graph, make_port, port
 
@@ -185,6 +184,7 @@ def test_latched_topics_reach_those_that_come_later(graph: Graph, port: Any) -> 
     with other_node(graph) as node:
         topic = "/hypermap_server/text"
         node.create_subscription(string, topic, lambda m: received.append(m.data), LATE)
+        wait_for(lambda: received)
         assert publisher.listeners == 1
         publisher.publish(string(data="newer"))
     assert received == ["new", "newer"]
@@ -200,6 +200,7 @@ def test_our_latched_subscriptions_get_what_was_published_before(graph: Graph, p
         port.subscribe(
             "/map_name", "std_msgs/String", lambda m: received.append(m.data), latched=True
         )
+        wait_for(lambda: received)
     assert received == ["lab"]
 
 
