@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from hypermap.core.errors import FrameError
 from hypermap.core.frames import Pose2D
 from hypermap.core.hypermap import Hypermap
+from hypermap.recordings.messages.header import clean_frame
 from hypermap.ros.port import Port
 
 MAX_TILT = math.radians(5)
@@ -41,19 +42,27 @@ class FloorFrames:
         Raises:
             FrameError: If neither the map nor tf knows it, or tf says that it is tilted.
         """
-        frame = hypermap.base_frame if source is None else source
+        frame = hypermap.base_frame if source is None else _as_the_map_spells(hypermap, source)
         try:
             return hypermap.frames.lookup(target, frame)
         except FrameError:
             known = ", ".join(dict.fromkeys(layer.frame_id for layer in hypermap)) or "none"
         try:
-            matrix = self._port.lookup(target, frame, stamp, self.timeout)
+            matrix = self._port.lookup(clean_frame(target), clean_frame(frame), stamp, self.timeout)
         except FrameError as error:
             raise FrameError(
                 f"frame {frame!r} is unknown to the map, whose layers have the frames {known}; "
                 f"{error}"
             ) from None
         return floor_pose(matrix, frame)
+
+
+def _as_the_map_spells(hypermap: Hypermap, frame: str) -> str:
+    """Return a frame as the map writes it: in old maps, names start with a slash."""
+    names = dict.fromkeys([*(layer.frame_id for layer in hypermap), *hypermap.frames.frames])
+    if frame in names:
+        return frame
+    return next((name for name in names if clean_frame(name) == frame), frame)
 
 
 def floor_pose(target_T_source: NDArray[np.float64], source: str) -> Pose2D:

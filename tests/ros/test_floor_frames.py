@@ -1,0 +1,59 @@
+"""Frames of requests: the map's own ones, however it spells them, and those of tf."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hypermap.core.errors import FrameError
+from hypermap.core.frames import FrameTree, Pose2D, Transform
+from hypermap.core.hypermap import Hypermap
+from hypermap.core.semantic import SemanticLayer
+from hypermap.ros.floor_frames import FloorFrames
+
+
+class Tf:
+    """A port whose tf knows one frame; like tf2, it takes no names with a slash in front."""
+
+    def __init__(self) -> None:
+        self.asked: list[tuple[str, str, int | None, float]] = []
+
+    def lookup(self, target: str, source: str, stamp: int | None, timeout: float) -> Any:
+        self.asked.append((target, source, stamp, timeout))
+        if (target, source) != ("map", "odom"):
+            raise FrameError(f"tf does not know {source!r}")
+        matrix = np.eye(4)
+        matrix[:2, 3] = 3, 4
+        return matrix
+
+
+def old_map() -> Hypermap:
+    layers = [SemanticLayer("a", "/map"), SemanticLayer("b", "/lab")]
+    return Hypermap(layers, FrameTree([Transform("/map", "/lab", Pose2D(1, 2))]))
+
+
+@pytest.mark.parametrize(
+    ("source", "expected"),
+    [(None, Pose2D()), ("map", Pose2D()), ("lab", Pose2D(1, 2)), ("/lab", Pose2D(1, 2))],
+)
+def test_a_frame_is_known_without_the_slash_of_old_maps(
+    source: str | None, expected: Pose2D
+) -> None:
+    tf: Any = Tf()
+    assert FloorFrames(tf).pose(old_map(), "/map", source) == expected
+    assert tf.asked == []
+
+
+def test_tf_is_asked_without_the_slash() -> None:
+    tf: Any = Tf()
+    pose = FloorFrames(tf, timeout=0.25).pose(old_map(), "/map", "odom", stamp=7)
+    assert pose == Pose2D(3, 4)
+    assert tf.asked == [("map", "odom", 7, 0.25)]
+
+
+def test_what_nobody_knows_is_an_error_that_names_both() -> None:
+    tf: Any = Tf()
+    with pytest.raises(FrameError, match=r"'moon' is unknown to the map, .* tf does not know"):
+        FloorFrames(tf).pose(old_map(), "/map", "moon")
