@@ -1,0 +1,396 @@
+"""The port of ROS 1 on a real roscore."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hypermap.core.errors import FrameError, HypermapError, LayerNotFound
+from hypermap.ros.port import Parameter
+
+from .conftest import Process, free_port, wait_for
+
+pytestmark = pytest.mark.xdist_group("ros")
+
+NODE = [sys.executable, str(Path(__file__).with_name("port_node.py"))]
+SERVICE = "hypermap_msgs/GetStringAtPoint"
+
+
+@pytest.fixture
+def log(rospy: Any, port: Any) -> Iterator[list[Any]]:
+    """What is written to /rosout."""
+    lines: list[Any] = []
+    subscriber = rospy.Subscriber("/rosout", port.message("rosgraph_msgs/Log"), lines.append)
+    wait_for(lambda: subscriber.get_num_connections() > 0, "the log")
+    yield lines
+    subscriber.unregister()
+
+
+def logged(lines: list[Any], text: str) -> Any:
+    return wait_for(lambda: next((line for line in lines if text in line.msg), None), repr(text))
+
+
+def ask(rospy: Any, port: Any, name: str, layer: str = "") -> str:
+    from hypermap.ros.ros1_messages import service_class
+
+    rospy.wait_for_service(name, 30)
+    return str(rospy.ServiceProxy(name, service_class(SERVICE))(layer=layer).name)
+
+
+def test_a_late_subscriber_receives_the_last_latched_message(port: Any) -> None:
+    text = port.message("std_msgs/String")
+    publisher = port.publisher("latched", "std_msgs/String", latched=True)
+    publisher.publish(text("old"))
+    publisher.publish(text("new"))
+    heard: list[str] = []
+    subscription = port.subscribe(
+        f"{port.node_name}/latched", "std_msgs/String", lambda message: heard.append(message.data)
+    )
+    wait_for(lambda: heard, "the latched message")
+    assert heard == ["new"]
+    assert publisher.listeners == 1
+    subscription.close()
+    subscription.close()
+    publisher.close()
+    assert publisher.listeners == 0
+    publisher.publish(text("nobody hears it"))
+
+
+def test_messages_in_quick_succession_all_arrive(port: Any) -> None:
+    text = port.message("std_msgs/String")
+    publisher = port.publisher("many", "std_msgs/String")
+    heard: list[str] = []
+    subscription = port.subscribe(
+        f"{port.node_name}/many",
+        "std_msgs/String",
+        lambda message: heard.append(message.data),
+        queue=50,
+    )
+    wait_for(lambda: publisher.listeners, "the subscriber")
+    for number in range(50):
+        publisher.publish(text(str(number)))
+    wait_for(lambda: len(heard) == 50, "50 messages")
+    assert heard == [str(number) for number in range(50)]
+    subscription.close()
+    publisher.close()
+
+
+def test_what_a_callback_raises_is_logged_and_the_next_message_arrives(
+    port: Any, log: list[Any]
+) -> None:
+    heard: list[str] = []
+
+    def callback(message: Any) -> None:
+        if message.data == "wrong":
+            raise HypermapError("cannot use this map")
+        if message.data == "bug":
+            raise ZeroDivisionError("of our own")
+        heard.append(message.data)
+
+    publisher = port.publisher("/callback_in", "std_msgs/String")
+    subscription = port.subscribe("/callback_in", "std_msgs/String", callback, queue=10)
+    wait_for(lambda: publisher.listeners, "the subscriber")
+    for word in ("wrong", "bug", "good"):
+        publisher.publish(port.message("std_msgs/String")(word))
+    wait_for(lambda: heard, "the good message")
+    assert logged(log, "cannot use").msg == "/callback_in: cannot use this map"
+    bug = logged(log, "of our own").msg
+    assert "Traceback" in bug
+    assert "in callback" in bug
+    subscription.close()
+    publisher.close()
+
+
+def test_a_service_answers_and_its_errors_reach_the_caller(
+    rospy: Any, port: Any, log: list[Any]
+) -> None:
+    answer = port.response(SERVICE)
+
+    def handler(request: Any) -> Any:
+        if request.layer == "rooms":
+            raise LayerNotFound("rooms", ["occupancy"])
+        if request.layer == "bug":
+            return {}["of our own"]
+        return answer(name=request.layer * 2)
+
+    service = port.service("twice", SERVICE, handler, lambda text: answer(name=text))
+    name = f"{port.node_name}/twice"
+    assert ask(rospy, port, name, "ab") == "abab"
+    with pytest.raises(rospy.ServiceException, match="there is no layer 'rooms'; known: occupancy"):
+        ask(rospy, port, name, "rooms")
+    assert logged(log, "rooms").msg == "twice: there is no layer 'rooms'; known: occupancy"
+    with pytest.raises(rospy.ServiceException, match="KeyError: 'of our own'"):
+        ask(rospy, port, name, "bug")
+    assert "Traceback" in logged(log, "of our own").msg
+    assert ask(rospy, port, name, "c") == "cc"
+    service.close()
+    wait_for(lambda: is_missing(name), "the service to go")
+
+
+def is_missing(service: str) -> bool:
+    from hypermap.ros.ros1_libraries import rosgraph
+
+    try:
+        rosgraph.Master("/test").lookupService(service)
+    except rosgraph.MasterError:
+        return True
+    return False
+
+
+def test_a_timer_goes_on_after_an_error_until_it_is_closed(port: Any, log: list[Any]) -> None:
+    ticks: list[float] = []
+
+    def tick() -> None:
+        ticks.append(time.monotonic())
+        if len(ticks) == 1:
+            raise HypermapError("first tick")
+
+    timer = port.timer(0.05, tick)
+    wait_for(lambda: len(ticks) >= 5, "five ticks")
+    timer.close()
+    logged(log, "timer: first tick")
+    assert min(np.diff(ticks)) > 0.04
+    count = len(ticks)
+    time.sleep(0.2)
+    assert len(ticks) <= count + 1
+
+
+def test_time_is_that_of_ros(rospy: Any, port: Any) -> None:
+    assert abs(port.now() - time.time_ns()) < 5e9
+    stamp = port.stamp(12_345_678_901)
+    assert (stamp.secs, stamp.nsecs) == (12, 345_678_901)
+
+
+def transform(port: Any, parent: str, child: str, x: float) -> Any:
+    message = port.message("geometry_msgs/TransformStamped")()
+    message.header.frame_id, message.child_frame_id = parent, child
+    message.transform.translation.x = x
+    message.transform.rotation.w = 1.0
+    return message
+
+
+def test_static_transforms_reach_late_listeners_and_each_call_replaces_the_set(
+    rospy: Any, port: Any
+) -> None:
+    port.static_transforms([transform(port, "map", "lab", 1.0), transform(port, "map", "old", 2.0)])
+    port.static_transforms([transform(port, "map", "lab", 3.0)])
+    sets: list[list[tuple[str, float]]] = []
+    subscriber = rospy.Subscriber(
+        "/tf_static",
+        port.message("tf2_msgs/TFMessage"),
+        lambda message: sets.append(
+            [(t.child_frame_id, t.transform.translation.x) for t in message.transforms]
+        ),
+    )
+    wait_for(lambda: sets, "the static transforms")
+    assert sets == [[("lab", 3.0)]]
+    subscriber.unregister()
+
+
+def test_lookup_finds_what_others_publish(rospy: Any, port: Any) -> None:
+    import tf2_ros
+
+    port.static_transforms([transform(port, "map", "lab", 3.0)])
+    # The first lookup of a process has to wait for tf; an old-style slash does no harm.
+    np.testing.assert_allclose(
+        port.lookup("map", "/lab"), [[1, 0, 0, 3], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
+    )
+    np.testing.assert_allclose(port.lookup("lab", "map")[:3, 3], [-3, 0, 0])
+    broadcaster = tf2_ros.TransformBroadcaster()
+    moving = transform(port, "lab", "robot", 1.0)
+    moving.header.stamp = rospy.Time(100)
+    late = threading.Timer(0.3, lambda: broadcaster.sendTransform(moving))
+    late.start()
+    found = port.lookup("map", "robot", 100_000_000_000, timeout=20.0)
+    np.testing.assert_allclose(found[:3, 3], [4, 0, 0])
+    late.join()
+    with pytest.raises(FrameError, match=r"tf does not lead from 'robot' to 'map'.*extrapolation"):
+        port.lookup("map", "robot", 500_000_000_000)
+    with pytest.raises(FrameError, match="tf does not lead from 'nowhere' to 'map'"):
+        port.lookup("map", "nowhere")
+
+
+def test_parameters_are_read_and_change_while_the_node_runs(
+    rospy: Any, port: Any, log: list[Any]
+) -> None:
+    name = port.node_name
+    rospy.set_param(f"{name}/height", 1)
+    rospy.set_param(f"{name}/unknown", 1)
+    height = Parameter("height", 0.5, "Height [m].", minimum=0.0, changes=True)
+    file = Parameter("file", "a.hmap", "File.")
+    changes: list[dict[str, Any]] = []
+    assert port.parameters([height, file], changes.append) == {"height": 1.0, "file": "a.hmap"}
+    rospy.set_param(f"{name}/height", 2.5)
+    wait_for(lambda: changes, "the change")
+    rospy.set_param(f"{name}/height", -1)
+    assert "must be at least 0.0, got -1.0; it stays at 2.5" in logged(log, "at least").msg
+    rospy.set_param(f"{name}/height", "tall")
+    logged(log, "'height' must be a number, got 'tall'")
+    rospy.set_param(f"{name}/file", "b.hmap")
+    logged(log, "'file' counts from the next start")
+    rospy.delete_param(f"{name}/height")
+    rospy.set_param(f"{name}/height", 3)
+    wait_for(lambda: len(changes) == 2, "the second change")
+    assert changes == [{"height": 2.5}, {"height": 3.0}]
+
+
+def test_an_error_while_a_parameter_changes_is_logged(
+    rospy: Any, port: Any, log: list[Any]
+) -> None:
+    def refuse(changed: Any) -> None:
+        raise HypermapError("not now")
+
+    port.parameters([Parameter("level", 1, "Level.", changes=True)], refuse)
+    rospy.set_param(f"{port.node_name}/level", 2)
+    logged(log, "parameters: not now")
+
+
+def test_a_wrong_parameter_at_the_start_is_an_error(rospy: Any, port: Any) -> None:
+    rospy.set_param(f"{port.node_name}/mode", "trinari")
+    mode = Parameter("mode", "trinary", "Mode.", choices=("trinary", "raw"))
+    with pytest.raises(HypermapError, match="'mode' cannot be 'trinari'; did you mean 'trinary'"):
+        port.parameters([mode])
+
+
+@pytest.mark.parametrize(
+    ("level", "number"), [("debug", 1), ("info", 2), ("warning", 4), ("error", 8)]
+)
+def test_log_lines_keep_their_level(
+    rospy: Any, port: Any, log: list[Any], level: str, number: int
+) -> None:
+    if level == "debug":
+        port.log("debug", "not shown, as usual")
+        port.log("info", "after it")
+        logged(log, "after it")
+        assert not [line for line in log if "not shown" in line.msg]
+        return
+    port.log(level, f"100 % at {level}")
+    assert logged(log, f"100 % at {level}").level == number
+
+
+def test_the_library_logs_to_the_log_of_the_node(port: Any, log: list[Any]) -> None:
+    import logging
+
+    logging.getLogger("hypermap.formats").warning("something %s", "odd")
+    assert logged(log, "something odd").level == 4
+
+
+# The life of a node: in a process of its own.
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_node_ends_cleanly(
+    roscore: str, start: Callable[..., Process], number: signal.Signals
+) -> None:
+    name = f"ending_{number.name.lower()}"
+    node = start(*NODE, name)
+    node.expect("ready")
+    assert not is_missing(f"/{name}/ask")
+    assert node.stop(number) == 0
+    assert node.output.splitlines()[-2:] == ["ending", "ended"]
+    assert "Traceback" not in node.output
+    assert is_missing(f"/{name}/ask")
+
+
+def test_rosnode_kill_ends_a_node(roscore: str, start: Callable[..., Process]) -> None:
+    node = start(*NODE, "to_kill")
+    node.expect("ready")
+    start("rosnode", "kill", "/to_kill").expect("killed")
+    assert node.popen.wait(30) == 0
+    assert node.output.splitlines()[-1] == "ended"
+
+
+def test_a_second_node_of_that_name_takes_over(roscore: str, start: Callable[..., Process]) -> None:
+    first = start(*NODE, "twin")
+    first.expect("ready")
+    second = start(*NODE, "twin")
+    second.expect("ready")
+    assert first.popen.wait(30) == 0
+    first.expect("ended")
+    assert second.popen.poll() is None
+    assert not is_missing("/twin/ask")
+
+
+@pytest.mark.parametrize(
+    ("uri", "problem"),
+    [
+        ("http://127.0.0.1:{closed}", "Connection refused"),
+        ("http://127.0.0.1:{deaf}", "not a roscore"),
+        ("nonsense", "no roscore at ROS_MASTER_URI=nonsense"),
+    ],
+)
+def test_without_a_roscore_a_node_ends_at_once(
+    start: Callable[..., Process], needs_ros1: None, uri: str, problem: str
+) -> None:
+    import socketserver
+
+    class Deaf(socketserver.StreamRequestHandler):
+        def handle(self) -> None:
+            self.wfile.write(b"SSH-2.0-none\r\n")
+
+    with socketserver.TCPServer(("127.0.0.1", 0), Deaf) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        uri = uri.format(closed=free_port(), deaf=server.server_address[1])
+        node = start(*NODE, "lonely", env={**os.environ, "ROS_MASTER_URI": uri})
+        assert node.popen.wait(30) != 0
+        server.shutdown()
+    last = node.output.splitlines()[-1]
+    assert problem in last
+    assert f"ROS_MASTER_URI={uri}" in last
+    assert "start one with: roscore" in last
+
+
+def test_a_node_outlives_its_roscore(
+    start: Callable[..., Process], needs_ros1: None, tmp_path: Path
+) -> None:
+    port = free_port()
+    environment = {
+        **os.environ,
+        "ROS_MASTER_URI": f"http://127.0.0.1:{port}",
+        "ROS_HOSTNAME": "127.0.0.1",
+        "ROS_HOME": str(tmp_path / "home"),
+        "PYTHONUNBUFFERED": "1",
+    }
+
+    def tool(*words: str) -> Process:
+        return start(*words, env=environment)
+
+    core = tool("roscore", "-p", str(port))
+    core.expect("started core service")
+    node = tool(*NODE, "survivor", "_height:=2.0")
+    node.expect("ready, height 2.0")
+    early = tool("rostopic", "pub", "-r", "5", "/port_node_in", "std_msgs/String", "data: one")
+    node.expect("heard one")
+    early.stop()
+    core.stop()
+    node.expect("the roscore does not answer")
+
+    core = tool("roscore", "-p", str(port))
+    core.expect("started core service")
+    # A publisher that comes before the node has noticed, and tools that come later.
+    between = tool("rostopic", "pub", "-r", "5", "/port_node_in", "std_msgs/String", "data: two")
+    node.expect("registered with it again")
+    node.expect("heard two")
+    between.stop()
+    assert tool("rosparam", "get", "/survivor/height").popen.wait(30) == 0
+    tool("rostopic", "echo", "-n1", "/survivor/greeting").expect("hello")
+    after = tool("rostopic", "pub", "-r", "5", "/port_node_in", "std_msgs/String", "data: three")
+    node.expect("heard three")
+    after.stop()
+    assert tool("rosparam", "set", "/survivor/height", "3.5").popen.wait(30) == 0
+    node.expect("changed 3.5")
+    nodes = tool("rosnode", "info", "/survivor")
+    nodes.expect("/survivor/ask")
+    assert "/port_node_in" in nodes.output
+    assert node.output.count("registered with it again") == 1
+    assert node.stop() == 0
+    core.stop()
