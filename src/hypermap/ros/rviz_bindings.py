@@ -3,8 +3,8 @@
 It runs on the Python that rviz's bindings are for, so it imports nothing but those:
 
 - {"do": "load", "config": TEXT}: take a whole configuration.
-- {"do": "put", "name": NAME, "class": CLASS, "config": TEXT}: add a display, in place of one of
-  that name.
+- {"do": "put", "name": NAME, "class": CLASS, "config": TEXT, "open": [PROPERTY, ...]}: add a
+  display, in place of one of that name, and open it in the panel to show these of its properties.
 - {"do": "remove", "name": NAME}: remove a display.
 - {"do": "frame", "frame": NAME}: set the fixed frame.
 - {"do": "view", "x": METRES, "y": METRES, "scale": PIXELS_PER_METRE}: look there from above.
@@ -49,7 +49,7 @@ class Window(rviz.VisualizationFrame):  # type: ignore[misc]
             self.load(_parsed(order["config"]))
         elif what == "put":
             self.remove(order["name"])
-            self.put(order["name"], order["class"], order["config"])
+            self.put(order["name"], order["class"], order["config"], order["open"])
         elif what == "remove":
             self.remove(order["name"])
         elif what == "frame":
@@ -60,10 +60,13 @@ class Window(rviz.VisualizationFrame):  # type: ignore[misc]
                 view.subProp(key.capitalize()).setValue(order[key])
         self.setWindowModified(False)
 
-    def put(self, name: str, class_name: str, config: str) -> None:
+    def put(self, name: str, class_name: str, config: str, opened: list[str]) -> None:
         """Add a display."""
         display = self.getManager().createDisplay(class_name, name, True)
         display.load(_parsed(config))
+        for name_of_property in opened:
+            display.expand()
+            display.subProp(name_of_property).expand()
         self._displays[name] = display
 
     def remove(self, name: str) -> None:

@@ -192,7 +192,7 @@ def view_of(hypermap: Hypermap) -> View:
         for layer in hypermap
         if has_display(layer.class_name)
     ]
-    return View.of(shapely.total_bounds(shapes).tolist())
+    return View.of(shapely.total_bounds([shapely.Polygon(), *shapes]).tolist())
 
 
 def _known(layer: Layer) -> BaseGeometry:
@@ -207,12 +207,16 @@ def _known(layer: Layer) -> BaseGeometry:
     return layer.grid.origin.apply_geometry(shapely.box(*edges))
 
 
+def opened(shown: dict[str, Any]) -> list[str]:
+    """Return the properties of a display that are open in the panel: a switch for each class."""
+    return ["Namespaces"] if "Namespaces" in shown else []
+
+
 def _open_rows(displays: Sequence[dict[str, Any]]) -> Iterator[str]:
-    """Yield the rows of the panel that are open: those with a switch for each class."""
     for shown in displays:
-        if "Namespaces" in shown:
+        for name in opened(shown):
             yield f"/{shown['Name']}1"
-            yield f"/{shown['Name']}1/Namespaces1"
+            yield f"/{shown['Name']}1/{name}1"
 
 
 def _class(name: str, ros2: bool) -> str:

@@ -15,7 +15,14 @@ import yaml
 from hypermap.core.errors import HypermapError
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.ros.port import Closable, Message, Port
-from hypermap.ros.rviz_config import DEFAULT_SERVER, View, configuration, display, has_display
+from hypermap.ros.rviz_config import (
+    DEFAULT_SERVER,
+    View,
+    configuration,
+    display,
+    has_display,
+    opened,
+)
 from hypermap.ros.topic_names import topic_name
 
 _SCRIPT = Path(__file__).with_name("rviz_bindings.py")
@@ -121,7 +128,8 @@ class LayerDisplays:
             for name, config in wanted.items():
                 if self._shown.get(name) != config:
                     text = yaml.safe_dump(config, allow_unicode=True)
-                    self._window.tell("put", name=name, **{"class": config["Class"]}, config=text)
+                    order = {"class": config["Class"], "config": text}
+                    self._window.tell("put", name=name, **order, open=opened(config))
                     self._shown[name] = config
             if self._wants_view and self._grid is None:
                 self._subscribe_to_grid(layers)

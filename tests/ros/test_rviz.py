@@ -1,0 +1,159 @@
+"""A map in a real rviz on a screen that nobody looks at, found again in its pixels."""
+
+from __future__ import annotations
+
+import math
+import signal
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import shapely
+import yaml
+
+from hypermap.core.frames import FrameTree, Pose2D, Transform
+from hypermap.core.grid import GridGeometry
+from hypermap.core.hypermap import Hypermap
+from hypermap.core.occupancy import OccupancyLayer
+from hypermap.core.semantic import SemanticLayer, SemanticObject
+from hypermap.formats import save_map
+from hypermap.ros.rviz_config import View, map_configuration, view_of
+from hypermap.testing import square
+
+from .conftest import Process, wait_for
+from .screen import Screen, Seen, expected
+
+pytestmark = pytest.mark.xdist_group("rviz")
+
+PATIENCE = 60.0  # s until a window is drawn, on a machine that has much to do
+ENOUGH = 0.98  # of the points of each color have it
+# The lab's frame stands outside of the map, and is turned by 90 degrees against it.
+LAB = Transform("map", "lab", Pose2D(20.0, 0.0, math.pi / 2))
+
+
+def grid(name: str) -> OccupancyLayer:
+    """A room of 8 m x 6 m with walls and a block."""
+    cells = np.zeros((12, 16), dtype=np.int8)
+    cells[[0, -1], :] = cells[:, [0, -1]] = 100
+    cells[7:9, 11:14] = 100
+    return OccupancyLayer(name, "map", GridGeometry(16, 12, 0.5, Pose2D(10.0, 2.0)), cells)
+
+
+def room() -> Hypermap:
+    """Furniture in the frame of the grid, and some in the lab's: (x, y) is (20 - y, x) there."""
+    sofa = shapely.box(11, 6, 14, 7.5).difference(shapely.box(12, 6.4, 13, 7.1))
+    things = [
+        SemanticObject("table", shapely.box(11, 3, 13.5, 5)),
+        square("tray", 11.6, 4.4, 0.9),
+        SemanticObject("sofa", sofa),
+    ]
+    layers = [
+        grid("occupancy"),
+        SemanticLayer("things", "map", things),
+        SemanticLayer("of the lab", "lab", [SemanticObject("bed", shapely.box(2.8, 3, 4.8, 5.5))]),
+    ]
+    return Hypermap(layers, FrameTree([LAB]))
+
+
+def other_room() -> Hypermap:
+    """The same room with one layer gone, one new, and one that has another place."""
+    return Hypermap(
+        [
+            grid("scan"),
+            SemanticLayer("things", "map", [SemanticObject("bed", shapely.box(11, 3, 13, 5))]),
+            SemanticLayer("plants", "map", [square("plant", 15, 4, 1.5)]),
+        ]
+    )
+
+
+@pytest.fixture
+def screen(tmp_path: Path) -> Iterator[Screen]:
+    folder = tmp_path / "screen"
+    folder.mkdir()
+    screen = Screen(folder)
+    yield screen
+    screen.close()
+
+
+@pytest.fixture
+def serve(roscore: str, start: Callable[..., Process], tmp_path: Path) -> Callable[[str], Process]:
+    """Start a map server of that name, with the maps `room` and `other` in its directory."""
+    save_map(room(), tmp_path / "room.hmap")
+    save_map(other_room(), tmp_path / "other.hmap")
+
+    def run(name: str) -> Process:
+        server = start(
+            *("hypermap", "serve", tmp_path / "room.hmap", "--ros1", f"__name:={name}"),
+            *("--map-directory", tmp_path),
+        )
+        server.expect("loaded")
+        return server
+
+    return run
+
+
+def wait_until_it_shows(
+    screen: Screen, hypermap: Hypermap, grid: str, view: View, hidden: tuple[str, ...] = ()
+) -> Seen:
+    points, colors = expected(hypermap, grid, hidden)
+    shares: list[float] = []
+
+    def shows() -> Seen | None:
+        time.sleep(0.2)
+        seen = Seen(screen.pixels(), view)
+        shares.append(seen.share(points, colors))
+        return seen if shares[-1] >= ENOUGH else None
+
+    try:
+        seen: Seen = wait_for(shows, "the map on the screen", PATIENCE)
+    except pytest.fail.Exception:
+        pytest.fail(f"of the worst color, at best {max(shares):.1%} of the points have it")
+    return seen
+
+
+def test_a_configuration_shows_the_map(
+    screen: Screen, serve: Any, start: Any, rospy: Any, tmp_path: Path
+) -> None:
+    hypermap = room()
+    view = view_of(hypermap)
+    config = yaml.safe_load(map_configuration(hypermap, "/shown"))
+    displays = {d["Name"]: d for d in config["Visualization Manager"]["Displays"]}
+    displays["things"]["Namespaces"]["table"] = False  # as a click in rviz leaves it
+    file = tmp_path / "room.rviz"
+    file.write_text(yaml.safe_dump(config))
+    serve("shown")
+    rviz = start("rviz", "-d", file, env=screen.environment)
+
+    seen = wait_until_it_shows(screen, hypermap, "occupancy", view, hidden=("table",))
+    assert seen.has_ink(*shapely.box(15, 2.8, 17, 4.8).centroid.coords[0], 0.2)  # the word "bed"
+
+    # A class goes at the server and comes again; the one that is off in rviz stays off.
+    rospy.set_param("/shown/hidden_classes", ["tray"])
+    wait_until_it_shows(screen, hypermap, "occupancy", view, hidden=("table", "tray"))
+    rospy.set_param("/shown/hidden_classes", [])
+    wait_until_it_shows(screen, hypermap, "occupancy", view, hidden=("table",))
+    assert "Failed" not in rviz.output
+
+
+def test_the_window_follows_the_server(screen: Screen, serve: Any, start: Any, rospy: Any) -> None:
+    from hypermap.ros.ros1_messages import service_class
+
+    serve("followed")
+    window = start("hypermap", "rviz", "--server", "followed", env=screen.environment)
+    before, after = room(), other_room()
+    view = view_of(before)
+    assert view == view_of(after)
+    wait_until_it_shows(screen, before, "occupancy", view)
+
+    load = rospy.ServiceProxy("/followed/load_map", service_class("hypermap_msgs/LoadMap"))
+    assert load(filename="other.hmap").success
+    wait_until_it_shows(screen, after, "scan", view)
+    assert load(filename="room.hmap").success
+    wait_until_it_shows(screen, before, "occupancy", view)
+
+    assert window.stop(signal.SIGINT) in (0, 130)
+    assert "Traceback" not in window.output
+    assert not Seen(screen.pixels(), view).is_drawn

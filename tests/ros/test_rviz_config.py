@@ -1,0 +1,205 @@
+"""Configurations of rviz, and which displays a window is told to show."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+import shapely
+import yaml
+from typer.testing import CliRunner
+
+from hypermap.cli.main import app
+from hypermap.core.errors import HypermapError
+from hypermap.core.frames import FrameTree, Pose2D, Transform
+from hypermap.core.grid import GridGeometry
+from hypermap.core.hypermap import Hypermap
+from hypermap.core.occupancy import OccupancyLayer
+from hypermap.core.opaque import OpaqueLayer
+from hypermap.core.semantic import SemanticLayer, SemanticObject
+from hypermap.formats import save_map
+from hypermap.ros.rviz_config import View, configuration, map_configuration, view_of
+from hypermap.ros.rviz_window import LayerDisplays
+from hypermap.testing import occupancy_from_text, square
+
+
+def building() -> Hypermap:
+    layers = [
+        occupancy_from_text("....\n....", name="occupancy"),
+        SemanticLayer("2nd floor", "lab", [square("cup", 0, 0), square("bed", 3, 0, 2)]),
+    ]
+    return Hypermap(layers, FrameTree([Transform("map", "lab", Pose2D(1, 2, math.pi / 2))]))
+
+
+def manager(text: str) -> Any:
+    return yaml.safe_load(text)["Visualization Manager"]
+
+
+def displays(text: str) -> dict[str, Any]:
+    return {shown["Name"]: shown for shown in manager(text)["Displays"]}
+
+
+def test_each_layer_has_a_display_with_its_topic() -> None:
+    text = map_configuration(building(), "/robot/server")
+    shown = displays(text)
+    assert list(shown) == ["Grid", "occupancy", "2nd floor", "Frames"]
+    assert shown["occupancy"]["Class"] == "rviz/Map"
+    assert shown["occupancy"]["Topic"] == "/robot/server/occupancy_map"
+    assert shown["2nd floor"]["Class"] == "rviz/MarkerArray"
+    assert shown["2nd floor"]["Marker Topic"] == "/robot/server/_2nd_floor_markers"
+    assert shown["2nd floor"]["Namespaces"] == {"bed": True, "cup": True}
+    assert manager(text)["Global Options"]["Fixed Frame"] == "map"
+
+
+def test_rviz2_receives_what_was_published_before_it_came() -> None:
+    text = map_configuration(building(), ros2=True)
+    shown = displays(text)
+    assert shown["occupancy"]["Class"] == "rviz_default_plugins/Map"
+    for topic in (
+        shown["occupancy"]["Topic"],
+        shown["occupancy"]["Update Topic"],
+        shown["2nd floor"]["Topic"],
+    ):
+        assert topic["Durability Policy"] == "Transient Local"
+        assert topic["Reliability Policy"] == "Reliable"
+    assert shown["2nd floor"]["Topic"]["Value"] == "/hypermap_server/_2nd_floor_markers"
+    assert "rviz/" not in text
+
+
+def test_a_layer_that_no_topic_shows_has_no_display() -> None:
+    hypermap = building()
+    hypermap.add(OpaqueLayer("ValueLayer", "values", "map"))
+    assert "values" not in displays(map_configuration(hypermap))
+
+
+def test_the_view_shows_all_that_is_known() -> None:
+    cells = np.full((100, 200), -1, dtype=np.int8)
+    cells[10:30, 20:60] = 0  # 2 m .. 6 m, 1 m .. 3 m
+    grid = OccupancyLayer("grid", "map", GridGeometry(200, 100, 0.1, Pose2D(100, 0)), cells)
+    view = view_of(Hypermap([grid]))
+    assert (view.x, view.y) == pytest.approx((104, 2))
+    assert 400 < view.scale * 4 < 1280  # pixels of a window of that width
+    # An object in another frame: at (1, 2) in the map lies (0, 0) of the lab.
+    lab = SemanticLayer("things", "lab", [SemanticObject("bed", shapely.box(1, 0, 3, 2))])
+    frames = FrameTree([Transform("map", "lab", Pose2D(1, 2, math.pi / 2))])
+    empty = OccupancyLayer("grid", "map")
+    view = view_of(Hypermap([empty, lab], frames))
+    assert (view.x, view.y) == pytest.approx((0, 4))
+    assert view_of(Hypermap()) == view_of(Hypermap([empty])) == View()
+
+
+def test_a_point_is_seen_from_a_distance() -> None:
+    assert View.of((3, 4, 3, 4)).scale < 1000
+
+
+# The command
+
+
+def run(*words: Any) -> Any:
+    return CliRunner().invoke(app, ["rviz", *map(str, words)])
+
+
+def test_the_command_writes_a_configuration(tmp_path: Path) -> None:
+    file, map_file = tmp_path / "room.rviz", tmp_path / "room.hmap"
+    save_map(building(), map_file)
+    assert run(map_file, "--config", file, "--server", "robot/server").exit_code == 0
+    assert file.read_text() == map_configuration(building(), "/robot/server")
+    assert isinstance(run(map_file, "--config", file).exception, HypermapError)  # it exists
+    assert run(map_file, "--config", file, "--ros2", "--force").exit_code == 0
+    assert file.read_text() == map_configuration(building(), ros2=True)
+
+
+def test_a_configuration_is_for_a_map(tmp_path: Path) -> None:
+    result = run("--config", tmp_path / "room.rviz")
+    assert "name the map" in str(result.exception)
+
+
+def test_rviz2_is_started_with_a_configuration_for_the_map(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    map_file, kept = tmp_path / "room.hmap", tmp_path / "kept.rviz"
+    save_map(building(), map_file)
+    program = tmp_path / "bin" / "rviz2"
+    program.parent.mkdir()
+    program.write_text(f'#!/bin/sh\n[ "$1" = -d ] && exec cp "$2" {kept}\n')
+    program.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{program.parent}:/usr/bin:/bin")
+    assert run(map_file, "--ros2").exit_code == 0
+    assert kept.read_text() == map_configuration(building(), ros2=True)
+    program.write_text("#!/bin/sh\nexit 3\n")
+    assert "exit code 3" in str(run(map_file, "--ros2").exception)
+    program.unlink()
+    assert "rviz2 is missing" in str(run(map_file, "--ros2").exception)
+    assert "name the map" in str(run("--ros2").exception)
+
+
+# The window
+
+
+class Told:
+    """A window that notes what it is told, and a node that hands on what it hears."""
+
+    def __init__(self) -> None:
+        self.orders: list[tuple[str, dict[str, Any]]] = []
+        self.heard: dict[str, Any] = {}
+
+    def tell(self, do: str, **order: Any) -> None:
+        self.orders.append((do, order))
+
+    def subscribe(self, topic: str, type_name: str, callback: Any, *, latched: bool) -> None:
+        assert latched
+        self.heard[topic] = callback
+
+    def metadata(self, *layers: tuple[str, str, str]) -> list[tuple[str, Any]]:
+        """Hear of layers, given as class, name and frame, and return what was told since."""
+        before = len(self.orders)
+        named = [SimpleNamespace(class_name=c, name=n, frame_id=f) for c, n, f in layers]
+        self.heard["/server/hypermap_metadata"](SimpleNamespace(layers=named))
+        return [(do, order.get("name", order.get("frame"))) for do, order in self.orders[before:]]
+
+
+GRID = ("OccupancyGridLayer", "grid", "map")
+THINGS = ("SemanticLayer", "things", "map")
+
+
+def test_displays_come_and_go_with_the_layers() -> None:
+    told: Any = Told()
+    LayerDisplays(told, told, "/server", View())
+    assert told.orders[0] == ("load", {"config": configuration([], "map", View())})
+    assert told.metadata(GRID, THINGS) == [("put", "grid"), ("put", "things")]
+    assert told.orders[-1][1]["open"] == ["Namespaces"]
+    assert told.metadata(GRID, THINGS) == []  # so what the user has set there stays
+    assert told.metadata(THINGS, ("ValueLayer", "values", "map")) == [("remove", "grid")]
+    assert told.metadata(("OccupancyGridLayer", "things", "map")) == [("put", "things")]
+    assert told.orders[-1][1]["class"] == "rviz/Map"
+    assert told.metadata() == [("remove", "things")]
+
+
+def test_the_fixed_frame_is_that_of_the_first_layer() -> None:
+    told: Any = Told()
+    LayerDisplays(told, told, "/server", View())
+    assert told.metadata(("SemanticLayer", "things", "lab"), GRID)[0] == ("frame", "lab")
+
+
+def test_the_window_looks_once_at_the_first_grid() -> None:
+    told: Any = Told()
+    LayerDisplays(told, told, "/server")
+    told.metadata(THINGS, ("OccupancyGridLayer", "a grid", "map"))
+    origin = SimpleNamespace(position=SimpleNamespace(x=10.0, y=2.0))
+    empty = SimpleNamespace(width=0, height=0, resolution=0.0, origin=origin)
+    grid = SimpleNamespace(width=80, height=40, resolution=0.1, origin=origin)
+    for message in (empty, grid, grid):
+        told.heard["/server/a_grid_map_metadata"](message)
+    views = [order for do, order in told.orders if do == "view"]
+    assert views == [{"x": 14.0, "y": 4.0, "scale": View.of((10, 2, 18, 6)).scale}]
+
+
+def test_a_view_that_was_given_stays() -> None:
+    told: Any = Told()
+    LayerDisplays(told, told, "/server", View(1, 2, 3))
+    told.metadata(GRID)
+    assert set(told.heard) == {"/server/hypermap_metadata"}
