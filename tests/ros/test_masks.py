@@ -13,12 +13,15 @@ import pytest
 import shapely
 import yaml
 
+from hypermap import save_map
 from hypermap.core.errors import HypermapError
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.semantic import SemanticLayer, SemanticObject
 from hypermap.ros.masks import CostmapMasks
 from hypermap.ros.typestore import Types, decode, encode
 from hypermap.testing.builders import occupancy_from_text, square
+
+from .conftest import wait_for
 
 pytestmark = pytest.mark.xdist_group("ros")
 
@@ -305,3 +308,40 @@ def test_the_static_layers_in_the_document_take_what_is_unknown_as_their_costmap
         layer = costmap["keepout_layer"]
         assert layer["use_maximum"] is True
         assert layer["track_unknown_space"] is not costmap["rolling_window"]
+
+
+def test_a_map_server_publishes_masks_and_takes_new_zones_while_it_runs(
+    roscore, rospy, start, tmp_path
+) -> None:
+    from nav_msgs.msg import OccupancyGrid
+
+    save_map(office(), tmp_path / "office.hmap")
+    server = start(
+        *("hypermap", "serve", tmp_path / "office.hmap", "--ros1", "__name:=masks_server"),
+        *("--param", "keepout=['desk 0.3']"),
+    )
+    received: list[Any] = []
+    topic = "/masks_server/keepout_mask"
+    listener = rospy.Subscriber(topic, OccupancyGrid, received.append)
+    try:
+        wait_for(lambda: received, topic)
+        assert (received[0].header.frame_id, received[0].info.resolution) == ("map", 0.5)
+        expected = cells(received[0])
+        assert np.count_nonzero(expected == 100) == 12
+        assert np.count_nonzero(expected == -1) == 84
+
+        late = rospy.wait_for_message(topic, OccupancyGrid, timeout=30)
+        np.testing.assert_array_equal(cells(late), expected)
+
+        rospy.set_param("/masks_server/keepout", ["plant 0"])
+        wait_for(lambda: len(received) > 1, "a mask with the new zone")
+        assert np.argwhere(cells(received[-1]) == 100).tolist() == [[5, 9]]
+
+        rospy.set_param("/masks_server/keepout", ["plant"])
+        server.expect("keepout: 'plant' is no zone; expected a class and a margin in metres")
+        rospy.set_param("/masks_server/speed", ["desk 0 50%"])
+        speed = rospy.wait_for_message("/masks_server/speed_mask", OccupancyGrid, timeout=30)
+        assert sorted(np.unique(cells(speed))) == [0, 50]
+        assert server.stop() == 0
+    finally:
+        listener.unregister()
