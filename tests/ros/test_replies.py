@@ -16,6 +16,7 @@ from hypermap.core.arrays import as_objects
 from hypermap.core.grid import GridGeometry
 from hypermap.core.layer import Hits
 from hypermap.core.occupancy import OccupancyLayer
+from hypermap.core.semantic import SemanticLayer
 from hypermap.ros.replies import (
     area_hits,
     as_int32,
@@ -26,6 +27,8 @@ from hypermap.ros.replies import (
     strings_reply,
 )
 from hypermap.ros.ros1_arrays import writing_arrays
+from hypermap.ros.to_messages import occupancy_grid, semantic_map
+from hypermap.testing.builders import square
 from hypermap.testing.strategies import occupancy_layers
 
 SHARED = settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=40)
@@ -135,6 +138,51 @@ def test_rospy_numbers_the_header_of_a_published_grid(ros1_types: Any) -> None:
     got = ros1_types.message("nav_msgs/OccupancyGrid")().deserialize(buffer.getvalue()[4:])
     assert length == len(buffer.getvalue()) - 4
     assert (got.header.seq, got.data) == (77, (0, 100))
+
+
+@pytest.mark.xdist_group("ros")
+def test_a_client_of_rospy_reads_them(rospy: Any, ros1_types: Any) -> None:
+    from hypermap.ros.ros1_messages import service_class
+
+    kind = service_class("hypermap_msgs/GetStringsByArea")
+    found = Hits(as_objects(["chair", "Tür", "chair"]), np.array([[1.5, 2], [3, 4], [5, 6]]))
+    service = rospy.Service("~replies", kind, lambda _: strings_reply(ros1_types, found))
+    client = rospy.ServiceProxy(service.resolved_name, kind, persistent=True)
+    try:
+        for _ in range(2):
+            got = client()
+            assert got.names == ["chair", "Tür", "chair"]
+            assert [(at.x, at.y, at.z) for at in got.locations] == [
+                (1.5, 2, 0),
+                (3, 4, 0),
+                (5, 6, 0),
+            ]
+    finally:
+        client.close()
+        service.shutdown()
+
+
+@pytest.mark.xdist_group("ros")
+def test_a_late_subscriber_of_rospy_gets_grid_and_objects(rospy: Any, ros1_types: Any) -> None:
+    grid = OccupancyLayer("o", "map", GridGeometry(2, 1, 0.5), np.array([[0, 100]], np.int8))
+    objects = SemanticLayer("s", "map", [square("cup", 1, 2, tags=["mug"], confidence=[0.5])])
+    sent = {
+        "nav_msgs/OccupancyGrid": occupancy_grid(grid, ros1_types, 5),
+        "hypermap_msgs/SemanticMap": semantic_map(objects, ros1_types, 5),
+    }
+    for number, (name, message) in enumerate(sent.items()):
+        topic, kind = f"~arrays{number}", ros1_types.message(name)
+        publisher = rospy.Publisher(topic, kind, latch=True, queue_size=1)
+        publisher.publish(message)
+        got = rospy.wait_for_message(topic, kind, timeout=30)
+        assert (got.header.frame_id, got.header.stamp.nsecs) == ("map", 5)
+        if number == 0:
+            assert got.data == (0, 100)
+        else:
+            (cup,) = got.objects
+            assert (cup.name, cup.tags, cup.confidence) == ("cup", ["mug"], (0.5,))
+            assert (cup.position.x, cup.position.y, len(cup.shape.points)) == (1, 2, 4)
+        publisher.unregister()
 
 
 def test_every_kind_of_field_is_written_as_genpy_does(ros1_types: Any) -> None:
