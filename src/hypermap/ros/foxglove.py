@@ -39,6 +39,7 @@ try:
 except ImportError:
     raise MissingExtra("the server for Foxglove", "foxglove") from None
 
+_LOOK_PERIOD = 0.2  # s
 _LEVELS: dict[Level, tuple[int, int]] = {  # of Python, of rcl_interfaces/Log
     "debug": (logging.DEBUG, 10),
     "info": (logging.INFO, 20),
@@ -78,6 +79,7 @@ class FoxglovePort:
         self._transforms = TransformLog()
         self._tf_static: Publisher | None = None
         self._end = threading.Event()
+        self._lock = threading.Lock()
         self._sender = ThreadPoolExecutor(1, thread_name_prefix="latched")
         self._context = foxglove.Context()
         self._listener = Listener(f"{self._name}.", self.log)
@@ -188,8 +190,9 @@ class FoxglovePort:
             request=message_schema(request, f"{service_type}_Request"),
             response=message_schema(response, f"{service_type}_Response"),
         )
-        self._server.add_services([foxglove.Service(full, schema=schema, handler=handle)])
-        return Closing(lambda: self._server.remove_services([full]))
+        service = foxglove.Service(full, schema=schema, handler=handle)
+        self._while_it_runs(lambda: self._server.add_services([service]))
+        return Closing(lambda: self._while_it_runs(lambda: self._server.remove_services([full])))
 
     def timer(self, period: float, callback: Callable[[], None]) -> Closable:
         """Call back every `period` seconds."""
@@ -239,6 +242,9 @@ class FoxglovePort:
             raise FrameError(f"no way leads from {source!r} to {target!r}: {error}") from None
         return pose
 
+    def forget_transforms(self) -> None:
+        """Do nothing: what is known does not move."""
+
     # The node itself
 
     def parameters(
@@ -280,16 +286,26 @@ class FoxglovePort:
             for number in (signal.SIGINT, signal.SIGTERM):
                 before[number] = signal.signal(number, lambda *_: self._end.set())
         try:
-            self._end.wait()
+            while not self._end.wait(_LOOK_PERIOD):
+                pass  # a signal that another thread has received is handled here
         finally:
             for number, handler in before.items():
                 signal.signal(number, handler)
 
     def shut_down(self) -> None:
         """End the node and the connections of its clients."""
-        self._end.set()
+        with self._lock:
+            if self._end.is_set():
+                return
+            self._end.set()
         self._server.stop()
         self._sender.shutdown(wait=False, cancel_futures=True)
+
+    def _while_it_runs(self, change: Callable[[], None]) -> None:
+        """Change the services, unless the server ends: it cannot do both at once."""
+        with self._lock:
+            if not self._end.is_set():
+                change()
 
     def _guarded(self, callback: Callable[[], None]) -> None:
         try:

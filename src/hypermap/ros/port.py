@@ -169,6 +169,14 @@ class Port(Protocol):
         """
         ...
 
+    def forget_transforms(self) -> None:
+        """Forget where moving frames were, which tf would hold against what comes.
+
+        It takes nothing that is much older than the newest it knows: call this after the clock
+        has jumped back. Fixed frames stay.
+        """
+        ...
+
     # The node itself
 
     def parameters(

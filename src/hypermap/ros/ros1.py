@@ -167,6 +167,10 @@ class Ros1Port:
             p, q = found.transform.translation, found.transform.rotation
             return pose_matrix((p.x, p.y, p.z), (q.x, q.y, q.z, q.w))
 
+    def forget_transforms(self) -> None:
+        """Forget where moving frames were."""
+        self._tf()[0].clear()
+
     def parameters(
         self,
         parameters: Sequence[Parameter],

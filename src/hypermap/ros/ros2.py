@@ -182,6 +182,10 @@ class Ros2Port:
         """Return `target_T_source`, shape (4, 4)."""
         return self._transforms.lookup(target, source, stamp, timeout)
 
+    def forget_transforms(self) -> None:
+        """Forget where moving frames were."""
+        self._transforms.forget()
+
     def parameters(
         self,
         parameters: Sequence[Parameter],

@@ -66,6 +66,10 @@ class Transforms:
         p, q = found.transform.translation, found.transform.rotation
         return pose_matrix((p.x, p.y, p.z), (q.x, q.y, q.z, q.w))
 
+    def forget(self) -> None:
+        """Forget where moving frames were."""
+        self._buffer.clear()
+
     def close(self) -> None:
         """Listen no more."""
         self._jumps.unregister()

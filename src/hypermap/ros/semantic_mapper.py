@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hypermap.core.errors import FrameError, HypermapError
+from hypermap.core.hypermap import Hypermap
 from hypermap.formats import save_map
 from hypermap.recordings.messages.header import clean_frame
 from hypermap.recordings.messages.occupancy import occupancy_of_grid
@@ -88,6 +89,11 @@ class SemanticMapper:
         """Return how the node fares; None if it is not active."""
         life = self._life
         return None if life is None else life.report()
+
+    def hypermap(self) -> Hypermap:
+        """Return the map so far; an empty one if the node is not configured."""
+        live_map = self._map
+        return Hypermap() if live_map is None else live_map.hypermap()
 
     def __len__(self) -> int:
         """Return how many objects are in the map."""
@@ -192,6 +198,7 @@ class _Life:
         if self._mailbox.take(timeout=0.0) is not None:
             self._statistics.count(Fate.CLOCK_JUMP)
         self._newest = 0
+        self._port.forget_transforms()
         self._port.log(
             "warning", "the clock has jumped back: what waited is forgotten, the map goes on"
         )
