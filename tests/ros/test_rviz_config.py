@@ -21,7 +21,7 @@ from hypermap.core.hypermap import Hypermap
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.opaque import OpaqueLayer
 from hypermap.core.semantic import SemanticLayer, SemanticObject
-from hypermap.formats import save_map
+from hypermap.formats import open_map, save_map
 from hypermap.ros.rviz_config import View, configuration, map_configuration, view_of
 from hypermap.ros.rviz_window import LayerDisplays
 from hypermap.testing import occupancy_from_text, square
@@ -59,13 +59,10 @@ def test_rviz2_receives_what_was_published_before_it_came() -> None:
     text = map_configuration(building(), ros2=True)
     shown = displays(text)
     assert shown["occupancy"]["Class"] == "rviz_default_plugins/Map"
-    for topic in (
-        shown["occupancy"]["Topic"],
-        shown["occupancy"]["Update Topic"],
-        shown["2nd floor"]["Topic"],
-    ):
+    for topic in (shown["occupancy"]["Topic"], shown["2nd floor"]["Topic"]):
         assert topic["Durability Policy"] == "Transient Local"
         assert topic["Reliability Policy"] == "Reliable"
+    assert shown["occupancy"]["Update Topic"]["Durability Policy"] == "Volatile"
     assert shown["2nd floor"]["Topic"]["Value"] == "/hypermap_server/_2nd_floor_markers"
     assert "rviz/" not in text
 
@@ -203,3 +200,23 @@ def test_a_view_that_was_given_stays() -> None:
     LayerDisplays(told, told, "/server", View(1, 2, 3))
     told.metadata(GRID)
     assert set(told.heard) == {"/server/hypermap_metadata"}
+
+
+# The package of launch files
+
+PACKAGE = Path(__file__).parents[2] / "ros" / "hypermap"
+
+
+@pytest.mark.parametrize(("name", "ros2"), [("hypermap", False), ("hypermap_ros2", True)])
+def test_the_package_shows_the_layers_that_its_maps_have(name: str, ros2: bool) -> None:
+    """To write the files anew: python -m tests.ros.test_rviz_config."""
+    assert (PACKAGE / "rviz" / f"{name}.rviz").read_text() == of_the_package(ros2)
+
+
+def of_the_package(ros2: bool) -> str:
+    return map_configuration(open_map(PACKAGE / "maps" / "subscribe.yaml"), ros2=ros2)
+
+
+if __name__ == "__main__":
+    (PACKAGE / "rviz" / "hypermap.rviz").write_text(of_the_package(ros2=False))
+    (PACKAGE / "rviz" / "hypermap_ros2.rviz").write_text(of_the_package(ros2=True))

@@ -15,6 +15,7 @@ from hypermap.core.hypermap import Hypermap
 from hypermap.core.layer import Layer
 from hypermap.core.occupancy import UNKNOWN, OccupancyLayer
 from hypermap.core.semantic import SemanticLayer
+from hypermap.recordings.messages.header import clean_frame
 from hypermap.ros.topic_names import topic_name
 
 DEFAULT_SERVER = "/hypermap_server"
@@ -70,7 +71,7 @@ def map_configuration(
             if isinstance(layer, SemanticLayer):
                 shown["Namespaces"] = {str(name): True for name in sorted(set(layer.names))}
             displays.append(shown)
-    return configuration(displays, hypermap.base_frame, view_of(hypermap), ros2=ros2)
+    return configuration(displays, clean_frame(hypermap.base_frame), view_of(hypermap), ros2=ros2)
 
 
 def has_display(class_name: str) -> bool:
@@ -100,7 +101,7 @@ def display(
     if ros2:
         shown["Topic"] = _latched(topic)
         if kind == "Map":
-            shown["Update Topic"] = _latched(f"{topic}_updates")
+            shown["Update Topic"] = _latched(f"{topic}_updates") | {"Durability Policy": "Volatile"}
     else:
         shown[topic_key] = topic
     return shown

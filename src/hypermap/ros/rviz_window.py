@@ -14,6 +14,7 @@ import yaml
 
 from hypermap.core.errors import HypermapError
 from hypermap.core.occupancy import OccupancyLayer
+from hypermap.recordings.messages.header import clean_frame
 from hypermap.ros.port import Closable, Message, Port
 from hypermap.ros.rviz_config import (
     DEFAULT_SERVER,
@@ -116,8 +117,9 @@ class LayerDisplays:
         """Show the layers that a `hypermap_msgs/HypermapMetaData` names, and no others."""
         with self._lock:
             layers = [item for item in metadata.layers if has_display(item.class_name)]
-            if metadata.layers and metadata.layers[0].frame_id != self._frame:
-                self._frame = metadata.layers[0].frame_id
+            frames = [clean_frame(item.frame_id) for item in metadata.layers]
+            if frames and frames[0] != self._frame:
+                self._frame = frames[0]
                 self._window.tell("frame", frame=self._frame)
             wanted = {
                 item.name: display(item.class_name, item.name, self._server) for item in layers
@@ -149,7 +151,7 @@ class LayerDisplays:
         """Ask where the first grid in the fixed frame lies."""
         for layer in layers:
             is_grid = layer.class_name == OccupancyLayer.class_name
-            if is_grid and layer.frame_id == self._frame:
+            if is_grid and clean_frame(layer.frame_id) == self._frame:
                 topic = f"{self._server}/{topic_name(layer.name, 'map_metadata')}"
                 self._grid = self._port.subscribe(
                     topic, "nav_msgs/MapMetaData", self.look_at, latched=True
