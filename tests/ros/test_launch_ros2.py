@@ -1,0 +1,143 @@
+"""The launch files for ROS 2, as far as they can be read without it.
+
+`ros2 launch` itself does not run here. Source of the rules: launch_xml, launch_ros
+(actions/node.py, utilities/evaluate_parameters.py) and launch (actions/execute_process.py).
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+
+import pytest
+import yaml
+
+from hypermap.formats import open_map
+from hypermap.ros.map_server import MapServer
+from hypermap.ros.parameters import checked
+from hypermap.ros.semantic_mapper import SemanticMapper
+
+PACKAGE = Path(__file__).parents[2] / "ros" / "hypermap"
+FILES = sorted((PACKAGE / "launch").glob("*.launch.xml"))
+NODES = {"hypermap_server": MapServer, "semantic_mapper": SemanticMapper}
+OF_ROS = {"use_sim_time", "autostart"}
+ATTRIBUTES = {
+    "launch": set(),
+    "arg": {"name", "default", "description", "value"},
+    "node": {"pkg", "exec", "name", "output", "args", "if"},
+    "param": {"name", "value", "from"},
+    "remap": {"from", "to"},
+    "group": {"if"},
+    "include": {"file"},
+    "executable": {"cmd", "output", "on_exit"},
+}
+
+files = pytest.mark.parametrize("file", FILES, ids=lambda file: file.name)
+
+
+def elements(file: Path) -> list[ElementTree.Element]:
+    return list(ElementTree.parse(file).getroot().iter())
+
+
+def declared(file: Path) -> set[str]:
+    return {item.get("name", "") for item in ElementTree.parse(file).getroot().findall("arg")}
+
+
+def test_the_four_tasks_have_a_file() -> None:
+    names = {file.name.removesuffix(".launch.xml") for file in FILES}
+    assert names == {"show_map", "record_map", "semantic_mapping", "map_bag"}
+
+
+@files
+def test_tags_and_attributes_are_those_of_launch(file: Path) -> None:
+    for element in elements(file):
+        assert set(element.attrib) <= ATTRIBUTES[element.tag], element.attrib
+
+
+@files
+def test_variables_are_declared_and_used(file: Path) -> None:
+    root = ElementTree.parse(file).getroot()
+    values = [value for element in root.iter() for value in element.attrib.values()]
+    used = {name for value in values for name in re.findall(r"\$\(var (\w+)\)", value)}
+    assert used == declared(file)
+
+
+@files
+def test_programs_take_arguments_without_quotes(file: Path) -> None:
+    """Launch splits the text between substitutions by itself, and fails on half a quotation."""
+    for element in elements(file):
+        assert not set("'\"") & set(element.get("args", "") + element.get("cmd", ""))
+
+
+@files
+def test_parameters_exist_and_have_their_type(file: Path) -> None:
+    """A text must be quoted: launch_ros reads values as YAML, and refuses an empty one."""
+    arguments = ElementTree.parse(file).getroot().findall("arg")
+    defaults = {item.get("name", ""): item.get("default", "") for item in arguments}
+    for node in (item for item in elements(file) if item.get("pkg") == "hypermap"):
+        known = {item.name: item for item in NODES[node.get("exec", "")].PARAMETERS}
+        assert node.get("name") == node.get("exec")
+        for parameter in node.findall("param"):
+            name, value = parameter.get("name"), parameter.get("value", "")
+            if name is None or name in OF_ROS:
+                continue
+            for argument, default in defaults.items():
+                value = value.replace(f"$(var {argument})", default)
+            checked(known[name], yaml.safe_load(re.sub(r"\$\([^)]*\)", "", value)))
+
+
+@files
+def test_what_is_included_takes_the_arguments(file: Path) -> None:
+    for include in (item for item in elements(file) if item.tag == "include"):
+        path = include.get("file", "")
+        if "$(find-pkg-share hypermap)" in path:
+            other = Path(path.replace("$(find-pkg-share hypermap)", str(PACKAGE)))
+            assert {item.get("name") for item in include.findall("arg")} <= declared(other)
+
+
+@files
+def test_files_of_the_package_exist(file: Path) -> None:
+    text = file.read_text()
+    for name in re.findall(r"\$\(find-pkg-share hypermap\)/([\w./]+)", text):
+        assert (PACKAGE / name).is_file(), name
+
+
+def test_the_maps_that_nodes_fill_open() -> None:
+    for file in (PACKAGE / "maps").glob("*.yaml"):
+        assert all(layer.settings["subscribe_mode"] for layer in open_map(file))
+
+
+def test_the_file_of_parameters_shows_the_defaults() -> None:
+    text = (PACKAGE / "params" / "map_server.yaml").read_text()
+    known = {item.name: item for item in MapServer.PARAMETERS}
+    values = yaml.safe_load(text)["/**"]["ros__parameters"]
+    for name, value in values.items():
+        assert checked(known[name], value) == known[name].default
+    hidden = re.findall(r"^ +# (\w+): (.*?)(?:  #.*)?$", text, re.MULTILINE)
+    assert hidden
+    for name, value in hidden:
+        checked(known[name], yaml.safe_load(value))
+
+
+@pytest.mark.parametrize("name", NODES)
+def test_scripts_start_the_nodes(name: str) -> None:
+    script = PACKAGE / "scripts" / name
+    assert os.access(script, os.X_OK)
+    assert script.read_text().startswith("#!/usr/bin/env python3\n")
+    done = subprocess.run(
+        [sys.executable, script, "a.hmap", "b.hmap"], capture_output=True, text=True, timeout=60
+    )
+    assert done.returncode == 1
+    assert re.match(rf"{name}: .*(one map|does not know)", done.stderr), done.stderr
+
+
+def test_both_systems_build_one_package() -> None:
+    root = ElementTree.parse(PACKAGE / "package.xml").getroot()
+    builds = {item.get("condition"): item.text for item in root.iter("build_type")}
+    assert builds == {"$ROS_VERSION == 1": "catkin", "$ROS_VERSION == 2": "ament_cmake"}
+    messages = ElementTree.parse(PACKAGE.parent / "hypermap_msgs" / "package.xml").getroot()
+    assert root.findtext("version") == messages.findtext("version")
