@@ -10,6 +10,7 @@ import json
 import struct
 import time
 from collections.abc import Callable
+from contextlib import ExitStack
 from typing import Any
 
 from websockets.sync.client import connect
@@ -30,7 +31,10 @@ class Client:
         self.answers: dict[int, bytes] = {}  # by id of the call
         self._ids = itertools.count(1)
         self._topics: dict[int, str] = {}
-        self._socket = connect(url, subprotocols=["foxglove.sdk.v1"], max_size=None)
+        self._stack = ExitStack()
+        self._socket = self._stack.enter_context(
+            connect(url, subprotocols=["foxglove.sdk.v1"], max_size=None)
+        )
 
     def __enter__(self) -> Client:
         return self
@@ -39,7 +43,7 @@ class Client:
         self.close()
 
     def close(self) -> None:
-        self._socket.close()
+        self._stack.close()
 
     def wait(self, condition: Callable[[], Any], what: str, timeout: float = 30.0) -> Any:
         """Receive until a condition holds, and return what it returned."""

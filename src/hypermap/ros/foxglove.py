@@ -6,8 +6,10 @@ Source: the Foxglove WebSocket protocol, by Foxglove's SDK.
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import signal
+import sys
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -80,6 +82,7 @@ class FoxglovePort:
         self._tf_static: Publisher | None = None
         self._end = threading.Event()
         self._lock = threading.Lock()
+        self._is_stopped = False
         self._sender = ThreadPoolExecutor(1, thread_name_prefix="latched")
         self._context = foxglove.Context()
         self._listener = Listener(f"{self._name}.", self.log)
@@ -294,17 +297,17 @@ class FoxglovePort:
 
     def shut_down(self) -> None:
         """End the node and the connections of its clients."""
+        self._end.set()
         with self._lock:
-            if self._end.is_set():
-                return
-            self._end.set()
-        self._server.stop()
+            was_stopped, self._is_stopped = self._is_stopped, True
+        if not was_stopped:
+            self._server.stop()
         self._sender.shutdown(wait=False, cancel_futures=True)
 
     def _while_it_runs(self, change: Callable[[], None]) -> None:
         """Change the services, unless the server ends: it cannot do both at once."""
         with self._lock:
-            if not self._end.is_set():
+            if not self._is_stopped:
                 change()
 
     def _guarded(self, callback: Callable[[], None]) -> None:
@@ -317,9 +320,18 @@ class FoxglovePort:
         return name if name.startswith("/") else f"{self._name}/{name}"
 
 
+class _StandardError(logging.Handler):
+    """Writes lines where standard error is at that time."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        with contextlib.suppress(OSError, ValueError):  # closed
+            sys.stderr.write(self.format(record) + "\n")
+            sys.stderr.flush()
+
+
 def _terminal(name: str) -> logging.Logger:
     """Return what writes the log of a node on standard error, as rospy and rclpy do."""
-    handler = logging.StreamHandler()
+    handler = _StandardError()
     handler.setFormatter(logging.Formatter("[%(levelname)s] [%(name)s]: %(message)s"))
     logger = logging.getLogger(name)
     logger.handlers = [handler]
