@@ -2,15 +2,18 @@
 
 BIN := .venv/bin
 
-.PHONY: demo test lint types tests core-tests package format lock clean help
+.PHONY: demo test ros1 lint types tests core-tests package format lock clean help
 
 help:  ## list what can be made
-	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
+	@grep -hE '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
 
 demo: .venv/.hypermap  ## see a map being made: a simulated room, mapped and drawn
 	$(BIN)/hypermap demo
 
-test: lint types tests core-tests package  ## everything that CI checks
+test: ros1 lint types tests core-tests package  ## everything that CI checks
+
+ros1:  ## install ROS 1 for its tests, where that is possible: on Debian 12, as root
+	scripts/ros1.sh
 
 lint: .venv/.dev  ## style, and which room may import which
 	$(BIN)/ruff check .

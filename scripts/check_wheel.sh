@@ -1,11 +1,11 @@
 #!/bin/sh
-# Build the wheel and run the command from it, away from the checkout.
+# Build the source archive and from it the wheel; run the command from that, away from the checkout.
 set -eu
 cd "$(dirname "$0")/.."
 python=$PWD/.venv/bin/python
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
-"$python" -m build --quiet --wheel --no-isolation --outdir "$work/dist" . >/dev/null
+"$python" -m build --quiet --no-isolation --outdir "$work/dist" . >/dev/null
 "$python" -m pip install --quiet --disable-pip-version-check --no-deps --target "$work/site" "$work"/dist/*.whl
 cd "$work"
 PYTHONPATH=$work/site "$python" -c '
@@ -13,7 +13,10 @@ import hypermap
 from pathlib import Path
 package = Path(hypermap.__file__).parent
 assert package.parent.name == "site", package
-for file in ("py.typed", "simulation/worlds/demo.yaml"):
+messages = (f"ros/hypermap_msgs/{name}" for name in ("msg/SemanticMap.msg", "srv/LoadMap.srv"))
+for file in ("py.typed", "simulation/worlds/demo.yaml", *messages):
     assert (package / file).is_file(), f"the wheel lacks {file}"
+from hypermap.ros.definitions import package_folder
+assert package_folder() == package / "ros" / "hypermap_msgs", package_folder()
 '
 PYTHONPATH=$work/site "$python" -m hypermap --version

@@ -20,6 +20,7 @@ from hypermap.cli import (
     map_,
     query,
     render,
+    ros1_env,
     rviz,
     serve,
     shell,
@@ -89,6 +90,7 @@ for _name, _module in {
     "serve": serve,
     "live": live,
     "rviz": rviz,
+    "ros1-env": ros1_env,
 }.items():
     app.command(
         _name,

@@ -1,0 +1,32 @@
+#!/bin/sh
+# Install ROS 1 from Debian 12, as root; elsewhere say why not, and succeed.
+set -eu
+
+packages="
+  catkin g++ libgeometry-msgs-dev libgl1-mesa-dri libstd-msgs-dev make python3-diagnostic-msgs
+  python3-geometry-msgs python3-map-msgs python3-nav-msgs python3-rosbag python3-roslaunch
+  python3-rosmsg python3-rosnode python3-rosparam python3-rospy python3-rosservice
+  python3-rostopic python3-rviz python3-sensor-msgs python3-std-msgs python3-std-srvs
+  python3-tf2-geometry-msgs python3-tf2-ros python3-visualization-msgs ros-message-generation
+  rviz xvfb
+"
+
+skip() {
+  echo "ROS 1 is not installed, so its tests are skipped: $1"
+  exit 0
+}
+
+# shellcheck disable=SC2086 # a list of words
+missing=$(dpkg-query -W -f '${db:Status-Status}\n' $packages 2>&1 | grep -vcx installed) || true
+[ "${missing:-1}" != 0 ] || exit 0
+grep -qsx 'VERSION_CODENAME=bookworm' /etc/os-release || skip "it comes from Debian 12"
+[ "$(id -u)" = 0 ] || skip "to install it: sudo scripts/ros1.sh"
+
+log=$(mktemp)
+trap 'rm -f "$log"' EXIT
+export DEBIAN_FRONTEND=noninteractive
+# shellcheck disable=SC2086 # a list of words
+if ! { apt-get update && apt-get install -y --no-install-recommends $packages; } >"$log" 2>&1; then
+  tail -n 3 "$log" >&2
+  skip "apt-get failed, see above"
+fi
