@@ -35,24 +35,31 @@ class Buffer:
         end = wall.monotonic() + (timeout.nanoseconds / 1e9 if timeout else 0)
         while True:
             try:
-                matrix = np.linalg.inv(self._to_root(target_frame, source_frame)) @ self._to_root(
-                    source_frame, target_frame
-                )
-                return self._stamped(matrix)
+                target = self._to_root(target_frame, source_frame, time)
+                source = self._to_root(source_frame, target_frame, time)
+                return self._stamped(np.linalg.inv(target) @ source)
             except TransformException:
                 if wall.monotonic() >= end:
                     raise
             wall.sleep(0.01)
 
-    def _to_root(self, frame: str, other: str) -> Any:
+    def _to_root(self, frame: str, other: str, time: Time) -> Any:
         if frame != other and not self._links(frame):
             raise TransformException(f'"{frame}" passed to lookupTransform does not exist.')
         matrix = np.eye(4)
         while frame in self.known or frame in self.fixed:
-            message = self.known[frame][-1] if frame in self.known else self.fixed[frame]
+            message = self._at(frame, time) if frame in self.known else self.fixed[frame]
             matrix = _matrix(message.transform) @ matrix
             frame = message.header.frame_id
         return matrix
+
+    def _at(self, frame: str, time: Time) -> Any:
+        """Return a transform of that very time, or the latest; this tf does not interpolate."""
+        for message in reversed(self.known[frame]):
+            stamp = message.header.stamp
+            if time.nanoseconds in (0, stamp.sec * 10**9 + stamp.nanosec):
+                return message
+        raise TransformException("Lookup would require extrapolation into the future.")
 
     def _links(self, frame: str) -> bool:
         every = [*self.fixed.values(), *(m for ms in self.known.values() for m in ms)]
