@@ -16,7 +16,7 @@ from hypermap.colors import class_colors
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.semantic import SemanticLayer
-from hypermap.ros.markers import tint
+from hypermap.ros.marker_array import tint
 from hypermap.ros.rviz_config import View
 
 BACKGROUND = (226, 229, 233)

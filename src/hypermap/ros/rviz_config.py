@@ -151,6 +151,8 @@ def configuration(
         "Y": round(view.y, 3),
         "Near Clip Distance": 0.01,
     }
+    # rviz2 may take its transforms from elsewhere than tf.
+    transforms = {"Transformation": {"Current": {"Class": _class("TF", ros2)}}} if ros2 else {}
     tools = ("MoveCamera", "Interact", "Select", "Measure", "PublishPoint")
     content = {
         "Panels": [
@@ -173,6 +175,7 @@ def configuration(
                 "Frame Rate": 30,
             },
             "Tools": [{"Class": _class(name, ros2)} for name in tools],
+            **transforms,
             "Views": {"Current": current, "Saved": None},
         },
         "Window Geometry": {
