@@ -49,9 +49,12 @@ class ShapeIndex:
         Returns:
             Positions among the geometries and rows, both of shape (M,).
         """
-        queries, rows = self._hits_in(self._settled, geometries)
-        if len(self._recent.rows):
-            more = self._hits_in(self._recent, geometries)
+        first, *others = [part for part in (self._settled, self._recent) if len(part.rows)] or [
+            self._settled
+        ]
+        queries, rows = self._hits_in(first, geometries)
+        for part in others:  # a point is asked for so often that copies would show
+            more = self._hits_in(part, geometries)
             queries, rows = np.append(queries, more[0]), np.append(rows, more[1])
         order = np.lexsort((rows, queries))
         return queries[order], rows[order]
