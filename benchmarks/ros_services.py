@@ -243,7 +243,11 @@ def measure(case: Case, repeat: int) -> tuple[float, float, int]:
     if sizes[0] != sizes[1]:
         raise RuntimeError(f"{case.title}: the replies differ in size: {sizes}")
     taken: list[list[float]] = [[], []]
-    for _ in range(max(5, round(repeat * case.share))):
+    count = max(5, round(repeat * case.share))
+    for _ in range(count // 2):  # to warm up
+        for client in clients:
+            client.ask(request)
+    for _ in range(count):
         for client, times in zip(clients, taken, strict=True):
             start = time.perf_counter()
             client.ask(request)
