@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import array
 import json
+import threading
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ import pytest
 from hypermap.core.errors import HypermapError
 from hypermap.formats import open_map
 from hypermap.ros.map_server import MapServer
+from hypermap.ros.nodes import run_map_server
 
 from .conftest import wait_for
 from .fake_rclpy import Graph, other_node
@@ -299,4 +301,27 @@ def test_parameters_change_what_is_shown(graph: Graph, serve: Any) -> None:
 def test_a_map_that_is_missing_ends_the_start(graph: Graph, serve: Any, tmp_path: Path) -> None:
     with pytest.raises(HypermapError, match=r"missing\.hmap"):
         serve(file=tmp_path / "missing.hmap")
+    assert graph.nodes == []
+
+
+def test_the_program_serves_until_it_is_told_to_end(graph: Graph, tmp_path: Path) -> None:
+    file = saved(building(), tmp_path / "a map.hmap")
+    answers: list[str] = []
+
+    def ask() -> None:
+        wait_for(lambda: "/robot/maps/get_string_at_point" in graph.services(), "the node")
+        at = point(graph, 0.5, 0.5)
+        service = "/robot/maps/get_string_at_point"
+        answers.append(graph.call(service, layer="occupancy", location=at).name)
+        heights = graph.node("/robot/maps").get_parameter("label_height").value
+        answers.append(str(heights))
+        graph.ok = False
+
+    client = threading.Thread(target=ask)
+    client.start()
+    ros = ["--ros-args", "-r", "__ns:=/robot", "-r", "__node:=maps"]
+    values = {"label_height": 0.4, "console": False, "hidden_classes": ["potted plant"]}
+    run_map_server([str(file), *ros], middleware="ros2", values=values)
+    client.join()
+    assert answers == ["Free", "0.4"]
     assert graph.nodes == []
