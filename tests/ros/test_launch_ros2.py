@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
 import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
@@ -141,3 +142,28 @@ def test_both_systems_build_one_package() -> None:
     assert builds == {"$ROS_VERSION == 1": "catkin", "$ROS_VERSION == 2": "ament_cmake"}
     messages = ElementTree.parse(PACKAGE.parent / "hypermap_msgs" / "package.xml").getroot()
     assert root.findtext("version") == messages.findtext("version")
+
+
+@pytest.mark.parametrize(
+    ("version", "system", "suffix"), [(1, "catkin", ".launch"), (2, "ament_cmake", ".launch.xml")]
+)
+def test_the_package_builds(tmp_path: Path, version: int, system: str, suffix: str) -> None:
+    if shutil.which("cmake") is None or not Path("/usr/share", system).is_dir():
+        pytest.skip(f"{system} is not here: make ros1 installs it on Debian 12")
+    python = "/usr/bin/python3"
+    command = ["cmake", PACKAGE, f"-DPYTHON_EXECUTABLE={python}", f"-DPython3_EXECUTABLE={python}"]
+    command += [f"-DCMAKE_INSTALL_PREFIX={tmp_path / 'out'}", f"-DCATKIN_DEVEL_PREFIX={tmp_path}"]
+    build = tmp_path / "build"
+    build.mkdir()
+    environment = {**os.environ, "ROS_VERSION": str(version)}
+    for words in (command, ["cmake", "--build", ".", "--target", "install"]):
+        done = subprocess.run(
+            words, cwd=build, env=environment, capture_output=True, text=True, timeout=120
+        )
+        assert done.returncode == 0, done.stdout + done.stderr
+    share = tmp_path / "out" / "share" / "hypermap"
+    launch = {path.name.removesuffix(suffix) for path in (share / "launch").iterdir()}
+    assert launch == {"show_map", "record_map", "semantic_mapping", "map_bag"}
+    assert (share / "maps" / "subscribe.yaml").is_file()
+    assert (share / "rviz").is_dir()
+    assert all(os.access(tmp_path / "out" / "lib" / "hypermap" / name, os.X_OK) for name in NODES)
