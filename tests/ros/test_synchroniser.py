@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hypermap.ros.synchroniser import Settled, Synchroniser
@@ -148,6 +148,7 @@ def test_whatever_comes_nothing_is_used_twice_or_out_of_reach(
             assert sorted(set(column)) == list(column)
 
 
+@settings(max_examples=10)
 @given(st.lists(st.sampled_from(["", "color"]), min_size=1000, max_size=1000))
 def test_memory_is_bounded(streams: list[str]) -> None:
     synchroniser = Synchroniser(("color",), 0.0, 1)
