@@ -177,7 +177,7 @@ def test_rclpy_takes_every_field(store: Any) -> None:
     types: Any = StrictTypes(store())
     types.stamp = lambda nanoseconds: types.message("builtin_interfaces/Time")()
     array = marker_array(layer, class_colors(layer.names), types, MarkerStyle())
-    assert [marker.ns for marker in array.markers] == ["", *["sofa"] * 3, *["cup"] * 3]
+    assert [marker.ns for marker in array.markers] == ["", *["cup"] * 3, *["sofa"] * 3]
     assert types.to_cdr(array)
 
 

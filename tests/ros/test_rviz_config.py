@@ -89,6 +89,19 @@ def test_the_view_shows_all_that_is_known() -> None:
     assert view_of(Hypermap()) == view_of(Hypermap([empty])) == View()
 
 
+@pytest.mark.parametrize(("size", "cell"), [(10, 1), (500, 10)])
+def test_lines_reach_beyond_what_is_seen(size: float, cell: int) -> None:
+    view = View.of((1000, -50, 1000 + size, -50 + size))
+    ground = displays(configuration([], "map", view))["Grid"]
+    assert ground["Cell Size"] == cell
+    middle = np.array([ground["Offset"]["X"], ground["Offset"]["Y"]])
+    assert (middle % cell == 0).all()
+    reach = cell * ground["Plane Cell Count"] / 2
+    corners = np.array([(1000, -50), (1000 + size, -50 + size)])
+    assert (np.abs(corners - middle) < reach).all()
+    assert ground["Plane Cell Count"] < 300
+
+
 def test_a_point_is_seen_from_a_distance() -> None:
     assert View.of((3, 4, 3, 4)).scale < 1000
 
@@ -191,8 +204,12 @@ def test_the_window_looks_once_at_the_first_grid() -> None:
     grid = SimpleNamespace(width=80, height=40, resolution=0.1, origin=origin)
     for message in (empty, grid, grid):
         told.heard["/server/a_grid_map_metadata"](message)
-    views = [order for do, order in told.orders if do == "view"]
-    assert views == [{"x": 14.0, "y": 4.0, "scale": View.of((10, 2, 18, 6)).scale}]
+    (_, order), *others = [told for told in told.orders[1:] if told[0] == "load"]
+    assert not others
+    current = manager(order["config"])["Views"]["Current"]
+    assert (current["X"], current["Y"]) == (14.0, 4.0)
+    assert list(displays(order["config"])) == ["Grid", "things", "a grid", "Frames"]
+    assert told.metadata(THINGS) == [("remove", "a grid")]
 
 
 def test_a_view_that_was_given_stays() -> None:

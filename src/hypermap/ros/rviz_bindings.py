@@ -2,12 +2,11 @@
 
 It runs on the Python that rviz's bindings are for, so it imports nothing but those:
 
-- {"do": "load", "config": TEXT}: take a whole configuration.
+- {"do": "load", "config": TEXT}: take a whole configuration, in place of all there is.
 - {"do": "put", "name": NAME, "class": CLASS, "config": TEXT, "open": [PROPERTY, ...]}: add a
   display, in place of one of that name, and open it in the panel to show these of its properties.
 - {"do": "remove", "name": NAME}: remove a display.
 - {"do": "frame", "frame": NAME}: set the fixed frame.
-- {"do": "view", "x": METRES, "y": METRES, "scale": PIXELS_PER_METRE}: look there from above.
 
 Configurations are YAML, as in a `.rviz` file. The end of the input closes the window.
 """
@@ -47,6 +46,9 @@ class Window(rviz.VisualizationFrame):  # type: ignore[misc]
         what = order.pop("do")
         if what == "load":
             self.load(_parsed(order["config"]))
+            group = self.getManager().getRootDisplayGroup()
+            shown = [group.getDisplayAt(place) for place in range(group.numDisplays())]
+            self._displays = {display.getName(): display for display in shown}
         elif what == "put":
             self.remove(order["name"])
             self.put(order["name"], order["class"], order["config"], order["open"])
@@ -54,10 +56,6 @@ class Window(rviz.VisualizationFrame):  # type: ignore[misc]
             self.remove(order["name"])
         elif what == "frame":
             self.getManager().setFixedFrame(order["frame"])
-        elif what == "view":
-            view = self.getManager().getViewManager().getCurrent()
-            for key in ("x", "y", "scale"):
-                view.subProp(key.capitalize()).setValue(order[key])
         self.setWindowModified(False)
 
     def put(self, name: str, class_name: str, config: str, opened: list[str]) -> None:

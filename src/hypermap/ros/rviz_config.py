@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -23,6 +24,7 @@ _SUFFIX = {OccupancyLayer.class_name: "map", SemanticLayer.class_name: "markers"
 _WINDOW = (1280, 860)  # pixels
 _MAP_VIEW = (880, 700)  # what of the window is left for the map
 _MARGIN = 0.9  # how much of it the map fills
+_COARSE = 12  # pixels per metre, below which lines at whole metres are too many
 _BACKGROUND = "226; 229; 233"
 
 
@@ -119,18 +121,6 @@ def configuration(
         ros2: whether it is for rviz2.
     """
     panel = "rviz_common" if ros2 else "rviz"
-    ground = {
-        "Class": _class("Grid", ros2),
-        "Name": "Grid",
-        "Enabled": True,
-        "Value": True,
-        "Alpha": 0.2,
-        "Cell Size": 1,  # m
-        "Color": "120; 120; 120",
-        "Plane Cell Count": 100,
-        "Reference Frame": "<Fixed Frame>",
-        "Offset": {"X": 0, "Y": 0, "Z": -0.02},
-    }
     frames = {
         "Class": _class("TF", ros2),
         "Name": "Frames",
@@ -168,7 +158,7 @@ def configuration(
             "Name": "root",
             "Enabled": True,
             "Value": True,
-            "Displays": [ground, *displays, frames],
+            "Displays": [_ground(view, ros2), *displays, frames],
             "Global Options": {
                 "Background Color": _BACKGROUND,
                 "Fixed Frame": fixed_frame,
@@ -187,6 +177,24 @@ def configuration(
         },
     }
     return yaml.safe_dump(content, sort_keys=False, allow_unicode=True)
+
+
+def _ground(view: View, ros2: bool) -> dict[str, Any]:
+    """Return lines at whole metres, or each ten metres, wherever the view may soon go."""
+    cell = 1 if view.scale > _COARSE else 10
+    lines = 2 * math.ceil(max(_WINDOW) / view.scale / cell)
+    return {
+        "Class": _class("Grid", ros2),
+        "Name": "Grid",
+        "Enabled": True,
+        "Value": True,
+        "Alpha": 0.2,
+        "Cell Size": cell,
+        "Color": "120; 120; 120",
+        "Plane Cell Count": lines,
+        "Reference Frame": "<Fixed Frame>",
+        "Offset": {"X": cell * round(view.x / cell), "Y": cell * round(view.y / cell), "Z": -0.02},
+    }
 
 
 def view_of(hypermap: Hypermap) -> View:

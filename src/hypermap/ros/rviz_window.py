@@ -142,10 +142,11 @@ class LayerDisplays:
             if not (self._wants_view and grid.width and grid.height):
                 return
             self._wants_view = False
-        xmin, ymin = grid.origin.position.x, grid.origin.position.y
-        xmax, ymax = xmin + grid.width * grid.resolution, ymin + grid.height * grid.resolution
-        view = View.of((xmin, ymin, xmax, ymax))
-        self._window.tell("view", x=view.x, y=view.y, scale=view.scale)
+            xmin, ymin = grid.origin.position.x, grid.origin.position.y
+            xmax, ymax = xmin + grid.width * grid.resolution, ymin + grid.height * grid.resolution
+            view = View.of((xmin, ymin, xmax, ymax))
+            shown = list(self._shown.values())
+            self._window.tell("load", config=configuration(shown, self._frame, view))
 
     def _subscribe_to_grid(self, layers: Sequence[Message]) -> None:
         """Ask where the first grid in the fixed frame lies."""
