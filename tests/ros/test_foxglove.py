@@ -376,11 +376,17 @@ def test_a_server_that_has_ended_starts_again_and_clients_come_back(port):
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_ends_the_node_and_leaves_the_handlers_as_they_were(port, number):
+def test_a_signal_ends_the_node_and_leaves_the_handlers_as_they_were(number):
     before = signal.getsignal(number)
+    port = FoxglovePort("server", port=0)
+    with pytest.raises(KeyboardInterrupt):  # while it starts
+        signal.raise_signal(number)
+    port.shut_down()
+    port = FoxglovePort("server", port=0)
     threading.Timer(0.2, signal.raise_signal, [number]).start()
     port.spin()
     assert port.is_shut_down
+    port.shut_down()
     assert signal.getsignal(number) is before
 
 

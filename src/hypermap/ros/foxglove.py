@@ -14,6 +14,7 @@ import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from types import FrameType
 from typing import Any
 
 import numpy as np
@@ -83,6 +84,8 @@ class FoxglovePort:
         self._end = threading.Event()
         self._lock = threading.Lock()
         self._is_stopped = False
+        self._is_spinning = False
+        self._handlers: dict[int, Any] = {}
         self._sender = ThreadPoolExecutor(1, thread_name_prefix="latched")
         self._context = foxglove.Context()
         self._listener = Listener(f"{self._name}.", self.log)
@@ -108,6 +111,7 @@ class FoxglovePort:
             raise HypermapError(
                 f"cannot listen on {host}, port {port}: {reason}; give another --port or --host"
             ) from None
+        self._handle_signals()
         self._rosout = self.publisher("/rosout", "rcl_interfaces/Log")
         self.log("info", f"open {self.url} in Foxglove or Lichtblick (Foxglove WebSocket)")
 
@@ -284,25 +288,35 @@ class FoxglovePort:
 
     def spin(self) -> None:
         """Return when the node is to end."""
-        before = {}
-        if threading.current_thread() is threading.main_thread():
-            for number in (signal.SIGINT, signal.SIGTERM):
-                before[number] = signal.signal(number, lambda *_: self._end.set())
-        try:
-            while not self._end.wait(_LOOK_PERIOD):
-                pass  # a signal that another thread has received is handled here
-        finally:
-            for number, handler in before.items():
-                signal.signal(number, handler)
+        self._is_spinning = True
+        while not self._end.wait(_LOOK_PERIOD):
+            pass  # a signal that another thread has received is handled here
+        self._is_spinning = False
 
     def shut_down(self) -> None:
         """End the node and the connections of its clients."""
         self._end.set()
         with self._lock:
             was_stopped, self._is_stopped = self._is_stopped, True
-        if not was_stopped:
-            self._server.stop()
+        if was_stopped:
+            return
+        self._server.stop()
         self._sender.shutdown(wait=False, cancel_futures=True)
+        if threading.current_thread() is threading.main_thread():
+            for number, handler in self._handlers.items():
+                signal.signal(number, handler)
+
+    def _handle_signals(self) -> None:
+        """Let Ctrl-C and SIGTERM end the node, also while it still starts."""
+
+        def end(_number: int, _frame: FrameType | None) -> None:
+            self._end.set()
+            if not self._is_spinning:
+                raise KeyboardInterrupt
+
+        if threading.current_thread() is threading.main_thread():
+            for number in (signal.SIGINT, signal.SIGTERM):
+                self._handlers[number] = signal.signal(number, end)
 
     def _while_it_runs(self, change: Callable[[], None]) -> None:
         """Change the services, unless the server ends: it cannot do both at once."""

@@ -115,7 +115,7 @@ def found_middleware() -> Literal["ros1", "ros2"]:
     version = os.environ.get("ROS_VERSION", "")
     if version in ("1", "2"):
         return "ros1" if version == "1" else "ros2"
-    with contextlib.suppress(HypermapError):
+    with contextlib.suppress(HypermapError, ImportError):
         import hypermap.ros.ros1_libraries  # noqa: F401 - whether it is there
 
         return "ros1"
