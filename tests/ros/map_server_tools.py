@@ -93,6 +93,14 @@ class Client:
         finally:
             subscriber.unregister()
 
+    def published(self) -> set[str]:
+        """Return what the node publishes; private names as such."""
+        import rosgraph
+
+        state = rosgraph.Master("/tests").getSystemState()[0]
+        own = {topic for topic, nodes in state if f"/{self.node}" in nodes}
+        return {topic.removeprefix(f"/{self.node}/") for topic in own}
+
     def publisher(self, topic: str, type_name: str, *, latch: bool = True) -> Any:
         """Return a publisher that somebody listens to."""
         name = topic if topic.startswith("/") else f"/{self.node}/{topic}"

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-import os
-import signal
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -21,23 +20,49 @@ from hypermap.testing import occupancy_from_text, square
 from .conftest import Process, wait_for
 from .map_server_tools import LAB, Client, Robot, building, places, saved
 
+Serve = Callable[[Hypermap], tuple[Client, "Log"]]
+
 pytestmark = pytest.mark.xdist_group("ros")
 
-Serve = Callable[..., tuple[Client, Process]]
+
+@pytest.fixture(scope="module")
+def directory(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("maps")
+
+
+@pytest.fixture(scope="module")
+def server(rospy: Any, directory: Path) -> Iterator[Process]:
+    words = ["--ros1", "--map-directory", str(directory), "__name:=topics_server"]
+    process = Process([sys.executable, "-m", "hypermap", "serve", *words], directory / "log")
+    process.expect("starting without a map")
+    yield process
+    process.stop()
+
+
+class Log:
+    """What a server writes from now on."""
+
+    def __init__(self, process: Process) -> None:
+        self._process = process
+        self._begin = len(process.output)
+
+    @property
+    def output(self) -> str:
+        return self._process.output[self._begin :]
+
+    def expect(self, text: str) -> None:
+        wait_for(lambda: text in self.output, f"{text!r} in {self.output!r}")
 
 
 @pytest.fixture
-def serve(rospy: Any, start: Callable[..., Process], request: Any, tmp_path: Path) -> Serve:
-    """Start a server and return a client of it, and its process."""
-    number = iter(range(10))
+def serve(rospy: Any, server: Process, directory: Path) -> Serve:
+    """Let the server of this module load a map; return a client of it, and its log from then on."""
 
-    def run(hypermap: Hypermap | None, *arguments: str | Path) -> tuple[Client, Process]:
-        name = f"server_{os.getpid()}_{abs(hash(request.node.name)) % 10**6}_{next(number)}"
-        file = [] if hypermap is None else [saved(hypermap, tmp_path / f"{name}.hmap")]
-        words = [*file, "--ros1", *arguments, f"__name:={name}"]
-        process = start("hypermap", "serve", *words)
-        process.expect("loaded" if file else "without a map")
-        return Client(rospy, name), process
+    def run(hypermap: Hypermap) -> tuple[Client, Log]:
+        client, log = Client(rospy, "topics_server"), Log(server)
+        saved(hypermap, directory / "map.hmap")
+        assert client.call("load_map", "LoadMap", filename="map.hmap").success
+        return client, log
 
     return run
 
@@ -117,12 +142,12 @@ def test_layers_with_names_that_ros_does_not_allow_are_served(serve):
             SemanticLayer("büro", "map", [square("desk", 0, 0)]),
         ]
     )
-    client, process = serve(hypermap)
+    client, log = serve(hypermap)
     assert list(client.heard("_2nd_floor_map", "nav_msgs/OccupancyGrid").data) == [0]
     assert client.heard("b_ro_semmap", "hypermap_msgs/SemanticMap").objects[0].name == "desk"
     assert client.string("2nd floor", 0.5, 0.5) == "Free"
     assert client.string("büro", 0, 0) == "desk"
-    assert "ERROR" not in process.output
+    assert "ERROR" not in log.output
 
 
 def test_of_two_layers_that_want_a_global_topic_the_first_has_it(serve):
@@ -130,100 +155,24 @@ def test_of_two_layers_that_want_a_global_topic_the_first_has_it(serve):
     layers = [occupancy_from_text(text, name=name) for text, name in ((".", "a"), ("#", "b"))]
     for layer in layers:
         layer.settings.update(flag)
-    client, process = serve(Hypermap(layers))
+    client, log = serve(Hypermap(layers))
     assert list(client.heard("/map", "nav_msgs/OccupancyGrid").data) == [0]
     assert list(client.heard("b_map", "nav_msgs/OccupancyGrid").data) == [100]
-    process.expect("layer 'b' is not published on /map, since layer 'a' is")
-
-
-# Start and end
-
-
-def test_a_server_without_a_map_says_so_and_loads_one_later(serve, tmp_path):
-    saved(building(), tmp_path / "later.hmap")
-    client, process = serve(None, "--map-directory", tmp_path)
-    assert meta(client, 0).layers == []
-    assert client.call("load_map", "LoadMap", filename="later.hmap").success
-    assert len(meta(client, 2).layers) == 2
-    assert client.string("semantic", 1, 0.5, "lab") == "table"
-    process.expect("loaded later.hmap; base frame map")
-
-
-def test_without_a_directory_no_file_is_touched(serve, tmp_path):
-    client, _ = serve(building())
-    for service, kind in (("load_map", "LoadMap"), ("store_map", "StoreMap")):
-        error = client.refused(service, kind, filename="x.hmap")
-        assert "start the node with the parameter map_directory" in error
-
-
-@pytest.mark.parametrize(
-    ("parameters", "error"),
-    [
-        (["_load_map:=true", "_load_map_config:=true", "_file:=x"], "cannot both be true"),
-        (["_load_map:=true"], "load_map is true, but the parameter file names no file"),
-        (["_load_map:=true", "_file:=/nowhere.hmap"], "/nowhere.hmap"),
-        (["_tf_timeout:=soon"], "parameter 'tf_timeout' must be a number, got 'soon'"),
-    ],
-)
-def test_a_wrong_start_is_one_line_and_an_exit_code(start, roscore, parameters, error):
-    process = start("hypermap", "serve", "--ros1", *parameters, "__name:=wrong_start")
-    assert process.popen.wait(30) == 2
-    assert error in process.output
-    assert "Traceback" not in process.output
-
-
-@pytest.mark.parametrize("kind", ["load_map", "load_map_config"])
-def test_parameters_name_the_map(start, rospy, tmp_path, kind):
-    name = f"by_{kind}"
-    path = tmp_path / ("x.hmap" if kind == "load_map" else "config.yaml")
-    saved(building(), path)
-    words = [f"_{kind}:=true", f"_file:={path}", f"__name:={name}"]
-    start("hypermap", "serve", "--ros1", *words).expect("loaded")
-    assert Client(rospy, name).string("occupancy", 0.5, 0.5) == "Free"
-
-
-def test_a_file_that_nobody_wants_loaded_is_not(start, roscore, tmp_path):
-    words = [f"_file:={tmp_path / 'x.hmap'}", "__name:=file_alone"]
-    process = start("hypermap", "serve", "--ros1", *words)
-    process.expect("neither load_map nor load_map_config is true: starting without a map")
-
-
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_it_ends_on_a_signal_without_a_traceback(serve, number):
-    client, process = serve(building())
-    assert client.string("occupancy", 0.5, 0.5) == "Free"
-    assert process.stop(number) == 0
-    assert "Traceback" not in process.output
-    assert "ERROR" not in process.output
-
-
-def test_a_restarted_node_is_heard_and_asked_as_before(serve, start, tmp_path):
-    client, process = serve(building())
-    heard: list[Any] = []
-    kind = client.messages.message_class("nav_msgs/OccupancyGrid")
-    subscriber = client.rospy.Subscriber(f"/{client.node}/occupancy_map", kind, heard.append)
-    wait_for(lambda: len(heard) == 1, "the map")
-    assert process.stop() == 0
-    path = saved(Hypermap([occupancy_from_text("#")]), tmp_path / "other.hmap")
-    start("hypermap", "serve", path, "--ros1", f"__name:={client.node}").expect("loaded")
-    wait_for(lambda: len(heard) == 2, "the map of the restarted node")
-    assert list(heard[1].data) == [100]
-    assert client.string("occupancy", 0.5, 0.5) == "Occupied"
-    subscriber.unregister()
+    log.expect("layer 'b' is not published on /map, since layer 'a' is")
 
 
 # A new map in place of the old one
 
 
-def test_a_reload_leaves_no_gap_and_no_mix(serve, tmp_path):
+def test_a_reload_leaves_no_gap_and_no_mix(serve, directory):
     """In one map both layers say A, in the other B; a client that asks on and on hears either."""
     maps = {
         letter: Hypermap([SemanticLayer(name, "map", [square(letter, 0, 0)]) for name in "xy"])
         for letter in "AB"
     }
-    saved(maps["B"], tmp_path / "B.hmap")
-    client, _ = serve(maps["A"], "--map-directory", tmp_path)
-    saved(maps["A"], tmp_path / "A.hmap")
+    saved(maps["B"], directory / "B.hmap")
+    client, _ = serve(maps["A"])
+    saved(maps["A"], directory / "A.hmap")
     answers: list[tuple[str, ...]] = []
     ends = threading.Event()
     failures: list[Exception] = []
@@ -254,7 +203,7 @@ def test_a_reload_leaves_no_gap_and_no_mix(serve, tmp_path):
     assert set(answers) == {("A", "A"), ("B", "B")}
 
 
-def test_topics_and_frames_come_and_go_with_their_layers(serve, tmp_path):
+def test_topics_and_frames_come_and_go_with_their_layers(serve, directory):
     saved(
         Hypermap(
             [
@@ -262,9 +211,9 @@ def test_topics_and_frames_come_and_go_with_their_layers(serve, tmp_path):
                 SemanticLayer("rooms", "hall", [square("room", 0, 0)]),
             ]
         ),
-        tmp_path / "other.hmap",
+        directory / "other.hmap",
     )
-    client, _ = serve(building(), "--map-directory", tmp_path)
+    client, _ = serve(building())
     kept: list[Any] = []
     kind = client.messages.message_class("nav_msgs/OccupancyGrid")
     subscriber = client.rospy.Subscriber(f"/{client.node}/occupancy_map", kind, kept.append)
@@ -275,9 +224,7 @@ def test_topics_and_frames_come_and_go_with_their_layers(serve, tmp_path):
     wait_for(lambda: len(kept) == 2, "the second map, on the same topic")
     assert kept[1].header.frame_id == "hall"
     assert client.heard("rooms_semmap", "hypermap_msgs/SemanticMap").objects[0].name == "room"
-    published = {topic for topic, _ in client.rospy.get_published_topics(f"/{client.node}")}
-    assert f"/{client.node}/semantic_semmap" not in published
-    assert f"/{client.node}/semantic_markers" not in published
+    assert not client.published() & {"semantic_semmap", "semantic_markers"}
     subscriber.unregister()
 
 
@@ -299,7 +246,7 @@ def empty(**settings: Any) -> Hypermap:
 
 
 def test_a_layer_in_subscribe_mode_holds_what_came_last(serve, robot):
-    client, process = serve(empty())
+    client, log = serve(empty())
     assert "is still empty" in client.refused("occupancy_static_map", "nav_msgs/GetMap")
     maps = client.publisher("/map", "nav_msgs/OccupancyGrid")
     for values in ([0, 100], [100, 0, -1, 50]):
@@ -312,7 +259,7 @@ def test_a_layer_in_subscribe_mode_holds_what_came_last(serve, robot):
     client.heard("occupancy_map", "nav_msgs/OccupancyGrid", lambda m: m.info.width == 1)
     assert client.string("occupancy", 7.5, 0.5) == "Occupied"
     maps.unregister()
-    assert "WARN" not in process.output
+    assert "WARN" not in log.output
 
 
 def test_a_map_of_objects_replaces_the_layer_and_keeps_its_ids(serve):
@@ -343,7 +290,7 @@ def test_a_map_of_objects_replaces_the_layer_and_keeps_its_ids(serve):
 
 
 def test_messages_that_are_wrong_are_ignored_with_one_line_in_the_log(serve):
-    client, process = serve(empty())
+    client, log = serve(empty())
     maps = client.publisher("/map", "nav_msgs/OccupancyGrid")
     objects = client.publisher("/semantic_map", "hypermap_msgs/SemanticMap")
     maps.publish(grid(client, [0, 100], 2))
@@ -352,28 +299,27 @@ def test_messages_that_are_wrong_are_ignored_with_one_line_in_the_log(serve):
     foreign.header.frame_id = "mars"
     broken = grid(client, [0, 0], 2)
     broken.info.width = 7
-    for _ in range(3):
-        maps.publish(grid(client, [1, 2, 3, 4], 2, "mars"))
-        maps.publish(broken)
-        objects.publish(foreign)
-    process.expect("/map: layer 'occupancy': frame 'mars' is unknown to the map")
-    process.expect("/semantic_map: layer 'semantic': frame 'mars' is unknown to the map")
+    maps.publish(grid(client, [1, 2, 3, 4], 2, "mars"))
+    objects.publish(foreign)
+    log.expect("/map: layer 'occupancy': frame 'mars' is unknown to the map")
+    log.expect("/semantic_map: layer 'semantic': frame 'mars' is unknown to the map")
+    maps.publish(broken)
+    objects.publish(foreign)
     maps.publish(grid(client, [0, 0, 0], 3))
     client.heard("occupancy_map", "nav_msgs/OccupancyGrid", lambda m: m.info.width == 3)
-    assert process.output.count("/map: layer 'occupancy'") == 1
-    assert process.output.count("/semantic_map: layer 'semantic'") == 1
+    assert log.output.count("/map: layer 'occupancy'") == 1
+    assert log.output.count("/semantic_map: layer 'semantic'") == 1
     maps.publish(broken)
-    process.expect("the map of 7 x 1 cells holds 2 numbers")
+    log.expect("the map of 7 x 1 cells holds 2 numbers")
     assert client.string("occupancy", 2.5, 0.5) == "Free"
     maps.unregister()
     objects.unregister()
 
 
 def test_a_layer_in_subscribe_mode_is_not_published_where_it_listens(serve):
-    client, process = serve(empty(publish_global_topics=True))
-    process.expect("layer 'occupancy' listens to /map, so it is not published there")
-    published = {topic for topic, _ in client.rospy.get_published_topics()}
-    assert not published & {"/map", "/semantic_map"}
+    client, log = serve(empty(publish_global_topics=True))
+    log.expect("layer 'occupancy' listens to /map, so it is not published there")
+    assert not client.published() & {"/map", "/semantic_map"}
 
 
 # Updates
@@ -387,7 +333,7 @@ def grid_update(client: Client, x: int, y: int, values: list[int], width: int) -
 
 
 def test_an_update_changes_a_part_of_a_grid(serve):
-    client, process = serve(building())
+    client, log = serve(building())
     updates = client.publisher("occupancy_map_updates", "map_msgs/OccupancyGridUpdate")
     updates.publish(grid_update(client, 1, 0, [100, 0, 0, 0], 2))
     client.heard(
@@ -397,12 +343,12 @@ def test_an_update_changes_a_part_of_a_grid(serve):
     )
     assert client.string("occupancy", 1.5, 0.5) == "Occupied"
     updates.publish(grid_update(client, 2, 0, [0, 0], 2))
-    process.expect("reach out of the map of 3 x 2 cells; the message is ignored")
+    log.expect("reach out of the map of 3 x 2 cells; the message is ignored")
     updates.unregister()
 
 
 def test_an_update_adds_changes_and_removes_objects(serve):
-    client, process = serve(building())
+    client, log = serve(building())
     updates = client.publisher("semantic_semmap_updates", "hypermap_msgs/SemanticMapUpdate")
     updates.publish(
         client.message(
@@ -423,23 +369,23 @@ def test_an_update_adds_changes_and_removes_objects(serve):
     ]
     assert client.string("semantic", 1, 0.5, "lab") == "Empty"
     updates.publish(client.message("hypermap_msgs/SemanticMapUpdate", to_delete=[9, 77]))
-    process.expect("has no object with id 77; the message is ignored")
+    log.expect("has no object with id 77; the message is ignored")
     assert client.string("semantic", 5, 5, "lab") == "armchair"
     updates.unregister()
 
 
 def test_updates_are_ignored_with_a_line_in_the_log_where_they_are_off(serve):
-    client, process = serve(building(enable_update=False))
+    client, log = serve(building(enable_update=False))
     grids = client.publisher("occupancy_map_updates", "map_msgs/OccupancyGridUpdate")
     objects = client.publisher("semantic_semmap_updates", "hypermap_msgs/SemanticMapUpdate")
     for _ in range(3):
         grids.publish(grid_update(client, 0, 0, [100], 1))
         objects.publish(client.message("hypermap_msgs/SemanticMapUpdate", to_delete=[7]))
     for topic in ("occupancy_map", "semantic_semmap"):
-        process.expect(f"{topic}_updates: layer '{topic.partition('_')[0]}': it takes no updates")
+        log.expect(f"{topic}_updates: layer '{topic.partition('_')[0]}': it takes no updates")
     assert client.string("occupancy", 0.5, 0.5) == "Free"
     assert client.string("semantic", 1, 0.5, "lab") == "table"
-    assert process.output.count("it takes no updates") == 2
+    assert log.output.count("it takes no updates") == 2
     grids.unregister()
     objects.unregister()
 
