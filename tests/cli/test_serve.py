@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import re
 import signal
 import socket
@@ -17,7 +18,7 @@ from hypermap.ros.nodes import found_middleware, split_arguments
 from hypermap.ros.typestore import message_class
 
 from ..ros.foxglove_client import Client, ServiceFailed  # noqa: TID252 - the one client for all tests
-from .conftest import assert_one_error
+from .conftest import Result, assert_one_error
 
 GET_STRING = "/hypermap_server/get_string_at_point", "hypermap_msgs/GetStringAtPoint"
 LOAD_MAP = "/hypermap_server/load_map", "hypermap_msgs/LoadMap"
@@ -232,14 +233,15 @@ def test_the_ros_that_was_sourced_is_taken(monkeypatch, version, expected):
     assert found_middleware() == expected
 
 
-def test_no_roscore_is_one_line(hypermap, room_map, monkeypatch):
+def test_no_roscore_is_one_line(room_map):
     pytest.importorskip("hypermap.ros.ros1", exc_type=HypermapError)
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
-        number = free.getsockname()[1]
-    monkeypatch.setenv("ROS_MASTER_URI", f"http://127.0.0.1:{number}")
-    result = hypermap("serve", room_map, "--ros1")
-    assert_one_error(result, f"http://127.0.0.1:{number}")
+        uri = f"http://127.0.0.1:{free.getsockname()[1]}"
+    command = [sys.executable, "-m", "hypermap", "serve", str(room_map), "--ros1"]
+    environment = {**os.environ, "ROS_MASTER_URI": uri}
+    ended = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120)
+    assert_one_error(Result(ended.returncode, ended.stdout, ended.stderr), uri)
 
 
 @pytest.mark.parametrize(

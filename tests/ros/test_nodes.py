@@ -1,0 +1,42 @@
+"""The map server as a command on ROS 1: ROS's arguments reach it, and signals end it."""
+
+from __future__ import annotations
+
+import signal
+from functools import partial
+
+import pytest
+import shapely
+
+from hypermap.core.hypermap import Hypermap
+from hypermap.core.semantic import SemanticLayer, SemanticObject
+from hypermap.formats import save_map
+
+from .conftest import wait_for
+
+pytestmark = pytest.mark.xdist_group("ros")
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_the_command_is_a_node_of_ros_1(rospy, start, tmp_path, number):
+    things = [SemanticObject("chair", shapely.box(0, 0, 1, 1))]
+    path = tmp_path / "room.hmap"
+    save_map(Hypermap([SemanticLayer("semantic", "map", things)]), path)
+    name = f"office_{number}"
+    server = start(
+        "hypermap", "serve", path, "--ros1", "--param", "tf_timeout=0.25", f"__name:={name}"
+    )
+    rospy.wait_for_service(f"/{name}/get_string_at_point", timeout=60)
+    assert rospy.get_param(f"/{name}/tf_timeout") == 0.25
+    from hypermap.ros.ros1_messages import message_class, service_class
+
+    ask = rospy.ServiceProxy(
+        f"/{name}/get_string_at_point", service_class("hypermap_msgs/GetStringAtPoint")
+    )
+    place = message_class("geometry_msgs/PointStamped")()
+    place.header.frame_id = "map"
+    place.point.x = place.point.y = 0.5
+    answered = partial(ask, "semantic", place)
+    assert wait_for(answered, "an answer").name == "chair"
+    assert server.stop(number, timeout=30.0) == 0
+    assert "Traceback" not in server.output
