@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import io
+import logging
 import os
 import shutil
 import signal
@@ -195,11 +196,17 @@ def types(request: pytest.FixtureRequest) -> Any:
     return request.getfixturevalue("ros1_types") if request.param == "ros1" else Ros2Types()
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def port(rospy: Any) -> Iterator[Any]:
-    """A `Ros1Port` on the node of this process."""
+    """A `Ros1Port` on the node of this process; that node lives on after it."""
     from hypermap.ros.ros1 import Ros1Port
 
+    logger = logging.getLogger("hypermap")
+    before = logger.handlers, logger.level
     port = Ros1Port("tests")
     yield port
-    port._watch.close()  # to end the node would end it for all tests
+    port._watch.close()
+    if port._static is not None:
+        port._static.close()
+    logger.handlers = before[0]
+    logger.setLevel(before[1])
