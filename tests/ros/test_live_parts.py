@@ -1,0 +1,164 @@
+"""The parts of the semantic mapper that need no ROS."""
+
+from __future__ import annotations
+
+import threading
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hypermap.core.errors import HypermapError
+from hypermap.ros.diagnostics import diagnostic_array
+from hypermap.ros.live_settings import PARAMETERS, LiveSettings
+from hypermap.ros.mailbox import Mailbox
+from hypermap.ros.map_directory import archive_within
+from hypermap.ros.parameters import checked
+from hypermap.ros.semantic_mapper import SemanticMapper
+from hypermap.ros.statistics import WINDOW, Fate, State, Statistics
+from hypermap.ros.throttle import Throttle
+
+
+class Clock:
+    def __init__(self) -> None:
+        self.now = 100.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+def counted(clock: Clock, *fates: Fate) -> Statistics:
+    """Statistics of frames that came within the last second."""
+    statistics = Statistics(clock)
+    clock.now += 1
+    for number, fate in enumerate(fates):
+        statistics.count(fate, latency=0.01 * number)
+    return statistics
+
+
+@pytest.mark.parametrize(
+    ("fates", "state", "message"),
+    [
+        ([], State.WARN, "no frames; waiting for /depth"),
+        ([Fate.MAPPED] * 5, State.OK, "mapping"),
+        ([Fate.MAPPED, Fate.STILL, Fate.RATE], State.OK, "mapping"),
+        ([Fate.STILL] * 5, State.OK, "mapping"),
+        (
+            [Fate.MAPPED, Fate.MAPPED, Fate.BUSY],
+            State.OK,
+            "mapping; dropped, busy: 1 of 3 frames",
+        ),
+        (
+            [Fate.MAPPED, Fate.BUSY, Fate.BUSY, Fate.NO_TF],
+            State.WARN,
+            "most frames are dropped; busy: 2 of 4 frames",
+        ),
+        (
+            [Fate.NO_TF, Fate.NO_TF, Fate.BUSY],
+            State.ERROR,
+            "nothing is mapped; no tf: 2 of 3 frames",
+        ),
+    ],
+)
+def test_how_serious_it_is(fates: list[Fate], state: State, message: str) -> None:
+    report = counted(Clock(), *fates).report("/depth")
+    assert (report.state, report.message) == (state, message)
+
+
+def test_rates_and_latencies_are_those_of_the_last_seconds() -> None:
+    clock = Clock()
+    statistics = Statistics(clock)
+    for number in range(400):
+        clock.now += 0.1
+        statistics.count(Fate.MAPPED if number % 2 else Fate.STILL, latency=number / 1000)
+    report = statistics.report("/depth")
+    assert report.totals == {Fate.MAPPED: 200, Fate.STILL: 200}
+    assert report.frame_rate == pytest.approx(10, rel=0.02)
+    median, late = report.latency
+    assert median == pytest.approx(0.35, abs=0.002)
+    assert late == pytest.approx(0.395, abs=0.002)
+    clock.now += WINDOW + 1
+    assert statistics.report("/depth").state is State.WARN
+
+
+def test_diagnostics_of_ros_1_and_ros_2(types: Any) -> None:
+    report = counted(Clock(), Fate.MAPPED, Fate.BUSY, Fate.BUSY).report("/depth")
+    message = types.sent(diagnostic_array(report, 7, "/mapper", types, 1_500_000_000))
+    [status] = message.status
+    assert int(status.level) == 1
+    assert status.name == "mapper: mapping"
+    values = {pair.key: pair.value for pair in status.values}
+    assert (values["objects in the map"], values["frames: busy"]) == ("7", "2")
+    assert values["latency, median [ms]"] == "0"
+
+
+def test_a_line_that_repeats_is_held_back_and_counted() -> None:
+    clock, lines = Clock(), []
+    throttle = Throttle(lambda level, text: lines.append((level, text)), 10.0, clock)
+    for _ in range(25):
+        throttle.log("warning", "tf", "no tf")
+        clock.now += 1
+    throttle.log("warning", "color", "no color")
+    assert lines == [
+        ("warning", "no tf"),
+        ("warning", "no tf (9 more like it before)"),
+        ("warning", "no tf (9 more like it before)"),
+        ("warning", "no color"),
+    ]
+
+
+def test_a_mailbox_gives_the_newest_to_the_one_who_waits() -> None:
+    box, taken = Mailbox[int](), []
+    waiter = threading.Thread(target=lambda: taken.append(box.take(timeout=10)))
+    waiter.start()
+    box.put(1)
+    waiter.join()
+    assert taken == [1]
+    assert box.take(timeout=0.0) is None
+    assert [box.put(number) for number in (2, 3)] == [None, 2]
+    assert box.take() == 3
+
+
+@pytest.mark.parametrize(
+    ("topics", "kind", "info"),
+    [
+        ({"depth_topic": "/c/depth/image_raw"}, "sensor_msgs/Image", "/c/depth/camera_info"),
+        (
+            {"depth_topic": "/c/depth/image_raw/compressedDepth"},
+            "sensor_msgs/CompressedImage",
+            "/c/depth/camera_info",
+        ),
+        ({"depth_topic": "/d", "camera_info_topic": "/i"}, "sensor_msgs/Image", "/i"),
+        ({"cloud_topic": "/points"}, "sensor_msgs/PointCloud2", ""),
+    ],
+)
+def test_types_and_the_camera_info_follow_from_the_names(
+    topics: dict[str, str], kind: str, info: str
+) -> None:
+    settings = LiveSettings(**topics, detections_topic="/boxes")
+    assert (settings.geometry_type, settings.info_topic) == (kind, info)
+
+
+def test_every_parameter_is_described_and_fits_itself() -> None:
+    for parameter in SemanticMapper.PARAMETERS:
+        assert parameter.description.endswith("."), parameter
+        checked(parameter, parameter.default)
+    assert len({p.name for p in SemanticMapper.PARAMETERS}) == len(SemanticMapper.PARAMETERS)
+    assert {p.name for p in PARAMETERS} == set(LiveSettings.__dataclass_fields__)
+
+
+@pytest.mark.parametrize("name", ["../a.hmap", "/a.hmap", "a.txt", "", "link/a.hmap"])
+def test_a_client_cannot_name_a_file_elsewhere(tmp_path: Any, name: str) -> None:
+    (tmp_path / "maps").mkdir()
+    (tmp_path / "maps" / "link").symlink_to(tmp_path)
+    with pytest.raises(HypermapError):
+        archive_within(tmp_path / "maps", name)
+
+
+def test_octets_of_messages_are_read_however_they_are_carried() -> None:
+    from array import array
+
+    from hypermap.recordings.messages.header import octets
+
+    for data in (b"\x01\xff", bytearray(b"\x01\xff"), array("B", [1, 255]), np.array([1, 255])):
+        np.testing.assert_array_equal(octets(data), np.array([1, 255], np.uint8))
