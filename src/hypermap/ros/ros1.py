@@ -40,7 +40,9 @@ class Ros1Port:
             require_master()
             rospy.init_node(name, argv=None if argv is None else list(argv), disable_signals=True)
             if threading.current_thread() is threading.main_thread():
-                signal.signal(signal.SIGTERM, signal.default_int_handler)
+                # A script's background process inherits that Ctrl-C is ignored; roslaunch sends it.
+                for number in (signal.SIGINT, signal.SIGTERM):
+                    signal.signal(number, signal.default_int_handler)
         forward_logs(self.log)
         self._is_ending = False
         self._lock = threading.Lock()
