@@ -1,0 +1,174 @@
+"""What the map server is made of, where ROS is not the point."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hypermap.core.errors import FrameError, HypermapError, LayerNotFound
+from hypermap.core.frames import FrameTree
+from hypermap.core.hypermap import Hypermap
+from hypermap.core.semantic import SemanticLayer
+from hypermap.core.trajectory import pose_from_rpy
+from hypermap.ros.current_map import CurrentMap, KeptOpen
+from hypermap.ros.floor_frames import FloorFrames, floor_pose
+from hypermap.ros.services import failed_response
+from hypermap.ros.typestore import response_class
+from hypermap.testing import square
+
+from .map_server_tools import LAB
+
+
+class Notes:
+    """The few things of a port that these parts use: a log, tf, and classes of responses."""
+
+    def __init__(self) -> None:
+        self.lines: list[tuple[str, str]] = []
+        self.tf: dict[tuple[str, str], Any] = {}
+
+    def log(self, level: str, text: str) -> None:
+        self.lines.append((level, text))
+
+    def lookup(self, target: str, source: str, stamp: int | None, timeout: float) -> Any:
+        if (target, source) not in self.tf:
+            raise FrameError(f"tf does not lead from {source!r} to {target!r}")
+        return self.tf[target, source]
+
+    def response(self, type_name: str) -> type[Any]:
+        return response_class(type_name)
+
+
+class Shown:
+    """A part that remembers what it was shown, or fails."""
+
+    def __init__(self, error: HypermapError | None = None) -> None:
+        self.maps: list[tuple[Hypermap, Any]] = []
+        self.error = error
+
+    def set(self, values: Any) -> None: ...
+    def close(self) -> None: ...
+
+    def show(self, hypermap: Hypermap, changed: Any = None) -> None:
+        if self.error:
+            raise self.error
+        self.maps.append((hypermap, changed))
+
+
+def lab() -> Hypermap:
+    layers = [SemanticLayer("hall", "map"), SemanticLayer("lab", "lab", [square("chair", 1, 1)])]
+    return Hypermap(layers, FrameTree([LAB]))
+
+
+# The map now
+
+
+def test_a_part_that_fails_is_logged_and_the_others_are_shown():
+    port, good = Notes(), Shown()
+    current = CurrentMap(port)
+    current.show_on([Shown(HypermapError("no paint left")), good])
+    hypermap = lab()
+    current.replace(hypermap)
+    assert good.maps[-1] == (hypermap, None)
+    assert port.lines == [("error", "no paint left")] * 2
+
+
+def test_a_change_makes_a_new_map_and_leaves_the_old_one_to_those_who_have_it():
+    current, part = CurrentMap(Notes()), Shown()
+    before = lab()
+    current.replace(before)
+    current.show_on([part])
+
+    def emptied(_: Hypermap, layer: Any) -> Any:
+        changed = layer.copy()
+        changed.remove(changed.ids)
+        return changed
+
+    current.change("lab", emptied)
+    assert [len(before["lab"]), len(current.hypermap["lab"])] == [1, 0]
+    assert part.maps[-1] == (current.hypermap, ["lab"])
+
+
+def test_a_change_that_fails_leaves_the_map_as_it_is():
+    current, part = CurrentMap(Notes()), Shown()
+    before = lab()
+    current.replace(before)
+    current.show_on([part])
+
+    def broken(*_: Any) -> Any:
+        raise HypermapError("broken")
+
+    with pytest.raises(HypermapError, match="broken"):
+        current.change("lab", broken)
+    with pytest.raises(LayerNotFound):
+        current.change("attic", broken)
+    assert current.hypermap is before
+    assert len(part.maps) == 1
+
+
+def test_what_is_wanted_is_open_and_nothing_else():
+    log: list[str] = []
+
+    class Door:
+        def __init__(self, name: str) -> None:
+            self.name = name
+            log.append(f"open {name}")
+
+        def close(self) -> None:
+            log.append(f"close {self.name}")
+
+    doors: KeptOpen[Door] = KeptOpen()
+    doors.keep({name: lambda name=name: Door(name) for name in "ab"})
+    a = doors["a"]
+    assert doors.keep({name: lambda name=name: Door(name) for name in "ac"}) == {"c"}
+    assert doors["a"] is a
+    doors.close()
+    assert log == ["open a", "open b", "close b", "open c", "close a", "close c"]
+
+
+# Frames
+
+
+def test_the_maps_own_transforms_come_before_those_of_tf():
+    port = Notes()
+    port.tf["map", "lab"] = port.tf["map", "robot"] = pose_from_rpy(1, 2, 0.3, 0, 0, 0.5)
+    frames = FloorFrames(port)
+    assert frames.pose(lab(), "map", "lab") == LAB.pose
+    assert frames.pose(lab(), "map", None).is_identity
+    robot = frames.pose(lab(), "map", "robot")
+    np.testing.assert_allclose([robot.x, robot.y, robot.yaw], [1, 2, 0.5])
+    with pytest.raises(FrameError, match=r"'mars' is unknown to the map.*frames map, lab; tf"):
+        frames.pose(lab(), "map", "mars")
+
+
+@pytest.mark.parametrize("roll", [0, math.radians(4.9), math.radians(-4.9)])
+def test_a_frame_that_hardly_leans_is_seen_from_above(roll):
+    pose = floor_pose(pose_from_rpy(3, 4, 5, roll, 0, 2.0), "robot")
+    np.testing.assert_allclose([pose.x, pose.y, pose.yaw], [3, 4, 2.0], atol=0.01)
+
+
+@pytest.mark.parametrize("turn", [(0.1, 0), (0, -0.1), (math.pi, 0), (math.pi / 2, 0)])
+def test_a_frame_that_leans_is_refused(turn):
+    with pytest.raises(FrameError, match="'camera' is tilted by"):
+        floor_pose(pose_from_rpy(0, 0, 0, *turn, 1.0), "camera")
+
+
+# Where services cannot fail
+
+
+@pytest.mark.parametrize(
+    ("type_name", "fields"),
+    [
+        ("hypermap_msgs/GetStringAtPoint", {"name": ""}),
+        ("hypermap_msgs/GetIntAtPoint", {"value": -1}),
+        ("hypermap_msgs/GetIntsByArea", {"values": [], "locations": []}),
+        ("hypermap_msgs/LoadMap", {"success": False}),
+        ("hypermap_msgs/FindObjects", {"success": False, "message": "why", "objects": []}),
+        ("std_srvs/Trigger", {"success": False, "message": "why"}),
+    ],
+)
+def test_a_failure_is_told_as_well_as_the_type_can(type_name, fields):
+    response = failed_response(Notes(), type_name, "why")
+    assert {name: getattr(response, name) for name in fields} == fields
