@@ -322,6 +322,27 @@ def test_a_layer_in_subscribe_mode_is_not_published_where_it_listens(serve):
     assert not client.published() & {"/map", "/semantic_map"}
 
 
+def test_reloads_amid_a_flood_of_messages_end(serve, directory):
+    client, _ = serve(empty())
+    maps = client.publisher("/map", "nav_msgs/OccupancyGrid")
+    ends = threading.Event()
+
+    def flood() -> None:
+        while not ends.wait(0.005):
+            maps.publish(grid(client, [0, 100], 2))
+
+    thread = threading.Thread(target=flood)
+    thread.start()
+    try:
+        for _ in range(10):
+            assert client.call("load_map", "LoadMap", filename="map.hmap").success
+        client.heard("occupancy_map", "nav_msgs/OccupancyGrid", lambda m: list(m.data) == [0, 100])
+    finally:
+        ends.set()
+        thread.join()
+        maps.unregister()
+
+
 # Updates
 
 
