@@ -28,10 +28,10 @@ def mapping_progress(total: int) -> Iterator[Report]:
 
 
 @contextmanager
-def counting(what: str, total: int) -> Iterator[Callable[[], None]]:
-    """Show how far a work on `total` frames is while the caller counts them."""
+def counting(what: str, total: int, units: str) -> Iterator[Callable[[], None]]:
+    """Show how far a work on a number of units is while the caller counts them."""
     if not err().is_terminal:
-        note(f"{what}: {total} frames ...")
+        note(f"{what}: {total} {units} ...")
         yield lambda: None
         return
     from rich import progress as rich
@@ -40,7 +40,7 @@ def counting(what: str, total: int) -> Iterator[Callable[[], None]]:
         rich.TextColumn(what),
         rich.BarColumn(),
         rich.MofNCompleteColumn(),
-        rich.TextColumn("frames,"),
+        rich.TextColumn(f"{units},"),
         rich.TimeRemainingColumn(),
         rich.TextColumn("left"),
         console=err(),

@@ -70,9 +70,7 @@ def command(
     values = parse_params(param)
     if map_directory is not None:
         if not map_directory.is_dir():
-            raise FileMissing(
-                f"--map-directory {map_directory}: there is no such folder"
-            )
+            raise FileMissing(f"--map-directory {map_directory}: there is no such folder")
         values["map_directory"] = str(map_directory.absolute())
     if path is not None and not path.exists():
         raise FileMissing(f"{path}: there is no such file")

@@ -70,8 +70,8 @@ def command(
     if output.exists() or truth_file.exists():
         taken = output if output.exists() else truth_file
         raise HypermapError(f"{taken} exists already; name a new one")
-    described = _world(world)
-    chosen = _errors(errors)
+    described = world_of(world)
+    chosen = errors_of(errors)
     recording = SimulatedRecording(
         described,
         camera=_camera(size),
@@ -81,7 +81,7 @@ def command(
         detector_noise=chosen.detector,
         seed=seed,
     )
-    with counting("simulating", len(recording)) as count:
+    with counting("simulating", len(recording), "frames") as count:
         (write_bag if is_bag else write_tum)(recording, output, on_frame=count)
     truth = ground_truth(described)
     truth.metadata["world"] = described.name
@@ -90,7 +90,7 @@ def command(
     say(f"true map   {truth_file}: {len(described.objects)} objects")
 
 
-def _world(name: str) -> World:
+def world_of(name: str) -> World:
     """Return a world that comes with the package, or the one that a file describes."""
     from hypermap.simulation.world import built_in_world, load_world
 
@@ -98,7 +98,7 @@ def _world(name: str) -> World:
     return load_world(name) if is_file else built_in_world(name)
 
 
-def _errors(name: str) -> Errors:
+def errors_of(name: str) -> Errors:
     """Return a level of errors, or what a file lays over "fair"."""
     from hypermap.mapping.overrides import override, read_overrides
     from hypermap.simulation.levels import Errors, errors_of_level

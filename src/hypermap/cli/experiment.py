@@ -1,0 +1,114 @@
+"""`hypermap experiment`: experiments that anyone can repeat."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from hypermap.cli.options import Force, check_output
+from hypermap.cli.progress import counting
+from hypermap.cli.terminal import out, say, say_json, table
+from hypermap.core.errors import HypermapError
+
+if TYPE_CHECKING:
+    from hypermap.experiments.results import Data
+
+
+def command(
+    name: Annotated[str, typer.Argument(metavar="thesis", help="Which experiment.")],
+    output: Annotated[
+        Path, typer.Option("-o", "--output", metavar="FILE.html", help="The report.")
+    ] = Path("thesis.html"),
+    worlds: Annotated[
+        str, typer.Option(metavar="WORLD,...", help="Worlds of `hypermap simulate`, or files.")
+    ] = "lab,floor",
+    seeds: Annotated[int, typer.Option(min=1, max=1000, help="Drives through each world.")] = 10,
+    first_seed: Annotated[int, typer.Option(min=0, help="Seed of the first drive.")] = 1000,
+    errors: Annotated[
+        str, typer.Option(metavar="none|fair|robot|FILE", help="As in `hypermap simulate`.")
+    ] = "robot",
+    rate: Annotated[float, typer.Option(min=0.1, max=30, help="Frames per second.")] = 2.0,
+    jobs: Annotated[
+        int, typer.Option(min=0, max=256, help="Drives mapped at a time; 0: one for each core.")
+    ] = 0,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON, for programs.")] = False,
+    replace: Force = False,
+) -> None:
+    """Repeat the 2019 thesis' experiment in simulation, with its four methods and ours.
+
+    A laboratory and a floor like those of the thesis are driven through several times, each with
+    other errors; every method maps the same drives. The tables have the thesis' form; beside the
+    report lies a JSON file with all figures.
+
+    Examples:
+        hypermap experiment thesis
+        hypermap experiment thesis --seeds 2 --worlds lab -o quick.html
+    """
+    from hypermap.cli.simulate import errors_of, world_of
+    from hypermap.experiments.drives import Drive, map_drives
+    from hypermap.experiments.methods import methods
+    from hypermap.experiments.report import write_report
+    from hypermap.experiments.results import WorldResult, to_data
+
+    if name != "thesis":
+        raise HypermapError(f"there is no experiment {name!r}; known: thesis")
+    figures = output.with_suffix(".json")
+    for file in (output, figures):
+        check_output(file, replace)
+    described = [world_of(word) for word in worlds.split(",")]
+    chosen = errors_of(errors)
+    drives = [
+        Drive(world, seed, chosen, rate)
+        for world in described
+        for seed in range(first_seed, first_seed + seeds)
+    ]
+    mapped = []
+    with counting("mapping", len(drives), "drives") as count:
+        for done in map_drives(drives, methods(), jobs or len(os.sched_getaffinity(0))):
+            mapped.append(done)
+            count()
+    results = [
+        WorldResult.of([m for m in mapped if m.drive.world.name == world.name])
+        for world in described
+    ]
+    data = to_data(results)
+    options = f"--worlds {worlds} --seeds {seeds} --first-seed {first_seed} --errors {errors}"
+    repeated = f"hypermap experiment thesis {options} --rate {rate:g}"
+    data["command"] = repeated
+    write_report(results, data, output, repeated)
+    figures.write_text(json.dumps(data, indent=1), encoding="utf-8")
+    if as_json:
+        say_json(data)
+        return
+    for world in data["worlds"]:
+        _show(world)
+    say(f"\nreport   {output}\nfigures  {figures}")
+
+
+def _show(world: Data) -> None:
+    from hypermap.experiments.report import number, probability
+
+    columns = ("IoU", "off by\n[m]", "thesis'\nIoU", "thesis'\n[m]", "p\n(IoU)", "p\n(off by)",
+               "objects", "precision", "recall", "F1")  # fmt: skip
+    rows = table("method", *columns, right=columns)
+    for name, method in world["methods"].items():
+        published = method["published"] or {}
+        quarter = method["at"][0]
+        rows.add_row(
+            name,
+            number(method["iou"]),
+            number(method["distance"]),
+            number(published.get("iou")),
+            number(published.get("distance")),
+            probability(method.get("p_iou")),
+            probability(method.get("p_distance")),
+            number(method["objects"], 1),
+            *(number(quarter[key]) for key in ("precision", "recall", "f1")),
+        )
+    say(f"\n{world['world']}: {world['objects']} objects, {len(world['seeds'])} drives\n")
+    out().print(rows)
+    say("p: that the last method is no better; precision, recall and F1 at an IoU of 0.25")

@@ -1,0 +1,1 @@
+"""Experiments that anyone can repeat: simulated drives, mapped by several methods, and compared."""

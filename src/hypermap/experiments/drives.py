@@ -1,0 +1,103 @@
+"""Simulated drives, each mapped by several methods at once."""
+
+from __future__ import annotations
+
+import multiprocessing
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass
+
+from hypermap.core.semantic import SemanticObject
+from hypermap.mapping.config import MappingConfig
+from hypermap.mapping.evidence import EvidenceMap
+from hypermap.mapping.keyframes import KeyframeSelector
+from hypermap.perception.config import PerceptionConfig
+from hypermap.perception.detections import Detections
+from hypermap.perception.observation import Observation
+from hypermap.perception.observe import observe
+from hypermap.simulation import Errors, SimulatedRecording, World
+
+
+@dataclass(frozen=True)
+class Drive:
+    """A drive through a world, with errors of its own.
+
+    Attributes:
+        world: what there is to see.
+        seed: of all chance.
+        errors: of camera, localisation and detector.
+        rate: frames per second.
+    """
+
+    world: World
+    seed: int
+    errors: Errors
+    rate: float
+
+
+@dataclass(frozen=True, eq=False)
+class Mapped:
+    """What the methods made of a drive.
+
+    Attributes:
+        drive: the drive.
+        frames: how many it had.
+        objects: the objects of each method's map, by its name.
+    """
+
+    drive: Drive
+    frames: int
+    objects: Mapping[str, tuple[SemanticObject, ...]]
+
+
+def map_drive(drive: Drive, methods: Mapping[str, MappingConfig]) -> Mapped:
+    """Return the objects that each method maps on a drive.
+
+    Each frame is rendered once, and looked at once by each way of perception.
+    """
+    recording = SimulatedRecording(
+        drive.world,
+        rate=drive.rate,
+        depth_noise=drive.errors.depth,
+        pose_noise=drive.errors.poses,
+        detector_noise=drive.errors.detector,
+        seed=drive.seed,
+    )
+    maps = {name: EvidenceMap(config.evidence) for name, config in methods.items()}
+    keyframes = {name: KeyframeSelector(config.keyframes) for name, config in methods.items()}
+    for frame in recording.frames():
+        detections = frame.detections if frame.detections is not None else Detections.of([], [], [])
+        seen: dict[PerceptionConfig, Observation] = {}
+        for name, config in methods.items():
+            if not keyframes[name].accept(frame.map_T_camera):
+                continue
+            if config.perception not in seen:
+                seen[config.perception] = observe(frame, detections, config.perception)
+            maps[name].update(seen[config.perception])
+    objects = {name: tuple(evidence.objects()) for name, evidence in maps.items()}
+    return Mapped(drive, len(recording), objects)
+
+
+def map_drives(
+    drives: Sequence[Drive], methods: Mapping[str, MappingConfig], jobs: int
+) -> Iterator[Mapped]:
+    """Yield what becomes of each drive, in the order in which they are done.
+
+    Args:
+        drives: what to map.
+        methods: by name.
+        jobs: how many drives are mapped at the same time, each in a process of its own.
+    """
+    if jobs == 1:
+        yield from (map_drive(drive, methods) for drive in drives)
+        return
+    # A forked process would inherit the threads of the compiled loops in an unknown state.
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(jobs, mp_context=context) as pool:
+        try:
+            running = [pool.submit(map_drive, drive, methods) for drive in drives]
+            for done in as_completed(running):
+                yield done.result()
+        except BaseException:  # Ctrl-C: what has not begun shall not begin
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise

@@ -1,0 +1,165 @@
+"""What an experiment shows: figures per world, method and class, and how certain they are."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from hypermap.core.semantic import SemanticObject
+from hypermap.evaluation.metrics import Evaluation, evaluate
+from hypermap.evaluation.significance import SignedRank, signed_rank
+from hypermap.experiments.drives import Mapped
+from hypermap.experiments.methods import OURS, PUBLISHED
+from hypermap.simulation import World, ground_truth
+
+Data = dict[str, Any]
+
+
+@dataclass(frozen=True, eq=False)
+class WorldResult:
+    """All drives through a world.
+
+    Attributes:
+        world: the world.
+        truth: its true objects.
+        mapped: what became of each drive, by ascending seed.
+        evaluations: one for each drive, by the method's name.
+    """
+
+    world: World
+    truth: tuple[SemanticObject, ...]
+    mapped: tuple[Mapped, ...]
+    evaluations: Mapping[str, tuple[Evaluation, ...]]
+
+    @classmethod
+    def of(cls, mapped: Sequence[Mapped]) -> WorldResult:
+        """Return the result of drives through the same world."""
+        world = mapped[0].drive.world
+        layer = ground_truth(world)["semantic"]
+        truth = tuple(layer.objects())  # type: ignore[attr-defined]
+        by_seed = tuple(sorted(mapped, key=lambda m: m.drive.seed))
+        evaluations = {
+            name: tuple(evaluate(m.objects[name], truth) for m in by_seed)
+            for name in mapped[0].objects
+        }
+        return cls(world, truth, by_seed, evaluations)
+
+    def classes(self) -> list[str]:
+        """Return the classes of the true objects, in alphabetical order."""
+        return sorted({thing.name for thing in self.truth})
+
+    def shape(self, method: str, class_: str | None = None) -> tuple[float | None, float | None]:
+        """Return the thesis' measures, as means over the true objects of all drives.
+
+        Args:
+            method: its name.
+            class_: of the true objects; None for all of them.
+
+        Returns:
+            Mean Jaccard index and mean distance of the centroids [m], over the true objects whose
+            class the map has; None where there are none.
+        """
+        found = [
+            closest
+            for evaluation in self.evaluations[method]
+            for closest in evaluation.closest
+            if class_ is None or self.truth[closest.ground_truth].name == class_
+        ]
+        if not found:
+            return None, None
+        return (
+            float(np.mean([closest.iou for closest in found])),
+            float(np.mean([closest.distance for closest in found])),
+        )
+
+    def found(self, method: str) -> Data:
+        """Return means over the drives of precision, recall and F1 at each threshold, and more."""
+        evaluations = self.evaluations[method]
+        scores = [evaluation.overall for evaluation in evaluations]
+        detections = [[score.detection[k] for score in scores] for k in range(2)]
+        return {
+            "objects": float(np.mean([score.estimated for score in scores])),
+            "matched_iou": _mean([score.iou for score in scores]),
+            "at": [
+                {
+                    "min_iou": column[0].min_iou,
+                    "precision": _mean([d.precision for d in column]),
+                    "recall": _mean([d.recall for d in column]),
+                    "f1": _mean([d.f1 for d in column]),
+                    "duplicates": float(np.mean([d.duplicates for d in column])),
+                    "false": float(np.mean([d.false for d in column])),
+                }
+                for column in detections
+            ],
+        }
+
+    def better(self, method: str, other: str, measure: str) -> SignedRank | None:
+        """Return whether a method is better than another, over the pairs of all drives.
+
+        A pair is a true object of one drive whose class both maps have.
+
+        Args:
+            method: of which it is asked.
+            other: with which it is compared.
+            measure: "iou" or "distance".
+        """
+        gains = []
+        for ours, theirs in zip(self.evaluations[method], self.evaluations[other], strict=True):
+            known = {closest.ground_truth: closest for closest in theirs.closest}
+            for closest in ours.closest:
+                if closest.ground_truth in known:
+                    pair = closest, known[closest.ground_truth]
+                    a, b = (float(getattr(one, measure)) for one in pair)
+                    gains.append(a - b if measure == "iou" else b - a)
+        return signed_rank(gains) if gains else None
+
+
+def to_data(results: Sequence[WorldResult]) -> Data:
+    """Return all figures as plain values, for JSON."""
+    return {
+        "worlds": [_world(result) for result in results],
+        "rule": (
+            "for every true object the estimated one of its class with the nearest centroid, "
+            "moved so that the centroids coincide (thesis, 2019); p: paired one-sided Wilcoxon "
+            f"signed-rank test of whether {OURS} is better"
+        ),
+    }
+
+
+def _world(result: WorldResult) -> Data:
+    drives = [mapped.drive for mapped in result.mapped]
+    return {
+        "world": result.world.name,
+        "objects": len(result.truth),
+        "seeds": [drive.seed for drive in drives],
+        "frames": result.mapped[0].frames,
+        "methods": {name: _method(result, name) for name in result.evaluations},
+    }
+
+
+def _method(result: WorldResult, name: str) -> Data:
+    iou, distance = result.shape(name)
+    published = PUBLISHED.get((name, result.world.name))
+    data = {
+        "iou": iou,
+        "distance": distance,
+        "published": None if published is None else vars(published),
+        "classes": {
+            class_: dict(zip(("iou", "distance"), result.shape(name, class_), strict=True))
+            for class_ in result.classes()
+        },
+        **result.found(name),
+    }
+    if name != OURS and OURS in result.evaluations:
+        for measure in ("iou", "distance"):
+            test = result.better(OURS, name, measure)
+            data[f"p_{measure}"] = None if test is None else test.p
+    return data
+
+
+def _mean(values: Sequence[float | None]) -> float | None:
+    defined = [value for value in values if value is not None]
+    return float(np.mean(defined)) if defined else None
