@@ -1,0 +1,162 @@
+"""`hypermap experiment thesis`, and the figures behind it."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+
+from hypermap.core.semantic import SemanticObject
+from hypermap.evaluation.significance import signed_rank
+from hypermap.experiments.drives import Drive, Mapped, map_drive
+from hypermap.experiments.methods import OURS, PUBLISHED, methods
+from hypermap.experiments.results import WorldResult, to_data
+from hypermap.mapping.config import profile
+from hypermap.mapping.mapper import Mapper
+from hypermap.perception.detectors.sources import detections_from_recording
+from hypermap.simulation import SimulatedRecording, errors_of_level
+from hypermap.simulation.trajectory import Drive as Route
+from hypermap.simulation.world import Floor, Thing, World
+
+WORLD = """
+name: studio
+floor: {rectangle: [0, 0, 5, 4]}
+walls: [{rectangle: [-0.05, -0.05, 5.05, 4.05]}]
+objects: [{model: table, at: [3.2, 2]}, {model: chair, at: [2.2, 3.2], yaw_deg: -60}]
+drive: {waypoints: [[0.5, 1], [1.2, 1.6, 30]], speed: 0.3, turn_rate_deg: 15}
+"""
+
+
+def hypermap(*words: str | Path) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "hypermap", *map(str, words)]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, dict, str]:
+    """What the command prints, its figures and its page."""
+    folder = tmp_path_factory.mktemp("experiment")
+    (folder / "studio.yaml").write_text(WORLD, encoding="utf-8")
+    page = folder / "thesis.html"
+    words = ("--worlds", folder / "studio.yaml", "--seeds", "2", "--rate", "2", "-o", page)
+    done = hypermap("experiment", "thesis", *words, "--errors", "fair", "--jobs", "2")
+    assert done.returncode == 0, done.stderr
+    figures = json.loads(page.with_suffix(".json").read_text(encoding="utf-8"))
+    return done.stdout, figures, page.read_text(encoding="utf-8")
+
+
+def test_all_methods_are_measured_on_the_same_drives(report: tuple[str, dict, str]) -> None:
+    _, figures, _ = report
+    (world,) = figures["worlds"]
+    assert world["seeds"] == [1000, 1001]
+    assert list(world["methods"]) == [
+        "best shape, overlap",
+        "best shape, radius",
+        "convex hull, overlap",
+        "convex hull, radius",
+        "default",
+    ]
+    ours = world["methods"][OURS]
+    assert ours["iou"] > 0.5
+    assert set(ours["classes"]) == {"chair", "table"}
+    others = [method for name, method in world["methods"].items() if name != OURS]
+    assert all(0 <= method["p_iou"] <= 1 for method in others if method["p_iou"] is not None)
+
+
+def test_the_table_and_the_page_show_the_figures(report: tuple[str, dict, str]) -> None:
+    text, figures, page = report
+    for name, method in figures["worlds"][0]["methods"].items():
+        row = next(line for line in text.splitlines() if line.startswith(name))
+        assert ("-" if method["iou"] is None else f"{method['iou']:.2f}") in row
+        assert f"<td>{name}</td>" in page
+    assert page.count("data:image/png;base64,") == 2
+    assert "http" not in page  # it needs no network
+    assert figures["command"] in page
+
+
+def test_the_same_drive_gives_the_same_map_as_the_mapper() -> None:
+    world = World(
+        "test",
+        Floor((0, 0, 6, 4)),
+        objects=(Thing("table", (3, 2)), Thing("plant", (3, 3.2))),
+        drive=Route(((0.5, 2), (0.9, 2, 20)), speed=0.1, turn_rate_deg=10),
+    )
+    errors = errors_of_level("fair")
+    mapped = map_drive(Drive(world, 3, errors, 3.0), {OURS: profile("default")})
+    recording = SimulatedRecording(
+        world,
+        rate=3.0,
+        depth_noise=errors.depth,
+        pose_noise=errors.poses,
+        detector_noise=errors.detector,
+        seed=3,
+    )
+    mapper = Mapper(profile("default"), detections_from_recording(), recording.occupancy())
+    for frame in recording.frames():
+        mapper.add(frame)
+    expected = mapper.evidence.objects()
+    assert expected
+    assert [thing.name for thing in mapped.objects[OURS]] == [thing.name for thing in expected]
+    for ours, theirs in zip(mapped.objects[OURS], expected, strict=True):
+        assert ours.footprint.equals(theirs.footprint)
+    assert mapped.frames == len(recording)
+
+
+def test_figures_are_means_over_all_true_objects_of_all_drives() -> None:
+    world = World("w", Floor((0, 0, 9, 9)), objects=(Thing("table", (2, 2)), Thing("cup", (5, 5))))
+    errors = errors_of_level("none")
+
+    def shifted(name: str, x: float, y: float, half: tuple[float, float]) -> SemanticObject:
+        return SemanticObject(name, shapely.box(x - half[0], y - half[1], x + half[0], y + half[1]))
+
+    exact, off = shifted("table", 2, 2, (0.4, 0.7)), shifted("table", 2.5, 2, (0.2, 0.7))
+    drives = [
+        Mapped(Drive(world, seed, errors, 1.0), 1, {OURS: (exact,), "best shape, overlap": (off,)})
+        for seed in (2, 1)
+    ]
+    result = WorldResult.of(drives)
+    assert [m.drive.seed for m in result.mapped] == [1, 2]
+    assert result.shape(OURS) == pytest.approx((1.0, 0.0))
+    assert result.shape("best shape, overlap") == pytest.approx((0.5, 0.5))
+    assert result.shape(OURS, "cup") == (None, None)
+    data = to_data([result])["worlds"][0]["methods"]
+    assert data[OURS]["at"][0]["recall"] == 0.5  # the cup is missing
+    # Two pairs, both better: one of four patterns of signs.
+    assert data["best shape, overlap"]["p_iou"] == signed_rank([0.5, 0.5]).p == 0.25
+    assert np.isclose(data["best shape, overlap"]["distance"], 0.5)
+
+
+def test_methods_differ_as_they_are_named() -> None:
+    known = methods()
+    assert list(known)[-1] == OURS
+    assert {name for name, _ in PUBLISHED} <= set(known)
+    for name, config in known.items():
+        if name != OURS:
+            shape, association = name.split(", ")
+            assert config.evidence.fusion == shape.replace(" ", "_")
+            assert config.evidence.association == {"overlap": "jaccard"}.get(association, "radius")
+            assert config.perception.method == "organised"
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["thesiss"], "there is no experiment 'thesiss'; known: thesis"),
+        (["thesis", "--worlds", "labb"], "there is no world 'labb'; did you mean 'lab'?"),
+        (["thesis", "--errors", "bad"], "there is no level of errors 'bad'"),
+        (["thesis", "-o", "no/where.html"], "does not exist; create it first"),
+    ],
+)
+def test_what_cannot_be_done_is_said(
+    words: list[str], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    done = hypermap("experiment", *words)
+    assert done.returncode == 2
+    assert message in done.stderr
+    assert list(tmp_path.iterdir()) == []
