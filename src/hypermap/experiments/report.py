@@ -24,6 +24,7 @@ h1, h2 { font-weight: 650; } h2 { margin-top: 2.5em; border-bottom: 1px solid #c
 table { border-collapse: collapse; margin: 1em 0; font-variant-numeric: tabular-nums; }
 th, td { padding: .25em .8em; text-align: right; }
 th:first-child, td:first-child { text-align: left; }
+td { white-space: nowrap; }
 thead th { border-bottom: 2px solid #556; vertical-align: bottom; }
 tbody tr:nth-child(even) { background: #f3f5f8; }
 tr.ours td { font-weight: 650; }
