@@ -58,8 +58,8 @@ def main() -> None:
 
 def show_runs(frames: list[RgbdFrame], arguments: argparse.Namespace, folder: Path) -> None:
     """Show the frames to one node after the other."""
-    from hypermap.ros.ros1_libraries import rospy
-    from hypermap.ros.ros1_messages import message_class
+    from hypermap.ros.ros1.libraries import rospy
+    from hypermap.ros.ros1.messages import message_class
 
     rospy.init_node("camera", disable_signals=True)
     kinds = {

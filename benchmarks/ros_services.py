@@ -37,8 +37,8 @@ from hypermap.core.objects import SemanticObject
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.semantic import SemanticLayer
 from hypermap.formats import save_map
-from hypermap.ros.ros1_libraries import rospy
-from hypermap.ros.ros1_messages import message_class, service_class
+from hypermap.ros.ros1.libraries import rospy
+from hypermap.ros.ros1.messages import message_class, service_class
 
 RESOLUTION = 0.05  # m
 FEW, CLASSES = 28, 20

@@ -216,7 +216,7 @@ def test_a_wrong_parameter_is_an_error(hypermap, param, expected):
 
 def test_without_any_ros_the_remedy_is_said(hypermap, room_map, monkeypatch):
     monkeypatch.delenv("ROS_VERSION", raising=False)
-    for name in ("hypermap.ros.ros1_libraries", "rclpy"):
+    for name in ("hypermap.ros.ros1.libraries", "rclpy"):
         monkeypatch.setitem(sys.modules, name, None)
     assert_one_error(hypermap("serve", room_map), "neither ROS 1 nor ROS 2 is here", "--foxglove")
 
@@ -234,7 +234,7 @@ def test_the_ros_that_was_sourced_is_taken(monkeypatch, version, expected):
 
 
 def test_no_roscore_is_one_line(room_map):
-    pytest.importorskip("hypermap.ros.ros1", exc_type=HypermapError)
+    pytest.importorskip("hypermap.ros.ros1.port", exc_type=HypermapError)
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         uri = f"http://127.0.0.1:{free.getsockname()[1]}"

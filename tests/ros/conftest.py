@@ -115,7 +115,7 @@ def needs_ros1() -> None:
     if shutil.which("roscore") is None:
         pytest.skip(NEEDS_ROS1)
     try:
-        import hypermap.ros.ros1_libraries  # noqa: F401 - whether they are there
+        import hypermap.ros.ros1.libraries  # noqa: F401 - whether they are there
     except HypermapError as error:
         pytest.skip(f"ROS 1 is not for this Python: {error}")
 
@@ -138,7 +138,7 @@ def roscore(needs_ros1: None, tmp_path_factory: pytest.TempPathFactory) -> Itera
 @pytest.fixture(scope="session")
 def rospy(roscore: str) -> Any:
     """The library rospy, with this process as a node; calls of services and topics are real."""
-    from hypermap.ros.ros1_libraries import rospy
+    from hypermap.ros.ros1.libraries import rospy
 
     rospy.init_node("tests", anonymous=True, disable_signals=True)
     return rospy
@@ -150,7 +150,7 @@ class Ros1Types:
     def __init__(self) -> None:
         import genpy
 
-        from hypermap.ros.ros1_messages import message_class, service_class
+        from hypermap.ros.ros1.messages import message_class, service_class
 
         self.message = message_class
         self.request = lambda name: service_class(name)._request_class
@@ -199,7 +199,7 @@ def types(request: pytest.FixtureRequest) -> Any:
 @pytest.fixture(scope="module")
 def port(rospy: Any) -> Iterator[Any]:
     """A `Ros1Port` on the node of this process; that node lives on after it."""
-    from hypermap.ros.ros1 import Ros1Port
+    from hypermap.ros.ros1.port import Ros1Port
 
     logger = logging.getLogger("hypermap")
     before = logger.handlers, logger.level

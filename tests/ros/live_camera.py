@@ -12,7 +12,7 @@ from PIL import Image
 from scipy.spatial.transform import Rotation
 
 from hypermap.perception.frame import RgbdFrame
-from hypermap.ros.ros1_messages import message_class
+from hypermap.ros.ros1.messages import message_class
 
 FRAME = "camera_optical_frame"
 DEPTH = "/camera/depth/image_rect"

@@ -49,7 +49,7 @@ class Client:
     """Calls the services of a node and listens to its topics."""
 
     def __init__(self, rospy: Any, node: str) -> None:
-        from hypermap.ros import ros1_messages
+        from hypermap.ros.ros1 import messages as ros1_messages
 
         self.rospy = rospy
         self.node = node

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 
 from hypermap.ros.port import Parameter
-from hypermap.ros.ros1 import Ros1Port
+from hypermap.ros.ros1.port import Ros1Port
 
 
 def main() -> None:

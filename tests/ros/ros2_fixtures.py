@@ -21,7 +21,7 @@ def graph(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Gr
     shared = Graph(StrictTypes(STORES[request.param]()))
     for name, module in modules(shared).items():
         monkeypatch.setitem(sys.modules, name, module)
-    for name in [name for name in sys.modules if name.startswith("hypermap.ros.ros2")]:
+    for name in [name for name in sys.modules if name.startswith("hypermap.ros.ros2.port")]:
         monkeypatch.delitem(sys.modules, name)
     return shared
 
@@ -32,7 +32,7 @@ def make_port(graph: Graph) -> Iterator[Callable[..., Any]]:
     made: list[Any] = []
 
     def make(name: str = "hypermap_server", *arguments: str) -> Any:
-        ros2 = importlib.import_module("hypermap.ros.ros2")
+        ros2 = importlib.import_module("hypermap.ros.ros2.port")
         made.append(ros2.Ros2Port(name, [name, *arguments]))
         return made[-1]
 

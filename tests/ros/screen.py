@@ -16,8 +16,8 @@ from hypermap.colors import class_colors
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.semantic import SemanticLayer
-from hypermap.ros.marker_array import tint
-from hypermap.ros.rviz_config import View
+from hypermap.ros.messages.marker_array import tint
+from hypermap.ros.rviz.config import View
 
 BACKGROUND = (226, 229, 233)
 BLACK, WHITE = (0, 0, 0), (255, 255, 255)

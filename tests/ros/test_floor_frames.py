@@ -11,7 +11,7 @@ from hypermap.core.errors import FrameError
 from hypermap.core.frames import FrameTree, Pose2D, Transform
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.semantic import SemanticLayer
-from hypermap.ros.floor_frames import FloorFrames
+from hypermap.ros.server.floor_frames import FloorFrames
 
 
 class Tf:

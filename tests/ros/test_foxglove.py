@@ -7,7 +7,7 @@ import threading
 import pytest
 
 from hypermap.core.errors import FrameError, HypermapError
-from hypermap.ros.foxglove import FoxglovePort
+from hypermap.ros.foxglove.port import FoxglovePort
 from hypermap.ros.port import Parameter
 
 from .conftest import wait_for

@@ -30,7 +30,7 @@ from hypermap.recordings.messages.images import (
 )
 from hypermap.recordings.messages.occupancy import occupancy_of_grid
 from hypermap.recordings.messages.transforms import TransformLog
-from hypermap.ros.from_messages import (
+from hypermap.ros.messages.from_messages import (
     apply_semantic_update,
     area_of,
     crosses_itself,
@@ -39,7 +39,7 @@ from hypermap.ros.from_messages import (
     semantic_objects_of,
     with_grid_update,
 )
-from hypermap.ros.to_messages import layer_transforms, semantic_map
+from hypermap.ros.messages.to_messages import layer_transforms, semantic_map
 from hypermap.testing.builders import occupancy_from_text, square
 from hypermap.testing.strategies import polygons, semantic_layers
 

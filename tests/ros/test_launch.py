@@ -90,7 +90,7 @@ def test_show_map_serves_the_map_with_its_keepout_zones(launch, rospy, tmp_path)
 def test_record_map_saves_at_its_end_what_a_slam_node_has_published(
     launch, rospy, ros1_types, tmp_path
 ) -> None:
-    from hypermap.ros.to_messages import occupancy_grid
+    from hypermap.ros.messages.to_messages import occupancy_grid
 
     path = tmp_path / "recorded.hmap"
     server = launch("record_map.launch", save_to=path, map_topic="/slam/map")

@@ -18,9 +18,9 @@ import pytest
 import yaml
 
 from hypermap.formats import open_map
-from hypermap.ros.map_server import MapServer
+from hypermap.ros.mapper.semantic_mapper import SemanticMapper
 from hypermap.ros.parameters import checked
-from hypermap.ros.semantic_mapper import SemanticMapper
+from hypermap.ros.server.map_server import MapServer
 
 PACKAGE = Path(__file__).parents[2] / "ros" / "hypermap"
 FILES = sorted((PACKAGE / "launch").glob("*.launch.xml"))

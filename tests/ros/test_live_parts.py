@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from hypermap.core.errors import HypermapError
-from hypermap.ros.diagnostics import diagnostic_array
-from hypermap.ros.live_settings import PARAMETERS, LiveSettings
-from hypermap.ros.mailbox import Mailbox
-from hypermap.ros.map_directory import archive_within
+from hypermap.ros.mapper.diagnostics import diagnostic_array
+from hypermap.ros.mapper.mailbox import Mailbox
+from hypermap.ros.mapper.semantic_mapper import SemanticMapper
+from hypermap.ros.mapper.settings import PARAMETERS, LiveSettings
+from hypermap.ros.mapper.statistics import WINDOW, Fate, State, Statistics
 from hypermap.ros.parameters import checked
-from hypermap.ros.semantic_mapper import SemanticMapper
-from hypermap.ros.statistics import WINDOW, Fate, State, Statistics
+from hypermap.ros.server.map_directory import archive_within
 from hypermap.ros.throttle import Throttle
 
 

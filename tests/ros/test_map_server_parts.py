@@ -13,9 +13,9 @@ from hypermap.core.frames import FrameTree
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.semantic import SemanticLayer
 from hypermap.core.trajectory import pose_from_rpy
-from hypermap.ros.current_map import CurrentMap, KeptOpen
-from hypermap.ros.floor_frames import FloorFrames, floor_pose
-from hypermap.ros.services import failed_response
+from hypermap.ros.server.current_map import CurrentMap, KeptOpen
+from hypermap.ros.server.floor_frames import FloorFrames, floor_pose
+from hypermap.ros.server.services import failed_response
 from hypermap.ros.typestore import response_class
 from hypermap.testing import square
 

@@ -28,7 +28,7 @@ def test_the_command_is_a_node_of_ros_1(rospy, start, tmp_path, number):
     )
     rospy.wait_for_service(f"/{name}/get_string_at_point", timeout=60)
     assert rospy.get_param(f"/{name}/tf_timeout") == 0.25
-    from hypermap.ros.ros1_messages import message_class, service_class
+    from hypermap.ros.ros1.messages import message_class, service_class
 
     ask = rospy.ServiceProxy(
         f"/{name}/get_string_at_point", service_class("hypermap_msgs/GetStringAtPoint")

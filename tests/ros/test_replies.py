@@ -17,7 +17,7 @@ from hypermap.core.grid import GridGeometry
 from hypermap.core.layer import Hits
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.semantic import SemanticLayer
-from hypermap.ros.replies import (
+from hypermap.ros.messages.replies import (
     area_hits,
     as_int32,
     hits_reply,
@@ -26,8 +26,8 @@ from hypermap.ros.replies import (
     map_reply,
     strings_reply,
 )
-from hypermap.ros.ros1_arrays import writing_arrays
-from hypermap.ros.to_messages import occupancy_grid, semantic_map
+from hypermap.ros.messages.to_messages import occupancy_grid, semantic_map
+from hypermap.ros.ros1.arrays import writing_arrays
 from hypermap.testing.builders import square
 from hypermap.testing.strategies import occupancy_layers
 
@@ -142,7 +142,7 @@ def test_rospy_numbers_the_header_of_a_published_grid(ros1_types: Any) -> None:
 
 @pytest.mark.xdist_group("ros")
 def test_a_client_of_rospy_reads_them(rospy: Any, ros1_types: Any) -> None:
-    from hypermap.ros.ros1_messages import service_class
+    from hypermap.ros.ros1.messages import service_class
 
     kind = service_class("hypermap_msgs/GetStringsByArea")
     found = Hits(as_objects(["chair", "Tür", "chair"]), np.array([[1.5, 2], [3, 4], [5, 6]]))

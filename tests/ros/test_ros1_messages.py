@@ -89,21 +89,21 @@ FOREIGN = {
 
 @pytest.mark.parametrize("name", MESSAGES)
 def test_a_message_has_the_checksum_that_old_clients_compare(needs_ros1: None, name: str) -> None:
-    from hypermap.ros.ros1_messages import message_class
+    from hypermap.ros.ros1.messages import message_class
 
     assert message_class(f"hypermap_msgs/{name}")._md5sum == MESSAGES[name]
 
 
 @pytest.mark.parametrize("name", SERVICES)
 def test_a_service_has_the_checksum_that_old_clients_compare(needs_ros1: None, name: str) -> None:
-    from hypermap.ros.ros1_messages import service_class
+    from hypermap.ros.ros1.messages import service_class
 
     assert service_class(f"hypermap_msgs/{name}")._md5sum == SERVICES[name]
 
 
 @pytest.mark.parametrize("name", FOREIGN)
 def test_a_foreign_message_has_the_checksum_of_its_package(needs_ros1: None, name: str) -> None:
-    from hypermap.ros.ros1_messages import message_class
+    from hypermap.ros.ros1.messages import message_class
 
     assert message_class(name)._md5sum == FOREIGN[name]
 
@@ -112,8 +112,8 @@ def test_what_we_know_of_a_foreign_package_is_what_that_package_says(
     needs_ros1: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Generated and installed map_msgs agree; Debian has no others to compare."""
-    from hypermap.ros.ros1_generation import generate
-    from hypermap.ros.ros1_messages import message_class
+    from hypermap.ros.ros1.generation import generate
+    from hypermap.ros.ros1.messages import message_class
 
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     text = (generate("map_msgs") / "python/map_msgs/msg/_OccupancyGridUpdate.py").read_text()
@@ -123,7 +123,7 @@ def test_what_we_know_of_a_foreign_package_is_what_that_package_says(
 
 
 def test_a_type_that_nobody_knows_is_an_error(needs_ros1: None) -> None:
-    from hypermap.ros.ros1_messages import message_class, service_class
+    from hypermap.ros.ros1.messages import message_class, service_class
 
     with pytest.raises(HypermapError, match=r"my_msgs/Thing is missing.*python3-my-msgs"):
         message_class("my_msgs/Thing")
@@ -134,7 +134,7 @@ def test_a_type_that_nobody_knows_is_an_error(needs_ros1: None) -> None:
 def test_a_cache_that_cannot_be_written_is_an_error(
     needs_ros1: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from hypermap.ros.ros1_generation import generate
+    from hypermap.ros.ros1.generation import generate
 
     (tmp_path / "file").touch()
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
@@ -143,7 +143,7 @@ def test_a_cache_that_cannot_be_written_is_an_error(
 
 
 def test_two_nodes_may_generate_at_once(needs_ros1: None, tmp_path: Path) -> None:
-    code = "from hypermap.ros.ros1_messages import message_class as m; import hypermap.ros.{}"
+    code = "from hypermap.ros.ros1.messages import message_class as m; import hypermap.ros.{}"
     code = code.format("ros1_libraries; print(m('hypermap_msgs/SemanticMap')._md5sum)")
     environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path)}
     nodes = [
@@ -157,7 +157,7 @@ def test_two_nodes_may_generate_at_once(needs_ros1: None, tmp_path: Path) -> Non
 
 def test_an_old_installed_package_is_used_and_completed(needs_ros1: None, tmp_path: Path) -> None:
     """A workspace from before has hypermap_msgs without the types that are new."""
-    from hypermap.ros.ros1_generation import generate
+    from hypermap.ros.ros1.generation import generate
 
     shutil.copytree(generate("hypermap_msgs") / "python", tmp_path / "old")
     for kind, kept in (("msg", {*MESSAGES}), ("srv", {*SERVICES})):
@@ -168,8 +168,8 @@ def test_an_old_installed_package_is_used_and_completed(needs_ros1: None, tmp_pa
         lines = [f"from ._{name} import *\n" for name in sorted(kept)]
         (folder / "__init__.py").write_text("".join(lines))
     code = """
-import io, hypermap.ros.ros1_libraries
-from hypermap.ros.ros1_messages import environment, message_class, service_class
+import io, hypermap.ros.ros1.libraries
+from hypermap.ros.ros1.messages import environment, message_class, service_class
 kind = message_class("hypermap_msgs/ObjectState")
 message = kind(object=message_class("hypermap_msgs/SemanticObject")(name="chair"))
 message.parts = [message_class("hypermap_msgs/PolygonWithHoles")()]

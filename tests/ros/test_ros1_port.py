@@ -40,7 +40,7 @@ def logged(lines: list[Any], text: str) -> Any:
 
 
 def ask(rospy: Any, port: Any, name: str, layer: str = "") -> str:
-    from hypermap.ros.ros1_messages import service_class
+    from hypermap.ros.ros1.messages import service_class
 
     rospy.wait_for_service(name, 30)
     return str(rospy.ServiceProxy(name, service_class(SERVICE))(layer=layer).name)
@@ -137,7 +137,7 @@ def test_a_service_answers_and_its_errors_reach_the_caller(
 
 
 def is_missing(service: str) -> bool:
-    from hypermap.ros.ros1_libraries import rosgraph
+    from hypermap.ros.ros1.libraries import rosgraph
 
     try:
         rosgraph.Master("/test").lookupService(service)

@@ -18,8 +18,8 @@ from hypermap.core.errors import HypermapError
 from hypermap.core.semantic import SemanticLayer
 from hypermap.formats import open_map
 from hypermap.perception.frame import RgbdFrame
-from hypermap.ros.semantic_mapper import SemanticMapper
-from hypermap.ros.statistics import Fate
+from hypermap.ros.mapper.semantic_mapper import SemanticMapper
+from hypermap.ros.mapper.statistics import Fate
 from hypermap.simulation import SimulatedRecording, demo_world
 
 from .conftest import wait_for

@@ -14,8 +14,8 @@ import pytest
 
 from hypermap.core.errors import HypermapError
 from hypermap.formats import open_map
-from hypermap.ros.map_server import MapServer
 from hypermap.ros.nodes import run_map_server
+from hypermap.ros.server.map_server import MapServer
 
 from .conftest import wait_for
 from .fake_rclpy import Graph, other_node

@@ -20,7 +20,7 @@ from hypermap.core.hypermap import Hypermap
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.semantic import SemanticLayer, SemanticObject
 from hypermap.formats import save_map
-from hypermap.ros.rviz_config import View, map_configuration, view_of
+from hypermap.ros.rviz.config import View, map_configuration, view_of
 from hypermap.testing import square
 
 from .conftest import Process, wait_for
@@ -139,7 +139,7 @@ def test_a_configuration_shows_the_map(
 
 
 def test_the_window_follows_the_server(screen: Screen, serve: Any, start: Any, rospy: Any) -> None:
-    from hypermap.ros.ros1_messages import service_class
+    from hypermap.ros.ros1.messages import service_class
 
     serve("followed")
     window = start("hypermap", "rviz", "--server", "followed", env=screen.environment)

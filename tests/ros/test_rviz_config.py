@@ -22,8 +22,8 @@ from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.opaque import OpaqueLayer
 from hypermap.core.semantic import SemanticLayer, SemanticObject
 from hypermap.formats import open_map, save_map
-from hypermap.ros.rviz_config import View, configuration, map_configuration, view_of
-from hypermap.ros.rviz_window import LayerDisplays
+from hypermap.ros.rviz.config import View, configuration, map_configuration, view_of
+from hypermap.ros.rviz.window import LayerDisplays
 from hypermap.testing import occupancy_from_text, square
 
 

@@ -9,7 +9,7 @@ from hypermap.core.errors import HypermapError
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.semantic import SemanticLayer
-from hypermap.ros.save_at_end import archive_to_save, save_at_end
+from hypermap.ros.server.save_at_end import archive_to_save, save_at_end
 from hypermap.testing import assert_same_objects, square
 
 

@@ -24,10 +24,10 @@ from hypermap.perception.detectors.recorded import RecordedDetections
 from hypermap.perception.detectors.sources import detections_from_file, detections_from_recording
 from hypermap.perception.frame import RgbdFrame
 from hypermap.recordings import open_recording
+from hypermap.ros.mapper.semantic_mapper import SemanticMapper
+from hypermap.ros.mapper.statistics import Fate
 from hypermap.ros.parameters import checked
-from hypermap.ros.ros1_messages import message_class, service_class
-from hypermap.ros.semantic_mapper import SemanticMapper
-from hypermap.ros.statistics import Fate
+from hypermap.ros.ros1.messages import message_class, service_class
 from hypermap.simulation import SimulatedRecording, demo_world
 
 from . import live_camera as camera
@@ -360,7 +360,7 @@ def test_a_slow_detector_drops_frames_and_does_not_lag(
             time.sleep(0.25)
             return Detections.of([], [])
 
-    monkeypatch.setattr("hypermap.ros.live_map.load_detector", lambda *_, **__: Slow())
+    monkeypatch.setattr("hypermap.ros.mapper.live_map.load_detector", lambda *_, **__: Slow())
     node = room(
         camera.INFO,
         camera.COLOR,

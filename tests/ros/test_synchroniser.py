@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hypermap.ros.synchroniser import Settled, Synchroniser
+from hypermap.ros.mapper.synchroniser import Settled, Synchroniser
 
 MS = 1_000_000
 PERIOD = 100  # ms

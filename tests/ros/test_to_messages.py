@@ -23,8 +23,8 @@ from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.semantic import SemanticLayer
 from hypermap.recordings.messages.header import nanoseconds
 from hypermap.recordings.messages.occupancy import occupancy_of_grid
-from hypermap.ros.geometry_messages import numbers, outline, outlines
-from hypermap.ros.to_messages import (
+from hypermap.ros.messages.geometry_messages import numbers, outline, outlines
+from hypermap.ros.messages.to_messages import (
     hypermap_meta_data,
     layer_transforms,
     map_meta_data,

@@ -161,9 +161,9 @@ def test_a_definition_is_complete(name):
 
 @pytest.mark.skipif(shutil.which("roscore") is None, reason="ROS 1 is not here")
 def test_fields_are_those_of_ros_1():
-    import hypermap.ros.ros1_libraries  # noqa: F401 - makes ROS 1 importable
-    from hypermap.ros.ros1_messages import message_class as ros1_class
-    from hypermap.ros.ros1_messages import service_class
+    import hypermap.ros.ros1.libraries  # noqa: F401 - makes ROS 1 importable
+    from hypermap.ros.ros1.messages import message_class as ros1_class
+    from hypermap.ros.ros1.messages import service_class
 
     for name in [*[f"hypermap_msgs/{name}" for name in MESSAGES], "map_msgs/OccupancyGridUpdate"]:
         assert list(message_class(name).__dataclass_fields__) == ros1_class(name).__slots__

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from hypermap.core.errors import HypermapError
 from hypermap.core.masks import Zone
-from hypermap.ros.zones import keepout_filter, speed_filter
+from hypermap.ros.server.zones import keepout_filter, speed_filter
 
 names = st.sampled_from(["desk", "potted plant", "room 2", "Tür", "3d printer"])
 margins = st.floats(0, 100).map(lambda x: round(x, 3))

@@ -146,8 +146,8 @@ def command(
     middleware = chosen_middleware(ros1, ros2, False)
     arguments = ros_arguments(context)
 
+    from hypermap.ros.mapper.semantic_mapper import SemanticMapper
     from hypermap.ros.nodes import make_port, run_node
-    from hypermap.ros.semantic_mapper import SemanticMapper
 
     port = make_port(SemanticMapper.NAME, arguments, middleware, {**given, **parse_params(param)})
     node = SemanticMapper(port)

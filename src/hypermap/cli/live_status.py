@@ -11,7 +11,7 @@ from hypermap.cli.terminal import err
 from hypermap.viewer.text import counted
 
 if TYPE_CHECKING:
-    from hypermap.ros.statistics import Report
+    from hypermap.ros.mapper.statistics import Report
 
 _EVERY = 0.5  # s
 

@@ -17,8 +17,8 @@ def command() -> None:
       eval "$(hypermap ros1-env)"
       rosservice call /hypermap_server/get_string_at_point '{layer: rooms}'
     """
-    import hypermap.ros.ros1_libraries  # noqa: F401 - says what is missing
-    from hypermap.ros.ros1_messages import environment
+    import hypermap.ros.ros1.libraries  # noqa: F401 - says what is missing
+    from hypermap.ros.ros1.messages import environment
 
     for name, folders in environment().items():
         value = ":".join(shlex.quote(str(folder)) for folder in folders)

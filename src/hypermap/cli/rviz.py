@@ -58,7 +58,7 @@ def command(
         hypermap rviz lab.hmap --ros2
     """
     from hypermap.formats import open_map
-    from hypermap.ros.rviz_config import map_configuration, view_of
+    from hypermap.ros.rviz.config import map_configuration, view_of
 
     node = "/" + server.strip("/")
     shown = None if path is None else open_map(path)
@@ -73,8 +73,8 @@ def command(
     from hypermap.ros.nodes import found_middleware
 
     if not ros2 and found_middleware() == "ros1":
-        from hypermap.ros.ros1 import Ros1Port
-        from hypermap.ros.rviz_window import follow
+        from hypermap.ros.ros1.port import Ros1Port
+        from hypermap.ros.rviz.window import follow
 
         name = f"hypermap_rviz_{os.getpid()}"  # there may be several windows
         follow(Ros1Port(name, [name]), node, None if shown is None else view_of(shown))

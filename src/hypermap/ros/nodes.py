@@ -59,7 +59,7 @@ def run_map_server(
         HypermapError: If the middleware is missing, an argument or parameter is wrong, or the map
             cannot be read.
     """
-    from hypermap.ros.map_server import MapServer
+    from hypermap.ros.server.map_server import MapServer
 
     own, ros = split_arguments(argv)
     if len(own) > 1:
@@ -79,7 +79,7 @@ def run_semantic_mapper(
 
     Arguments and errors are those of `run_map_server`; there is no map to name.
     """
-    from hypermap.ros.semantic_mapper import SemanticMapper
+    from hypermap.ros.mapper.semantic_mapper import SemanticMapper
 
     own, ros = split_arguments(argv)
     if own:
@@ -116,7 +116,7 @@ def found_middleware() -> Literal["ros1", "ros2"]:
     if version in ("1", "2"):
         return "ros1" if version == "1" else "ros2"
     with contextlib.suppress(HypermapError, ImportError):
-        import hypermap.ros.ros1_libraries  # noqa: F401 - whether it is there
+        import hypermap.ros.ros1.libraries  # noqa: F401 - whether it is there
 
         return "ros1"
     if importlib.util.find_spec("rclpy") is not None:
@@ -145,12 +145,12 @@ def make_port(
     """
     chosen = found_middleware() if middleware == "auto" else middleware
     if chosen == "ros1":
-        from hypermap.ros.ros1 import Ros1Port
+        from hypermap.ros.ros1.port import Ros1Port
 
         private = [f"_{key}:={_yaml(value)}" for key, value in values.items()]
         return Ros1Port(name, [name, *ros_arguments, *private])
     if chosen == "ros2":
-        from hypermap.ros.ros2 import Ros2Port
+        from hypermap.ros.ros2.port import Ros2Port
 
         pairs = [word for key, value in values.items() for word in ("-p", f"{key}:={_yaml(value)}")]
         own = ["--ros-args", *pairs, "--"] if pairs else []
@@ -159,7 +159,7 @@ def make_port(
         raise HypermapError(
             f"{ros_arguments[0]!r} is an argument for ROS; without ROS, give --param NAME=VALUE"
         )
-    from hypermap.ros.foxglove import FoxglovePort
+    from hypermap.ros.foxglove.port import FoxglovePort
 
     where = address or Address()
     return FoxglovePort(name, values, host=where.host, port=where.port)

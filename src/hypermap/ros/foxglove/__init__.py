@@ -1,0 +1,1 @@
+"""No ROS: a port over the WebSocket of Foxglove and Lichtblick."""

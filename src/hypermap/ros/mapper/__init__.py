@@ -1,0 +1,1 @@
+"""The semantic mapper: a node that maps what a live robot sees."""

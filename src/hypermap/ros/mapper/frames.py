@@ -1,0 +1,100 @@
+"""Messages that belong together become frames."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hypermap.core.errors import FormatError
+from hypermap.perception.detections import Detections
+from hypermap.perception.frame import Camera, RgbdFrame
+from hypermap.recordings.messages.camera import camera_of_info
+from hypermap.recordings.messages.clouds import fit_camera, points_of_cloud
+from hypermap.recordings.messages.compressed_depth import depth_of_compressed
+from hypermap.recordings.messages.header import as_seconds, clean_frame
+from hypermap.recordings.messages.images import (
+    color_of_compressed,
+    color_of_image,
+    depth_of_image,
+)
+from hypermap.ros.mapper.settings import CLOUD, COMPRESSED, LiveSettings
+from hypermap.ros.mapper.synchroniser import Match
+
+
+class FrameMaker:
+    """Makes frames of messages; only what mapping needs is decoded.
+
+    Attributes:
+        camera_info: the last `sensor_msgs/CameraInfo`; None while there was none.
+    """
+
+    def __init__(self, settings: LiveSettings) -> None:
+        self.camera_info: Any = None
+        self._settings = settings
+        self._fitted: Camera | None = None
+
+    @property
+    def lacks_camera_info(self) -> bool:
+        """Whether the intrinsics are not known yet."""
+        return bool(self._settings.info_topic) and self.camera_info is None
+
+    def frame_id(self, geometry: Any) -> str:
+        """Return the optical frame of a depth message."""
+        return clean_frame(self._settings.camera_frame or geometry.header.frame_id)
+
+    def frame(self, match: Match, geometry: Any, map_T_camera: NDArray[np.float64]) -> RgbdFrame:
+        """Return a frame.
+
+        Args:
+            match: color and detections, and the stamps of all.
+            geometry: the depth image or cloud.
+            map_T_camera: pose of its optical frame, shape (4, 4).
+
+        Raises:
+            FormatError: If a message is damaged, or they do not fit each other.
+        """
+        depth, cloud, color = self._geometry(geometry)
+        if "color" in match.items and self._settings.detector:
+            message = match.items["color"]
+            is_compressed = self._settings.color_type == COMPRESSED
+            color = (color_of_compressed if is_compressed else color_of_image)(message)
+        if color is not None and color.shape[:2] != depth.shape:
+            raise FormatError(
+                f"color images have {color.shape[1]} x {color.shape[0]} pixels, but depth has "
+                f"{depth.shape[1]} x {depth.shape[0]}; take depth that is registered to color"
+            )
+        if self._settings.detector and color is None:
+            raise FormatError("the clouds have no color for the detector; give color_topic")
+        detections: Detections | None = match.items.get("detections")
+        return RgbdFrame(
+            stamp=as_seconds(match.stamp),
+            depth=depth,
+            camera=self._camera(depth, cloud),
+            map_T_camera=map_T_camera,
+            color=color,
+            color_stamp=as_seconds(match.stamps.get("color", match.stamp)),
+            detections=detections,
+            cloud=cloud,
+        )
+
+    def _geometry(
+        self, message: Any
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32] | None, NDArray[np.uint8] | None]:
+        """Return depth, cloud and color of a message, the latter two where it has them."""
+        if self._settings.geometry_type == CLOUD:
+            points, color = points_of_cloud(message)
+            return points[..., 2].copy(), points, color
+        is_compressed = self._settings.geometry_type == COMPRESSED
+        decode = depth_of_compressed if is_compressed else depth_of_image
+        return decode(message, self._settings.depth_scale), None, None
+
+    def _camera(self, depth: NDArray[np.float32], cloud: NDArray[np.float32] | None) -> Camera:
+        height, width = depth.shape
+        if self.camera_info is not None:
+            return camera_of_info(self.camera_info, width, height, self._settings.is_rectified)
+        fitted = self._fitted
+        if fitted is None or (fitted.width, fitted.height) != (width, height):
+            fitted = self._fitted = fit_camera(cloud)  # type: ignore[arg-type] # it is a cloud
+        return fitted

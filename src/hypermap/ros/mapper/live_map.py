@@ -1,0 +1,141 @@
+"""The map that a live node makes, guarded against its threads."""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import replace
+
+import numpy as np
+
+from hypermap.core.hypermap import Hypermap
+from hypermap.core.occupancy import OccupancyLayer
+from hypermap.core.semantic import SemanticLayer
+from hypermap.mapping.config import MappingConfig, load_config, profile
+from hypermap.mapping.mapper import Mapper, why_unusable
+from hypermap.perception.detections import Detections, DetectionSource
+from hypermap.perception.detectors import load_detector, sources
+from hypermap.perception.frame import Camera, RgbdFrame
+from hypermap.perception.observation import Observation
+from hypermap.ros.mapper.settings import LiveSettings
+from hypermap.ros.mapper.statistics import Fate
+
+_LEAST_SCORE = 0.3  # for a network, where the profile takes all that is detected
+
+
+class LiveMap:
+    """Frames in, maps out; each call sees whole frames.
+
+    Attributes:
+        config: how mapping is done.
+        revision: grows with every change.
+    """
+
+    def __init__(self, settings: LiveSettings) -> None:
+        """Load what mapping needs.
+
+        Raises:
+            HypermapError: If the configuration, the detector or the detections cannot be read.
+        """
+        self.config = _config(settings)
+        self.revision = 0
+        self._frame_id = settings.map_frame.strip("/")
+        self._source = _source(settings, self.config)
+        self._makes_occupancy = settings.occupancy and not settings.map_topic
+        self._given: OccupancyLayer | None = None
+        self._lock = threading.RLock()
+        self._mapper = self._new_mapper()
+
+    def warm_up(self) -> None:
+        """Map something made up and forget it: the first frame then takes no longer than others.
+
+        Compiled code is loaded, which takes a second, or half a minute the first time ever.
+        """
+        camera = Camera.from_intrinsics(60.0, 60.0, 31.5, 23.5, 64, 48)
+        depth = np.full((48, 64), 2.0, np.float32)
+        depth[16:32, 24:40] = 1.0
+        pose = np.diag([1.0, -1.0, -1.0, 1.0])  # looks down from 2 m
+        pose[2, 3] = 2.0
+        seen = Detections.of([[20, 12, 44, 36]], ["box"])
+        mapper = Mapper(self.config, lambda _: seen, frame_id=self._frame_id)
+        mapper.add(RgbdFrame(0.0, depth, camera, pose))
+        mapper.hypermap()
+
+    def add(self, frame: RgbdFrame) -> tuple[Fate, str, Observation | None]:
+        """Map a frame.
+
+        Returns:
+            What became of it, why if it is unusable, and what it shows if it was mapped.
+
+        Raises:
+            HypermapError: If nothing can say what the frame shows; the map stays as it was.
+        """
+        if (reason := why_unusable(frame)) is not None:
+            return Fate.UNUSABLE, reason, None
+        with self._lock:
+            before = self._mapper.counts
+            observation = self._mapper.add(frame)
+            if observation is not None:
+                self.revision += 1
+                return Fate.MAPPED, "", observation
+            if self._mapper.counts.skipped > before.skipped:
+                return Fate.STILL, "", None
+        return Fate.UNUSABLE, "it lies too far off", None
+
+    def give_occupancy(self, layer: OccupancyLayer) -> None:
+        """Take the occupancy layer of another node."""
+        with self._lock:
+            self._given = layer
+
+    def clear(self) -> None:
+        """Forget all frames."""
+        with self._lock:
+            self._mapper = self._new_mapper()
+            self.revision += 1
+
+    @property
+    def frames(self) -> int:
+        """How many frames are in the map."""
+        return self._mapper.counts.used
+
+    def __len__(self) -> int:
+        """Return how many objects there are."""
+        with self._lock:
+            return len(self._mapper.evidence)
+
+    def semantic(self) -> SemanticLayer:
+        """Return the objects."""
+        with self._lock:
+            return self._mapper.evidence.layer(frame_id=self._frame_id)
+
+    def hypermap(self) -> Hypermap:
+        """Return the map so far: an occupancy layer, unless there is to be none, and objects."""
+        with self._lock:
+            whole = self._mapper.hypermap()
+            given = self._given
+        occupancy = whole["occupancy"] if self._makes_occupancy else given
+        layers = [whole["semantic"]] if occupancy is None else [occupancy, whole["semantic"]]
+        return Hypermap(layers, metadata=whole.metadata)
+
+    def _new_mapper(self) -> Mapper:
+        none = None if self._makes_occupancy else OccupancyLayer("occupancy", self._frame_id)
+        return Mapper(self.config, self._source, none, self._frame_id)
+
+
+def _config(settings: LiveSettings) -> MappingConfig:
+    config = profile(settings.profile)
+    if settings.config:
+        config = load_config(settings.config, config)
+    if settings.score:
+        config = replace(config, perception=replace(config.perception, min_score=settings.score))
+    return config
+
+
+def _source(settings: LiveSettings, config: MappingConfig) -> DetectionSource:
+    if settings.detector:
+        least = config.perception.min_score or _LEAST_SCORE
+        threads = settings.detector_threads or None
+        detector = load_detector(settings.detector, settings.labels or None, least, threads=threads)
+        return sources.detections_from_detector(detector)
+    if settings.detections_file:
+        return sources.detections_from_file(settings.detections_file)
+    return sources.detections_from_recording()

@@ -1,0 +1,340 @@
+"""The semantic mapper: what a robot's camera sees becomes a map while it drives.
+
+Callbacks put the newest complete frame in a slot; one worker maps it. A frame that comes while the
+worker is busy replaces the one that waits, so a slow machine drops frames and does not lag.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+import time
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hypermap.core.errors import FrameError, HypermapError
+from hypermap.core.hypermap import Hypermap
+from hypermap.formats import save_map
+from hypermap.recordings.messages.header import clean_frame
+from hypermap.recordings.messages.occupancy import occupancy_of_grid
+from hypermap.ros.mapper import diagnostics
+from hypermap.ros.mapper.frames import FrameMaker
+from hypermap.ros.mapper.inputs import LiveInputs, Work
+from hypermap.ros.mapper.live_map import LiveMap
+from hypermap.ros.mapper.mailbox import Mailbox
+from hypermap.ros.mapper.outputs import LiveOutputs
+from hypermap.ros.mapper.settings import OCCUPANCY, PARAMETERS, LiveSettings
+from hypermap.ros.mapper.statistics import Fate, Report, State, Statistics
+from hypermap.ros.port import Closable, Message, Port, Value
+from hypermap.ros.server.map_directory import archive_within
+from hypermap.ros.throttle import Throttle
+
+_TF_POLL = 0.01  # s
+_PATIENT_END = 30.0  # s that the worker may take for its last frame
+
+
+class SemanticMapper:
+    """The node; see docs/live.md for its topics, services and parameters."""
+
+    NAME = "semantic_mapper"
+    PARAMETERS = (*PARAMETERS, *LiveOutputs.PARAMETERS)
+
+    def __init__(self, port: Port) -> None:
+        self._port = port
+        self._settings: LiveSettings | None = None
+        self._values: dict[str, Value] = {}
+        self._map: LiveMap | None = None
+        self._life: _Life | None = None
+
+    def configure(self) -> None:
+        """Read the parameters and load the detector.
+
+        Raises:
+            HypermapError: If a parameter or a file is wrong.
+        """
+        self._values = self._port.parameters(self.PARAMETERS, self._change)
+        settings = LiveSettings.of(self._values)
+        if settings.save_to:
+            _check_folder(Path(settings.save_to).absolute().parent, "save_to")
+        if settings.map_directory:
+            _check_folder(Path(settings.map_directory), "map_directory")
+        live_map = LiveMap(settings)
+        live_map.warm_up()
+        self._settings, self._map = settings, live_map
+
+    def activate(self) -> None:
+        """Publish, serve and subscribe, and start to map."""
+        if self._settings is None or self._map is None:
+            raise HypermapError("the node is not configured")
+        self._life = _Life(self._port, self._settings, self._map, self._values)
+
+    def deactivate(self) -> None:
+        """Stop to map and save the map, if `save_to` is given.
+
+        Raises:
+            HypermapError: If it cannot be saved.
+        """
+        life, self._life = self._life, None
+        if life is not None:
+            life.close()
+
+    def cleanup(self) -> None:
+        """Forget the map."""
+        self._map = self._settings = None
+
+    def report(self) -> Report | None:
+        """Return how the node fares; None if it is not active."""
+        life = self._life
+        return None if life is None else life.report()
+
+    def hypermap(self) -> Hypermap:
+        """Return the map so far; an empty one if the node is not configured."""
+        live_map = self._map
+        return Hypermap() if live_map is None else live_map.hypermap()
+
+    def __len__(self) -> int:
+        """Return how many objects are in the map."""
+        live_map = self._map
+        return 0 if live_map is None else len(live_map)
+
+    def _change(self, values: Mapping[str, Value]) -> None:
+        self._values.update(values)
+        life = self._life
+        if life is not None:
+            life.outputs.set(values)
+
+
+class _Life:
+    """The node from its activation to its end."""
+
+    def __init__(
+        self, port: Port, settings: LiveSettings, live_map: LiveMap, values: Mapping[str, Value]
+    ) -> None:
+        self._port = port
+        self._settings = settings
+        self._map = live_map
+        self._map_frame = clean_frame(settings.map_frame)
+        self._statistics = Statistics()
+        self._log = Throttle(port.log)
+        self._frames = FrameMaker(settings)
+        self._mailbox = Mailbox[Work]()
+        self._ends = threading.Event()
+        self._waits_for_tf = False
+        self._newest = 0  # stamp of the newest frame that the worker has taken [ns]
+        self._saved_revision = live_map.revision
+        self._said = ""
+        self.outputs = LiveOutputs(port, settings, live_map)
+        self.outputs.set(values)
+        self._diagnostics = port.publisher("/diagnostics", diagnostics.TYPE)
+        self._prepare_tf()
+        self._worker = threading.Thread(target=self._work, name="mapping", daemon=True)
+        self._worker.start()
+        self._inputs = LiveInputs(
+            port,
+            settings,
+            self._statistics,
+            self._log,
+            self._put,
+            self._take_camera_info,
+            self._jump,
+        )
+        self._others: list[Closable] = [port.timer(1.0, self._diagnose), *self._serve()]
+        if settings.map_topic:
+            self._others.append(
+                port.subscribe(settings.map_topic, OCCUPANCY, self._take_occupancy, latched=True)
+            )
+
+    def close(self) -> None:
+        """End it, and save the map if that was asked for."""
+        self._inputs.close()
+        for closable in self._others:
+            closable.close()
+        self._ends.set()
+        self._worker.join(_PATIENT_END)
+        self.outputs.close()
+        self._diagnostics.close()
+        if not self._settings.save_to:
+            return
+        if self._map.frames == 0:
+            self._port.log("warning", "nothing was mapped, so nothing is saved")
+        elif self._map.revision != self._saved_revision:
+            self._save(Path(self._settings.save_to))
+
+    def report(self) -> Report:
+        """Return how the node fares."""
+        return self._statistics.report(self._settings.geometry_topic)
+
+    # What callbacks bring
+
+    def _put(self, work: Work) -> None:
+        replaced = self._mailbox.put(work)
+        if replaced is not None:
+            self._statistics.count(Fate.NO_TF if self._waits_for_tf else Fate.BUSY)
+
+    def _take_camera_info(self, message: Message) -> None:
+        self._frames.camera_info = message
+
+    def _take_occupancy(self, message: Message) -> None:
+        topic = self._settings.map_topic
+        try:
+            layer = occupancy_of_grid(message)
+        except HypermapError as error:
+            self._log.log("warning", "map", f"{topic}: {error}; this map is left out")
+            return
+        if layer.frame_id != self._map_frame:
+            self._log.log(
+                "warning",
+                "map",
+                f"{topic}: the map is in frame {layer.frame_id!r}, not in {self._map_frame!r}, and "
+                "is left out",
+            )
+            return
+        self._map.give_occupancy(layer)
+
+    def _jump(self) -> None:
+        if self._mailbox.take(timeout=0.0) is not None:
+            self._statistics.count(Fate.CLOCK_JUMP)
+        self._newest = 0
+        self._port.forget_transforms()
+        self._port.log(
+            "warning", "the clock has jumped back: what waited is forgotten, the map goes on"
+        )
+
+    # The worker
+
+    def _work(self) -> None:
+        period = 1 / self._settings.publish_rate
+        next_publish = 0.0
+        while not self._ends.is_set():
+            work = self._mailbox.take(timeout=min(period, 0.2))
+            try:
+                if work is not None:
+                    self._take(work)
+                if time.monotonic() >= next_publish:
+                    next_publish = time.monotonic() + period
+                    self.outputs.publish()
+            except Exception as error:  # one frame must not end the node
+                kind = type(error).__name__
+                self._log.log("error", kind, f"a frame failed: {kind}: {error}")
+        self.outputs.publish()
+
+    def _take(self, work: Work) -> None:
+        """Map a frame and count what became of it."""
+        fate, reason = Fate.UNUSABLE, ""
+        try:
+            fate, reason = self._map_frame_of(work)
+        except (HypermapError, ValueError) as error:
+            reason = str(error)
+        finally:
+            self._statistics.count(fate, time.monotonic() - work.arrived)
+        if reason:
+            self._log.log("warning", fate, f"{fate.value}: {reason}")
+
+    def _map_frame_of(self, work: Work) -> tuple[Fate, str]:
+        """Map a frame; return what became of it, and why if that is worth a line."""
+        stamp = work.match.stamp
+        if stamp <= self._newest:
+            return Fate.TOO_OLD, ""
+        self._newest = stamp
+        if self._frames.lacks_camera_info:
+            return Fate.NO_CAMERA_INFO, f"nothing came on {self._settings.info_topic}"
+        try:
+            pose = self._pose(self._frames.frame_id(work.geometry), stamp)
+        except FrameError as error:
+            return Fate.NO_TF, str(error)
+        frame = self._frames.frame(work.match, work.geometry, pose)
+        fate, reason, observation = self._map.add(frame)
+        if observation is not None:
+            self.outputs.show(observation, stamp)
+        return fate, reason
+
+    def _pose(self, frame_id: str, stamp: int) -> NDArray[np.float64]:
+        """Return `map_T_camera` at a time; wait for it a little.
+
+        The wait goes by the wall's clock: that of a paused bag would stand still.
+        """
+        if not frame_id:
+            raise FrameError("the depth messages name no frame; name it by camera_frame")
+        end = time.monotonic() + self._settings.tf_timeout
+        self._waits_for_tf = True
+        try:
+            while (pose := self._pose_now(frame_id, stamp)) is None:
+                if time.monotonic() >= end or self._ends.wait(_TF_POLL):
+                    return self._port.lookup(self._map_frame, frame_id, stamp)
+            return pose
+        finally:
+            self._waits_for_tf = False
+
+    def _pose_now(self, frame_id: str, stamp: int) -> NDArray[np.float64] | None:
+        """Return `map_T_camera` if tf knows it by now."""
+        try:
+            return self._port.lookup(self._map_frame, frame_id, stamp)
+        except FrameError:
+            return None
+
+    def _prepare_tf(self) -> None:
+        """Let the middleware listen to tf from now on, not only from the first frame on."""
+        with contextlib.suppress(FrameError):
+            self._port.lookup(self._map_frame, self._map_frame)
+
+    # What others ask
+
+    def _serve(self) -> list[Closable]:
+        trigger, store = "std_srvs/Trigger", "hypermap_msgs/StoreMap"
+        services = [
+            self._port.service(
+                "clear", trigger, self._clear, lambda text: self._answer(trigger, False, text)
+            )
+        ]
+        if self._settings.map_directory:
+            services.append(
+                self._port.service(
+                    "save_map",
+                    store,
+                    self._store,
+                    lambda _: self._port.response(store)(success=False),
+                )
+            )
+        return services
+
+    def _answer(self, type_name: str, success: bool, text: str) -> Message:
+        return self._port.response(type_name)(success=success, message=text)
+
+    def _clear(self, _: Message) -> Message:
+        count = len(self._map)
+        self._map.clear()
+        self._port.log("info", f"asked to clear the map: {count} objects are forgotten")
+        return self._answer("std_srvs/Trigger", True, f"{count} objects are forgotten")
+
+    def _store(self, request: Message) -> Message:
+        self._save(archive_within(Path(self._settings.map_directory), request.filename))
+        return self._port.response("hypermap_msgs/StoreMap")(success=True)
+
+    def _save(self, path: Path) -> None:
+        revision = self._map.revision
+        hypermap = self._map.hypermap()
+        save_map(hypermap, path)
+        if path == Path(self._settings.save_to):
+            self._saved_revision = revision
+        objects = len(hypermap["semantic"])  # type: ignore[arg-type] # a semantic layer
+        self._port.log("info", f"saved {objects} objects to {path}")
+
+    def _diagnose(self) -> None:
+        report = self.report()
+        if report.state.value + report.message.partition(":")[0] != self._said:
+            self._said = report.state.value + report.message.partition(":")[0]
+            level = {State.OK: "info", State.WARN: "warning", State.ERROR: "error"}[report.state]
+            self._port.log(level, report.message)  # type: ignore[arg-type]
+        self._diagnostics.publish(
+            diagnostics.diagnostic_array(
+                report, len(self._map), self._port.node_name, self._port, self._port.now()
+            )
+        )
+
+
+def _check_folder(folder: Path, parameter: str) -> None:
+    if not folder.is_dir():
+        raise HypermapError(f"{parameter}: {folder}: there is no such folder")

@@ -1,0 +1,1 @@
+"""Maps become messages, and messages what a map understands."""

@@ -1,0 +1,1 @@
+"""ROS 1: a port over rospy, and its messages."""

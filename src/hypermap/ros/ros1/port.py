@@ -1,0 +1,265 @@
+"""ROS 1 as a port of our nodes."""
+
+from __future__ import annotations
+
+import signal
+import threading
+import time
+import traceback
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hypermap.core.errors import FrameError, HypermapError
+from hypermap.core.trajectory import pose_matrix
+from hypermap.ros.parameters import ParameterSet
+from hypermap.ros.port import Closable, Level, Message, Parameter, Publisher, Value
+from hypermap.ros.ros1.libraries import rospy, tf2_ros
+from hypermap.ros.ros1.logs import forward_logs
+from hypermap.ros.ros1.master import MasterWatch, require_master
+from hypermap.ros.ros1.messages import message_class, service_class
+
+_TF_START = 1.0  # s until a new listener has heard what is known
+_BUFFER_SIZE = 1 << 24  # bytes read at once; with less, large messages arrive late
+_QUEUE = 100  # messages that wait for a slow subscriber
+
+
+class Ros1Port:
+    """A ROS 1 node; there is one in a process, and one that runs already is used.
+
+    Ctrl-C and SIGTERM are a KeyboardInterrupt, which `spin` takes for the end.
+
+    Raises:
+        HypermapError: If no roscore answers.
+    """
+
+    def __init__(self, name: str, argv: Sequence[str] | None = None) -> None:
+        if not rospy.core.is_initialized():
+            require_master()
+            rospy.init_node(name, argv=None if argv is None else list(argv), disable_signals=True)
+            if threading.current_thread() is threading.main_thread():
+                # A script's background process inherits that Ctrl-C is ignored; roslaunch sends it.
+                for number in (signal.SIGINT, signal.SIGTERM):
+                    signal.signal(number, signal.default_int_handler)
+        forward_logs(self.log)
+        self._is_ending = False
+        self._lock = threading.Lock()
+        self._buffer: Any = None
+        self._tf_began = 0.0
+        self._static: Any = None
+        self._parameters = ParameterSet((), {})
+        self._watch = MasterWatch(
+            lambda given: self._parameters.update(given),
+            lambda: self._parameters.given,
+            self.shut_down,
+        )
+
+    @property
+    def node_name(self) -> str:
+        """The node's full name."""
+        return str(rospy.get_name())
+
+    def message(self, type_name: str) -> type[Any]:
+        """Return the class of a message."""
+        return message_class(type_name)
+
+    def response(self, type_name: str) -> type[Any]:
+        """Return the class of a service's response."""
+        response: type[Any] = service_class(type_name)._response_class
+        return response
+
+    def publisher(self, topic: str, type_name: str, *, latched: bool = False) -> Publisher:
+        """Publish on a topic."""
+        return _Publisher(
+            rospy.Publisher(
+                _resolved(topic),
+                message_class(type_name),
+                latch=latched,
+                queue_size=1 if latched else _QUEUE,
+            )
+        )
+
+    def subscribe(
+        self,
+        topic: str,
+        type_name: str,
+        callback: Callable[[Message], None],
+        *,
+        latched: bool = False,  # noqa: ARG002 - ROS 1 brings what is latched to everyone
+        queue: int = 1,
+    ) -> Closable:
+        """Call back with each message of a topic."""
+        subscriber = rospy.Subscriber(
+            _resolved(topic),
+            message_class(type_name),
+            lambda message: self._guarded(topic, lambda: callback(message)),
+            queue_size=queue,
+            buff_size=_BUFFER_SIZE,
+        )
+        return _Closing(subscriber.unregister)
+
+    def service(
+        self,
+        name: str,
+        type_name: str,
+        handler: Callable[[Message], Message],
+        failed: Callable[[str], Message],  # noqa: ARG002 - services of ROS 1 can fail
+    ) -> Closable:
+        """Offer a service."""
+
+        def handle(request: Message) -> Message:
+            try:
+                return handler(request)
+            except HypermapError as error:
+                self.log("error", f"{name}: {error}")
+                raise rospy.ServiceException(str(error)) from None
+            except Exception as error:
+                self.log("error", f"{name}: {traceback.format_exc()}")
+                raise rospy.ServiceException(f"{type(error).__name__}: {error}") from None
+
+        return _Closing(rospy.Service(_resolved(name), service_class(type_name), handle).shutdown)
+
+    def timer(self, period: float, callback: Callable[[], None]) -> Closable:
+        """Call back every `period` seconds of the machine's clock."""
+        ends = threading.Event()
+
+        def run() -> None:
+            while not ends.wait(period) and not self.is_shut_down:
+                self._guarded("timer", callback)
+
+        threading.Thread(target=run, name="timer", daemon=True).start()
+        return _Closing(ends.set)
+
+    def now(self) -> int:
+        """Return the time [ns]."""
+        return int(rospy.Time.now().to_nsec())
+
+    def stamp(self, nanoseconds: int) -> Message:
+        """Return a time as messages carry it."""
+        return rospy.Time(*divmod(nanoseconds, 1_000_000_000))
+
+    def static_transforms(self, transforms: Sequence[Message]) -> None:
+        """Make transforms known to everyone, in place of those of an earlier call."""
+        if self._static is None:
+            self._static = self.publisher("/tf_static", "tf2_msgs/TFMessage", latched=True)
+        self._static.publish(self.message("tf2_msgs/TFMessage")(transforms=list(transforms)))
+
+    def lookup(
+        self, target: str, source: str, stamp: int | None = None, timeout: float = 0.0
+    ) -> NDArray[np.float64]:
+        """Return `target_T_source`, shape (4, 4).
+
+        The first call starts to listen to tf, and waits a second for it if it must.
+        """
+        buffer, began = self._tf()
+        stamp_ros = rospy.Time(0) if stamp is None else self.stamp(stamp)
+        end = max(time.monotonic() + timeout, began + _TF_START)
+        while True:
+            try:
+                found = buffer.lookup_transform(target.lstrip("/"), source.lstrip("/"), stamp_ros)
+            except tf2_ros.TransformException as error:
+                if time.monotonic() < end and not self.is_shut_down:
+                    time.sleep(0.01)
+                    continue
+                raise FrameError(
+                    f"tf does not lead from {source!r} to {target!r}: {error}"
+                ) from None
+            p, q = found.transform.translation, found.transform.rotation
+            return pose_matrix((p.x, p.y, p.z), (q.x, q.y, q.z, q.w))
+
+    def forget_transforms(self) -> None:
+        """Forget where moving frames were."""
+        self._tf()[0].clear()
+
+    def parameters(
+        self,
+        parameters: Sequence[Parameter],
+        on_change: Callable[[Mapping[str, Value]], None] | None = None,
+    ) -> dict[str, Value]:
+        """Declare parameters and return their values."""
+        given = rospy.get_param(rospy.get_name(), {})
+        self._parameters = ParameterSet(
+            parameters,
+            given,
+            on_change and (lambda changed: self._guarded("parameters", lambda: on_change(changed))),
+        )
+        return dict(self._parameters.values)
+
+    def log(self, level: Level, text: str) -> None:
+        """Write a line to the node's log."""
+        write = {
+            "debug": rospy.logdebug,
+            "info": rospy.loginfo,
+            "warning": rospy.logwarn,
+            "error": rospy.logerr,
+        }[level]
+        write("%s", text)
+
+    @property
+    def is_shut_down(self) -> bool:
+        """Whether the node is to end."""
+        return self._is_ending or bool(rospy.is_shutdown())
+
+    def spin(self) -> None:
+        """Return when the node is to end."""
+        try:
+            while not self.is_shut_down:
+                time.sleep(0.1)
+        except KeyboardInterrupt:
+            self._is_ending = True
+
+    def shut_down(self) -> None:
+        """End the node."""
+        self._is_ending = True
+        self._watch.close()
+        rospy.signal_shutdown("asked to")
+
+    def _tf(self) -> tuple[Any, float]:
+        with self._lock:
+            if self._buffer is None:
+                self._buffer = tf2_ros.Buffer(debug=False)
+                self._listener = tf2_ros.TransformListener(self._buffer)
+                self._tf_began = time.monotonic()
+            return self._buffer, self._tf_began
+
+    def _guarded(self, what: str, call: Callable[[], None]) -> None:
+        """Call; log an operator's error as a line and one of ours with its traceback."""
+        try:
+            call()
+        except HypermapError as error:
+            self.log("error", f"{what}: {error}")
+        except Exception:
+            self.log("error", f"{what}: {traceback.format_exc()}")
+
+
+class _Closing:
+    def __init__(self, close: Callable[[], object]) -> None:
+        self._close: Callable[[], object] | None = close
+
+    def close(self) -> None:
+        close, self._close = self._close, None
+        if close is not None and not rospy.is_shutdown():  # a shutdown has closed everything
+            close()
+
+
+class _Publisher(_Closing):
+    def __init__(self, publisher: Any) -> None:
+        super().__init__(publisher.unregister)
+        self._publisher = publisher
+
+    @property
+    def listeners(self) -> int:
+        return 0 if self._close is None else int(self._publisher.get_num_connections())
+
+    def publish(self, message: Message) -> None:
+        try:
+            self._publisher.publish(message)
+        except rospy.ROSException:
+            if self._close is not None and not rospy.is_shutdown():
+                raise
+
+
+def _resolved(name: str) -> str:
+    return name if name.startswith("/") else f"~{name}"

@@ -1,0 +1,1 @@
+"""Maps in rviz: its configuration, and a window that follows a map server."""

@@ -1,0 +1,1 @@
+"""The map server: a node that serves a map."""

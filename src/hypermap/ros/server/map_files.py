@@ -1,0 +1,78 @@
+"""Loading and storing maps on a client's word: inside one directory that the operator has named."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from hypermap.core.errors import HypermapError
+from hypermap.core.hypermap import Hypermap
+from hypermap.formats import open_map, save_map
+from hypermap.ros.port import Message, Parameter, Port
+from hypermap.ros.server.current_map import CurrentMap
+from hypermap.ros.server.map_directory import archive_within, path_within
+
+MAP_DIRECTORY = Parameter(
+    "map_directory",
+    "",
+    "Directory in which the services load_map and store_map may read and write; without one they "
+    "refuse.",
+)
+
+
+class MapFiles:
+    """The services `load_map`, `store_map` and `clear`.
+
+    Attributes:
+        directory: where the maps are; None if the operator has named none.
+    """
+
+    def __init__(
+        self, port: Port, current: CurrentMap, announce: Callable[[Hypermap, str], None]
+    ) -> None:
+        self._port = port
+        self._current = current
+        self._announce = announce
+        self.directory: Path | None = None
+
+    def load(self, request: Message) -> Message:
+        """Answer `hypermap_msgs/LoadMap`; the old map stays if the new one is wrong.
+
+        Raises:
+            HypermapError: If the name leads out of the directory, or the file is no map.
+        """
+        hypermap = open_map(path_within(self._named_directory(), request.filename))
+        self._current.replace(hypermap)
+        self._announce(hypermap, request.filename)
+        return self._port.response("hypermap_msgs/LoadMap")(success=True)
+
+    def store(self, request: Message) -> Message:
+        """Answer `hypermap_msgs/StoreMap`: write an archive, in place of an older one.
+
+        Raises:
+            HypermapError: If the name leads out of the directory, does not end in .hmap, or the
+                file cannot be written.
+        """
+        path = archive_within(self._named_directory(), request.filename)
+        save_map(self._current.hypermap, path)
+        self._port.log("info", f"stored the map in {request.filename}")
+        return self._port.response("hypermap_msgs/StoreMap")(success=True)
+
+    def clear(self, request: Message) -> Message:  # noqa: ARG002 - there is nothing in it
+        """Answer `std_srvs/Trigger`: forget the map; files stay."""
+        self._current.replace(Hypermap())
+        self._port.log("info", "the map is empty now")
+        return self._port.response("std_srvs/Trigger")(success=True, message="the map is empty now")
+
+    def _named_directory(self) -> Path:
+        """Return the directory.
+
+        Raises:
+            HypermapError: If the operator has named none.
+        """
+        if self.directory is None:
+            raise HypermapError(
+                "loading and storing by service is off: start the node with the parameter "
+                "map_directory, the folder in which maps may be read and written"
+            )
+        return self.directory

@@ -1,0 +1,136 @@
+"""The map server: a map as topics, services and frames, for ROS 1, ROS 2 and without ROS."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from hypermap.core.errors import HypermapError
+from hypermap.core.hypermap import Hypermap
+from hypermap.formats import open_map
+from hypermap.ros.port import Parameter, Port, Value
+from hypermap.ros.server.current_map import CurrentMap, Part
+from hypermap.ros.server.floor_frames import FloorFrames
+from hypermap.ros.server.layer_topics import LayerTopics
+from hypermap.ros.server.map_files import MAP_DIRECTORY, MapFiles
+from hypermap.ros.server.markers import LayerMarkers
+from hypermap.ros.server.masks import CostmapMasks
+from hypermap.ros.server.requests import Requests
+from hypermap.ros.server.save_at_end import SAVE_TO, archive_to_save, save_at_end
+from hypermap.ros.server.services import Services
+from hypermap.ros.server.terminal_console import TerminalConsole
+from hypermap.ros.server.updates import LayerUpdates
+
+
+class MapServer:
+    """The node: it loads a map, shows it, answers questions and takes changes.
+
+    Args:
+        port: the middleware.
+        file: a map to load, whatever the parameters say.
+    """
+
+    NAME = "hypermap_server"
+    PARAMETERS: tuple[Parameter, ...] = (
+        Parameter("file", "", "The map to load at the start."),
+        Parameter("load_map", False, "Whether `file` is loaded, as an .hmap archive."),
+        Parameter("load_map_config", False, "Whether `file` is loaded, as a configuration file."),
+        MAP_DIRECTORY,
+        SAVE_TO,
+        Parameter("tf_timeout", 0.5, "How long to wait for tf to know a frame [s].", 0.0, 60.0),
+        Parameter(
+            "console", True, "Whether commands are taken from the terminal, if there is one."
+        ),
+        *LayerMarkers.PARAMETERS,
+        *CostmapMasks.PARAMETERS,
+    )
+
+    def __init__(self, port: Port, file: str | Path | None = None) -> None:
+        self._port = port
+        self._file = file
+        self._current = CurrentMap(port)
+        self._values: dict[str, Value] = {}
+        self._parts: tuple[Part, ...] = ()
+
+    def configure(self) -> None:
+        """Read the parameters and load the map that they name.
+
+        Raises:
+            HypermapError: If a parameter or the file is wrong; no map is loaded then.
+        """
+        values = self._port.parameters(self.PARAMETERS, self._set)
+        archive_to_save(values)
+        file = self._file or _file_to_load(values)
+        hypermap = Hypermap() if file is None else open_map(file)
+        self._values = dict(values)
+        self._current.replace(hypermap)
+        if file is not None:
+            self._announce(hypermap, str(file))
+        elif values["file"]:
+            self._port.log(
+                "warning",
+                f"the parameter file is {values['file']!r}, but neither load_map nor "
+                "load_map_config is true: starting without a map",
+            )
+        else:
+            self._port.log("info", "starting without a map: load one by load_map or the console")
+
+    def activate(self) -> None:
+        """Publish, serve and listen."""
+        port, current = self._port, self._current
+        frames = FloorFrames(port, float(str(self._values["tf_timeout"])))
+        files = MapFiles(port, current, self._announce)
+        directory = str(self._values["map_directory"])
+        files.directory = Path(directory).expanduser() if directory else None
+        parts: list[Part] = [
+            LayerTopics(port),
+            Services(port, current, Requests(frames), files),
+            LayerUpdates(port, current, frames),
+            LayerMarkers(port),
+            CostmapMasks(port),
+        ]
+        if self._values["console"]:
+            parts.append(TerminalConsole(port, current))
+        for part in parts:
+            part.set(self._values)
+        self._parts = tuple(parts)
+        current.show_on(self._parts)
+
+    def deactivate(self) -> None:
+        """Stop all that; the map stays."""
+        parts, self._parts = self._parts, ()
+        self._current.show_on(())
+        for part in reversed(parts):
+            part.close()
+
+    def cleanup(self) -> None:
+        """Forget the map, but store it first where the operator wants that."""
+        if (path := archive_to_save(self._values)) is not None:
+            save_at_end(self._current.hypermap, path, self._port)
+        self._current.replace(Hypermap())
+
+    def _set(self, values: Mapping[str, Value]) -> None:
+        """Take parameters that have changed while the node runs."""
+        self._values.update(values)
+        for part in self._parts:
+            part.set(values)
+
+    def _announce(self, hypermap: Hypermap, file: str) -> None:
+        layers = ", ".join(f"{layer.name} ({layer.class_name})" for layer in hypermap) or "none"
+        self._port.log("info", f"loaded {file}; base frame {hypermap.base_frame}, layers: {layers}")
+
+
+def _file_to_load(values: Mapping[str, Value]) -> Path | None:
+    """Return the file that the parameters want loaded; None for none.
+
+    Raises:
+        HypermapError: If they contradict each other.
+    """
+    wanted = [name for name in ("load_map", "load_map_config") if values[name]]
+    if not wanted:
+        return None
+    if len(wanted) > 1:
+        raise HypermapError("load_map and load_map_config cannot both be true: a file is only one")
+    if not values["file"]:
+        raise HypermapError(f"{wanted[0]} is true, but the parameter file names no file")
+    return Path(str(values["file"])).expanduser()
