@@ -2,7 +2,7 @@
 
 BIN := .venv/bin
 
-.PHONY: demo test ros1 lint types tests core-tests package format lock clean help
+.PHONY: demo test ros1 chromium lint types tests core-tests package format lock clean help
 
 help:  ## list what can be made
 	@grep -hE '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -10,10 +10,13 @@ help:  ## list what can be made
 demo: .venv/.hypermap  ## see a map being made: a simulated room, mapped and drawn
 	$(BIN)/hypermap demo
 
-test: ros1 lint types tests core-tests package  ## everything that CI checks
+test: ros1 chromium lint types tests core-tests package  ## everything that CI checks
 
 ros1:  ## install ROS 1 for its tests, where that is possible: on Debian 12, as root
 	scripts/ros1.sh
+
+chromium:  ## install the browser for the tests of the page, where that is possible
+	scripts/chromium.sh
 
 lint: .venv/.dev  ## style, and which room may import which
 	$(BIN)/ruff check .
