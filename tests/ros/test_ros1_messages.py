@@ -144,7 +144,7 @@ def test_a_cache_that_cannot_be_written_is_an_error(
 
 def test_two_nodes_may_generate_at_once(needs_ros1: None, tmp_path: Path) -> None:
     code = "from hypermap.ros.ros1.messages import message_class as m; import hypermap.ros.{}"
-    code = code.format("ros1_libraries; print(m('hypermap_msgs/SemanticMap')._md5sum)")
+    code = code.format("ros1.libraries; print(m('hypermap_msgs/SemanticMap')._md5sum)")
     environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path)}
     nodes = [
         subprocess.Popen([sys.executable, "-c", code], env=environment, stdout=subprocess.PIPE)
