@@ -1,0 +1,159 @@
+"""`hypermap view MAP --html`: the page and all that it shows in one file that needs no server."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import json
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from hypermap.core.errors import HypermapError
+from hypermap.core.hypermap import Hypermap
+from hypermap.core.opaque import OpaqueLayer
+from hypermap.formats.atomic import write_file
+from hypermap.viewer.live.embedded_raster import MAX_PIXELS, EmbeddedRaster, embed_raster
+from hypermap.viewer.live.embedded_shapes import embed_shapes
+
+_STYLE = '<link rel="stylesheet" href="/page/app.css">'
+_SCRIPT = '<script type="module" src="/page/app.js"></script>'
+_BLOB = "<!-- hypermap:blob -->"
+_HEAD = "<!-- hypermap:head -->"
+
+
+@dataclass(frozen=True)
+class Exported:
+    """What was written.
+
+    Attributes:
+        size: of the file [bytes].
+        notes: what the reader should know of it, as which layer had to be reduced.
+    """
+
+    size: int
+    notes: tuple[str, ...]
+
+
+def export_page(
+    hypermap: Hypermap,
+    info: Mapping[str, Any],
+    path: str | Path,
+    *,
+    page: Path,
+    max_pixels: int = MAX_PIXELS,
+) -> Exported:
+    """Write a map as one HTML file that works from disk, without any network.
+
+    The same map gives the same file. It is replaced as a whole or not at all.
+
+    Args:
+        hypermap: the map.
+        info: what the page asks at `/api/map`.
+        path: where to save.
+        page: the folder of the built page: index.html, app.js and app.css.
+        max_pixels: how many pixels the picture of a layer may have; larger grids are reduced.
+
+    Raises:
+        HypermapError: If the page is not built, or the file cannot be written.
+    """
+    blob, notes = _blob(hypermap, info, max_pixels)
+    content = _document(page, blob).encode()
+    write_file(path, content)
+    return Exported(len(content), notes)
+
+
+def _blob(
+    hypermap: Hypermap, info: Mapping[str, Any], max_pixels: int
+) -> tuple[dict[str, Any], tuple[str, ...]]:
+    """Return what the page reads in place of the server's answers, and notes about it."""
+    rasters: dict[str, Any] = {}
+    shapes: dict[str, Any] = {}
+    notes = []
+    for layer in hypermap:
+        if isinstance(layer, OpaqueLayer):
+            continue
+        base_T_layer = hypermap.frames.lookup(hypermap.base_frame, layer.frame_id)
+        raster = embed_raster(layer, base_T_layer, max_pixels)
+        if raster is not None:
+            rasters[layer.name] = raster.as_json()
+            notes += _notes(layer.name, raster)
+        embedded = embed_shapes(layer, base_T_layer)
+        if embedded is not None:
+            shapes[layer.name] = embedded
+    shown = {**info, "editable": False, "notes": notes}
+    shown["layers"] = [{**layer, "editable": False} for layer in info["layers"]]
+    return {"version": 1, "map": shown, "rasters": rasters, "shapes": shapes}, tuple(notes)
+
+
+def _notes(name: str, raster: EmbeddedRaster) -> list[str]:
+    if raster.reduced_by == 1:
+        return []
+    side = raster.reduced_by
+    return [
+        f"layer {name!r} is reduced: {side} x {side} of its cells are one here, "
+        "which has their highest value"
+        if raster.says
+        else f"layer {name!r} is reduced: one of {side} x {side} of its cells is shown"
+    ]
+
+
+def _document(page: Path, blob: Mapping[str, Any]) -> str:
+    """Return the page with its style, its script and the map inside."""
+    html, style, script = (_read(page / name) for name in ("index.html", "app.css", "app.js"))
+    script = _inline_script(script)
+    if "</style" in style.lower():
+        raise HypermapError(f"{page / 'app.css'}: a style that ends itself cannot be inlined")
+    policy = (
+        f"default-src 'none'; script-src {_digest(script)}; style-src {_digest(style)}; "
+        "img-src data: blob:; base-uri 'none'; form-action 'none'"
+    )
+    parts = {
+        _HEAD: f'<meta http-equiv="Content-Security-Policy" content="{policy}">',
+        _STYLE: f"<style>{style}</style>",
+        _BLOB: f'<script type="application/json" id="hypermap-blob">{_json(blob)}</script>',
+        _SCRIPT: f'<script type="module">{script}</script>',
+    }
+    for place in parts:
+        if html.count(place) != 1:
+            raise HypermapError(f"{page / 'index.html'}: this must stand there once: {place}")
+    places = "|".join(map(re.escape, parts))
+    return re.sub(places, lambda found: parts[found.group()], html)  # in one go: parts stay as is
+
+
+def _digest(text: str) -> str:
+    """Return how a content security policy names an inline script or style."""
+    return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"
+
+
+def _inline_script(script: str) -> str:
+    """Return JavaScript that ends no script element; both stand in text and patterns alone."""
+    return script.replace("</script", r"<\/script").replace("<!--", r"<\!--")
+
+
+def _json(value: Any) -> str:
+    """Return JSON that cannot end the script element around it, whatever the names are."""
+    text = json.dumps(_plain(value), ensure_ascii=True, allow_nan=False, separators=(",", ":"))
+    return text.replace("<", r"\u003c").replace(">", r"\u003e").replace("&", r"\u0026")
+
+
+def _plain(value: Any) -> Any:
+    """Return a value as JSON can hold it; what it cannot becomes text."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, float) and value - value != 0:  # NaN and the infinities
+        return str(value)
+    if value is None or isinstance(value, str | int | float | bool):
+        return value
+    return str(value)
+
+
+def _read(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise HypermapError(f"{path}: the page is not built; make it with: make page") from None
