@@ -31,6 +31,7 @@ class Client:
         self.answers: dict[int, bytes] = {}  # by id of the call
         self._ids = itertools.count(1)
         self._topics: dict[int, str] = {}
+        self._channel_ids: dict[int, int] = {}
         self._stack = ExitStack()
         self._socket = self._stack.enter_context(
             connect(url, subprotocols=["foxglove.sdk.v1"], max_size=None)
@@ -97,9 +98,16 @@ class Client:
     def subscribe(self, topic: str) -> int:
         channel = self.wait(lambda: self.channels.get(topic), f"channel {topic}")
         number = next(self._ids)
-        self._topics[number] = channel["schemaName"]
+        self._topics[number], self._channel_ids[number] = channel["schemaName"], channel["id"]
         self.send(op="subscribe", subscriptions=[{"id": number, "channelId": channel["id"]}])
         return number
+
+    def _subscribe_again(self, text: dict[str, Any]) -> None:
+        """Bear with the library: for a moment it does not know a channel that it has advertised."""
+        for number, channel in self._channel_ids.items():
+            if text["op"] == "status" and text["message"] == f"Unknown channel ID: {channel}":
+                time.sleep(0.05)
+                self.send(op="subscribe", subscriptions=[{"id": number, "channelId": channel}])
 
     def unsubscribe(self, number: int) -> None:
         self.send(op="unsubscribe", subscriptionIds=[number])
@@ -165,6 +173,7 @@ class Client:
         data = self._socket.recv(timeout=max(timeout, 0.0))
         if isinstance(data, str):
             self.texts.append(json.loads(data))
+            self._subscribe_again(self.texts[-1])
         elif data[0] == 1:  # message: subscription, time [ns]
             self.messages.append((struct.unpack_from("<I", data, 1)[0], data[13:]))
         elif data[0] == 3:  # answer: service, call, length of the encoding's name

@@ -16,14 +16,20 @@ STORES = {"humble": humble_store, "jazzy": jazzy_store}
 
 
 @pytest.fixture(params=sorted(STORES))
-def graph(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Graph:
+def graph(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[Graph]:
     """A ROS 2 graph of this process; its modules are those that `import` finds."""
     shared = Graph(StrictTypes(STORES[request.param]()))
     for name, module in modules(shared).items():
         monkeypatch.setitem(sys.modules, name, module)
-    for name in [name for name in sys.modules if name.startswith("hypermap.ros.ros2.port")]:
-        monkeypatch.delitem(sys.modules, name)
-    return shared
+    _forget_port()
+    yield shared
+    _forget_port()
+
+
+def _forget_port() -> None:
+    """Let the port be imported anew: it must not keep the rclpy of another test."""
+    for name in [name for name in sys.modules if name.startswith("hypermap.ros.ros2")]:
+        del sys.modules[name]
 
 
 @pytest.fixture

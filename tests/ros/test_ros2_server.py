@@ -310,6 +310,7 @@ def test_the_program_serves_until_it_is_told_to_end(graph: Graph, tmp_path: Path
 
     def ask() -> None:
         wait_for(lambda: "/robot/maps/get_string_at_point" in graph.services(), "the node")
+        wait_for(lambda: graph.node("/robot/maps").state == "active", "its activation")
         at = point(graph, 0.5, 0.5)
         service = "/robot/maps/get_string_at_point"
         answers.append(graph.call(service, layer="occupancy", location=at).name)
