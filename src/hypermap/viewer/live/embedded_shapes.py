@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 import shapely
 
+from hypermap.core.arrays import ObjectArray
 from hypermap.core.frames import Pose2D
 from hypermap.core.layer import Layer, ShapesPicture
 from hypermap.core.objects import ObjectTable
@@ -39,35 +41,41 @@ def embed_shapes(layer: Layer, base_T_layer: Pose2D) -> list[dict[str, Any]] | N
         names, shapes = picture.names, valid_copies(picture.shapes)
         ids, attributes = list(range(len(names))), [{} for _ in names]
     placed = base_T_layer.apply_geometries(shapes)
-    centroids = shapely.get_coordinates(shapely.centroid(placed))
-    inside = np.asarray(shapely.covers(placed, shapely.centroid(placed)))
-    at = np.where(
-        inside[:, np.newaxis],
-        centroids,
-        shapely.get_coordinates(shapely.point_on_surface(placed)),
+    middles = shapely.centroid(placed)
+    centroids = shapely.get_coordinates(middles)
+    inside = np.asarray(shapely.covers(placed, middles))[:, np.newaxis]
+    at = np.where(inside, centroids, shapely.get_coordinates(shapely.point_on_surface(placed)))
+    columns = zip(
+        ids,
+        names.tolist(),
+        _polygons(placed),
+        at.tolist(),
+        centroids.tolist(),
+        shapely.area(placed).tolist(),
+        attributes,
+        strict=True,
     )
-    return [
-        {
-            "id": ids[row],
-            "name": str(names[row]),
-            "polygons": _polygons(placed[row]),
-            "at": at[row].tolist(),
-            "centroid": centroids[row].tolist(),
-            "area": float(shapely.area(placed[row])),
-            "attributes": attributes[row],
-        }
-        for row in range(len(names))
-    ]
+    keys = ("id", "name", "polygons", "at", "centroid", "area", "attributes")
+    return [dict(zip(keys, values, strict=True)) for values in columns]
 
 
-def _polygons(shape: Any) -> list[list[list[list[float]]]]:
-    if shapely.area(shape) == 0:
-        shape = shape.buffer(_BLOT)
-    return [
-        [shapely.get_coordinates(ring).tolist() for ring in shapely.get_rings(part)]
-        for part in shapely.get_parts(shape)
-        if isinstance(part, shapely.Polygon)
-    ]
+def _polygons(shapes: ObjectArray) -> list[list[list[Any]]]:
+    """Return each shape's polygons, those as lists of rings, and those as lists of points."""
+    without_area = shapely.area(shapes) == 0
+    shapes = np.where(without_area, shapely.buffer(shapes, _BLOT * without_area), shapes)
+    parts, shape_of = shapely.get_parts(shapes, return_index=True)
+    rings, part_of = shapely.get_rings(parts, return_index=True)
+    points, ring_of = shapely.get_coordinates(rings, return_index=True)
+    starts = np.searchsorted(ring_of, np.arange(len(rings) + 1)).tolist()
+    xy = points.tolist()
+    by_part: list[list[Any]] = [[] for _ in parts]
+    for ring, part in enumerate(part_of.tolist()):
+        by_part[part].append(xy[starts[ring] : starts[ring + 1]])
+    by_shape: list[list[list[Any]]] = [[] for _ in shapes]
+    for part, shape in enumerate(shape_of.tolist()):
+        if by_part[part]:  # what repairing left of a shape may hold lines too
+            by_shape[shape].append(by_part[part])
+    return by_shape
 
 
 def _attributes(table: ObjectTable, row: int) -> dict[str, Any]:
@@ -83,4 +91,21 @@ def _attributes(table: ObjectTable, row: int) -> dict[str, Any]:
         for key, value in known.items()
         if (bool(value) if isinstance(value, list) else math.isfinite(value))
     }
-    return {**{str(key): value for key, value in table.attributes[row].items()}, **known}
+    return {**as_json(table.attributes[row]), **known}
+
+
+def as_json(value: Any) -> Any:
+    """Return a value as JSON can hold it; what it cannot becomes text.
+
+    >>> as_json({1: (float("nan"), None)})
+    {'1': ['nan', None]}
+    """
+    if isinstance(value, Mapping):
+        return {str(key): as_json(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [as_json(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return str(value)
+    if value is None or isinstance(value, str | int | float | bool):
+        return value
+    return str(value)

@@ -135,21 +135,8 @@ def _inline_script(script: str) -> str:
 
 def _json(value: Any) -> str:
     """Return JSON that cannot end the script element around it, whatever the names are."""
-    text = json.dumps(_plain(value), ensure_ascii=True, allow_nan=False, separators=(",", ":"))
+    text = json.dumps(value, ensure_ascii=True, allow_nan=False, separators=(",", ":"))
     return text.replace("<", r"\u003c").replace(">", r"\u003e").replace("&", r"\u0026")
-
-
-def _plain(value: Any) -> Any:
-    """Return a value as JSON can hold it; what it cannot becomes text."""
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if isinstance(value, float) and value - value != 0:  # NaN and the infinities
-        return str(value)
-    if value is None or isinstance(value, str | int | float | bool):
-        return value
-    return str(value)
 
 
 def _read(path: Path) -> str:
