@@ -20,7 +20,7 @@ import pytest
 
 from .conftest import Process, wait_for
 
-pytestmark = [pytest.mark.xdist_group("ros"), pytest.mark.slow]
+pytestmark = [pytest.mark.xdist_group("ros"), pytest.mark.slow, pytest.mark.timeout(1200)]
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "ros1.md"
