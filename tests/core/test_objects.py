@@ -5,6 +5,8 @@ from typing import Any
 import numpy as np
 import pytest
 import shapely
+from hypothesis import given
+from hypothesis import strategies as st
 
 from hypermap.core.objects import ObjectTable, SemanticObject
 from hypermap.testing import assert_same_objects, square
@@ -22,6 +24,34 @@ def test_everything_that_an_object_holds_comes_back_from_the_table() -> None:
     assert table.names.tolist() == ["cup", "cup", "ring"]
     assert table.ids.tolist() == [4, 1, 2**31 - 1]
     assert table.take(np.array([2, 0])).names.tolist() == ["ring", "cup"]
+
+
+@given(
+    ids=st.lists(st.integers(0, 2**31 - 1), unique=True, max_size=12),
+    asked=st.lists(st.integers(0, 2**31 - 1), max_size=6),
+    data=st.data(),
+)
+def test_rows_are_found_left_out_and_replaced(
+    ids: list[int], asked: list[int], data: st.DataObject
+) -> None:
+    table = ObjectTable.of([square(f"n{number}", k, 0, id=number) for k, number in enumerate(ids)])
+    wanted = [*asked, *data.draw(st.lists(st.sampled_from(ids or [0])))]
+    rows = table.rows_of_ids(np.array(wanted, dtype=np.int64))
+    assert rows.tolist() == [ids.index(w) if w in ids else -1 for w in wanted]
+
+    gone = sorted(data.draw(st.sets(st.sampled_from(range(len(ids))))) if ids else [])
+    others = [table.object(row) for row in range(len(ids)) if row not in gone]
+    left = table.without(np.array(gone, dtype=np.int64))
+    assert_same_objects([left.object(row) for row in range(len(left))], others)
+
+    if ids:
+        row = data.draw(st.integers(0, len(ids) - 1))
+        new = square("new", 9, 9, id=ids[row], tags=("a",), confidence=(1.0,), last_seen=3.0)
+        changed = table.with_row(row, ObjectTable.of([new], table.vocabulary))
+        expected = [table.object(k) for k in range(len(ids))]
+        expected[row] = new
+        assert_same_objects([changed.object(k) for k in range(len(ids))], expected)
+        assert table.object(row).name == f"n{ids[row]}"  # the old table stays
 
 
 def test_lists_of_tags_become_tuples() -> None:

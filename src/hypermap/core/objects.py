@@ -177,6 +177,34 @@ class ObjectTable:
         columns: dict[str, Any] = {name: getattr(self, name)[rows] for name in _COLUMNS}
         return replace(self, **columns)
 
+    def rows_of_ids(self, ids: NDArray[np.int64]) -> IntArray:
+        """Return the row of each id, shape (M,); -1 where there is none."""
+        order = np.argsort(self.ids, kind="stable")
+        at = np.searchsorted(self.ids, ids, sorter=order)
+        rows = np.append(order, -1)[at]
+        return np.where(np.append(self.ids, -1)[rows] == ids, rows, -1)
+
+    def without(self, rows: IntArray) -> ObjectTable:
+        """Return all rows but some, which ascend; a few times faster than to take the others."""
+        starts, ends = np.append(0, rows + 1), np.append(rows, len(self))
+        pieces = [slice(a, b) for a, b in zip(starts, ends, strict=True) if a < b]
+        columns: dict[str, Any] = {}
+        for name in _COLUMNS:
+            column = getattr(self, name)
+            columns[name] = np.concatenate([column[:0], *(column[piece] for piece in pieces)])
+        return replace(self, **columns)
+
+    def with_row(self, row: int, other: ObjectTable) -> ObjectTable:
+        """Return the rows with the only one of another table in place of one of them.
+
+        The other's vocabulary must extend this one's.
+        """
+        columns: dict[str, Any] = {}
+        for name in _COLUMNS:
+            columns[name] = getattr(self, name).copy()
+            columns[name][row] = getattr(other, name)[0]
+        return replace(other, **columns)
+
     def followed_by(self, other: ObjectTable) -> ObjectTable:
         """Return both tables' rows; the other's vocabulary must extend this one's."""
         columns: dict[str, Any] = {

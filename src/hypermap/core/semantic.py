@@ -148,7 +148,7 @@ class SemanticLayer(Layer):
         with self._writing:
             state = self._state
             given = [item.id for item in new if item.id is not None]
-            _check_unused(given, state.table.ids, self.name)
+            _check_unused(given, state.table, self.name)
             free = max([state.next_id, *(number + 1 for number in given)])
             numbered = []
             for item in new:
@@ -175,10 +175,9 @@ class SemanticLayer(Layer):
             state = self._state
             row = self._rows(state.table, [object_id])[0]
             changed = ObjectTable.of([replace(item, id=object_id)], state.table.vocabulary)
-            rows = np.arange(len(state.table))
-            rows[row] = len(rows)  # the changed row stands last, and is taken from there
-            table = state.table.followed_by(changed).take(rows)
-            moved_to = np.where(rows == len(rows), -1, rows)
+            table = state.table.with_row(row, changed)
+            moved_to = np.arange(len(table))
+            moved_to[row] = -1
             index = state.index.after(table.shapes, moved_to, np.array([row]))
             self._state = replace(state, table=table, index=index)
 
@@ -190,9 +189,10 @@ class SemanticLayer(Layer):
         """
         with self._writing:
             state = self._state
+            gone = self._rows(state.table, ids)
             keep = np.ones(len(state.table), dtype=bool)
-            keep[self._rows(state.table, ids)] = False
-            table = state.table.take(np.flatnonzero(keep))
+            keep[gone] = False
+            table = state.table.without(gone)
             moved_to = np.where(keep, np.cumsum(keep) - 1, -1)
             index = state.index.after(table.shapes, moved_to, np.empty(0, dtype=np.int64))
             self._state = replace(state, table=table, index=index)
@@ -273,17 +273,19 @@ class SemanticLayer(Layer):
         return ShapesPicture(table.names, table.footprints)
 
     def _rows(self, table: ObjectTable, ids: Iterable[int]) -> IntArray:
-        wanted = np.unique(np.fromiter(ids, dtype=np.int64))
-        missing = np.setdiff1d(wanted, table.ids)
-        if len(missing):
-            raise ObjectNotFound(f"layer {self.name!r} has no object with id {missing[0]}")
-        return np.flatnonzero(np.isin(table.ids, wanted))
+        """Return the rows of objects in ascending order."""
+        wanted = np.array(sorted({int(number) for number in ids}), dtype=np.int64)
+        rows = table.rows_of_ids(wanted)
+        if (rows < 0).any():
+            missing = wanted[rows < 0][0]
+            raise ObjectNotFound(f"layer {self.name!r} has no object with id {missing}")
+        return np.sort(rows)
 
 
-def _check_unused(ids: list[int], taken: NDArray[np.int64], layer: str) -> None:
+def _check_unused(ids: list[int], table: ObjectTable, layer: str) -> None:
     """Raise a ValueError if an id is given twice, or to an object of a layer that has it."""
     numbers, counts = np.unique(np.array(ids, dtype=np.int64), return_counts=True)
-    twice = numbers[(counts > 1) | np.isin(numbers, taken)]
+    twice = numbers[counts > 1] if (counts > 1).any() else numbers[table.rows_of_ids(numbers) >= 0]
     if len(twice):
         raise ValueError(f"layer {layer!r}: two objects have the id {twice[0]}")
 
