@@ -26,6 +26,7 @@ from hypermap.cli import (
     serve,
     shell,
     simulate,
+    view,
 )
 from hypermap.cli.terminal import (
     BAD_INPUT,
@@ -83,6 +84,7 @@ for _name, _module in {
     "map": map_,
     "info": info,
     "query": query,
+    "view": view,
     "render": render,
     "evaluate": evaluate,
     "convert": convert,

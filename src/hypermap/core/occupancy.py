@@ -18,7 +18,7 @@ UNKNOWN, FREE, OCCUPIED = -1, 0, 100
 LABELS = ("Free", "Occupied", "Unknown")
 
 _LARGEST = 255  # of a raw map, which holds the picture's grey values
-_COLORS = {"Free": (255, 255, 255), "Occupied": (35, 38, 45), "Unknown": (205, 208, 212)}
+COLORS = {"Free": (255, 255, 255), "Occupied": (35, 38, 45), "Unknown": (205, 208, 212)}
 
 
 class OccupancyLayer(Layer):
@@ -114,7 +114,7 @@ class OccupancyLayer(Layer):
         """Return free cells light, occupied ones dark, unknown ones transparent."""
         if self.grid is None or self.cells is None:
             return None
-        return RasterPicture(self.grid, _palette()[self.cells], _COLORS)
+        return RasterPicture(self.grid, cell_colors()[self.cells], COLORS)
 
 
 def _checked(cells: NDArray[np.integer[Any]], grid: GridGeometry) -> NDArray[Any]:
@@ -152,11 +152,14 @@ def _matches(cells: IntArray, what: str | float) -> BoolArray:
     return np.asarray(cells == values[what]) if what in values else np.zeros(cells.shape, bool)
 
 
-def _palette() -> NDArray[np.uint8]:
-    """Return the color of each value, shape (257, 4); the last one, at index -1, is unknown's."""
+def cell_colors() -> NDArray[np.uint8]:
+    """Return the color of each value, shape (257, 4); the last one, at index -1, is unknown's.
+
+    Red, green, blue and how opaque it is, 0..255; unknown cells are transparent.
+    """
     palette = np.full((_LARGEST + 2, 4), 255, dtype=np.uint8)
     share = np.minimum(np.arange(_LARGEST + 1) / OCCUPIED, 1)[:, np.newaxis]
-    free, occupied = np.array(_COLORS["Free"]), np.array(_COLORS["Occupied"])
+    free, occupied = np.array(COLORS["Free"]), np.array(COLORS["Occupied"])
     palette[:-1, :3] = np.round(free + share * (occupied - free))
-    palette[-1] = (*_COLORS["Unknown"], 0)
+    palette[-1] = (*COLORS["Unknown"], 0)
     return palette

@@ -1,0 +1,79 @@
+"""`hypermap view`: see a map in the browser, ask it and change it."""
+
+from __future__ import annotations
+
+import signal
+import threading
+import webbrowser
+from types import FrameType
+from typing import Annotated
+
+import typer
+
+from hypermap.cli.options import MapPath
+from hypermap.cli.terminal import note, say
+
+
+def command(
+    path: MapPath,
+    port: Annotated[
+        int | None,
+        typer.Option(
+            min=0,
+            max=65535,
+            show_default="8090, or the next one that is free",
+            help="Port to listen on; 0 for any that is free.",
+        ),
+    ] = None,
+    host: Annotated[
+        str,
+        typer.Option(
+            metavar="ADDRESS",
+            help="Address to listen on. With any other than this machine's own, everyone who can "
+            "reach it can see and change the map.",
+        ),
+    ] = "127.0.0.1",
+    read_only: Annotated[
+        bool, typer.Option("--read-only", help="Let nobody change the map.")
+    ] = False,
+    browser: Annotated[
+        bool, typer.Option("--browser/--no-browser", help="Open the page in the browser.")
+    ] = True,
+) -> None:
+    """Show a map in the browser: look, ask by pointing, and change it; until Ctrl-C.
+
+    The page is served to this machine alone. It draws every layer, tells what is at a point and in
+    an area, finds things by name, and adds, renames, reshapes, tags and deletes objects. Nothing
+    is written before it is saved there; the file as it was stays beside it as MAP.bak.
+
+    Examples:
+        hypermap view lab.hmap
+        hypermap view lab.hmap --read-only --no-browser --port 9000
+    """
+    from hypermap.viewer.live.app import MapApp
+    from hypermap.viewer.live.document import MapDocument
+    from hypermap.viewer.live.serving import listen, serve, url_of
+
+    document = MapDocument(path, is_editable=not read_only)
+    listening = listen(host, port)
+    url = url_of(listening)
+
+    def started() -> None:
+        say(url)
+        note(f"showing {path}; Ctrl-C ends")
+        if browser:
+            threading.Thread(target=webbrowser.open, args=(url,), daemon=True).start()
+
+    signal.signal(signal.SIGTERM, _interrupt)
+    try:
+        serve(MapApp(document, host, str(path)), listening, started)
+    except KeyboardInterrupt:
+        pass
+    finally:
+        listening.close()
+    if document.is_unsaved:
+        note(f"{document.file.path}: changes made in the browser were not saved and are lost")
+
+
+def _interrupt(_number: int, _frame: FrameType | None) -> None:
+    raise KeyboardInterrupt

@@ -1,0 +1,295 @@
+"""The server of the page: its routes, each a question to the open map or a change of it."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import secrets
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from typing import Any
+
+from starlette.applications import Starlette
+from starlette.concurrency import run_in_threadpool
+from starlette.exceptions import HTTPException
+from starlette.middleware import Middleware
+from starlette.requests import Request
+from starlette.responses import JSONResponse, Response, StreamingResponse
+from starlette.routing import Route
+
+from hypermap.core.errors import HypermapError, LayerNotFound, ObjectNotFound
+from hypermap.viewer.live.cache import ByteCache
+from hypermap.viewer.live.description import describe_map
+from hypermap.viewer.live.document import MapDocument, Snapshot
+from hypermap.viewer.live.downloads import rows_as_csv, rows_as_geojson
+from hypermap.viewer.live.editing import carry_out, operations_in
+from hypermap.viewer.live.guard import Guard, known_hosts
+from hypermap.viewer.live.json_text import json_bytes
+from hypermap.viewer.live.layers import LayerView, LayerViews
+from hypermap.viewer.live.page import page_file
+from hypermap.viewer.live.questions import Questions
+from hypermap.viewer.live.refusals import Refused
+from hypermap.viewer.live.requests import (
+    box_in,
+    corners_in,
+    number_in,
+    numbers_in,
+    read_body,
+    text_in,
+    whole_number_in,
+)
+from hypermap.viewer.live.tiles import Tile, draw_tile
+
+_CACHE = 64_000_000  # bytes of tiles
+_FOREVER = "private, max-age=31536000, immutable"
+_LISTEN, _LOOK, _STILL_THERE = 0.15, 1.0, 15.0  # seconds
+
+
+class MapApp:
+    """The server's answers about one open map.
+
+    Attributes:
+        document: the map.
+        token: what the page sends with each change.
+        is_closing: set when the server ends, so that windows are not waited for.
+        app: what a server of the ASGI standard runs.
+    """
+
+    def __init__(self, document: MapDocument, host: str = "127.0.0.1", path: str = "") -> None:
+        self.document = document
+        self.token = secrets.token_urlsafe(24)
+        self.is_closing = False
+        self._path = path
+        self._views = LayerViews()
+        self._tiles = ByteCache(_CACHE)
+        self.app = Starlette(
+            routes=[
+                Route("/", self._page),
+                Route("/page/{name}", self._page),
+                Route("/api/map", self._map),
+                Route("/api/tiles/{layer:path}/{zoom}/{column}/{row}.png", self._tile),
+                Route("/api/shapes/{layer:path}", self._shapes),
+                Route("/api/at", self._at),
+                Route("/api/area", self._area, methods=["POST"]),
+                Route("/api/area.{kind}", self._download),
+                Route("/api/find", self._find),
+                Route("/api/objects/{layer:path}/{id}", self._object),
+                Route("/api/edit", self._edit, methods=["POST"]),
+                Route("/api/undo", self._undo, methods=["POST"]),
+                Route("/api/redo", self._redo, methods=["POST"]),
+                Route("/api/save", self._save, methods=["POST"]),
+                Route("/api/reload", self._reload, methods=["POST"]),
+                Route("/api/events", self._events),
+            ],
+            middleware=[Middleware(Guard, hosts=known_hosts(host), token=self.token)],
+            exception_handlers={HypermapError: _refuse, HTTPException: _refuse_http},
+            lifespan=self._lifespan,
+        )
+
+    @asynccontextmanager
+    async def _lifespan(self, _: Starlette) -> AsyncIterator[None]:
+        watching = asyncio.create_task(self._watch_file())
+        try:
+            yield
+        finally:
+            self.is_closing = True
+            watching.cancel()
+
+    async def _watch_file(self) -> None:
+        while True:
+            await asyncio.sleep(_LOOK)
+            await run_in_threadpool(self.document.watch_file)
+
+    # The page, and what it draws
+
+    def _page(self, request: Request) -> Response:
+        name = request.path_params.get("name", "index.html")
+        content, media_type = page_file(name)
+        return Response(content, media_type=media_type, headers={"Cache-Control": "no-cache"})
+
+    def _map(self, _: Request) -> Response:
+        document = self.document
+        status, snapshot = document.status(), document.snapshot
+        described = describe_map(snapshot.hypermap, self._views, document.is_editable)
+        for layer in described["layers"]:
+            layer["version"] = snapshot.since[layer["name"]]
+        name = document.file.path.name
+        told = {"name": name, "path": self._shown_path, "token": self.token, **status}
+        return _json({**told, **described, "version": snapshot.version})
+
+    def _tile(self, request: Request) -> Response:
+        snapshot, view = self._layer(request)
+        values = {key: request.path_params[key] for key in ("zoom", "column", "row")}
+        numbers = {key: whole_number_in(values, key) for key in values}
+        tile = Tile(**numbers)
+        pyramid = view.pyramid
+        if pyramid is None:
+            raise Refused(f"layer {request.path_params['layer']!r} is no grid", 404)
+        version = snapshot.since[request.path_params["layer"]]
+        etag = f'"{version}"'
+        headers = {"ETag": etag, "Cache-Control": _FOREVER if "v" in request.query_params else ""}
+        headers = {key: value for key, value in headers.items() if value}
+        if request.headers.get("if-none-match") == etag:
+            return Response(status_code=304, headers=headers)
+        key = (request.path_params["layer"], version, tile)
+        content = self._tiles.get(key, lambda: draw_tile(pyramid, tile, view.base_T_layer))
+        return Response(content, media_type="image/png", headers=headers)
+
+    def _shapes(self, request: Request) -> Response:
+        snapshot, view = self._layer(request)
+        if view.shapes is None:
+            raise Refused(f"layer {request.path_params['layer']!r} has no shapes", 404)
+        values = request.query_params
+        resolution = number_in(values, "resolution")
+        if resolution <= 0:
+            raise Refused(f"resolution: must be above 0 m, got {resolution:g}")
+        names = values.getlist("name") if "name" in values else None
+        box = box_in(values, "bbox")
+        answer = view.shapes.view(box, resolution, view.base_T_layer, names)
+        return _json({"version": snapshot.version, **answer})
+
+    # Questions
+
+    def _at(self, request: Request) -> Response:
+        values = request.query_params
+        point = (number_in(values, "x"), number_in(values, "y"))
+        return _json(self._questions().at(point, text_in(values, "frame")))
+
+    async def _area(self, request: Request) -> Response:
+        body = await read_body(request)
+        corners, frame = corners_in(body, "polygon"), text_in(body, "frame")
+        return _json(await run_in_threadpool(self._questions().area, corners, frame))
+
+    def _download(self, request: Request) -> Response:
+        values, hypermap = request.query_params, self.document.snapshot.hypermap
+        questions = Questions(hypermap, self._views, self._shown_path)
+        kind = request.path_params["kind"]
+        if kind not in ("csv", "geojson"):
+            raise Refused(f"there is no area.{kind}, only area.csv and area.geojson", 404)
+        rows = questions.rows_in(corners_in(values, "polygon"), text_in(values, "frame"))
+        is_csv = kind == "csv"
+        content = rows_as_csv(rows) if is_csv else rows_as_geojson(hypermap, rows)
+        headers = {"Content-Disposition": f'attachment; filename="area.{kind}"'}
+        media_type = "text/csv; charset=utf-8" if is_csv else "application/geo+json"
+        return Response(content, media_type=media_type, headers=headers)
+
+    def _find(self, request: Request) -> Response:
+        values = request.query_params
+        name = text_in(values, "name")
+        if name is None:
+            raise Refused("name: what is to be found?")
+        near = numbers_in(values, "near") if values.get("near") else None
+        if near is not None and len(near) != 2:
+            raise Refused(f"near: a point x,y is expected, got {values['near'][:60]!r}")
+        limit = whole_number_in(values, "limit") if "limit" in values else 100
+        if not 1 <= limit <= 5000:
+            raise Refused(f"limit: must be from 1 to 5000, got {limit}")
+        return _json(self._questions().find(name, near, text_in(values, "frame"), limit))
+
+    def _object(self, request: Request) -> Response:
+        number = whole_number_in(request.path_params, "id")
+        return _json(self._questions().details(request.path_params["layer"], number))
+
+    # Changes
+
+    async def _edit(self, request: Request) -> Response:
+        body = await read_body(request)
+        version, operations = whole_number_in(body, "version"), operations_in(body)
+        ids: list[int] = []
+
+        def change(draft: Any) -> None:
+            ids.extend(carry_out(draft, operation) for operation in operations)
+
+        draft = await run_in_threadpool(self.document.edit, version, change)
+        return self._changed({change.layer for change in draft.changes}, ids=ids)
+
+    async def _undo(self, request: Request) -> Response:
+        return await self._go(request, self.document.undo)
+
+    async def _redo(self, request: Request) -> Response:
+        return await self._go(request, self.document.redo)
+
+    async def _go(self, request: Request, go: Callable[[int], Any]) -> Response:
+        version = whole_number_in(await read_body(request), "version")
+        changes = await run_in_threadpool(go, version)
+        ids = list(dict.fromkeys(change.id for change in changes))
+        return self._changed({change.layer for change in changes}, ids=ids)
+
+    async def _save(self, request: Request) -> Response:
+        body = await read_body(request)
+        overwrite = body.get("overwrite") is True
+        await run_in_threadpool(self.document.save, text_in(body, "path"), overwrite)
+        return self._changed(set(), saved=True, name=self.document.file.path.name)
+
+    async def _reload(self, request: Request) -> Response:
+        await read_body(request)
+        await run_in_threadpool(self.document.reload)
+        return self._changed({layer.name for layer in self.document.snapshot.hypermap})
+
+    def _changed(self, layers: set[str], **others: Any) -> Response:
+        return _json({**self.document.status(), "layers": sorted(layers), **others})
+
+    async def _events(self, request: Request) -> Response:
+        seen = request.headers.get("last-event-id") or request.query_params.get("v") or ""
+        version = int(seen) if seen.isdecimal() else self.document.snapshot.version
+        headers = {"Cache-Control": "no-store"}
+        return StreamingResponse(
+            self._news(version), media_type="text/event-stream", headers=headers
+        )
+
+    async def _news(self, version: int) -> AsyncIterator[str]:
+        """Yield what has happened, as server-sent events, until the server ends."""
+        document, loop = self.document, asyncio.get_running_loop()
+        beat, saves, told = -1, document.saves, loop.time()
+        while not self.is_closing:
+            if beat != document.beat:
+                beat, snapshot = document.beat, document.snapshot
+                news = document.status()
+                since = snapshot.since
+                news["layers"] = sorted(name for name in since if since[name] > version)
+                if saves != document.saves:
+                    saves, news["saved"] = document.saves, True
+                version, told = snapshot.version, loop.time()
+                yield f"id: {version}\ndata: {json.dumps(news)}\n\n"
+            elif loop.time() - told > _STILL_THERE:
+                told = loop.time()
+                yield ": still there\n\n"
+            await asyncio.sleep(_LISTEN)
+
+    # Parts of the above
+
+    @property
+    def _shown_path(self) -> str:
+        """How commands name the map: as the user did, as long as it is the same file."""
+        return self._path or str(self.document.file.path)
+
+    def _questions(self) -> Questions:
+        return Questions(self.document.snapshot.hypermap, self._views, self._shown_path)
+
+    def _layer(self, request: Request) -> tuple[Snapshot, LayerView]:
+        snapshot = self.document.snapshot
+        layer = snapshot.hypermap[request.path_params["layer"]]
+        view = self._views.of(snapshot.hypermap, layer)
+        if view.problem:
+            raise Refused(view.problem)
+        return snapshot, view
+
+
+def _json(value: Any) -> Response:
+    return Response(
+        json_bytes(value), media_type="application/json", headers={"Cache-Control": "no-store"}
+    )
+
+
+def _refuse(_: Request, error: Exception) -> Response:
+    """Answer what cannot be done with the reason."""
+    if isinstance(error, Refused):
+        told = {"error": str(error), "reason": error.reason, **error.others}
+        return JSONResponse(told, error.status)
+    status = 404 if isinstance(error, LayerNotFound | ObjectNotFound) else 400
+    return JSONResponse({"error": str(error)}, status)
+
+
+def _refuse_http(_: Request, error: Exception) -> Response:
+    assert isinstance(error, HTTPException)
+    return JSONResponse({"error": error.detail}, error.status_code)

@@ -1,0 +1,114 @@
+"""Changes of objects as values: what was before, and what is after."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from hypermap.core.errors import HypermapError
+from hypermap.core.hypermap import Hypermap
+from hypermap.core.objects import SemanticObject
+from hypermap.core.semantic import SemanticLayer
+
+
+@dataclass(frozen=True)
+class Change:
+    """One object that was added, replaced or removed.
+
+    Attributes:
+        layer: name of the layer that holds it.
+        id: the object's.
+        before: None if it was not there.
+        after: None if it is there no more.
+    """
+
+    layer: str
+    id: int
+    before: SemanticObject | None
+    after: SemanticObject | None
+
+    def inverse(self) -> Change:
+        """Return the change that undoes this one."""
+        return Change(self.layer, self.id, self.after, self.before)
+
+
+def undoing(changes: Sequence[Change]) -> list[Change]:
+    """Return the changes that undo some, the last one first."""
+    return [change.inverse() for change in reversed(changes)]
+
+
+def applied(hypermap: Hypermap, changes: Iterable[Change]) -> Hypermap:
+    """Return a map with changes made; the given one stays as it is.
+
+    Raises:
+        LayerNotFound, ObjectNotFound: If there is no such layer or object.
+    """
+    draft = Draft(hypermap)
+    for change in changes:
+        draft.apply(change)
+    return draft.hypermap
+
+
+class Draft:
+    """A map that is being changed beside the one from which it began.
+
+    Attributes:
+        hypermap: as it is so far.
+        changes: all that were made, in their order.
+    """
+
+    def __init__(self, hypermap: Hypermap) -> None:
+        self.hypermap = hypermap
+        self.changes: list[Change] = []
+        self._own: dict[str, SemanticLayer] = {}
+
+    def add(self, layer: str, item: SemanticObject) -> int:
+        """Add an object, its footprint in the layer's frame, and return its id."""
+        (number,) = self.layer(layer).add([item])
+        self.changes.append(Change(layer, number, None, self.layer(layer).get(number)))
+        return number
+
+    def update(self, layer: str, number: int, item: SemanticObject) -> None:
+        """Replace an object.
+
+        Raises:
+            ObjectNotFound: If it is not there.
+        """
+        before = self.layer(layer).get(number)
+        self.layer(layer).update(number, item)
+        after = self.layer(layer).get(number)
+        self.changes.append(Change(layer, number, before, after))
+
+    def remove(self, layer: str, number: int) -> None:
+        """Remove an object.
+
+        Raises:
+            ObjectNotFound: If it is not there.
+        """
+        before = self.layer(layer).get(number)
+        self.layer(layer).remove([number])
+        self.changes.append(Change(layer, number, before, None))
+
+    def apply(self, change: Change) -> None:
+        """Make a change."""
+        if change.after is None:
+            self.remove(change.layer, change.id)
+        elif change.before is None:
+            self.add(change.layer, change.after)
+        else:
+            self.update(change.layer, change.id, change.after)
+
+    def layer(self, name: str) -> SemanticLayer:
+        """Return a layer that may be changed.
+
+        Raises:
+            LayerNotFound: If there is none of that name.
+            HypermapError: If it holds no objects.
+        """
+        if name not in self._own:
+            layer = self.hypermap[name]
+            if not isinstance(layer, SemanticLayer):
+                raise HypermapError(f"layer {name!r} holds no objects; only those can be edited")
+            self._own[name] = layer.copy()
+            self.hypermap = self.hypermap.with_layer(self._own[name])
+        return self._own[name]

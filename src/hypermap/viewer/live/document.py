@@ -1,0 +1,221 @@
+"""The map that is open: its versions, what can be undone, and the file that it came from."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from hypermap.core.hypermap import Hypermap
+from hypermap.formats import open_map, save_map
+from hypermap.viewer.live.changes import Change, Draft, applied, undoing
+from hypermap.viewer.live.files import MapFile
+from hypermap.viewer.live.refusals import Refused
+
+_MOST_STEPS = 1000  # that can be undone
+
+
+@dataclass(frozen=True, eq=False)
+class Snapshot:
+    """The map at one moment; it never changes.
+
+    Attributes:
+        version: grows with every change.
+        hypermap: the map.
+        since: version of the last change of each layer.
+    """
+
+    version: int
+    hypermap: Hypermap
+    since: dict[str, int]
+
+
+@dataclass(frozen=True)
+class _Step:
+    """Changes that are undone together, and a number for the content before and after them."""
+
+    changes: tuple[Change, ...]
+    before: int
+    after: int
+
+
+class MapDocument:
+    """A map that several windows look at and change.
+
+    Each change names the version that its window has seen. It is refused if an object that it
+    touches has been changed since then, so that no window undoes another's work unknowingly.
+
+    Attributes:
+        file: where the map is saved.
+        is_editable: whether changes are taken.
+        beat: grows whenever windows have something to hear of.
+        saves: how often the map was saved.
+
+    Raises:
+        HypermapError: If the file is no map.
+    """
+
+    def __init__(self, path: Path, is_editable: bool = True) -> None:
+        self.file = MapFile.of(path)
+        self.is_editable = is_editable
+        self.beat = 0
+        self.saves = 0
+        self._changing = threading.Lock()
+        self._content = self._saved_content = 0
+        # Milliseconds, so that no version is given again when the server starts again.
+        self._open(open_map(path), time.time_ns() // 1_000_000)
+
+    @property
+    def snapshot(self) -> Snapshot:
+        """The map as it is now."""
+        return self._snapshot
+
+    @property
+    def is_unsaved(self) -> bool:
+        """Whether there are changes that the file has not."""
+        return self._content != self._saved_content
+
+    def status(self) -> dict[str, Any]:
+        """Return what windows show of the state of the editing."""
+        status = {
+            "version": self._snapshot.version,
+            "can_undo": self.is_editable and bool(self._done),
+            "can_redo": self.is_editable and bool(self._undone),
+            "unsaved": self.is_unsaved,
+        }
+        return status if self.file.state == "same" else {**status, "disk": self.file.state}
+
+    def edit(self, version: int, change: Callable[[Draft], None]) -> Draft:
+        """Make changes together, or none of them.
+
+        Args:
+            version: which the one who asks has seen.
+            change: makes them.
+
+        Returns:
+            What was changed.
+
+        Raises:
+            Refused: If the map is read-only, or another has changed an object meanwhile.
+            HypermapError: If a change is not possible.
+        """
+        with self._changing:
+            self._check_editable()
+            draft = Draft(self._snapshot.hypermap)
+            self._check_seen(version, None)
+            change(draft)
+            self._check_seen(version, draft.changes)
+            if draft.changes:
+                step = _Step(tuple(draft.changes), self._content, self._next_content())
+                self._take(draft.hypermap, draft.changes, step.after)
+                self._done.append(step)
+                self._undone.clear()
+            return draft
+
+    def undo(self, version: int) -> Sequence[Change]:
+        """Take back the last step, and return what changed; raises like `redo`."""
+        return self._go(version, self._done, self._undone, is_undo=True)
+
+    def redo(self, version: int) -> Sequence[Change]:
+        """Make the step again that was taken back last, and return what changed.
+
+        Raises:
+            Refused: If the map is read-only, has changed since that version, or there is no step.
+        """
+        return self._go(version, self._undone, self._done, is_undo=False)
+
+    def save(self, name: str | None = None, overwrite: bool = False) -> None:
+        """Save the map, to its own file or, from then on, to another of the same folder.
+
+        Raises:
+            Refused: If the map is read-only, the file has changed on disk since the map was opened
+                or saved, or the other name is in use, unless `overwrite` says that this is
+                known; or if the name leads out of the folder.
+            HypermapError: If it cannot be written.
+        """
+        with self._changing:
+            self._check_editable()
+            file = self.file if name is None else self.file.beside(name)
+            file.check_before_saving(self._snapshot.hypermap, overwrite)
+            file.keep_backup()
+            save_map(self._snapshot.hypermap, file.path)
+            self.file = MapFile.of(file.path)
+            self._saved_content = self._content
+            self.saves += 1
+            self.beat += 1
+
+    def reload(self) -> None:
+        """Open the file anew; changes that were not saved are lost, and steps forgotten.
+
+        Raises:
+            HypermapError: If the file is no map any more; all stays as it is then.
+        """
+        with self._changing:
+            file = MapFile.of(self.file.path)
+            hypermap = open_map(file.path)
+            self.file = file
+            self._open(hypermap, self._snapshot.version + 1)
+            self.beat += 1
+
+    def watch_file(self) -> None:
+        """Look whether the file has changed on disk or is gone, and let windows know."""
+        if self.file.look():
+            self.beat += 1
+
+    def _open(self, hypermap: Hypermap, version: int) -> None:
+        self._first_version = version
+        self._snapshot = Snapshot(version, hypermap, {layer.name: version for layer in hypermap})
+        self._touched: dict[tuple[str, int], int] = {}
+        self._done: deque[_Step] = deque(maxlen=_MOST_STEPS)
+        self._undone: deque[_Step] = deque(maxlen=_MOST_STEPS)
+        self._contents = self._content = self._saved_content = 0
+
+    def _go(
+        self, version: int, taken: deque[_Step], given: deque[_Step], is_undo: bool
+    ) -> Sequence[Change]:
+        with self._changing:
+            self._check_editable()
+            if version != self._snapshot.version:
+                self._refuse_behind("the map has changed meanwhile, perhaps in another window")
+            if not taken:
+                raise Refused(f"there is nothing to {'undo' if is_undo else 'redo'}")
+            step = taken[-1]
+            changes = undoing(step.changes) if is_undo else list(step.changes)
+            hypermap = applied(self._snapshot.hypermap, changes)
+            given.append(taken.pop())
+            self._take(hypermap, changes, step.before if is_undo else step.after)
+            return changes
+
+    def _take(self, hypermap: Hypermap, changes: Sequence[Change], content: int) -> None:
+        version = self._snapshot.version + 1
+        since = {**self._snapshot.since, **{change.layer: version for change in changes}}
+        self._touched.update({(change.layer, change.id): version for change in changes})
+        self._snapshot = Snapshot(version, hypermap, since)
+        self._content = content
+        self.beat += 1
+
+    def _next_content(self) -> int:
+        self._contents += 1
+        return self._contents
+
+    def _check_editable(self) -> None:
+        if not self.is_editable:
+            raise Refused("the map is open for reading only", 403)
+
+    def _check_seen(self, version: int, changes: Sequence[Change] | None) -> None:
+        """Refuse changes of objects that have changed after a version."""
+        if not self._first_version <= version <= self._snapshot.version:
+            self._refuse_behind("the map was opened anew meanwhile")
+        for change in changes or ():
+            if change.before and self._touched.get((change.layer, change.id), version) > version:
+                self._refuse_behind(
+                    f"object {change.id} ({change.before.name}) has changed meanwhile, in another "
+                    "window; look at it as it is now, and change it again"
+                )
+
+    def _refuse_behind(self, message: str) -> None:
+        raise Refused(message, 409, "behind", version=self._snapshot.version)

@@ -1,0 +1,115 @@
+"""Keeps other sites away from the server, and the page away from other sites.
+
+A server on one's own machine can be reached by every page in one's own browser. So requests must
+name this machine as their host, which a site that lets its name point here (DNS rebinding) does
+not; they must not come from another site's page; and what changes anything needs a token that
+only this server's page knows.
+"""
+
+from __future__ import annotations
+
+import ipaddress
+import secrets
+import socket
+from collections.abc import Iterable
+from urllib.parse import urlsplit
+
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.responses import JSONResponse
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+TOKEN_HEADER = "X-Hypermap-Token"
+
+_READING = ("GET", "HEAD")
+_POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; "
+    "connect-src 'self'; font-src 'self'; base-uri 'none'; form-action 'none'; "
+    "frame-ancestors 'none'"
+)
+_HEADERS = {
+    "Content-Security-Policy": _POLICY,
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Referrer-Policy": "no-referrer",
+    "X-Content-Type-Options": "nosniff",
+}
+
+
+class Guard:
+    """Lets a request through to the server, or answers it with 403.
+
+    Attributes:
+        token: what requests that change anything must carry.
+    """
+
+    def __init__(self, app: ASGIApp, hosts: Iterable[str], token: str) -> None:
+        self._app = app
+        self._hosts = set(hosts)
+        self.token = token
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer one request."""
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+
+        async def send_guarded(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                MutableHeaders(scope=message).update(_HEADERS)
+            await send(message)
+
+        problem = self._problem(scope["method"], scope["path"], Headers(scope=scope))
+        if problem:
+            refusal = JSONResponse({"error": problem, "reason": "refused"}, 403)
+            await refusal(scope, receive, send_guarded)
+        else:
+            await self._app(scope, receive, send_guarded)
+
+    def _problem(self, method: str, path: str, headers: Headers) -> str:
+        """Return why a request is refused; nothing if it is not."""
+        host = headers.get("host", "")
+        if not self._is_known(host):
+            return f"this server is not {host[:200]!r}; open it by the address that it printed"
+        origin = headers.get("origin")
+        if origin is not None and urlsplit(origin).netloc.lower() != host.lower():
+            return "requests from other sites are refused"
+        came_from = headers.get("sec-fetch-site", "none")
+        is_opened = path == "/" and headers.get("sec-fetch-mode") == "navigate"
+        if came_from not in ("none", "same-origin") and not (is_opened and method in _READING):
+            return "requests from other sites are refused"
+        if method not in _READING and not secrets.compare_digest(
+            headers.get(TOKEN_HEADER, "").encode(), self.token.encode()
+        ):
+            return "this window is from an earlier start of the server; reload the page"
+        return ""
+
+    def _is_known(self, host: str) -> bool:
+        name = _host_name(host)
+        if name in self._hosts:
+            return True
+        # Whoever listens everywhere may be addressed by any number, but by no other's name.
+        return "*" in self._hosts and _is_number(name)
+
+
+def known_hosts(listening_on: str) -> set[str]:
+    """Return by which names a server is addressed that listens on an address; "*": any number."""
+    hosts = {"localhost", "127.0.0.1", "::1", listening_on.lower()}
+    if _is_number(listening_on) and ipaddress.ip_address(listening_on).is_unspecified:
+        hosts |= {"*", socket.gethostname().lower(), socket.getfqdn().lower()}
+    return hosts
+
+
+def _host_name(host: str) -> str:
+    """Return the name or number in a Host header, without the port."""
+    try:
+        return (urlsplit(f"//{host}").hostname or "").lower()
+    except ValueError:
+        return ""
+
+
+def _is_number(name: str) -> bool:
+    try:
+        ipaddress.ip_address(name)
+    except ValueError:
+        return False
+    return True

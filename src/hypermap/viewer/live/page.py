@@ -1,0 +1,33 @@
+"""The files of the built page, which lie in the package."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from hypermap.viewer.live.refusals import Refused
+
+PAGE = Path(__file__).resolve().parents[1] / "page"
+"""Where the build puts the page."""
+
+_MEDIA_TYPES = {
+    "index.html": "text/html; charset=utf-8",
+    "app.js": "text/javascript; charset=utf-8",
+    "app.css": "text/css; charset=utf-8",
+    "app.licenses.txt": "text/plain; charset=utf-8",
+}
+
+
+def page_file(name: str) -> tuple[bytes, str]:
+    """Return the content and the media type of one of the page's files.
+
+    Raises:
+        Refused: If there is none of that name, or the page is not built.
+    """
+    if name not in _MEDIA_TYPES:
+        raise Refused(f"there is no page {name!r}", 404)
+    try:
+        return (PAGE / name).read_bytes(), _MEDIA_TYPES[name]
+    except FileNotFoundError:
+        raise Refused(
+            f"{PAGE / name}: the page is not built; make it with: make page", 503
+        ) from None

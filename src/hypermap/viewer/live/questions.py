@@ -1,0 +1,289 @@
+"""Answers to what is asked by pointing: what is here, what is in this area, where is that."""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections import Counter
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from hypermap.core.arrays import IntArray
+from hypermap.core.errors import FrameError, did_you_mean
+from hypermap.core.frames import Pose2D
+from hypermap.core.hypermap import Hypermap
+from hypermap.core.layer import Layer
+from hypermap.core.objects import ObjectTable
+from hypermap.core.occupancy import FREE, LABELS, OCCUPIED, OccupancyLayer
+from hypermap.core.opaque import OpaqueLayer
+from hypermap.core.semantic import SemanticLayer
+from hypermap.viewer.live.layers import LayerViews
+from hypermap.viewer.live.spelling import spell_area, spell_at, spell_find
+
+MOST_ROWS = 5000
+"""How many rows an answer has at most; downloads have all."""
+
+_MOST_NAMES = 20  # that are suggested
+
+
+class Questions:
+    """Questions about one version of a map, each answered as the page shows it.
+
+    Points and areas are in the asked frame, None is the base frame; answers are in the base frame.
+    """
+
+    def __init__(self, hypermap: Hypermap, views: LayerViews, path: str) -> None:
+        self._map = hypermap
+        self._views = views
+        self._path = path
+
+    def at(self, point: Sequence[float], frame: str | None) -> dict[str, Any]:
+        """Return what every layer says at a point, and the objects there, the smallest first.
+
+        Raises:
+            FrameError: If the frame is unknown.
+        """
+        x, y = self._pose_of(frame).apply(point)[0].tolist()
+        answered = [layer for layer in self._map if self._can_answer(layer)]
+        spelled = spell_at(self._path, point, frame, [layer.name for layer in answered])
+        return {
+            "point": [x, y],
+            "frame": self._map.base_frame,
+            "layers": [self._layer_at(layer, point, frame) for layer in answered],
+            **spelled,
+        }
+
+    def area(self, corners: Sequence[Sequence[float]], frame: str | None) -> dict[str, Any]:
+        """Return the objects that meet a polygon, and how many cells of each label are in it.
+
+        Raises:
+            FrameError: If the frame is unknown.
+        """
+        rows = self.rows_in(corners, frame)
+        area = shapely.Polygon(corners)
+        grids = [
+            layer
+            for layer in self._map
+            if self._can_answer(layer) and not isinstance(layer, SemanticLayer)
+        ]
+        spelled = spell_area(self._path, corners, frame, [layer.name for layer in grids])
+        return {
+            "rows": rows[:MOST_ROWS],
+            "total": len(rows),
+            "cells": [cell for layer in grids for cell in self._cells_in(layer, area, frame)],
+            **spelled,
+        }
+
+    def rows_in(
+        self, corners: Sequence[Sequence[float]], frame: str | None
+    ) -> list[dict[str, Any]]:
+        """Return a row for each object that meets a polygon, in the order of the layers.
+
+        Raises:
+            FrameError: If the frame is unknown.
+        """
+        area = shapely.Polygon(corners)
+        rows = []
+        for layer in self._semantic():
+            base_T_layer = self._pose_of(layer.frame_id)
+            in_layer = (base_T_layer.inverse() @ self._pose_of(frame)).apply_geometry(area)
+            found = self._rows_of(layer, in_layer)
+            rows += _object_rows(layer.name, layer.table, found, base_T_layer)
+        return rows
+
+    def find(
+        self, name: str, near: Sequence[float] | None, frame: str | None, limit: int
+    ) -> dict[str, Any]:
+        """Return the objects of a name, the nearest first, and names that are like it.
+
+        Where no object has exactly that name, the only other one that it is a part of is taken.
+
+        Raises:
+            FrameError: If the frame is unknown.
+        """
+        known = sorted({str(n) for layer in self._semantic() for n in set(layer.names)})
+        names = _names_like(name, known)
+        if name not in known and len(names) == 1:
+            name = names[0]
+        start = None if near is None else self._pose_of(frame).apply(near)[0]
+        rows: list[tuple[float, float, dict[str, Any]]] = []
+        for layer in self._semantic():
+            table, base_T_layer = layer.table, self._pose_of(layer.frame_id)
+            found = table.rows_of(name)
+            distances = np.full(len(found), np.nan)
+            if start is not None:
+                asked = base_T_layer.inverse().apply(start)[0]
+                found, distances = table.nearest(name, asked, len(table))
+            places = base_T_layer.apply(table.centroids[found])
+            off = np.zeros(len(found)) if start is None else np.hypot(*(places - start).T)
+            for row, distance, far, (x, y) in zip(
+                found.tolist(), distances.tolist(), off.tolist(), places.tolist(), strict=True
+            ):
+                shown = {"layer": layer.name, "id": int(table.ids[row]), "name": name}
+                shown |= {"x": x, "y": y, "distance": _known(distance)}
+                rows.append((distance, far, shown))
+        if start is not None:
+            rows.sort(key=lambda row: row[:2])
+        return {
+            "name": name,
+            "rows": [row for *_, row in rows[:limit]],
+            "total": len(rows),
+            "names": names,
+            "hint": "" if rows or not known else did_you_mean(name, known),
+            **spell_find(self._path, name, near, frame),
+        }
+
+    def details(self, layer_name: str, number: int) -> dict[str, Any]:
+        """Return all that is known of an object; its shape exactly, in the base frame.
+
+        Raises:
+            LayerNotFound, ObjectNotFound: If there is none.
+        """
+        layer = self._map[layer_name]
+        view = self._views.of(self._map, layer)
+        if not isinstance(layer, SemanticLayer) or view.shapes is None:
+            return {"layer": layer_name, "id": number, "name": "", "tags": [], "attributes": {}}
+        item = layer.get(number)
+        rows = np.flatnonzero(view.shapes.ids == number)
+        row = int(rows[0])
+        placed = view.base_T_layer.apply_geometry(item.footprint)
+        return {
+            "layer": layer.name,
+            "id": number,
+            "name": item.name,
+            "area": float(view.shapes.areas[row]),
+            "at": view.shapes.label_points(rows, view.base_T_layer)[0].tolist(),
+            "centroid": view.base_T_layer.apply(view.shapes.centroids[row])[0].tolist(),
+            "polygons": view.shapes.polygons(row, view.base_T_layer),
+            "wkt": shapely.to_wkt(placed, rounding_precision=-1),
+            "tags": list(item.tags),
+            "confidence": list(item.confidence),
+            "existence": item.existence,
+            "first_seen": item.first_seen,
+            "last_seen": item.last_seen,
+            "attributes": dict(item.attributes),
+        }
+
+    def _layer_at(self, layer: Layer, point: Sequence[float], frame: str | None) -> dict[str, Any]:
+        value = self._map.value_at(layer.name, point, frame)[0]
+        objects = []
+        if isinstance(layer, SemanticLayer):
+            in_layer = (self._pose_of(layer.frame_id).inverse() @ self._pose_of(frame)).apply(point)
+            table = layer.table
+            rows = self._rows_of(layer, shapely.Point(in_layer[0]))
+            for row in rows[np.lexsort((rows, table.areas[rows]))].tolist():
+                shown: dict[str, Any] = {"id": int(table.ids[row])}
+                shown["name"] = str(table.names[row])
+                shown["area"] = float(table.areas[row])
+                shown["existence"] = _known(float(table.existence[row]))
+                objects.append({**shown, "tags": list(table.tags[row])})
+        return {
+            "name": layer.name,
+            "label": str(self._map.label_at(layer.name, point, frame)[0]),
+            "value": _plain(value),
+            "objects": objects,
+        }
+
+    def _cells_in(
+        self, layer: Layer, area: BaseGeometry, frame: str | None
+    ) -> list[dict[str, Any]]:
+        """Return how many cells of a layer have each label in an area."""
+        if isinstance(layer, OccupancyLayer):
+            in_layer = (
+                self._pose_of(layer.frame_id).inverse() @ self._pose_of(frame)
+            ).apply_geometry(area)
+            counts = _count_cells(layer, in_layer)
+        else:
+            counts = Counter(map(str, self._map.labels_in(layer.name, area, frame).values))
+        return [
+            {"layer": layer.name, "label": label, "count": count}
+            for label, count in counts.items()
+            if count
+        ]
+
+    def _rows_of(self, layer: SemanticLayer, area: BaseGeometry) -> IntArray:
+        view = self._views.of(self._map, layer)
+        assert view.shapes is not None  # semantic layers are drawn as shapes
+        return view.shapes.rows_in(area)
+
+    def _semantic(self) -> list[SemanticLayer]:
+        return [
+            layer
+            for layer in self._map
+            if isinstance(layer, SemanticLayer) and self._can_answer(layer)
+        ]
+
+    def _can_answer(self, layer: Layer) -> bool:
+        has_place = not self._views.of(self._map, layer).problem
+        return has_place and not isinstance(layer, OpaqueLayer)
+
+    def _pose_of(self, frame: str | None) -> Pose2D:
+        """Return the pose of a frame in the base frame.
+
+        Raises:
+            FrameError: If the map does not know it.
+        """
+        base = self._map.base_frame
+        known = [base, *(layer.frame_id for layer in self._map), *self._map.frames.frames]
+        if frame is not None and frame not in known:
+            hint = did_you_mean(frame, dict.fromkeys(known))
+            raise FrameError(f"frame {frame!r} is unknown to the map; {hint}")
+        return self._map.frames.lookup(base, frame or base)
+
+
+def _object_rows(
+    layer: str, table: ObjectTable, rows: IntArray, base_T_layer: Pose2D
+) -> list[dict[str, Any]]:
+    places = base_T_layer.apply(table.centroids[rows])
+    return [
+        {
+            "layer": layer,
+            "id": int(table.ids[row]),
+            "name": str(table.names[row]),
+            "x": x,
+            "y": y,
+            "area": float(table.areas[row]),
+            "existence": _known(float(table.existence[row])),
+            "first_seen": _known(float(table.first_seen[row])),
+            "last_seen": _known(float(table.last_seen[row])),
+            "tags": list(table.tags[row]),
+        }
+        for row, (x, y) in zip(rows.tolist(), places.tolist(), strict=True)
+    ]
+
+
+def _count_cells(layer: OccupancyLayer, area: BaseGeometry) -> dict[str, int]:
+    """Return how many cells in an area have each label, without a list of the cells."""
+    if layer.grid is None or layer.cells is None:
+        return {}
+    window = layer.grid.window_in(area)
+    if not window.inside.any():
+        return {}
+    inside = layer.cells[window.slices][window.inside]
+    free = int(np.count_nonzero(inside == FREE))
+    occupied = int(np.count_nonzero(inside == OCCUPIED))
+    return dict(zip(LABELS, (free, occupied, len(inside) - free - occupied), strict=True))
+
+
+def _names_like(name: str, known: Sequence[str]) -> list[str]:
+    """Return names of which a text is a part, those that begin with it first, or that are alike."""
+    part = name.casefold()
+    found = [other for other in known if part in other.casefold()]
+    if not found:
+        found = difflib.get_close_matches(name, known, n=_MOST_NAMES)
+    found.sort(key=lambda other: (not other.casefold().startswith(part), len(other), other))
+    return found[:_MOST_NAMES]
+
+
+def _known(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def _plain(value: Any) -> Any:
+    """Return a layer's value as JSON can hold it."""
+    number = value.item() if isinstance(value, np.generic) else value
+    return None if isinstance(number, float) and not math.isfinite(number) else number

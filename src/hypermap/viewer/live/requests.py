@@ -1,0 +1,182 @@
+"""What requests say, checked: bodies, numbers, points, polygons."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+import shapely
+from shapely.geometry.base import BaseGeometry
+from starlette.datastructures import QueryParams
+from starlette.requests import Request
+
+from hypermap.viewer.live.refusals import Refused
+
+MOST_BYTES = 8_000_000
+"""Size of the largest request body."""
+MOST_CORNERS = 10_000
+"""Corners of the largest polygon."""
+
+_FAR = 1e9  # metres
+
+
+async def read_body(request: Request) -> dict[str, Any]:
+    """Return the JSON object that a request carries.
+
+    Raises:
+        Refused: If it is too large or no JSON object.
+    """
+    content = bytearray()
+    async for part in request.stream():
+        content += part
+        if len(content) > MOST_BYTES:
+            raise Refused(f"the request is larger than {MOST_BYTES // 1_000_000} MB", 413)
+    try:
+        body = json.loads(content)
+    except (ValueError, RecursionError):
+        raise Refused("the request's body is not valid JSON") from None
+    if not isinstance(body, dict):
+        raise Refused("the request's body must be a JSON object")
+    return body
+
+
+def number_in(values: Mapping[str, Any], key: str) -> float:
+    """Return a finite number of a request.
+
+    Raises:
+        Refused: If it is missing or none.
+    """
+    return _number(values.get(key), key)
+
+
+def whole_number_in(values: Mapping[str, Any], key: str) -> int:
+    """Return an integer of a request; raises like `number_in`."""
+    value = values.get(key)
+    try:
+        if isinstance(value, bool) or not isinstance(value, int | str):
+            raise ValueError
+        return int(value)
+    except ValueError:
+        raise Refused(f"{key}: a whole number is expected, got {_shown(value)}") from None
+
+
+def numbers_in(values: QueryParams, key: str) -> list[float]:
+    """Return finite numbers parted by commas; raises like `number_in`."""
+    words = values.get(key, "").split(",")
+    if len(words) > 2 * MOST_CORNERS:
+        _refuse_corners(len(words) // 2)
+    return [_number(word, key) for word in words]
+
+
+def box_in(values: QueryParams, key: str) -> tuple[float, float, float, float]:
+    """Return a rectangle "xmin,ymin,xmax,ymax"; raises like `number_in`."""
+    numbers = numbers_in(values, key)
+    if len(numbers) != 4 or numbers[0] > numbers[2] or numbers[1] > numbers[3]:
+        raise Refused(f"{key}: expected xmin,ymin,xmax,ymax, got {_shown(values.get(key))}")
+    return numbers[0], numbers[1], numbers[2], numbers[3]
+
+
+def text_in(values: Mapping[str, Any], key: str) -> str | None:
+    """Return a text of a request; None where it is missing or empty.
+
+    Raises:
+        Refused: If it is something else.
+    """
+    value = values.get(key)
+    if value is not None and not isinstance(value, str):
+        raise Refused(f"{key}: a text is expected, got {_shown(value)}")
+    return value or None
+
+
+def corners_in(values: Mapping[str, Any], key: str) -> list[list[float]]:
+    """Return the corners of a polygon, given as a list of points, or as "x,y,x,y,...".
+
+    Raises:
+        Refused: If it is none, has too many corners, no area, or its outline crosses itself.
+    """
+    if isinstance(values, QueryParams):
+        numbers = numbers_in(values, key)
+        given: Any = [numbers[i : i + 2] for i in range(0, len(numbers), 2)]
+    else:
+        given = values.get(key)
+    corners = _ring(given, key)
+    _polygon([corners], key)
+    return corners
+
+
+def footprint_in(values: Mapping[str, Any]) -> BaseGeometry | None:
+    """Return the shape that an operation gives an object; None where it gives none.
+
+    It stands under `polygon`, a list of corners, or under `polygons`, where each polygon is a list
+    of rings, the outline first.
+
+    Raises:
+        Refused: If it is no shape, has too many corners, no area, or its outline crosses itself.
+    """
+    if values.get("polygon") is not None:
+        return _polygon([_ring(values["polygon"], "polygon")], "polygon")
+    if values.get("polygons") is None:
+        return None
+    given = values["polygons"]
+    if not isinstance(given, list) or not given or not all(isinstance(p, list) for p in given):
+        raise Refused("polygons: a list of polygons is expected, each a list of rings")
+    count = sum(len(ring) for part in given for ring in part if isinstance(ring, list))
+    if count > MOST_CORNERS:
+        _refuse_corners(count)
+    parts = [
+        _polygon([_ring(ring, "polygons") for ring in rings] or [[]], "polygons") for rings in given
+    ]
+    shape: BaseGeometry = parts[0] if len(parts) == 1 else shapely.MultiPolygon(parts)
+    if not shape.is_valid:
+        raise Refused("polygons: the parts of the shape overlap")
+    return shape
+
+
+def _ring(given: Any, key: str) -> list[list[float]]:
+    if not isinstance(given, list):
+        raise Refused(f"{key}: a list of corners [x, y] is expected, got {_shown(given)}")
+    if len(given) > MOST_CORNERS:
+        _refuse_corners(len(given))
+    if any(not isinstance(corner, list) or len(corner) != 2 for corner in given):
+        raise Refused(f"{key}: each corner must be a point [x, y]")
+    corners = [[_number(x, key), _number(y, key)] for x, y in given]
+    if len(corners) > 1 and corners[0] == corners[-1]:
+        corners.pop()
+    if len(corners) < 3:
+        raise Refused(f"{key}: a polygon needs at least three corners, got {len(corners)}")
+    return corners
+
+
+def _polygon(rings: list[list[list[float]]], key: str) -> shapely.Polygon:
+    if not rings[0]:
+        raise Refused(f"{key}: a polygon needs an outline")
+    polygon = shapely.Polygon(rings[0], rings[1:])
+    if not polygon.is_valid:
+        raise Refused(f"{key}: the outline crosses itself ({shapely.is_valid_reason(polygon)})")
+    if polygon.area == 0:
+        raise Refused(f"{key}: the polygon has no area")
+    return polygon
+
+
+def _number(value: Any, key: str) -> float:
+    try:
+        if isinstance(value, bool) or not isinstance(value, int | float | str):
+            raise ValueError
+        number = float(value)
+        if not abs(number) <= _FAR:
+            raise ValueError
+    except (ValueError, OverflowError):
+        raise Refused(
+            f"{key}: a number within {_FAR:g} m is expected, got {_shown(value)}"
+        ) from None
+    return number
+
+
+def _refuse_corners(count: int) -> None:
+    raise Refused(f"the polygon has {count} corners, more than {MOST_CORNERS}; draw it coarser")
+
+
+def _shown(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."

@@ -1,0 +1,121 @@
+"""Running the server of the page: a port, a browser, and an end that does not wait."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import socket
+from collections.abc import Callable
+from types import FrameType
+
+import uvicorn
+
+from hypermap.core.errors import HypermapError
+from hypermap.viewer.live.app import MapApp
+
+FIRST_PORT = 8090
+"""Where to listen if nothing else is said, or on the next port that is free."""
+
+_TRIED = 50  # ports
+_LONGEST_URL = 512 * 1024  # bytes; a polygon may stand in it
+
+
+def listen(host: str, port: int | None) -> socket.socket:
+    """Return a socket that listens.
+
+    Args:
+        host: name or number of one of this machine's addresses.
+        port: 0 for any; None for 8090, or the next one that is free.
+
+    Raises:
+        HypermapError: If the port is in use, or the address is not this machine's.
+    """
+    if port is not None:
+        return _bound(host, port)
+    for candidate in range(FIRST_PORT, FIRST_PORT + _TRIED):
+        with contextlib.suppress(PortInUse):
+            return _bound(host, candidate)
+    raise HypermapError(
+        f"ports {FIRST_PORT} to {FIRST_PORT + _TRIED - 1} of {host} are all in use; give another "
+        "with --port, or --port 0 for any"
+    )
+
+
+class PortInUse(HypermapError):
+    """Another program listens there."""
+
+
+def url_of(listening: socket.socket) -> str:
+    """Return the address to open in a browser."""
+    host, port = listening.getsockname()[:2]
+    if host in ("0.0.0.0", "::"):  # everywhere; this machine's browser goes the short way
+        host = "127.0.0.1" if host == "0.0.0.0" else "::1"
+    return f"http://[{host}]:{port}/" if ":" in host else f"http://{host}:{port}/"
+
+
+def serve(app: MapApp, listening: socket.socket, on_start: Callable[[], None]) -> None:
+    """Serve the page until Ctrl-C, which ends it at once.
+
+    Args:
+        app: what is served.
+        listening: from `listen`.
+        on_start: called when the page can be opened.
+
+    Raises:
+        KeyboardInterrupt: When Ctrl-C has ended it.
+    """
+    config = uvicorn.Config(
+        app.app,
+        log_config=None,
+        log_level="error",
+        access_log=False,
+        server_header=False,
+        proxy_headers=False,
+        timeout_graceful_shutdown=1,
+        h11_max_incomplete_event_size=_LONGEST_URL,
+        http="h11",
+        ws="none",
+        loop="asyncio",
+    )
+    _Server(config, app, on_start).run(sockets=[listening])
+
+
+class _Server(uvicorn.Server):
+    """A server that lets go of the windows that listen for news when it ends."""
+
+    def __init__(self, config: uvicorn.Config, app: MapApp, on_start: Callable[[], None]) -> None:
+        super().__init__(config)
+        self._app = app
+        self._on_start = on_start
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        await super().startup(sockets)
+        if self.started:
+            self._on_start()
+
+    def handle_exit(self, sig: int, frame: FrameType | None) -> None:
+        self._app.is_closing = True
+        super().handle_exit(sig, frame)
+
+
+def _bound(host: str, port: int) -> socket.socket:
+    try:
+        family, kind, protocol, _, address = socket.getaddrinfo(
+            host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
+        )[0]
+        listening = socket.socket(family, kind, protocol)
+        try:
+            listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            listening.bind(address)
+            listening.listen()
+        except OSError:
+            listening.close()
+            raise
+    except OSError as error:
+        if error.errno == errno.EADDRINUSE:
+            raise PortInUse(
+                f"port {port} of {host} is in use; give another with --port, or none for the next "
+                "one that is free"
+            ) from None
+        raise HypermapError(f"cannot listen on {host}, port {port}: {error.strerror}") from None
+    return listening
