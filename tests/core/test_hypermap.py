@@ -257,6 +257,42 @@ def test_objects_near_something_come_with_their_distances(question: Any, expecte
     np.testing.assert_allclose(distances, [distance for *_, distance in expected], atol=1e-12)
 
 
+def test_objects_are_chosen_by_tags_and_the_first_of_them_by_a_limit() -> None:
+    seats = [
+        square("chair", 1, 0, tags=("chair", "stool")),
+        square("sofa", 3, 0, tags=("chair", "sofa")),
+        square("chair", 2, 0, tags=("chair", "stool")),
+    ]
+    hypermap = Hypermap([SemanticLayer("seats", "map", seats)])
+    assert ids(hypermap.objects(tags=["chair"])) == [("seats", 0), ("seats", 1), ("seats", 2)]
+    assert ids(hypermap.objects(tags=["stool", "chair"])) == [("seats", 0), ("seats", 2)]
+    assert ids(hypermap.objects(tags=["bench"])) == []
+    assert ids(hypermap.objects(tags=["chair"], limit=2)) == [("seats", 0), ("seats", 1)]
+    nearest = hypermap.objects(near=[3, 0], tags=["stool"], limit=1)
+    assert ids(nearest) == [("seats", 2)]
+    assert nearest[0].distance == 0.5
+    with pytest.raises(ValueError, match="limit must be at least 1"):
+        hypermap.objects(limit=0)
+
+
+def test_the_objects_in_an_area_are_found_by_the_index_alone(monkeypatch) -> None:
+    crowd = [square("cup", x, y, 0.5) for x in range(30) for y in range(30)]
+    layer = SemanticLayer("crowd", "lab", crowd)
+    layer.update(31, square("cup", 1, 1, 0.4, id=31))  # lies in the small tree of what is new
+    hypermap = Hypermap([OccupancyLayer("grid", "map"), layer], FrameTree(FRAMES))
+    moved: list[int] = []
+    apply = Pose2D.apply_geometries
+
+    def counting(pose: Pose2D, shapes: Any) -> Any:
+        moved.append(len(shapes))
+        return apply(pose, shapes)
+
+    monkeypatch.setattr(Pose2D, "apply_geometries", counting)
+    area = shapely.box(9.2, -0.3, 10.2, 1.2)  # in the lab: x from -0.3 to 1.2, y from -0.2 to 0.8
+    assert ids(hypermap.objects("cup", area=area)) == [("crowd", n) for n in (0, 1, 30, 31)]
+    assert max(moved) == 4
+
+
 def test_found_objects_stand_in_the_base_frame() -> None:
     (sink, _) = near_building().objects("sink")
     assert sink.object is not None

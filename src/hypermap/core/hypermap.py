@@ -6,7 +6,6 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
-import shapely
 from numpy.typing import ArrayLike, NDArray
 from shapely.geometry import Point
 from shapely.geometry.base import BaseGeometry
@@ -200,7 +199,9 @@ class Hypermap:
         within: float | None = None,
         inside: str | BaseGeometry | None = None,
         area: BaseGeometry | None = None,
+        tags: Iterable[str] = (),
         layer: str | None = None,
+        limit: int | None = None,
         frame_id: str | None = None,
     ) -> list[Found]:
         """Return the objects of semantic layers for which all that is given is true.
@@ -213,8 +214,10 @@ class Hypermap:
             inside: a name or a geometry in which their centroid lies; with a name, in any other
                 object that has it.
             area: what their shape meets.
+            tags: all of these are among theirs.
             layer: the one that holds them; None for all semantic layers. What `near` and
                 `inside` name may be in any.
+            limit: return the first so many of them; None for all.
             frame_id: frame of the geometries and the point; None for the base frame.
 
         Returns:
@@ -223,7 +226,7 @@ class Hypermap:
 
         Raises:
             LayerNotFound, FrameError: If the layer or the frame is unknown.
-            ValueError: If `within` is given without `near`, or is negative.
+            ValueError: If `within` is given without `near`, or is negative, or `limit` is below 1.
 
         >>> from hypermap.core.semantic import SemanticObject
         >>> sink = SemanticObject("sink", shapely.box(0, 0, 1, 1))
@@ -236,7 +239,9 @@ class Hypermap:
             raise ValueError("within needs near: a distance from what?")
         if within is not None and not within >= 0:
             raise ValueError(f"within must not be negative, got {within}")
-        limit = np.inf if within is None else within
+        if limit is not None and limit < 1:
+            raise ValueError(f"limit must be at least 1, got {limit}")
+        farthest = np.inf if within is None else within
         # A layer that is not asked need not have a place in the map.
         only = None if layer is None else self[layer]
         anchors = {what for what in (near, inside) if isinstance(what, str)}
@@ -247,26 +252,28 @@ class Hypermap:
                 if only in (None, place) or anchors.intersection(place.names)
             ]
         )
-        chosen = layers.named(name, layer)
+        asked = None
         if area is not None:
             asked = self._lookup(self.base_frame, frame_id).apply_geometry(as_area(area))
-            chosen = chosen.take(shapely.intersects(chosen.shapes, asked))
+        chosen = layers.named(name, layer, asked)
+        if wanted := set(tags):
+            chosen = chosen.take(layers.have_tags(chosen.keys, wanted))
         if inside is not None:
             chosen = chosen.take(chosen.stand_in(self._anchors(layers, inside, frame_id)))
         if near is None:
-            return [layers.found(key) for key in chosen.keys]
+            return layers.found(chosen.keys[:limit])
         others = self._anchors(layers, near, frame_id)
-        distances = chosen.distances_to(others, limit)
+        distances = chosen.distances_to(others, farthest)
         to_centroids = chosen.centroid_distances_to(others)
         order = np.lexsort((to_centroids, distances))
-        order = order[np.isfinite(distances[order])]
-        return [layers.found(chosen.keys[i], float(distances[i])) for i in order]
+        order = order[np.isfinite(distances[order])][:limit]
+        return layers.found(chosen.keys[order], distances[order])
 
     def _semantic_layers(self) -> list[SemanticLayer]:
         return [layer for layer in self._layers.values() if isinstance(layer, SemanticLayer)]
 
     def _placed(self, layer: SemanticLayer) -> PlacedLayer:
-        return PlacedLayer(layer.name, layer.table, self._pose_of(layer))
+        return PlacedLayer(layer.name, *layer.indexed, self._pose_of(layer))
 
     def _anchors(
         self, layers: PlacedLayers, what: str | BaseGeometry | ArrayLike, frame_id: str | None

@@ -14,6 +14,7 @@ from shapely.geometry.base import BaseGeometry
 from hypermap.core.arrays import BoolArray, IntArray, ObjectArray, as_objects
 from hypermap.core.frames import Pose2D
 from hypermap.core.objects import ObjectTable, SemanticObject
+from hypermap.core.shape_index import ShapeIndex
 
 NO_OBJECT = -1
 _ROWS = 2**32  # keys count rows, and above them layers
@@ -112,25 +113,40 @@ class Placed:
 
 @dataclass(frozen=True, eq=False)
 class PlacedLayer:
-    """The objects of a semantic layer at one moment, and where the layer lies."""
+    """The objects of a semantic layer at one moment, where they are, and where the layer lies."""
 
     name: str
     table: ObjectTable
+    index: ShapeIndex
     base_T_layer: Pose2D
 
-    def found(self, row: int, distance: float | None) -> Found:
-        """Return one object, brought into the base frame."""
-        item = self.table.object(row)
-        item = replace(item, footprint=self.base_T_layer.apply_geometry(item.footprint))
-        point = self.base_T_layer.apply(self.table.centroids[row])[0]
-        return Found(self.name, point, distance, item)
+    def rows(self, name: str | None, area: BaseGeometry | None) -> IntArray:
+        """Return the rows of the objects with a name that meet an area of the base frame.
+
+        Args:
+            name: None for any.
+            area: None for everywhere.
+        """
+        if area is None:
+            return np.arange(len(self.table)) if name is None else self.table.rows_of(name)
+        _, rows = self.index.hits(as_objects([self.base_T_layer.inverse().apply_geometry(area)]))
+        if name is None:
+            return rows
+        return rows[self.table.codes[rows] == self.table.vocabulary.get(name, -1)]
+
+    def found(self, rows: IntArray, distances: Sequence[float | None]) -> list[Found]:
+        """Return some objects, brought into the base frame."""
+        table = self.table.take(rows)
+        table = replace(table, footprints=self.base_T_layer.apply_geometries(table.footprints))
+        points = self.base_T_layer.apply(table.centroids)
+        columns = zip(points, distances, range(len(table)), strict=True)
+        return [Found(self.name, point, far, table.object(row)) for point, far, row in columns]
 
     def nearest(self, what: str | float, point_xy: NDArray[np.float64], k: int) -> list[Found]:
         """Return the k objects with a name or id that are nearest to a point in the base frame."""
         point = self.base_T_layer.inverse().apply(point_xy)[0]
         rows, distances = self.table.nearest(what, point, k)
-        pairs = zip(rows, distances, strict=True)
-        return [self.found(int(row), float(distance)) for row, distance in pairs]
+        return self.found(rows, distances.tolist())
 
 
 class PlacedLayers:
@@ -139,24 +155,49 @@ class PlacedLayers:
     def __init__(self, layers: Sequence[PlacedLayer]) -> None:
         self._layers = layers
 
-    def named(self, name: str | None, layer: str | None = None) -> Placed:
-        """Return the objects with a name, or all, of a layer, or all, in their order."""
+    def named(
+        self, name: str | None, layer: str | None = None, area: BaseGeometry | None = None
+    ) -> Placed:
+        """Return the objects with a name, or all, of a layer, or all, in their order.
+
+        Args:
+            name: None for any.
+            layer: the name of a layer; None for all.
+            area: what they meet, in the base frame; None for everywhere.
+        """
         placed = [
-            _placed(i, place, name)
+            _placed(i, place, place.rows(name, area))
             for i, place in enumerate(self._layers)
             if layer in (None, place.name)
         ]
         nothing = Placed(as_objects([]), np.empty((0, 2)), np.empty(0, dtype=np.int64))
         return functools.reduce(Placed.followed_by, placed, nothing)
 
-    def found(self, key: int, distance: float | None = None) -> Found:
-        """Return the object with that key."""
-        number, row = divmod(int(key), _ROWS)
-        return self._layers[number].found(row, distance)
+    def have_tags(self, keys: NDArray[np.int64], tags: set[str]) -> BoolArray:
+        """Return whether the objects with these keys, shape (N,), have all the tags."""
+        places = zip(*(part.tolist() for part in np.divmod(keys, _ROWS)), strict=True)
+        own = (self._layers[number].table.tags[row] for number, row in places)
+        return np.fromiter((tags.issubset(texts) for texts in own), dtype=bool, count=len(keys))
+
+    def found(
+        self, keys: NDArray[np.int64], distances: NDArray[np.float64] | None = None
+    ) -> list[Found]:
+        """Return the objects with these keys, shape (N,), in their order.
+
+        Args:
+            keys: as in `Placed`.
+            distances: of each object, shape (N,) [m]; None where none was asked for.
+        """
+        far = as_objects([None] * len(keys) if distances is None else distances.tolist())
+        numbers, rows = np.divmod(keys, _ROWS)
+        found = np.empty(len(keys), dtype=object)
+        for number in np.unique(numbers):
+            here = np.flatnonzero(numbers == number)
+            found[here] = as_objects(self._layers[number].found(rows[here], far[here].tolist()))
+        return list(found)
 
 
-def _placed(number: int, layer: PlacedLayer, name: str | None) -> Placed:
-    rows = np.arange(len(layer.table)) if name is None else layer.table.rows_of(name)
+def _placed(number: int, layer: PlacedLayer, rows: IntArray) -> Placed:
     return Placed(
         layer.base_T_layer.apply_geometries(layer.table.shapes[rows]),
         layer.base_T_layer.apply(layer.table.centroids[rows]),

@@ -122,6 +122,12 @@ class SemanticLayer(Layer):
         """All objects as columns; a later change of the layer does not change it."""
         return self._state.table
 
+    @property
+    def indexed(self) -> tuple[ObjectTable, ShapeIndex]:
+        """All objects as columns, and the index of their shapes; both of the same moment."""
+        state = self._state
+        return state.table, state.index
+
     def objects(self) -> list[SemanticObject]:
         """Return all objects in the order in which they were added."""
         table = self._state.table

@@ -83,11 +83,10 @@ class ObjectQueries:
             within=request.within or None,
             inside=request.inside or None,
             area=self._requests.area_or_all(hypermap, request.area),
+            tags=request.tags,
             layer=_semantic(hypermap, request.layer) if request.layer else None,
+            limit=request.limit or None,
         )
-        wanted = set(request.tags)
-        found = [hit for hit in found if hit.object and wanted <= set(hit.object.tags)]
-        found = found[: request.limit or None]
         distances = [] if near is None else [float(hit.distance or 0.0) for hit in found]
         return self._port.response(f"{_MSGS}/FindObjects")(
             success=True,
