@@ -199,7 +199,7 @@ def test_only_points_at_the_depths_of_the_configuration_take_part() -> None:
 
 
 def test_points_of_a_recorded_cloud_must_be_finite() -> None:
-    points = frame_of(np.full((HEIGHT, WIDTH), 2.0)).points()
+    points = frame_of(np.full((HEIGHT, WIDTH), 2.0)).points().copy()
     points[0, 0, 0] = np.nan
     points[0, 1, 1] = np.inf
     points[0, 2, 2] = np.nan

@@ -36,26 +36,15 @@ class Rays:
         only the stretch on which it runs between the floor and `free_below`: that a ray passes
         high over a cell says nothing of the table below it.
         """
-        step = config.pixel_step
-        points = frame.points()[::step, ::step].reshape(-1, 3)
-        points = points[np.isfinite(points[:, 2])]
-        rotation, camera = frame.map_T_camera[:3, :3], frame.map_T_camera[:3, 3]
-        rays = points.astype(np.float64) @ rotation.T
-        heights, ranges = camera[2] + rays[:, 2], np.hypot(rays[:, 0], rays[:, 1])
-
-        is_near = ranges <= config.max_range
-        is_hit = is_near & (heights >= config.min_height) & (heights <= config.max_height)
-        begin, end = _low_stretch(camera[2], heights, -config.min_height, config.free_below)
-        # The last stretch before a hit, one cell long, is not free: hits are never quite exact.
-        reach = np.where(is_hit, ranges - config.resolution, config.max_range)
-        end = np.minimum(end, reach / np.maximum(ranges, 1e-9))
-        is_free = end > begin
-        over_floor = rays[is_free, :2]
-        return cls(
-            hits_xy=camera[:2] + rays[is_hit, :2],
-            free_from_xy=camera[:2] + begin[is_free, np.newaxis] * over_floor,
-            free_to_xy=camera[:2] + end[is_free, np.newaxis] * over_floor,
+        hits_xy, free_from_xy, free_to_xy = _rays_of_points(
+            frame.points(),
+            np.ascontiguousarray(frame.map_T_camera),
+            config.pixel_step,
+            (config.min_height, config.max_height, config.free_below),
+            config.max_range,
+            config.resolution,
         )
+        return cls(hits_xy, free_from_xy, free_to_xy)
 
     @classmethod
     def of_scan(
@@ -106,28 +95,71 @@ class Rays:
         return hits, free
 
 
-def _low_stretch(
-    start: float, ends: FloatArray, low: float, high: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+@njit(cache=True)
+def _rays_of_points(
+    points: NDArray[np.float32],
+    map_T_camera: NDArray[np.float64],
+    step: int,
+    heights: tuple[float, float, float],
+    max_range: float,
+    resolution: float,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return what `Rays` holds, from every `step`-th row and column of an organised cloud.
+
+    Args:
+        points: in the camera's frame [m], NaN for no return, shape (H, W, 3).
+        map_T_camera: pose of the camera, shape (4, 4).
+        step: of rows and columns.
+        heights: min_height, max_height and free_below above the floor [m].
+        max_range: of a point over the floor [m].
+        resolution: by how much a free stretch ends before a hit, as hits are never quite exact [m].
+    """
+    T, (min_height, max_height, free_below) = map_T_camera, heights
+    rows, cols = range(0, points.shape[0], step), range(0, points.shape[1], step)
+    hits = np.empty((len(rows) * len(cols), 2))
+    free_from, free_to = np.empty_like(hits), np.empty_like(hits)
+    n_hits = n_free = 0
+    for row in rows:
+        for col in cols:
+            x, y, z = points[row, col, 0], points[row, col, 1], points[row, col, 2]
+            if not np.isfinite(z):
+                continue
+            dx = T[0, 0] * x + T[0, 1] * y + T[0, 2] * z
+            dy = T[1, 0] * x + T[1, 1] * y + T[1, 2] * z
+            height = T[2, 3] + T[2, 0] * x + T[2, 1] * y + T[2, 2] * z
+            reach = np.sqrt(dx * dx + dy * dy)
+            end = max_range
+            if reach <= max_range and min_height <= height <= max_height:
+                hits[n_hits, 0], hits[n_hits, 1] = T[0, 3] + dx, T[1, 3] + dy
+                n_hits += 1
+                end = reach - resolution
+            low, high = _low_stretch(T[2, 3], height, -min_height, free_below)
+            high = min(high, end / max(reach, 1e-9))
+            if high > low:
+                free_from[n_free, 0], free_from[n_free, 1] = T[0, 3] + low * dx, T[1, 3] + low * dy
+                free_to[n_free, 0], free_to[n_free, 1] = T[0, 3] + high * dx, T[1, 3] + high * dy
+                n_free += 1
+    return hits[:n_hits], free_from[:n_free], free_to[:n_free]
+
+
+@njit(cache=True)
+def _low_stretch(start: float, end: float, low: float, high: float) -> tuple[float, float]:
     """Return from where to where a line runs between two heights, as shares of its length.
 
     Args:
-        start: height at which all lines begin [m].
-        ends: heights at which they end [m], shape (N,).
+        start: height at which the line begins [m].
+        end: height at which it ends [m].
         low: the lower height [m].
         high: the upper height [m].
 
     Returns:
-        Two arrays (N,) in 0..1; the second is not above the first where there is no such stretch.
+        Two shares in 0..1; the second is not above the first where there is no such stretch.
     """
-    climb = ends - start
-    level = np.abs(climb) < 1e-9
-    safe = np.where(level, 1.0, climb)
-    at_low, at_high = (low - start) / safe, (high - start) / safe
-    begin = np.clip(np.minimum(at_low, at_high), 0, 1)
-    end = np.clip(np.maximum(at_low, at_high), 0, 1)
-    inside = low <= start <= high
-    return np.where(level, 0.0, begin), np.where(level, float(inside), end)
+    climb = end - start
+    if abs(climb) < 1e-9:
+        return 0.0, 1.0 if low <= start <= high else 0.0
+    at_low, at_high = (low - start) / climb, (high - start) / climb
+    return max(min(at_low, at_high), 0.0), min(max(at_low, at_high), 1.0)
 
 
 @njit(cache=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -87,11 +88,15 @@ class RgbdFrame:
     def points(self) -> NDArray[np.float32]:
         """Return the organised cloud in the optical frame, float32, shape (H, W, 3).
 
+        It is made once, and not to be written to.
+
         Source: depth_image_proc's order of operations, so that the points are the same to the
         last bit; neighbours at equal distance, common on flat surfaces, then rank alike.
         """
-        if self.cloud is not None:
-            return self.cloud
+        return self._points if self.cloud is None else self.cloud
+
+    @cached_property
+    def _points(self) -> NDArray[np.float32]:
         K = self.camera.K
         z = self.depth
         right_of_axis = (np.arange(z.shape[1]) - K[0, 2]).astype(np.float32)
@@ -100,4 +105,5 @@ class RgbdFrame:
         points[..., 0] = right_of_axis * z * np.float32(1 / K[0, 0])
         points[..., 1] = below_axis * z * np.float32(1 / K[1, 1])
         points[..., 2] = z
+        points.flags.writeable = False
         return points
