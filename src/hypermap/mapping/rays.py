@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
-from hypermap.core.arrays import BoolArray, FloatArray
+from hypermap.core.arrays import BoolArray
 from hypermap.core.grid import GridGeometry
 from hypermap.mapping.config import OccupancyConfig
 from hypermap.perception.frame import RgbdFrame
@@ -103,7 +103,7 @@ def _rays_of_points(
     heights: tuple[float, float, float],
     max_range: float,
     resolution: float,
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Return what `Rays` holds, from every `step`-th row and column of an organised cloud.
 
     Args:
@@ -117,7 +117,7 @@ def _rays_of_points(
     T, (min_height, max_height, free_below) = map_T_camera, heights
     rows, cols = range(0, points.shape[0], step), range(0, points.shape[1], step)
     hits = np.empty((len(rows) * len(cols), 2))
-    free_from, free_to = np.empty_like(hits), np.empty_like(hits)
+    free_from, free_to = np.empty(hits.shape), np.empty(hits.shape)
     n_hits = n_free = 0
     for row in rows:
         for col in cols:
