@@ -20,11 +20,6 @@ from hypermap.testing import occupancy_from_text, square
 from hypermap.viewer.live.export import export_page
 
 EVIL = "</script><script>alert(1)</script><!--\u2028\\ \" ' & {}"
-INFO: dict[str, Any] = {
-    "name": EVIL,
-    "editable": True,
-    "layers": [{"name": "occupancy", "editable": False}, {"name": EVIL, "editable": True}],
-}
 INDEX = """<!doctype html><html><head><!-- hypermap:head -->
 <link rel="stylesheet" href="/page/app.css"></head><body><!-- hypermap:blob -->
 <script type="module" src="/page/app.js"></script></body></html>"""
@@ -71,7 +66,7 @@ def blob_in(path: Path) -> dict[str, Any]:
 
 
 def test_no_name_ends_the_script_and_all_come_back(page: Path, tmp_path: Path) -> None:
-    done = export_page(a_map(), INFO, tmp_path / "out.html", page=page)
+    done = export_page(a_map(), EVIL, tmp_path / "out.html", page=page)
     html = (tmp_path / "out.html").read_text()
     assert done.size == (tmp_path / "out.html").stat().st_size
     elements = Elements(html)
@@ -79,7 +74,7 @@ def test_no_name_ends_the_script_and_all_come_back(page: Path, tmp_path: Path) -
         *("html", "head", "meta", "style", "body", "script", "script")
     ]
     blob = blob_in(tmp_path / "out.html")
-    assert blob["map"]["name"] == EVIL
+    assert blob["map"]["path"] == EVIL
     assert [shape["name"] for shape in blob["shapes"][EVIL]] == [EVIL]
     assert list(blob["rasters"]) == ["occupancy"]
     assert "\u2028" not in html
@@ -87,7 +82,7 @@ def test_no_name_ends_the_script_and_all_come_back(page: Path, tmp_path: Path) -
 
 
 def test_nothing_can_be_edited_and_nothing_else_is_fetched(page: Path, tmp_path: Path) -> None:
-    export_page(a_map(), INFO, tmp_path / "out.html", page=page)
+    export_page(a_map(), EVIL, tmp_path / "out.html", page=page)
     blob = blob_in(tmp_path / "out.html")
     assert blob["map"]["editable"] is False
     assert [layer["editable"] for layer in blob["map"]["layers"]] == [False, False]
@@ -98,15 +93,14 @@ def test_nothing_can_be_edited_and_nothing_else_is_fetched(page: Path, tmp_path:
 
 def test_the_same_map_gives_the_same_file(page: Path, tmp_path: Path) -> None:
     for name in ("a.html", "b.html"):
-        export_page(a_map(), INFO, tmp_path / name, page=page)
+        export_page(a_map(), EVIL, tmp_path / name, page=page)
     assert (tmp_path / "a.html").read_bytes() == (tmp_path / "b.html").read_bytes()
 
 
 def test_a_reduced_layer_is_named(page: Path, tmp_path: Path) -> None:
     grid = GridGeometry(300, 200, 0.05)
     hypermap = Hypermap([OccupancyLayer("occupancy", "map", grid, np.zeros((200, 300), np.int8))])
-    info = {"name": "big", "layers": [{"name": "occupancy"}]}
-    done = export_page(hypermap, info, tmp_path / "out.html", page=page, max_pixels=15000)
+    done = export_page(hypermap, "lab.hmap", tmp_path / "out.html", page=page, max_pixels=15000)
     assert done.notes == (
         "layer 'occupancy' is reduced: 2 x 2 of its cells are one here, "
         "which has their highest value",
@@ -117,8 +111,7 @@ def test_a_reduced_layer_is_named(page: Path, tmp_path: Path) -> None:
 def test_numbers_that_json_does_not_know_become_text(page: Path, tmp_path: Path) -> None:
     odd = square("cup", 0, 0, attributes={"range": float("nan"), "since": Path("x"), "n": [1.5]})
     hypermap = Hypermap([SemanticLayer("semantic", "map", [odd])])
-    info = {"name": "odd", "layers": [{"name": "semantic"}]}
-    export_page(hypermap, info, tmp_path / "out.html", page=page)
+    export_page(hypermap, "lab.hmap", tmp_path / "out.html", page=page)
     shape = blob_in(tmp_path / "out.html")["shapes"]["semantic"][0]
     assert shape["attributes"] == {"range": "nan", "since": "x", "n": [1.5]}
 
@@ -126,11 +119,11 @@ def test_numbers_that_json_does_not_know_become_text(page: Path, tmp_path: Path)
 def test_a_page_that_is_not_built_is_named(page: Path, tmp_path: Path) -> None:
     (page / "app.js").unlink()
     with pytest.raises(HypermapError, match=r"app\.js: the page is not built; .* make page"):
-        export_page(a_map(), INFO, tmp_path / "out.html", page=page)
+        export_page(a_map(), EVIL, tmp_path / "out.html", page=page)
     assert not (tmp_path / "out.html").exists()
 
 
 def test_a_page_without_a_place_for_the_map_is_refused(page: Path, tmp_path: Path) -> None:
     (page / "index.html").write_text(INDEX.replace("<!-- hypermap:blob -->", ""))
     with pytest.raises(HypermapError, match=r"index\.html: this must stand there once: <!-- "):
-        export_page(a_map(), INFO, tmp_path / "out.html", page=page)
+        export_page(a_map(), EVIL, tmp_path / "out.html", page=page)

@@ -5,13 +5,15 @@ from __future__ import annotations
 import signal
 import threading
 import webbrowser
+from pathlib import Path
 from types import FrameType
 from typing import Annotated
 
 import typer
 
-from hypermap.cli.options import MapPath
+from hypermap.cli.options import Force, MapPath, check_output
 from hypermap.cli.terminal import note, say
+from hypermap.core.errors import HypermapError
 
 
 def command(
@@ -39,6 +41,15 @@ def command(
     browser: Annotated[
         bool, typer.Option("--browser/--no-browser", help="Open the page in the browser.")
     ] = True,
+    html: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Write the page with the map inside to this one file, which works from disk and "
+            "without a network, and serve nothing.",
+        ),
+    ] = None,
+    force: Force = False,
 ) -> None:
     """Show a map in the browser: look, ask by pointing, and change it; until Ctrl-C.
 
@@ -49,7 +60,13 @@ def command(
     Examples:
         hypermap view lab.hmap
         hypermap view lab.hmap --read-only --no-browser --port 9000
+        hypermap view lab.hmap --html lab.html
     """
+    if html is not None:
+        _write(path, html, force)
+        return
+    if force:
+        raise HypermapError("--force goes with --html FILE; a served map asks before it overwrites")
     from hypermap.viewer.live.app import MapApp
     from hypermap.viewer.live.document import MapDocument
     from hypermap.viewer.live.serving import listen, serve, url_of
@@ -66,13 +83,25 @@ def command(
 
     signal.signal(signal.SIGTERM, _interrupt)
     try:
-        serve(MapApp(document, host, str(path)), listening, started)
+        serve(MapApp(document, host), listening, started)
     except KeyboardInterrupt:
         pass
     finally:
         listening.close()
     if document.is_unsaved:
         note(f"{document.file.path}: changes made in the browser were not saved and are lost")
+
+
+def _write(path: Path, html: Path, force: bool) -> None:
+    """Write the page and the map as one file."""
+    from hypermap.formats import open_map
+    from hypermap.viewer.live.export import export_page
+
+    check_output(html, force)
+    done = export_page(open_map(path), path, html)
+    for line in done.notes:
+        note(line)
+    note(f"saved {html}, {done.size / 1e6:.1f} MB")
 
 
 def _interrupt(_number: int, _frame: FrameType | None) -> None:

@@ -13,10 +13,12 @@ from typing import Any
 
 from hypermap.core.errors import HypermapError
 from hypermap.core.hypermap import Hypermap
-from hypermap.core.opaque import OpaqueLayer
 from hypermap.formats.atomic import write_file
+from hypermap.viewer.live.description import describe_map
 from hypermap.viewer.live.embedded_raster import MAX_PIXELS, EmbeddedRaster, embed_raster
 from hypermap.viewer.live.embedded_shapes import embed_shapes
+from hypermap.viewer.live.layers import LayerViews
+from hypermap.viewer.live.page import PAGE
 
 _STYLE = '<link rel="stylesheet" href="/page/app.css">'
 _SCRIPT = '<script type="module" src="/page/app.js"></script>'
@@ -39,10 +41,10 @@ class Exported:
 
 def export_page(
     hypermap: Hypermap,
-    info: Mapping[str, Any],
+    map_path: str | Path,
     path: str | Path,
     *,
-    page: Path,
+    page: Path = PAGE,
     max_pixels: int = MAX_PIXELS,
 ) -> Exported:
     """Write a map as one HTML file that works from disk, without any network.
@@ -51,7 +53,7 @@ def export_page(
 
     Args:
         hypermap: the map.
-        info: what the page asks at `/api/map`.
+        map_path: where it was opened; the page shows it, and names it in commands.
         path: where to save.
         page: the folder of the built page: index.html, app.js and app.css.
         max_pixels: how many pixels the picture of a layer may have; larger grids are reduced.
@@ -59,32 +61,35 @@ def export_page(
     Raises:
         HypermapError: If the page is not built, or the file cannot be written.
     """
-    blob, notes = _blob(hypermap, info, max_pixels)
+    blob, notes = _blob(hypermap, Path(map_path), max_pixels)
     content = _document(page, blob).encode()
     write_file(path, content)
     return Exported(len(content), notes)
 
 
 def _blob(
-    hypermap: Hypermap, info: Mapping[str, Any], max_pixels: int
+    hypermap: Hypermap, map_path: Path, max_pixels: int
 ) -> tuple[dict[str, Any], tuple[str, ...]]:
     """Return what the page reads in place of the server's answers, and notes about it."""
     rasters: dict[str, Any] = {}
     shapes: dict[str, Any] = {}
-    notes = []
+    notes: list[str] = []
+    views = LayerViews()
     for layer in hypermap:
-        if isinstance(layer, OpaqueLayer):
+        view = views.of(hypermap, layer)
+        if view.problem:
+            notes.append(f"layer {layer.name!r} is not shown: {view.problem}")
             continue
-        base_T_layer = hypermap.frames.lookup(hypermap.base_frame, layer.frame_id)
-        raster = embed_raster(layer, base_T_layer, max_pixels)
+        raster = embed_raster(layer, view.base_T_layer, max_pixels)
         if raster is not None:
             rasters[layer.name] = raster.as_json()
             notes += _notes(layer.name, raster)
-        embedded = embed_shapes(layer, base_T_layer)
+        embedded = embed_shapes(layer, view.base_T_layer)
         if embedded is not None:
             shapes[layer.name] = embedded
-    shown = {**info, "editable": False, "notes": notes}
-    shown["layers"] = [{**layer, "editable": False} for layer in info["layers"]]
+    described = describe_map(hypermap, views, is_editable=False)
+    still = {"version": 0, "can_undo": False, "can_redo": False, "unsaved": False}
+    shown = {"name": map_path.name, "path": str(map_path), **still, **described, "notes": notes}
     return {"version": 1, "map": shown, "rasters": rasters, "shapes": shapes}, tuple(notes)
 
 
