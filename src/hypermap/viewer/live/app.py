@@ -55,11 +55,10 @@ class MapApp:
         app: what a server of the ASGI standard runs.
     """
 
-    def __init__(self, document: MapDocument, host: str = "127.0.0.1", path: str = "") -> None:
+    def __init__(self, document: MapDocument, host: str = "127.0.0.1") -> None:
         self.document = document
         self.token = secrets.token_urlsafe(24)
         self.is_closing = False
-        self._path = path
         self._views = LayerViews()
         self._tiles = ByteCache(_CACHE)
         self.app = Starlette(
@@ -114,7 +113,7 @@ class MapApp:
         for layer in described["layers"]:
             layer["version"] = snapshot.since[layer["name"]]
         name = document.file.path.name
-        told = {"name": name, "path": self._shown_path, "token": self.token, **status}
+        told = {"name": name, "path": str(document.file.path), "token": self.token, **status}
         return _json({**told, **described, "version": snapshot.version})
 
     def _tile(self, request: Request) -> Response:
@@ -161,14 +160,13 @@ class MapApp:
         return _json(await run_in_threadpool(self._questions().area, corners, frame))
 
     def _download(self, request: Request) -> Response:
-        values, hypermap = request.query_params, self.document.snapshot.hypermap
-        questions = Questions(hypermap, self._views, self._shown_path)
+        values, questions = request.query_params, self._questions()
         kind = request.path_params["kind"]
         if kind not in ("csv", "geojson"):
             raise Refused(f"there is no area.{kind}, only area.csv and area.geojson", 404)
         rows = questions.rows_in(corners_in(values, "polygon"), text_in(values, "frame"))
         is_csv = kind == "csv"
-        content = rows_as_csv(rows) if is_csv else rows_as_geojson(hypermap, rows)
+        content = rows_as_csv(rows) if is_csv else rows_as_geojson(questions.hypermap, rows)
         headers = {"Content-Disposition": f'attachment; filename="area.{kind}"'}
         media_type = "text/csv; charset=utf-8" if is_csv else "application/geo+json"
         return Response(content, media_type=media_type, headers=headers)
@@ -258,13 +256,9 @@ class MapApp:
 
     # Parts of the above
 
-    @property
-    def _shown_path(self) -> str:
-        """How commands name the map: as the user did, as long as it is the same file."""
-        return self._path or str(self.document.file.path)
-
     def _questions(self) -> Questions:
-        return Questions(self.document.snapshot.hypermap, self._views, self._shown_path)
+        document = self.document
+        return Questions(document.snapshot.hypermap, self._views, str(document.file.path))
 
     def _layer(self, request: Request) -> tuple[Snapshot, LayerView]:
         snapshot = self.document.snapshot

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 from hypermap.core.errors import HypermapError
@@ -57,9 +57,13 @@ class Draft:
         changes: all that were made, in their order.
     """
 
-    def __init__(self, hypermap: Hypermap) -> None:
+    def __init__(
+        self, hypermap: Hypermap, check: Callable[[str, int], None] = lambda _layer, _id: None
+    ) -> None:
+        """Begin with a map; `check` raises for the layer and id of what must not be changed."""
         self.hypermap = hypermap
         self.changes: list[Change] = []
+        self._check = check
         self._own: dict[str, SemanticLayer] = {}
 
     def add(self, layer: str, item: SemanticObject) -> int:
@@ -68,24 +72,25 @@ class Draft:
         self.changes.append(Change(layer, number, None, self.layer(layer).get(number)))
         return number
 
-    def update(self, layer: str, number: int, item: SemanticObject) -> None:
-        """Replace an object.
+    def get(self, layer: str, number: int) -> SemanticObject:
+        """Return an object that is about to be changed.
 
         Raises:
             ObjectNotFound: If it is not there.
         """
-        before = self.layer(layer).get(number)
+        self._check(layer, number)
+        return self.layer(layer).get(number)
+
+    def update(self, layer: str, number: int, item: SemanticObject) -> None:
+        """Replace an object; raises like `get`."""
+        before = self.get(layer, number)
         self.layer(layer).update(number, item)
         after = self.layer(layer).get(number)
         self.changes.append(Change(layer, number, before, after))
 
     def remove(self, layer: str, number: int) -> None:
-        """Remove an object.
-
-        Raises:
-            ObjectNotFound: If it is not there.
-        """
-        before = self.layer(layer).get(number)
+        """Remove an object; raises like `get`."""
+        before = self.get(layer, number)
         self.layer(layer).remove([number])
         self.changes.append(Change(layer, number, before, None))
 

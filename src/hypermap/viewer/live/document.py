@@ -7,6 +7,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -60,14 +61,15 @@ class MapDocument:
     """
 
     def __init__(self, path: Path, is_editable: bool = True) -> None:
-        self.file = MapFile.of(path)
+        hypermap = open_map(path)
+        self.file = MapFile.of(path, hypermap)
         self.is_editable = is_editable
         self.beat = 0
         self.saves = 0
         self._changing = threading.Lock()
         self._content = self._saved_content = 0
         # Milliseconds, so that no version is given again when the server starts again.
-        self._open(open_map(path), time.time_ns() // 1_000_000)
+        self._open(hypermap, time.time_ns() // 1_000_000)
 
     @property
     def snapshot(self) -> Snapshot:
@@ -105,10 +107,10 @@ class MapDocument:
         """
         with self._changing:
             self._check_editable()
-            draft = Draft(self._snapshot.hypermap)
-            self._check_seen(version, None)
+            if not self._first_version <= version <= self._snapshot.version:
+                self._refuse_behind("the map was opened anew meanwhile")
+            draft = Draft(self._snapshot.hypermap, partial(self._check_seen, version))
             change(draft)
-            self._check_seen(version, draft.changes)
             if draft.changes:
                 step = _Step(tuple(draft.changes), self._content, self._next_content())
                 self._take(draft.hypermap, draft.changes, step.after)
@@ -143,7 +145,7 @@ class MapDocument:
             file.check_before_saving(self._snapshot.hypermap, overwrite)
             file.keep_backup()
             save_map(self._snapshot.hypermap, file.path)
-            self.file = MapFile.of(file.path)
+            self.file = MapFile.of(file.path, self._snapshot.hypermap)
             self._saved_content = self._content
             self.saves += 1
             self.beat += 1
@@ -155,9 +157,8 @@ class MapDocument:
             HypermapError: If the file is no map any more; all stays as it is then.
         """
         with self._changing:
-            file = MapFile.of(self.file.path)
-            hypermap = open_map(file.path)
-            self.file = file
+            hypermap = open_map(self.file.path)
+            self.file = MapFile.of(self.file.path, hypermap)
             self._open(hypermap, self._snapshot.version + 1)
             self.beat += 1
 
@@ -206,16 +207,13 @@ class MapDocument:
         if not self.is_editable:
             raise Refused("the map is open for reading only", 403)
 
-    def _check_seen(self, version: int, changes: Sequence[Change] | None) -> None:
-        """Refuse changes of objects that have changed after a version."""
-        if not self._first_version <= version <= self._snapshot.version:
-            self._refuse_behind("the map was opened anew meanwhile")
-        for change in changes or ():
-            if change.before and self._touched.get((change.layer, change.id), version) > version:
-                self._refuse_behind(
-                    f"object {change.id} ({change.before.name}) has changed meanwhile, in another "
-                    "window; look at it as it is now, and change it again"
-                )
+    def _check_seen(self, version: int, layer: str, number: int) -> None:
+        """Refuse to change an object that has changed after a version."""
+        if self._touched.get((layer, number), version) > version:
+            self._refuse_behind(
+                f"object {number} of layer {layer!r} has changed meanwhile, in another window; "
+                "look at it as it is now, and change it again"
+            )
 
     def _refuse_behind(self, message: str) -> None:
         raise Refused(message, 409, "behind", version=self._snapshot.version)

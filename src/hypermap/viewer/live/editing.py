@@ -49,7 +49,7 @@ def carry_out(draft: Draft, operation: Mapping[str, Any]) -> int:
         return _add(draft, layer, operation)
     number = whole_number_in(operation, "id")
     if kind == "update":
-        item = draft.layer(layer).get(number)
+        item = draft.get(layer, number)
         draft.update(layer, number, _changed(draft, layer, item, operation))
     elif kind == "remove":
         draft.remove(layer, number)

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Literal, TypeAlias
 
 from hypermap.core.errors import FileMissing, HypermapError
 from hypermap.core.hypermap import Hypermap
@@ -13,10 +14,11 @@ from hypermap.core.semantic import SemanticLayer
 from hypermap.formats import open_map, save_map
 from hypermap.formats.atomic import write_file
 from hypermap.formats.config import CONFIG_NAME
-from hypermap.formats.store import safe_name
+from hypermap.formats.store import FolderStore, safe_name
 from hypermap.viewer.live.refusals import Refused
 
 _YAML_ENDINGS = (".yaml", ".yml")
+_Look: TypeAlias = tuple[tuple[int, int, int], ...]
 
 
 @dataclass
@@ -25,19 +27,26 @@ class MapFile:
 
     Attributes:
         path: an archive, or a configuration in a folder.
+        parts: of a configuration, what the layers name as their files.
+        seen: when each of the files was written, and how large it was.
+        is_own: whether the map was opened from it or saved in it.
         state: what has happened to the file since then.
     """
 
     path: Path
-    seen: tuple[int, int, int] | None
+    parts: tuple[str, ...]
+    seen: _Look
     is_own: bool = True
     state: Literal["same", "changed", "vanished"] = "same"
 
     @classmethod
-    def of(cls, path: Path) -> MapFile:
+    def of(cls, path: Path, hypermap: Hypermap) -> MapFile:
         """Return the file of a map that is opened or saved now."""
         path = path / CONFIG_NAME if path.is_dir() else path
-        return cls(path, _look_of(path))
+        named = (layer.settings.get("file") for layer in hypermap)
+        is_folder = path.suffix.lower() in _YAML_ENDINGS
+        parts = tuple(file for file in named if is_folder and isinstance(file, str))
+        return cls(path, parts, _look_at(path, parts))
 
     def beside(self, name: str) -> MapFile:
         """Return another file of the same folder, to save in.
@@ -56,13 +65,13 @@ class MapFile:
             return self
         if path.suffix.lower() != ".hmap":
             raise Refused(f"{name!r}: give a name that ends in .hmap")
-        return MapFile(path, None, is_own=False)
+        return MapFile(path, (), (), is_own=False)
 
     def look(self) -> bool:
         """Look at the file, and return whether its state is another than before."""
-        now = _look_of(self.path)
+        now = _look_at(self.path, self.parts)
         state = self.state
-        self.state = "same" if now == self.seen else "vanished" if now is None else "changed"
+        self.state = "same" if now == self.seen else "changed" if now else "vanished"
         return self.state != state
 
     def check_before_saving(self, hypermap: Hypermap, overwrite: bool) -> None:
@@ -103,12 +112,18 @@ class MapFile:
             raise HypermapError(f"no backup can be kept, so nothing is saved: {error}") from error
 
 
-def _look_of(path: Path) -> tuple[int, int, int] | None:
-    try:
-        found = path.stat()
-    except OSError:
-        return None
-    return found.st_mtime_ns, found.st_size, found.st_ino
+def _look_at(path: Path, parts: tuple[str, ...]) -> _Look:
+    """Return what tells one state of a map's files from another; nothing if it is gone."""
+    if not path.exists():
+        return ()
+    store = FolderStore(path.parent)
+    files = [path, *(path.parent / name for part in parts for name in store.names_of(part))]
+    looks = []
+    for file in files:
+        with contextlib.suppress(OSError):  # it went just now; then there is one less
+            found = file.stat()
+            looks.append((found.st_mtime_ns, found.st_size, found.st_ino))
+    return tuple(looks)
 
 
 def _real(path: Path) -> Path:

@@ -34,10 +34,13 @@ class Questions:
     """Questions about one version of a map, each answered as the page shows it.
 
     Points and areas are in the asked frame, None is the base frame; answers are in the base frame.
+
+    Attributes:
+        hypermap: that version.
     """
 
     def __init__(self, hypermap: Hypermap, views: LayerViews, path: str) -> None:
-        self._map = hypermap
+        self.hypermap = hypermap
         self._views = views
         self._path = path
 
@@ -48,11 +51,11 @@ class Questions:
             FrameError: If the frame is unknown.
         """
         x, y = self._pose_of(frame).apply(point)[0].tolist()
-        answered = [layer for layer in self._map if self._can_answer(layer)]
+        answered = [layer for layer in self.hypermap if self._can_answer(layer)]
         spelled = spell_at(self._path, point, frame, [layer.name for layer in answered])
         return {
             "point": [x, y],
-            "frame": self._map.base_frame,
+            "frame": self.hypermap.base_frame,
             "layers": [self._layer_at(layer, point, frame) for layer in answered],
             **spelled,
         }
@@ -67,7 +70,7 @@ class Questions:
         area = shapely.Polygon(corners)
         grids = [
             layer
-            for layer in self._map
+            for layer in self.hypermap
             if self._can_answer(layer) and not isinstance(layer, SemanticLayer)
         ]
         spelled = spell_area(self._path, corners, frame, [layer.name for layer in grids])
@@ -143,8 +146,8 @@ class Questions:
         Raises:
             LayerNotFound, ObjectNotFound: If there is none.
         """
-        layer = self._map[layer_name]
-        view = self._views.of(self._map, layer)
+        layer = self.hypermap[layer_name]
+        view = self._views.of(self.hypermap, layer)
         if not isinstance(layer, SemanticLayer) or view.shapes is None:
             return {"layer": layer_name, "id": number, "name": "", "tags": [], "attributes": {}}
         item = layer.get(number)
@@ -169,7 +172,7 @@ class Questions:
         }
 
     def _layer_at(self, layer: Layer, point: Sequence[float], frame: str | None) -> dict[str, Any]:
-        value = self._map.value_at(layer.name, point, frame)[0]
+        value = self.hypermap.value_at(layer.name, point, frame)[0]
         objects = []
         if isinstance(layer, SemanticLayer):
             in_layer = (self._pose_of(layer.frame_id).inverse() @ self._pose_of(frame)).apply(point)
@@ -183,7 +186,7 @@ class Questions:
                 objects.append({**shown, "tags": list(table.tags[row])})
         return {
             "name": layer.name,
-            "label": str(self._map.label_at(layer.name, point, frame)[0]),
+            "label": str(self.hypermap.label_at(layer.name, point, frame)[0]),
             "value": _plain(value),
             "objects": objects,
         }
@@ -198,7 +201,7 @@ class Questions:
             ).apply_geometry(area)
             counts = _count_cells(layer, in_layer)
         else:
-            counts = Counter(map(str, self._map.labels_in(layer.name, area, frame).values))
+            counts = Counter(map(str, self.hypermap.labels_in(layer.name, area, frame).values))
         return [
             {"layer": layer.name, "label": label, "count": count}
             for label, count in counts.items()
@@ -206,19 +209,19 @@ class Questions:
         ]
 
     def _rows_of(self, layer: SemanticLayer, area: BaseGeometry) -> IntArray:
-        view = self._views.of(self._map, layer)
+        view = self._views.of(self.hypermap, layer)
         assert view.shapes is not None  # semantic layers are drawn as shapes
         return view.shapes.rows_in(area)
 
     def _semantic(self) -> list[SemanticLayer]:
         return [
             layer
-            for layer in self._map
+            for layer in self.hypermap
             if isinstance(layer, SemanticLayer) and self._can_answer(layer)
         ]
 
     def _can_answer(self, layer: Layer) -> bool:
-        has_place = not self._views.of(self._map, layer).problem
+        has_place = not self._views.of(self.hypermap, layer).problem
         return has_place and not isinstance(layer, OpaqueLayer)
 
     def _pose_of(self, frame: str | None) -> Pose2D:
@@ -227,12 +230,12 @@ class Questions:
         Raises:
             FrameError: If the map does not know it.
         """
-        base = self._map.base_frame
-        known = [base, *(layer.frame_id for layer in self._map), *self._map.frames.frames]
+        base = self.hypermap.base_frame
+        known = [base, *(layer.frame_id for layer in self.hypermap), *self.hypermap.frames.frames]
         if frame is not None and frame not in known:
             hint = did_you_mean(frame, dict.fromkeys(known))
             raise FrameError(f"frame {frame!r} is unknown to the map; {hint}")
-        return self._map.frames.lookup(base, frame or base)
+        return self.hypermap.frames.lookup(base, frame or base)
 
 
 def _object_rows(
