@@ -24,6 +24,7 @@ from hypermap.core.semantic import SemanticLayer
 from hypermap.recordings.messages.header import nanoseconds
 from hypermap.recordings.messages.occupancy import occupancy_of_grid
 from hypermap.ros.messages.geometry_messages import numbers, outline, outlines
+from hypermap.ros.messages.replies import objects_reply
 from hypermap.ros.messages.to_messages import (
     hypermap_meta_data,
     layer_transforms,
@@ -33,7 +34,6 @@ from hypermap.ros.messages.to_messages import (
     occupancy_grid,
     polygon_stamped,
     semantic_map,
-    semantic_objects,
 )
 from hypermap.testing.builders import occupancy_from_text, square
 from hypermap.testing.strategies import areas, occupancy_layers, semantic_layers
@@ -194,7 +194,10 @@ def test_what_a_question_has_found_is_in_the_base_frame(types: Any) -> None:
     assert (state.object.id, state.layer) == (4, "s")
     assert (state.object.position.x, state.object.position.y) == pytest.approx((10, 1))
     assert shapely.Polygon(ring(state.object.shape)).bounds == pytest.approx((9.5, 0.5, 10.5, 1.5))
-    (item,) = map(types.sent, semantic_objects(hypermap.objects("cup"), types))
+    found = hypermap.objects("cup")
+    (item,) = types.sent(objects_reply(types, "hypermap_msgs/GetSemanticByString", found)).objects
+    assert (item.id, item.name, list(item.tags)) == (4, "cup", list(state.object.tags))
+    assert (item.position.x, item.position.y) == pytest.approx((10, 1))
     assert ring(item.shape) == ring(state.object.shape)
 
 

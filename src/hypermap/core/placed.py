@@ -130,9 +130,9 @@ class PlacedLayer:
         if area is None:
             return np.arange(len(self.table)) if name is None else self.table.rows_of(name)
         _, rows = self.index.hits(as_objects([self.base_T_layer.inverse().apply_geometry(area)]))
-        if name is None:
-            return rows
-        return rows[self.table.codes[rows] == self.table.vocabulary.get(name, -1)]
+        if name is not None:
+            rows = rows[self.table.codes[rows] == self.table.vocabulary.get(name, -1)]
+        return rows
 
     def found(self, rows: IntArray, distances: Sequence[float | None]) -> list[Found]:
         """Return some objects, brought into the base frame."""

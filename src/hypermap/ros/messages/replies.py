@@ -5,6 +5,7 @@ On ROS 1 the arrays are written as they are, see `ros1_arrays`. Other middleware
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any, Protocol
 
 import numpy as np
@@ -12,8 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from hypermap.core.layer import Hits
 from hypermap.core.occupancy import OccupancyLayer
+from hypermap.core.placed import Found
 from hypermap.ros.messages.geometry_messages import Message, Types, numbers, points
-from hypermap.ros.messages.to_messages import occupancy_grid
+from hypermap.ros.messages.to_messages import occupancy_grid, semantic_objects
 from hypermap.ros.ros1.arrays import takes_arrays, writing_arrays
 
 _NO_NUMBER = -1
@@ -59,6 +61,18 @@ def locations_reply(types: ReplyTypes, service: str, points_xy: NDArray[np.float
     """
     response = writing_arrays(types.response(service))
     return response(locations=_points(response, points_xy, types))
+
+
+def objects_reply(types: ReplyTypes, service: str, found: Iterable[Found]) -> Message:
+    """Return the response of a service that answers with `hypermap_msgs/SemanticObject`.
+
+    Args:
+        types: the middleware's classes.
+        service: "hypermap_msgs/GetSemanticByArea" or "hypermap_msgs/GetSemanticByString".
+        found: the objects; hits without one are left out.
+    """
+    response = writing_arrays(types.response(service))
+    return response(objects=semantic_objects(found, types))
 
 
 def area_hits(types: ReplyTypes, labels: Hits, values: Hits) -> Message:

@@ -27,7 +27,7 @@ from hypermap.ros.messages.geometry_messages import (
     polygons_of,
     ring,
 )
-from hypermap.ros.ros1.arrays import takes_arrays, writing_arrays
+from hypermap.ros.ros1.arrays import WrittenList, takes_arrays, writing_arrays
 from hypermap.ros.ros1.objects import written_objects
 
 
@@ -37,9 +37,9 @@ def semantic_map(layer: SemanticLayer, types: Types, stamp: int) -> Message:
     An object's shape is the outer ring of its largest part; `object_state_array` carries all parts.
     """
     map_class = writing_arrays(types.message("hypermap_msgs/SemanticMap"))
-    table = layer.table
-    objects = written_objects(table) if takes_arrays(map_class) else _objects(table, types)
-    return map_class(header=header(layer.frame_id, types, stamp), objects=objects)
+    return map_class(
+        header=header(layer.frame_id, types, stamp), objects=_objects(layer.table, types)
+    )
 
 
 def object_state_array(layer: SemanticLayer, types: Types, stamp: int) -> Message:
@@ -64,14 +64,19 @@ def object_states(found: Iterable[Found], types: Types) -> list[Message]:
     ]
 
 
-def semantic_objects(found: Iterable[Found], types: Types) -> list[Message]:
-    """Return what a question has found as `hypermap_msgs/SemanticObject`; like `object_states`."""
-    return [
-        _object(hit.object, hit.point_xy.tolist(), types) for hit in found if hit.object is not None
-    ]
+def semantic_objects(found: Iterable[Found], types: Types) -> Sequence[Message] | WrittenList:
+    """Return what a question has found as `hypermap_msgs/SemanticObject`; like `object_states`.
+
+    They are for a field of a message whose class `writing_arrays` has made.
+    """
+    objects = [hit.object for hit in found if hit.object is not None]
+    return _objects(ObjectTable.of(objects), types)
 
 
-def _objects(table: ObjectTable, types: Types) -> list[Message]:
+def _objects(table: ObjectTable, types: Types) -> Sequence[Message] | WrittenList:
+    """Return the rows of a table as `hypermap_msgs/SemanticObject`: on ROS 1, already written."""
+    if takes_arrays(types.message("hypermap_msgs/SemanticObject")):
+        return written_objects(table)
     points_xy, starts = outlines(table.footprints)
     columns = zip(
         table.ids.tolist(),

@@ -12,9 +12,9 @@ from hypermap.ros.messages.replies import (
     ints_reply,
     locations_reply,
     map_reply,
+    objects_reply,
     strings_reply,
 )
-from hypermap.ros.messages.to_messages import semantic_objects
 from hypermap.ros.port import Message, Port
 from hypermap.ros.server.current_map import CurrentMap
 from hypermap.ros.server.requests import Requests
@@ -75,14 +75,12 @@ class Queries:
         """Answer `hypermap_msgs/GetSemanticByArea`."""
         hypermap = self._current.hypermap
         found = hypermap.objects(area=self._requests.area(hypermap, request.area))
-        objects = semantic_objects(found, self._port)
-        return self._port.response(f"{_MSGS}/GetSemanticByArea")(objects=objects)
+        return objects_reply(self._port, f"{_MSGS}/GetSemanticByArea", found)
 
     def semantic_by_string(self, request: Message) -> Message:
         """Answer `hypermap_msgs/GetSemanticByString`."""
         found = self._current.hypermap.objects(str(request.name))
-        objects = semantic_objects(found, self._port)
-        return self._port.response(f"{_MSGS}/GetSemanticByString")(objects=objects)
+        return objects_reply(self._port, f"{_MSGS}/GetSemanticByString", found)
 
     def static_map(self, name: str) -> Message:
         """Answer `nav_msgs/GetMap` for a layer."""
