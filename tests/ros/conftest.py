@@ -12,6 +12,7 @@ import socket
 import subprocess
 import sys
 import time
+import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -136,12 +137,17 @@ def roscore(needs_ros1: None, tmp_path_factory: pytest.TempPathFactory) -> Itera
 
 
 @pytest.fixture(scope="session")
-def rospy(roscore: str) -> Any:
+def rospy(roscore: str) -> Iterator[Any]:
     """The library rospy, with this process as a node; calls of services and topics are real."""
     from hypermap.ros.ros1.libraries import rospy
 
     rospy.init_node("tests", anonymous=True, disable_signals=True)
-    return rospy
+    yield rospy
+    rospy.signal_shutdown("the tests have ended")
+    rospy.core._xmlrpc_cache.clear()  # its sockets would be left for the end of pytest
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ResourceWarning)
+        gc.collect()
 
 
 class Ros1Types:

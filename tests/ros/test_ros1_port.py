@@ -84,6 +84,20 @@ def test_messages_in_quick_succession_all_arrive(port: Any) -> None:
     publisher.close()
 
 
+def test_the_cells_of_a_grid_arrive_as_an_array(port: Any) -> None:
+    kind = port.message("nav_msgs/OccupancyGrid")
+    heard: list[Any] = []
+    publisher = port.publisher("/cells", "nav_msgs/OccupancyGrid", latched=True)
+    publisher.publish(kind(data=[-1, 0, 100, 7]))
+    subscription = port.subscribe("/cells", "nav_msgs/OccupancyGrid", heard.append, latched=True)
+    wait_for(lambda: heard, "the grid")
+    assert isinstance(heard[0].data, np.ndarray)
+    assert heard[0].data.dtype == np.int8
+    assert heard[0].data.tolist() == [-1, 0, 100, 7]
+    subscription.close()
+    publisher.close()
+
+
 def test_what_a_callback_raises_is_logged_and_the_next_message_arrives(
     port: Any, log: list[Any]
 ) -> None:

@@ -1,8 +1,8 @@
-"""ROS 1 messages that are written from arrays.
+"""ROS 1 messages that are written from arrays, and read into them.
 
-The code that genpy generates writes lists item by item: seconds for a map of millions of cells. A
-class from here writes the same bytes, but takes whole arrays where the message has lists. Nothing
-of ROS is imported: the classes are handed in.
+The code that genpy generates writes and reads lists item by item: seconds for a map of millions of
+cells. A class from here has the same bytes, but takes whole arrays where the message has lists.
+Nothing of ROS is imported: the classes are handed in.
 """
 
 from __future__ import annotations
@@ -65,6 +65,24 @@ def writing_arrays(message_class: Any) -> type[Any]:
 @cache
 def _subclass(message_class: Any) -> type[Any]:
     return type(message_class.__name__, (message_class,), {"serialize": _serialize})
+
+
+def reading_arrays(message_class: Any) -> type[Any]:
+    """Return a class of ROS 1 messages whose `int8[]`, the cells of grids, is read as an array.
+
+    A class without such a field is returned as it is. Lists of other numbers become arrays too.
+    """
+    if "int8[]" not in message_class._slot_types:
+        return message_class  # type: ignore[no-any-return]
+    return _reading_subclass(message_class)
+
+
+@cache
+def _reading_subclass(message_class: Any) -> type[Any]:
+    def deserialize(message: Any, content: bytes) -> Any:
+        return message.deserialize_numpy(content, np)  # genpy generates it for this
+
+    return type(message_class.__name__, (message_class,), {"deserialize": deserialize})
 
 
 def _serialize(message: Any, buff: BinaryIO) -> None:

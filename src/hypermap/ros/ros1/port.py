@@ -16,6 +16,7 @@ from hypermap.core.errors import FrameError, HypermapError
 from hypermap.core.trajectory import pose_matrix
 from hypermap.ros.parameters import ParameterSet
 from hypermap.ros.port import Closable, Level, Message, Parameter, Publisher, Value
+from hypermap.ros.ros1.arrays import reading_arrays
 from hypermap.ros.ros1.libraries import rospy, tf2_ros
 from hypermap.ros.ros1.logs import forward_logs
 from hypermap.ros.ros1.master import MasterWatch, require_master
@@ -93,7 +94,7 @@ class Ros1Port:
         """Call back with each message of a topic."""
         subscriber = rospy.Subscriber(
             _resolved(topic),
-            message_class(type_name),
+            reading_arrays(message_class(type_name)),
             lambda message: self._guarded(topic, lambda: callback(message)),
             queue_size=queue,
             buff_size=_BUFFER_SIZE,
