@@ -20,6 +20,7 @@ Pixels: TypeAlias = NDArray[Any]
 Merge: TypeAlias = Callable[[Pixels, Pixels], Pixels]
 
 _OFF_GRID = UNKNOWN - 1
+_MAGNIFIED = 1 - 1e-6  # of a cell; centres a whole cell apart may step over one by rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +63,7 @@ class Pyramid:
         if layer.grid is None or layer.cells is None:
             return None
         cells = layer.cells
-        if cells.dtype != np.int8:  # a raw map; all above 100 have one color
+        if cells.dtype != np.int8 or cells.max() > OCCUPIED:  # a raw map: above 100 is as 100
             cells = np.minimum(cells, OCCUPIED).astype(np.int8)
         return cls(layer.grid, cells, Paint(np.maximum, np.int8(_OFF_GRID), _palette()))
 
@@ -88,8 +89,8 @@ class Pyramid:
     ) -> Pixels:
         """Return what is to be seen around points on a raster in the base frame.
 
-        Where a pixel is no larger than a cell, it shows the cell at its centre. Where it is
-        larger, no cell is left out: each is part of one pixel at least.
+        Where a pixel is smaller than a cell, it shows the cell at its centre. Where it is
+        not, no cell is left out: each is part of one pixel at least.
 
         Args:
             xs: of the pixels' centres [m], shape (W,).
@@ -104,10 +105,10 @@ class Pyramid:
         # A pixel's square, turned as the grid is, reaches over so many cells along a side.
         turn = abs(math.cos(yaw)) + abs(math.sin(yaw))
         reach = pixel / self.grid.resolution * turn
-        if reach <= 1 + 1e-9:
+        if reach < _MAGNIFIED:
             return self._sample(xs, ys, 0, base_T_layer)
         # Four samples per pixel on a level fine enough that no cell of it lies between samples.
-        number = max(0, math.ceil(math.log2(reach / 2) - 1e-9))
+        number = max(0, math.ceil(math.log2(reach / _MAGNIFIED / 2)))
         quarter = np.array([-pixel / 4, pixel / 4])
         fine = self._sample(
             (xs[:, np.newaxis] + quarter).ravel(),
