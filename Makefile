@@ -1,6 +1,7 @@
 # `make demo` and `make test` do all the set-up themselves, on a fresh machine too.
 
 BIN := .venv/bin
+PAGE := src/hypermap/viewer/page/app.js
 
 .PHONY: demo test ros1 chromium lint types tests core-tests package format lock clean help
 
@@ -18,7 +19,10 @@ ros1:  ## install ROS 1 for its tests, where that is possible: on Debian 12, as 
 chromium:  ## install the browser for the tests of the page, where that is possible
 	scripts/chromium.sh
 
+page: $(PAGE)  ## build the page that `hypermap view` opens; needs Node.js
+
 lint: .venv/.dev  ## style, and which room may import which
+	scripts/page.sh check
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/lint-imports
@@ -27,13 +31,13 @@ types: .venv/.dev  ## strict type check
 	$(BIN)/mypy
 	$(BIN)/mypy --strict examples/value_layer/src
 
-tests: .venv/.dev  ## all tests and the examples in the documents, with a coverage report
+tests: .venv/.dev $(PAGE)  ## all tests and the examples in the documents, with a coverage report
 	$(BIN)/pytest -n auto --dist loadgroup --cov --cov-report=term --cov-report=xml
 
 core-tests: .venv-core/.core  ## the core's tests with nothing but numpy and shapely installed
 	.venv-core/bin/pytest -q tests/core src/hypermap/core
 
-package: .venv/.dev  ## build the wheel, and run the command from it
+package: .venv/.dev $(PAGE)  ## build the wheel, and run the command from it
 	scripts/check_wheel.sh
 
 format: .venv/.dev  ## format the code
@@ -44,7 +48,11 @@ lock:  ## pin all requirements anew
 	scripts/lock.sh
 
 clean:  ## remove what was made
-	rm -rf .venv .venv-core build dist .coverage coverage.xml
+	rm -rf .venv .venv-core build dist .coverage coverage.xml page/node_modules src/hypermap/viewer/page
+
+$(PAGE): scripts/page.sh page/build.mjs page/package-lock.json page/tsconfig.json $(wildcard page/src/*)
+	scripts/page.sh
+	touch $@
 
 .venv/.hypermap: requirements/hypermap.txt pyproject.toml scripts/venv.sh
 	scripts/venv.sh requirements/hypermap.txt

@@ -1,0 +1,47 @@
+// Builds the page into src/hypermap/viewer/page: index.html, app.js, app.css and the licences of
+// what is bundled.
+import { build } from "esbuild";
+import { copyFile, mkdir, readFile, readdir, writeFile } from "node:fs/promises";
+import { dirname, join } from "node:path";
+import { fileURLToPath } from "node:url";
+
+const here = dirname(fileURLToPath(import.meta.url));
+const out = join(here, "..", "src", "hypermap", "viewer", "page");
+
+const { metafile } = await build({
+  absWorkingDir: here,
+  entryPoints: { app: "src/main.ts" },
+  outdir: out,
+  bundle: true,
+  minify: true,
+  format: "iife",
+  target: "es2022",
+  charset: "utf8",
+  legalComments: "none",
+  metafile: true,
+});
+await mkdir(out, { recursive: true });
+await copyFile(join(here, "src", "index.html"), join(out, "index.html"));
+await writeFile(join(out, "app.licenses.txt"), await licences(Object.values(metafile.outputs)));
+
+/** The licence of each package of which something is in the bundle. */
+async function licences(outputs) {
+  const inputs = outputs.flatMap((output) =>
+    Object.entries(output.inputs)
+      .filter(([, { bytesInOutput }]) => bytesInOutput > 0)
+      .map(([path]) => path),
+  );
+  const packages = new Set(
+    inputs.map((path) => path.match(/^node_modules\/((?:@[^/]+\/)?[^/]+)/)?.[1]).filter(Boolean),
+  );
+  const texts = [];
+  for (const name of [...packages].sort()) {
+    const folder = join(here, "node_modules", name);
+    const { version, license } = JSON.parse(await readFile(join(folder, "package.json"), "utf8"));
+    const file = (await readdir(folder)).find((file) => /^licen[cs]e/i.test(file));
+    if (!file) throw new Error(`${name} comes without the text of its licence`);
+    const text = (await readFile(join(folder, file), "utf8")).trim();
+    texts.push(`${name} ${version} (${license})\n\n${text}\n`);
+  }
+  return texts.join(`\n${"-".repeat(80)}\n\n`);
+}

@@ -1,0 +1,351 @@
+/** The page: joins the map, the panels and the questions. */
+
+import { Ask, type Context } from "./ask";
+import { byId, choose, complain, el, notify } from "./dom";
+import { Drawing } from "./drawing";
+import { Editor } from "./edit";
+import { count } from "./format";
+import { watchKeys } from "./keys";
+import { LayersPanel } from "./layers";
+import { drawnLayer, isVisible, MapView, type Insets } from "./mapview";
+import { Panel } from "./panel";
+import { placeFromHash, placeToHash } from "./place";
+import { Search } from "./search";
+import { keepSettings, loadSettings, onSystemTheme, themeOf } from "./settings";
+import { settingsPanel } from "./settingspanel";
+import type { Change, DataSource, Frame, MapInfo, Point } from "./source";
+import { StatusLine } from "./statusline";
+import { Toolbar, type Tool } from "./toolbar";
+
+const NARROW = window.matchMedia("(max-width: 760px)");
+
+export class App {
+  readonly view: MapView;
+  private readonly settings = loadSettings();
+  private readonly context: Context;
+  private readonly panel: Panel;
+  private readonly ask: Ask;
+  private readonly drawing: Drawing;
+  private readonly search: Search;
+  private readonly layers: LayersPanel;
+  private readonly status: StatusLine;
+  private readonly toolbar: Toolbar;
+  private readonly editor: Editor | null;
+  private hashTimer = 0;
+  /** Reloads follow each other, so that an older answer never replaces a newer one. */
+  private reloading: Promise<void> = Promise.resolve();
+
+  constructor(
+    private readonly source: DataSource,
+    info: MapInfo,
+  ) {
+    this.context = { info, frame: baseFrame(info) };
+    this.view = new MapView(byId("map"), source, insets, () => this.tellCounts());
+    this.panel = new Panel(() => this.panelClosed());
+    this.ask = new Ask(this.view, source, this.panel, this.context);
+    this.drawing = new Drawing(this.view.map);
+    this.search = new Search((name) => {
+      if (NARROW.matches) toggleSidebar(false);
+      this.editor?.letGo();
+      this.ask.name(name);
+    });
+    this.layers = new LayersPanel(this.view, () => this.linkPlace());
+    this.status = new StatusLine((frame) => this.setFrame(frame));
+    this.toolbar = new Toolbar({
+      menu: () => toggleSidebar(),
+      choose: (tool) => this.choose(tool),
+      edit: () => this.toggleEdit(),
+      fit: () => this.view.fit(this.context.info.extent),
+      theme: () => this.switchTheme(),
+    });
+    this.editor = this.makeEditor();
+    this.toolbar.offerEdit(this.editor !== null);
+  }
+
+  start(): void {
+    const { info } = this.context;
+    this.show(info);
+    this.restyle();
+    settingsPanel(this.settings, () => this.restyle());
+    this.restorePlace();
+    this.listen();
+    this.source.editing?.watch((change) => this.onEvent(change));
+    for (const note of info.notes ?? []) notify(note);
+    this.hint(info.layers.length ? "Click the map to see what is there" : "This map is empty");
+  }
+
+  private makeEditor(): Editor | null {
+    const { editing } = this.source;
+    if (!editing || !this.context.info.editable) return null;
+    const editor = new Editor(
+      this.view,
+      this.source,
+      editing,
+      this.panel,
+      this.ask,
+      this.drawing,
+      this.context,
+      (text) => this.hint(text),
+      (change) => this.onChange(change),
+    );
+    editor.toggled = (active) => this.toolbar.showEdit(active);
+    return editor;
+  }
+
+  private show(info: MapInfo): void {
+    this.context.info = info;
+    const { frame_id } = this.context.frame;
+    this.context.frame = info.frames.find((one) => one.frame_id === frame_id) ?? baseFrame(info);
+    this.view.setInfo(info);
+    this.search.setInfo(info);
+    this.layers.draw();
+    this.status.setFrames(info.frames, this.context.frame);
+    this.view.setFrame(this.context.frame);
+    this.editor?.update();
+    const mark = info.unsaved ? "• " : "";
+    document.title = `${mark}${info.name} – Hypermap`;
+    byId("title").textContent = info.name;
+    byId("title").classList.toggle("unsaved", info.unsaved);
+    const objects = info.layers.reduce(
+      (n, { kind, count: k }) => n + (kind === "shapes" ? k : 0),
+      0,
+    );
+    byId("subtitle").textContent =
+      `${count(objects)} objects · ${describe(info)}` + (info.unsaved ? " · not saved" : "");
+  }
+
+  private listen(): void {
+    const { map } = this.view;
+    map.on("singleclick", ({ coordinate: [x, y] }) => this.click([x, y]));
+    map.on("pointermove", ({ coordinate: [x, y] }) => this.status.setPointer([x, y]));
+    map.getViewport()?.addEventListener("pointerleave", () => this.status.setPointer(null));
+    map.on("moveend", () => this.linkPlace());
+    const scaled = () => this.status.setResolution(this.view.resolution);
+    map.getView().on("change:resolution", scaled);
+    scaled();
+    window.addEventListener("hashchange", () => this.restorePlace());
+    window.addEventListener("beforeunload", (event) => {
+      if (this.editor && this.context.info.unsaved) event.preventDefault();
+    });
+    onSystemTheme(() => this.restyle());
+    watchKeys({
+      escape: () => this.escape(),
+      search: () => {
+        toggleSidebar(true);
+        this.search.focus();
+      },
+      fit: () => this.view.fit(this.context.info.extent),
+      finish: () => this.drawing.finish(),
+      back: () => this.drawing.back(),
+      remove: () => this.editor?.active && this.editor.remove(),
+      undo: () => this.editor?.active && this.editor.undo(),
+      redo: () => this.editor?.active && this.editor.redo(),
+      save: () => this.editor && this.context.info.unsaved && this.editor.save(),
+      isDrawing: () => this.drawing.active,
+    });
+  }
+
+  private click(place: Point): void {
+    if (this.drawing.active) return;
+    this.hint(null);
+    if (NARROW.matches) toggleSidebar(false);
+    if (this.editor?.active) void this.editor.pick(place).catch(complain);
+    else this.ask.point(place);
+  }
+
+  private choose(tool: Tool): void {
+    this.editor?.stop();
+    this.drawing.stop();
+    this.toolbar.showTool(tool);
+    if (tool === "point") {
+      this.hint("Click the map to see what is there");
+      return;
+    }
+    this.hint(
+      tool === "rectangle"
+        ? "Drag a rectangle to see what is in it"
+        : "Click the corners of an area; double-click or Enter ends it",
+    );
+    this.drawing.start(tool, (ring) => {
+      this.hint(null);
+      this.toolbar.showTool("point");
+      this.ask.area(ring);
+    });
+  }
+
+  private toggleEdit(): void {
+    if (!this.editor) return;
+    this.drawing.stop();
+    this.toolbar.showTool("point");
+    if (this.editor.active) return this.editor.stop();
+    this.panel.close();
+    this.ask.forget();
+    this.editor.start();
+  }
+
+  private escape(): void {
+    if (this.drawing.active) {
+      this.drawing.stop();
+      this.toolbar.showTool("point");
+      this.hint(null);
+    } else if (this.panel.isOpen) this.panel.close();
+    else if (this.editor?.active) this.editor.stop();
+    else {
+      this.hint(null);
+      if (NARROW.matches) toggleSidebar(false);
+    }
+  }
+
+  private panelClosed(): void {
+    this.editor?.letGo();
+    this.ask.forget();
+    byId("map").focus({ preventScroll: true });
+  }
+
+  private onEvent(change: Change | null): void {
+    if (!change) return this.banner("The server does not answer. Is hypermap view still running?");
+    this.banner(change.disk ? DISK[change.disk] : null, change.disk === "changed");
+    void this.onChange(change).catch(complain);
+  }
+
+  /** Opens the file anew, after a question if that would lose changes. */
+  private async reload(): Promise<void> {
+    if (this.context.info.unsaved) {
+      const answer = await choose("Open the file anew?", "Changes that are not saved are lost.", [
+        { value: "cancel", label: "Cancel" },
+        { value: "reload", label: "Open anew", look: "danger" },
+      ]);
+      if (answer !== "reload") return;
+    }
+    const change = await this.source.editing?.reload();
+    this.banner(null);
+    if (change) await this.onChange(change);
+  }
+
+  /** Takes over a change, from this window or another; one that is known already is skipped. */
+  private onChange(change: Change): Promise<void> {
+    if (change.saved) this.banner(null);
+    const task = this.reloading.then(async () => {
+      const { info } = this.context;
+      const { version, can_undo, can_redo, unsaved } = change;
+      const known = info.version === version && info.unsaved === unsaved;
+      if (known && info.can_undo === can_undo && info.can_redo === can_redo) return;
+      const before = info.version;
+      this.show(await this.source.map());
+      if (this.context.info.version === before) return;
+      if (this.editor?.active) await this.editor.refresh();
+      else this.ask.refresh();
+    });
+    this.reloading = task.catch(() => undefined);
+    return task;
+  }
+
+  private setFrame(name: string): void {
+    const { info } = this.context;
+    this.context.frame = info.frames.find(({ frame_id }) => frame_id === name) ?? baseFrame(info);
+    this.status.setFrames(info.frames, this.context.frame);
+    this.view.setFrame(this.context.frame);
+    this.ask.refresh();
+    this.linkPlace();
+  }
+
+  private switchTheme(): void {
+    this.settings.theme = themeOf(this.settings) === "dark" ? "light" : "dark";
+    this.restyle();
+  }
+
+  private restyle(): void {
+    const theme = themeOf(this.settings);
+    document.documentElement.dataset["theme"] = theme;
+    this.toolbar.showTheme(theme);
+    this.view.restyle(this.settings);
+    keepSettings(this.settings);
+  }
+
+  /** Keeps the view in the address, not at every step of a movement. */
+  private linkPlace(): void {
+    window.clearTimeout(this.hashTimer);
+    this.hashTimer = window.setTimeout(() => {
+      const { info, frame } = this.context;
+      const chosen = frame.frame_id === info.base_frame ? null : frame.frame_id;
+      try {
+        history.replaceState(null, "", placeToHash(this.view.place(chosen)));
+      } catch {
+        // Some browsers refuse this for a page from the disk.
+      }
+    }, 200);
+  }
+
+  private restorePlace(): void {
+    const place = placeFromHash(location.hash);
+    if (!place) return this.view.fit(this.context.info.extent, false);
+    for (const shown of this.view.layers.values()) {
+      const visible = !place.hidden.includes(shown.info.name);
+      if (isVisible(shown) !== visible) drawnLayer(shown)?.setVisible(visible);
+    }
+    this.layers.draw();
+    if (place.frame) this.setFrame(place.frame);
+    this.view.setPlace(place);
+  }
+
+  /** Says so where not all objects of the view are drawn. */
+  private tellCounts(): void {
+    let [shown, total] = [0, 0];
+    for (const layer of this.view.layers.values()) {
+      if (!layer.shapes || !isVisible(layer)) continue;
+      shown += layer.shapes.shown;
+      total += layer.shapes.total;
+    }
+    const notice = byId("notice");
+    notice.hidden = shown >= total;
+    notice.textContent = `The ${count(shown)} largest of ${count(total)} objects; zoom in for more`;
+  }
+
+  private hint(text: string | null): void {
+    byId("hint").hidden = text === null;
+    byId("hint").textContent = text;
+  }
+
+  private banner(text: string | null, offerReload = false): void {
+    byId("banner").hidden = text === null;
+    const open = () => void this.reload().catch(complain);
+    const button = el("button", { type: "button", class: "button small", text: "Open it anew" });
+    button.onclick = open;
+    byId("banner").replaceChildren(text ?? "", ...(offerReload ? [button] : []));
+  }
+}
+
+const DISK = {
+  changed: "The map's file has changed on the disk.",
+  vanished: "The map's file has vanished from the disk; saving writes it again.",
+};
+
+function baseFrame(info: MapInfo): Frame {
+  const base = info.frames.find(({ frame_id }) => frame_id === info.base_frame);
+  return base ?? { frame_id: info.base_frame, x: 0, y: 0, yaw: 0 };
+}
+
+function describe({ extent }: MapInfo): string {
+  if (!extent) return "empty";
+  return `${(extent[2] - extent[0]).toFixed(1)} × ${(extent[3] - extent[1]).toFixed(1)} m`;
+}
+
+function toggleSidebar(open?: boolean): void {
+  document.body.classList.toggle("sidebar-open", open);
+}
+
+/** What the panels cover of the map [pixels]. */
+function insets(): Insets {
+  const shown = (id: string) => (byId(id).hidden ? null : byId(id).getBoundingClientRect());
+  const panel = shown("panel");
+  if (NARROW.matches) {
+    return { top: 64, right: 0, bottom: Math.max(56, panel?.height ?? 0), left: 0 };
+  }
+  const side = shown("sidebar");
+  return {
+    top: 64,
+    right: panel ? window.innerWidth - panel.left : 0,
+    bottom: 56,
+    left: side ? side.right : 0,
+  };
+}

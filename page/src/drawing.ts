@@ -1,0 +1,84 @@
+/** Drawing a rectangle or polygon on the map. */
+
+import type { Coordinate } from "ol/coordinate.js";
+import type PolygonGeometry from "ol/geom/Polygon.js";
+import Draw, { createBox } from "ol/interaction/Draw.js";
+import type OpenLayersMap from "ol/Map.js";
+import CircleStyle from "ol/style/Circle.js";
+import Fill from "ol/style/Fill.js";
+import Style from "ol/style/Style.js";
+import { areaLook } from "./looks";
+import { cssColor } from "./settings";
+import type { Point, Ring } from "./source";
+
+export type Kind = "rectangle" | "polygon";
+
+/** How long a double click may take: until then it must not reach the map as a zoom [ms]. */
+const DOUBLE_CLICK = 300;
+
+export class Drawing {
+  private draw: Draw | null = null;
+
+  constructor(private readonly map: OpenLayersMap) {}
+
+  get active(): boolean {
+    return this.draw !== null;
+  }
+
+  /** Lets the person draw one shape. The corners are those of a ring that is not closed. */
+  start(kind: Kind, done: (ring: Ring) => void): void {
+    this.stop();
+    const corner = new Style({
+      image: new CircleStyle({ radius: 5, fill: new Fill({ color: cssColor("--accent") }) }),
+    });
+    const draw = new Draw({
+      type: kind === "rectangle" ? "Circle" : "Polygon",
+      geometryFunction: kind === "rectangle" ? createBox() : undefined,
+      freehand: kind === "rectangle",
+      stopClick: true,
+      style: [...areaLook(), corner],
+    });
+    draw.on("drawend", ({ feature }) => {
+      const corners = (feature.getGeometry() as PolygonGeometry).getCoordinates()[0];
+      const ring = corners.slice(0, -1).map(([x, y]: Coordinate): Point => [x, y]);
+      window.setTimeout(() => {
+        if (this.draw === draw) this.stop();
+      }, DOUBLE_CLICK);
+      if (draw.get("spent")) return;
+      draw.set("spent", true);
+      if (isFlat(ring)) {
+        window.setTimeout(() => this.start(kind, done), DOUBLE_CLICK + 1);
+      } else {
+        done(ring);
+      }
+    });
+    this.draw = draw;
+    this.map.addInteraction(draw);
+    this.map.getTargetElement()?.classList.add("drawing");
+  }
+
+  /** Ends a polygon with the corners that it has. */
+  finish(): void {
+    this.draw?.finishDrawing();
+  }
+
+  /** Takes back the last corner. */
+  back(): void {
+    this.draw?.removeLastPoint();
+  }
+
+  stop(): void {
+    if (!this.draw) return;
+    this.map.removeInteraction(this.draw);
+    this.draw = null;
+    this.map.getTargetElement()?.classList.remove("drawing");
+  }
+}
+
+/** Whether a ring encloses nothing, as after a click without a drag. */
+function isFlat(ring: Ring): boolean {
+  const xs = ring.map(([x]) => x);
+  const ys = ring.map(([, y]) => y);
+  const [width, height] = [Math.max(...xs) - Math.min(...xs), Math.max(...ys) - Math.min(...ys)];
+  return ring.length < 3 || width === 0 || height === 0;
+}

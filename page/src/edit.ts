@@ -1,0 +1,290 @@
+/** Changing the map: add, rename, tag, reshape and delete objects; undo, redo and save. */
+
+import Feature from "ol/Feature.js";
+import MultiPolygon from "ol/geom/MultiPolygon.js";
+import Modify from "ol/interaction/Modify.js";
+import Snap from "ol/interaction/Snap.js";
+import VectorLayer from "ol/layer/Vector.js";
+import VectorSource from "ol/source/Vector.js";
+import type { Ask, Context } from "./ask";
+import { byId, choose, complain, el, notify } from "./dom";
+import { Drawing, type Kind } from "./drawing";
+import { EditBar } from "./editbar";
+import { newObjectForm, objectForm } from "./forms";
+import { chosenLook } from "./looks";
+import type { MapView } from "./mapview";
+import type { Panel } from "./panel";
+import {
+  Refused,
+  type Change,
+  type DataSource,
+  type Editing,
+  type ObjectDetails,
+  type Operation,
+  type Point,
+  type Polygon,
+  type Ring,
+  type SaveRequest,
+} from "./source";
+
+export class Editor {
+  active = false;
+  private readonly bar: EditBar;
+  private readonly shapes = new VectorLayer({ source: new VectorSource(), zIndex: 90 });
+  private readonly modify: Modify;
+  private readonly snap: Snap;
+  private chosen: ObjectDetails | null = null;
+  /** One change after the other, so that each knows the version that the last one made. */
+  private queue: Promise<void> = Promise.resolve();
+
+  constructor(
+    private readonly view: MapView,
+    private readonly source: DataSource,
+    private readonly editing: Editing,
+    private readonly panel: Panel,
+    private readonly ask: Ask,
+    private readonly drawing: Drawing,
+    private readonly context: Context,
+    private readonly hint: (text: string | null) => void,
+    private readonly changed: (change: Change) => Promise<void>,
+  ) {
+    const source_ = this.shapes.getSource() ?? new VectorSource();
+    this.modify = new Modify({ source: source_, pixelTolerance: 12 });
+    this.snap = new Snap({ source: source_, pixelTolerance: 8 });
+    this.modify.on("modifyend", () => this.reshape());
+    this.bar = new EditBar({
+      draw: (kind, room) => this.draw(kind, room),
+      undo: () => this.undo(),
+      redo: () => this.redo(),
+      save: () => this.save(),
+      done: () => this.stop(),
+    });
+    ask.actions = (object) => this.actions(object);
+    this.update();
+  }
+
+  /** Called when edit mode starts or ends. */
+  toggled: (active: boolean) => void = () => {};
+
+  start(): void {
+    if (this.active) return;
+    this.active = true;
+    this.view.map.addLayer(this.shapes);
+    this.view.map.addInteraction(this.modify);
+    this.view.map.addInteraction(this.snap);
+    this.shapes.setStyle(chosenLook());
+    byId("editbar").hidden = false;
+    this.hint("Click an object to change it, or draw a new one");
+    this.toggled(true);
+  }
+
+  stop(): void {
+    if (!this.active) return;
+    this.active = false;
+    this.letGo();
+    this.drawing.stop();
+    this.view.map.removeInteraction(this.modify);
+    this.view.map.removeInteraction(this.snap);
+    this.view.map.removeLayer(this.shapes);
+    byId("editbar").hidden = true;
+    this.hint(null);
+    this.panel.close();
+    this.toggled(false);
+  }
+
+  /** Shows what can be done now, after the map changed. */
+  update(): void {
+    this.bar.update(this.context.info);
+  }
+
+  /** After the map changed: shows the chosen object as it is now. */
+  async refresh(): Promise<void> {
+    if (!this.chosen) return;
+    const { layer, id } = this.chosen;
+    try {
+      this.choose(await this.source.object(layer, id));
+    } catch {
+      this.letGo();
+      this.panel.close();
+    }
+  }
+
+  /** Takes the object at a place into the hand: the smallest, if there are several. */
+  async pick(place: Point): Promise<void> {
+    const answer = await this.source.at(place, this.context.info.base_frame);
+    const open = new Set(this.layers());
+    const here = answer.layers
+      .filter(({ name }) => open.has(name))
+      .flatMap(({ name, objects }) => objects.map((object) => ({ layer: name, ...object })))
+      .sort((a, b) => (a.area ?? 0) - (b.area ?? 0));
+    if (here.length) await this.take(here[0].layer, here[0].id);
+    else {
+      this.letGo();
+      this.panel.close();
+    }
+  }
+
+  async take(layer: string, id: number): Promise<void> {
+    this.start();
+    this.ask.forget();
+    this.choose(await this.source.object(layer, id));
+  }
+
+  /** Lets go of the object in the hand; true if there was one. */
+  letGo(): boolean {
+    const had = this.chosen !== null;
+    this.chosen = null;
+    this.shapes.getSource()?.clear();
+    this.view.markArea(null);
+    return had;
+  }
+
+  remove(): void {
+    if (!this.chosen) return;
+    const { layer, id, name } = this.chosen;
+    this.letGo();
+    this.panel.close();
+    this.apply([{ op: "remove", layer, id }], `Deleted ${name}`);
+  }
+
+  undo(): void {
+    if (this.context.info.can_undo) this.run((version) => this.editing.undo(version), "Undone");
+  }
+
+  redo(): void {
+    if (this.context.info.can_redo) this.run((version) => this.editing.redo(version), "Done again");
+  }
+
+  save(request: SaveRequest = {}): void {
+    this.enqueue(async () => {
+      try {
+        await this.changed(await this.editing.save(request));
+        notify("Saved");
+      } catch (error) {
+        if (!(error instanceof Refused) || error.status !== 409) throw error;
+        const answer = await choose("Save over it?", error.message, [
+          { value: "cancel", label: "Cancel" },
+          { value: "overwrite", label: "Overwrite", look: "danger" },
+        ]);
+        if (answer === "overwrite") this.save({ ...request, overwrite: true });
+      }
+    });
+  }
+
+  private choose(object: ObjectDetails): void {
+    this.letGo();
+    this.chosen = object;
+    const feature = new Feature(new MultiPolygon(object.polygons));
+    this.shapes.getSource()?.addFeature(feature);
+    this.panel.show({
+      title: object.name,
+      summary: `Object ${object.id} of ${object.layer}`,
+      content: [
+        objectForm(object, this.names(), {
+          change: (values) => {
+            const { layer, id } = object;
+            this.apply([{ op: "update", layer, id, ...values }], "Changed");
+          },
+          remove: () => this.remove(),
+        }),
+      ],
+    });
+  }
+
+  private draw(kind: Kind, room: boolean): void {
+    this.letGo();
+    this.panel.close();
+    this.hint(
+      kind === "rectangle"
+        ? "Drag a rectangle"
+        : "Click the corners; double-click or Enter ends the shape, Backspace takes one back",
+    );
+    this.drawing.start(kind, (ring) => this.describe(ring, room));
+  }
+
+  /** Asks what a new shape is. */
+  private describe(ring: Ring, room: boolean): void {
+    this.hint(null);
+    this.view.markArea(ring);
+    const cancel = () => {
+      this.view.markArea(null);
+      this.panel.close();
+    };
+    this.panel.show({
+      title: room ? "New room" : "New object",
+      summary: "Give it a name",
+      content: [
+        newObjectForm(this.names(), this.layers(), room, {
+          add: (values) => {
+            cancel();
+            const polygons: Polygon[] = [[ring]];
+            this.apply([{ op: "add", polygons, ...values }], `Added ${values.name}`, true);
+          },
+          cancel,
+        }),
+      ],
+    });
+    byId("object-name").focus();
+  }
+
+  private reshape(): void {
+    const feature = this.shapes.getSource()?.getFeatures()[0];
+    if (!this.chosen || !feature) return;
+    const polygons = (feature.getGeometry() as MultiPolygon).getCoordinates() as Polygon[];
+    const { layer, id } = this.chosen;
+    this.apply([{ op: "update", layer, id, polygons }], "Reshaped");
+  }
+
+  private apply(operations: Operation[], done: string, take = false): void {
+    this.run(async (version) => {
+      const change = await this.editing.edit(version, operations);
+      const id = change.ids?.[0];
+      if (take && id !== undefined) {
+        this.queue = this.queue.then(() => this.take(operations[0].layer, id)).catch(complain);
+      }
+      return change;
+    }, done);
+  }
+
+  private run(change: (version: number) => Promise<Change>, done: string): void {
+    this.enqueue(async () => {
+      try {
+        await this.changed(await change(this.context.info.version));
+        notify(done);
+      } catch (error) {
+        complain(error);
+        // The page shows again what the server holds.
+        await this.changed({});
+        await this.refresh();
+      }
+    });
+  }
+
+  private enqueue(task: () => Promise<void>): void {
+    this.queue = this.queue.then(task).catch(complain);
+  }
+
+  private actions({ layer, id }: ObjectDetails): HTMLElement | null {
+    if (!this.layers().includes(layer)) return null;
+    return el("button", {
+      type: "button",
+      class: "button small",
+      text: "Edit",
+      onclick: () => void this.take(layer, id).catch(complain),
+    });
+  }
+
+  private layers(): string[] {
+    const { layers } = this.context.info;
+    return layers
+      .filter(({ kind, editable }) => kind === "shapes" && editable !== false)
+      .map(({ name }) => name);
+  }
+
+  private names(): string[] {
+    const names = this.context.info.layers.flatMap(({ classes }) =>
+      classes.map(({ name }) => name),
+    );
+    return [...new Set(names)].sort();
+  }
+}

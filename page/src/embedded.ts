@@ -1,0 +1,207 @@
+/** The map inside a page of one file: the same questions, answered here. */
+
+import { csv, geojson } from "./format";
+import { toBase } from "./frames";
+import { distance, extentOf, holds, meet, overlap, wkt } from "./geometry";
+import { spellArea, spellAt, spellFind } from "./questions";
+import { Raster } from "./raster";
+import {
+  Refused,
+  type AreaAnswer,
+  type AreaRow,
+  type DataSource,
+  type Download,
+  type EmbeddedMap,
+  type EmbeddedShape,
+  type Extent,
+  type FindAnswer,
+  type Frame,
+  type LayerAnswer,
+  type MapInfo,
+  type ObjectDetails,
+  type Point,
+  type PointAnswer,
+  type Ring,
+  type Shapes,
+} from "./source";
+
+export class EmbeddedSource implements DataSource {
+  private readonly rasters = new Map<string, Promise<Raster>>();
+
+  constructor(private readonly blob: EmbeddedMap) {
+    for (const [name, raster] of Object.entries(blob.rasters)) {
+      this.rasters.set(name, Raster.decode(raster));
+    }
+  }
+
+  async map(): Promise<MapInfo> {
+    return { ...this.blob.map, editable: false, can_undo: false, can_redo: false, unsaved: false };
+  }
+
+  async tile(layer: string, zoom: number, column: number, row: number): Promise<HTMLCanvasElement> {
+    return (await this.raster(layer)).tile(zoom, column, row);
+  }
+
+  async shapes(
+    layer: string,
+    extent: Extent,
+    _resolution: number,
+    names: string[] | null,
+  ): Promise<Shapes> {
+    const found = this.objects(layer).filter(
+      (shape) =>
+        (!names || names.includes(shape.name)) && overlap(extentOf(shape.polygons), extent),
+    );
+    const features = found.sort((a, b) => b.area - a.area).slice(0, MOST);
+    return { total: found.length, shown: features.length, features };
+  }
+
+  async at(asked: Point, frame: string): Promise<PointAnswer> {
+    const point = toBase(this.frame(frame), asked);
+    const layers: LayerAnswer[] = [];
+    for (const { name, kind } of this.blob.map.layers) {
+      if (kind === "raster") {
+        const said = (await this.raster(name)).at(point);
+        layers.push({ name, ...said, objects: [] });
+      } else if (kind === "shapes") {
+        const here = this.objects(name)
+          .filter((shape) => holds(shape.polygons, point))
+          .sort((a, b) => a.area - b.area);
+        const objects = here.map(({ id, name, area, attributes }) => ({
+          id,
+          name,
+          area,
+          ...attributes,
+        }));
+        layers.push({ name, label: here[0]?.name ?? "Empty", value: here[0]?.id ?? -1, objects });
+      }
+    }
+    return {
+      point,
+      frame,
+      layers,
+      ...spellAt(
+        this.blob.map.path,
+        asked,
+        this.spelled(frame),
+        layers.map(({ name }) => name),
+      ),
+    };
+  }
+
+  async area(asked: Ring, frame: string): Promise<AreaAnswer> {
+    const ring = this.ring(asked, frame);
+    const rows = this.rowsIn(ring).map(({ row }) => row);
+    const cells = [];
+    for (const { name, kind } of this.blob.map.layers) {
+      if (kind !== "raster") continue;
+      for (const [label, count] of (await this.raster(name)).countsIn(ring)) {
+        cells.push({ layer: name, label, count });
+      }
+    }
+    return { rows, cells, ...spellArea(this.blob.map.path, asked, this.spelled(frame)) };
+  }
+
+  async download(kind: Download, asked: Ring, frame: string): Promise<Blob> {
+    const found = this.rowsIn(this.ring(asked, frame));
+    if (kind === "csv") return new Blob([csv(found.map(({ row }) => row))], { type: "text/csv" });
+    const rows = found.map(({ row, shape }) => ({ ...row, polygons: shape.polygons }));
+    return new Blob([geojson(rows)], { type: "application/geo+json" });
+  }
+
+  async find(name: string, near: Point, limit: number): Promise<FindAnswer> {
+    const wanted = name.toLowerCase();
+    const names = new Set<string>();
+    const rows = [];
+    for (const layer of Object.keys(this.blob.shapes)) {
+      for (const shape of this.objects(layer)) {
+        if (shape.name.toLowerCase().includes(wanted)) names.add(shape.name);
+        if (shape.name.toLowerCase() !== wanted) continue;
+        const [x, y] = shape.centroid;
+        const away = distance(shape.polygons, near);
+        rows.push({ layer, id: shape.id, name: shape.name, x, y, distance: away });
+      }
+    }
+    rows.sort((a, b) => a.distance - b.distance);
+    return {
+      rows: rows.slice(0, limit),
+      total: rows.length,
+      names: [...names].sort(),
+      ...spellFind(this.blob.map.path, name, near),
+    };
+  }
+
+  async object(layer: string, id: number): Promise<ObjectDetails> {
+    const shape = this.objects(layer).find((shape) => shape.id === id);
+    if (!shape) throw new Refused(`layer "${layer}" has no object ${id}`, 404);
+    const { tags, ...attributes } = shape.attributes;
+    const { name, area, at, polygons } = shape;
+    return {
+      layer,
+      id,
+      name,
+      area,
+      at,
+      polygons,
+      wkt: wkt(polygons),
+      tags: tagsOf(tags),
+      attributes,
+    };
+  }
+
+  private objects(layer: string): EmbeddedShape[] {
+    return this.blob.shapes[layer] ?? [];
+  }
+
+  private raster(layer: string): Promise<Raster> {
+    const raster = this.rasters.get(layer);
+    if (!raster) throw new Refused(`layer "${layer}" has no picture`, 404);
+    return raster;
+  }
+
+  private frame(name: string): Frame {
+    const frame = this.blob.map.frames.find((frame) => frame.frame_id === name);
+    if (!frame) throw new Refused(`the map knows no frame "${name}"`, 400);
+    return frame;
+  }
+
+  private spelled(frame: string): string | null {
+    return frame === this.blob.map.base_frame ? null : frame;
+  }
+
+  private ring(asked: Ring, frame: string): Ring {
+    const pose = this.frame(frame);
+    return asked.map((point) => toBase(pose, point));
+  }
+
+  private rowsIn(ring: Ring): { row: AreaRow; shape: EmbeddedShape }[] {
+    const found = [];
+    for (const layer of Object.keys(this.blob.shapes)) {
+      for (const shape of this.objects(layer)) {
+        if (meet(shape.polygons, [[ring]])) found.push({ row: rowOf(layer, shape), shape });
+      }
+    }
+    return found;
+  }
+}
+
+/** As many shapes as the map draws at once. */
+const MOST = 5000;
+
+function rowOf(layer: string, { id, name, centroid, area, attributes }: EmbeddedShape): AreaRow {
+  return {
+    layer,
+    id,
+    name,
+    x: centroid[0],
+    y: centroid[1],
+    area,
+    existence: numberOf(attributes["existence"]),
+    first_seen: numberOf(attributes["first_seen"]),
+    last_seen: numberOf(attributes["last_seen"]),
+    tags: tagsOf(attributes["tags"]),
+  };
+}
+
+const numberOf = (value: unknown): number | null => (typeof value === "number" ? value : null);
+const tagsOf = (value: unknown): string[] => (Array.isArray(value) ? value.map(String) : []);

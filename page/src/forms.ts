@@ -1,0 +1,136 @@
+/** The forms of edit mode: what an object is called and how it is tagged. */
+
+import { el } from "./dom";
+import type { ObjectDetails } from "./source";
+
+/** Layers that are made when the first thing is put there. */
+const NEW_LAYERS = ["rooms", "zones"];
+
+export interface Named {
+  name: string;
+  tags: string[];
+}
+
+export const tagsFrom = (text: string): string[] => [
+  ...new Set(
+    text
+      .split(",")
+      .map((tag) => tag.trim())
+      .filter(Boolean),
+  ),
+];
+
+export function objectForm(
+  object: ObjectDetails,
+  names: string[],
+  verbs: { change: (values: Partial<Named>) => void; remove: () => void },
+): HTMLElement {
+  const { name, tags } = fields(names, object.name, object.tags);
+  const form = el(
+    "form",
+    { class: "form" },
+    ...name.rows,
+    ...tags.rows,
+    el("p", {
+      class: "quiet",
+      text: "Drag a corner or an edge on the map to reshape it; Alt+click removes a corner.",
+    }),
+    el(
+      "div",
+      { class: "buttons" },
+      el("button", {
+        type: "button",
+        class: "button danger",
+        text: "Delete",
+        onclick: verbs.remove,
+      }),
+      el("span", { class: "grow" }),
+      el("button", { type: "submit", class: "button primary", text: "Apply", id: "object-apply" }),
+    ),
+  );
+  form.addEventListener("submit", (event) => {
+    event.preventDefault();
+    const values: Partial<Named> = {};
+    const newTags = tagsFrom(tags.input.value);
+    if (name.input.value.trim() !== object.name) values.name = name.input.value.trim();
+    if (newTags.join() !== object.tags.join()) values.tags = newTags;
+    if (Object.keys(values).length) verbs.change(values);
+  });
+  return form;
+}
+
+export function newObjectForm(
+  names: string[],
+  layers: string[],
+  room: boolean,
+  verbs: { add: (values: Named & { layer: string }) => void; cancel: () => void },
+): HTMLElement {
+  const { name, tags } = fields(names, "", room ? ["room"] : []);
+  const made = NEW_LAYERS.filter((layer) => !layers.includes(layer));
+  const layer = el(
+    "select",
+    { id: "object-layer" },
+    ...layers.map((layer) => el("option", { value: layer, text: layer })),
+    ...made.map((layer) => el("option", { value: layer, text: `${layer} (new layer)` })),
+  );
+  layer.value = room ? NEW_LAYERS[0] : (layers.find((l) => l !== NEW_LAYERS[0]) ?? NEW_LAYERS[1]);
+  const form = el(
+    "form",
+    { class: "form" },
+    ...name.rows,
+    el("label", { text: "Layer", for: "object-layer" }),
+    layer,
+    ...tags.rows,
+    el(
+      "div",
+      { class: "buttons" },
+      el("button", { type: "button", class: "button", text: "Cancel", onclick: verbs.cancel }),
+      el("span", { class: "grow" }),
+      el("button", { type: "submit", class: "button primary", text: "Add", id: "object-add" }),
+    ),
+  );
+  form.addEventListener("submit", (event) => {
+    event.preventDefault();
+    verbs.add({
+      name: name.input.value.trim(),
+      layer: layer.value,
+      tags: tagsFrom(tags.input.value),
+    });
+  });
+  return form;
+}
+
+interface Field {
+  input: HTMLInputElement;
+  rows: HTMLElement[];
+}
+
+function fields(names: string[], name: string, tags: string[]): { name: Field; tags: Field } {
+  const nameInput = el("input", { id: "object-name", type: "text", value: name });
+  nameInput.required = true;
+  nameInput.pattern = ".*\\S.*";
+  nameInput.autocomplete = "off";
+  nameInput.setAttribute("list", "object-names");
+  const list = el(
+    "datalist",
+    { id: "object-names" },
+    ...names.map((name) => el("option", { value: name })),
+  );
+  const tagsInput = el("input", {
+    id: "object-tags",
+    type: "text",
+    value: tags.join(", "),
+    placeholder: "separated by commas",
+  });
+  tagsInput.autocomplete = "off";
+  return {
+    name: {
+      input: nameInput,
+      rows: [el("label", { text: "Name", for: "object-name" }), nameInput, list],
+    },
+    tags: {
+      input: tagsInput,
+      rows: [el("label", { text: "Tags", for: "object-tags" }), tagsInput],
+    },
+  };
+}

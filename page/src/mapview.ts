@@ -1,0 +1,283 @@
+/** The map on the screen: its layers, marks and view. */
+
+import Feature from "ol/Feature.js";
+import OpenLayersMap from "ol/Map.js";
+import View from "ol/View.js";
+import { easeOut } from "ol/easing.js";
+import MultiPolygon from "ol/geom/MultiPolygon.js";
+import PointGeometry from "ol/geom/Point.js";
+import { defaults as defaultInteractions } from "ol/interaction/defaults.js";
+import type TileLayer from "ol/layer/Tile.js";
+import VectorLayer from "ol/layer/Vector.js";
+import Projection from "ol/proj/Projection.js";
+import type ImageTile from "ol/source/ImageTile.js";
+import VectorSource from "ol/source/Vector.js";
+import { GridLines } from "./gridlines";
+import { areaLook, chosenLook, matchLook, placeLook } from "./looks";
+import type { Place } from "./place";
+import type { Settings } from "./settings";
+import { ShapesLayer } from "./shapeslayer";
+import type { DataSource, Extent, Frame, LayerInfo, MapInfo, Point, Polygon, Ring } from "./source";
+import { FramesLayer } from "./frameslayer";
+import { tileLayer, tileSource } from "./tiles";
+
+export interface Insets {
+  top: number;
+  right: number;
+  bottom: number;
+  left: number;
+}
+
+export interface ShownLayer {
+  info: LayerInfo;
+  /** Of what is drawn. */
+  version?: number;
+  tiles?: TileLayer<ImageTile>;
+  shapes?: ShapesLayer;
+}
+
+/** Metres per pixel: from a tenth of a millimetre to a city. */
+const FINEST = 0.0001;
+const COARSEST = 100;
+/** How far from a panel a marked place should lie [pixels]. */
+const EDGE = 30;
+/** Shapes are asked for at most so often while the map moves [ms]. */
+const PAUSE = 150;
+
+export class MapView {
+  readonly map: OpenLayersMap;
+  readonly layers = new Map<string, ShownLayer>();
+  readonly grid: GridLines;
+  readonly frames = new FramesLayer();
+  private readonly projection = new Projection({ code: "metres", units: "m", global: false });
+  private readonly marks = {
+    area: marksLayer(80),
+    chosen: marksLayer(81),
+    matches: marksLayer(82),
+    place: marksLayer(83),
+  };
+  private readonly view: View;
+  private timer = 0;
+
+  constructor(
+    target: HTMLElement,
+    private readonly source: DataSource,
+    private readonly insets: () => Insets,
+    private readonly shapesChanged: () => void,
+  ) {
+    this.view = new View({
+      projection: this.projection,
+      center: [0, 0],
+      resolution: 0.02,
+      minResolution: FINEST,
+      maxResolution: COARSEST,
+      enableRotation: false,
+      multiWorld: true,
+    });
+    this.grid = new GridLines(() => {
+      const { left, bottom } = insets();
+      return { left: left + 8, bottom: bottom + 10 };
+    });
+    this.grid.setZIndex(60);
+    this.frames.layer.setZIndex(70);
+    this.map = new OpenLayersMap({
+      target,
+      view: this.view,
+      controls: [],
+      interactions: defaultInteractions({ altShiftDragRotate: false, pinchRotate: false }),
+      layers: [this.grid, this.frames.layer, ...Object.values(this.marks)],
+      keyboardEventTarget: target,
+    });
+    this.view.on("change", () => this.later());
+    this.map.on("change:size", () => this.later());
+  }
+
+  /** Takes over what the map holds now; layers that did not change keep what they show. */
+  setInfo(info: MapInfo): void {
+    const names = new Set(info.layers.map(({ name }) => name));
+    for (const [name, shown] of this.layers) {
+      if (names.has(name)) continue;
+      const drawn = drawnLayer(shown);
+      if (drawn) this.map.removeLayer(drawn);
+      this.layers.delete(name);
+    }
+    info.layers.forEach((layer, order) => this.setLayer(layer, order, info.version));
+    this.frames.setFrames(info.frames);
+    this.later();
+  }
+
+  private setLayer(info: LayerInfo, order: number, mapVersion: number): void {
+    const version = info.version ?? mapVersion;
+    const shown = this.layers.get(info.name) ?? this.addLayer(info);
+    drawnLayer(shown)?.setZIndex(order + (info.kind === "shapes" ? 20 : 0));
+    shown.info = info;
+    if (shown.version === version) return;
+    shown.version = version;
+    shown.shapes?.update(info, version);
+    shown.tiles?.setSource(tileSource(info, this.source, version, this.projection));
+  }
+
+  private addLayer(info: LayerInfo): ShownLayer {
+    const shown: ShownLayer = { info };
+    if (info.kind === "raster") {
+      shown.tiles = tileLayer();
+      this.map.addLayer(shown.tiles);
+    } else if (info.kind === "shapes") {
+      shown.shapes = new ShapesLayer(info, this.source, this.shapesChanged);
+      this.map.addLayer(shown.shapes.layer);
+    }
+    this.layers.set(info.name, shown);
+    return shown;
+  }
+
+  /** Asks for shapes soon; many calls are one. */
+  later(): void {
+    if (this.timer) return;
+    this.timer = window.setTimeout(() => {
+      this.timer = 0;
+      void this.showShapes();
+    }, PAUSE);
+  }
+
+  async showShapes(): Promise<void> {
+    const size = this.map.getSize();
+    if (!size || !size[0] || !size[1]) return;
+    const extent = this.view.calculateExtent(size) as Extent;
+    const resolution = this.resolution;
+    await Promise.all(
+      [...this.layers.values()].map(({ shapes }) => shapes?.show(extent, resolution)),
+    );
+  }
+
+  get resolution(): number {
+    return this.view.getResolution() ?? 1;
+  }
+
+  /** The middle of what is not covered by panels. */
+  get center(): Point {
+    const { top, right, bottom, left } = this.insets();
+    const [x, y] = this.view.getCenter() ?? [0, 0];
+    const half = this.resolution / 2;
+    return [x + (left - right) * half, y + (top - bottom) * -half];
+  }
+
+  setPlace({ center: [x, y], resolution }: Place): void {
+    this.view.setResolution(resolution);
+    this.view.setCenter([x, y]);
+  }
+
+  /** The place for a link: the view's own middle, whatever panels are open. */
+  place(frame: string | null): Place {
+    const [x, y] = this.view.getCenter() ?? [0, 0];
+    const hidden = [...this.layers.values()]
+      .filter((shown) => !isVisible(shown))
+      .map(({ info }) => info.name);
+    return { center: [x, y], resolution: this.resolution, frame, hidden };
+  }
+
+  fit(extent: Extent | null, animate = true): void {
+    const [x0, y0, x1, y1] = extent ?? [-5, -5, 5, 5];
+    const { top, right, bottom, left } = this.insets();
+    this.view.fit([x0, y0, x1, y1], {
+      padding: [top + 24, right + 24, bottom + 24, left + 24],
+      minResolution: 0.002,
+      duration: animate && !calm() ? 350 : 0,
+      easing: easeOut,
+    });
+  }
+
+  /** Brings a place into the uncovered part; closer, if it would be small. */
+  flyTo([x, y]: Point, side: number): void {
+    const { top, right, bottom, left } = this.insets();
+    const resolution = Math.min(this.resolution, Math.max(side, 0.3) / 120);
+    this.view.animate({
+      center: [x + ((right - left) * resolution) / 2, y + ((top - bottom) * resolution) / 2],
+      resolution,
+      duration: calm() ? 0 : 450,
+      easing: easeOut,
+    });
+  }
+
+  /** Moves the map a little if a place would lie under a panel. */
+  reveal(place: Point): void {
+    const pixel = this.map.getPixelFromCoordinate(place);
+    const size = this.map.getSize();
+    if (!pixel || !size) return;
+    const { top, right, bottom, left } = this.insets();
+    const into = (at: number, low: number, high: number) =>
+      at < low ? low - at : at > high ? high - at : 0;
+    const dx = into(pixel[0], left + EDGE, size[0] - right - EDGE);
+    const dy = into(pixel[1], top + EDGE, size[1] - bottom - EDGE);
+    if (!dx && !dy) return;
+    const [x, y] = this.view.getCenter() ?? [0, 0];
+    const center = [x - dx * this.resolution, y + dy * this.resolution];
+    this.view.animate({ center, duration: calm() ? 0 : 300, easing: easeOut });
+  }
+
+  restyle(settings: Settings): void {
+    for (const { shapes } of this.layers.values()) {
+      shapes?.restyle(settings.labels ? settings.labelSize : null);
+    }
+    this.grid.setVisible(settings.grid);
+    this.grid.changed();
+    this.frames.layer.setVisible(settings.frames);
+    this.frames.restyle();
+    this.marks.place.setStyle(placeLook());
+    this.marks.area.setStyle(areaLook());
+    this.marks.chosen.setStyle(chosenLook());
+    this.marks.matches.setStyle((feature) => matchLook(feature.get("rank") as number));
+  }
+
+  setFrame(frame: Frame): void {
+    this.grid.frame = frame;
+    this.grid.changed();
+  }
+
+  markPlace(point: Point | null): void {
+    setMarks(this.marks.place, point ? [new Feature(new PointGeometry(point))] : []);
+  }
+
+  markArea(ring: Ring | null): void {
+    setMarks(this.marks.area, ring ? [new Feature(new MultiPolygon([[ring]]))] : []);
+  }
+
+  markChosen(polygons: Polygon[] | null): void {
+    setMarks(this.marks.chosen, polygons ? [new Feature(new MultiPolygon(polygons))] : []);
+  }
+
+  markMatches(points: Point[]): void {
+    const features = points.map((point, i) => {
+      const feature = new Feature(new PointGeometry(point));
+      feature.set("rank", i + 1);
+      return feature;
+    });
+    setMarks(this.marks.matches, features);
+  }
+
+  clearMarks(): void {
+    for (const layer of Object.values(this.marks)) setMarks(layer, []);
+  }
+}
+
+/** What OpenLayers draws of a layer; nothing for one that has no picture. */
+export function drawnLayer({ tiles, shapes }: ShownLayer): DrawnLayer | undefined {
+  return tiles ?? shapes?.layer;
+}
+
+export type DrawnLayer = TileLayer<ImageTile> | VectorLayer<VectorSource>;
+
+export function isVisible(shown: ShownLayer): boolean {
+  return drawnLayer(shown)?.getVisible() ?? true;
+}
+
+/** Whether the person asked the system for less motion. */
+const calm = (): boolean => window.matchMedia("(prefers-reduced-motion: reduce)").matches;
+
+function marksLayer(zIndex: number): VectorLayer<VectorSource> {
+  return new VectorLayer({ source: new VectorSource(), zIndex, updateWhileAnimating: true });
+}
+
+function setMarks(layer: VectorLayer<VectorSource>, features: Feature[]): void {
+  layer.getSource()?.clear(true);
+  layer.getSource()?.addFeatures(features);
+}

@@ -1,0 +1,96 @@
+/** The panel at the side: one answer at a time, and how a program asks the same. */
+
+import { byId, copyText, el, icon, iconButton } from "./dom";
+import type { Spelled } from "./source";
+
+export interface Answer {
+  title: string;
+  /** One line that is also read out. */
+  summary: string;
+  content: (Node | null)[];
+  spelled?: Spelled;
+}
+
+export class Panel {
+  private readonly element = byId("panel");
+  private language: keyof Spelled = "python";
+
+  constructor(private readonly closed: () => void) {}
+
+  get isOpen(): boolean {
+    return !this.element.hidden;
+  }
+
+  show({ title, summary, content, spelled }: Answer): void {
+    this.element.replaceChildren(
+      el(
+        "header",
+        { class: "head" },
+        el(
+          "div",
+          { class: "grow" },
+          el("h2", { text: title }),
+          el("p", { class: "quiet", text: summary }),
+        ),
+        iconButton("close", "Close the answer (Esc)", () => this.close()),
+      ),
+      el(
+        "div",
+        { class: "panel-scroll" },
+        ...content.filter((node) => node !== null),
+        spelled ? this.spelled(spelled) : null,
+      ),
+    );
+    this.element.hidden = false;
+    byId("announce").textContent = `${title}. ${summary}`;
+  }
+
+  close(): void {
+    if (this.element.hidden) return;
+    this.element.hidden = true;
+    this.element.replaceChildren();
+    this.closed();
+  }
+
+  private spelled(spelled: Spelled): HTMLElement {
+    const code = el("code");
+    const names: [keyof Spelled, string][] = [
+      ["python", "Python"],
+      ["command", "Command line"],
+    ];
+    const tabs = names.map(([language, label]) =>
+      el("button", {
+        type: "button",
+        role: "tab",
+        text: label,
+        data: { language },
+        onclick: () => show(language),
+      }),
+    );
+    const copy = el("button", { type: "button", class: "button small" }, icon("copy"), " Copy");
+    copy.onclick = () => void copyText(code.textContent ?? "", copy);
+    const show = (language: keyof Spelled) => {
+      this.language = language;
+      code.textContent = spelled[language];
+      code.className = language;
+      for (const tab of tabs) {
+        tab.setAttribute("aria-selected", String(tab.dataset["language"] === language));
+      }
+    };
+    show(this.language);
+    const block = el("pre", { aria: { label: "The same question, for a program" } }, code);
+    block.tabIndex = 0;
+    return el(
+      "section",
+      { class: "spelled" },
+      el("h3", { text: "Ask the same from a program" }),
+      el(
+        "div",
+        { class: "tabs" },
+        el("div", { class: "tab-list", role: "tablist" }, ...tabs),
+        copy,
+      ),
+      block,
+    );
+  }
+}

@@ -1,0 +1,99 @@
+/** The field for names: what the map holds is suggested while one types. */
+
+import { byId, el } from "./dom";
+import { count } from "./format";
+import { swatch } from "./layers";
+import { bestName, matching } from "./names";
+import type { ClassInfo, MapInfo } from "./source";
+
+const MOST = 8;
+
+export class Search {
+  private readonly input = byId<HTMLInputElement>("search");
+  private readonly list = byId("suggestions");
+  private names: ClassInfo[] = [];
+  private shown: ClassInfo[] = [];
+  private active = -1;
+
+  constructor(private readonly find: (name: string) => void) {
+    this.input.addEventListener("input", () => this.suggest());
+    this.input.addEventListener("focus", () => this.suggest());
+    this.input.addEventListener("blur", () => this.hide());
+    this.input.addEventListener("keydown", (event) => this.key(event));
+  }
+
+  setInfo(info: MapInfo): void {
+    const names = new Map<string, ClassInfo>();
+    for (const one of info.layers.flatMap(({ classes }) => classes)) {
+      const before = names.get(one.name);
+      names.set(one.name, { ...one, count: one.count + (before?.count ?? 0) });
+    }
+    this.names = [...names.values()];
+  }
+
+  focus(): void {
+    this.input.focus();
+    this.input.select();
+  }
+
+  private suggest(): void {
+    this.shown = matching(this.names, this.input.value).slice(0, MOST);
+    this.active = -1;
+    this.list.replaceChildren(
+      ...this.shown.map((one, i) => {
+        const option = el(
+          "li",
+          { role: "option", id: `suggestion-${i}`, aria: { selected: "false" } },
+          swatch(one.color),
+          el("span", { class: "name grow", text: one.name }),
+          el("span", { class: "quiet", text: count(one.count) }),
+        );
+        // Before the field loses the focus and the list vanishes.
+        option.addEventListener("pointerdown", (event) => {
+          event.preventDefault();
+          this.choose(one.name);
+        });
+        return option;
+      }),
+    );
+    this.list.hidden = this.shown.length === 0;
+    this.input.setAttribute("aria-expanded", String(!this.list.hidden));
+    this.input.removeAttribute("aria-activedescendant");
+  }
+
+  private hide(): void {
+    this.list.hidden = true;
+    this.input.setAttribute("aria-expanded", "false");
+  }
+
+  private key(event: KeyboardEvent): void {
+    if (event.key === "ArrowDown" || event.key === "ArrowUp") {
+      event.preventDefault();
+      this.move(event.key === "ArrowDown" ? 1 : -1);
+    } else if (event.key === "Enter") {
+      const typed = this.input.value.trim();
+      const name = this.shown[this.active]?.name ?? bestName(this.names, typed);
+      if (name) this.choose(name);
+    } else if (event.key === "Escape") {
+      event.stopPropagation();
+      this.input.blur();
+    }
+  }
+
+  private move(by: number): void {
+    if (this.list.hidden) this.suggest();
+    if (!this.shown.length) return;
+    this.active = (this.active + by + this.shown.length) % this.shown.length;
+    [...this.list.children].forEach((option, i) => {
+      option.setAttribute("aria-selected", String(i === this.active));
+      if (i === this.active) option.scrollIntoView({ block: "nearest" });
+    });
+    this.input.setAttribute("aria-activedescendant", `suggestion-${this.active}`);
+  }
+
+  private choose(name: string): void {
+    this.input.value = name;
+    this.input.blur();
+    this.find(name);
+  }
+}

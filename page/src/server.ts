@@ -1,0 +1,157 @@
+/** The map behind `hypermap view`: questions and changes through HTTP. */
+
+import {
+  Refused,
+  type AreaAnswer,
+  type Change,
+  type DataSource,
+  type Download,
+  type Editing,
+  type Extent,
+  type FindAnswer,
+  type MapInfo,
+  type ObjectDetails,
+  type Operation,
+  type Point,
+  type PointAnswer,
+  type Ring,
+  type SaveRequest,
+  type Shapes,
+} from "./source";
+
+type Values = Record<string, string | number | string[]>;
+
+export class ServerSource implements DataSource, Editing {
+  readonly editing: Editing = this;
+  private token = "";
+
+  async map(): Promise<MapInfo> {
+    const info = await this.get<MapInfo>("/api/map", {});
+    this.token = info.token ?? "";
+    return info;
+  }
+
+  tile(
+    layer: string,
+    zoom: number,
+    column: number,
+    row: number,
+    v: number,
+  ): Promise<HTMLImageElement> {
+    return new Promise((resolve, reject) => {
+      const image = new Image();
+      image.onload = () => resolve(image);
+      image.onerror = () => reject(new Error(`no tile ${zoom}/${column}/${row} of ${layer}`));
+      image.src = address(`/api/tiles/${encodeURIComponent(layer)}/${zoom}/${column}/${row}.png`, {
+        v,
+      });
+    });
+  }
+
+  shapes(
+    layer: string,
+    extent: Extent,
+    resolution: number,
+    names: string[] | null,
+    v: number,
+    signal: AbortSignal,
+  ): Promise<Shapes> {
+    const values: Values = { bbox: extent.join(","), resolution, v };
+    if (names) values["name"] = names;
+    return this.get(`/api/shapes/${encodeURIComponent(layer)}`, values, signal);
+  }
+
+  at([x, y]: Point, frame: string): Promise<PointAnswer> {
+    return this.get("/api/at", { x, y, frame });
+  }
+
+  area(polygon: Ring, frame: string): Promise<AreaAnswer> {
+    return this.post("/api/area", { polygon, frame });
+  }
+
+  async download(kind: Download, ring: Ring, frame: string): Promise<Blob> {
+    const values = { polygon: ring.flat().join(","), frame };
+    return (await ask(address(`/api/area.${kind}`, values), {})).blob();
+  }
+
+  find(name: string, near: Point, limit: number): Promise<FindAnswer> {
+    return this.get("/api/find", { name, near: near.join(","), limit });
+  }
+
+  object(layer: string, id: number): Promise<ObjectDetails> {
+    return this.get(`/api/objects/${encodeURIComponent(layer)}/${id}`, {});
+  }
+
+  edit(version: number, operations: Operation[]): Promise<Change> {
+    return this.post("/api/edit", { version, operations });
+  }
+
+  undo(version: number): Promise<Change> {
+    return this.post("/api/undo", { version });
+  }
+
+  redo(version: number): Promise<Change> {
+    return this.post("/api/redo", { version });
+  }
+
+  save(request: SaveRequest): Promise<Change> {
+    return this.post("/api/save", request);
+  }
+
+  reload(): Promise<Change> {
+    return this.post("/api/reload", {});
+  }
+
+  watch(changed: (change: Change | null) => void): void {
+    const events = new EventSource("/api/events");
+    let lost = false;
+    events.onmessage = (event: MessageEvent<string>) => changed(JSON.parse(event.data) as Change);
+    events.onerror = () => {
+      if (!lost) changed(null);
+      lost = true;
+    };
+    events.onopen = () => {
+      // What happened in between is not known, so everything is asked anew.
+      if (lost) changed({});
+      lost = false;
+    };
+  }
+
+  private async get<T>(path: string, values: Values, signal?: AbortSignal): Promise<T> {
+    return (await ask(address(path, values), { signal })).json() as Promise<T>;
+  }
+
+  private async post<T>(path: string, body: unknown): Promise<T> {
+    const answer = await ask(path, {
+      method: "POST",
+      headers: { "Content-Type": "application/json", "X-Hypermap-Token": this.token },
+      body: JSON.stringify(body),
+    });
+    return answer.json() as Promise<T>;
+  }
+}
+
+function address(path: string, values: Values): string {
+  const query = new URLSearchParams();
+  for (const [key, value] of Object.entries(values)) {
+    for (const one of Array.isArray(value) ? value : [value]) query.append(key, String(one));
+  }
+  return `${path}?${query}`;
+}
+
+async function ask(url: string, options: RequestInit): Promise<Response> {
+  let answer: Response;
+  try {
+    answer = await fetch(url, options);
+  } catch (error) {
+    if (error instanceof DOMException && error.name === "AbortError") throw error;
+    throw new Refused("The server does not answer. Is `hypermap view` still running?", 0);
+  }
+  if (answer.ok) return answer;
+  const said = (await answer.json().catch(() => ({}))) as { error?: string; reason?: string };
+  throw new Refused(
+    said.error ?? `the server answers ${answer.status}`,
+    answer.status,
+    said.reason,
+  );
+}

@@ -1,0 +1,268 @@
+/** What the page knows of a map, and the questions that it can ask: the joint with the server. */
+
+/** Metres, in the base frame unless said. */
+export type Point = [number, number];
+export type Ring = Point[];
+/** The outer ring, then the holes. */
+export type Polygon = Ring[];
+/** [x0, y0, x1, y1] */
+export type Extent = [number, number, number, number];
+
+export interface Frame {
+  frame_id: string;
+  /** Its pose in the base frame; yaw in radians. */
+  x: number;
+  y: number;
+  yaw: number;
+}
+
+export interface LegendEntry {
+  label: string;
+  color: string;
+}
+
+export interface ClassInfo {
+  name: string;
+  color: string;
+  count: number;
+}
+
+export interface LayerInfo {
+  name: string;
+  class_name: string;
+  frame_id: string;
+  kind: "raster" | "shapes" | "none";
+  count: number;
+  extent: Extent | null;
+  /** Metres per cell, of raster layers. */
+  resolution?: number;
+  editable?: boolean;
+  /** That of the last change of this layer. */
+  version?: number;
+  /** Why it cannot be drawn. */
+  problem?: string;
+  legend: LegendEntry[];
+  classes: ClassInfo[];
+}
+
+export interface EditState {
+  version: number;
+  can_undo: boolean;
+  can_redo: boolean;
+  unsaved: boolean;
+}
+
+export interface MapInfo extends EditState {
+  name: string;
+  /** The file's name, for the commands that are shown. */
+  path: string;
+  base_frame: string;
+  extent: Extent | null;
+  editable: boolean;
+  frames: Frame[];
+  layers: LayerInfo[];
+  token?: string;
+  /** What the reader should know of this map. */
+  notes?: string[];
+}
+
+export interface Shape {
+  id: number;
+  name: string;
+  polygons?: Polygon[];
+  /** In place of polygons, where the shape is smaller than two pixels. */
+  point?: Point;
+  /** Where a label belongs. */
+  at: Point;
+  area: number;
+}
+
+export interface Shapes {
+  total: number;
+  shown: number;
+  features: Shape[];
+}
+
+/** The same question, as a program would ask it. */
+export interface Spelled {
+  python: string;
+  command: string;
+}
+
+export interface ObjectAt {
+  id: number;
+  name: string;
+  area?: number;
+  existence?: number | null;
+  tags?: string[];
+}
+
+export interface LayerAnswer {
+  name: string;
+  label: string;
+  value: number | null;
+  objects: ObjectAt[];
+}
+
+export interface PointAnswer extends Spelled {
+  /** In the base frame. */
+  point: Point;
+  frame: string;
+  layers: LayerAnswer[];
+}
+
+export interface AreaRow {
+  layer: string;
+  id: number;
+  name: string;
+  x: number;
+  y: number;
+  area: number;
+  existence: number | null;
+  first_seen: number | null;
+  last_seen: number | null;
+  tags: string[];
+}
+
+export interface AreaAnswer extends Spelled {
+  rows: AreaRow[];
+  /** How many rows there are, where not all are sent. */
+  total?: number;
+  cells: { layer: string; label: string; count: number }[];
+}
+
+export interface FoundRow {
+  layer: string;
+  id: number;
+  name: string;
+  x: number;
+  y: number;
+  distance: number;
+}
+
+export interface FindAnswer extends Spelled {
+  rows: FoundRow[];
+  total?: number;
+  names: string[];
+}
+
+export interface ObjectDetails {
+  layer: string;
+  id: number;
+  name: string;
+  area: number;
+  at: Point;
+  polygons: Polygon[];
+  wkt: string;
+  tags: string[];
+  attributes: Record<string, unknown>;
+}
+
+export interface Operation {
+  op: "add" | "update" | "remove";
+  layer: string;
+  id?: number;
+  name?: string;
+  polygons?: Polygon[];
+  tags?: string[];
+}
+
+export interface Change extends Partial<EditState> {
+  ids?: number[];
+  /** Names of the layers that changed. */
+  layers?: string[];
+  saved?: boolean;
+  disk?: "changed" | "vanished";
+}
+
+export interface SaveRequest {
+  path?: string;
+  overwrite?: boolean;
+}
+
+export type Download = "csv" | "geojson";
+export type TileImage = HTMLImageElement | HTMLCanvasElement | ImageBitmap;
+
+/** An answer that is no answer: what the server or the map says against the question. */
+export class Refused extends Error {
+  constructor(
+    message: string,
+    readonly status: number,
+    /** Of a 409: "behind", "disk" or "exists". */
+    readonly reason: string = "",
+  ) {
+    super(message);
+  }
+}
+
+export interface Questions {
+  map(): Promise<MapInfo>;
+  /** One tile of 256 x 256 pixels of 0.01 * 2^zoom m; row grows along y. */
+  tile(
+    layer: string,
+    zoom: number,
+    column: number,
+    row: number,
+    version: number,
+  ): Promise<TileImage>;
+  /** What meets an extent, at so many metres per pixel; only these names, if any are given. */
+  shapes(
+    layer: string,
+    extent: Extent,
+    resolution: number,
+    names: string[] | null,
+    version: number,
+    signal: AbortSignal,
+  ): Promise<Shapes>;
+  at(point: Point, frame: string): Promise<PointAnswer>;
+  area(ring: Ring, frame: string): Promise<AreaAnswer>;
+  download(kind: Download, ring: Ring, frame: string): Promise<Blob>;
+  find(name: string, near: Point, limit: number): Promise<FindAnswer>;
+  object(layer: string, id: number): Promise<ObjectDetails>;
+}
+
+export interface Editing {
+  edit(version: number, operations: Operation[]): Promise<Change>;
+  undo(version: number): Promise<Change>;
+  redo(version: number): Promise<Change>;
+  save(request: SaveRequest): Promise<Change>;
+  /** Opens the file anew; what was not saved is lost. */
+  reload(): Promise<Change>;
+  /** Calls back on every change, from this window or another; `null` when the server is lost. */
+  watch(changed: (change: Change | null) => void): void;
+}
+
+export interface DataSource extends Questions {
+  /** Absent where the map can only be looked at. */
+  readonly editing?: Editing;
+}
+
+/** The map inside a page that was written as one file. */
+export interface EmbeddedMap {
+  version: 1;
+  map: MapInfo;
+  rasters: Record<string, EmbeddedRaster>;
+  shapes: Record<string, EmbeddedShape[]>;
+}
+
+export interface EmbeddedRaster {
+  /** Base64 of a PNG that lies straight in the base frame; its first row has the largest y. */
+  png: string;
+  bounds: Extent;
+  /** Metres per pixel. */
+  resolution: number;
+  /** What a pixel of the color "rrggbbaa" says. */
+  says: Record<string, { label: string; value: number | null }>;
+}
+
+export interface EmbeddedShape {
+  id: number;
+  name: string;
+  polygons: Polygon[];
+  /** Where a label belongs: inside. */
+  at: Point;
+  /** What questions give as the object's place. */
+  centroid: Point;
+  area: number;
+  attributes: Record<string, unknown>;
+}

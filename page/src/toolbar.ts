@@ -1,0 +1,85 @@
+/** The tools at the top of the map. */
+
+import { byId, el, icon, iconButton, type ICONS } from "./dom";
+import type { Theme } from "./settings";
+
+export type Tool = "point" | "rectangle" | "polygon";
+
+export interface ToolVerbs {
+  menu: () => void;
+  choose: (tool: Tool) => void;
+  edit: () => void;
+  fit: () => void;
+  theme: () => void;
+}
+
+const TOOLS: { tool: Tool; label: string; title: string }[] = [
+  { tool: "point", label: "Point", title: "Ask what is at a point: click the map" },
+  { tool: "rectangle", label: "Rectangle", title: "Ask what is in a rectangle: drag it" },
+  { tool: "polygon", label: "Polygon", title: "Ask what is in an area: click its corners" },
+];
+
+export class Toolbar {
+  private readonly tools = new Map<Tool, HTMLButtonElement>();
+  private readonly edit: HTMLButtonElement;
+  private readonly theme: HTMLButtonElement;
+
+  constructor(verbs: ToolVerbs) {
+    const menu = iconButton("menu", "Layers and search", verbs.menu, { id: "menu" });
+    for (const { tool, label, title } of TOOLS) {
+      this.tools.set(
+        tool,
+        toolButton(tool, `tool-${tool}`, label, title, () => verbs.choose(tool)),
+      );
+    }
+    this.edit = toolButton("edit", "tool-edit", "Edit", "Change the map", verbs.edit);
+    this.edit.setAttribute("aria-pressed", "false");
+    this.theme = iconButton("moon", "Dark", verbs.theme, { id: "theme" });
+    byId("toolbar").replaceChildren(
+      menu,
+      ...this.tools.values(),
+      el("span", { class: "divider" }),
+      this.edit,
+      iconButton("fit", "Show the whole map (f)", verbs.fit, { id: "fit" }),
+      this.theme,
+    );
+    this.showTool("point");
+  }
+
+  offerEdit(offered: boolean): void {
+    this.edit.hidden = !offered;
+  }
+
+  showTool(chosen: Tool): void {
+    for (const [tool, button] of this.tools) {
+      button.setAttribute("aria-pressed", String(tool === chosen));
+    }
+  }
+
+  showEdit(active: boolean): void {
+    this.edit.setAttribute("aria-pressed", String(active));
+    this.tools.get("point")?.setAttribute("aria-pressed", String(!active));
+  }
+
+  showTheme(theme: Theme): void {
+    const label = theme === "dark" ? "Switch to light" : "Switch to dark";
+    this.theme.replaceChildren(icon(theme === "dark" ? "sun" : "moon"));
+    this.theme.title = label;
+    this.theme.setAttribute("aria-label", label);
+  }
+}
+
+function toolButton(
+  name: keyof typeof ICONS,
+  id: string,
+  label: string,
+  title: string,
+  onclick: () => void,
+): HTMLButtonElement {
+  return el(
+    "button",
+    { type: "button", id, title, class: "tool", aria: { label: title }, onclick },
+    icon(name),
+    el("span", { class: "tool-label", text: label }),
+  );
+}

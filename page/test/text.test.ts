@@ -1,0 +1,79 @@
+import assert from "node:assert/strict";
+import { test } from "node:test";
+import { csv, geojson, length, metres, niceLength, squareMetres } from "../src/format";
+import { placeFromHash, placeToHash } from "../src/place";
+import { shellWord, spellAt, spellFind } from "../src/questions";
+import type { AreaRow } from "../src/source";
+
+const row: AreaRow = {
+  layer: "semantic",
+  id: 7,
+  name: "chair",
+  x: 1,
+  y: -2.5,
+  area: 0.25,
+  existence: null,
+  first_seen: null,
+  last_seen: 12.5,
+  tags: ["red", "old"],
+};
+
+test("lengths on a scale bar are 1, 2 or 5 of something", () => {
+  assert.deepEqual([0.012, 0.9, 1, 4.99, 137].map(niceLength), [0.01, 0.5, 1, 2, 100]);
+  assert.deepEqual([0.005, 0.2, 5, 2000].map(length), ["5 mm", "20 cm", "5 m", "2 km"]);
+});
+
+test("a place has the digits that a pixel deserves, and no negative zero", () => {
+  assert.equal(metres(1.23456, 0.05), "1.23");
+  assert.equal(metres(-0.0001, 0.05), "0.00");
+  assert.equal(metres(-3, 1), "−3");
+  assert.equal(squareMetres(0.0042), "42 cm²");
+});
+
+test("CSV keeps commas and quotes apart, and hands no formula to a spreadsheet", () => {
+  const [head, ...lines] = csv([row, { ...row, name: '=SUM(A1), "x"' }])
+    .trimEnd()
+    .split("\r\n");
+  assert.equal(head, "layer,id,name,x,y,area,existence,first_seen,last_seen,tags");
+  assert.equal(lines[0], "semantic,7,chair,1,-2.5,0.25,,,12.5,red old");
+  assert.equal(lines[1].split(",").slice(2, 4).join(","), `"'=SUM(A1), ""x"""`);
+});
+
+test("GeoJSON has closed rings", () => {
+  const polygons = [
+    [[[0, 0] as [number, number], [1, 0] as [number, number], [0, 1] as [number, number]]],
+  ];
+  const { features } = JSON.parse(geojson([{ ...row, polygons: polygons[0] ? polygons : [] }]));
+  assert.deepEqual(features[0].geometry.coordinates, [
+    [
+      [
+        [0, 0],
+        [1, 0],
+        [0, 1],
+        [0, 0],
+      ],
+    ],
+  ]);
+  assert.equal(features[0].properties.name, "chair");
+});
+
+test("a place survives the address", () => {
+  const place = { center: [1.25, -3.5], resolution: 0.01, frame: "a b", hidden: ["x&y", "z"] };
+  assert.deepEqual(placeFromHash(placeToHash({ ...place, center: [1.25, -3.5] })), place);
+  for (const wrong of ["", "#x=1&y=2", "#x=1&y=a&r=1", "#x=1&y=2&r=0", "#x=1&y=2&r=-1"]) {
+    assert.equal(placeFromHash(wrong), null, wrong);
+  }
+});
+
+test("commands and programs quote what they must", () => {
+  assert.equal(shellWord("lab.hmap"), "lab.hmap");
+  assert.equal(shellWord("it's"), `'it'"'"'s'`);
+  assert.equal(
+    spellAt("-a b.hmap", [1, -2], "room", ["occupancy"]).command,
+    "hypermap query './-a b.hmap' --at=1,-2 --frame=room",
+  );
+  assert.match(
+    spellFind("m.hmap", '"chair', [0, 0]).python,
+    /objects\("\\"chair", near=\[0, 0\]\)/,
+  );
+});
