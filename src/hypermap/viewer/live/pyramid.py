@@ -124,12 +124,11 @@ class Pyramid:
         self, xs: NDArray[np.float64], ys: NDArray[np.float64], number: int, base_T_layer: Pose2D
     ) -> Pixels:
         rows, cols = self._cells(xs, ys, base_T_layer.inverse())
-        on_grid = self.grid.contains(rows, cols)
+        rows, cols = rows >> number, cols >> number
         level = self.level(number)
         height, width = level.shape[:2]
-        pixels: Pixels = level[
-            np.clip(rows >> number, 0, height - 1), np.clip(cols >> number, 0, width - 1)
-        ]
+        on_grid = (rows >= 0) & (rows < height) & (cols >= 0) & (cols < width)
+        pixels: Pixels = level[np.clip(rows, 0, height - 1), np.clip(cols, 0, width - 1)]
         pixels[~on_grid] = self.paint.outside
         return pixels
 

@@ -13,7 +13,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.arrays import IntArray
-from hypermap.core.errors import FrameError, did_you_mean
+from hypermap.core.errors import FrameError, HypermapError, ObjectNotFound, did_you_mean
 from hypermap.core.frames import Pose2D
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.layer import Layer
@@ -145,31 +145,35 @@ class Questions:
 
         Raises:
             LayerNotFound, ObjectNotFound: If there is none.
+            HypermapError: If the layer is not drawn as shapes.
         """
         layer = self.hypermap[layer_name]
         view = self._views.of(self.hypermap, layer)
-        if not isinstance(layer, SemanticLayer) or view.shapes is None:
-            return {"layer": layer_name, "id": number, "name": "", "tags": [], "attributes": {}}
-        item = layer.get(number)
+        if view.shapes is None:
+            raise HypermapError(f"layer {layer_name!r} holds no objects")
         rows = np.flatnonzero(view.shapes.ids == number)
-        row = int(rows[0])
-        placed = view.base_T_layer.apply_geometry(item.footprint)
-        return {
+        if len(rows) == 0:
+            raise ObjectNotFound(f"layer {layer_name!r} has no object with id {number}")
+        row, pose = int(rows[0]), view.base_T_layer
+        told: dict[str, Any] = {
             "layer": layer.name,
             "id": number,
-            "name": item.name,
+            "name": str(view.shapes.names[row]),
             "area": float(view.shapes.areas[row]),
-            "at": view.shapes.label_points(rows, view.base_T_layer)[0].tolist(),
-            "centroid": view.base_T_layer.apply(view.shapes.centroids[row])[0].tolist(),
-            "polygons": view.shapes.polygons(row, view.base_T_layer),
-            "wkt": shapely.to_wkt(placed, rounding_precision=-1),
-            "tags": list(item.tags),
-            "confidence": list(item.confidence),
-            "existence": item.existence,
-            "first_seen": item.first_seen,
-            "last_seen": item.last_seen,
-            "attributes": dict(item.attributes),
+            "at": view.shapes.label_points(rows, pose)[0].tolist(),
+            "centroid": pose.apply(view.shapes.centroids[row])[0].tolist(),
+            "polygons": view.shapes.polygons(row, pose),
+            "wkt": shapely.to_wkt(pose.apply_geometry(view.shapes.shapes[row]), -1),
+            "tags": [],
+            "attributes": {},
         }
+        if isinstance(layer, SemanticLayer):
+            item = layer.get(number)
+            told["wkt"] = shapely.to_wkt(pose.apply_geometry(item.footprint), -1)
+            for key in ("tags", "confidence", "existence", "first_seen", "last_seen"):
+                told[key] = getattr(item, key)
+            told["attributes"] = dict(item.attributes)
+        return told
 
     def _layer_at(self, layer: Layer, point: Sequence[float], frame: str | None) -> dict[str, Any]:
         value = self.hypermap.value_at(layer.name, point, frame)[0]

@@ -1,0 +1,332 @@
+from __future__ import annotations
+
+import contextlib
+import csv
+import io
+import json
+import shlex
+
+import numpy as np
+import pytest
+import shapely
+
+from hypermap.cli.main import main
+from hypermap.core.occupancy import OccupancyLayer
+from hypermap.core.opaque import OpaqueLayer
+from hypermap.core.semantic import SemanticLayer
+from hypermap.formats import open_map
+from hypermap.formats.geojson import from_geojson
+from hypermap.testing import square
+
+from .live_tools import Window, a_map, saved, serving
+
+SQUARE = [[5.0, -1.0], [11.0, -1.0], [11.0, 3.0], [5.0, 3.0]]
+
+
+def answers_of(command: str) -> list[dict]:
+    """Run a command that the page shows, as a shell would, and return its rows."""
+    program, *arguments = shlex.split(command)
+    assert program == "hypermap"
+    said = io.StringIO()
+    with contextlib.redirect_stdout(said), pytest.raises(SystemExit) as end:
+        main([*arguments, "--json"])
+    assert not end.value.code
+    return json.loads(said.getvalue())["answers"]
+
+
+def lines_of(python: str) -> list[str]:
+    """Run the Python that the page shows, and return what it prints."""
+    said = io.StringIO()
+    with contextlib.redirect_stdout(said):
+        exec(compile(python, "<page>", "exec"), {"__name__": "__main__"})
+    return said.getvalue().splitlines()
+
+
+@pytest.mark.parametrize("frame", [None, "map", "lab"])
+@pytest.mark.parametrize("point", [(9.0, 1.0), (1.0, 1.0), (-3.25, 4.0), (4.5, 0.5)])
+def test_at_a_point_every_layer_answers_as_the_shown_calls_do(tmp_path, point, frame):
+    with serving(saved(tmp_path)) as client:
+        values = {"x": point[0], "y": point[1], **({"frame": frame} if frame else {})}
+        told = client.get("/api/at", params=values).json()
+    hypermap = a_map()
+    rows = answers_of(told["command"])
+    assert [(row["layer"], row["label"], row["value"]) for row in rows] == [
+        (layer["name"], layer["label"], layer["value"]) for layer in told["layers"]
+    ]
+    assert [rows[0]["x"], rows[0]["y"]] == pytest.approx(told["point"])
+    assert lines_of(told["python"]) == [f"{x['name']} {x['label']}" for x in told["layers"]]
+    for layer in told["layers"]:
+        assert layer["label"] == hypermap.label_at(layer["name"], point, frame)[0]
+
+
+def test_objects_at_a_point_are_told_the_smallest_first(tmp_path):
+    with serving(saved(tmp_path)) as client:
+        told = client.get("/api/at", params={"x": 1, "y": 1, "frame": "lab"}).json()
+    things = told["layers"][1]
+    assert [found["name"] for found in things["objects"]] == ["cup", "table"]
+    assert things["objects"][1]["existence"] == 4.5
+    assert things["objects"][0]["tags"] == ["mug", "glass"]
+
+
+@pytest.mark.parametrize("frame", [None, "lab"])
+def test_in_an_area_the_shown_calls_find_the_same(tmp_path, frame):
+    corners = SQUARE if frame is None else [[-1, -1], [3, -1], [3, 3], [-1.5, 3.25]]
+    with serving(saved(tmp_path)) as client:
+        told = Window(client).post("/api/area", polygon=corners, frame=frame)
+    rows = answers_of(told["command"])
+    objects = [row for row in rows if "object" in row]
+    assert [(row["layer"], row["id"], row["name"]) for row in told["rows"]] == [
+        (row["layer"], row["value"], row["label"]) for row in objects
+    ]
+    assert told["rows"]
+    for ours, theirs in zip(told["rows"], objects, strict=True):
+        assert [ours["x"], ours["y"]] == pytest.approx([theirs["x"], theirs["y"]])
+        assert ours["existence"] == theirs["object"]["existence"]
+        exact = shapely.from_wkt(theirs["object"]["footprint"])
+        assert ours["area"] == pytest.approx(exact.area, rel=1e-4)
+    labels = [row["label"] for row in rows if "object" not in row]
+    assert {cell["label"]: cell["count"] for cell in told["cells"]} == {
+        label: labels.count(label) for label in set(labels)
+    }
+    lines = lines_of(told["python"])
+    assert lines[:-1] == [f"{r['layer']} {r['id']} {r['name']}" for r in told["rows"]]
+    assert lines[-1] == f"occupancy {len(labels)} cells"
+
+
+def test_the_cells_of_an_area_are_counted_as_the_layer_lists_them(tmp_path):
+    cells = np.random.default_rng(0).choice([-1, 0, 40, 100], (60, 80))
+    hypermap = a_map()
+    grid = hypermap["occupancy"].grid
+    big = OccupancyLayer("big", "lab", type(grid)(80, 60, 0.1, grid.origin), cells)
+    hypermap.add(big)
+    area = [[-7.3, 0.2], [9.1, -3.0], [8.0, 5.5], [9.0, 7.0]]
+    with serving(saved(tmp_path, hypermap)) as client:
+        told = Window(client).post("/api/area", polygon=area)
+    listed = hypermap.labels_in("big", shapely.Polygon(area)).values.tolist()
+    counted = {c["label"]: c["count"] for c in told["cells"] if c["layer"] == "big"}
+    assert counted == {label: listed.count(label) for label in set(listed)}
+    assert len(counted) == 3
+
+
+@pytest.mark.parametrize("frame", [None, "lab"])
+@pytest.mark.parametrize("near", [None, "1,2", "-7.5,0.25"])
+def test_what_is_looked_for_is_found_nearest_first_as_the_shown_calls_find_it(
+    tmp_path, near, frame
+):
+    hypermap = a_map()
+    cups = [square("cup", x, y, 0.3) for x, y in [(5, 5), (2, 1), (-4, 0), (0.5, 7)]]
+    hypermap.add(SemanticLayer("more", "map", cups))
+    values = {
+        "name": "cup",
+        **({"near": near} if near else {}),
+        **({"frame": frame} if frame else {}),
+    }
+    with serving(saved(tmp_path, hypermap)) as client:
+        told = client.get("/api/find", params=values).json()
+    rows = answers_of(told["command"])
+    assert [(r["layer"], r["id"]) for r in told["rows"]] == [(r["layer"], r["value"]) for r in rows]
+    assert len(rows) == told["total"] == 5
+    assert len(lines_of(told["python"])) == 5
+    if near:
+        distances = [row["distance"] for row in told["rows"]]
+        assert distances == sorted(distances)
+        assert distances == pytest.approx([row["distance"] for row in rows])
+    else:
+        assert all(row["distance"] is None for row in told["rows"])
+
+
+@pytest.mark.parametrize(
+    ("asked", "name", "total", "names"),
+    [
+        ("tab", "table", 1, ["table"]),
+        ("TABLE", "table", 1, ["table"]),
+        ("u", "u", 0, ["cup", "rug"]),
+        ("tabel", "table", 1, ["table"]),
+        ("zebra", "zebra", 0, []),
+    ],
+)
+def test_names_are_suggested(tmp_path, asked, name, total, names):
+    with serving(saved(tmp_path)) as client:
+        told = client.get("/api/find", params={"name": asked}).json()
+    assert (told["name"], told["total"], told["names"]) == (name, total, names)
+
+
+def test_a_limit_is_kept_and_the_total_told(tmp_path):
+    hypermap = a_map()
+    hypermap.add(SemanticLayer("more", "map", [square("cup", i, 0) for i in range(30)]))
+    with serving(saved(tmp_path, hypermap)) as client:
+        values = {"name": "cup", "near": "0,0", "limit": 7}
+        told = client.get("/api/find", params=values).json()
+    assert (len(told["rows"]), told["total"]) == (7, 31)
+
+
+def test_names_that_shells_and_python_would_read_otherwise_are_quoted(tmp_path, monkeypatch):
+    name = 'the $HOME\'s `table`; "rm" <script>alert(1)</script>'
+    hypermap = a_map()
+    hypermap.add(SemanticLayer("more", "map", [square(name, 3, 0)]))
+    folder = tmp_path / "my maps"
+    folder.mkdir()
+    path = saved(folder, hypermap, "it's.hmap")
+    monkeypatch.chdir(folder)
+    with serving(type(path)("it's.hmap")) as client:
+        told = client.get("/api/find", params={"name": name, "near": "0,0"}).json()
+        assert [row["name"] for row in told["rows"]] == [name]
+        assert [row["label"] for row in answers_of(told["command"])] == [name]
+        assert len(lines_of(told["python"])) == 1
+
+
+def test_an_area_is_downloaded_as_csv_and_geojson(tmp_path):
+    corners = ",".join(f"{x},{y}" for x, y in SQUARE)
+    with serving(saved(tmp_path)) as client:
+        told = Window(client).post("/api/area", polygon=SQUARE)
+        table = client.get("/api/area.csv", params={"polygon": corners})
+        drawn = client.get("/api/area.geojson", params={"polygon": corners})
+    assert table.headers["content-disposition"] == 'attachment; filename="area.csv"'
+    rows = list(csv.DictReader(io.StringIO(table.text)))
+    assert [(row["layer"], int(row["id"]), row["name"]) for row in rows] == [
+        (row["layer"], row["id"], row["name"]) for row in told["rows"]
+    ]
+    assert rows[0]["tags"] == "mug;glass"
+    assert float(rows[1]["existence"]) == 4.5
+    assert rows[0]["existence"] == ""
+    layer = from_geojson(drawn.text)
+    assert layer.frame_id == "map"
+    hypermap = a_map()
+    for row in told["rows"]:
+        item = layer.get(row["id"])
+        placed = hypermap.frames.lookup("map", "lab").apply_geometry(
+            hypermap["things"].get(row["id"]).footprint
+        )
+        assert item.footprint.equals_exact(placed, 1e-9)
+        assert item.attributes["layer"] == "things"
+
+
+def test_equal_ids_of_two_layers_are_numbered_anew_in_geojson(tmp_path):
+    hypermap = a_map()
+    hypermap.add(SemanticLayer("more", "map", [square("lamp", 9, 1)]))
+    corners = ",".join(f"{x},{y}" for x, y in SQUARE)
+    with serving(saved(tmp_path, hypermap)) as client:
+        drawn = client.get("/api/area.geojson", params={"polygon": corners})
+    layer = from_geojson(drawn.text)
+    assert sorted(layer.ids.tolist()) == list(range(len(layer)))
+    assert "lamp" in layer.names
+
+
+def test_all_that_is_known_of_an_object(tmp_path):
+    with serving(saved(tmp_path)) as client:
+        told = client.get("/api/objects/things/1").json()
+        rug = client.get("/api/objects/things/2").json()
+        assert client.get("/api/objects/things/9").status_code == 404
+        assert client.get("/api/objects/occupancy/0").status_code == 400
+    assert (told["name"], told["existence"], told["first_seen"]) == ("table", 4.5, 1.0)
+    assert told["area"] == pytest.approx(4.0)
+    hypermap = a_map()
+    exact = hypermap.frames.lookup("map", "lab").apply_geometry(hypermap["things"].get(1).footprint)
+    assert shapely.from_wkt(told["wkt"]).equals_exact(exact, 1e-12)
+    assert rug["attributes"] == {"color": "red"}
+    assert len(rug["polygons"][0]) == 2
+
+
+def test_what_the_page_needs_to_know_of_a_map(tmp_path):
+    hypermap = a_map()
+    hypermap.add(
+        OpaqueLayer("Strange", "strange", "map", {"strange": b"?"}, settings={"file": "strange"})
+    )
+    with serving(saved(tmp_path, hypermap)) as client:
+        info = client.get("/api/map").json()
+    assert (info["name"], info["base_frame"], info["editable"]) == ("room.hmap", "map", True)
+    assert (info["can_undo"], info["can_redo"], info["unsaved"]) == (False, False, False)
+    grid, things, strange = info["layers"]
+    assert (grid["kind"], grid["count"], grid["resolution"]) == ("raster", 6, 2.0)
+    assert grid["legend"][1] == {"label": "Occupied", "color": "#23262d"}
+    assert (things["kind"], things["count"], things["editable"]) == ("shapes", 3, True)
+    assert [part["name"] for part in things["classes"]] == ["cup", "rug", "table"]
+    assert len({part["color"] for part in things["classes"]}) == 3
+    assert (strange["kind"], strange["class_name"]) == ("none", "Strange")
+    # The unknown cells on the right are left out: 0..6 m along x, of which 4 are known above.
+    assert grid["extent"] == [0.0, 0.0, 6.0, 4.0]
+
+
+def test_the_view_begins_with_what_is_known(tmp_path):
+    cells = np.full((50, 100), -1, np.int8)
+    cells[10:20, 30:60] = 0
+    hypermap = a_map()
+    grid = OccupancyLayer("grid", "map", type(hypermap["occupancy"].grid)(100, 50, 0.5), cells)
+    with serving(saved(tmp_path, type(hypermap)([grid]))) as client:
+        assert client.get("/api/map").json()["extent"] == [15.0, 5.0, 30.0, 10.0]
+
+
+@pytest.mark.parametrize(
+    ("path", "values", "reason"),
+    [
+        ("/api/at", {"x": "a", "y": 1}, "x: a number within 1e+09 m is expected, got 'a'"),
+        ("/api/at", {"x": 1}, "y: a number within 1e+09 m is expected, got None"),
+        ("/api/at", {"x": 1, "y": 1, "frame": "lba"}, "frame 'lba' is unknown to the map; did you"),
+        ("/api/find", {}, "name: what is to be found?"),
+        ("/api/find", {"name": "cup", "near": "1"}, "near: a point x,y is expected, got '1'"),
+        ("/api/find", {"name": "cup", "limit": 0}, "limit: must be from 1 to 5000, got 0"),
+        ("/api/area.csv", {"polygon": "0,0,1,1"}, "at least three corners, got 2"),
+        ("/api/area.csv", {"polygon": "0,0,1,1,1"}, "each corner must be a point [x, y]"),
+        ("/api/area.csv", {}, "polygon: a number within 1e+09 m is expected, got ''"),
+        ("/api/objects/things/x", {}, "id: a whole number is expected, got 'x'"),
+    ],
+)
+def test_a_question_without_meaning_is_refused(tmp_path, path, values, reason):
+    with serving(saved(tmp_path)) as client:
+        answer = client.get(path, params=values)
+        assert answer.status_code == 400
+        assert reason in answer.json()["error"]
+
+
+@pytest.mark.parametrize(
+    ("polygon", "reason"),
+    [
+        ([[0, 0], [2, 2], [2, 0], [0, 2]], "polygon: the outline crosses itself"),
+        ([[0, 0], [1, 1], [2, 2]], "polygon: the"),
+        ([[0, 0], [1, 1]], "at least three corners, got 2"),
+        ([[0, 0], [1, "x"], [2, 2]], "a number within 1e+09 m is expected, got 'x'"),
+        ([[0, 0], [1, float(10**12)], [2, 2]], "a number within 1e+09 m is expected"),
+        ("POLYGON", "a list of corners [x, y] is expected, got 'POLYGON'"),
+        (None, "a list of corners [x, y] is expected, got None"),
+        ([[0, i] for i in range(20_000)], "has 20000 corners, more than 10000; draw it coarser"),
+    ],
+)
+def test_an_area_that_is_none_is_refused(tmp_path, polygon, reason):
+    with serving(saved(tmp_path)) as client:
+        assert reason in Window(client).post("/api/area", 400, polygon=polygon)["error"]
+
+
+def test_the_facts_of_a_real_map(shared_data):
+    with serving(shared_data / "maps" / "lab.hmap") as client:
+        window = Window(client)
+        told = window.get("/api/at", x=3, y=-2)
+        assert told["layers"][1]["label"] == "table"
+        corners = [[2, -2], [3, -2], [3, -1], [2, -1]]
+        rows = window.post("/api/area", polygon=corners)["rows"]
+        assert sorted(row["name"] for row in rows) == ["chair", "table", "tvmonitor"]
+        (sink,) = window.get("/api/find", name="sink")["rows"]
+        assert (sink["x"], sink["y"]) == pytest.approx((3.259, 2.378), abs=1e-3)
+
+
+@pytest.mark.parametrize("name", ["lab", "floor", "office", "example"])
+def test_the_shown_calls_work_on_real_maps(shared_data, name):
+    path = shared_data / "maps" / f"{name}.hmap"
+    hypermap = open_map(path)
+    layer = next(layer for layer in hypermap if isinstance(layer, SemanticLayer))
+    x, y = layer.table.centroids[0].tolist()
+    with serving(path) as client:
+        window = Window(client)
+        at = window.get("/api/at", x=x, y=y)
+        assert [row["label"] for row in answers_of(at["command"])] == [
+            told["label"] for told in at["layers"]
+        ]
+        found = window.get("/api/find", name=layer.names[0], near=f"{x},{y}", limit=5000)
+        assert [row["value"] for row in answers_of(found["command"])] == [
+            row["id"] for row in found["rows"]
+        ]
+        corners = [[x - 1, y - 1], [x + 1, y - 1], [x + 1.5, y + 1], [x - 1, y + 1]]
+        area = window.post("/api/area", polygon=corners)
+        rows = answers_of(area["command"])
+        assert [row["value"] for row in rows if "object" in row] == [
+            row["id"] for row in area["rows"]
+        ]
