@@ -1,39 +1,29 @@
 """The semantic mapper: what a robot's camera sees becomes a map while it drives.
 
-Callbacks put the newest complete frame in a slot; one worker maps it. A frame that comes while the
-worker is busy replaces the one that waits, so a slow machine drops frames and does not lag.
+Callbacks hand the newest complete frame to a worker, which maps it; see `worker`.
 """
 
 from __future__ import annotations
 
-import contextlib
-import threading
-import time
 from collections.abc import Mapping
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
-from hypermap.core.errors import FrameError, HypermapError
+from hypermap.core.errors import HypermapError
 from hypermap.core.hypermap import Hypermap
 from hypermap.formats import save_map
 from hypermap.recordings.messages.header import clean_frame
 from hypermap.recordings.messages.occupancy import occupancy_of_grid
 from hypermap.ros.mapper import diagnostics
 from hypermap.ros.mapper.frames import FrameMaker
-from hypermap.ros.mapper.inputs import LiveInputs, Work
+from hypermap.ros.mapper.inputs import LiveInputs
 from hypermap.ros.mapper.live_map import LiveMap
-from hypermap.ros.mapper.mailbox import Mailbox
 from hypermap.ros.mapper.outputs import LiveOutputs
 from hypermap.ros.mapper.settings import OCCUPANCY, PARAMETERS, LiveSettings
-from hypermap.ros.mapper.statistics import Fate, Report, State, Statistics
+from hypermap.ros.mapper.statistics import Report, State, Statistics
+from hypermap.ros.mapper.worker import Worker
 from hypermap.ros.port import Closable, Message, Port, Value
 from hypermap.ros.server.map_directory import archive_within
 from hypermap.ros.throttle import Throttle
-
-_TF_POLL = 0.01  # s
-_PATIENT_END = 30.0  # s that the worker may take for its last frame
 
 
 class SemanticMapper:
@@ -120,26 +110,22 @@ class _Life:
         self._statistics = Statistics()
         self._log = Throttle(port.log)
         self._frames = FrameMaker(settings)
-        self._mailbox = Mailbox[Work]()
-        self._ends = threading.Event()
-        self._waits_for_tf = False
-        self._newest = 0  # stamp of the newest frame that the worker has taken [ns]
         self._saved_revision = live_map.revision
         self._said = ""
         self.outputs = LiveOutputs(port, settings, live_map)
         self.outputs.set(values)
         self._diagnostics = port.publisher("/diagnostics", diagnostics.TYPE)
-        self._prepare_tf()
-        self._worker = threading.Thread(target=self._work, name="mapping", daemon=True)
-        self._worker.start()
+        self._worker = Worker(
+            port, settings, live_map, self._frames, self.outputs, self._statistics, self._log
+        )
         self._inputs = LiveInputs(
             port,
             settings,
             self._statistics,
             self._log,
-            self._put,
+            self._worker.put,
             self._take_camera_info,
-            self._jump,
+            self._worker.jump,
         )
         self._others: list[Closable] = [port.timer(1.0, self._diagnose), *self._serve()]
         if settings.map_topic:
@@ -152,8 +138,7 @@ class _Life:
         self._inputs.close()
         for closable in self._others:
             closable.close()
-        self._ends.set()
-        self._worker.join(_PATIENT_END)
+        self._worker.close()
         self.outputs.close()
         self._diagnostics.close()
         if not self._settings.save_to:
@@ -168,11 +153,6 @@ class _Life:
         return self._statistics.report(self._settings.geometry_topic)
 
     # What callbacks bring
-
-    def _put(self, work: Work) -> None:
-        replaced = self._mailbox.put(work)
-        if replaced is not None:
-            self._statistics.count(Fate.NO_TF if self._waits_for_tf else Fate.BUSY)
 
     def _take_camera_info(self, message: Message) -> None:
         self._frames.camera_info = message
@@ -193,92 +173,6 @@ class _Life:
             )
             return
         self._map.give_occupancy(layer)
-
-    def _jump(self) -> None:
-        if self._mailbox.take(timeout=0.0) is not None:
-            self._statistics.count(Fate.CLOCK_JUMP)
-        self._newest = 0
-        self._port.forget_transforms()
-        self._port.log(
-            "warning", "the clock has jumped back: what waited is forgotten, the map goes on"
-        )
-
-    # The worker
-
-    def _work(self) -> None:
-        period = 1 / self._settings.publish_rate
-        next_publish = 0.0
-        while not self._ends.is_set():
-            work = self._mailbox.take(timeout=min(period, 0.2))
-            try:
-                if work is not None:
-                    self._take(work)
-                if time.monotonic() >= next_publish:
-                    next_publish = time.monotonic() + period
-                    self.outputs.publish()
-            except Exception as error:  # one frame must not end the node
-                kind = type(error).__name__
-                self._log.log("error", kind, f"a frame failed: {kind}: {error}")
-        self.outputs.publish()
-
-    def _take(self, work: Work) -> None:
-        """Map a frame and count what became of it."""
-        fate, reason = Fate.UNUSABLE, ""
-        try:
-            fate, reason = self._map_frame_of(work)
-        except (HypermapError, ValueError) as error:
-            reason = str(error)
-        finally:
-            self._statistics.count(fate, time.monotonic() - work.arrived)
-        if reason:
-            self._log.log("warning", fate, f"{fate.value}: {reason}")
-
-    def _map_frame_of(self, work: Work) -> tuple[Fate, str]:
-        """Map a frame; return what became of it, and why if that is worth a line."""
-        stamp = work.match.stamp
-        if stamp <= self._newest:
-            return Fate.TOO_OLD, ""
-        self._newest = stamp
-        if self._frames.lacks_camera_info:
-            return Fate.NO_CAMERA_INFO, f"nothing came on {self._settings.info_topic}"
-        try:
-            pose = self._pose(self._frames.frame_id(work.geometry), stamp)
-        except FrameError as error:
-            return Fate.NO_TF, str(error)
-        frame = self._frames.frame(work.match, work.geometry, pose)
-        fate, reason, observation = self._map.add(frame)
-        if observation is not None:
-            self.outputs.show(observation, stamp)
-        return fate, reason
-
-    def _pose(self, frame_id: str, stamp: int) -> NDArray[np.float64]:
-        """Return `map_T_camera` at a time; wait for it a little.
-
-        The wait goes by the wall's clock: that of a paused bag would stand still.
-        """
-        if not frame_id:
-            raise FrameError("the depth messages name no frame; name it by camera_frame")
-        end = time.monotonic() + self._settings.tf_timeout
-        self._waits_for_tf = True
-        try:
-            while (pose := self._pose_now(frame_id, stamp)) is None:
-                if time.monotonic() >= end or self._ends.wait(_TF_POLL):
-                    return self._port.lookup(self._map_frame, frame_id, stamp)
-            return pose
-        finally:
-            self._waits_for_tf = False
-
-    def _pose_now(self, frame_id: str, stamp: int) -> NDArray[np.float64] | None:
-        """Return `map_T_camera` if tf knows it by now."""
-        try:
-            return self._port.lookup(self._map_frame, frame_id, stamp)
-        except FrameError:
-            return None
-
-    def _prepare_tf(self) -> None:
-        """Let the middleware listen to tf from now on, not only from the first frame on."""
-        with contextlib.suppress(FrameError):
-            self._port.lookup(self._map_frame, self._map_frame)
 
     # What others ask
 

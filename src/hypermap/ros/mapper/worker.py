@@ -1,0 +1,155 @@
+"""The one thread of the semantic mapper that maps frames.
+
+Callbacks put the newest complete frame in a slot. A frame that comes while the worker is busy
+replaces the one that waits, so a slow machine drops frames and does not lag.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+import time
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hypermap.core.errors import FrameError, HypermapError
+from hypermap.recordings.messages.header import clean_frame
+from hypermap.ros.mapper.frames import FrameMaker
+from hypermap.ros.mapper.inputs import Work
+from hypermap.ros.mapper.live_map import LiveMap
+from hypermap.ros.mapper.mailbox import Mailbox
+from hypermap.ros.mapper.outputs import LiveOutputs
+from hypermap.ros.mapper.settings import LiveSettings
+from hypermap.ros.mapper.statistics import Fate, Statistics
+from hypermap.ros.port import Port
+from hypermap.ros.throttle import Throttle
+
+_TF_POLL = 0.01  # s
+_PATIENT_END = 30.0  # s that the worker may take for its last frame
+
+
+class Worker:
+    """Maps the newest frame, publishes what changed, and counts what became of each frame."""
+
+    def __init__(
+        self,
+        port: Port,
+        settings: LiveSettings,
+        live_map: LiveMap,
+        frames: FrameMaker,
+        outputs: LiveOutputs,
+        statistics: Statistics,
+        log: Throttle,
+    ) -> None:
+        self._port = port
+        self._settings = settings
+        self._map = live_map
+        self._map_frame = clean_frame(settings.map_frame)
+        self._frames = frames
+        self._outputs = outputs
+        self._statistics = statistics
+        self._log = log
+        self._mailbox = Mailbox[Work]()
+        self._ends = threading.Event()
+        self._waits_for_tf = False
+        self._newest = 0  # stamp of the newest frame that was taken [ns]
+        self._prepare_tf()
+        self._thread = threading.Thread(target=self._work, name="mapping", daemon=True)
+        self._thread.start()
+
+    def put(self, work: Work) -> None:
+        """Hand over a frame, in place of one that still waits."""
+        replaced = self._mailbox.put(work)
+        if replaced is not None:
+            self._statistics.count(Fate.NO_TF if self._waits_for_tf else Fate.BUSY)
+
+    def jump(self) -> None:
+        """Forget what waits, after the clock has jumped back."""
+        if self._mailbox.take(timeout=0.0) is not None:
+            self._statistics.count(Fate.CLOCK_JUMP)
+        self._newest = 0
+        self._port.forget_transforms()
+        self._port.log(
+            "warning", "the clock has jumped back: what waited is forgotten, the map goes on"
+        )
+
+    def close(self) -> None:
+        """Map what is under way, and end."""
+        self._ends.set()
+        self._thread.join(_PATIENT_END)
+
+    def _work(self) -> None:
+        period = 1 / self._settings.publish_rate
+        next_publish = 0.0
+        while not self._ends.is_set():
+            work = self._mailbox.take(timeout=min(period, 0.2))
+            try:
+                if work is not None:
+                    self._take(work)
+                if time.monotonic() >= next_publish:
+                    next_publish = time.monotonic() + period
+                    self._outputs.publish()
+            except Exception as error:  # one frame must not end the node
+                kind = type(error).__name__
+                self._log.log("error", kind, f"a frame failed: {kind}: {error}")
+        self._outputs.publish()
+
+    def _take(self, work: Work) -> None:
+        """Map a frame and count what became of it."""
+        fate, reason = Fate.UNUSABLE, ""
+        try:
+            fate, reason = self._map_frame_of(work)
+        except (HypermapError, ValueError) as error:
+            reason = str(error)
+        finally:
+            self._statistics.count(fate, time.monotonic() - work.arrived)
+        if reason:
+            self._log.log("warning", fate, f"{fate.value}: {reason}")
+
+    def _map_frame_of(self, work: Work) -> tuple[Fate, str]:
+        """Map a frame; return what became of it, and why if that is worth a line."""
+        stamp = work.match.stamp
+        if stamp <= self._newest:
+            return Fate.TOO_OLD, ""
+        self._newest = stamp
+        if self._frames.lacks_camera_info:
+            return Fate.NO_CAMERA_INFO, f"nothing came on {self._settings.info_topic}"
+        try:
+            pose = self._pose(self._frames.frame_id(work.geometry), stamp)
+        except FrameError as error:
+            return Fate.NO_TF, str(error)
+        frame = self._frames.frame(work.match, work.geometry, pose)
+        fate, reason, observation = self._map.add(frame)
+        if observation is not None:
+            self._outputs.show(observation, stamp)
+        return fate, reason
+
+    def _pose(self, frame_id: str, stamp: int) -> NDArray[np.float64]:
+        """Return `map_T_camera` at a time; wait for it a little.
+
+        The wait goes by the wall's clock: that of a paused bag would stand still.
+        """
+        if not frame_id:
+            raise FrameError("the depth messages name no frame; name it by camera_frame")
+        end = time.monotonic() + self._settings.tf_timeout
+        self._waits_for_tf = True
+        try:
+            while (pose := self._pose_now(frame_id, stamp)) is None:
+                if time.monotonic() >= end or self._ends.wait(_TF_POLL):
+                    return self._port.lookup(self._map_frame, frame_id, stamp)
+            return pose
+        finally:
+            self._waits_for_tf = False
+
+    def _pose_now(self, frame_id: str, stamp: int) -> NDArray[np.float64] | None:
+        """Return `map_T_camera` if tf knows it by now."""
+        try:
+            return self._port.lookup(self._map_frame, frame_id, stamp)
+        except FrameError:
+            return None
+
+    def _prepare_tf(self) -> None:
+        """Let the middleware listen to tf from now on, not only from the first frame on."""
+        with contextlib.suppress(FrameError):
+            self._port.lookup(self._map_frame, self._map_frame)
