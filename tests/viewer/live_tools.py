@@ -35,12 +35,12 @@ class Window:
         self.version: int = self.info["version"]
         self.headers = {"X-Hypermap-Token": self.info["token"]}
 
-    def get(self, path: str, expected: int = 200, **values: Any) -> Any:
+    def get(self, path: str, /, expected: int = 200, **values: Any) -> Any:
         answer = self.client.get(path, params=values)
         assert answer.status_code == expected, answer.text
         return answer.json()
 
-    def post(self, path: str, expected: int = 200, **body: Any) -> Any:
+    def post(self, path: str, expected: int = 200, /, **body: Any) -> Any:
         answer = self.client.post(path, json=body, headers=self.headers)
         assert answer.status_code == expected, answer.text
         return answer.json()
@@ -89,6 +89,10 @@ def saved(folder: Path, hypermap: Hypermap | None = None, name: str = "room.hmap
     path = folder / name
     save_map(a_map() if hypermap is None else hypermap, path)
     return path
+
+
+def files_in(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
 
 
 def pixels_of(png: bytes) -> NDArray[np.uint8]:

@@ -69,7 +69,7 @@ def command(
         raise HypermapError("--force goes with --html FILE; a served map asks before it overwrites")
     from hypermap.viewer.live.app import MapApp
     from hypermap.viewer.live.document import MapDocument
-    from hypermap.viewer.live.serving import listen, serve, url_of
+    from hypermap.viewer.live.serving import is_local, listen, serve, url_of
 
     document = MapDocument(path, is_editable=not read_only)
     listening = listen(host, port)
@@ -78,6 +78,9 @@ def command(
     def started() -> None:
         say(url)
         note(f"showing {path}; Ctrl-C ends")
+        if not is_local(host):
+            rights = "see" if read_only else "see and change"
+            note(f"everyone who can reach this machine can {rights} the map")
         if browser:
             threading.Thread(target=webbrowser.open, args=(url,), daemon=True).start()
 

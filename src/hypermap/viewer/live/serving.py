@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import ipaddress
 import socket
 from collections.abc import Callable
 from types import FrameType
@@ -43,6 +44,14 @@ def listen(host: str, port: int | None) -> socket.socket:
 
 class PortInUse(HypermapError):
     """Another program listens there."""
+
+
+def is_local(host: str) -> bool:
+    """Return whether only this machine can reach an address."""
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
 
 
 def url_of(listening: socket.socket) -> str:

@@ -1,0 +1,119 @@
+from __future__ import annotations
+
+import pytest
+from starlette.applications import Starlette
+from starlette.responses import PlainTextResponse
+from starlette.routing import Route
+from starlette.testclient import TestClient
+
+from hypermap.viewer.live.guard import TOKEN_HEADER, Guard, known_hosts
+from hypermap.viewer.live.requests import MOST_BYTES
+
+from .live_tools import Window, saved, serving
+
+TOKEN = "the page's"
+
+
+def answer_of(method: str, path: str, headers: dict[str, str], host: str = "127.0.0.1") -> int:
+    """Return the status of a guarded server's answer."""
+    route = Route("/{rest:path}", lambda _: PlainTextResponse("let in"), methods=["GET", "POST"])
+    guard = Guard(Starlette(routes=[route]), known_hosts(host), TOKEN)
+    client = TestClient(guard, base_url="http://127.0.0.1:8090")
+    answer = client.request(method, path, headers=headers)
+    assert "default-src 'none'" in answer.headers["content-security-policy"]
+    assert (answer.text == "let in") == (answer.status_code == 200)
+    return answer.status_code
+
+
+@pytest.mark.parametrize(
+    ("host", "listening_on", "status"),
+    [
+        ("127.0.0.1:8090", "127.0.0.1", 200),
+        ("localhost:9999", "127.0.0.1", 200),  # as through an SSH tunnel
+        ("LOCALHOST", "127.0.0.1", 200),
+        ("[::1]:8090", "::1", 200),
+        ("evil.example:8090", "127.0.0.1", 403),
+        ("127.0.0.1.evil.example", "127.0.0.1", 403),
+        ("192.168.1.5:8090", "127.0.0.1", 403),
+        ("", "127.0.0.1", 403),
+        ("[::", "127.0.0.1", 403),
+        ("192.168.1.5:8090", "192.168.1.5", 200),
+        ("192.168.1.5:8090", "0.0.0.0", 200),
+        ("evil.example:8090", "0.0.0.0", 403),
+        ("robot.local:8090", "robot.local", 200),
+    ],
+)
+def test_only_requests_to_this_machine_are_let_in(host, listening_on, status):
+    assert answer_of("GET", "/api/map", {"Host": host}, listening_on) == status
+
+
+@pytest.mark.parametrize(
+    ("method", "path", "headers", "status"),
+    [
+        ("GET", "/api/map", {}, 200),
+        ("GET", "/api/map", {"Origin": "http://127.0.0.1:8090"}, 200),
+        ("GET", "/api/map", {"Origin": "http://evil.example"}, 403),
+        ("GET", "/api/map", {"Origin": "null"}, 403),
+        ("GET", "/api/map", {"Sec-Fetch-Site": "same-origin"}, 200),
+        ("GET", "/api/tiles/a/0/0/0.png", {"Sec-Fetch-Site": "cross-site"}, 403),
+        ("GET", "/api/map", {"Sec-Fetch-Site": "same-site"}, 403),
+        ("GET", "/", {"Sec-Fetch-Site": "cross-site", "Sec-Fetch-Mode": "navigate"}, 200),
+        ("GET", "/", {"Sec-Fetch-Site": "cross-site", "Sec-Fetch-Mode": "no-cors"}, 403),
+        ("GET", "/api/map", {"Sec-Fetch-Site": "cross-site", "Sec-Fetch-Mode": "navigate"}, 403),
+        ("POST", "/api/save", {}, 403),
+        ("POST", "/api/save", {TOKEN_HEADER: "another"}, 403),
+        ("POST", "/api/save", {TOKEN_HEADER: TOKEN}, 200),
+        ("POST", "/api/save", {TOKEN_HEADER: TOKEN, "Origin": "http://evil.example"}, 403),
+        ("POST", "/api/save", {TOKEN_HEADER: TOKEN, "Origin": "http://127.0.0.1:1"}, 403),
+        ("POST", "/api/save", {TOKEN_HEADER: TOKEN, "Sec-Fetch-Site": "cross-site"}, 403),
+    ],
+)
+def test_other_sites_are_refused(method, path, headers, status):
+    assert answer_of(method, path, headers) == status
+
+
+def test_the_real_server_is_guarded(tmp_path):
+    with serving(saved(tmp_path)) as client:
+        info = client.get("/api/map")
+        assert "access-control-allow-origin" not in info.headers
+        assert info.headers["cross-origin-resource-policy"] == "same-origin"
+        assert "'unsafe-inline'" not in info.headers["content-security-policy"]
+        for route in ("area", "edit", "undo", "redo", "save", "reload"):
+            answer = client.post(f"/api/{route}", json={})
+            assert answer.status_code == 403
+            assert "reload the page" in answer.json()["error"]
+            assert client.get(f"/api/{route}").status_code == 405
+        assert client.get("/api/map", headers={"Host": "evil.example"}).status_code == 403
+
+
+@pytest.mark.parametrize(
+    ("content", "status", "reason"),
+    [
+        (b"{", 400, "not valid JSON"),
+        (b"[" * 100_000, 400, "not valid JSON"),
+        (b"[]", 400, "must be a JSON object"),
+        (b"\xff\xfe", 400, "not valid JSON"),
+        (b"{}", 400, "version: a whole number is expected, got None"),
+        (b'{"version": 1}', 400, "operations: a list with at least one operation"),
+        (b'{"version": 1, "operations": [1]}', 400, "each must be an object"),
+        (b'{"version": 1, "operations": [{"op": "add"}]}', 409, "the map was opened anew"),
+        (b'{"version": 1, "operations": [' + b"{}," * 600 + b"{}]}", 400, "601 operations"),
+        (b'{"a": "' + b"x" * MOST_BYTES + b'"}', 413, "larger than 8 MB"),
+    ],
+)
+def test_a_body_that_is_no_request_is_refused(tmp_path, content, status, reason):
+    with serving(saved(tmp_path)) as client:
+        window = Window(client)
+        answer = client.post("/api/edit", content=content, headers=window.headers)
+        assert (answer.status_code, reason in answer.json()["error"]) == (status, True)
+
+
+@pytest.mark.parametrize(
+    "path",
+    ["/page/../app.py", "/page/%2e%2e%2fdocument.py", "/page/secret", "/etc/passwd", "/api/x"],
+)
+def test_no_other_file_is_served(tmp_path, path):
+    with serving(saved(tmp_path)) as client:
+        answer = client.get(path)
+        assert answer.status_code == 404
+        assert answer.json()["error"]

@@ -1,0 +1,280 @@
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import queue
+import select
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+from urllib.error import HTTPError
+from urllib.request import Request, urlopen
+
+import pytest
+
+from hypermap.core.hypermap import Hypermap
+from hypermap.core.semantic import SemanticLayer
+from hypermap.formats import save_map
+from hypermap.testing import square
+
+from .live_tools import pixels_of, saved
+
+PATIENCE = 60.0  # s; the machine may be busy
+
+
+@dataclass
+class Server:
+    """A running `hypermap view`."""
+
+    process: subprocess.Popen[str]
+    url: str
+
+    def get(self, path: str) -> Any:
+        with urlopen(self.url + path, timeout=PATIENCE) as answer:
+            return json.load(answer)
+
+    def post(self, path: str, **body: Any) -> Any:
+        token = self.get("api/map")["token"]
+        headers = {"X-Hypermap-Token": token, "Content-Type": "application/json"}
+        request = Request(self.url + path, json.dumps(body).encode(), headers)
+        with urlopen(request, timeout=PATIENCE) as answer:
+            return json.load(answer)
+
+    def rename(self, number: int, name: str) -> Any:
+        operation = {"op": "update", "layer": "things", "id": number, "name": name}
+        version = self.get("api/map")["version"]
+        return self.post("api/edit", version=version, operations=[operation])
+
+    def end(self, number: int = signal.SIGINT) -> tuple[int, str]:
+        """Send a signal, and return the exit code and what was said on standard error."""
+        self.process.send_signal(number)
+        _, said = self.process.communicate(timeout=PATIENCE)
+        return self.process.returncode, said
+
+
+@contextlib.contextmanager
+def viewing(*arguments: object) -> Iterator[Server]:
+    command = [sys.executable, "-m", "hypermap", "view", *map(str, arguments), "--no-browser"]
+    environment = {k: v for k, v in os.environ.items() if k != "BROWSER"}
+    process = subprocess.Popen(
+        command,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=environment,
+        # Programs started in the background by some shells ignore Ctrl-C.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    )
+    try:
+        assert process.stdout is not None
+        assert select.select([process.stdout], [], [], PATIENCE)[0], "no address was printed"
+        url = process.stdout.readline().strip()
+        assert url.startswith("http://"), process.communicate()[1]
+        yield Server(process, url)
+    finally:
+        process.kill()
+        process.communicate()
+
+
+@contextlib.contextmanager
+def events(server: Server, version: int | None = None) -> Iterator[Callable[[], dict[str, Any]]]:
+    """Listen to the server's news, and yield a function that returns the next of them."""
+    headers = {} if version is None else {"Last-Event-ID": str(version)}
+    answer = urlopen(Request(server.url + "api/events", headers=headers), timeout=PATIENCE)
+    assert answer.headers["Content-Type"].startswith("text/event-stream")
+    heard: queue.Queue[dict[str, Any]] = queue.Queue()
+
+    def listen() -> None:
+        with contextlib.suppress(OSError, ValueError):
+            for line in answer:
+                if line.startswith(b"data: "):
+                    heard.put(json.loads(line[len(b"data: ") :]))
+
+    thread = threading.Thread(target=listen, daemon=True)
+    thread.start()
+    yield lambda: heard.get(timeout=PATIENCE)
+    # The server ends the stream; closing it here would wait for the reading thread.
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: int = probe.getsockname()[1]
+        return port
+
+
+def test_a_map_is_served_asked_changed_and_saved_over_http(tmp_path):
+    path = saved(tmp_path)
+    with viewing(path, "--port", 0) as server:
+        assert server.get("api/map")["path"] == str(path)
+        with urlopen(server.url + "api/tiles/occupancy/3/0/0.png", timeout=PATIENCE) as answer:
+            assert answer.headers["Content-Type"] == "image/png"
+            assert pixels_of(answer.read()).shape == (256, 256, 4)
+        with events(server) as next_news:
+            first = next_news()
+            assert (first["layers"], first["unsaved"]) == ([], False)
+            told = server.rename(0, "mug")
+            news = next_news()
+            assert (news["version"], news["layers"]) == (told["version"], ["things"])
+            assert (news["unsaved"], news["can_undo"]) == (True, True)
+            server.post("api/save")
+            news = next_news()
+            assert (news["saved"], news["unsaved"], news["layers"]) == (True, False, [])
+            started = time.monotonic()
+            code, said = server.end()
+            assert code == 0
+            assert time.monotonic() - started < 5, "an open window must not delay the end"
+        assert "not saved" not in said
+        assert "Traceback" not in said
+
+
+def test_news_go_on_where_a_window_stopped_listening(tmp_path):
+    with viewing(saved(tmp_path), "--port", 0) as server:
+        version = server.get("api/map")["version"]
+        server.rename(0, "mug")
+        server.rename(1, "desk")
+        with events(server, version) as next_news:
+            news = next_news()
+            assert (news["version"], news["layers"]) == (version + 2, ["things"])
+
+
+def test_a_file_that_changes_or_vanishes_is_noticed(tmp_path):
+    path = saved(tmp_path)
+    with viewing(path, "--port", 0) as server, events(server) as next_news:
+        assert "disk" not in next_news()
+        save_map(Hypermap([SemanticLayer("things", "lab", [square("theirs", 0, 0)])]), path)
+        assert next_news()["disk"] == "changed"
+        path.unlink()
+        assert next_news()["disk"] == "vanished"
+        assert server.get("api/map")["disk"] == "vanished"
+        assert len(server.get("api/shapes/things?bbox=-99,-99,99,99&resolution=1")["features"]) == 3
+        saved(tmp_path)
+        assert next_news()["disk"] == "changed"
+        server.post("api/reload")
+        news = next_news()
+        assert "disk" not in news
+        assert news["layers"] == ["occupancy", "things"]
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_who_ends_the_server_is_warned_of_what_was_not_saved(tmp_path, number):
+    path = saved(tmp_path)
+    before = path.read_bytes()
+    with viewing(path, "--port", 0) as server:
+        server.rename(0, "mug")
+        code, said = server.end(number)
+    assert code == 0
+    assert f"{path}: changes made in the browser were not saved and are lost" in said
+    assert "Traceback" not in said
+    assert path.read_bytes() == before
+
+
+def test_a_port_in_use_is_said_so_and_without_one_the_next_is_taken(tmp_path):
+    path = saved(tmp_path)
+    with viewing(path) as one, viewing(path) as other:
+        ports = [int(server.url.rstrip("/").rpartition(":")[2]) for server in (one, other)]
+        assert 8090 <= ports[0] < ports[1]
+        assert other.get("api/map")["name"] == "room.hmap"
+        command = [sys.executable, "-m", "hypermap", "view", str(path), "--no-browser"]
+        done = subprocess.run(
+            [*command, "--port", str(ports[0])],
+            capture_output=True,
+            text=True,
+            timeout=PATIENCE,
+            check=False,
+        )
+    assert done.returncode == 2
+    assert done.stdout == ""
+    (line,) = done.stderr.splitlines()
+    assert f"port {ports[0]} of 127.0.0.1 is in use; give another with --port" in line
+
+
+def test_it_listens_where_it_is_told_and_only_there(tmp_path):
+    port = free_port()
+    with viewing(saved(tmp_path), "--port", port, "--read-only") as server:
+        assert server.url == f"http://127.0.0.1:{port}/"
+        assert not server.get("api/map")["editable"]
+        with pytest.raises(HTTPError, match="403"):
+            server.rename(0, "mug")
+        evil = Request(server.url + "api/map", headers={"Host": "evil.example"})
+        with pytest.raises(HTTPError, match="403"):
+            urlopen(evil, timeout=PATIENCE)
+        own = socket.gethostbyname_ex(socket.gethostname())[2]
+        for address in (address for address in own if not address.startswith("127.")):
+            with pytest.raises(OSError, match="refused"):
+                socket.create_connection((address, port), timeout=PATIENCE)
+
+
+def test_whoever_lets_others_in_is_told_so(tmp_path):
+    with viewing(saved(tmp_path), "--port", 0, "--host", "0.0.0.0") as server:
+        assert server.url.startswith("http://127.0.0.1:")
+        _, said = server.end()
+    assert "everyone who can reach this machine can see and change the map" in said
+
+
+@pytest.mark.parametrize(
+    ("arguments", "reason"),
+    [
+        (["no.hmap"], "no.hmap"),
+        (["bad.hmap"], "bad.hmap"),
+        (["room.hmap", "--host", "203.0.113.7"], "cannot listen on 203.0.113.7, port 8090"),
+        (["room.hmap", "--port", "99999"], "65535"),
+    ],
+)
+def test_what_cannot_be_shown_is_said_in_one_line(tmp_path, arguments, reason):
+    saved(tmp_path)
+    (tmp_path / "bad.hmap").write_bytes(b"no zip")
+    done = subprocess.run(
+        [sys.executable, "-m", "hypermap", "view", "--no-browser", *arguments],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
+        check=False,
+    )
+    assert done.returncode == 2
+    assert reason in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_the_browser_is_opened_at_the_page(tmp_path):
+    opened = tmp_path / "opened"
+    fake = tmp_path / "browser.sh"
+    fake.write_text(f'#!/bin/sh\necho "$1" > {opened}.tmp && mv {opened}.tmp {opened}\n')
+    fake.chmod(0o755)
+    command = [sys.executable, "-m", "hypermap", "view", str(saved(tmp_path)), "--port", "0"]
+    process = subprocess.Popen(
+        command,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+        env={**os.environ, "BROWSER": str(fake)},
+    )
+    try:
+        assert process.stdout is not None
+        url = process.stdout.readline().strip()
+        end = time.monotonic() + PATIENCE
+        while not opened.exists() and time.monotonic() < end:
+            time.sleep(0.1)
+        assert opened.read_text().strip() == url
+    finally:
+        process.kill()
+        process.communicate()
+
+
+def test_the_command_explains_itself():
+    done = subprocess.run(
+        [sys.executable, "-m", "hypermap", "view", "--help"],
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
+        check=True,
+    )
+    assert "--read-only" in done.stdout
