@@ -4,7 +4,7 @@
 set -eu
 cd "$(dirname "$0")/../page"
 if ! command -v npm >/dev/null ||
-  ! node -e 'process.exit(process.versions.node.split(".")[0] < 20)' 2>/dev/null; then
+  ! node -e 'process.exit(parseInt(process.versions.node) < 20 ? 1 : 0)'; then
   echo "The page of hypermap view is built with Node.js 20 or newer and npm. Install both (on" >&2
   echo "Debian 13: sudo apt-get install nodejs npm) and run make again." >&2
   exit 1

@@ -219,11 +219,9 @@ export function findContent(
   return [el("ol", { class: "objects found" }, ...answer.rows.map(row))];
 }
 
-export function objectContent(object: ObjectDetails, info: MapInfo): HTMLElement[] {
-  const { layer, id, name, area, at, tags, attributes } = object;
+export function objectContent(object: ObjectDetails): HTMLElement[] {
+  const { area, at, tags, attributes } = object;
   const facts: [string, string][] = [
-    ["Layer", layer],
-    ["Id", String(id)],
     ["Area", squareMetres(area)],
     ["Middle", `${metres(at[0])}, ${metres(at[1])} m`],
     ...(tags.length ? [["Tags", tags.join(", ")] as [string, string]] : []),
@@ -232,7 +230,6 @@ export function objectContent(object: ObjectDetails, info: MapInfo): HTMLElement
       .map(([key, value]): [string, string] => [heading(key), said(key, value)]),
   ];
   return [
-    el("p", { class: "said" }, labelled(info, layer, name)),
     el(
       "dl",
       { class: "facts" },

@@ -4,7 +4,7 @@ import { Ask, type Context } from "./ask";
 import { byId, choose, complain, el, notify } from "./dom";
 import { Drawing } from "./drawing";
 import { Editor } from "./edit";
-import { count } from "./format";
+import { count, plural } from "./format";
 import { watchKeys } from "./keys";
 import { LayersPanel } from "./layers";
 import { drawnLayer, isVisible, MapView, type Insets } from "./mapview";
@@ -111,7 +111,7 @@ export class App {
       0,
     );
     byId("subtitle").textContent =
-      `${count(objects)} objects · ${describe(info)}` + (info.unsaved ? " · not saved" : "");
+      `${plural(objects, "object")} · ${info.unsaved ? "not saved" : describe(info)}`;
   }
 
   private listen(): void {
@@ -199,7 +199,6 @@ export class App {
   private panelClosed(): void {
     this.editor?.letGo();
     this.ask.forget();
-    byId("map").focus({ preventScroll: true });
   }
 
   private onEvent(change: Change | null): void {

@@ -111,7 +111,7 @@ export class Ask {
         title: object.name,
         summary: `Object ${id} of ${layer}`,
         content: [
-          ...objectContent(object, this.context.info),
+          ...objectContent(object),
           el(
             "div",
             { class: "buttons" },

@@ -11,7 +11,7 @@ import { byId, choose, complain, el, notify } from "./dom";
 import { Drawing, type Kind } from "./drawing";
 import { EditBar } from "./editbar";
 import { newObjectForm, objectForm } from "./forms";
-import { chosenLook } from "./looks";
+import { editedLook } from "./looks";
 import type { MapView } from "./mapview";
 import type { Panel } from "./panel";
 import {
@@ -72,7 +72,7 @@ export class Editor {
     this.view.map.addLayer(this.shapes);
     this.view.map.addInteraction(this.modify);
     this.view.map.addInteraction(this.snap);
-    this.shapes.setStyle(chosenLook());
+    this.shapes.setStyle(editedLook());
     byId("editbar").hidden = false;
     this.hint("Click an object to change it, or draw a new one");
     this.toggled(true);
@@ -214,14 +214,20 @@ export class Editor {
       title: room ? "New room" : "New object",
       summary: "Give it a name",
       content: [
-        newObjectForm(this.names(), this.layers(), room, {
-          add: (values) => {
-            cancel();
-            const polygons: Polygon[] = [[ring]];
-            this.apply([{ op: "add", polygons, ...values }], `Added ${values.name}`, true);
+        newObjectForm(
+          this.names(),
+          this.layers(),
+          this.context.info.can_add_layers === true,
+          room,
+          {
+            add: (values) => {
+              cancel();
+              const polygons: Polygon[] = [[ring]];
+              this.apply([{ op: "add", polygons, ...values }], `Added ${values.name}`, true);
+            },
+            cancel,
           },
-          cancel,
-        }),
+        ),
       ],
     });
     byId("object-name").focus();

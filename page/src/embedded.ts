@@ -81,7 +81,7 @@ export class EmbeddedSource implements DataSource {
       frame,
       layers,
       ...spellAt(
-        this.blob.map.path,
+        this.blob.map.name,
         asked,
         this.spelled(frame),
         layers.map(({ name }) => name),
@@ -99,7 +99,7 @@ export class EmbeddedSource implements DataSource {
         cells.push({ layer: name, label, count });
       }
     }
-    return { rows, cells, ...spellArea(this.blob.map.path, asked, this.spelled(frame)) };
+    return { rows, cells, ...spellArea(this.blob.map.name, asked, this.spelled(frame)) };
   }
 
   async download(kind: Download, asked: Ring, frame: string): Promise<Blob> {
@@ -127,7 +127,7 @@ export class EmbeddedSource implements DataSource {
       rows: rows.slice(0, limit),
       total: rows.length,
       names: [...names].sort(),
-      ...spellFind(this.blob.map.path, name, near),
+      ...spellFind(this.blob.map.name, name, near),
     };
   }
 

@@ -62,18 +62,21 @@ export function objectForm(
 export function newObjectForm(
   names: string[],
   layers: string[],
+  canAddLayers: boolean,
   room: boolean,
   verbs: { add: (values: Named & { layer: string }) => void; cancel: () => void },
 ): HTMLElement {
   const { name, tags } = fields(names, "", room ? ["room"] : []);
-  const made = NEW_LAYERS.filter((layer) => !layers.includes(layer));
+  const made = canAddLayers ? NEW_LAYERS.filter((layer) => !layers.includes(layer)) : [];
   const layer = el(
     "select",
     { id: "object-layer" },
     ...layers.map((layer) => el("option", { value: layer, text: layer })),
     ...made.map((layer) => el("option", { value: layer, text: `${layer} (new layer)` })),
   );
-  layer.value = room ? NEW_LAYERS[0] : (layers.find((l) => l !== NEW_LAYERS[0]) ?? NEW_LAYERS[1]);
+  const all = [...layers, ...made];
+  const wanted = room ? all.includes("rooms") && "rooms" : layers.find((name) => name !== "rooms");
+  layer.value = wanted || all[0];
   const form = el(
     "form",
     { class: "form" },

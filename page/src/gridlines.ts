@@ -17,17 +17,20 @@ export interface Edges {
 }
 
 export class GridLines extends Layer {
+  /** Not the canvas itself: into that, the layers above would draw too. */
+  private readonly element = document.createElement("div");
   private readonly canvas = document.createElement("canvas");
   frame: Frame = { frame_id: "", x: 0, y: 0, yaw: 0 };
 
   constructor(private readonly edges: () => Edges) {
     super({});
-    this.canvas.className = "grid-lines";
+    this.element.className = "grid-lines";
+    this.element.append(this.canvas);
   }
 
   override render(state: FrameState | null): HTMLElement {
     if (state) this.draw(state);
-    return this.canvas;
+    return this.element;
   }
 
   private draw(state: FrameState): void {

@@ -2,6 +2,8 @@
 
 import Feature from "ol/Feature.js";
 import type Geometry from "ol/geom/Geometry.js";
+import MultiPoint from "ol/geom/MultiPoint.js";
+import type MultiPolygon from "ol/geom/MultiPolygon.js";
 import CircleStyle from "ol/style/Circle.js";
 import Fill from "ol/style/Fill.js";
 import Stroke from "ol/style/Stroke.js";
@@ -17,6 +19,15 @@ export function withAlpha(color: string, alpha: number): string {
   return `${color}${byte.toString(16).padStart(2, "0")}`;
 }
 
+/** A share of another color in a color; a color that is none leaves it as it is. */
+export function mixed(color: string, other: string, share: number): string {
+  if (!other) return color;
+  const parts = (text: string) => [1, 3, 5].map((i) => parseInt(text.slice(i, i + 2), 16));
+  const from = parts(other);
+  const to = parts(color).map((part, i) => Math.round(part + share * (from[i] - part)));
+  return `#${to.map((part) => part.toString(16).padStart(2, "0")).join("")}`;
+}
+
 export function shortened(name: string): string {
   const letters = [...name.replace(/\s+/g, " ")];
   return letters.length <= LONGEST_LABEL
@@ -26,10 +37,11 @@ export function shortened(name: string): string {
 
 /** A class of objects: its filled shape, and its label with a halo. */
 export function classLook(name: string, color: string, labelSize: number | null): ClassLook {
+  const edge = mixed(color, cssColor("--edge"), 0.45);
   const shape = new Style({
     fill: new Fill({ color: withAlpha(color, 0.62) }),
-    stroke: new Stroke({ color, width: 1.5 }),
-    image: new CircleStyle({ radius: 2, fill: new Fill({ color }) }),
+    stroke: new Stroke({ color: edge, width: 1.5 }),
+    image: new CircleStyle({ radius: 2, fill: new Fill({ color: edge }) }),
   });
   if (labelSize === null) return { shape, label: null };
   const label = new Style({
@@ -87,18 +99,36 @@ export function chosenLook(): Style[] {
   ];
 }
 
+/** The object in the hand: its corners can be moved. */
+export function editedLook(): Style[] {
+  const corners = new Style({
+    geometry: (feature) => {
+      const shape = (feature as Feature).getGeometry() as MultiPolygon;
+      return new MultiPoint(shape.getCoordinates().flat(2));
+    },
+    image: new CircleStyle({
+      radius: 5,
+      fill: new Fill({ color: cssColor("--card") }),
+      stroke: new Stroke({ color: cssColor("--accent"), width: 2 }),
+    }),
+  });
+  return [...chosenLook(), corners];
+}
+
 /** One of the matches: its rank in a disc. */
 export function matchLook(rank: number): Style[] {
   return [
     new Style({
       image: new CircleStyle({
         radius: 10,
+        displacement: [0, 17],
         fill: new Fill({ color: cssColor("--accent") }),
         stroke: new Stroke({ color: cssColor("--halo"), width: 2.5 }),
       }),
       text: new Text({
         text: String(rank),
         font: `700 11px ${FONT}`,
+        offsetY: -17,
         fill: new Fill({ color: cssColor("--on-accent") }),
       }),
       zIndex: -rank,

@@ -189,7 +189,7 @@ export class MapView {
   /** Brings a place into the uncovered part; closer, if it would be small. */
   flyTo([x, y]: Point, side: number): void {
     const { top, right, bottom, left } = this.insets();
-    const resolution = Math.min(this.resolution, Math.max(side, 0.3) / 120);
+    const resolution = Math.min(this.resolution, Math.max(side, 0.3) / 90);
     this.view.animate({
       center: [x + ((right - left) * resolution) / 2, y + ((top - bottom) * resolution) / 2],
       resolution,

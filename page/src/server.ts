@@ -19,15 +19,17 @@ import {
   type Shapes,
 } from "./source";
 
-type Values = Record<string, string | number | string[]>;
+type Values = Record<string, string | number | string[] | undefined>;
 
 export class ServerSource implements DataSource, Editing {
   readonly editing: Editing = this;
   private token = "";
+  private base = "";
 
   async map(): Promise<MapInfo> {
     const info = await this.get<MapInfo>("/api/map", {});
     this.token = info.token ?? "";
+    this.base = info.base_frame;
     return info;
   }
 
@@ -62,15 +64,15 @@ export class ServerSource implements DataSource, Editing {
   }
 
   at([x, y]: Point, frame: string): Promise<PointAnswer> {
-    return this.get("/api/at", { x, y, frame });
+    return this.get("/api/at", { x, y, ...this.inFrame(frame) });
   }
 
   area(polygon: Ring, frame: string): Promise<AreaAnswer> {
-    return this.post("/api/area", { polygon, frame });
+    return this.post("/api/area", { polygon, ...this.inFrame(frame) });
   }
 
   async download(kind: Download, ring: Ring, frame: string): Promise<Blob> {
-    const values = { polygon: ring.flat().join(","), frame };
+    const values = { polygon: ring.flat().join(","), ...this.inFrame(frame) };
     return (await ask(address(`/api/area.${kind}`, values), {})).blob();
   }
 
@@ -117,6 +119,11 @@ export class ServerSource implements DataSource, Editing {
     };
   }
 
+  /** Questions in the base frame need not name it, nor do the programs that ask the same. */
+  private inFrame(frame: string): { frame?: string } {
+    return frame === this.base ? {} : { frame };
+  }
+
   private async get<T>(path: string, values: Values, signal?: AbortSignal): Promise<T> {
     return (await ask(address(path, values), { signal })).json() as Promise<T>;
   }
@@ -134,6 +141,7 @@ export class ServerSource implements DataSource, Editing {
 function address(path: string, values: Values): string {
   const query = new URLSearchParams();
   for (const [key, value] of Object.entries(values)) {
+    if (value === undefined) continue;
     for (const one of Array.isArray(value) ? value : [value]) query.append(key, String(one));
   }
   return `${path}?${query}`;
