@@ -250,6 +250,7 @@ def test_what_the_page_needs_to_know_of_a_map(tmp_path):
 def test_the_view_begins_with_what_is_known(tmp_path):
     cells = np.full((50, 100), -1, np.int8)
     cells[10:20, 30:60] = 0
+    cells[15, :] = 0  # a ray that went through a window does not count
     hypermap = a_map()
     grid = OccupancyLayer("grid", "map", type(hypermap["occupancy"].grid)(100, 50, 0.5), cells)
     with serving(saved(tmp_path, type(hypermap)([grid]))) as client:

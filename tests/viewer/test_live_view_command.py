@@ -23,6 +23,7 @@ from hypermap.core.hypermap import Hypermap
 from hypermap.core.semantic import SemanticLayer
 from hypermap.formats import save_map
 from hypermap.testing import square
+from hypermap.viewer.live.page import is_page_built
 
 from .live_tools import pixels_of, saved
 
@@ -244,6 +245,7 @@ def test_what_cannot_be_shown_is_said_in_one_line(tmp_path, arguments, reason):
     assert "Traceback" not in done.stderr
 
 
+@pytest.mark.skipif(not is_page_built(), reason="the page is not built: make page")
 def test_the_browser_is_opened_at_the_page(tmp_path):
     opened = tmp_path / "opened"
     fake = tmp_path / "browser.sh"

@@ -210,11 +210,11 @@ def _known_corners(picture: RasterPicture, full: bool) -> NDArray[np.float64]:
         known &= (picture.rgba[:, :, :3] != unknown).any(axis=2)
     if full or not known.any():
         known = np.ones_like(known)
-    (x0, x1), (y0, y1) = _well_filled(known.sum(axis=0)), _well_filled(known.sum(axis=1))
+    (x0, x1), (y0, y1) = well_filled(known.sum(axis=0)), well_filled(known.sum(axis=1))
     return np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]]) * picture.grid.resolution
 
 
-def _well_filled(counts: NDArray[np.int64]) -> tuple[int, int]:
+def well_filled(counts: NDArray[np.int64]) -> tuple[int, int]:
     """Return where rows begin and end that hold more than what a stray ray leaves behind."""
     filled = np.flatnonzero(counts > min(_RAY, counts.max() - 1))
     return int(filled[0]), int(filled[-1]) + 1

@@ -17,6 +17,7 @@ from hypermap.core.layer import Layer
 from hypermap.core.occupancy import UNKNOWN, OccupancyLayer
 from hypermap.core.semantic import SemanticLayer
 from hypermap.viewer.live.layers import LayerView, LayerViews
+from hypermap.viewer.picture import well_filled
 
 _COARSE = 1024  # cells along a side are enough to see where a grid is known
 
@@ -102,18 +103,18 @@ def _frames(hypermap: Hypermap) -> list[dict[str, Any]]:
 
 
 def _known(layer: Layer, view: LayerView) -> tuple[float, float, float, float] | None:
-    """Return the box around what is known of a layer: of a grid, without its unknown borders."""
+    """Return the box around what is known of a layer: of a grid, without unknown borders."""
     if not isinstance(layer, OccupancyLayer) or view.pyramid is None or view.problem:
         return view.bounds
     grid = view.pyramid.grid
     number = max(0, int(np.ceil(np.log2(max(grid.width, grid.height) / _COARSE))))
     known = view.pyramid.level(number) != UNKNOWN
-    rows, cols = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))
-    if len(rows) == 0:
+    if not known.any():
         return view.bounds
+    cols, rows = well_filled(known.sum(axis=0)), well_filled(known.sum(axis=1))
     side = grid.resolution * 2**number
-    x0, x1 = cols[0] * side, min((cols[-1] + 1) * side, grid.width * grid.resolution)
-    y0, y1 = rows[0] * side, min((rows[-1] + 1) * side, grid.height * grid.resolution)
+    x0, x1 = cols[0] * side, min(cols[1] * side, grid.width * grid.resolution)
+    y0, y1 = rows[0] * side, min(rows[1] * side, grid.height * grid.resolution)
     pose: Pose2D = view.base_T_layer @ grid.origin
     return _around_points(pose.apply([[x0, y0], [x1, y0], [x1, y1], [x0, y1]]))
 

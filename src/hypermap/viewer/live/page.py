@@ -17,6 +17,11 @@ _MEDIA_TYPES = {
 }
 
 
+def is_page_built() -> bool:
+    """Return whether the page is there; in a checkout it has to be built first."""
+    return (PAGE / "index.html").is_file()
+
+
 def page_file(name: str) -> tuple[bytes, str]:
     """Return the content and the media type of one of the page's files.
 
