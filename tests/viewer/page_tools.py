@@ -1,0 +1,301 @@
+"""A browser for the tests of the page, the server behind it, and what the screen shows."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import re
+import select
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+import numpy as np
+import pytest
+from numpy.typing import ArrayLike, NDArray
+from PIL import Image
+from playwright.sync_api import Browser, BrowserContext, Page, sync_playwright
+
+import hypermap.viewer
+
+SHADE = 30  # pixels around a panel that its shadow darkens
+PATIENCE = 30.0  # s; the machine may be busy
+SIZE: Any = {"width": 1200, "height": 800}
+PAGE_FOLDER = Path(hypermap.viewer.__file__).parent / "page"
+ARGUMENTS = [
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--force-color-profile=srgb",
+]
+
+
+def chromium() -> str:
+    """Return the browser's path, or skip the test with a reason."""
+    found = os.environ.get("HYPERMAP_CHROMIUM") or shutil.which("chromium")
+    if found is None:
+        pytest.skip("Chromium is not installed: scripts/chromium.sh")
+    if not (PAGE_FOLDER / "app.js").is_file():
+        pytest.skip("the page is not built: make page")
+    return found
+
+
+@contextlib.contextmanager
+def a_browser() -> Iterator[Browser]:
+    """Yield a headless Chromium."""
+    path = chromium()
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=path, args=ARGUMENTS)
+        try:
+            yield browser
+        finally:
+            browser.close()
+
+
+@contextlib.contextmanager
+def a_window(browser: Browser, url: str, **options: Any) -> Iterator[Window]:
+    """Open the page in a window that shares nothing with others."""
+    with contextlib.closing(browser.new_context(viewport=SIZE, **options)) as context:
+        yield Window(context, url)
+
+
+@contextlib.contextmanager
+def a_server(path: Path, *options: str) -> Iterator[str]:
+    """Serve a map with `hypermap view` and yield the page's address."""
+    command = [sys.executable, "-m", "hypermap", "view", str(path), "--no-browser", "--port", "0"]
+    process = subprocess.Popen(
+        [*command, *options],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        start_new_session=True,
+    )
+    try:
+        yield _address(process)
+    finally:
+        process.send_signal(signal.SIGINT)
+        try:
+            process.communicate(timeout=PATIENCE)
+        finally:
+            process.kill()
+            process.wait()
+
+
+def _address(process: subprocess.Popen[str]) -> str:
+    assert process.stdout is not None
+    said = ""
+    end = time.monotonic() + 2 * PATIENCE
+    while time.monotonic() < end:
+        if not select.select([process.stdout], [], [], 1.0)[0]:
+            continue
+        line = process.stdout.readline()
+        said += line
+        if found := re.search(r"http://127\.0\.0\.1:\d+/\S*", line):
+            return found.group()
+        if not line:
+            break
+    raise AssertionError(f"no address was printed:\n{said}")
+
+
+class Window:
+    """One window of the browser with the page in it.
+
+    Attributes:
+        page: Playwright's.
+        asked: the address of every request.
+        complaints: what the console said as warning or error, and errors that nobody caught.
+    """
+
+    def __init__(self, context: BrowserContext, url: str) -> None:
+        self.page: Page = context.new_page()
+        self.page.set_default_timeout(1000 * PATIENCE)
+        self.asked: list[str] = []
+        self.complaints: list[str] = []
+        self.page.on("request", lambda request: self.asked.append(request.url))
+        self.page.on("pageerror", lambda error: self.complaints.append(str(error)))
+        self.page.on(
+            "console",
+            lambda message: (
+                self.complaints.append(message.text)
+                if message.type in ("warning", "error")
+                else None
+            ),
+        )
+        self.page.goto(url)
+        self.wait_until_drawn()
+
+    def wait_until_drawn(self) -> None:
+        """Wait for the map to show all that it asked for."""
+        self.wait_for("() => window.hypermapPage !== undefined")
+        self.page.evaluate(
+            """async () => {
+                await window.hypermapPage.ready;
+                const {map, view} = window.hypermapPage;
+                await view.showShapes();
+                await new Promise((done) => {
+                    map.once("rendercomplete", done);
+                    map.render();
+                });
+            }"""
+        )
+
+    def wait_for(self, condition: str, argument: Any = None) -> None:
+        """Wait until a function of JavaScript returns true.
+
+        Playwright's own way evaluates text in the page, which the page's policy forbids.
+        """
+        end = time.monotonic() + PATIENCE
+        while not self.page.evaluate(condition, argument):
+            if time.monotonic() > end:
+                raise AssertionError(f"this has not become true in {PATIENCE:g} s: {condition}")
+            self.page.wait_for_timeout(30)
+
+    def hosts(self) -> set[str]:
+        """Return whom the page asked; data that the page holds itself is nobody's."""
+        schemes = ("data", "blob", "file")
+        return {
+            str(urlsplit(url).hostname) for url in self.asked if urlsplit(url).scheme not in schemes
+        }
+
+    # Places
+
+    def pixel_of(self, x: float, y: float) -> tuple[float, float]:
+        """Return where a point of the base frame lies in the window."""
+        column, row = self.page.evaluate(
+            """([x, y]) => {
+                const {map} = window.hypermapPage;
+                const box = map.getTargetElement().getBoundingClientRect();
+                const [column, row] = map.getPixelFromCoordinate([x, y]);
+                return [box.left + column, box.top + row];
+            }""",
+            [x, y],
+        )
+        return float(column), float(row)
+
+    def look_at(self, x: float, y: float, metres_per_pixel: float) -> None:
+        """Put a point into the middle of the map, and wait until all is drawn."""
+        self.page.evaluate(
+            """([x, y, resolution]) => {
+                const view = window.hypermapPage.map.getView();
+                view.cancelAnimations();
+                view.setCenter([x, y]);
+                view.setResolution(resolution);
+            }""",
+            [x, y, metres_per_pixel],
+        )
+        self.wait_until_drawn()
+
+    def click_at(self, x: float, y: float, **options: Any) -> None:
+        """Click on a point of the base frame."""
+        self.page.mouse.click(*self.pixel_of(x, y), **options)
+
+    def drag(self, start: tuple[float, float], end: tuple[float, float]) -> None:
+        """Press at one point of the base frame, and let go at another."""
+        self.page.mouse.move(*self.pixel_of(*start))
+        self.page.mouse.down()
+        self.page.mouse.move(*self.pixel_of(*end), steps=8)
+        self.page.mouse.up()
+
+    def points_at(self, pixels: ArrayLike) -> NDArray[np.float64]:
+        """Return the points of the base frame under pixels of the window, shape (N, 2)."""
+        (x, y), metres_per_pixel = self.page.evaluate(
+            """() => {
+                const {map} = window.hypermapPage;
+                const {left, top} = map.getTargetElement().getBoundingClientRect();
+                return [map.getCoordinateFromPixel([-left, -top]), map.getView().getResolution()];
+            }"""
+        )
+        scale = np.array([metres_per_pixel, -metres_per_pixel])  # the map is never turned
+        return np.array([x, y]) + scale * np.asarray(pixels, dtype=float).reshape(-1, 2)
+
+    def bare_pixels(self, spacing: int = 8) -> NDArray[np.float64]:
+        """Return pixels (column, row) of the map that no panel covers or shades, shape (N, 2)."""
+        panels = self.page.evaluate(
+            """() => [...document.querySelectorAll(".card, .notice, #banner")]
+                .map((panel) => panel.getBoundingClientRect())
+                .filter(({width}) => width > 0)
+                .map(({left, top, right, bottom}) => [left, top, right, bottom])"""
+        )
+        grid = np.mgrid[5 : SIZE["width"] : spacing, 5 : SIZE["height"] : spacing]
+        pixels = grid.reshape(2, -1).T.astype(float)
+        for left, top, right, bottom in panels:
+            low, high = np.array([left, top]) - SHADE, np.array([right, bottom]) + SHADE
+            pixels = pixels[~((low < pixels) & (pixels < high)).all(axis=1)]
+        return pixels
+
+    # Questions
+
+    def ask_at(self, x: float, y: float) -> NDArray[np.float64]:
+        """Click on a point of the base frame, and return the one that was clicked, shape (2,)."""
+        pixel = np.round(self.pixel_of(x, y))
+        self.page.mouse.click(*pixel.tolist())
+        clicked: NDArray[np.float64] = self.points_at([pixel])[0]
+        self.wait_for(
+            """([x, y]) => {
+                const said = document.querySelector("#panel .head p")?.textContent ?? "";
+                const [, atX, atY] = said.match(/^At (\\S+), (\\S+) m in/) ?? [];
+                const near = (text, value) => text !== undefined &&
+                    Math.abs(Number(text.replace("\u2212", "-")) - value) < 0.006;
+                return near(atX, x) && near(atY, y);
+            }""",
+            clicked.tolist(),
+        )
+        return clicked
+
+    def said(self, layer: str) -> str:
+        """Return what the answer to a click says of a layer: a label, or that nothing is there."""
+        section = self.page.locator(f'#panel section.at[data-layer="{layer}"]')
+        return section.locator(".labelled .name, p.quiet").first.inner_text()
+
+    def rows(self) -> list[tuple[str, int]]:
+        """Return name and id of each row of the table."""
+        heads = self.page.locator("table.rows thead th").all_inner_texts()
+        places = [[head.strip() for head in heads].index(title) for title in ("Name", "Id")]
+        lines = self.page.locator("table.rows tbody tr").all()
+        cells = [line.locator("td").all_inner_texts() for line in lines]
+        return [(line[places[0]].strip(), int(line[places[1]])) for line in cells]
+
+    def cell_counts(self) -> dict[str, int]:
+        """Return how many cells have each label, as the answer to an area says."""
+        counts = {}
+        for line in self.page.locator("#panel ul.cells li").all():
+            label = line.locator(".name").inner_text()
+            number = line.locator(".quiet").inner_text().split("·")[0]
+            counts[label] = int(re.sub(r"\D", "", number))
+        return counts
+
+    def find(self, name: str) -> None:
+        """Type a name into the field for names, and wait for the answer."""
+        self.page.locator("#search").fill(name)
+        self.page.locator("#search").press("Enter")
+        self.page.locator("#panel h2").get_by_text(name, exact=True).wait_for()
+        self.page.locator("#panel ol.found").wait_for(state="attached")
+
+    def found_ids(self) -> list[int]:
+        """Return the ids of the matches as they are listed."""
+        buttons = self.page.locator("#panel ol.found button").all()
+        return [int(button.get_attribute("data-id") or -1) for button in buttons]
+
+    # Colors
+
+    def picture(self) -> NDArray[np.uint8]:
+        """Return what the window shows, shape (height, width, 3)."""
+        with Image.open(io.BytesIO(self.page.screenshot())) as image:
+            return np.asarray(image.convert("RGB"))
+
+    def colors_at(self, points_xy: ArrayLike) -> NDArray[np.uint8]:
+        """Return the colors on the screen at points of the base frame, shape (N, 3)."""
+        picture = self.picture()
+        places = [self.pixel_of(*point) for point in np.asarray(points_xy).reshape(-1, 2).tolist()]
+        return np.array([picture[int(row), int(column)] for column, row in places])
