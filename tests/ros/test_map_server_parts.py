@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import threading
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ from hypermap.ros.server.services import failed_response
 from hypermap.ros.typestore import response_class
 from hypermap.testing import square
 
+from .conftest import wait_for
 from .map_server_tools import LAB
 
 
@@ -44,7 +46,7 @@ class Notes:
 class Shown:
     """A part that remembers what it was shown, or fails."""
 
-    def __init__(self, error: HypermapError | None = None) -> None:
+    def __init__(self, error: Exception | None = None) -> None:
         self.maps: list[tuple[Hypermap, Any]] = []
         self.error = error
 
@@ -55,6 +57,19 @@ class Shown:
         if self.error:
             raise self.error
         self.maps.append((hypermap, changed))
+
+
+class Slow(Shown):
+    """A part that takes its time, once it has remembered what it was shown."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.may_go_on = threading.Event()
+        self.may_go_on.set()
+
+    def show(self, hypermap: Hypermap, changed: Any = None) -> None:
+        super().show(hypermap, changed)
+        assert self.may_go_on.wait(30)
 
 
 def lab() -> Hypermap:
@@ -88,7 +103,34 @@ def test_a_change_makes_a_new_map_and_leaves_the_old_one_to_those_who_have_it():
 
     current.change("lab", emptied)
     assert [len(before["lab"]), len(current.hypermap["lab"])] == [1, 0]
-    assert part.maps[-1] == (current.hypermap, ["lab"])
+    wait_for(lambda: part.maps[-1] == (current.hypermap, ["lab"]), "the change to be shown")
+
+
+def test_changes_that_come_while_one_is_shown_are_shown_together():
+    current, part = CurrentMap(Notes()), Slow()
+    current.replace(lab())
+    current.show_on([part])
+    part.may_go_on.clear()
+    current.change("lab", lambda _, layer: layer.copy())
+    wait_for(lambda: len(part.maps) == 2, "the first change")
+    for _ in range(20):  # none of them waits for the part
+        current.change("lab", lambda _, layer: layer.copy())
+    current.change("hall", lambda _, layer: layer.copy())
+    last = current.hypermap
+    part.may_go_on.set()
+    wait_for(lambda: part.maps[-1][0] is last, "the last change")
+    assert [changed for _, changed in part.maps] == [None, ["lab"], ["hall", "lab"]]
+
+
+def test_a_part_with_a_bug_does_not_end_the_showing_of_changes():
+    port, good = Notes(), Shown()
+    current = CurrentMap(port)
+    current.replace(lab())
+    current.show_on([Shown(ZeroDivisionError("of our own")), good])
+    for number in (2, 3):
+        current.change("lab", lambda _, layer: layer.copy())
+        wait_for(lambda number=number: len(good.maps) == number, "the change")
+    assert all("ZeroDivisionError: of our own" in text for _, text in port.lines)
 
 
 def test_a_change_that_fails_leaves_the_map_as_it_is():

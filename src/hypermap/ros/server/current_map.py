@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import traceback
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Generic, Protocol, TypeVar
 
@@ -39,14 +40,18 @@ class CurrentMap:
     """The one owner of the map: it is never changed, but replaced as a whole.
 
     So whoever asks takes `hypermap` once, and sees either the old map or the new one. Changes
-    wait for each other, and each is shown before the next begins.
+    wait for each other. A new map is shown before `replace` returns; changed layers are shown by a
+    thread, as soon as that can, so several changes at once if they come fast.
     """
 
     def __init__(self, port: Port) -> None:
         self._port = port
         self._hypermap = Hypermap()
         self._parts: tuple[Part, ...] = ()
-        self._writing = threading.RLock()
+        self._changed: set[str] = set()  # layers that are not shown as they are
+        self._showing = threading.RLock()  # taken before the next, if both are
+        self._writing = threading.Condition()  # guards the map and what of it has changed
+        self._thread: threading.Thread | None = None
 
     @property
     def hypermap(self) -> Hypermap:
@@ -55,9 +60,10 @@ class CurrentMap:
 
     def replace(self, hypermap: Hypermap) -> None:
         """Put another map in its place."""
-        with self._writing:
-            self._hypermap = hypermap
-            self._show(None)
+        with self._showing:
+            with self._writing:
+                self._hypermap = hypermap
+            self.show_again()
 
     def change(self, name: str, make: Callable[[Hypermap, Layer], Layer]) -> None:
         """Replace one layer.
@@ -73,28 +79,49 @@ class CurrentMap:
         with self._writing:
             hypermap = self._hypermap
             self._hypermap = hypermap.with_layer(make(hypermap, hypermap[name]))
-            self._show([name])
+            self._changed.add(name)
+            self._writing.notify()
 
     def show_on(self, parts: Sequence[Part]) -> None:
         """Show the map, and all that follow, on these parts and no others."""
-        with self._writing:
+        with self._showing:
             self._parts = tuple(parts)
-            self._show(None)
+            self.show_again()
+            if self._thread is None:
+                self._thread = threading.Thread(target=self._show_changes, name="map", daemon=True)
+                self._thread.start()
 
     def show_again(self) -> None:
         """Show all of the map once more."""
-        with self._writing:
-            self._show(None)
+        with self._showing:
+            with self._writing:
+                hypermap = self._hypermap
+                self._changed.clear()
+            self._show(hypermap, None)
 
-    def _show(self, changed: Sequence[str] | None) -> None:
+    def _show_changes(self) -> None:
+        while True:
+            with self._writing:
+                self._writing.wait_for(lambda: self._changed)
+            with self._showing:
+                with self._writing:
+                    hypermap, changed = self._hypermap, sorted(self._changed)
+                    self._changed.clear()
+                if changed:
+                    self._show(hypermap, changed)
+
+    def _show(self, hypermap: Hypermap, changed: Sequence[str] | None) -> None:
         for part in self._parts:
-            self._show_on(part, changed)
+            self._show_on(part, hypermap, changed)
 
-    def _show_on(self, part: Part, changed: Sequence[str] | None) -> None:
+    def _show_on(self, part: Part, hypermap: Hypermap, changed: Sequence[str] | None) -> None:
+        """Show the map on one part; the others go on if it fails."""
         try:
-            part.show(self._hypermap, changed)
+            part.show(hypermap, changed)
         except HypermapError as error:
-            self._port.log("error", str(error))  # the other parts go on
+            self._port.log("error", str(error))
+        except Exception:
+            self._port.log("error", traceback.format_exc())
 
 
 class KeptOpen(Generic[Thing]):
