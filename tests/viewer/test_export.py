@@ -66,7 +66,7 @@ def blob_in(path: Path) -> dict[str, Any]:
 
 
 def test_no_name_ends_the_script_and_all_come_back(page: Path, tmp_path: Path) -> None:
-    done = export_page(a_map(), EVIL, tmp_path / "out.html", page=page)
+    done = export_page(a_map(), f"/home/me/{EVIL}", tmp_path / "out.html", page=page)
     html = (tmp_path / "out.html").read_text()
     assert done.size == (tmp_path / "out.html").stat().st_size
     elements = Elements(html)
@@ -74,7 +74,8 @@ def test_no_name_ends_the_script_and_all_come_back(page: Path, tmp_path: Path) -
         *("html", "head", "meta", "style", "body", "script", "script")
     ]
     blob = blob_in(tmp_path / "out.html")
-    assert blob["map"]["path"] == EVIL
+    assert blob["map"]["path"] == blob["map"]["name"] == EVIL.rsplit("/")[-1]
+    assert "/home/me" not in html
     assert [shape["name"] for shape in blob["shapes"][EVIL]] == [EVIL]
     assert list(blob["rasters"]) == ["occupancy"]
     assert "\u2028" not in html
@@ -82,7 +83,7 @@ def test_no_name_ends_the_script_and_all_come_back(page: Path, tmp_path: Path) -
 
 
 def test_nothing_can_be_edited_and_nothing_else_is_fetched(page: Path, tmp_path: Path) -> None:
-    export_page(a_map(), EVIL, tmp_path / "out.html", page=page)
+    export_page(a_map(), f"/home/me/{EVIL}", tmp_path / "out.html", page=page)
     blob = blob_in(tmp_path / "out.html")
     assert blob["map"]["editable"] is False
     assert [layer["editable"] for layer in blob["map"]["layers"]] == [False, False]
@@ -93,7 +94,7 @@ def test_nothing_can_be_edited_and_nothing_else_is_fetched(page: Path, tmp_path:
 
 def test_the_same_map_gives_the_same_file(page: Path, tmp_path: Path) -> None:
     for name in ("a.html", "b.html"):
-        export_page(a_map(), EVIL, tmp_path / name, page=page)
+        export_page(a_map(), f"/home/me/{EVIL}", tmp_path / name, page=page)
     assert (tmp_path / "a.html").read_bytes() == (tmp_path / "b.html").read_bytes()
 
 
@@ -119,11 +120,11 @@ def test_numbers_that_json_does_not_know_become_text(page: Path, tmp_path: Path)
 def test_a_page_that_is_not_built_is_named(page: Path, tmp_path: Path) -> None:
     (page / "app.js").unlink()
     with pytest.raises(HypermapError, match=r"app\.js: the page is not built; .* make page"):
-        export_page(a_map(), EVIL, tmp_path / "out.html", page=page)
+        export_page(a_map(), f"/home/me/{EVIL}", tmp_path / "out.html", page=page)
     assert not (tmp_path / "out.html").exists()
 
 
 def test_a_page_without_a_place_for_the_map_is_refused(page: Path, tmp_path: Path) -> None:
     (page / "index.html").write_text(INDEX.replace("<!-- hypermap:blob -->", ""))
     with pytest.raises(HypermapError, match=r"index\.html: this must stand there once: <!-- "):
-        export_page(a_map(), EVIL, tmp_path / "out.html", page=page)
+        export_page(a_map(), f"/home/me/{EVIL}", tmp_path / "out.html", page=page)

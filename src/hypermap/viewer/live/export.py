@@ -53,7 +53,7 @@ def export_page(
 
     Args:
         hypermap: the map.
-        map_path: where it was opened; the page shows it, and names it in commands.
+        map_path: where it was opened; the page names the file, and not where it lies.
         path: where to save.
         page: the folder of the built page: index.html, app.js and app.css.
         max_pixels: how many pixels the picture of a layer may have; larger grids are reduced.
@@ -89,7 +89,7 @@ def _blob(
             shapes[layer.name] = embedded
     described = describe_map(hypermap, views, is_editable=False)
     still = {"version": 0, "can_undo": False, "can_redo": False, "unsaved": False}
-    shown = {"name": map_path.name, "path": str(map_path), **still, **described, "notes": notes}
+    shown = {"name": map_path.name, "path": map_path.name, **still, **described, "notes": notes}
     return {"version": 1, "map": shown, "rasters": rasters, "shapes": shapes}, tuple(notes)
 
 

@@ -1,0 +1,251 @@
+"""Changing a map in the browser: what is drawn, what is saved, and what another window sees."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+from playwright.sync_api import Browser, expect
+
+from hypermap.core.hypermap import Hypermap
+from hypermap.core.semantic import SemanticLayer, SemanticObject
+from hypermap.formats import open_map, save_map
+
+from .page_tools import PATIENCE, Window, a_server, a_window
+from .screen_colors import Expected
+from .small_map import (
+    CHAIR,
+    CUP,
+    DESK,
+    EVIL,
+    METRES_PER_PIXEL,
+    PLACES,
+    saved_small_map,
+)
+
+expect.set_options(timeout=1000 * PATIENCE)
+pytestmark = pytest.mark.xdist_group("page")
+
+
+@dataclass
+class Edited:
+    """A saved map, the page's address, and a window that shows it."""
+
+    path: Path
+    url: str
+    window: Window
+
+    def objects(self) -> dict[int, SemanticObject]:
+        """Return what the file holds, by id."""
+        return objects_of(open_map(self.path))
+
+
+def objects_of(hypermap: Hypermap) -> dict[int, SemanticObject]:
+    layer = hypermap["semantic"]
+    assert isinstance(layer, SemanticLayer)
+    return {int(item.id or 0): item for item in layer.objects()}
+
+
+@pytest.fixture
+def edited(browser: Browser, tmp_path: Path) -> Iterator[Edited]:
+    path = saved_small_map(tmp_path)
+    with a_server(path) as url, a_window(browser, url) as window:
+        window.look_at(5, 4, METRES_PER_PIXEL)
+        yield Edited(path, url, window)
+        assert window.hosts() == {"127.0.0.1"}
+
+
+@pytest.fixture
+def other(browser: Browser, edited: Edited) -> Iterator[Window]:
+    with a_window(browser, edited.url) as window:
+        window.look_at(5, 4, METRES_PER_PIXEL)
+        yield window
+
+
+def start_editing(window: Window) -> None:
+    window.page.locator("#tool-edit").click()
+    expect(window.page.locator("#editbar")).to_be_visible()
+
+
+def take(window: Window, thing: int, name: str) -> None:
+    """Click on an object in edit mode."""
+    window.click_at(*PLACES[thing])
+    expect(window.page.locator("#object-name")).to_have_value(name)
+
+
+def rename(window: Window, name: str) -> None:
+    window.page.locator("#object-name").fill(name)
+    window.page.locator("#object-apply").click()
+    expect(window.page.locator("#panel h2")).to_have_text(name)
+
+
+def save(window: Window) -> None:
+    window.page.locator("#edit-save").click()
+    expect(window.page.locator("#edit-save")).to_be_disabled()
+
+
+def add_rectangle(window: Window, x0: float, y0: float, x1: float, y1: float, name: str) -> None:
+    window.page.locator("#edit-rectangle").click()
+    window.drag((x0, y0), (x1, y1))
+    window.page.locator("#object-name").fill(name)
+    window.page.locator("#object-layer").select_option("semantic")
+    window.page.locator("#object-add").click()
+    expect(window.page.locator(f'[data-class="{name}"]')).to_be_attached()
+
+
+def classes(window: Window) -> list[str]:
+    return sorted(
+        str(row.get_attribute("data-class"))
+        for row in window.page.locator('[data-layer="semantic"] [data-class]').all()
+    )
+
+
+def test_what_is_added_is_drawn_saved_and_there_again(edited: Edited) -> None:
+    window, before = edited.window, edited.path.read_bytes()
+    start_editing(window)
+    corners = window.points_at([[600, 300], [680, 240]])
+    (x0, y0), (x1, y1) = corners.tolist()
+    add_rectangle(window, x0, y0, x1, y1, "crate")
+    assert edited.path.read_bytes() == before  # nothing is written before it is saved
+    save(window)
+    assert edited.path.with_name("room.hmap.bak").read_bytes() == before
+    new = [item for item in edited.objects().values() if item.name == "crate"]
+    assert len(new) == 1
+    assert shapely.box(x0, y0, x1, y1).symmetric_difference(new[0].footprint).area < 1e-6
+
+    window.page.locator("#edit-done").click()
+    window.page.locator("#show-labels").uncheck()
+    window.page.reload()
+    window.look_at(5, 4, METRES_PER_PIXEL)
+    x, y = new[0].footprint.centroid.coords[0]
+    wanted = Expected(open_map(edited.path)).color(x, y)
+    assert np.abs(window.colors_at([[x, y]])[0] - wanted).max() <= 3
+    assert window.complaints == []
+
+
+def test_renaming_reshaping_and_deleting_can_be_undone_and_redone(edited: Edited) -> None:
+    window = edited.window
+    names = classes(window)
+    start_editing(window)
+    take(window, CHAIR, "chair")
+    rename(window, "armchair")
+    window.page.locator("#object-tags").fill("soft, red")
+    window.page.locator("#object-apply").click()
+    expect(window.page.locator("#edit-undo")).to_be_enabled()
+    window.wait_until_drawn()
+    window.drag((7.5, 5.5), (8.1, 6.1))  # its upper right corner
+    take(window, CUP, "cup")
+    window.page.get_by_role("button", name="Delete").click()
+    expect(window.page.locator('[data-class="cup"]')).to_have_count(0)
+    changed = classes(window)
+    assert changed == sorted({*names, "armchair"} - {"chair", "cup"})
+
+    for _ in range(4):
+        window.page.locator("#edit-undo").click()
+    expect(window.page.locator("#edit-undo")).to_be_disabled()
+    expect(window.page.locator('[data-class="chair"]')).to_have_count(1)
+    assert classes(window) == names
+    for _ in range(4):
+        window.page.locator("#edit-redo").click()
+    expect(window.page.locator("#edit-redo")).to_be_disabled()
+    expect(window.page.locator('[data-class="armchair"]')).to_have_count(1)
+    assert classes(window) == changed
+
+    save(window)
+    things = edited.objects()
+    assert CUP not in things
+    chair = things[CHAIR]
+    assert (chair.name, chair.tags) == ("armchair", ("soft", "red"))
+    assert chair.footprint.area > 1.3
+    assert chair.footprint.bounds[2:] == pytest.approx((8.1, 6.1), abs=2 * METRES_PER_PIXEL)
+    desk = things[DESK]
+    assert (desk.name, desk.tags, desk.existence) == ("desk", ("furniture",), 4.5)
+    assert window.complaints == []
+
+
+def test_two_windows_see_each_other_and_lose_nothing(edited: Edited, other: Window) -> None:
+    one = edited.window
+    start_editing(one)
+    start_editing(other)
+    add_rectangle(one, *one.points_at([[600, 300], [680, 240]]).ravel(), "crate")
+    expect(other.page.locator('[data-class="crate"]')).to_be_attached()
+    take(other, CHAIR, "chair")
+    rename(other, "armchair")
+    expect(one.page.locator('[data-class="armchair"]')).to_be_attached()
+    save(other)
+    expect(one.page.locator("#edit-save")).to_be_disabled()
+    names = [item.name for item in edited.objects().values()]
+    assert sorted(names) == sorted(["desk", "armchair", "cup", EVIL, "crate"])
+
+
+def test_a_change_of_what_another_window_changed_is_refused(edited: Edited, other: Window) -> None:
+    late = other
+    late.page.route("**/api/events*", lambda route: route.abort())
+    late.page.reload()
+    late.look_at(5, 4, METRES_PER_PIXEL)
+    start_editing(late)
+    take(late, CHAIR, "chair")
+    start_editing(edited.window)
+    take(edited.window, CHAIR, "chair")
+    rename(edited.window, "armchair")
+
+    late.page.locator("#object-name").fill("throne")
+    late.page.locator("#object-apply").click()
+    expect(late.page.get_by_role("alert").filter(has_text="changed meanwhile")).to_be_visible()
+    expect(late.page.locator("#object-name")).to_have_value("armchair")
+    rename(late, "throne")  # now that it has seen the other's
+    expect(edited.window.page.locator('[data-class="throne"]')).to_be_attached()
+
+
+def test_a_file_that_changed_on_disk_is_not_overwritten_unasked(edited: Edited) -> None:
+    window = edited.window
+    start_editing(window)
+    take(window, CHAIR, "chair")
+    rename(window, "armchair")
+    changed = open_map(edited.path)
+    layer = changed["semantic"]
+    assert isinstance(layer, SemanticLayer)
+    layer.remove([DESK])
+    save_map(changed, edited.path)
+    theirs = edited.path.read_bytes()
+    expect(window.page.locator("#banner")).to_contain_text("has changed on the disk")
+
+    window.page.locator("#edit-save").click()
+    dialog = window.page.get_by_role("dialog")
+    expect(dialog).to_contain_text("changed")
+    dialog.get_by_role("button", name="Cancel").click()
+    assert edited.path.read_bytes() == theirs
+    window.page.locator("#edit-save").click()
+    dialog.get_by_role("button", name="Overwrite").click()
+    expect(window.page.locator("#edit-save")).to_be_disabled()
+    assert edited.objects()[CHAIR].name == "armchair"
+    assert DESK in edited.objects()
+    assert edited.path.with_name("room.hmap.bak").read_bytes() == theirs
+
+
+def test_a_file_that_vanished_is_told_and_can_be_saved_again(edited: Edited) -> None:
+    window = edited.window
+    start_editing(window)
+    take(window, CHAIR, "chair")
+    rename(window, "armchair")
+    edited.path.unlink()
+    expect(window.page.locator("#banner")).to_contain_text("has vanished from the disk")
+    window.page.locator("#edit-save").click()
+    expect(window.page.locator("#edit-save")).to_be_disabled()
+    assert edited.objects()[CHAIR].name == "armchair"
+
+
+def test_markup_typed_as_a_name_stays_text(edited: Edited) -> None:
+    window = edited.window
+    start_editing(window)
+    take(window, CHAIR, "chair")
+    rename(window, EVIL + "2")
+    expect(window.page.locator("[data-class] .name").filter(has_text=EVIL + "2")).to_be_attached()
+    assert window.page.locator("img").count() == 0
+    assert window.page.evaluate("window.hacked") is None
+    save(window)
+    assert edited.objects()[CHAIR].name == EVIL + "2"

@@ -1,0 +1,76 @@
+"""The page in one file, from disk and offline: it shows and answers as the server does."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import pytest
+from playwright.sync_api import Browser
+
+from hypermap.formats import open_map
+
+from .page_tools import Window, a_window
+from .small_map import EVIL, METRES_PER_PIXEL, PLACES, saved_small_map
+from .test_page_maps import Shown, check_area, check_clicks, check_colors, check_names, zoomed
+
+pytestmark = pytest.mark.xdist_group("page")
+
+
+def export(path: Path) -> Path:
+    html = path.with_suffix(".html")
+    command = [sys.executable, "-m", "hypermap", "view", str(path), "--html", str(html)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert f"saved {html}" in done.stderr
+    return html
+
+
+def assert_nothing_was_fetched(window: Window) -> None:
+    assert {urlsplit(url).scheme for url in window.asked} <= {"file", "data", "blob"}
+    assert window.complaints == []
+
+
+@pytest.fixture(params=["lab", "simulated"])
+def shown(
+    request: pytest.FixtureRequest, map_named: Callable[[str], Path], browser: Browser
+) -> Iterator[Shown]:
+    path = map_named(request.param)
+    url = export(path).as_uri()
+    hypermap = open_map(path)
+    path.unlink()
+    with a_window(browser, url, offline=True) as window:
+        yield zoomed(hypermap, window)
+        assert_nothing_was_fetched(window)
+
+
+def test_a_file_shows_and_answers_without_a_network(shown: Shown) -> None:
+    check_colors(shown)
+    check_clicks(shown)
+    check_area(shown)
+    check_names(shown)
+    assert shown.window.page.locator("#tool-edit").is_hidden()
+
+
+def test_names_in_a_file_are_text(browser: Browser, tmp_path: Path) -> None:
+    url = export(saved_small_map(tmp_path)).as_uri()
+    with a_window(browser, url, offline=True) as window:
+        window.look_at(5, 4, METRES_PER_PIXEL)
+        window.ask_at(*PLACES[3])
+        assert window.said("semantic") == EVIL
+        assert window.page.evaluate("window.hacked") is None
+        assert_nothing_was_fetched(window)
+
+
+def test_an_existing_file_stays_without_force(tmp_path: Path) -> None:
+    path = saved_small_map(tmp_path)
+    html = tmp_path / "out.html"
+    html.write_text("mine")
+    command = [sys.executable, "-m", "hypermap", "view", str(path), "--html", str(html)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert done.stderr.strip().endswith("out.html exists already; give --force to replace it")
+    assert html.read_text() == "mine"
