@@ -135,7 +135,7 @@ class MapApp:
         return Response(content, media_type="image/png", headers=headers)
 
     def _shapes(self, request: Request) -> Response:
-        snapshot, view = self._layer(request)
+        _, view = self._layer(request)
         if view.shapes is None:
             raise Refused(f"layer {request.path_params['layer']!r} has no shapes", 404)
         values = request.query_params
@@ -144,8 +144,7 @@ class MapApp:
             raise Refused(f"resolution: must be above 0 m, got {resolution:g}")
         names = values.getlist("name") if "name" in values else None
         box = box_in(values, "bbox")
-        answer = view.shapes.view(box, resolution, view.base_T_layer, names)
-        return _json({"version": snapshot.version, **answer})
+        return _json_of(view.shapes.view(box, resolution, view.base_T_layer, names))
 
     # Questions
 
@@ -270,9 +269,12 @@ class MapApp:
 
 
 def _json(value: Any) -> Response:
-    return Response(
-        json_bytes(value), media_type="application/json", headers={"Cache-Control": "no-store"}
-    )
+    return _json_of(json_bytes(value))
+
+
+def _json_of(content: bytes) -> Response:
+    headers = {"Cache-Control": "no-store"}
+    return Response(content, media_type="application/json", headers=headers)
 
 
 def _refuse(_: Request, error: Exception) -> Response:

@@ -108,7 +108,7 @@ class Questions:
         Raises:
             FrameError: If the frame is unknown.
         """
-        known = sorted({str(n) for layer in self._semantic() for n in set(layer.names)})
+        known = sorted({n for layer in self._semantic() for n in _names_of(layer.table)})
         names = _names_like(name, known)
         if name not in known and len(names) == 1:
             name = names[0]
@@ -274,6 +274,12 @@ def _count_cells(layer: OccupancyLayer, area: BaseGeometry) -> dict[str, int]:
     free = int(np.count_nonzero(inside == FREE))
     occupied = int(np.count_nonzero(inside == OCCUPIED))
     return dict(zip(LABELS, (free, occupied, len(inside) - free - occupied), strict=True))
+
+
+def _names_of(table: ObjectTable) -> set[str]:
+    """Return the names that objects have; the vocabulary may have others, of objects gone."""
+    used = set(np.unique(table.codes).tolist())
+    return {name for name, code in table.vocabulary.items() if code in used}
 
 
 def _names_like(name: str, known: Sequence[str]) -> list[str]:

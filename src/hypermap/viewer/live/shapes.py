@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass
-from typing import Any
+import math
+import threading
+from collections import OrderedDict
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 import shapely
@@ -17,11 +19,14 @@ from hypermap.core.frames import Pose2D
 from hypermap.core.layer import Layer, ShapesPicture
 from hypermap.core.semantic import SemanticLayer
 from hypermap.core.shapes import valid_copies
+from hypermap.viewer.live.json_text import json_bytes
+from hypermap.viewer.live.tiles import FINEST
 
 MOST = 5000
 """How many shapes are sent at once."""
 
 _SMALLEST = 2  # pixels; what is smaller is sent as a point
+_ZOOMS_KEPT = 6  # of what was sent
 _SHARPEST = 1e-4  # metres; no coordinate is told more exactly
 
 Polygons = list[list[list[list[float]]]]
@@ -59,6 +64,9 @@ class LayerShapes:
         ids = np.arange(len(shapes))
         return cls(ids, picture.names, shapes, np.asarray(shapely.area(shapes)), centroids)
 
+    _kept: OrderedDict[tuple[int, Pose2D], dict[int, bytes]] = field(default_factory=OrderedDict)
+    _keeping: threading.Lock = field(default_factory=threading.Lock)
+
     @functools.cached_property
     def bounds(self) -> tuple[float, float, float, float]:
         """The box around all shapes [m]; NaN if there are none."""
@@ -87,13 +95,16 @@ class LayerShapes:
         base_T_layer: Pose2D,
         names: Collection[str] | None = None,
         most: int = MOST,
-    ) -> dict[str, Any]:
-        """Return what the page shows of a part of the map, the largest shapes first.
+    ) -> bytes:
+        """Return what the page shows of a part of the map as JSON, the largest shapes first.
+
+        Outlines are simplified by half a pixel, without crossing themselves, and shapes smaller
+        than two become points. That pixel is the screen's, or that of the next finer zoom: what
+        was made for a zoom is kept, so that moving the view costs little.
 
         Args:
             bbox: xmin, ymin, xmax, ymax in the base frame [m].
-            resolution: side of a pixel of the screen [m]. Outlines are simplified by half of it,
-                without crossing themselves; shapes smaller than two pixels become points.
+            resolution: side of a pixel of the screen [m].
             base_T_layer: pose of the layer's frame.
             names: which shapes; None for all.
             most: how many shapes at most.
@@ -107,11 +118,9 @@ class LayerShapes:
         if total > most:
             rows = rows[np.argpartition(-self.areas[rows], most)[:most]]
         rows = rows[np.argsort(-self.areas[rows], kind="stable")]
-        return {
-            "total": total,
-            "shown": len(rows),
-            "features": self._features(rows, resolution, base_T_layer),
-        }
+        zoom = math.floor(math.log2(resolution / FINEST) + 1e-9)
+        features = b",".join(self._features(rows, zoom, base_T_layer))
+        return b'{"total":%d,"shown":%d,"features":[%b]}' % (total, len(rows), features)
 
     def polygons(self, row: int, base_T_layer: Pose2D) -> Polygons:
         """Return one shape exactly as it is, in the base frame: polygons of rings of points."""
@@ -126,35 +135,43 @@ class LayerShapes:
             points[outside] = shapely.get_coordinates(inner)
         return base_T_layer.apply(points)
 
-    def _features(
-        self, rows: IntArray, resolution: float, base_T_layer: Pose2D
-    ) -> list[dict[str, Any]]:
+    def _features(self, rows: IntArray, zoom: int, base_T_layer: Pose2D) -> list[bytes]:
+        """Return rows as the page reads them at a zoom, from what is kept or made now."""
+        with self._keeping:
+            key = (zoom, base_T_layer)
+            texts = self._kept.setdefault(key, {})
+            self._kept.move_to_end(key)
+            if len(self._kept) > _ZOOMS_KEPT:
+                self._kept.popitem(last=False)
+        wanted = rows.tolist()
+        missing = [row for row in wanted if row not in texts]
+        made = self._made(np.array(missing, dtype=np.int64), math.ldexp(FINEST, zoom), base_T_layer)
+        texts.update(zip(missing, made, strict=True))
+        return [texts[row] for row in wanted]
+
+    def _made(self, rows: IntArray, pixel: float, base_T_layer: Pose2D) -> Iterator[bytes]:
+        """Yield rows as JSON, for a pixel of some side [m]."""
         shapes = self.shapes[rows]
         boxes = shapely.bounds(shapes).reshape(-1, 4)
         sides = (boxes[:, 2:] - boxes[:, :2]).max(axis=1, initial=0)
-        is_small = sides < _SMALLEST * resolution
-        step = max(resolution / 4, _SHARPEST)
-        decimals = max(0, int(np.ceil(-np.log10(step))))
-        drawn = np.flatnonzero(~is_small)
-        outlines = shapely.simplify(shapes[drawn], resolution / 2, preserve_topology=True)
-        polygons = dict(
-            zip(drawn.tolist(), _polygons(outlines, base_T_layer, decimals), strict=True)
+        drawn = np.flatnonzero(sides >= _SMALLEST * pixel)
+        decimals = max(0, math.ceil(-math.log10(max(pixel / 4, _SHARPEST))))
+        outlines = shapely.simplify(shapes[drawn], pixel / 2, preserve_topology=True)
+        polygons: list[Polygons] = [[] for _ in shapes]
+        found = _polygons(outlines, base_T_layer, decimals)
+        for i, outline in zip(drawn.tolist(), found, strict=True):
+            polygons[i] = outline
+        columns = zip(
+            self.ids[rows].tolist(),
+            self.names[rows],
+            np.round(self.areas[rows], 4).tolist(),
+            np.round(self.label_points(rows, base_T_layer), decimals).tolist(),
+            polygons,
+            strict=True,
         )
-        points = np.round(self.label_points(rows, base_T_layer), decimals).tolist()
-        features = []
-        for i, (number, name, area, at) in enumerate(
-            zip(
-                self.ids[rows].tolist(),
-                self.names[rows],
-                np.round(self.areas[rows], 4).tolist(),
-                points,
-                strict=True,
-            )
-        ):
-            outline = polygons.get(i)
+        for number, name, area, at, outline in columns:
             shape = {"polygons": outline} if outline else {"point": at}
-            features.append({"id": number, "name": str(name), "at": at, "area": area, **shape})
-        return features
+            yield json_bytes({"id": number, "name": str(name), "at": at, "area": area, **shape})
 
 
 def _polygons(shapes: ObjectArray, base_T_layer: Pose2D, decimals: int | None) -> list[Polygons]:
