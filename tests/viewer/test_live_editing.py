@@ -345,11 +345,24 @@ def test_a_map_server_map_is_not_turned_into_something_else(tmp_path):
     before = (tmp_path / "map.yaml").read_bytes()
     with serving(tmp_path / "map.yaml") as client:
         window = Window(client)
-        assert not window.info["editable"]
         assert "save as NAME.hmap" in window.post("/api/save", 400)["error"]
         window.post("/api/save", path="map.hmap")
     assert (tmp_path / "map.yaml").read_bytes() == before
     assert (tmp_path / "map.hmap").exists()
+
+
+def test_rooms_can_be_drawn_on_a_map_that_has_only_a_grid(tmp_path):
+    path = saved(tmp_path, Hypermap([a_map()["occupancy"]]))
+    with serving(path, is_editable=False) as client:
+        assert [layer["name"] for layer in Window(client).info["layers"]] == ["occupancy"]
+    with serving(path) as client:
+        window = Window(client)
+        layer = window.info["layers"][1]
+        assert (layer["name"], layer["count"], layer["editable"]) == ("semantic", 0, True)
+        assert not window.info["unsaved"]
+        window.edit({**add("kitchen"), "layer": "semantic"})
+        window.post("/api/save")
+    assert open_map(path).label_at("semantic", [8.5, 6.0])[0] == "kitchen"
 
 
 def test_a_full_disk_leaves_everything_as_it_was(tmp_path, monkeypatch):

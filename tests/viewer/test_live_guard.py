@@ -6,6 +6,9 @@ from starlette.responses import PlainTextResponse
 from starlette.routing import Route
 from starlette.testclient import TestClient
 
+from hypermap.core.occupancy import OccupancyLayer
+from hypermap.viewer.live.app import MapApp
+from hypermap.viewer.live.document import MapDocument
 from hypermap.viewer.live.guard import TOKEN_HEADER, Guard, known_hosts
 from hypermap.viewer.live.requests import MOST_BYTES
 
@@ -106,6 +109,18 @@ def test_a_body_that_is_no_request_is_refused(tmp_path, content, status, reason)
         window = Window(client)
         answer = client.post("/api/edit", content=content, headers=window.headers)
         assert (answer.status_code, reason in answer.json()["error"]) == (status, True)
+
+
+def test_a_plug_in_that_does_not_work_is_named_to_the_page(tmp_path, monkeypatch):
+    path = saved(tmp_path)
+    monkeypatch.setattr(OccupancyLayer, "label_at", lambda *_: 1 / 0)
+    with TestClient(
+        MapApp(MapDocument(path)).app, "http://127.0.0.1", raise_server_exceptions=False
+    ) as client:
+        answer = client.get("/api/at?x=0&y=0")
+        assert answer.status_code == 500
+        assert "division by zero" in answer.json()["error"]
+        assert client.get("/api/map").status_code == 200
 
 
 @pytest.mark.parametrize(

@@ -81,7 +81,11 @@ class MapApp:
                 Route("/api/events", self._events),
             ],
             middleware=[Middleware(Guard, hosts=known_hosts(host), token=self.token)],
-            exception_handlers={HypermapError: _refuse, HTTPException: _refuse_http},
+            exception_handlers={
+                HypermapError: _refuse,
+                HTTPException: _refuse_http,
+                Exception: _fail,
+            },
             lifespan=self._lifespan,
         )
 
@@ -289,3 +293,8 @@ def _refuse(_: Request, error: Exception) -> Response:
 def _refuse_http(_: Request, error: Exception) -> Response:
     assert isinstance(error, HTTPException)
     return JSONResponse({"error": error.detail}, error.status_code)
+
+
+def _fail(_: Request, error: Exception) -> Response:
+    """Answer where a plug-in, or this program, does not work; the terminal shows where."""
+    return JSONResponse({"error": f"the server failed at this: {error!r}"[:500]}, 500)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import threading
 import time
 from collections import deque
@@ -12,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from hypermap.core.hypermap import Hypermap
+from hypermap.core.semantic import SemanticLayer
 from hypermap.formats import open_map, save_map
 from hypermap.viewer.live.changes import Change, Draft, applied, undoing
 from hypermap.viewer.live.files import MapFile
@@ -47,6 +49,9 @@ class _Step:
 class MapDocument:
     """A map that several windows look at and change.
 
+    A map without objects gets an empty layer for them, in the base frame, so that rooms and zones
+    can be drawn; like every change, it is in the file only when it has been saved.
+
     Each change names the version that its window has seen. It is refused if an object that it
     touches has been changed since then, so that no window undoes another's work unknowingly.
 
@@ -63,6 +68,7 @@ class MapDocument:
     def __init__(self, path: Path, is_editable: bool = True) -> None:
         hypermap = open_map(path)
         self.file = MapFile.of(path, hypermap)
+        hypermap = _with_objects(hypermap) if is_editable else hypermap
         self.is_editable = is_editable
         self.beat = 0
         self.saves = 0
@@ -142,7 +148,7 @@ class MapDocument:
         with self._changing:
             self._check_editable()
             file = self.file if name is None else self.file.beside(name)
-            file.check_before_saving(self._snapshot.hypermap, overwrite)
+            file.check_before_saving(overwrite)
             file.keep_backup()
             save_map(self._snapshot.hypermap, file.path)
             self.file = MapFile.of(file.path, self._snapshot.hypermap)
@@ -159,6 +165,7 @@ class MapDocument:
         with self._changing:
             hypermap = open_map(self.file.path)
             self.file = MapFile.of(self.file.path, hypermap)
+            hypermap = _with_objects(hypermap) if self.is_editable else hypermap
             self._open(hypermap, self._snapshot.version + 1)
             self.beat += 1
 
@@ -217,3 +224,13 @@ class MapDocument:
 
     def _refuse_behind(self, message: str) -> None:
         raise Refused(message, 409, "behind", version=self._snapshot.version)
+
+
+def _with_objects(hypermap: Hypermap) -> Hypermap:
+    """Return a map that has a layer of objects."""
+    if any(isinstance(layer, SemanticLayer) for layer in hypermap):
+        return hypermap
+    others = (f"semantic_{number}" for number in itertools.count(2))
+    name = next(name for name in itertools.chain(["semantic"], others) if name not in hypermap)
+    added = SemanticLayer(name, hypermap.base_frame)
+    return Hypermap([*hypermap, added], hypermap.frames, hypermap.metadata)

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import contextlib
 import os
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, TypeAlias
 
 from hypermap.core.errors import FileMissing, HypermapError
 from hypermap.core.hypermap import Hypermap
-from hypermap.core.semantic import SemanticLayer
 from hypermap.formats import open_map, save_map
 from hypermap.formats.atomic import write_file
 from hypermap.formats.config import CONFIG_NAME
-from hypermap.formats.store import FolderStore, safe_name
+from hypermap.formats.store import FolderStore, read_file, safe_name
+from hypermap.formats.yaml_text import read_yaml
 from hypermap.viewer.live.refusals import Refused
 
 _YAML_ENDINGS = (".yaml", ".yml")
@@ -30,6 +31,7 @@ class MapFile:
         parts: of a configuration, what the layers name as their files.
         seen: when each of the files was written, and how large it was.
         is_own: whether the map was opened from it or saved in it.
+        is_plain_grid: whether it is a map_server YAML, which can hold nothing but a grid.
         state: what has happened to the file since then.
     """
 
@@ -37,6 +39,7 @@ class MapFile:
     parts: tuple[str, ...]
     seen: _Look
     is_own: bool = True
+    is_plain_grid: bool = False
     state: Literal["same", "changed", "vanished"] = "same"
 
     @classmethod
@@ -46,7 +49,9 @@ class MapFile:
         named = (layer.settings.get("file") for layer in hypermap)
         is_folder = path.suffix.lower() in _YAML_ENDINGS
         parts = tuple(file for file in named if is_folder and isinstance(file, str))
-        return cls(path, parts, _look_at(path, parts))
+        return cls(
+            path, parts, _look_at(path, parts), is_plain_grid=is_folder and not _has_layers(path)
+        )
 
     def beside(self, name: str) -> MapFile:
         """Return another file of the same folder, to save in.
@@ -74,15 +79,14 @@ class MapFile:
         self.state = "same" if now == self.seen else "changed" if now else "vanished"
         return self.state != state
 
-    def check_before_saving(self, hypermap: Hypermap, overwrite: bool) -> None:
+    def check_before_saving(self, overwrite: bool) -> None:
         """Make sure that saving destroys nothing unknowingly.
 
         Raises:
             Refused: If it would.
         """
         name = self.path.name
-        is_plain_grid = not any(isinstance(layer, SemanticLayer) for layer in hypermap)
-        if self.path.suffix.lower() in _YAML_ENDINGS and is_plain_grid:
+        if self.is_plain_grid:
             raise Refused(f"{name}: a map_server map stays as it is; save as NAME.hmap")
         self.look()
         if self.is_own and self.state == "changed" and not overwrite:
@@ -110,6 +114,12 @@ class MapFile:
             return  # there is nothing to keep
         except (OSError, HypermapError) as error:
             raise HypermapError(f"no backup can be kept, so nothing is saved: {error}") from error
+
+
+def _has_layers(path: Path) -> bool:
+    """Return whether a YAML file is a map's configuration."""
+    document = read_yaml(read_file(path), str(path))
+    return isinstance(document, Mapping) and "layers" in document
 
 
 def _look_at(path: Path, parts: tuple[str, ...]) -> _Look:
