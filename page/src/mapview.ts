@@ -264,7 +264,7 @@ export function drawnLayer({ tiles, shapes }: ShownLayer): DrawnLayer | undefine
   return tiles ?? shapes?.layer;
 }
 
-export type DrawnLayer = TileLayer<ImageTile> | VectorLayer<VectorSource>;
+export type DrawnLayer = TileLayer<ImageTile> | ShapesLayer["layer"];
 
 export function isVisible(shown: ShownLayer): boolean {
   return drawnLayer(shown)?.getVisible() ?? true;

@@ -4,12 +4,12 @@ import Feature from "ol/Feature.js";
 import { buffer, containsExtent, getHeight, getWidth } from "ol/extent.js";
 import MultiPolygon from "ol/geom/MultiPolygon.js";
 import PointGeometry from "ol/geom/Point.js";
-import VectorLayer from "ol/layer/Vector.js";
+import VectorImageLayer from "ol/layer/VectorImage.js";
 import VectorSource from "ol/source/Vector.js";
 import type Style from "ol/style/Style.js";
 import { complain } from "./dom";
 import { classLook, type ClassLook } from "./looks";
-import type { DataSource, Extent, LayerInfo, Shape, Shapes } from "./source";
+import type { DataSource, Extent, LayerInfo, Point, Ring, Shape, Shapes } from "./source";
 
 /** What the drawn shapes were asked for. */
 interface Loaded {
@@ -22,11 +22,15 @@ interface Loaded {
 /** Below so many objects every one is named; above, only what is large enough on the screen. */
 const FEW = 150;
 const LARGE_ENOUGH = 9;
+/** Size of the picture of the shapes, against that of the view. */
+const PICTURE = 1.4;
+/** Side of the square that stands for what is smaller [pixels]. */
+const DOT = 3;
 /** More names are not sent with a question; then all are asked for. */
 const MOST_NAMES = 200;
 
 export class ShapesLayer {
-  readonly layer: VectorLayer<VectorSource>;
+  readonly layer: VectorImageLayer<VectorSource>;
   /** Names of the classes that are switched off. */
   readonly hidden = new Set<string>();
   shown = 0;
@@ -42,10 +46,12 @@ export class ShapesLayer {
     private readonly source: DataSource,
     private readonly changed: () => void,
   ) {
-    this.layer = new VectorLayer({
-      source: new VectorSource(),
+    // Drawn once as a picture, which moves with the map: many shapes anew for each frame stutter.
+    this.layer = new VectorImageLayer({
+      // Neighbours of one look may be drawn in one stroke.
+      source: new VectorSource({ overlaps: false }),
       declutter: true,
-      updateWhileAnimating: false,
+      imageRatio: PICTURE,
       style: (feature, resolution) => this.lookOf(feature as Feature, resolution),
     });
   }
@@ -76,7 +82,7 @@ export class ShapesLayer {
     const names = this.names();
     const key = `${this.version} ${names?.join("\n") ?? "*"}`;
     if (this.isLoaded(view, resolution, key)) return;
-    const margin = 0.3 * Math.max(getWidth(view), getHeight(view));
+    const margin = 0.2 * Math.max(getWidth(view), getHeight(view));
     const extent = buffer(view, margin) as Extent;
     this.asking?.abort();
     const asking = new AbortController();
@@ -88,7 +94,7 @@ export class ShapesLayer {
           ? { total: 0, shown: 0, features: [] }
           : await this.source.shapes(name, extent, resolution, names, this.version, asking.signal);
       if (asking.signal.aborted) return;
-      this.draw(shapes);
+      this.draw(shapes, resolution);
       this.loaded = { extent, resolution, key, whole: shapes.shown >= shapes.total };
       this.changed();
     } catch (error) {
@@ -111,12 +117,12 @@ export class ShapesLayer {
     return names.length > MOST_NAMES ? null : names;
   }
 
-  private draw({ features, shown, total }: Shapes): void {
+  private draw({ features, shown, total }: Shapes, resolution: number): void {
     this.shown = shown;
     this.total = total;
     const source = this.layer.getSource();
     source?.clear(true);
-    source?.addFeatures(features.map(featureOf));
+    source?.addFeatures(inDrawingOrder(features).map((shape) => featureOf(shape, resolution)));
   }
 
   private lookOf(feature: Feature, resolution: number): Style[] | undefined {
@@ -135,10 +141,28 @@ export class ShapesLayer {
   }
 }
 
-function featureOf({ id, name, polygons, point, at, area }: Shape): Feature {
-  const geometry = polygons?.length ? new MultiPolygon(polygons) : new PointGeometry(point ?? at);
-  const feature = new Feature({ geometry });
+/** Large things below small ones; those of about one size by class, which is drawn faster. */
+function inDrawingOrder(shapes: Shape[]): Shape[] {
+  const octave = ({ area }: Shape) => Math.floor(Math.log2(Math.max(area, 1e-6)) / 2);
+  return [...shapes].sort(
+    (a, b) => octave(b) - octave(a) || (a.name < b.name ? -1 : +(a.name > b.name)),
+  );
+}
+
+function featureOf({ id, name, polygons, point, at, area }: Shape, resolution: number): Feature {
+  const rings = polygons?.length ? polygons : [[dot(point ?? at, DOT * resolution)]];
+  const feature = new Feature({ geometry: new MultiPolygon(rings) });
   feature.setId(id);
   feature.setProperties({ name, at: new PointGeometry(at), side: Math.sqrt(area) }, true);
   return feature;
+}
+
+function dot([x, y]: Point, side: number): Ring {
+  const [x0, y0] = [x - side / 2, y - side / 2];
+  return [
+    [x0, y0],
+    [x0 + side, y0],
+    [x0 + side, y0 + side],
+    [x0, y0 + side],
+  ];
 }
