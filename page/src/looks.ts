@@ -41,7 +41,6 @@ export function classLook(name: string, color: string, labelSize: number | null)
   const shape = new Style({
     fill: new Fill({ color: withAlpha(color, 0.62) }),
     stroke: new Stroke({ color: edge, width: 1.5 }),
-    image: new CircleStyle({ radius: 2, fill: new Fill({ color: edge }) }),
   });
   if (labelSize === null) return { shape, label: null };
   const label = new Style({
