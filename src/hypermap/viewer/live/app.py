@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import json
 import secrets
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
@@ -14,21 +13,28 @@ from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
 from starlette.middleware import Middleware
 from starlette.requests import Request
-from starlette.responses import JSONResponse, Response, StreamingResponse
+from starlette.responses import Response, StreamingResponse
 from starlette.routing import Route
 
-from hypermap.core.errors import HypermapError, LayerNotFound, ObjectNotFound
+from hypermap.core.errors import HypermapError
 from hypermap.viewer.live.cache import ByteCache
 from hypermap.viewer.live.description import describe_map
 from hypermap.viewer.live.document import MapDocument, Snapshot
 from hypermap.viewer.live.downloads import rows_as_csv, rows_as_geojson
 from hypermap.viewer.live.editing import carry_out, operations_in
 from hypermap.viewer.live.guard import Guard, known_hosts
-from hypermap.viewer.live.json_text import json_bytes
 from hypermap.viewer.live.layers import LayerView, LayerViews
+from hypermap.viewer.live.news import news_of
 from hypermap.viewer.live.page import page_file
 from hypermap.viewer.live.questions import Questions
 from hypermap.viewer.live.refusals import Refused
+from hypermap.viewer.live.replies import (
+    fail,
+    json_reply,
+    json_reply_of,
+    refuse,
+    refuse_http,
+)
 from hypermap.viewer.live.requests import (
     box_in,
     corners_in,
@@ -42,7 +48,7 @@ from hypermap.viewer.live.tiles import Tile, draw_tile
 
 _CACHE = 64_000_000  # bytes of tiles
 _FOREVER = "private, max-age=31536000, immutable"
-_LISTEN, _LOOK, _STILL_THERE = 0.15, 1.0, 15.0  # seconds
+_LOOK = 1.0  # seconds between two looks at the file
 
 
 class MapApp:
@@ -82,9 +88,9 @@ class MapApp:
             ],
             middleware=[Middleware(Guard, hosts=known_hosts(host), token=self.token)],
             exception_handlers={
-                HypermapError: _refuse,
-                HTTPException: _refuse_http,
-                Exception: _fail,
+                HypermapError: refuse,
+                HTTPException: refuse_http,
+                Exception: fail,
             },
             lifespan=self._lifespan,
         )
@@ -118,7 +124,7 @@ class MapApp:
             layer["version"] = snapshot.since[layer["name"]]
         name = document.file.path.name
         told = {"name": name, "path": str(document.file.path), "token": self.token, **status}
-        return _json({**told, **described, "version": snapshot.version})
+        return json_reply({**told, **described, "version": snapshot.version})
 
     def _tile(self, request: Request) -> Response:
         snapshot, view = self._layer(request)
@@ -148,19 +154,19 @@ class MapApp:
             raise Refused(f"resolution: must be above 0 m, got {resolution:g}")
         names = values.getlist("name") if "name" in values else None
         box = box_in(values, "bbox")
-        return _json_of(view.shapes.view(box, resolution, view.base_T_layer, names))
+        return json_reply_of(view.shapes.view(box, resolution, view.base_T_layer, names))
 
     # Questions
 
     def _at(self, request: Request) -> Response:
         values = request.query_params
         point = (number_in(values, "x"), number_in(values, "y"))
-        return _json(self._questions().at(point, text_in(values, "frame")))
+        return json_reply(self._questions().at(point, text_in(values, "frame")))
 
     async def _area(self, request: Request) -> Response:
         body = await read_body(request)
         corners, frame = corners_in(body, "polygon"), text_in(body, "frame")
-        return _json(await run_in_threadpool(self._questions().area, corners, frame))
+        return json_reply(await run_in_threadpool(self._questions().area, corners, frame))
 
     def _download(self, request: Request) -> Response:
         values, questions = request.query_params, self._questions()
@@ -185,11 +191,11 @@ class MapApp:
         limit = whole_number_in(values, "limit") if "limit" in values else 100
         if not 1 <= limit <= 5000:
             raise Refused(f"limit: must be from 1 to 5000, got {limit}")
-        return _json(self._questions().find(name, near, text_in(values, "frame"), limit))
+        return json_reply(self._questions().find(name, near, text_in(values, "frame"), limit))
 
     def _object(self, request: Request) -> Response:
         number = whole_number_in(request.path_params, "id")
-        return _json(self._questions().details(request.path_params["layer"], number))
+        return json_reply(self._questions().details(request.path_params["layer"], number))
 
     # Changes
 
@@ -228,34 +234,14 @@ class MapApp:
         return self._changed({layer.name for layer in self.document.snapshot.hypermap})
 
     def _changed(self, layers: set[str], **others: Any) -> Response:
-        return _json({**self.document.status(), "layers": sorted(layers), **others})
+        return json_reply({**self.document.status(), "layers": sorted(layers), **others})
 
     async def _events(self, request: Request) -> Response:
         seen = request.headers.get("last-event-id") or request.query_params.get("v") or ""
         version = int(seen) if seen.isdecimal() else self.document.snapshot.version
+        news = news_of(self.document, version, lambda: self.is_closing)
         headers = {"Cache-Control": "no-store"}
-        return StreamingResponse(
-            self._news(version), media_type="text/event-stream", headers=headers
-        )
-
-    async def _news(self, version: int) -> AsyncIterator[str]:
-        """Yield what has happened, as server-sent events, until the server ends."""
-        document, loop = self.document, asyncio.get_running_loop()
-        beat, saves, told = -1, document.saves, loop.time()
-        while not self.is_closing:
-            if beat != document.beat:
-                beat, snapshot = document.beat, document.snapshot
-                news = document.status()
-                since = snapshot.since
-                news["layers"] = sorted(name for name in since if since[name] > version)
-                if saves != document.saves:
-                    saves, news["saved"] = document.saves, True
-                version, told = snapshot.version, loop.time()
-                yield f"id: {version}\ndata: {json.dumps(news)}\n\n"
-            elif loop.time() - told > _STILL_THERE:
-                told = loop.time()
-                yield ": still there\n\n"
-            await asyncio.sleep(_LISTEN)
+        return StreamingResponse(news, media_type="text/event-stream", headers=headers)
 
     # Parts of the above
 
@@ -270,31 +256,3 @@ class MapApp:
         if view.problem:
             raise Refused(view.problem)
         return snapshot, view
-
-
-def _json(value: Any) -> Response:
-    return _json_of(json_bytes(value))
-
-
-def _json_of(content: bytes) -> Response:
-    headers = {"Cache-Control": "no-store"}
-    return Response(content, media_type="application/json", headers=headers)
-
-
-def _refuse(_: Request, error: Exception) -> Response:
-    """Answer what cannot be done with the reason."""
-    if isinstance(error, Refused):
-        told = {"error": str(error), "reason": error.reason, **error.others}
-        return JSONResponse(told, error.status)
-    status = 404 if isinstance(error, LayerNotFound | ObjectNotFound) else 400
-    return JSONResponse({"error": str(error)}, status)
-
-
-def _refuse_http(_: Request, error: Exception) -> Response:
-    assert isinstance(error, HTTPException)
-    return JSONResponse({"error": error.detail}, error.status_code)
-
-
-def _fail(_: Request, error: Exception) -> Response:
-    """Answer where a plug-in, or this program, does not work; the terminal shows where."""
-    return JSONResponse({"error": f"the server failed at this: {error!r}"[:500]}, 500)

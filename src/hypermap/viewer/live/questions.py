@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 from collections import Counter
 from collections.abc import Sequence
@@ -22,12 +21,11 @@ from hypermap.core.occupancy import FREE, LABELS, OCCUPIED, OccupancyLayer
 from hypermap.core.opaque import OpaqueLayer
 from hypermap.core.semantic import SemanticLayer
 from hypermap.viewer.live.layers import LayerViews
+from hypermap.viewer.live.names import names_like, names_of
 from hypermap.viewer.live.spelling import spell_area, spell_at, spell_find
 
 MOST_ROWS = 5000
 """How many rows an answer has at most; downloads have all."""
-
-_MOST_NAMES = 20  # that are suggested
 
 
 class Questions:
@@ -108,8 +106,8 @@ class Questions:
         Raises:
             FrameError: If the frame is unknown.
         """
-        known = sorted({n for layer in self._semantic() for n in _names_of(layer.table)})
-        names = _names_like(name, known)
+        known = sorted({n for layer in self._semantic() for n in names_of(layer.table)})
+        names = names_like(name, known)
         if name not in known and len(names) == 1:
             name = names[0]
         start = None if near is None else self._pose_of(frame).apply(near)[0]
@@ -274,22 +272,6 @@ def _count_cells(layer: OccupancyLayer, area: BaseGeometry) -> dict[str, int]:
     free = int(np.count_nonzero(inside == FREE))
     occupied = int(np.count_nonzero(inside == OCCUPIED))
     return dict(zip(LABELS, (free, occupied, len(inside) - free - occupied), strict=True))
-
-
-def _names_of(table: ObjectTable) -> set[str]:
-    """Return the names that objects have; the vocabulary may have others, of objects gone."""
-    used = set(np.unique(table.codes).tolist())
-    return {name for name, code in table.vocabulary.items() if code in used}
-
-
-def _names_like(name: str, known: Sequence[str]) -> list[str]:
-    """Return names of which a text is a part, those that begin with it first, or that are alike."""
-    part = name.casefold()
-    found = [other for other in known if part in other.casefold()]
-    if not found:
-        found = difflib.get_close_matches(name, known, n=_MOST_NAMES)
-    found.sort(key=lambda other: (not other.casefold().startswith(part), len(other), other))
-    return found[:_MOST_NAMES]
 
 
 def _known(value: float) -> float | None:

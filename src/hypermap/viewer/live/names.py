@@ -1,0 +1,28 @@
+"""The names of objects, and which of them someone may mean."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Sequence
+
+import numpy as np
+
+from hypermap.core.objects import ObjectTable
+
+_MOST = 20  # that are suggested
+
+
+def names_of(table: ObjectTable) -> set[str]:
+    """Return the names that objects have; the vocabulary may have others, of objects gone."""
+    used = set(np.unique(table.codes).tolist())
+    return {name for name, code in table.vocabulary.items() if code in used}
+
+
+def names_like(name: str, known: Sequence[str]) -> list[str]:
+    """Return names of which a text is a part, those that begin with it first, or that are alike."""
+    part = name.casefold()
+    found = [other for other in known if part in other.casefold()]
+    if not found:
+        found = difflib.get_close_matches(name, known, n=_MOST)
+    found.sort(key=lambda other: (not other.casefold().startswith(part), len(other), other))
+    return found[:_MOST]
