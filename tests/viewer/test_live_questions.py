@@ -289,7 +289,7 @@ def test_a_question_without_meaning_is_refused(tmp_path, path, values, reason):
         ([[0, 0], [1, float(10**12)], [2, 2]], "a number within 1e+09 m is expected"),
         ("POLYGON", "a list of corners [x, y] is expected, got 'POLYGON'"),
         (None, "a list of corners [x, y] is expected, got None"),
-        ([[0, i] for i in range(20_000)], "has 20000 corners, more than 10000; draw it coarser"),
+        ([[0, i] for i in range(2_001)], "has 2001 corners, more than 2000; draw it coarser"),
     ],
 )
 def test_an_area_that_is_none_is_refused(tmp_path, polygon, reason):

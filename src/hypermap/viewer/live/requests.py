@@ -16,7 +16,9 @@ from hypermap.viewer.live.refusals import Refused
 MOST_BYTES = 8_000_000
 """Size of the largest request body."""
 MOST_CORNERS = 10_000
-"""Corners of the largest polygon."""
+"""Corners of the largest shape of an object."""
+MOST_ASKED_CORNERS = 2_000
+"""Corners of the largest area that is asked about; each costs time on a large grid."""
 
 _FAR = 1e9  # metres
 
@@ -100,7 +102,7 @@ def corners_in(values: Mapping[str, Any], key: str) -> list[list[float]]:
         given: Any = [numbers[i : i + 2] for i in range(0, len(numbers), 2)]
     else:
         given = values.get(key)
-    corners = _ring(given, key)
+    corners = _ring(given, key, MOST_ASKED_CORNERS)
     _polygon([corners], key)
     return corners
 
@@ -133,11 +135,11 @@ def footprint_in(values: Mapping[str, Any]) -> BaseGeometry | None:
     return shape
 
 
-def _ring(given: Any, key: str) -> list[list[float]]:
+def _ring(given: Any, key: str, most: int = MOST_CORNERS) -> list[list[float]]:
     if not isinstance(given, list):
         raise Refused(f"{key}: a list of corners [x, y] is expected, got {_shown(given)}")
-    if len(given) > MOST_CORNERS:
-        _refuse_corners(len(given))
+    if len(given) > most:
+        _refuse_corners(len(given), most)
     if any(not isinstance(corner, list) or len(corner) != 2 for corner in given):
         raise Refused(f"{key}: each corner must be a point [x, y]")
     corners = [[_number(x, key), _number(y, key)] for x, y in given]
@@ -173,8 +175,8 @@ def _number(value: Any, key: str) -> float:
     return number
 
 
-def _refuse_corners(count: int) -> None:
-    raise Refused(f"the polygon has {count} corners, more than {MOST_CORNERS}; draw it coarser")
+def _refuse_corners(count: int, most: int = MOST_CORNERS) -> None:
+    raise Refused(f"the polygon has {count} corners, more than {most}; draw it coarser")
 
 
 def _shown(value: Any) -> str:
