@@ -49,7 +49,23 @@ def test_jaccard_misses_the_corner_of_a_table_that_overlap_finds() -> None:
 )
 def test_overlap_asks_for_a_third_of_the_smaller_one(shared: float, expected: list[int]) -> None:
     shape = shapely.box(-1 + shared, 0, shared, 1)
-    assert overlap(shape, CHAIR, known((0, 0, 5, 5)), CONFIG).tolist() == expected
+    config = dataclasses.replace(CONFIG, slack=0.0)
+    assert overlap(shape, CHAIR, known((0, 0, 5, 5)), config).tolist() == expected
+
+
+@pytest.mark.parametrize(
+    ("gap", "expected"), [(0.01, [0]), (0.04, [])], ids=["a little off", "too far off"]
+)
+def test_slack_finds_a_thin_thing_beside_itself(gap: float, expected: list[int]) -> None:
+    monitor = known((0, 0, 0.06, 0.5))
+    again = shapely.box(0.06 + gap, 0, 0.12 + gap, 0.49)
+    assert overlap(again, CHAIR, monitor, dataclasses.replace(CONFIG, slack=0)).tolist() == []
+    assert overlap(again, CHAIR, monitor, CONFIG).tolist() == expected
+
+
+def test_slack_does_not_join_neighbours() -> None:
+    cups = known((0, 0, 0.09, 0.09))
+    assert overlap(shapely.box(0.09, 0, 0.18, 0.09), CHAIR, cups, CONFIG).tolist() == []
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 import shapely
@@ -12,7 +14,7 @@ from shapely.geometry.base import BaseGeometry
 from hypermap.core.frames import Pose2D
 from hypermap.core.grid import GridGeometry
 from hypermap.mapping.config import EvidenceConfig
-from hypermap.mapping.fusion import _count_votes, best_shape, convex_hull, votes
+from hypermap.mapping.fusion import _count_votes, aligned, best_shape, convex_hull, votes
 from hypermap.mapping.pile import Evidence, Pile
 
 CONFIG = EvidenceConfig()
@@ -164,3 +166,36 @@ def test_votes_are_counted_as_shapely_decides_about_each_cell(
     clear = shapely.distance(centers, polygon.boundary) > 1e-9
     covered = shapely.covers(polygon, centers)
     assert counted.ravel()[clear] == pytest.approx(3.0 * covered[clear])
+
+
+def test_drifting_footprints_are_aligned_before_they_vote() -> None:
+    shapes = [square(x, side=0.09) for x in (0.0, 0.03, -0.03, 0.05, -0.05)]
+    assert iou(votes(pile(*shapes), CONFIG), square(0, side=0.09)) > 0.7
+
+
+@given(st.lists(st.tuples(st.floats(-0.3, 0.3), st.floats(-0.3, 0.3)), min_size=1, max_size=12))
+def test_aligning_moves_footprints_no_farther_than_its_limit(
+    places: list[tuple[float, float]],
+) -> None:
+    shapes = np.array([square(x, y, side=0.2) for x, y in places], dtype=object)
+    centroids = np.array(places)
+    moved = aligned(shapes, centroids, np.ones(len(places)), limit=0.1)
+    after = shapely.get_coordinates(shapely.centroid(moved))
+    steps = np.hypot(*(after - centroids).T)
+    assert (steps <= 0.1 + 1e-9).all()
+    assert shapely.area(moved) == pytest.approx(shapely.area(shapes))
+    together = after[steps > 1e-9]
+    assert np.allclose(together, together[:1])
+
+
+def test_near_views_weigh_more() -> None:
+    near, far = square(0, side=0.4), square(1, side=0.4)
+    away = np.eye(4)
+    away[0, 3] = 8.0
+    seen = pile(near, far, far)
+    seen.items[1:] = [
+        dataclasses.replace(evidence, map_T_camera=away) for evidence in seen.items[1:]
+    ]
+    config = dataclasses.replace(CONFIG, align=0.0)
+    assert not votes(seen, config).intersects(far)
+    assert votes(seen, dataclasses.replace(config, half_weight=np.inf)).intersects(far)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 import shapely
@@ -26,6 +26,7 @@ class KnownShapes:
         shapes: shapely geometries in the map frame, shape (N,).
         boxes: (xmin, ymin, xmax, ymax) of each shape [m], shape (N, 4).
         areas: of each shape [m²], shape (N,).
+        heights: lowest and highest point of each object [m], shape (N, 2).
     """
 
     def __init__(self) -> None:
@@ -33,16 +34,20 @@ class KnownShapes:
         self.shapes: ObjectArray = np.empty(0, dtype=object)
         self.boxes = np.empty((0, 4))
         self.areas = np.empty(0)
+        self.heights = np.empty((0, 2))
 
     def __len__(self) -> int:
         return len(self.classes)
 
-    def append(self, class_: int, shape: BaseGeometry) -> int:
+    def append(
+        self, class_: int, shape: BaseGeometry, heights: tuple[float, float] = (0.0, 0.0)
+    ) -> int:
         """Add a shape and return its row."""
         self.classes = np.append(self.classes, class_)
         self.shapes = np.append(self.shapes, np.array([shape], dtype=object))
         self.boxes = np.vstack([self.boxes, shapely.bounds(shape)])
         self.areas = np.append(self.areas, shapely.area(shape))
+        self.heights = np.vstack([self.heights, heights])
         return len(self) - 1
 
     def replace(self, row: int, shape: BaseGeometry) -> None:
@@ -57,12 +62,13 @@ class KnownShapes:
         self.shapes = np.delete(self.shapes, rows)
         self.boxes = np.delete(self.boxes, rows, axis=0)
         self.areas = np.delete(self.areas, rows)
+        self.heights = np.delete(self.heights, rows, axis=0)
 
-    def near(self, class_: int, box: NDArray[np.float64]) -> Rows:
-        """Return the rows of a class whose boxes meet a box."""
+    def near(self, class_: int | None, box: NDArray[np.float64]) -> Rows:
+        """Return the rows of a class, or of all classes, whose boxes meet a box."""
         boxes = self.boxes
         return np.flatnonzero(
-            (self.classes == class_)
+            (class_ is None or self.classes == class_)
             & (boxes[:, 0] <= box[2])
             & (boxes[:, 1] <= box[3])
             & (boxes[:, 2] >= box[0])
@@ -80,9 +86,13 @@ def jaccard(shape: BaseGeometry, class_: int, known: KnownShapes, config: Eviden
 def overlap(shape: BaseGeometry, class_: int, known: KnownShapes, config: EvidenceConfig) -> Rows:
     """Match by shared area over the smaller one's area, at least `min_overlap`.
 
-    Unlike the Jaccard index it also finds the table of which a frame shows one corner.
+    Unlike the Jaccard index it also finds the table of which a frame shows one corner. The larger
+    shape is widened by `slack`, so that a thin thing meets itself when poses are a little off.
     """
-    rows, shared = _shared_area(shape, class_, known)
+    if config.slack == 0:
+        rows, shared = _shared_area(shape, class_, known)
+    else:
+        rows, shared = _shared_with_slack(shape, class_, known, config.slack)
     smaller = np.minimum(shapely.area(shape), known.areas[rows])
     return _best_first(rows, shared / smaller, config.min_overlap)
 
@@ -112,6 +122,26 @@ def _shared_area(
     """Return the rows that may match, and the area that each shares with the shape [m²]."""
     rows = known.near(class_, shapely.bounds(shape))
     return rows, shapely.area(shapely.intersection(shape, known.shapes[rows]))
+
+
+def _shared_with_slack(
+    shape: BaseGeometry, class_: int, known: KnownShapes, slack: float
+) -> tuple[Rows, NDArray[np.float64]]:
+    """Return the same, where the larger shape of each pair is widened.
+
+    By a quarter of its size at most: two cups that stand close together stay two.
+    """
+    wide = _widened(shape, shapely.area(shape), slack)
+    rows = known.near(class_, shapely.bounds(wide))
+    smaller, larger = known.shapes[rows], np.full(len(rows), wide, dtype=object)
+    is_larger = known.areas[rows] > shapely.area(shape)
+    larger[is_larger] = _widened(smaller[is_larger], known.areas[rows][is_larger], slack)
+    smaller[is_larger] = shape
+    return rows, shapely.area(shapely.intersection(smaller, larger))
+
+
+def _widened(shapes: Any, areas: Any, slack: float) -> Any:
+    return shapely.buffer(shapes, np.minimum(slack, np.sqrt(areas) / 4), join_style="mitre")
 
 
 def _best_first(rows: Rows, strengths: NDArray[np.float64], least: float) -> Rows:

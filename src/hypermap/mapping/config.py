@@ -43,13 +43,22 @@ class EvidenceConfig:
         association: which known objects an observed shape belongs to: "overlap", "jaccard" or
             "radius".
         min_overlap: shared area over the smaller one's area, for "overlap".
+        slack: by how much the larger of two shapes is widened for "overlap", at most by a quarter
+            of its size [m].
         min_jaccard: shared area over the area of both together, for "jaccard".
         radius: half the side of the box about the observed centroid [m], for "radius".
         combine: "matches" combines all objects that one observed shape matches; "overlapping"
             gives the evidence to the best match, and combines objects whose own shapes match.
+        exclusive: whether what one frame shows as two things of a class are two: they never go to
+            one object, and objects often seen side by side are not combined.
         fusion: how an object's shape comes from its evidence: "votes", "best_shape" or
             "convex_hull".
         vote_share: share of the views that must show a cell for it to belong, for "votes".
+        abstain: what a view does not vote on, for "votes": the ground "outside" its visible area,
+            or also what is "hidden" from it behind walls.
+        half_weight: distance at which a view's vote counts half [m].
+        align: footprints up to this far from where most are [m] are moved there before they vote;
+            0 for none.
         vote_resolution: side of a voting cell [m]; coarser for objects above 128 cells.
         renewal: an object's shape is fused anew when its evidence has grown by this share; 0 is
             every time. Published shapes are always up to date.
@@ -59,7 +68,15 @@ class EvidenceConfig:
         loss: existence lost where an object should have been seen.
         loses: "all" objects in the observed area lose, or only "unmatched" ones, which this frame
             did not show.
+        sight: how it is known what should have been seen. "area": what lies in the observed area.
+            "rays": what the depth image could see at least half of; without an image the area.
         margin: how deep an object must lie inside the observed area to lose [m].
+        tolerance: how far before and behind an object its surface may be measured, for "rays" [m].
+        gone_loss: existence lost where the rays went through the object's place, for "rays".
+        contested: existence lost where a frame shows an object of another class in its place.
+        min_contested: Jaccard index of two objects from which on they are in one place.
+        slip: Jaccard index with a well-known object of another class from which on an observed
+            shape is taken for a slip of the detector, which adds nothing; 1 for none.
         max_range: distance of the camera up to which an object loses [m].
         max_existence: existence never grows above this.
         publish_above: objects with more existence than this are in the map.
@@ -68,33 +85,55 @@ class EvidenceConfig:
 
     association: Literal["overlap", "jaccard", "radius"] = "overlap"
     min_overlap: float = 0.35
+    slack: float = 0.05
     min_jaccard: float = 0.2
     radius: float = 0.5
     combine: Literal["overlapping", "matches"] = "overlapping"
+    exclusive: bool = True
     fusion: Literal["votes", "best_shape", "convex_hull"] = "votes"
     vote_share: float = 0.35
+    abstain: Literal["hidden", "outside"] = "hidden"
+    half_weight: float = 2.0
+    align: float = 0.1
     vote_resolution: float = 0.02
     renewal: float = 0.1
     max_evidence: int = 100
     gain: float = 1.5
     gain_by_score: bool = True
-    loss: float = 0.2
+    loss: float = 0.3
     loses: Literal["unmatched", "all"] = "unmatched"
+    sight: Literal["rays", "area"] = "rays"
     margin: float = 0.1
-    max_range: float = 3.0
+    tolerance: float = 0.15
+    gone_loss: float = 1.0
+    contested: float = 0.5
+    min_contested: float = 0.2
+    slip: float = 0.4
+    max_range: float = 4.0
     max_existence: float = 20.0
     publish_above: float = 2.0
     forget_below: float = -5.0
 
     def __post_init__(self) -> None:
-        for share in ("min_overlap", "min_jaccard", "vote_share"):
+        for share in ("min_overlap", "min_jaccard", "vote_share", "min_contested", "slip"):
             _check(self, share, low=0, high=1)
         _check(self, "radius", low=0)
         _check(self, "vote_resolution", low=0.001)
         _check(self, "renewal", low=0, high=1)
         _check(self, "max_evidence", low=1, high=100_000)
-        for amount in ("gain", "loss", "margin"):
+        amounts = (
+            "slack",
+            "align",
+            "gain",
+            "loss",
+            "margin",
+            "tolerance",
+            "gone_loss",
+            "contested",
+        )
+        for amount in amounts:
             _check(self, amount, low=0)
+        _check(self, "half_weight", low=0.01, high=math.inf)
         _check(self, "max_range", low=0, high=math.inf)
         for level in ("max_existence", "publish_above", "forget_below"):
             _check(self, level)
@@ -233,9 +272,18 @@ _PROFILES: Mapping[str, MappingConfig] = {
             max_evidence=1000,
             gain=1.0,
             gain_by_score=False,
+            loss=0.2,
             loses="all",
+            sight="area",
             margin=0.0,
             max_range=math.inf,
+            contested=0.0,
+            slip=1.0,
+            slack=0.0,
+            abstain="outside",
+            half_weight=math.inf,
+            align=0.0,
+            exclusive=False,
         ),
         keyframes=KeyframeConfig(min_distance=0.02, min_angle_deg=1.0),
     ),

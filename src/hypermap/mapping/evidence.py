@@ -8,20 +8,30 @@ from __future__ import annotations
 
 import dataclasses
 import logging
+from collections import Counter
+from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.semantic import SemanticLayer, SemanticObject
 from hypermap.mapping.association import ASSOCIATIONS, KnownShapes, Rows
 from hypermap.mapping.config import EvidenceConfig
 from hypermap.mapping.fusion import FUSIONS
 from hypermap.mapping.pile import Evidence, Pile
+from hypermap.mapping.rivals import likeness
+from hypermap.mapping.sight import sights
 from hypermap.perception.observation import Observation
+from hypermap.perception.view import View
 
 _log = logging.getLogger(__name__)
+
+_WELL_KNOWN = 4  # observations from which on an object may speak against another
+_VISIBLE = 0.5  # share of an object that a frame must be able to see for the object to lose
+_SIDE_BY_SIDE = 0.2  # share of an object's frames that show another beside it, to be sure of it
+_GONE = 0.9  # share of what can be seen of it that rays must pass for an object to be gone
 
 
 @dataclasses.dataclass(eq=False)
@@ -31,6 +41,7 @@ class _Object:
     id: int
     name: str
     pile: Pile
+    beside: Counter[int] = dataclasses.field(default_factory=Counter)  # frames with another, by id
     unfused: int = 0  # pieces of evidence that its shape does not know yet
 
 
@@ -53,6 +64,7 @@ class EvidenceMap:
         self._associate = ASSOCIATIONS[config.association]
         self._fuse = FUSIONS[config.fusion]
         self._next_id = 0
+        self._shown: set[int] = set()  # ids of the objects to which this frame has given evidence
         self._classes: dict[str, int] = {}
         # One row per object, in the order of their ids.
         self._objects: list[_Object] = []
@@ -68,8 +80,16 @@ class EvidenceMap:
 
         Shapes that are empty, invalid or without area are left out and counted.
         """
-        seen = [self._add(name, evidence) for name, evidence in self._usable(observation)]
-        self._lose(observation, seen)
+        self._shown.clear()
+        seen = [self._learn(name, evidence) for name, evidence in self._usable(observation)]
+        if self.config.exclusive:
+            self._note_neighbors()
+        if self.config.sight == "rays" and observation.view is not None:
+            self._lose_in_view(observation.view, seen)
+        else:
+            self._lose_in_area(observation, seen)
+        if self.config.contested > 0:
+            self._lose_contested(seen)
         self._forget()
 
     def objects(self) -> list[SemanticObject]:
@@ -104,17 +124,40 @@ class EvidenceMap:
             self.ignored += int(np.count_nonzero(~usable))
             _log.info("frame %.6f: shapes without area left out", observation.stamp)
         return [
-            (observed.name, Evidence.of(observed, observation))
+            (observed.name, Evidence.of(observed, observation, self.config.abstain))
             for observed, is_usable in zip(observation.objects, usable, strict=True)
             if is_usable
         ]
+
+    def _learn(self, name: str, evidence: Evidence) -> int:
+        """Return the id of the object that was seen; it gains, unless its name was a slip."""
+        class_ = self._classes.setdefault(name, len(self._classes))
+        if self.config.slip < 1 and (true := self._mistaken_for(class_, evidence)) is not None:
+            return true
+        return self._add(name, evidence)
+
+    def _mistaken_for(self, class_: int, evidence: Evidence) -> int | None:
+        """Return the id of the well-known object of another class that was really seen, if any."""
+        rows = self._known.near(None, shapely.bounds(evidence.footprint))
+        heights = evidence.z_min, evidence.z_max
+        alike = likeness(evidence.footprint, heights, self._known, rows)
+        is_same = self._known.classes[rows] == class_
+        if np.any(alike[is_same] >= self.config.slip / 2):
+            return None
+        counts = np.array([self._objects[row].pile.count for row in rows])
+        alike[is_same | (counts < _WELL_KNOWN)] = 0
+        if not np.any(alike >= self.config.slip):
+            return None
+        return self._objects[int(rows[np.argmax(alike)])].id
 
     def _add(self, name: str, evidence: Evidence) -> int:
         """Give evidence to the object it belongs to, old or new, and return that object's id."""
         class_ = self._classes.setdefault(name, len(self._classes))
         matches = self._associate(evidence.footprint, class_, self._known, self.config)
+        if self.config.exclusive:
+            matches = self._filter(matches, lambda known: known.id not in self._shown)
         if len(matches) == 0:
-            row = self._append(name, class_, evidence.footprint)
+            row = self._append(name, class_, evidence)
         elif self.config.combine == "matches":
             row = self._combine(matches)
         else:
@@ -128,14 +171,15 @@ class EvidenceMap:
             self._renew(row)
             if self.config.combine == "overlapping":
                 row = self._combine_with_overlapping(row)
+        self._shown.add(self._objects[row].id)
         return self._objects[row].id
 
-    def _append(self, name: str, class_: int, shape: BaseGeometry) -> int:
+    def _append(self, name: str, class_: int, evidence: Evidence) -> int:
         """Add an object without evidence and return its row."""
         self._objects.append(_Object(self._next_id, name, Pile(self.config.max_evidence)))
         self._existence = np.append(self._existence, 0.0)
         self._next_id += 1
-        return self._known.append(class_, shape)
+        return self._known.append(class_, evidence.footprint, (evidence.z_min, evidence.z_max))
 
     def _combine(self, rows: Rows) -> int:
         """Make one object of several, the oldest of them, and return its row."""
@@ -144,6 +188,8 @@ class EvidenceMap:
             known = self._objects[row]
             known.pile.merge(self._objects[other].pile for other in others)
             known.unfused = len(known.pile)
+            for other in others:
+                known.beside.update(self._objects[other].beside)
             self._set_existence(row, self._existence[rows].sum())
             self._remove(np.array(others))
         return row
@@ -153,10 +199,29 @@ class EvidenceMap:
         while True:
             shape, class_ = self._known.shapes[row], int(self._known.classes[row])
             matches = self._associate(shape, class_, self._known, self.config)
+            if self.config.exclusive:
+                matches = self._filter(matches, partial(self._may_be_one, self._objects[row]))
             if len(matches) <= 1:  # it matches itself
                 return row
             row = self._combine(matches)
             self._renew(row)
+
+    def _may_be_one(self, one: _Object, other: _Object) -> bool:
+        """Return whether two objects may be combined: not those often seen side by side."""
+        if one is other:
+            return True
+        most = max(1, _SIDE_BY_SIDE * min(one.pile.count, other.pile.count))
+        return other.id not in self._shown and one.beside[other.id] <= most
+
+    def _note_neighbors(self) -> None:
+        """Remember which objects of a class this frame showed side by side."""
+        shown = [self._objects[row] for row in self._rows_of(self._shown)]
+        for known in shown:
+            known.beside.update(o.id for o in shown if o is not known and o.name == known.name)
+
+    def _filter(self, rows: Rows, keep: Callable[[_Object], bool]) -> Rows:
+        kept = [keep(self._objects[row]) for row in rows]
+        return np.asarray(rows[np.array(kept, dtype=bool)])
 
     def _set_existence(self, rows: int | Rows, existence: float | NDArray[np.float64]) -> None:
         """Change existence, capped; rounded, so that five times 0.2 is 1 to the last digit."""
@@ -166,9 +231,41 @@ class EvidenceMap:
         """Fuse an object's shape from its evidence."""
         known = self._objects[row]
         self._known.replace(row, self._fuse(known.pile, self.config))
+        if self.config.sight == "rays" or self.config.contested > 0:
+            self._known.heights[row] = known.pile.heights()
         known.unfused = 0
 
-    def _lose(self, observation: Observation, seen: list[int]) -> None:
+    def _lose_in_view(self, view: View, seen: list[int]) -> None:
+        """Take existence from the objects that the rays should have shown."""
+        boxes = self._known.boxes
+        offsets = (boxes[:, :2] + boxes[:, 2:]) / 2 - view.position[:2]
+        rows = self._unmatched(np.flatnonzero(np.hypot(*offsets.T) <= self.config.max_range), seen)
+        shapes = shapely.convex_hull(self._known.shapes[rows])
+        visible, through = sights(view, shapes, self._known.heights[rows], self.config.tolerance)
+        losses = np.where(through >= _GONE * visible, self.config.gone_loss, self.config.loss)
+        is_visible = visible >= _VISIBLE
+        rows, losses = rows[is_visible], losses[is_visible]
+        self._set_existence(rows, self._existence[rows] - losses)
+
+    def _lose_contested(self, seen: list[int]) -> None:
+        """Take existence from the objects in whose place the frame shows another class."""
+        for row in self._rows_of(set(seen)):
+            near = self._unmatched(self._known.near(None, self._known.boxes[row]), seen)
+            near = near[self._known.classes[near] != self._known.classes[row]]
+            heights = self._known.heights[row]
+            shape = self._known.shapes[row]
+            alike = likeness(shape, (heights[0], heights[1]), self._known, near)
+            losing = near[alike >= self.config.min_contested]
+            self._set_existence(losing, self._existence[losing] - self.config.contested)
+
+    def _rows_of(self, ids: set[int]) -> list[int]:
+        return [row for row, known in enumerate(self._objects) if known.id in ids]
+
+    def _unmatched(self, rows: Rows, seen: list[int]) -> Rows:
+        """Return the rows of the objects that the frame did not show."""
+        return self._filter(rows, lambda known: known.id not in seen)
+
+    def _lose_in_area(self, observation: Observation, seen: list[int]) -> None:
         """Take existence from the objects that lie within the observed area."""
         area = observation.visible_area
         if self.config.margin > 0:
@@ -186,8 +283,7 @@ class EvidenceMap:
         shapely.prepare(area)
         losing = rows[shapely.covers(area, self._known.shapes[rows])]
         if self.config.loses == "unmatched":
-            matched = np.array([self._objects[row].id in seen for row in losing], dtype=bool)
-            losing = losing[~matched]
+            losing = self._unmatched(losing, seen)
         self._set_existence(losing, self._existence[losing] - self.config.loss)
 
     def _forget(self) -> None:

@@ -18,6 +18,7 @@ from hypermap.mapping.config import EvidenceConfig
 from hypermap.mapping.pile import Pile
 
 _MAX_CELLS_PER_SIDE = 128
+_WHOLE = 0.6  # of the area that a quarter of the footprints exceed: what shows the whole object
 
 
 def best_shape(pile: Pile, config: EvidenceConfig) -> BaseGeometry:  # noqa: ARG001
@@ -41,12 +42,18 @@ def votes(pile: Pile, config: EvidenceConfig) -> BaseGeometry:
     score, for the cells of its footprint, and abstains on cells outside its observed area: the
     half of a table that one frame shows does not vote against the other half. A cell belongs to
     the object if it gets `vote_share` of the votes cast on it.
+
+    Near views weigh more (`half_weight`), and footprints are moved onto each other first (`align`).
     """
-    footprints = pile.footprints()
-    grid = _voting_grid(footprints, config.vote_resolution)
     scores = np.array([evidence.score for evidence in pile.items])
     if not scores.any():
         scores = np.ones(len(pile))
+    if config.half_weight < np.inf:
+        scores /= 1 + (pile.distances() / config.half_weight) ** 2
+    footprints = pile.footprints()
+    if config.align > 0:
+        footprints = aligned(footprints, pile.centroids, scores, config.align)
+    grid = _voting_grid(footprints, config.vote_resolution)
     areas = np.array([evidence.visible_area for evidence in pile.items], dtype=object)
     ayes = _count_votes(footprints, scores, grid)
     cast = _count_votes(areas, scores, grid) + scores[shapely.is_empty(areas)].sum()
@@ -64,6 +71,42 @@ FUSIONS: Mapping[str, Fusion] = {
     "convex_hull": convex_hull,
     "votes": votes,
 }
+
+
+def aligned(
+    footprints: ObjectArray,
+    centroids: NDArray[np.float64],
+    weights: NDArray[np.float64],
+    limit: float,
+) -> ObjectArray:
+    """Return footprints that lie where most of them do, so that drifting poses do not blur them.
+
+    Those that show about the whole object are moved: their centroids come to the weighted median
+    of them. Parts stay where they are, as their centroids may well differ.
+
+    Args:
+        footprints: polygons [m], shape (N,).
+        centroids: of these [m], shape (N, 2).
+        weights: positive, shape (N,).
+        limit: footprints farther than this from the median stay where they are [m].
+    """
+    areas = shapely.area(footprints)
+    is_whole = areas >= _WHOLE * np.percentile(areas, 75)
+    median = [_weighted_median(axis, weights[is_whole]) for axis in centroids[is_whole].T]
+    shifts = median - centroids
+    result = footprints.copy()
+    moved = is_whole & (np.hypot(*shifts.T) <= limit)
+    xy, footprint_of_point = shapely.get_coordinates(footprints[moved], return_index=True)
+    result[moved] = shapely.set_coordinates(
+        footprints[moved], xy + shifts[moved][footprint_of_point]
+    )
+    return result
+
+
+def _weighted_median(values: NDArray[np.float64], weights: NDArray[np.float64]) -> float:
+    order = np.argsort(values, kind="stable")
+    total = np.cumsum(weights[order])
+    return float(values[order][np.searchsorted(total, total[-1] / 2)])
 
 
 def _voting_grid(footprints: ObjectArray, resolution: float) -> GridGeometry:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 import shapely
@@ -23,7 +24,7 @@ class Evidence:
     Attributes:
         stamp: time of the frame [s].
         map_T_camera: pose of the camera's optical frame in the map, shape (4, 4).
-        visible_area: polygon in the map frame [m] that the frame could have seen.
+        visible_area: polygon in the map frame [m] that the frame could have seen; see `of`.
         score: the detector's, 0..1.
         footprint: polygon in the map frame [m].
         centroid_xy: the footprint's centroid [m], shape (2,).
@@ -41,12 +42,28 @@ class Evidence:
     z_max: float
 
     @classmethod
-    def of(cls, observed: ObservedObject, observation: Observation) -> Evidence:
-        """Return what one object of an observation is evidence of."""
+    def of(
+        cls,
+        observed: ObservedObject,
+        observation: Observation,
+        abstain: Literal["hidden", "outside"] = "outside",
+    ) -> Evidence:
+        """Return what one object of an observation is evidence of.
+
+        Args:
+            observed: the object.
+            observation: the frame that shows it.
+            abstain: "outside": the frame has seen all of its visible area; "hidden": what lies
+                behind walls it has not seen.
+        """
+        area = observation.visible_area
+        view = observation.view
+        if abstain == "hidden" and view is not None and view.is_level:
+            area = view.ground
         return cls(
             stamp=observation.stamp,
             map_T_camera=observation.map_T_camera,
-            visible_area=observation.visible_area,
+            visible_area=area,
             score=observed.score,
             footprint=observed.footprint,
             centroid_xy=shapely.get_coordinates(shapely.centroid(observed.footprint))[0],
@@ -69,6 +86,7 @@ class Pile:
 
     def __init__(self, limit: int) -> None:
         self._limit = limit
+        self._heights: tuple[float, float] | None = None
         self.items: list[Evidence] = []
         self.centroids = np.empty((0, 2))
         self.count = 0
@@ -94,16 +112,24 @@ class Pile:
         self.items = sorted(self.items, key=lambda evidence: evidence.stamp)[-self._limit :]
         self.centroids = np.array([evidence.centroid_xy for evidence in self.items])
 
+    def distances(self) -> NDArray[np.float64]:
+        """Return how far each kept footprint was from its camera [m], shape (N,)."""
+        cameras = np.array([evidence.map_T_camera[:2, 3] for evidence in self.items])
+        return np.asarray(np.hypot(*(self.centroids - cameras).T))
+
     def footprints(self) -> ObjectArray:
         """Return the kept footprints, shape (N,)."""
         return np.array([evidence.footprint for evidence in self.items], dtype=object)
 
     def heights(self) -> tuple[float, float]:
         """Return the usual lowest and highest point of the kept evidence [m] (medians)."""
-        z = np.median([(evidence.z_min, evidence.z_max) for evidence in self.items], axis=0)
-        return float(z[0]), float(z[1])
+        if self._heights is None:
+            z = np.median([(evidence.z_min, evidence.z_max) for evidence in self.items], axis=0)
+            self._heights = float(z[0]), float(z[1])
+        return self._heights
 
     def _count(self, count: int, score: float, first: float, last: float) -> None:
+        self._heights = None
         self.count += count
         self.score_sum += score
         self.first_seen = min(self.first_seen, first)

@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
+from hypermap.perception.view import View
+
 
 @dataclass(frozen=True, eq=False)
 class ObservedObject:
@@ -37,9 +39,12 @@ class Observation:
         map_T_camera: pose of the camera's optical frame in the map, shape (4, 4).
         objects: what was detected.
         visible_area: polygon in the map frame [m] that this frame could have seen; may be empty.
+            It is the hull of the points seen, and so reaches behind things.
+        view: where the frame's rays ended; None if only the area is known.
     """
 
     stamp: float
     map_T_camera: NDArray[np.float64]
     objects: tuple[ObservedObject, ...]
     visible_area: BaseGeometry
+    view: View | None = None

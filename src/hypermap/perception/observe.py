@@ -14,6 +14,7 @@ from hypermap.perception.frame import RgbdFrame
 from hypermap.perception.observation import Observation, ObservedObject
 from hypermap.perception.segmentation import segment, valid_pixels
 from hypermap.perception.shapes import footprint
+from hypermap.perception.view import View
 
 
 def observe(frame: RgbdFrame, detections: Detections, config: PerceptionConfig) -> Observation:
@@ -63,4 +64,5 @@ def observe(frame: RgbdFrame, detections: Detections, config: PerceptionConfig) 
         )
     some = (slice(None, None, config.visible_step),) * 2
     visible_area = on_floor(transform_points(near_T_camera, points[some][valid[some]]))
-    return Observation(frame.stamp, frame.map_T_camera, tuple(objects), visible_area)
+    view = View.of(frame, config.max_depth)
+    return Observation(frame.stamp, frame.map_T_camera, tuple(objects), visible_area, view)
