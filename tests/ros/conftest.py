@@ -144,7 +144,8 @@ def rospy(roscore: str) -> Iterator[Any]:
     rospy.init_node("tests", anonymous=True, disable_signals=True)
     yield rospy
     rospy.signal_shutdown("the tests have ended")
-    rospy.core._xmlrpc_cache.clear()  # its sockets would be left for the end of pytest
+    for master in rospy.core._xmlrpc_cache.values():
+        master("close")()  # otherwise its socket is left for the end of pytest
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ResourceWarning)
         gc.collect()

@@ -36,6 +36,15 @@ def test_without_a_directory_no_file_is_touched_and_ctrl_c_ends_it_clean(start, 
     assert "Traceback" not in process.output
 
 
+def test_what_a_command_was_given_is_not_held_against_the_next_one(start, rospy):
+    rospy.set_param("/passing/marker_height", 0.5)  # the operator's own
+    process = start("hypermap", "serve", "--ros1", "--param", "label_height=0.3", "__name:=passing")
+    process.expect("starting without a map")
+    assert rospy.get_param("/passing/label_height") == 0.3
+    assert process.stop(signal.SIGINT) == 0
+    assert rospy.get_param("/passing") == {"marker_height": 0.5}
+
+
 @pytest.mark.parametrize(
     ("parameters", "error"),
     [

@@ -27,6 +27,8 @@ from .map_server_tools import LAB
 class Notes:
     """The few things of a port that these parts use: a log, tf, and classes of responses."""
 
+    is_shut_down = False
+
     def __init__(self) -> None:
         self.lines: list[tuple[str, str]] = []
         self.tf: dict[tuple[str, str], Any] = {}

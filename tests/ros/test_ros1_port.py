@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 import sys
@@ -82,6 +83,21 @@ def test_messages_in_quick_succession_all_arrive(port: Any) -> None:
     assert heard == [str(number) for number in range(50)]
     subscription.close()
     publisher.close()
+
+
+def test_topics_that_are_closed_leave_nothing_open(port: Any) -> None:
+    def files() -> int:
+        return len(list(Path("/proc/self/fd").iterdir()))
+
+    gc.disable()
+    try:
+        before = files()
+        for number in range(20):
+            port.publisher(f"many{number}", "std_msgs/String", latched=True).close()
+            port.subscribe(f"many{number}", "std_msgs/String", print).close()
+        assert files() < before + 20  # the socket of a call of the roscore may be among them
+    finally:
+        gc.enable()
 
 
 def test_the_cells_of_a_grid_arrive_as_an_array(port: Any) -> None:
@@ -313,6 +329,28 @@ def test_a_node_ends_cleanly(
     assert node.output.splitlines()[-2:] == ["ending", "ended"]
     assert "Traceback" not in node.output
     assert is_missing(f"/{name}/ask")
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_node_ends_also_if_its_interrupt_gets_lost(
+    roscore: str, start: Callable[..., Process], number: int
+) -> None:
+    script = f"""
+import time
+from hypermap.ros.ros1.port import Ros1Port
+port = Ros1Port("swallows_{number}")
+try:
+    print("asleep", flush=True)
+    time.sleep(60)
+except BaseException as error:
+    print("lost a", type(error).__name__, flush=True)
+port.spin()
+port.shut_down()
+"""
+    node = start(sys.executable, "-c", script)
+    node.expect("asleep")
+    assert node.stop(number) == 0
+    assert "lost a KeyboardInterrupt" in node.output
 
 
 def test_rosnode_kill_ends_a_node(roscore: str, start: Callable[..., Process]) -> None:

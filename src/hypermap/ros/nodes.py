@@ -148,7 +148,7 @@ def make_port(
         from hypermap.ros.ros1.port import Ros1Port
 
         private = [f"_{key}:={_yaml(value)}" for key, value in values.items()]
-        return Ros1Port(name, [name, *ros_arguments, *private])
+        return Ros1Port(name, [name, *ros_arguments, *private], passing=tuple(values))
     if chosen == "ros2":
         from hypermap.ros.ros2.port import Ros2Port
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import signal
 import threading
 import time
@@ -30,22 +31,31 @@ _QUEUE = 100  # messages that wait for a slow subscriber
 class Ros1Port:
     """A ROS 1 node; there is one in a process, and one that runs already is used.
 
-    Ctrl-C and SIGTERM are a KeyboardInterrupt, which `spin` takes for the end.
+    Ctrl-C and SIGTERM are a KeyboardInterrupt, and the end of `spin` also where that got lost.
+
+    Args:
+        name: the node's name, unless an argument gives it another.
+        argv: the program's name and the arguments of ROS; None for those of the process.
+        passing: names of private parameters that end with the node. The roscore would hold them
+            against the next one of that name.
 
     Raises:
         HypermapError: If no roscore answers.
     """
 
-    def __init__(self, name: str, argv: Sequence[str] | None = None) -> None:
+    def __init__(
+        self, name: str, argv: Sequence[str] | None = None, passing: Sequence[str] = ()
+    ) -> None:
+        self._is_ending = False
         if not rospy.core.is_initialized():
             require_master()
             rospy.init_node(name, argv=None if argv is None else list(argv), disable_signals=True)
             if threading.current_thread() is threading.main_thread():
                 # A script's background process inherits that Ctrl-C is ignored; roslaunch sends it.
                 for number in (signal.SIGINT, signal.SIGTERM):
-                    signal.signal(number, signal.default_int_handler)
+                    signal.signal(number, self._interrupt)
         forward_logs(self.log)
-        self._is_ending = False
+        self._passing = tuple(passing)
         self._lock = threading.Lock()
         self._buffer: Any = None
         self._tf_began = 0.0
@@ -99,7 +109,7 @@ class Ros1Port:
             queue_size=queue,
             buff_size=_BUFFER_SIZE,
         )
-        return _Closing(subscriber.unregister)
+        return _Closing(lambda: _unregister(subscriber))
 
     def service(
         self,
@@ -215,7 +225,15 @@ class Ros1Port:
         """End the node."""
         self._is_ending = True
         self._watch.close()
+        passing, self._passing = self._passing, ()
+        for name in passing:
+            with contextlib.suppress(Exception):  # of a roscore that has forgotten it, or is gone
+                rospy.delete_param(f"~{name}")
         rospy.signal_shutdown("asked to")
+
+    def _interrupt(self, *_: object) -> None:
+        self._is_ending = True
+        raise KeyboardInterrupt
 
     def _tf(self) -> tuple[Any, float]:
         with self._lock:
@@ -247,7 +265,7 @@ class _Closing:
 
 class _Publisher(_Closing):
     def __init__(self, publisher: Any) -> None:
-        super().__init__(publisher.unregister)
+        super().__init__(lambda: _unregister(publisher))
         self._publisher = publisher
 
     @property
@@ -260,6 +278,15 @@ class _Publisher(_Closing):
         except rospy.ROSException:
             if self._close is not None and not rospy.is_shutdown():
                 raise
+
+
+def _unregister(topic: Any) -> None:
+    """Close a topic with its epoll, which rospy leaves to the garbage collector."""
+    connections = topic.impl
+    topic.unregister()
+    if connections is not None and connections.closed:
+        with contextlib.suppress(AttributeError):  # of other systems, which have no epoll
+            connections.connection_poll.poller.close()
 
 
 def _resolved(name: str) -> str:

@@ -121,7 +121,8 @@ class CurrentMap:
         except HypermapError as error:
             self._port.log("error", str(error))
         except Exception:
-            self._port.log("error", traceback.format_exc())
+            if not self._port.is_shut_down:  # Ctrl-C amid an import looks like an error of it
+                self._port.log("error", traceback.format_exc())
 
 
 class KeptOpen(Generic[Thing]):
