@@ -15,7 +15,7 @@ package = Path(hypermap.__file__).parent
 assert package.parent.name == "site", package
 messages = (f"ros/hypermap_msgs/{name}" for name in ("msg/SemanticMap.msg", "srv/LoadMap.srv"))
 page = (f"viewer/page/{name}" for name in ("index.html", "app.js", "app.css", "app.licenses.txt"))
-for file in ("py.typed", "simulation/worlds/demo.yaml", *messages, *page):
+for file in ("py.typed", "simulation/worlds/demo.yaml", "simulation/detector.onnx", *messages, *page):
     assert (package / file).is_file(), f"the wheel lacks {file}"
 from hypermap.ros.definitions import package_folder
 assert package_folder() == package / "ros" / "hypermap_msgs", package_folder()

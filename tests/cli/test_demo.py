@@ -46,6 +46,12 @@ def test_the_kept_recording_gives_the_same_map(hypermap, short_demo, tmp_path):
     assert sorted(first.names) == sorted(second.names)
 
 
+def test_an_unknown_detector_is_said_so_before_anything_is_made(hypermap, tmp_path):
+    result = hypermap("demo", "-o", tmp_path / "demo", "--detector", "netwrok")
+    assert_one_error(result, "there is no detector 'netwrok'; did you mean 'network'?")
+    assert not (tmp_path / "demo").exists()
+
+
 def test_a_file_in_place_of_the_folder_is_said_so(hypermap, tmp_path):
     (tmp_path / "demo").write_text("precious")
     assert_one_error(hypermap("demo", "-o", tmp_path / "demo"), "this is a file; name a folder")

@@ -8,12 +8,15 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hypermap.cli.terminal import note, out, say, table
-from hypermap.core.errors import HypermapError
+from hypermap.core.errors import HypermapError, did_you_mean
 
 if TYPE_CHECKING:
     from hypermap.core.hypermap import Hypermap
     from hypermap.core.semantic import SemanticObject
     from hypermap.evaluation.metrics import Evaluation, Score
+    from hypermap.perception.detections import Detector
+
+_DETECTORS = ("network", "noisy")
 
 
 def command(
@@ -25,15 +28,23 @@ def command(
         bool,
         typer.Option("--keep-recording", help="Save what the camera saw, too, for `hypermap map`."),
     ] = False,
+    detector: Annotated[
+        str,
+        typer.Option(
+            metavar="|".join(_DETECTORS),
+            help="A network that sees pixels, or a detector that knows the truth and errs.",
+        ),
+    ] = "network",
 ) -> None:
     """See a map being made, of a simulated room, and how near it comes to the truth.
 
-    A camera with the errors of a real one looks at the room, and a detector that errs now and then
-    names what it sees. The map made of it is saved, compared with the true one, and drawn.
+    A camera with the errors of a real one looks at the room, and a small neural network finds the
+    objects in its images. The map made of them is saved, compared with the true one, and drawn.
 
     Examples:
         hypermap demo
         hypermap demo -o demo --keep-recording
+        hypermap demo --detector noisy
     """
     from hypermap.cli.progress import mapping_progress
     from hypermap.evaluation import evaluate
@@ -44,9 +55,10 @@ def command(
     from hypermap.simulation import SimulatedRecording, demo_world, ground_truth, write_tum
     from hypermap.viewer.picture import render
 
+    finder = _detector(detector)
     _make_folder(folder)
     world = demo_world()
-    recording = SimulatedRecording(world, has_occupancy=False)
+    recording = SimulatedRecording(world, detector=finder, has_occupancy=False)
     if keep_recording:
         note(f"saving {len(recording)} simulated frames ...")
         write_tum(recording, folder / "recording")
@@ -80,6 +92,15 @@ def _make_folder(folder: Path) -> None:
     if folder.exists() and not folder.is_dir():
         raise HypermapError(f"{folder}: this is a file; name a folder to save in")
     folder.mkdir(parents=True, exist_ok=True)
+
+
+def _detector(name: str) -> Detector | None:
+    """Return the network; None for the detector that belongs to the simulation."""
+    from hypermap.simulation import network_detector
+
+    if name not in _DETECTORS:
+        raise HypermapError(f"there is no detector {name!r}; {did_you_mean(name, _DETECTORS)}")
+    return network_detector() if name == "network" else None
 
 
 def _objects(hypermap: Hypermap) -> list[SemanticObject]:

@@ -3,6 +3,7 @@
 from hypermap.simulation.bag_writer import write_bag
 from hypermap.simulation.detector import EXACT_DETECTOR, DetectorNoise
 from hypermap.simulation.levels import Errors, errors_of_level
+from hypermap.simulation.network import network_detector
 from hypermap.simulation.noise import EXACT_DEPTH, DepthNoise, PoseNoise
 from hypermap.simulation.recording import SimulatedRecording
 from hypermap.simulation.truth import ground_truth
@@ -30,6 +31,7 @@ __all__ = [
     "errors_of_level",
     "ground_truth",
     "load_world",
+    "network_detector",
     "write_bag",
     "write_tum",
 ]

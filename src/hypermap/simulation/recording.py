@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from hypermap.core.occupancy import OccupancyLayer
+from hypermap.perception.detections import Detector
 from hypermap.perception.frame import Camera, RgbdFrame
 from hypermap.perception.recording import RecordingInfo, Stream
 from hypermap.simulation.detector import DetectorNoise, NoisyDetector
@@ -36,6 +37,7 @@ class SimulatedRecording:
         rate: float = 3.0,
         depth_noise: DepthNoise | None = None,
         pose_noise: PoseNoise | None = None,
+        detector: Detector | None = None,
         detector_noise: DetectorNoise | None = None,
         has_masks: bool = False,
         has_occupancy: bool = True,
@@ -49,8 +51,10 @@ class SimulatedRecording:
             rate: frames per second.
             depth_noise: errors of the camera; None for a Kinect's.
             pose_noise: errors of the poses; None for none.
-            detector_noise: errors of the detections; None for the defaults.
-            has_masks: whether the detector gives masks with its boxes.
+            detector: finds the objects in the color images, as `network_detector()` does; None for
+                one that knows where they are, and errs.
+            detector_noise: how that one errs; None for the defaults.
+            has_masks: whether that one gives masks with its boxes.
             has_occupancy: whether the recording comes with the exact occupancy map.
             seed: of all random numbers.
 
@@ -62,6 +66,7 @@ class SimulatedRecording:
         self.world = world
         self.camera = camera
         self._depth_noise = depth_noise or DepthNoise()
+        self._detector = detector
         self._detector_noise = detector_noise or DetectorNoise()
         self._has_masks = has_masks
         self._has_occupancy = has_occupancy
@@ -89,7 +94,7 @@ class SimulatedRecording:
         """Yield the frames in order of time, with color and detections."""
         renderer = Renderer(Scene.of(self.world), self.camera)
         names = [thing.label for thing in self.world.objects]
-        detector = NoisyDetector(names, self._detector_noise, self._rng(_DETECTOR), self._has_masks)
+        noisy = NoisyDetector(names, self._detector_noise, self._rng(_DETECTOR), self._has_masks)
         for i, stamp in enumerate(self._stamps.tolist()):
             view = renderer.render(self._true_poses[i])
             yield RgbdFrame(
@@ -99,7 +104,11 @@ class SimulatedRecording:
                 map_T_camera=self._estimated_poses[i],
                 color=view.color,
                 color_stamp=stamp,
-                detections=detector.detect(view.instances),
+                detections=(
+                    self._detector.detect(view.color)
+                    if self._detector is not None
+                    else noisy.detect(view.instances)
+                ),
             )
 
     def info(self) -> RecordingInfo:
