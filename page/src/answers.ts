@@ -19,20 +19,16 @@ import { table } from "./table";
 /** Chooses an object: it is shown on the map and in the panel. */
 export type Choose = (layer: string, id: number) => void;
 
-function colorOf(info: MapInfo, layer: string, label: string): string | null {
-  const found = info.layers.find(({ name }) => name === layer);
-  const entry =
-    found?.classes.find(({ name }) => name === label) ??
-    found?.legend.find((entry) => entry.label === label);
-  return entry?.color ?? null;
-}
-
 function labelled(info: MapInfo, layer: string, label: string): HTMLElement {
-  const color = colorOf(info, layer, label);
+  const found = info.layers.find(({ name }) => name === layer);
+  const kind = found?.kind === "raster" ? "raster" : "shapes";
+  const color =
+    found?.classes.find(({ name }) => name === label)?.color ??
+    found?.legend.find((entry) => entry.label === label)?.color;
   return el(
     "span",
     { class: "labelled" },
-    color ? swatch(color) : null,
+    color ? swatch(color, kind) : null,
     el("span", { class: "name", text: label }),
   );
 }

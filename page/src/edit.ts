@@ -214,20 +214,14 @@ export class Editor {
       title: room ? "New room" : "New object",
       summary: "Give it a name",
       content: [
-        newObjectForm(
-          this.names(),
-          this.layers(),
-          this.context.info.can_add_layers === true,
-          room,
-          {
-            add: (values) => {
-              cancel();
-              const polygons: Polygon[] = [[ring]];
-              this.apply([{ op: "add", polygons, ...values }], `Added ${values.name}`, true);
-            },
-            cancel,
+        newObjectForm(this.names(), this.layers(), room, {
+          add: (values) => {
+            cancel();
+            const polygons: Polygon[] = [[ring]];
+            this.apply([{ op: "add", polygons, ...values }], `Added ${values.name}`, true);
           },
-        ),
+          cancel,
+        }),
       ],
     });
     byId("object-name").focus();

@@ -3,9 +3,6 @@
 import { el } from "./dom";
 import type { ObjectDetails } from "./source";
 
-/** Layers that are made when the first thing is put there. */
-const NEW_LAYERS = ["rooms", "zones"];
-
 export interface Named {
   name: string;
   tags: string[];
@@ -62,21 +59,16 @@ export function objectForm(
 export function newObjectForm(
   names: string[],
   layers: string[],
-  canAddLayers: boolean,
   room: boolean,
   verbs: { add: (values: Named & { layer: string }) => void; cancel: () => void },
 ): HTMLElement {
   const { name, tags } = fields(names, "", room ? ["room"] : []);
-  const made = canAddLayers ? NEW_LAYERS.filter((layer) => !layers.includes(layer)) : [];
   const layer = el(
     "select",
     { id: "object-layer" },
     ...layers.map((layer) => el("option", { value: layer, text: layer })),
-    ...made.map((layer) => el("option", { value: layer, text: `${layer} (new layer)` })),
   );
-  const all = [...layers, ...made];
-  const wanted = room ? all.includes("rooms") && "rooms" : layers.find((name) => name !== "rooms");
-  layer.value = wanted || all[0];
+  layer.value = layers.find((name) => room === (name === "rooms")) ?? layers[0];
   const form = el(
     "form",
     { class: "form" },

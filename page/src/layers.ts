@@ -176,8 +176,9 @@ interface ClassRow {
   name: string;
 }
 
-export function swatch(color: string): HTMLElement {
-  const element = el("span", { class: "swatch", aria: { hidden: "true" } });
+/** A sample of a color; one of a grid follows its colors in the dark theme. */
+export function swatch(color: string, kind: "shapes" | "raster" = "shapes"): HTMLElement {
+  const element = el("span", { class: `swatch of-${kind}`, aria: { hidden: "true" } });
   element.style.backgroundColor = color;
   return element;
 }
@@ -186,6 +187,8 @@ function legend(entries: { label: string; color: string }[]): HTMLElement {
   return el(
     "ul",
     { class: "legend" },
-    ...entries.map(({ label, color }) => el("li", {}, swatch(color), el("span", { text: label }))),
+    ...entries.map(({ label, color }) =>
+      el("li", {}, swatch(color, "raster"), el("span", { text: label })),
+    ),
   );
 }

@@ -59,8 +59,6 @@ export interface MapInfo extends EditState {
   base_frame: string;
   extent: Extent | null;
   editable: boolean;
-  /** Whether an object may be added to a layer that is made for it. */
-  can_add_layers?: boolean;
   frames: Frame[];
   layers: LayerInfo[];
   token?: string;
