@@ -345,8 +345,12 @@ def test_a_map_server_map_is_not_turned_into_something_else(tmp_path):
     before = (tmp_path / "map.yaml").read_bytes()
     with serving(tmp_path / "map.yaml") as client:
         window = Window(client)
-        assert "save as NAME.hmap" in window.post("/api/save", 400)["error"]
-        window.post("/api/save", path="map.hmap")
+        assert "save as NAME.hmap" in window.post("/api/save", 400, path="map.yaml")["error"]
+        assert window.post("/api/save")["name"] == "map.hmap"
+        window.post("/api/save")
+        assert window.get("/api/map")["path"] == str(tmp_path / "map.hmap")
+    with serving(tmp_path / "map.yaml") as client:
+        assert Window(client).post("/api/save", 409)["reason"] == "exists"
     assert (tmp_path / "map.yaml").read_bytes() == before
     assert (tmp_path / "map.hmap").exists()
 

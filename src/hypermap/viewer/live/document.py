@@ -139,6 +139,8 @@ class MapDocument:
     def save(self, name: str | None = None, overwrite: bool = False) -> None:
         """Save the map, to its own file or, from then on, to another of the same folder.
 
+        A map_server map stays as it is: without a name, it becomes NAME.hmap beside it.
+
         Raises:
             Refused: If the map is read-only, the file has changed on disk since the map was opened
                 or saved, or the other name is in use, unless `overwrite` says that this is
@@ -147,6 +149,8 @@ class MapDocument:
         """
         with self._changing:
             self._check_editable()
+            if name is None and self.file.is_plain_grid:
+                name = self.file.path.with_suffix(".hmap").name
             file = self.file if name is None else self.file.beside(name)
             file.check_before_saving(overwrite)
             file.keep_backup()

@@ -87,7 +87,7 @@ class MapFile:
         """
         name = self.path.name
         if self.is_plain_grid:
-            raise Refused(f"{name}: a map_server map stays as it is; save as NAME.hmap")
+            raise Refused(f"{name}: a map_server map can hold no objects; save as NAME.hmap")
         self.look()
         if self.is_own and self.state == "changed" and not overwrite:
             raise Refused(
