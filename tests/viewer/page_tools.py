@@ -142,7 +142,10 @@ class Window:
             """async () => {
                 await window.hypermapPage.ready;
                 const {map, view} = window.hypermapPage;
-                await view.showShapes();
+                do {  // questions that the page has put off for a moment come first
+                    await new Promise((later) => setTimeout(later, 200));
+                    await view.showShapes();
+                } while ([...view.layers.values()].some(({shapes}) => shapes && !shapes.loaded));
                 await new Promise((done) => {
                     map.once("rendercomplete", done);
                     map.render();

@@ -42,6 +42,9 @@ class Expected:
         point = shapely.Point(x, y)
         if any(shape.boundary.distance(point) < near for shape, _ in self._shapes):
             return False
+        areas = np.sort([shape.area for shape, _ in self._shapes if shape.covers(point)])
+        if np.isclose(areas[1:], areas[:-1]).any():  # either may lie on top
+            return False
         around = [(x + near * i, y + near * j) for i in (-1, 0, 1) for j in (-1, 0, 1)]
         return len({tuple(self._ground(*place)) for place in around}) == 1
 
