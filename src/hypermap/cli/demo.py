@@ -79,7 +79,7 @@ the truth    {truth_file}
 the picture  {picture}
 
 Now ask it:
-  hypermap query {map_file} --name cup --nearest
+  hypermap query {map_file} --name plant --nearest
   hypermap query {map_file} --at 2,1
   hypermap info {map_file}
   hypermap shell {map_file}""")
