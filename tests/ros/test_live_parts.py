@@ -4,19 +4,25 @@ from __future__ import annotations
 
 import threading
 from typing import Any
+from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
 
 from hypermap.core.errors import HypermapError
 from hypermap.ros.mapper.diagnostics import diagnostic_array
+from hypermap.ros.mapper.inputs import Work
 from hypermap.ros.mapper.mailbox import Mailbox
 from hypermap.ros.mapper.semantic_mapper import SemanticMapper
 from hypermap.ros.mapper.settings import PARAMETERS, LiveSettings
 from hypermap.ros.mapper.statistics import WINDOW, Fate, State, Statistics
+from hypermap.ros.mapper.synchroniser import Match
+from hypermap.ros.mapper.worker import Worker
 from hypermap.ros.parameters import checked
 from hypermap.ros.server.map_directory import archive_within
 from hypermap.ros.throttle import Throttle
+
+from .conftest import wait_for
 
 
 class Clock:
@@ -162,3 +168,37 @@ def test_octets_of_messages_are_read_however_they_are_carried() -> None:
 
     for data in (b"\x01\xff", bytearray(b"\x01\xff"), array("B", [1, 255]), np.array([1, 255])):
         np.testing.assert_array_equal(octets(data), np.array([1, 255], np.uint8))
+
+
+# The worker
+
+
+def test_a_frame_from_before_a_jump_of_the_clock_does_not_make_those_after_it_old(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    has_taken, may_go_on, take = threading.Event(), threading.Event(), Mailbox.take
+
+    def slow_to_wake_up(box: Mailbox[Any], timeout: float | None = None) -> Any:
+        item = take(box, timeout)
+        if item is not None and not has_taken.is_set():
+            has_taken.set()
+            assert may_go_on.wait(30)
+        return item
+
+    monkeypatch.setattr(Mailbox, "take", slow_to_wake_up)
+    statistics = Statistics()
+    anything: Any = MagicMock()
+    anything.lacks_camera_info = True  # what is not too old comes as far as this
+    settings = LiveSettings(depth_topic="/d", detections_topic="/b")
+    worker = Worker(
+        anything, settings, anything, anything, anything, statistics, Throttle(lambda *_: None)
+    )
+    worker.put(Work(Match(53, {"": anything}, {}), 0.0))
+    assert has_taken.wait(30)
+    worker.jump()
+    may_go_on.set()
+    wait_for(lambda: sum(statistics.totals.values()) == 1, "the first frame")
+    worker.put(Work(Match(1, {"": anything}, {}), 0.0))
+    wait_for(lambda: sum(statistics.totals.values()) == 2, "the second frame")
+    worker.close()
+    assert statistics.totals == {Fate.NO_CAMERA_INFO: 2}

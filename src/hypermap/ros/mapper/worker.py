@@ -50,17 +50,18 @@ class Worker:
         self._outputs = outputs
         self._statistics = statistics
         self._log = log
-        self._mailbox = Mailbox[Work]()
+        self._mailbox = Mailbox[tuple[int, Work]]()
         self._ends = threading.Event()
         self._waits_for_tf = False
-        self._newest = 0  # stamp of the newest frame that was taken [ns]
+        self._jumps = 0  # how often the clock has jumped back
+        self._newest = (0, 0)  # jumps before the newest frame that was taken, and its stamp [ns]
         self._prepare_tf()
         self._thread = threading.Thread(target=self._work, name="mapping", daemon=True)
         self._thread.start()
 
     def put(self, work: Work) -> None:
         """Hand over a frame, in place of one that still waits."""
-        replaced = self._mailbox.put(work)
+        replaced = self._mailbox.put((self._jumps, work))
         if replaced is not None:
             self._statistics.count(Fate.NO_TF if self._waits_for_tf else Fate.BUSY)
 
@@ -68,7 +69,7 @@ class Worker:
         """Forget what waits, after the clock has jumped back."""
         if self._mailbox.take(timeout=0.0) is not None:
             self._statistics.count(Fate.CLOCK_JUMP)
-        self._newest = 0
+        self._jumps += 1
         self._port.forget_transforms()
         self._port.log(
             "warning", "the clock has jumped back: what waited is forgotten, the map goes on"
@@ -83,10 +84,10 @@ class Worker:
         period = 1 / self._settings.publish_rate
         next_publish = 0.0
         while not self._ends.is_set():
-            work = self._mailbox.take(timeout=min(period, 0.2))
+            item = self._mailbox.take(timeout=min(period, 0.2))
             try:
-                if work is not None:
-                    self._take(work)
+                if item is not None:
+                    self._take(*item)
                 if time.monotonic() >= next_publish:
                     next_publish = time.monotonic() + period
                     self._outputs.publish()
@@ -95,11 +96,11 @@ class Worker:
                 self._log.log("error", kind, f"a frame failed: {kind}: {error}")
         self._outputs.publish()
 
-    def _take(self, work: Work) -> None:
-        """Map a frame and count what became of it."""
+    def _take(self, jumps: int, work: Work) -> None:
+        """Map a frame that came after so many jumps, and count what became of it."""
         fate, reason = Fate.UNUSABLE, ""
         try:
-            fate, reason = self._map_frame_of(work)
+            fate, reason = self._map_frame_of(jumps, work)
         except (HypermapError, ValueError) as error:
             reason = str(error)
         finally:
@@ -107,12 +108,12 @@ class Worker:
         if reason:
             self._log.log("warning", fate, f"{fate.value}: {reason}")
 
-    def _map_frame_of(self, work: Work) -> tuple[Fate, str]:
+    def _map_frame_of(self, jumps: int, work: Work) -> tuple[Fate, str]:
         """Map a frame; return what became of it, and why if that is worth a line."""
         stamp = work.match.stamp
-        if stamp <= self._newest:
+        if (jumps, stamp) <= self._newest:
             return Fate.TOO_OLD, ""
-        self._newest = stamp
+        self._newest = jumps, stamp
         if self._frames.lacks_camera_info:
             return Fate.NO_CAMERA_INFO, f"nothing came on {self._settings.info_topic}"
         try:
