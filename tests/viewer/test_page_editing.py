@@ -186,6 +186,7 @@ def test_a_change_of_what_another_window_changed_is_refused(edited: Edited, othe
     late = other
     late.page.route("**/api/events*", lambda route: route.abort())
     late.page.reload()
+    late.wait_until_drawn()
     late.look_at(5, 4, METRES_PER_PIXEL)
     start_editing(late)
     take(late, CHAIR, "chair")
