@@ -40,8 +40,9 @@ export class Raster {
 
   tile(zoom: number, column: number, row: number): HTMLCanvasElement {
     const pixel = 0.01 * 2 ** zoom;
-    // The coarsest level that is still at least as fine as the tile.
-    const level = this.levels.filter(({ size }) => size <= pixel * 1.001).at(-1) ?? this.levels[0];
+    // The finest level that is not finer than the tile: shrunk any further, thin walls would go.
+    const level =
+      this.levels.find(({ size }) => size >= pixel * 0.999) ?? this.levels[this.levels.length - 1];
     const tile = emptyCanvas(TILE, TILE);
     const context = contextOf(tile);
     context.imageSmoothingEnabled = false;
