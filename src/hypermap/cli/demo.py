@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from hypermap.evaluation.metrics import Evaluation, Score
     from hypermap.perception.detections import Detector
 
-_DETECTORS = ("network", "noisy")
+_DETECTORS = ("noisy", "network")
 
 
 def command(
@@ -32,19 +32,19 @@ def command(
         str,
         typer.Option(
             metavar="|".join(_DETECTORS),
-            help="A network that sees pixels, or a detector that knows the truth and errs.",
+            help="A detector that knows the truth and errs, or a small network that sees pixels.",
         ),
-    ] = "network",
+    ] = "noisy",
 ) -> None:
     """See a map being made, of a simulated room, and how near it comes to the truth.
 
-    A camera with the errors of a real one looks at the room, and a small neural network finds the
-    objects in its images. The map made of them is saved, compared with the true one, and drawn.
+    A camera with the errors of a real one looks at the room, and a detector that errs now and then
+    names what it sees. The map made of it is saved, compared with the true one, and drawn.
 
     Examples:
         hypermap demo
         hypermap demo -o demo --keep-recording
-        hypermap demo --detector noisy
+        hypermap demo --detector network
     """
     from hypermap.cli.progress import mapping_progress
     from hypermap.evaluation import evaluate
@@ -79,7 +79,7 @@ the truth    {truth_file}
 the picture  {picture}
 
 Now ask it:
-  hypermap query {map_file} --name plant --nearest
+  hypermap query {map_file} --name cup --nearest
   hypermap query {map_file} --at 2,1
   hypermap info {map_file}
   hypermap shell {map_file}""")
