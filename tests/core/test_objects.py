@@ -44,14 +44,14 @@ def test_rows_are_found_left_out_and_replaced(
     left = table.without(np.array(gone, dtype=np.int64))
     assert_same_objects([left.object(row) for row in range(len(left))], others)
 
-    if ids:
-        row = data.draw(st.integers(0, len(ids) - 1))
-        new = square("new", 9, 9, id=ids[row], tags=("a",), confidence=(1.0,), last_seen=3.0)
-        changed = table.with_row(row, ObjectTable.of([new], table.vocabulary))
-        expected = [table.object(k) for k in range(len(ids))]
-        expected[row] = new
-        assert_same_objects([changed.object(k) for k in range(len(ids))], expected)
-        assert table.object(row).name == f"n{ids[row]}"  # the old table stays
+    some = sorted(data.draw(st.sets(st.sampled_from(range(len(ids))))) if ids else [])
+    new = [square("new", 9, 9, id=ids[row], tags=("a",), confidence=(1.0,)) for row in some]
+    changed = table.with_rows(np.array(some, dtype=np.int64), ObjectTable.of(new, table.vocabulary))
+    expected = [table.object(row) for row in range(len(ids))]
+    for row, item in zip(some, new, strict=True):
+        expected[row] = item
+    assert_same_objects([changed.object(row) for row in range(len(ids))], expected)
+    assert table.names.tolist() == [f"n{number}" for number in ids]  # the old table stays
 
 
 def test_lists_of_tags_become_tuples() -> None:

@@ -233,6 +233,24 @@ def test_an_update_keeps_the_id_and_the_place_in_the_order() -> None:
     assert layer.find("chair").tolist() == [[-3, 0.5]]
 
 
+def test_many_updates_are_made_at_once_or_not_at_all() -> None:
+    one, many = desk(), desk()
+    changes = {9: square("stool", 20, 20), 7: square("desk", 30, 0, id=7)}
+    for number, item in changes.items():
+        one.update(number, item)
+    many.update_many(changes)
+    assert_same_objects(many.objects(), one.objects())
+    assert many.label_at([[20, 20], [30.2, 0.2], [2.25, 0.25]]).tolist() == [
+        "stool",
+        "desk",
+        "Empty",
+    ]
+    for wrong in ({8: square("x", 0, 0), 99: square("x", 1, 1)}, {8: square("x", 0, 0, id=7)}):
+        with pytest.raises((ObjectNotFound, ValueError)):
+            many.update_many(wrong)
+        assert_same_objects(many.objects(), one.objects())
+
+
 def test_removing_nothing_and_everything() -> None:
     layer = desk()
     layer.remove([])

@@ -135,7 +135,11 @@ class ObjectTable:
     @cached_property
     def names(self) -> ObjectArray:
         """The objects' names, shape (N,)."""
-        return as_objects(self.vocabulary)[self.codes]
+        return self._known_names[self.codes]
+
+    @cached_property
+    def _known_names(self) -> ObjectArray:
+        return as_objects(self.vocabulary)
 
     def rows_of(self, what: str | float) -> IntArray:
         """Return the rows of the objects with a name or, for a number, with an id."""
@@ -161,7 +165,7 @@ class ObjectTable:
     def object(self, row: int) -> SemanticObject:
         """Return one row as an object."""
         return SemanticObject(
-            name=str(self.names[row]),
+            name=str(self._known_names[self.codes[row]]),
             footprint=self.footprints[row],
             id=int(self.ids[row]),
             tags=self.tags[row],
@@ -194,15 +198,15 @@ class ObjectTable:
             columns[name] = np.concatenate([column[:0], *(column[piece] for piece in pieces)])
         return replace(self, **columns)
 
-    def with_row(self, row: int, other: ObjectTable) -> ObjectTable:
-        """Return the rows with the only one of another table in place of one of them.
+    def with_rows(self, rows: IntArray, other: ObjectTable) -> ObjectTable:
+        """Return the rows with those of another table in place of some of them.
 
         The other's vocabulary must extend this one's.
         """
         columns: dict[str, Any] = {}
         for name in _COLUMNS:
             columns[name] = getattr(self, name).copy()
-            columns[name][row] = getattr(other, name)[0]
+            columns[name][rows] = getattr(other, name)
         return replace(other, **columns)
 
     def followed_by(self, other: ObjectTable) -> ObjectTable:

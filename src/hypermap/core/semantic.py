@@ -175,16 +175,31 @@ class SemanticLayer(Layer):
             ObjectNotFound: If there is none.
             ValueError: If the new object has another id.
         """
-        if item.id is not None and item.id != object_id:
-            raise ValueError(f"an object keeps its id: {object_id} cannot become {item.id}")
+        self.update_many({object_id: item})
+
+    def update_many(self, changes: Mapping[int, SemanticObject]) -> None:
+        """Replace the objects with these ids; the new ones keep the ids.
+
+        It takes hardly longer than one `update`.
+
+        Raises:
+            ObjectNotFound: If one is not there; nothing is changed then.
+            ValueError: If a new object has another id; nothing is changed then.
+        """
+        for object_id, item in changes.items():
+            if item.id is not None and item.id != object_id:
+                raise ValueError(f"an object keeps its id: {object_id} cannot become {item.id}")
         with self._writing:
             state = self._state
-            row = self._rows(state.table, [object_id])[0]
-            changed = ObjectTable.of([replace(item, id=object_id)], state.table.vocabulary)
-            table = state.table.with_row(row, changed)
+            rows = self._rows(state.table, changes)
+            changed = ObjectTable.of(
+                [replace(changes[int(i)], id=int(i)) for i in state.table.ids[rows]],
+                state.table.vocabulary,
+            )
+            table = state.table.with_rows(rows, changed)
             moved_to = np.arange(len(table))
-            moved_to[row] = -1
-            index = state.index.after(table.shapes, moved_to, np.array([row]))
+            moved_to[rows] = -1
+            index = state.index.after(table.shapes, moved_to, rows)
             self._state = replace(state, table=table, index=index)
 
     def remove(self, ids: Iterable[int]) -> None:

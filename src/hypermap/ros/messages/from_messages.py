@@ -91,11 +91,12 @@ def apply_semantic_update(layer: SemanticLayer, message: Any) -> list[str]:
     to_delete = [int(number) for number in message.to_delete]
     _check_update(layer, to_modify, len(message.updates), to_delete)
     added, problems = _objects(message.to_add, [None] * len(message.to_add), "to_add")
+    changes: dict[int, SemanticObject] = {}
     for number, update in zip(to_modify, message.updates, strict=True):
         changed, wrong = _objects([update], [number], "object")
         problems += wrong
-        for item in changed:
-            layer.update(number, _changed(layer.get(number), item))
+        changes.update((number, _changed(layer.get(number), item)) for item in changed)
+    layer.update_many(changes)
     layer.remove(to_delete)
     layer.add(added)
     return problems
