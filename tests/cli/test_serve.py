@@ -160,9 +160,11 @@ def test_another_node_fills_a_layer_in_subscribe_mode(serve, tmp_path):
     with server.client() as client, server.client() as slam:
         topic = client.subscribe("/hypermap_server/occupancy_map")
         slam.info()
-        slam.publish(slam.advertise("/map", "nav_msgs/msg/OccupancyGrid"), grid)
+        channel = slam.advertise("/map", "nav_msgs/msg/OccupancyGrid")
 
         def cells():
+            slam.publish(channel, grid)  # again: clients cannot latch, and the node may still start
+            client.settle(0.1)
             return [0, 100] in [message.data.tolist() for message in client.received(topic)]
 
         client.wait(cells, "the cells")

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import signal
+import subprocess
+import sys
 from functools import partial
+from pathlib import Path
 
 import pytest
 import shapely
@@ -40,3 +43,24 @@ def test_the_command_is_a_node_of_ros_1(rospy, start, tmp_path, number):
     assert wait_for(answered, "an answer").name == "chair"
     assert server.stop(number, timeout=30.0) == 0
     assert "Traceback" not in server.output
+
+
+INTERRUPTED = """
+from hypermap.ros.nodes import run_node
+
+class Port:
+    def shut_down(self): print("down")
+
+class Node:
+    def configure(self): pass
+    def activate(self): exec("raise KeyboardInterrupt")  # as amid the import of a dataclass
+
+run_node(Port(), Node())
+"""
+
+
+def test_ctrl_c_amid_an_import_is_a_clean_end(tmp_path: Path) -> None:
+    (tmp_path / "interrupted.py").write_text(INTERRUPTED, encoding="utf-8")
+    command = [sys.executable, "-m", "interrupted"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (0, "down\n"), done.stderr

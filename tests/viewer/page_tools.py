@@ -188,6 +188,7 @@ class Window:
 
     def look_at(self, x: float, y: float, metres_per_pixel: float) -> None:
         """Put a point into the middle of the map, and wait until all is drawn."""
+        self.page.wait_for_function("() => window.hypermapPage?.map !== undefined")
         self.page.evaluate(
             """([x, y, resolution]) => {
                 const view = window.hypermapPage.map.getView();

@@ -228,6 +228,7 @@ class Hypermap:
             LayerNotFound, FrameError: If the layer or the frame is unknown.
             ValueError: If `within` is given without `near`, or is negative, or `limit` is below 1.
 
+        >>> import shapely
         >>> from hypermap.core.semantic import SemanticObject
         >>> sink = SemanticObject("sink", shapely.box(0, 0, 1, 1))
         >>> chairs = [SemanticObject("chair", shapely.box(x, 0, x + 1, 1)) for x in (2, 5)]

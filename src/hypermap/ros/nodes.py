@@ -184,8 +184,10 @@ def run_node(port: Port, node: Node) -> None:
         finally:
             node.deactivate()
             node.cleanup()
-    except KeyboardInterrupt:
-        pass  # a usual way to end a node
+    except KeyboardInterrupt:  # a usual way to end a node
+        # CPython remembers an interrupt that came within exec(), as when a dataclass is imported,
+        # and would end by SIGINT whatever we return; the next exec() lets it forget.
+        exec("")
     finally:
         port.shut_down()
 
