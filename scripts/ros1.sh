@@ -4,7 +4,8 @@ set -eu
 
 packages="
   catkin g++ libgeometry-msgs-dev libgl1-mesa-dri libstd-msgs-dev make python3-diagnostic-msgs
-  python3-geometry-msgs python3-map-msgs python3-nav-msgs python3-rosbag python3-roslaunch
+  python3-geometry-msgs python3-map-msgs python3-nav-msgs python3-numpy python3-pil
+  python3-rosbag python3-roslaunch
   python3-rosmsg python3-rosnode python3-rosparam python3-rospy python3-rosservice
   python3-rostopic python3-rviz python3-sensor-msgs python3-std-msgs python3-std-srvs
   python3-tf2-geometry-msgs python3-tf2-ros python3-visualization-msgs ros-message-generation
