@@ -1,0 +1,157 @@
+"""A race: the same work done by us and by a peer, in turns, and the answers compared.
+
+Each group of the benchmark yields races and figures. A race has a peer, so that its ratio says
+something on any machine; a figure has none and says something on this one.
+"""
+
+from __future__ import annotations
+
+import gc
+import statistics
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeVar
+
+Answer = TypeVar("Answer")
+
+
+class Disagreement(Exception):
+    """The answers differ more than they may, so that times mean nothing."""
+
+
+class Unavailable(Exception):
+    """A peer or its data is not on this machine; the text says what to install."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What all groups are told.
+
+    Attributes:
+        data: folder of real maps and recordings; None if there is none.
+        repeat: how often each side does the work.
+        quick: whether small sizes will do, to see that everything runs.
+        build: folder for compiled programs and made-up inputs, kept from run to run.
+    """
+
+    data: Path | None
+    repeat: int
+    quick: bool
+    build: Path
+
+    def folder(self, name: str) -> Path:
+        """Return a folder of the real data.
+
+        Raises:
+            Unavailable: If it is not there.
+        """
+        if self.data is None or not (self.data / name).is_dir():
+            raise Unavailable(f"there is no folder {name} in --data ({self.data})")
+        return self.data / name
+
+
+@dataclass(frozen=True)
+class Race:
+    """The times of both sides for the same work.
+
+    Attributes:
+        work: what was done, with its size.
+        peer: who else did it, with its version and language.
+        ours: seconds of each of our runs.
+        theirs: seconds of each of the peer's.
+        agreement: how the answers were compared, and how far they agree.
+        asked: how many times faster than the peer we mean to be; None if nothing is asked.
+    """
+
+    work: str
+    peer: str
+    ours: tuple[float, ...]
+    theirs: tuple[float, ...]
+    agreement: str
+    asked: float | None = None
+
+    @property
+    def ratio(self) -> float:
+        """How many times faster we are, by the medians."""
+        return statistics.median(self.theirs) / statistics.median(self.ours)
+
+
+@dataclass(frozen=True)
+class Figure:
+    """Something measured without a peer.
+
+    Attributes:
+        work: what was measured, with its size.
+        values: of each run.
+        unit: of the values, as "frames/s".
+        asked: the value to reach; None if nothing is asked.
+        less_is_better: whether a smaller value is the better one.
+        note: what a reader should know, as the exponent of a growth.
+    """
+
+    work: str
+    values: tuple[float, ...]
+    unit: str
+    asked: float | None = None
+    less_is_better: bool = False
+    note: str = ""
+
+
+Row = Race | Figure
+Group = Callable[[Settings], Iterator[Row]]
+
+
+def seconds_of(work: Callable[[], Answer]) -> tuple[float, Answer]:
+    """Return the seconds that a call takes, and its answer; without pauses to collect garbage."""
+    was_enabled = gc.isenabled()
+    gc.collect()
+    gc.disable()
+    try:
+        start = time.perf_counter()
+        answer = work()
+        return time.perf_counter() - start, answer
+    finally:
+        if was_enabled:
+            gc.enable()
+
+
+def race(
+    work: str,
+    peer: str,
+    ours: Callable[[], Answer],
+    theirs: Callable[[], Answer],
+    agree: Callable[[Answer, Answer], str],
+    settings: Settings,
+    asked: float | None = None,
+    calls: int = 1,
+) -> Race:
+    """Return the times of two functions in this process, which take turns.
+
+    Both are called once beforehand, and those answers are compared.
+
+    Args:
+        work: what is done.
+        peer: who does it beside us.
+        ours: our way.
+        theirs: the peer's way.
+        agree: returns how far the answers agree; raises Disagreement if they do not.
+        settings: how often.
+        asked: the ratio to reach.
+        calls: calls per measured run, for what takes microseconds; the times are those of one call.
+    """
+    agreement = agree(ours(), theirs())
+    mine, other = [], []
+    for _ in range(settings.repeat):
+        mine.append(_mean_seconds(ours, calls))
+        other.append(_mean_seconds(theirs, calls))
+    return Race(work, peer, tuple(mine), tuple(other), agreement, asked)
+
+
+def _mean_seconds(work: Callable[[], object], calls: int) -> float:
+    def all_calls() -> None:
+        for _ in range(calls):
+            work()
+
+    return seconds_of(all_calls)[0] / calls
