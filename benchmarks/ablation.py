@@ -17,7 +17,8 @@ from dataclasses import replace
 
 from hypermap.experiments.drives import Drive, map_drives
 from hypermap.experiments.results import WorldResult
-from hypermap.mapping.config import EvidenceConfig, MappingConfig, profile
+from hypermap.mapping.config import MappingConfig, profile
+from hypermap.mapping.stages import EvidenceConfig
 from hypermap.simulation import (
     EXACT_DEPTH,
     EXACT_DETECTOR,

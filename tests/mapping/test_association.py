@@ -9,7 +9,7 @@ import pytest
 import shapely
 
 from hypermap.mapping.association import KnownShapes, jaccard, overlap, radius
-from hypermap.mapping.config import EvidenceConfig
+from hypermap.mapping.stages import EvidenceConfig
 
 CHAIR, TABLE = 0, 1
 CONFIG = EvidenceConfig()

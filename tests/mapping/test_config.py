@@ -10,14 +10,8 @@ import pytest
 
 from hypermap.core.errors import FileMissing, FormatError
 from hypermap.formats.yaml_text import write_yaml
-from hypermap.mapping.config import (
-    EvidenceConfig,
-    KeyframeConfig,
-    OccupancyConfig,
-    load_config,
-    profile,
-    to_dict,
-)
+from hypermap.mapping.config import load_config, profile, to_dict
+from hypermap.mapping.stages import EvidenceConfig, KeyframeConfig, OccupancyConfig
 
 
 def write(folder: Path, text: str) -> Path:

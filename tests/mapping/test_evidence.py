@@ -13,8 +13,9 @@ from shapely import affinity
 from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.semantic import SemanticObject
-from hypermap.mapping.config import EvidenceConfig, profile
+from hypermap.mapping.config import profile
 from hypermap.mapping.evidence import EvidenceMap
+from hypermap.mapping.stages import EvidenceConfig
 from hypermap.perception.frame import Camera, RgbdFrame
 from hypermap.perception.observation import Observation, ObservedObject
 from hypermap.perception.view import View

@@ -13,9 +13,9 @@ from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.frames import Pose2D
 from hypermap.core.grid import GridGeometry
-from hypermap.mapping.config import EvidenceConfig
 from hypermap.mapping.fusion import _count_votes, aligned, best_shape, convex_hull, votes
 from hypermap.mapping.pile import Evidence, Pile
+from hypermap.mapping.stages import EvidenceConfig
 
 CONFIG = EvidenceConfig()
 EVERYWHERE = shapely.box(-100, -100, 100, 100)

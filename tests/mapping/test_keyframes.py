@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from hypermap.mapping.config import KeyframeConfig
 from hypermap.mapping.keyframes import KeyframeSelector, rotation_angle
+from hypermap.mapping.stages import KeyframeConfig
 
 CONFIG = KeyframeConfig(min_distance=0.1, min_angle_deg=5.0)
 

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from hypermap.core.errors import HypermapError
 from hypermap.core.occupancy import OccupancyLayer
-from hypermap.mapping.config import OccupancyConfig
 from hypermap.mapping.occupancy import OccupancyMapper
+from hypermap.mapping.stages import OccupancyConfig
 from hypermap.perception.frame import Camera, RgbdFrame
 
 CONFIG = OccupancyConfig()

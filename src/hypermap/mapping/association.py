@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.arrays import IntArray, ObjectArray
-from hypermap.mapping.config import EvidenceConfig
+from hypermap.mapping.stages import EvidenceConfig
 
 Rows: TypeAlias = NDArray[np.int64]
 

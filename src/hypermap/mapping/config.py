@@ -1,7 +1,7 @@
-"""How a map is made: one dataclass of settings per stage, and the profiles that name them.
+"""How a map is made: the settings of all stages, and the profiles that name them.
 
-Every value has its default here and nowhere else. `load_config` lays a YAML file over a profile,
-and each map saves the settings that made it (`to_dict`).
+`load_config` lays a YAML file over a profile, and each map saves the settings that made it
+(`to_dict`). The defaults are in `hypermap.mapping.stages`.
 """
 
 from __future__ import annotations
@@ -11,196 +11,12 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from hypermap.core.errors import did_you_mean
 from hypermap.mapping.overrides import override, read_overrides
+from hypermap.mapping.stages import EvidenceConfig, KeyframeConfig, OccupancyConfig
 from hypermap.perception.config import PerceptionConfig
-
-
-@dataclass(frozen=True)
-class KeyframeConfig:
-    """When a frame is worth processing: its camera has moved this far, or turned this much.
-
-    Attributes:
-        min_distance: metres between two processed camera positions.
-        min_angle_deg: degrees between two processed camera orientations.
-    """
-
-    min_distance: float = 0.05
-    min_angle_deg: float = 2.0
-
-    def __post_init__(self) -> None:
-        _check(self, "min_distance", low=0)
-        _check(self, "min_angle_deg", low=0, high=180)
-
-
-@dataclass(frozen=True)
-class EvidenceConfig:
-    """How observed shapes become objects; see `EvidenceMap`.
-
-    Attributes:
-        association: which known objects an observed shape belongs to: "overlap", "jaccard" or
-            "radius".
-        min_overlap: shared area over the smaller one's area, for "overlap".
-        slack: by how much the larger of two shapes is widened for "overlap", at most by a quarter
-            of its size [m].
-        min_jaccard: shared area over the area of both together, for "jaccard".
-        radius: half the side of the box about the observed centroid [m], for "radius".
-        combine: "matches" combines all objects that one observed shape matches; "overlapping"
-            gives the evidence to the best match, and combines objects whose own shapes match.
-        exclusive: whether what one frame shows as two things of a class are two: they never go to
-            one object, and objects often seen side by side are not combined.
-        fusion: how an object's shape comes from its evidence: "votes", "best_shape" or
-            "convex_hull".
-        vote_share: share of the views that must show a cell for it to belong, for "votes".
-        abstain: what a view does not vote on, for "votes": the ground "outside" its visible area,
-            or also what is "hidden" from it behind walls.
-        half_weight: distance at which a view's vote counts half [m].
-        align: footprints up to this far from where most are [m] are moved there before they vote;
-            0 for none.
-        vote_resolution: side of a voting cell [m]; coarser for objects above 128 cells.
-        renewal: an object's shape is fused anew when its evidence has grown by this share; 0 is
-            every time. Published shapes are always up to date.
-        max_evidence: the newest observations kept for each object.
-        gain: existence won by an observation.
-        gain_by_score: whether the gain is multiplied by the detection's score.
-        loss: existence lost where an object should have been seen.
-        loses: "all" objects in the observed area lose, or only "unmatched" ones, which this frame
-            did not show.
-        sight: how it is known what should have been seen. "area": what lies in the observed area.
-            "rays": what the depth image could see at least half of; without an image the area.
-        margin: how deep an object must lie inside the observed area to lose [m].
-        tolerance: how far before and behind an object its surface may be measured, for "rays" [m].
-        gone_loss: existence lost where the rays went through the object's place, for "rays".
-        contested: existence lost where a frame shows an object of another class in its place.
-        min_contested: Jaccard index of two objects from which on they are in one place.
-        slip: Jaccard index with a well-known object of another class from which on an observed
-            shape is taken for a slip of the detector, which adds nothing; 1 for none.
-        max_range: distance of the camera up to which an object loses [m].
-        max_existence: existence never grows above this.
-        publish_above: objects with more existence than this are in the map.
-        forget_below: objects with less existence than this are forgotten.
-    """
-
-    association: Literal["overlap", "jaccard", "radius"] = "overlap"
-    min_overlap: float = 0.35
-    slack: float = 0.05
-    min_jaccard: float = 0.2
-    radius: float = 0.5
-    combine: Literal["overlapping", "matches"] = "overlapping"
-    exclusive: bool = True
-    fusion: Literal["votes", "best_shape", "convex_hull"] = "votes"
-    vote_share: float = 0.35
-    abstain: Literal["hidden", "outside"] = "hidden"
-    half_weight: float = 2.0
-    align: float = 0.1
-    vote_resolution: float = 0.02
-    renewal: float = 0.1
-    max_evidence: int = 100
-    gain: float = 1.5
-    gain_by_score: bool = True
-    loss: float = 0.3
-    loses: Literal["unmatched", "all"] = "unmatched"
-    sight: Literal["rays", "area"] = "rays"
-    margin: float = 0.1
-    tolerance: float = 0.15
-    gone_loss: float = 1.0
-    contested: float = 0.5
-    min_contested: float = 0.2
-    slip: float = 0.4
-    max_range: float = 4.0
-    max_existence: float = 20.0
-    publish_above: float = 2.0
-    forget_below: float = -5.0
-
-    def __post_init__(self) -> None:
-        for share in ("min_overlap", "min_jaccard", "vote_share", "min_contested", "slip"):
-            _check(self, share, low=0, high=1)
-        _check(self, "radius", low=0)
-        _check(self, "vote_resolution", low=0.001)
-        _check(self, "renewal", low=0, high=1)
-        _check(self, "max_evidence", low=1, high=100_000)
-        amounts = (
-            "slack",
-            "align",
-            "gain",
-            "loss",
-            "margin",
-            "tolerance",
-            "gone_loss",
-            "contested",
-        )
-        for amount in amounts:
-            _check(self, amount, low=0)
-        _check(self, "half_weight", low=0.01, high=math.inf)
-        _check(self, "max_range", low=0, high=math.inf)
-        for level in ("max_existence", "publish_above", "forget_below"):
-            _check(self, level)
-        if not self.forget_below <= self.publish_above <= self.max_existence:
-            raise ValueError(
-                "forget_below, publish_above and max_existence must not decrease, got "
-                f"{self.forget_below:g}, {self.publish_above:g}, {self.max_existence:g}"
-            )
-
-
-@dataclass(frozen=True)
-class OccupancyConfig:
-    """How depth becomes an occupancy layer; see `OccupancyMapper`.
-
-    Attributes:
-        resolution: side of a cell [m].
-        min_height: points above the floor (z = 0 of the map) by less than this are floor [m].
-        max_height: points higher than this do not block [m].
-        free_below: a ray shows those cells free over which it passes lower than this [m].
-        max_range: points farther than this from the camera, over the floor, are not used [m].
-        pixel_step: every n-th row and column of the depth image is used.
-        min_points: points that a cell needs in one frame to count as hit.
-        hit: log-odds that a hit adds.
-        miss: log-odds that a ray through the cell takes away.
-        min_log_odds: the lower clamp.
-        max_log_odds: the upper clamp.
-        free_thresh: cells less likely occupied than this are published as free, 0.
-        occupied_thresh: cells at least this likely occupied are published as occupied, 100;
-            between the two thresholds the likelihood itself is published, in percent.
-        max_cells: a map that would need more cells than this is refused.
-
-    Source of the log-odds: Hornung et al., OctoMap, Autonomous Robots 2013, section 5.
-    """
-
-    resolution: float = 0.05
-    min_height: float = 0.1
-    max_height: float = 1.8
-    free_below: float = 0.3
-    max_range: float = 5.0
-    pixel_step: int = 2
-    min_points: int = 3
-    hit: float = 0.85
-    miss: float = 0.4
-    min_log_odds: float = -2.0
-    max_log_odds: float = 3.5
-    free_thresh: float = 0.35
-    occupied_thresh: float = 0.65
-    max_cells: int = 50_000_000
-
-    def __post_init__(self) -> None:
-        _check(self, "resolution", low=0.001)
-        _check(self, "max_range", low=self.resolution, high=1000 * self.resolution)
-        for count in ("pixel_step", "min_points", "max_cells"):
-            _check(self, count, low=1)
-        for amount in ("hit", "miss", "max_log_odds"):
-            _check(self, amount, low=0)
-        _check(self, "min_log_odds", high=0)
-        _check(self, "min_height")
-        _check(self, "max_height")
-        _check(self, "free_below", low=self.min_height)
-        _check(self, "free_thresh", low=0, high=self.occupied_thresh)
-        _check(self, "occupied_thresh", high=1)
-        if not self.min_height < self.max_height:
-            raise ValueError(
-                f"min_height must be less than max_height, got {self.min_height:g} and "
-                f"{self.max_height:g}"
-            )
 
 
 @dataclass(frozen=True)
@@ -247,17 +63,6 @@ def load_config(path: str | Path, base: MappingConfig | None = None) -> MappingC
 def to_dict(config: MappingConfig) -> dict[str, Any]:
     """Return the configuration as plain values, as a YAML file for `load_config` would hold it."""
     return {stage: dict(values) for stage, values in dataclasses.asdict(config).items()}
-
-
-def _check(config: object, name: str, low: float | None = None, high: float | None = None) -> None:
-    """Raise ValueError if a setting is not a number within its limits, which belong to them."""
-    value = getattr(config, name)
-    if math.isinf(value) and value not in (low, high):
-        raise ValueError(f"{name} must be finite, got {value:g}")
-    if (low is not None and not value >= low) or (high is not None and not value <= high):
-        limits = [f"at least {low:g}"] if low is not None else []
-        limits += [f"at most {high:g}"] if high not in (None, math.inf) else []
-        raise ValueError(f"{name} must be {' and '.join(limits)}, got {value:g}")
 
 
 _PROFILES: Mapping[str, MappingConfig] = {

@@ -14,8 +14,8 @@ from shapely.geometry.base import BaseGeometry
 from hypermap.core.arrays import ObjectArray
 from hypermap.core.frames import Pose2D
 from hypermap.core.grid import GridGeometry
-from hypermap.mapping.config import EvidenceConfig
 from hypermap.mapping.pile import Pile
+from hypermap.mapping.stages import EvidenceConfig
 
 _MAX_CELLS_PER_SIDE = 128
 _WHOLE = 0.6  # of the area that a quarter of the footprints exceed: what shows the whole object

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hypermap.core.trajectory import invert
-from hypermap.mapping.config import KeyframeConfig
+from hypermap.mapping.stages import KeyframeConfig
 
 
 class KeyframeSelector:

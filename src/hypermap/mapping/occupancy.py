@@ -13,8 +13,8 @@ from hypermap.core.errors import HypermapError
 from hypermap.core.frames import Pose2D
 from hypermap.core.grid import GridGeometry
 from hypermap.core.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyLayer
-from hypermap.mapping.config import OccupancyConfig
 from hypermap.mapping.rays import Rays
+from hypermap.mapping.stages import OccupancyConfig
 from hypermap.perception.frame import RgbdFrame
 
 _BLOCK = 256  # cells; the grid grows by whole blocks, so that it seldom has to move

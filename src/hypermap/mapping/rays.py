@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from hypermap.core.arrays import BoolArray
 from hypermap.core.grid import GridGeometry
-from hypermap.mapping.config import OccupancyConfig
+from hypermap.mapping.stages import OccupancyConfig
 from hypermap.perception.frame import RgbdFrame
 
 
