@@ -7,12 +7,13 @@ something on any machine; a figure has none and says something on this one.
 from __future__ import annotations
 
 import gc
+import importlib
 import statistics
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 Answer = TypeVar("Answer")
 
@@ -99,8 +100,57 @@ class Figure:
     note: str = ""
 
 
-Row = Race | Figure
+@dataclass(frozen=True)
+class Failure:
+    """Work that gave no times.
+
+    Attributes:
+        work: what was to be measured.
+        reason: what is missing, and how to get it; or how the answers differ.
+        is_wrong: whether answers differ, so that the whole benchmark fails.
+    """
+
+    work: str
+    reason: str
+    is_wrong: bool = False
+
+
+Row = Race | Figure | Failure
 Group = Callable[[Settings], Iterator[Row]]
+
+
+def each_of(settings: Settings, parts: Mapping[str, Group]) -> Iterator[Row]:
+    """Yield the rows of all parts of a group; where one fails, the others go on.
+
+    Args:
+        settings: what the parts are told.
+        parts: what each is about -> its rows.
+    """
+    for work, part in parts.items():
+        yield from guarded(work, part, settings)
+
+
+def guarded(work: str, group: Group, settings: Settings) -> Iterator[Row]:
+    """Yield the rows of a group; where it fails, it ends with a row that says so."""
+    try:
+        yield from group(settings)
+    except Unavailable as error:
+        yield Failure(work, str(error))
+    except Disagreement as error:
+        yield Failure(work, str(error), is_wrong=True)
+
+
+def library(name: str) -> Any:
+    """Import a peer's Python library and return it.
+
+    Raises:
+        Unavailable: If it is not installed.
+    """
+    try:
+        return importlib.import_module(name)
+    except ModuleNotFoundError as error:
+        remedy = "python -m pip install -r requirements/bench.txt"
+        raise Unavailable(f"the library {error.name} is missing; {remedy}") from error
 
 
 def seconds_of(work: Callable[[], Answer]) -> tuple[float, Answer]:
