@@ -18,10 +18,10 @@ from hypermap.core.arrays import as_objects
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.semantic import SemanticLayer, SemanticObject
 from hypermap.ros.messages.marker_array import MarkerStyle, marker_array, tint
-from hypermap.ros.messages.triangles import label_points, outlines, triangles
 from hypermap.ros.server.markers import LayerMarkers
 from hypermap.testing import occupancy_from_text, square
 from hypermap.testing.strategies import areas, semantic_layers
+from hypermap.triangles import label_points, outlines, triangles
 
 from .strict_messages import StrictTypes, humble_store, jazzy_store
 

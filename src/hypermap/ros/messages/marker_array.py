@@ -15,9 +15,9 @@ from hypermap.core.semantic import SemanticLayer
 from hypermap.recordings.messages.header import clean_frame
 from hypermap.ros.messages.geometry_messages import Types
 from hypermap.ros.messages.points import is_ros1, many_points
-from hypermap.ros.messages.triangles import Corners, label_points, outlines, triangles
 from hypermap.ros.port import Message
 from hypermap.ros.ros1.arrays import writing_arrays
+from hypermap.triangles import Corners, label_points, outlines, triangles
 
 # visualization_msgs/Marker
 _LINE_LIST, _TEXT_VIEW_FACING, _TRIANGLE_LIST = 5, 9, 11
