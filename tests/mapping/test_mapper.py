@@ -16,7 +16,7 @@ from hypermap.core.errors import HypermapError
 from hypermap.core.grid import GridGeometry
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.mapping.config import profile, to_dict
-from hypermap.mapping.mapper import Counts, Mapper, Progress, map_recording
+from hypermap.mapping.mapper import Counts, MappedFrame, Mapper, Progress, map_recording
 from hypermap.perception.detections import Detections
 from hypermap.perception.detectors.sources import detections_from_file
 from hypermap.perception.frame import Camera, RgbdFrame
@@ -224,3 +224,44 @@ def test_a_real_desk_is_mapped(shared_data: Path, name: str) -> None:
         assert found.existence is not None
         assert found.existence > 2
         assert found.attributes["z_max"] < 2.5
+
+
+def test_who_watches_sees_each_mapped_frame_its_segments_and_the_map_as_it_is_then() -> None:
+    def unsure_too(of: RgbdFrame) -> Detections:
+        (box,) = boxes(of).xyxy
+        return Detections.of([[0, 0, 9, 9], box], ["ghost", "box"], [0.1, 0.9])
+
+    config = dataclasses.replace(
+        CONFIG, perception=dataclasses.replace(CONFIG.perception, min_score=0.5)
+    )
+    frames = walk()
+    frames.items.insert(2, frames.items[1])  # the camera has not moved
+    seen: list[tuple[MappedFrame, Counts, list[tuple[int, int, float]], float]] = []
+
+    def watch(mapped: MappedFrame, mapper: Mapper) -> None:
+        known = mapper.occupancy().value_at([[0.0, 0.0]])[0]
+        seen.append((mapped, mapper.counts, mapper.evidence.standing(), known))
+
+    hypermap = map_recording(frames, unsure_too, config, watch=watch)
+    assert [mapped.frame.stamp for mapped, *_ in seen] == [0, 1, 2, 3, 4, 5]
+    assert [counts.frames for _, counts, *_ in seen] == [1, 2, 4, 5, 6, 7]
+    for mapped, *_ in seen:
+        assert mapped.detections.names.tolist() == ["box"]
+        (found,) = mapped.observation.objects
+        assert found.segment is not None
+        assert found.segment.detection == 0
+        on_box = np.flatnonzero(mapped.frame.depth.ravel() < 1.7)
+        assert np.isin(found.segment.pixels, on_box).all()
+        assert len(found.segment.pixels) > 0.9 * len(on_box)
+    *_, standing, known = seen[-1]
+    (thing,) = hypermap["semantic"].objects()
+    assert standing == [(thing.id, 6, thing.existence)]
+    assert known == 100
+    evidence = [{id_: count for id_, count, _ in standing} for _, _, standing, _ in seen]
+    assert [counts.get(thing.id, 0) for counts in evidence][-3:] == [4, 5, 6]
+
+
+def test_segments_are_kept_for_those_who_watch_alone() -> None:
+    observation = Mapper(CONFIG, boxes).add(frame(0))
+    assert observation is not None
+    assert [found.segment for found in observation.objects] == [None]

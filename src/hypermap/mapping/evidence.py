@@ -7,6 +7,7 @@ both profiles.
 from __future__ import annotations
 
 import logging
+from collections.abc import Collection
 from functools import partial
 
 import numpy as np
@@ -66,13 +67,31 @@ class EvidenceMap:
         lose(self._known, observation, seen, self.config)
         forget(self._known, self.config.forget_below)
 
-    def objects(self) -> list[SemanticObject]:
+    def objects(self, ids: Collection[int] | None = None) -> list[SemanticObject]:
         """Return the objects with enough existence, in the order of their ids.
 
         An object keeps its id from one call to the next; of combined objects the oldest id stays.
+
+        Args:
+            ids: which of them; None for all.
         """
-        published = np.flatnonzero(self._known.existence > self.config.publish_above)
-        return [self._published(int(row)) for row in published]
+        rows = self._published_rows()
+        return [
+            self._published(row)
+            for row in rows
+            if ids is None or self._known.objects[row].id in ids
+        ]
+
+    def standing(self) -> list[tuple[int, int, float]]:
+        """Return id, number of pieces of evidence and existence of each object of `objects`.
+
+        This costs little, and an object's shape changes only with its evidence.
+        """
+        objects, existence = self._known.objects, self._known.existence
+        return [
+            (objects[row].id, objects[row].pile.count, float(existence[row]))
+            for row in self._published_rows()
+        ]
 
     def layer(self, name: str = "semantic", frame_id: str = "map") -> SemanticLayer:
         """Return the objects with enough existence as a layer."""
@@ -195,6 +214,10 @@ class EvidenceMap:
         if self.config.sight == "rays" or self.config.contested > 0:
             self._known.shapes.heights[row] = known.pile.heights()
         known.unfused = 0
+
+    def _published_rows(self) -> list[int]:
+        rows: list[int] = np.flatnonzero(self._known.existence > self.config.publish_above).tolist()
+        return rows
 
     def _published(self, row: int) -> SemanticObject:
         """Return an object as the map's users see it."""

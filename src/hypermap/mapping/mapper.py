@@ -16,7 +16,7 @@ from hypermap.mapping.config import MappingConfig, to_dict
 from hypermap.mapping.evidence import EvidenceMap
 from hypermap.mapping.keyframes import KeyframeSelector
 from hypermap.mapping.occupancy import OccupancyMapper
-from hypermap.perception.detections import DetectionSource
+from hypermap.perception.detections import Detections, DetectionSource
 from hypermap.perception.frame import RgbdFrame
 from hypermap.perception.observation import Observation
 from hypermap.perception.observe import observe
@@ -64,6 +64,22 @@ class Progress:
     counts: Counts
 
 
+@dataclass(frozen=True, eq=False)
+class MappedFrame:
+    """A frame that was mapped, for those who watch.
+
+    Attributes:
+        frame: the frame.
+        detections: what it shows, as sure as the configuration asks for.
+        observation: what that says about the floor; its objects carry their segments, which name
+            their detections.
+    """
+
+    frame: RgbdFrame
+    detections: Detections
+    observation: Observation
+
+
 class Mapper:
     """Turns frames into a map, one by one; `hypermap` may be called at any time.
 
@@ -71,6 +87,7 @@ class Mapper:
         config: how it is done.
         counts: what became of the frames so far.
         evidence: the objects and the evidence for them.
+        watch: called after each frame that was mapped, if there is anyone who watches.
     """
 
     def __init__(
@@ -93,6 +110,7 @@ class Mapper:
         self.config = config
         self.counts = Counts()
         self.evidence = EvidenceMap(config.evidence)
+        self.watch: Callable[[MappedFrame, Mapper], None] | None = None
         self._source = source
         self._keyframes = KeyframeSelector(config.keyframes)
         self._given_occupancy = occupancy
@@ -115,7 +133,10 @@ class Mapper:
         if not self._keyframes.accept(frame.map_T_camera):
             self._count(skipped=1)
             return None
-        observation = observe(frame, self._source(frame), self.config.perception)
+        detections, is_watched = self._source(frame), self.watch is not None
+        if is_watched:  # only then segments are kept, which number the detections that count
+            detections = detections[detections.scores >= self.config.perception.min_score]
+        observation = observe(frame, detections, self.config.perception, keep_segments=is_watched)
         if self._given_occupancy is None:
             try:
                 self._occupancy.add_depth(frame)
@@ -124,13 +145,13 @@ class Mapper:
                 return None
         self.evidence.update(observation)
         self._count(used=1)
+        if self.watch is not None:
+            self.watch(MappedFrame(frame, detections, observation), self)
         return observation
 
     def hypermap(self) -> Hypermap:
         """Return the map so far: the layers "occupancy" and "semantic", in one frame."""
-        occupancy = self._given_occupancy
-        if occupancy is None:
-            occupancy = self._occupancy.layer(frame_id=self._frame_id)
+        occupancy = self.occupancy()
         semantic = self.evidence.layer(frame_id=occupancy.frame_id)
         metadata = {
             "hypermap_version": __version__,
@@ -138,6 +159,12 @@ class Mapper:
             "config": to_dict(self.config),
         }
         return Hypermap([occupancy, semantic], metadata=metadata)
+
+    def occupancy(self) -> OccupancyLayer:
+        """Return the first layer of the map: the given one, or what depth has shown so far."""
+        if self._given_occupancy is not None:
+            return self._given_occupancy
+        return self._occupancy.layer(frame_id=self._frame_id)
 
     def _leave_out(self, frame: RgbdFrame, reason: str) -> None:
         _log.warning("frame %.6f left out: %s", frame.stamp, reason)
@@ -156,6 +183,7 @@ def map_recording(
     config: MappingConfig,
     occupancy: OccupancyLayer | None = None,
     on_progress: Callable[[Progress], None] | None = None,
+    watch: Callable[[MappedFrame, Mapper], None] | None = None,
 ) -> Hypermap:
     """Return the map of a recording.
 
@@ -169,6 +197,7 @@ def map_recording(
         occupancy: the map's first layer, instead of the recording's own map or one made from
             depth.
         on_progress: called after each frame.
+        watch: called after each frame that was mapped.
 
     Raises:
         HypermapError: If the recording or the source fails, or not one frame was usable.
@@ -176,6 +205,7 @@ def map_recording(
     if occupancy is None:
         occupancy = recording.occupancy()
     mapper = Mapper(config, source, occupancy, recording.frame_id)
+    mapper.watch = watch
     for frame in recording.frames():
         mapper.add(frame)
         if on_progress is not None:

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from hypermap.perception.view import View
+
+if TYPE_CHECKING:
+    from hypermap.perception.segmentation import Segment
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,6 +25,7 @@ class ObservedObject:
         footprint: polygon in the map frame [m].
         z_min: height of its lowest point in the map frame [m].
         z_max: height of its highest point in the map frame [m].
+        segment: its points, and which of the detections it is; None unless they were asked for.
     """
 
     name: str
@@ -28,6 +33,7 @@ class ObservedObject:
     footprint: BaseGeometry
     z_min: float = 0.0
     z_max: float = 0.0
+    segment: Segment | None = None
 
 
 @dataclass(frozen=True, eq=False)

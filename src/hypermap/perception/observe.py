@@ -17,7 +17,12 @@ from hypermap.perception.shapes import footprint
 from hypermap.perception.view import View
 
 
-def observe(frame: RgbdFrame, detections: Detections, config: PerceptionConfig) -> Observation:
+def observe(
+    frame: RgbdFrame,
+    detections: Detections,
+    config: PerceptionConfig,
+    keep_segments: bool = False,
+) -> Observation:
     """Return the objects of a frame as shapes on the floor, and the area that it could see.
 
     A detection gives no object where the camera saw too few points, where no smooth region is
@@ -27,6 +32,7 @@ def observe(frame: RgbdFrame, detections: Detections, config: PerceptionConfig) 
         frame: depth, intrinsics and pose.
         detections: boxes or masks in the frame's image; boxes may reach past it.
         config: method and thresholds.
+        keep_segments: whether the objects carry the points that they were made of.
 
     Raises:
         ValueError: If the detections' masks are not of the frame's size.
@@ -60,6 +66,7 @@ def observe(frame: RgbdFrame, detections: Detections, config: PerceptionConfig) 
                 footprint=shape,
                 z_min=float(points_near[:, 2].min()),
                 z_max=float(points_near[:, 2].max()),
+                segment=found if keep_segments else None,
             )
         )
     some = (slice(None, None, config.visible_step),) * 2
