@@ -3,7 +3,7 @@
 BIN := .venv/bin
 PAGE := src/hypermap/viewer/page/app.js
 
-.PHONY: demo test ros1 chromium lint types tests core-tests package format lock clean help
+.PHONY: demo test bench ros1 chromium lint types tests core-tests package format lock clean help
 
 help:  ## list what can be made
 	@grep -hE '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -40,6 +40,10 @@ core-tests: .venv-core/.core  ## the core's tests with nothing but numpy and sha
 package: .venv/.dev $(PAGE)  ## build the wheel, and run the command from it
 	scripts/check_wheel.sh
 
+bench: .venv/.bench  ## ours and its peers, measured side by side: about an hour
+	scripts/peers.sh
+	$(BIN)/hypermap bench --json benchmarks/races.json --markdown benchmarks/races.md
+
 format: .venv/.dev  ## format the code
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
@@ -60,6 +64,10 @@ $(PAGE): scripts/page.sh page/build.mjs page/package-lock.json page/tsconfig.jso
 
 .venv/.dev: requirements/hypermap.txt requirements/dev.txt pyproject.toml scripts/venv.sh
 	scripts/venv.sh requirements/dev.txt
+	touch .venv/.hypermap $@
+
+.venv/.bench: requirements/hypermap.txt requirements/bench.txt pyproject.toml scripts/venv.sh
+	scripts/venv.sh requirements/bench.txt
 	touch .venv/.hypermap $@
 
 .venv-core/.core: requirements/core.txt scripts/venv.sh
