@@ -12,6 +12,7 @@ import typer
 
 from hypermap import __version__
 from hypermap.cli import (
+    bench,
     convert,
     demo,
     evaluate,
@@ -95,6 +96,7 @@ for _name, _module in {
     "live": live,
     "rviz": rviz,
     "ros1-env": ros1_env,
+    "bench": bench,
 }.items():
     app.command(
         _name,

@@ -1,0 +1,67 @@
+"""`hypermap bench`: measure ours beside its peers, in a checkout of the source."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+import hypermap
+from hypermap.core.errors import HypermapError
+
+
+def command(
+    groups: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="GROUP", show_default=False, help="What to measure: all."),
+    ] = None,
+    data: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FOLDER", show_default=False, help="Real maps and recordings: ../shared/data."
+        ),
+    ] = None,
+    repeat: Annotated[int, typer.Option(min=1, help="How often each side does the work.")] = 5,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Small sizes, to see that everything runs.")
+    ] = False,
+    json: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", show_default=False, help="Save every single time: .json."),
+    ] = None,
+    markdown: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", show_default=False, help="Save the tables: .md."),
+    ] = None,
+) -> None:
+    """Measure how fast this is beside other programs: PCL, boost, GeoPandas and more.
+
+    Each work is done by ours and by a peer in turns, on one core, and the answers are compared. The
+    peers need compilers and libraries that users need not have, so this runs in a checkout of the
+    source, where `make bench` sets them up. Exit code 1: answers differ somewhere.
+
+    Examples:
+        hypermap bench
+        hypermap bench queries grids --repeat 3 --json races.json
+        hypermap bench --quick
+    """
+    options = {"--data": data, "--repeat": repeat, "--json": json, "--markdown": markdown}
+    given = [text for name, value in options.items() if value is not None for text in (name, value)]
+    arguments = [*(groups or []), *map(str, given), *(["--quick"] if quick else [])]
+    os.execv(sys.executable, [sys.executable, str(_script()), *arguments])
+
+
+def _script() -> Path:
+    """Return the benchmark's script, of the checkout that this runs in or from."""
+    installed_from = Path(hypermap.__file__).resolve().parents[2]
+    for checkout in (Path.cwd(), installed_from):
+        script = checkout / "benchmarks" / "bench.py"
+        if script.is_file() and (checkout / "src" / "hypermap").is_dir():
+            return script
+    raise HypermapError(
+        "the benchmark is part of the source, not of the package: "
+        "clone the repository and run `make bench` in it"
+    )
