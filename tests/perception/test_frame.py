@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from hypermap.perception.frame import Camera, RgbdFrame
 
@@ -23,6 +24,21 @@ def test_a_recorded_cloud_is_kept() -> None:
     cloud = np.zeros((2, 4, 3), np.float32)
     frame = RgbdFrame(0.0, np.ones((2, 4), np.float32), CAMERA, np.eye(4), cloud=cloud)
     assert frame.points() is cloud
+
+
+def test_color_may_be_made_when_it_is_read_and_is_made_once() -> None:
+    calls = []
+
+    def color() -> NDArray[np.uint8]:
+        calls.append(1)
+        return np.full((2, 4, 3), 7, np.uint8)
+
+    frame = RgbdFrame(0.0, np.ones((2, 4), np.float32), CAMERA, np.eye(4), color)
+    assert not calls
+    assert frame.color is frame.color
+    np.testing.assert_array_equal(frame.color, np.full((2, 4, 3), 7))
+    assert len(calls) == 1
+    assert RgbdFrame(0.0, np.ones((2, 4), np.float32), CAMERA, np.eye(4)).color is None
 
 
 @pytest.mark.parametrize("step", [1, 2, 3])

@@ -567,8 +567,9 @@ def test_a_damaged_image_is_named_by_topic_and_time(tmp_path: Path) -> None:
             )
     frames = open_recording(bag.path, RecordingOptions(intrinsics=INTRINSICS)).frames()
     next(frames), next(frames)
+    third = next(frames)
     with pytest.raises(FormatError) as caught:
-        next(frames)
+        _ = third.color
     where = f"{bag.path}: /depth/image and /rgb/compressed at 1600000000.450 s: "
     assert str(caught.value).startswith(where + "the picture is damaged: ")
 

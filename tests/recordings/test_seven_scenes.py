@@ -204,8 +204,9 @@ def test_depth_and_color_of_different_size_are_an_error(folder: Path) -> None:
     Image.fromarray(np.zeros((48, 64, 3), np.uint8)).save(path)
     frames = open_recording(folder).frames()
     next(frames)
+    second = next(frames)
     with pytest.raises(FormatError) as caught:
-        next(frames)
+        _ = second.color
     assert str(caught.value) == (
         f"{path}: the picture has 64 x 48 pixels, but the depth image (color must be registered "
         "to depth) has 32 x 24"

@@ -317,7 +317,7 @@ def test_broken_folders_are_errors_that_name_file_and_line(
 ) -> None:
     change(folder)
     with pytest.raises(kind) as caught:
-        list(opened(folder).frames())
+        _ = [frame.color for frame in opened(folder).frames()]
     assert str(caught.value).startswith(message.replace("{}", str(folder)))
     if "/depth/" not in message and "/rgb/" not in message:  # what is wrong before any picture
         info = opened(folder).info()
@@ -363,6 +363,19 @@ def test_a_picture_that_claims_too_many_pixels_is_refused(folder: Path) -> None:
     path.write_bytes(content)
     with pytest.raises(FormatError, match="the picture is damaged: Image size"):
         next(opened(folder).frames())
+
+
+def test_color_is_decoded_when_it_is_asked_for_and_kept(folder: Path) -> None:
+    path = min(folder.glob("rgb/*"))
+    whole = path.read_bytes()
+    path.write_bytes(whole[:-50])
+    frame = next(opened(folder).frames())
+    with pytest.raises(FormatError, match="the picture is damaged"):
+        _ = frame.color
+    path.write_bytes(whole)
+    assert frame.color is not None
+    path.unlink()
+    assert_shows(frame, SHOTS[0])
 
 
 def test_what_existed_is_untouched(folder: Path, tmp_path: Path) -> None:

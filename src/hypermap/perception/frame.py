@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hypermap.perception.detections import Detections
+from hypermap.perception.on_demand import OnDemand
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +58,9 @@ class RgbdFrame:
         camera: intrinsics of the depth image.
         map_T_camera: pose of the camera's optical frame (x right, y down, z forward) in the map,
             z of the map up, shape (4, 4).
-        color: RGB, uint8, registered to the depth, shape (H, W, 3); None if not recorded.
+        color: RGB, uint8, registered to the depth, shape (H, W, 3); None if not recorded. May be
+            given as a function that returns it, and checks its shape: it is called when the color
+            is first read, as mapping with recorded detections never does.
         color_stamp: time of the color image [s], which may differ from the depth image's a little;
             None if there is no color image.
         detections: detections recorded with the frame; None if there are none recorded.
@@ -69,7 +72,7 @@ class RgbdFrame:
     depth: NDArray[np.float32]
     camera: Camera
     map_T_camera: NDArray[np.float64]
-    color: NDArray[np.uint8] | None = None
+    color: OnDemand[NDArray[np.uint8] | None] = OnDemand()  # noqa: RUF009
     color_stamp: float | None = None
     detections: Detections | None = None
     cloud: NDArray[np.float32] | None = None
@@ -80,8 +83,9 @@ class RgbdFrame:
             raise ValueError(f"depth must have shape {shape}, got {self.depth.shape}")
         if self.map_T_camera.shape != (4, 4):
             raise ValueError(f"map_T_camera must be 4 x 4, got {self.map_T_camera.shape}")
-        if self.color is not None and self.color.shape != (*shape, 3):
-            raise ValueError(f"color must have shape {(*shape, 3)}, got {self.color.shape}")
+        color = vars(self)["color"]  # as it was given: reading it would decode it
+        if isinstance(color, np.ndarray) and color.shape != (*shape, 3):
+            raise ValueError(f"color must have shape {(*shape, 3)}, got {color.shape}")
         if self.cloud is not None and self.cloud.shape != (*shape, 3):
             raise ValueError(f"cloud must have shape {(*shape, 3)}, got {self.cloud.shape}")
 

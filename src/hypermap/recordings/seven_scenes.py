@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 
 import numpy as np
@@ -84,7 +84,7 @@ class SevenScenesRecording:
                 depth=load_depth(frame.depth, camera, scale, invalid=(0, 65535)),
                 camera=camera,
                 map_T_camera=compose(map_T_world, frame.world_T_camera),
-                color=load_color(frame.color, camera) if frame.color else None,
+                color=partial(load_color, frame.color, camera) if frame.color else None,
                 color_stamp=frame.stamp if frame.color else None,
             )
 

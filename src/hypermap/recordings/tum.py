@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 
 import numpy as np
@@ -70,7 +70,7 @@ class TumRecording:
                 depth=load_depth(depth.paths[d], camera, scale, invalid=(0,)),
                 camera=camera,
                 map_T_camera=pose,
-                color=load_color(color.paths[c], camera) if color else None,
+                color=partial(load_color, color.paths[c], camera) if color else None,
                 color_stamp=float(color.stamps[c]) if color else None,
             )
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hypermap.core.errors import FormatError, FrameError
 from hypermap.core.moving_frames import Motion, MovingFrames
@@ -80,7 +81,7 @@ class BagPlan:
         if self._topics.color is None or self._first.color is not None:
             return None
         color = decode_color(self._topics.color, self._contents.color.first)
-        self._check(color.shape[1], color.shape[0])
+        self.check_color(color)
         return self._topics.color
 
     @property
@@ -200,18 +201,17 @@ class BagPlan:
             matched[frame] = in_order[detections]
         return matched
 
-    def check_sizes(self, geometry: Geometry, color_shape: tuple[int, ...] | None) -> None:
-        """Raise a FormatError unless a frame's arrays have the size of the camera's images."""
+    def check_depth(self, geometry: Geometry) -> None:
+        """Raise a FormatError unless a frame's depth has the size of the camera's images."""
         if geometry.size != (self.camera.width, self.camera.height):
             raise FormatError(
                 f"the depth image has {geometry.size[0]} x {geometry.size[1]} pixels, but the "
                 f"first one has {self.camera.width} x {self.camera.height}"
             )
-        if color_shape is not None:
-            self._check(color_shape[1], color_shape[0])
 
-    def _check(self, color_width: int, color_height: int) -> None:
-        width, height = self._first.size
+    def check_color(self, color: NDArray[np.uint8]) -> None:
+        """Raise a FormatError unless a color image has the size of the depth images."""
+        (color_height, color_width, _), (width, height) = color.shape, self._first.size
         if (color_width, color_height) != (width, height):
             depth_topic = self.geometry_topic
             color_topic = self._topics.color or depth_topic

@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator
-from functools import cached_property
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from functools import cached_property, partial
 from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from hypermap.core.errors import FormatError, HypermapError
 from hypermap.core.occupancy import OccupancyLayer
@@ -13,7 +18,7 @@ from hypermap.perception.frame import RgbdFrame
 from hypermap.perception.recording import RecordingInfo, Stream
 from hypermap.recordings.bag.contents import read_contents
 from hypermap.recordings.bag.decode import decode_color, decode_geometry
-from hypermap.recordings.bag.file import BagFile
+from hypermap.recordings.bag.file import BagFile, Topic
 from hypermap.recordings.bag.plan import BagPlan
 from hypermap.recordings.bag.stream import stream_frames
 from hypermap.recordings.bag.topics import ChosenTopics, choose_topics
@@ -69,16 +74,12 @@ class BagRecording:
         parts = stream_frames(self._bag, [topic.name for topic in topics], plan.stamps)
         for i, messages in enumerate(parts):
             stamps = plan.stamps[i]
-            try:
+            with self._naming(topics, stamps[0]):
                 geometry = decode_geometry(topics[0], messages[0], plan.depth_scale)
-                color = geometry.color
-                if len(topics) > 1:
-                    color = decode_color(topics[1], messages[1])
-                plan.check_sizes(geometry, None if color is None else color.shape)
-            except FormatError as error:
-                names = " and ".join(topic.name for topic in topics)
-                key = f"{names} at {as_seconds(stamps[0]):.3f} s"
-                raise FormatError(str(error), path=self._path, key=key) from None
+                plan.check_depth(geometry)
+            color: NDArray[np.uint8] | Callable[[], NDArray[np.uint8]] | None = geometry.color
+            if len(topics) > 1:
+                color = partial(self._color, topics, messages[1], stamps[0])
             yield RgbdFrame(
                 stamp=as_seconds(stamps[0]),
                 depth=geometry.depth,
@@ -141,6 +142,22 @@ class BagRecording:
         except FormatError as error:
             raise FormatError(str(error), path=self._path, key=topic.name) from None
         return layer if layer.frame_id == self._plan.map_frame else None
+
+    def _color(self, topics: Sequence[Topic], message: Any, stamp: int) -> NDArray[np.uint8]:
+        with self._naming(topics, stamp):
+            color = decode_color(topics[1], message)
+            self._plan.check_color(color)
+            return color
+
+    @contextmanager
+    def _naming(self, topics: Sequence[Topic], stamp: int) -> Iterator[None]:
+        """Let an error say where in the bag the frame lies."""
+        try:
+            yield
+        except FormatError as error:
+            names = " and ".join(topic.name for topic in topics)
+            key = f"{names} at {as_seconds(stamp):.3f} s"
+            raise FormatError(str(error), path=self._path, key=key) from None
 
     def _occupancy_note(self) -> list[str]:
         if self._topics.occupancy is None:
