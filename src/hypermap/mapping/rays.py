@@ -68,14 +68,16 @@ class Rays:
         free = np.where(is_hit, np.maximum(r - resolution, 0), range_max)
         return cls(
             hits_xy=origin + r[is_hit, np.newaxis] * over_floor[is_hit],
-            free_from_xy=np.broadcast_to(origin, (len(r), 2)),
+            free_from_xy=np.tile(origin, (len(r), 1)),
             free_to_xy=origin + free[:, np.newaxis] * over_floor,
         )
 
     def bounds(self) -> NDArray[np.float64] | None:
         """Return the lower left and upper right corner of all [m], shape (2, 2); None if empty."""
-        points = np.concatenate([self.hits_xy, self.free_from_xy, self.free_to_xy])
-        return np.array([points.min(axis=0), points.max(axis=0)]) if len(points) else None
+        corners = np.array([[np.inf, np.inf], [-np.inf, -np.inf]])
+        for points in (self.hits_xy, self.free_from_xy, self.free_to_xy):
+            _widen(corners, points)
+        return corners if corners[0, 0] <= corners[1, 0] else None
 
     def touch(self, grid: GridGeometry) -> tuple[NDArray[np.int64], BoolArray]:
         """Return how often each cell is hit, and whether it is on a free stretch.
@@ -83,15 +85,10 @@ class Rays:
         Returns:
             Two arrays of the grid's shape.
         """
-        rows, cols = grid.cells_at(self.hits_xy).T
-        on_grid = grid.contains(rows, cols)
-        hit_cells = rows[on_grid] * grid.width + cols[on_grid]
-        hits = np.bincount(hit_cells, minlength=grid.height * grid.width).reshape(grid.shape)
-        matrix = grid.to_cells_matrix()
-        begin = self.free_from_xy @ matrix[:2, :2].T + matrix[:2, 2]
-        end = self.free_to_xy @ matrix[:2, :2].T + matrix[:2, 2]
-        free = np.zeros(grid.shape, dtype=bool)
-        _mark_lines(free, begin, end)
+        to_cells = grid.to_cells_matrix()
+        hits, free = np.zeros(grid.shape, dtype=np.int64), np.zeros(grid.shape, dtype=bool)
+        _count_points(hits, self.hits_xy, to_cells)
+        _mark_lines(free, self.free_from_xy, self.free_to_xy, to_cells)
         return hits, free
 
 
@@ -163,14 +160,51 @@ def _low_stretch(start: float, end: float, low: float, high: float) -> tuple[flo
 
 
 @njit(cache=True)
-def _mark_lines(marked: BoolArray, begin: NDArray[np.float64], end: NDArray[np.float64]) -> None:
-    """Mark the cells under straight lines, given in cells as (col, row), shapes (M, 2)."""
+def _widen(corners: NDArray[np.float64], points_xy: NDArray[np.float64]) -> None:
+    """Move the lower left and the upper right corner, so that the points lie between them."""
+    for i in range(len(points_xy)):
+        for axis in range(2):
+            corners[0, axis] = min(corners[0, axis], points_xy[i, axis])
+            corners[1, axis] = max(corners[1, axis], points_xy[i, axis])
+
+
+@njit(cache=True)
+def _count_points(
+    counts: NDArray[np.int64], points_xy: NDArray[np.float64], to_cells: NDArray[np.float64]
+) -> None:
+    """Add to each cell how many of the points, shape (N, 2), lie in it."""
+    height, width = counts.shape
+    for i in range(len(points_xy)):
+        x, y = _position(to_cells, points_xy[i, 0], points_xy[i, 1])
+        col, row = int(np.floor(x)), int(np.floor(y))
+        if 0 <= row < height and 0 <= col < width:
+            counts[row, col] += 1
+
+
+@njit(cache=True)
+def _mark_lines(
+    marked: BoolArray,
+    begin_xy: NDArray[np.float64],
+    end_xy: NDArray[np.float64],
+    to_cells: NDArray[np.float64],
+) -> None:
+    """Mark the cells under straight lines, whose ends have the shapes (M, 2)."""
     height, width = marked.shape
-    for i in range(len(begin)):
-        dx, dy = end[i, 0] - begin[i, 0], end[i, 1] - begin[i, 1]
+    for i in range(len(begin_xy)):
+        x, y = _position(to_cells, begin_xy[i, 0], begin_xy[i, 1])
+        end_x, end_y = _position(to_cells, end_xy[i, 0], end_xy[i, 1])
+        dx, dy = end_x - x, end_y - y
         steps = int(np.ceil(max(abs(dx), abs(dy)))) + 1
         for step in range(steps + 1):
-            col = int(np.floor(begin[i, 0] + dx * step / steps))
-            row = int(np.floor(begin[i, 1] + dy * step / steps))
+            col, row = int(np.floor(x + dx * step / steps)), int(np.floor(y + dy * step / steps))
             if 0 <= row < height and 0 <= col < width:
                 marked[row, col] = True
+
+
+@njit(cache=True)
+def _position(to_cells: NDArray[np.float64], x: float, y: float) -> tuple[float, float]:
+    """Return where a point lies, counted in columns and rows (`GridGeometry.to_cells_matrix`)."""
+    return (
+        to_cells[0, 0] * x + to_cells[0, 1] * y + to_cells[0, 2],
+        to_cells[1, 0] * x + to_cells[1, 1] * y + to_cells[1, 2],
+    )

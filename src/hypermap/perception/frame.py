@@ -93,21 +93,14 @@ class RgbdFrame:
         """Return the organised cloud in the optical frame, float32, shape (H, W, 3).
 
         It is made once, and not to be written to.
-
-        Source: depth_image_proc's order of operations, so that the points are the same to the
-        last bit; neighbours at equal distance, common on flat surfaces, then rank alike.
         """
         return self._points if self.cloud is None else self.cloud
 
     @cached_property
     def _points(self) -> NDArray[np.float32]:
-        K = self.camera.K
-        z = self.depth
-        right_of_axis = (np.arange(z.shape[1]) - K[0, 2]).astype(np.float32)
-        below_axis = (np.arange(z.shape[0]) - K[1, 2]).astype(np.float32)[:, np.newaxis]
-        points = np.empty((*z.shape, 3), np.float32)
-        points[..., 0] = right_of_axis * z * np.float32(1 / K[0, 0])
-        points[..., 1] = below_axis * z * np.float32(1 / K[1, 1])
-        points[..., 2] = z
+        # Imported here, as numba takes longer to load than a recording's frames need without it.
+        from hypermap.perception.projection import project
+
+        points = project(self.depth, self.camera.K)
         points.flags.writeable = False
         return points
