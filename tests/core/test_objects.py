@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -82,3 +83,33 @@ def test_what_is_no_object_is_refused(
     with pytest.raises(error) as caught:
         SemanticObject(**{"name": "cup", "footprint": shapely.box(0, 0, 1, 1), **changes})
     assert str(caught.value) == message
+
+
+def test_what_is_computed_from_footprints_is_carried_along_by_changes() -> None:
+    table = ObjectTable.of([square(f"n{k}", 3 * k, 0, id=k) for k in range(4)])
+    assert "shapes" not in vars(table)  # nobody has asked for them
+    centroids = table.centroids
+    taken = table.take(np.array([3, 1]))
+    assert vars(taken)["centroids"].tolist() == centroids[[3, 1]].tolist()
+    assert "areas" not in vars(taken)
+    other = ObjectTable.of([square("n0", 50, 0, id=0)], table.vocabulary)
+    moved = table.with_rows(np.array([0]), other)
+    fresh = ObjectTable.of([moved.object(row) for row in range(4)])
+    assert moved.centroids.tolist() == fresh.centroids.tolist() != centroids.tolist()
+
+
+@pytest.mark.parametrize(
+    ("column", "values", "message"),
+    [
+        ("ids", np.array([1, 1]), "two objects have the id 1"),
+        ("ids", np.array([-1, 1]), "must lie between 0 and 2147483647"),
+        ("ids", np.array([0, 2**31]), "must lie between 0 and 2147483647"),
+        ("footprints", shapely.points([0, 1], [0, 1]), "must be a polygon or multipolygon"),
+        ("existence", np.array([np.nan, np.inf]), "existence must be finite"),
+    ],
+)
+def test_columns_from_outside_are_checked(column: str, values: Any, message: str) -> None:
+    table = ObjectTable.of([square("a", 0, 0, id=0), square("b", 0, 0, id=1)])
+    table.check()
+    with pytest.raises((ValueError, TypeError), match=message):
+        replace(table, **{column: values}).check()

@@ -339,3 +339,16 @@ def test_a_copy_goes_its_own_way_and_gives_out_no_id_again():
     assert layer.get(7).name == "table"
     assert new not in desk().ids
     assert (other.name, other.frame_id) == (layer.name, layer.frame_id)
+
+
+def test_a_layer_of_columns_answers_and_changes_like_any_other():
+    given = desk()
+    layer = SemanticLayer.of_table("semantic", "map", given.table)
+    assert layer.label_at([[0.45, 0.45]]).tolist() == given.label_at([[0.45, 0.45]]).tolist()
+    (new,) = layer.add([square("cup", 9, 9)])
+    assert new == max(given.ids) + 1
+    assert layer.label_at([[9, 9]]).tolist() == ["cup"]
+    assert len(given) == len(layer) - 1
+    twice = given.table.followed_by(given.table)
+    with pytest.raises(ValueError, match="two objects have the id"):
+        SemanticLayer.of_table("semantic", "map", twice)

@@ -8,7 +8,13 @@ import pytest
 import shapely
 
 from hypermap.core.arrays import as_objects
-from hypermap.core.shapes import as_area, check_footprint, repaired, valid_copies
+from hypermap.core.shapes import (
+    as_area,
+    can_be_footprints,
+    check_footprint,
+    repaired,
+    valid_copies,
+)
 
 BOW_TIE = "POLYGON((0 0, 2 2, 2 0, 0 2, 0 0))"
 
@@ -92,3 +98,25 @@ def test_what_no_object_can_stand_on_is_refused(
 
 def test_a_footprint_may_cross_itself() -> None:
     check_footprint(shapely.from_wkt(BOW_TIE))
+
+
+def test_many_shapes_are_judged_as_each_alone() -> None:
+    many = as_objects(
+        [
+            shapely.from_wkt(BOW_TIE),
+            shapely.MultiPolygon([shapely.box(0, 0, 1, 1), shapely.box(5, 5, 1e9, 6)]),
+            shapely.box(0, 0, 2e9, 1),
+            polygon((0, 0), (math.nan, 1), (1, 1)),
+            shapely.Polygon([(0, 0, 1), (1, 0, 1), (1, 1, 1)]),
+            shapely.Polygon(),
+            shapely.Point(0, 0),
+            None,
+        ]
+    )
+    for shape, good in zip(many, can_be_footprints(many), strict=True):
+        if good:
+            check_footprint(shape)
+        else:
+            with pytest.raises((ValueError, TypeError)):
+                check_footprint(shape)
+    assert can_be_footprints(many).tolist() == [True] * 2 + [False] * 6

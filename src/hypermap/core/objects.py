@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from typing import Any
 
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.arrays import IntArray, ObjectArray, as_objects
-from hypermap.core.shapes import check_footprint, valid_copies
+from hypermap.core.shapes import can_be_footprints, check_footprint, valid_copies
 
 MAX_ID = 2**31 - 1  # what messages can carry
 
@@ -84,9 +84,6 @@ class ObjectTable:
         first_seen: stamps [s], shape (N,).
         last_seen: stamps [s], shape (N,).
         attributes: mappings, shape (N,).
-        shapes: the footprints, repaired where they are not valid: what questions are answered by.
-        centroids: of the shapes [m], shape (N, 2).
-        areas: of the shapes [m^2], shape (N,).
         vocabulary: name -> code; names of objects that are gone may stay.
     """
 
@@ -99,9 +96,6 @@ class ObjectTable:
     first_seen: NDArray[np.float64]
     last_seen: NDArray[np.float64]
     attributes: ObjectArray
-    shapes: ObjectArray
-    centroids: NDArray[np.float64]
-    areas: NDArray[np.float64]
     vocabulary: Mapping[str, int]
 
     @classmethod
@@ -111,26 +105,57 @@ class ObjectTable:
         """Return objects, all of which have ids, as a table; its vocabulary may extend another."""
         known = dict(vocabulary or {})
         codes = [known.setdefault(item.name, len(known)) for item in objects]
-        footprints = as_objects(item.footprint for item in objects)
-        shapes = valid_copies(footprints)
         return cls(
             ids=np.array([item.id for item in objects], dtype=np.int64),
             codes=np.array(codes, dtype=np.int32),
-            footprints=footprints,
+            footprints=as_objects(item.footprint for item in objects),
             tags=as_objects(item.tags for item in objects),
             confidence=as_objects(item.confidence for item in objects),
             existence=_or_nan(item.existence for item in objects),
             first_seen=_or_nan(item.first_seen for item in objects),
             last_seen=_or_nan(item.last_seen for item in objects),
             attributes=as_objects(item.attributes for item in objects),
-            shapes=shapes,
-            centroids=shapely.get_coordinates(shapely.centroid(shapes)),
-            areas=np.asarray(shapely.area(shapes)),
             vocabulary=known,
         )
 
+    def check(self) -> None:
+        """Make sure that columns that were filled from outside are those of objects with ids.
+
+        Raises:
+            ValueError: If an id is out of range or there twice, a footprint is none, or a number
+                is infinite. Names, tags, confidence and attributes are not looked at.
+        """
+        ordered = np.sort(self.ids)
+        if len(ordered) and not (ordered[0] >= 0 and ordered[-1] <= MAX_ID):
+            raise ValueError(f"an object's id must lie between 0 and {MAX_ID}")
+        twice = ordered[1:][ordered[1:] == ordered[:-1]]
+        if len(twice):
+            raise ValueError(f"two objects have the id {twice[0]}")
+        for footprint in self.footprints[~can_be_footprints(self.footprints)][:1]:
+            check_footprint(footprint)
+        for name in ("existence", "first_seen", "last_seen"):
+            if np.isinf(getattr(self, name)).any():
+                raise ValueError(f"{name} must be finite")
+
     def __len__(self) -> int:
         return len(self.ids)
+
+    # What is computed from the footprints, when it is first asked for.
+
+    @cached_property
+    def shapes(self) -> ObjectArray:
+        """The footprints, repaired where they are not valid: what questions are answered by."""
+        return valid_copies(self.footprints)
+
+    @cached_property
+    def centroids(self) -> NDArray[np.float64]:
+        """Centroids of the shapes [m], shape (N, 2)."""
+        return np.asarray(shapely.get_coordinates(shapely.centroid(self.shapes)))
+
+    @cached_property
+    def areas(self) -> NDArray[np.float64]:
+        """Areas of the shapes [m^2], shape (N,)."""
+        return np.asarray(shapely.area(self.shapes))
 
     @cached_property
     def names(self) -> ObjectArray:
@@ -178,8 +203,7 @@ class ObjectTable:
 
     def take(self, rows: IntArray) -> ObjectTable:
         """Return some of the rows."""
-        columns: dict[str, Any] = {name: getattr(self, name)[rows] for name in _COLUMNS}
-        return replace(self, **columns)
+        return self._changed(lambda name: getattr(self, name)[rows], self.vocabulary)
 
     def rows_of_ids(self, ids: NDArray[np.int64]) -> IntArray:
         """Return the row of each id, shape (M,); -1 where there is none."""
@@ -192,32 +216,45 @@ class ObjectTable:
         """Return all rows but some, which ascend; a few times faster than to take the others."""
         starts, ends = np.append(0, rows + 1), np.append(rows, len(self))
         pieces = [slice(a, b) for a, b in zip(starts, ends, strict=True) if a < b]
-        columns: dict[str, Any] = {}
-        for name in _COLUMNS:
+
+        def kept(name: str) -> NDArray[Any]:
             column = getattr(self, name)
-            columns[name] = np.concatenate([column[:0], *(column[piece] for piece in pieces)])
-        return replace(self, **columns)
+            return np.concatenate([column[:0], *(column[piece] for piece in pieces)])
+
+        return self._changed(kept, self.vocabulary)
 
     def with_rows(self, rows: IntArray, other: ObjectTable) -> ObjectTable:
         """Return the rows with those of another table in place of some of them.
 
         The other's vocabulary must extend this one's.
         """
-        columns: dict[str, Any] = {}
-        for name in _COLUMNS:
-            columns[name] = getattr(self, name).copy()
-            columns[name][rows] = getattr(other, name)
-        return replace(other, **columns)
+
+        def replaced(name: str) -> NDArray[Any]:
+            column: NDArray[Any] = getattr(self, name).copy()
+            column[rows] = getattr(other, name)
+            return column
+
+        return self._changed(replaced, other.vocabulary)
 
     def followed_by(self, other: ObjectTable) -> ObjectTable:
         """Return both tables' rows; the other's vocabulary must extend this one's."""
-        columns: dict[str, Any] = {
-            name: np.concatenate([getattr(self, name), getattr(other, name)]) for name in _COLUMNS
-        }
-        return replace(other, **columns)
+        return self._changed(
+            lambda name: np.concatenate([getattr(self, name), getattr(other, name)]),
+            other.vocabulary,
+        )
+
+    def _changed(
+        self, column: Callable[[str], NDArray[Any]], vocabulary: Mapping[str, int]
+    ) -> ObjectTable:
+        """Return a table of other columns; what was computed is changed, not computed again."""
+        columns: dict[str, Any] = {name: column(name) for name in _COLUMNS}
+        table = ObjectTable(**columns, vocabulary=vocabulary)
+        vars(table).update({name: column(name) for name in _COMPUTED if name in vars(self)})
+        return table
 
 
 _COLUMNS = [column.name for column in fields(ObjectTable) if column.name != "vocabulary"]
+_COMPUTED = ("shapes", "centroids", "areas")
 
 
 def _check_id(number: int) -> None:

@@ -137,8 +137,8 @@ class PlacedLayer:
     def found(self, rows: IntArray, distances: Sequence[float | None]) -> list[Found]:
         """Return some objects, brought into the base frame."""
         table = self.table.take(rows)
-        table = replace(table, footprints=self.base_T_layer.apply_geometries(table.footprints))
         points = self.base_T_layer.apply(table.centroids)
+        table = replace(table, footprints=self.base_T_layer.apply_geometries(table.footprints))
         columns = zip(points, distances, range(len(table)), strict=True)
         return [Found(self.name, point, far, table.object(row)) for point, far, row in columns]
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -47,8 +48,13 @@ class _State:
     """All that a layer holds at one moment."""
 
     table: ObjectTable
-    index: ShapeIndex
     next_id: int
+    known_index: ShapeIndex | None = None
+
+    @cached_property
+    def index(self) -> ShapeIndex:
+        """Where the table's shapes are; built when it is first asked for."""
+        return self.known_index or ShapeIndex.over(self.table.shapes)
 
 
 class SemanticLayer(Layer):
@@ -87,9 +93,27 @@ class SemanticLayer(Layer):
         super().__init__(name, frame_id, settings)
         self.rejected = tuple(rejected)
         self._writing = threading.Lock()
-        nothing = ObjectTable.of([])
-        self._state = _State(nothing, ShapeIndex.over(nothing.shapes), next_id=0)
+        self._state = _State(ObjectTable.of([]), next_id=0)
         self.add(objects)
+
+    @classmethod
+    def of_table(
+        cls,
+        name: str,
+        frame_id: str,
+        table: ObjectTable,
+        settings: Mapping[str, Any] | None = None,
+        rejected: Iterable[Rejected] = (),
+    ) -> SemanticLayer:
+        """Return a layer of objects that are columns already, in a small part of the time.
+
+        Raises:
+            ValueError: If the table's `check` does not pass.
+        """
+        table.check()
+        layer = cls(name, frame_id, (), settings, rejected)
+        layer._state = _State(table, next_id=int(table.ids.max(initial=-1)) + 1)
+        return layer
 
     def copy(self) -> SemanticLayer:
         """Return a layer that holds the same; a change of one does not change the other."""
@@ -165,7 +189,7 @@ class SemanticLayer(Layer):
             old, table = len(state.table), state.table.followed_by(added)
             rows = np.arange(len(table))
             index = state.index.after(table.shapes, rows[:old], rows[old:])
-            self._state = _State(table, index, free)
+            self._state = _State(table, free, index)
         return [int(number) for number in added.ids]
 
     def update(self, object_id: int, item: SemanticObject) -> None:
@@ -200,7 +224,7 @@ class SemanticLayer(Layer):
             moved_to = np.arange(len(table))
             moved_to[rows] = -1
             index = state.index.after(table.shapes, moved_to, rows)
-            self._state = replace(state, table=table, index=index)
+            self._state = replace(state, table=table, known_index=index)
 
     def remove(self, ids: Iterable[int]) -> None:
         """Remove objects; the others keep their ids.
@@ -216,7 +240,7 @@ class SemanticLayer(Layer):
             table = state.table.without(gone)
             moved_to = np.where(keep, np.cumsum(keep) - 1, -1)
             index = state.index.after(table.shapes, moved_to, np.empty(0, dtype=np.int64))
-            self._state = replace(state, table=table, index=index)
+            self._state = replace(state, table=table, known_index=index)
 
     # Questions
 

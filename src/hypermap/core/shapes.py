@@ -8,7 +8,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from hypermap.core.arrays import ObjectArray
+from hypermap.core.arrays import BoolArray, ObjectArray
 
 _FAR = 1e9  # metres; what of an area lies beyond is cut off
 _FARTHEST = 1e100  # metres; products of two such lengths do not overflow
@@ -74,3 +74,13 @@ def check_footprint(footprint: Any) -> None:
     farthest = np.abs(shapely.get_coordinates(footprint)).max()
     if not farthest <= _FAR:
         raise ValueError(f"a footprint must be finite and within {_FAR:g} m, got {farthest}")
+
+
+def can_be_footprints(shapes: ObjectArray) -> BoolArray:
+    """Return which geometries, shape (N,), `check_footprint` would let pass."""
+    kinds = shapely.get_type_id(shapes)
+    good = (kinds == shapely.GeometryType.POLYGON) | (kinds == shapely.GeometryType.MULTIPOLYGON)
+    good &= ~shapely.is_empty(shapes) & ~shapely.has_z(shapes)
+    points, owners = shapely.get_coordinates(shapes, return_index=True)
+    good[owners[~(np.abs(points) <= _FAR).all(axis=1)]] = False
+    return np.asarray(good)
