@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, ClassVar
@@ -15,6 +15,7 @@ from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.arrays import IntArray, ObjectArray, as_objects, as_point_xy, as_points_xy
 from hypermap.core.errors import ObjectNotFound
+from hypermap.core.evidence import EvidenceTable
 from hypermap.core.layer import Hits, Layer, ShapesPicture, check_count
 from hypermap.core.objects import ObjectTable, SemanticObject
 from hypermap.core.shape_index import ShapeIndex
@@ -69,6 +70,8 @@ class SemanticLayer(Layer):
 
     Attributes:
         rejected: entries of the layer's file that could not be read.
+        kept_evidence: what the objects were made of, where that is known: a table, or a function
+            that returns it when it is asked for. It may speak of objects that are gone.
 
     Raises:
         ValueError: If two objects have the same id.
@@ -89,9 +92,11 @@ class SemanticLayer(Layer):
         objects: Iterable[SemanticObject] = (),
         settings: Mapping[str, Any] | None = None,
         rejected: Iterable[Rejected] = (),
+        evidence: EvidenceTable | Callable[[], EvidenceTable] | None = None,
     ) -> None:
         super().__init__(name, frame_id, settings)
         self.rejected = tuple(rejected)
+        self.kept_evidence = evidence
         self._writing = threading.Lock()
         self._state = _State(ObjectTable.of([]), next_id=0)
         self.add(objects)
@@ -117,7 +122,8 @@ class SemanticLayer(Layer):
 
     def copy(self) -> SemanticLayer:
         """Return a layer that holds the same; a change of one does not change the other."""
-        other = SemanticLayer(self.name, self.frame_id, (), self.settings, self.rejected)
+        settings, evidence = self.settings, self.kept_evidence
+        other = SemanticLayer(self.name, self.frame_id, (), settings, self.rejected, evidence)
         other._state = self._state
         return other
 
@@ -165,6 +171,28 @@ class SemanticLayer(Layer):
         """
         table = self._state.table
         return table.object(self._rows(table, [object_id])[0])
+
+    # The evidence behind them
+
+    def evidence(self) -> EvidenceTable | None:
+        """Return the evidence for the objects that are there; None where none was kept.
+
+        Raises:
+            FormatError: If it is kept in a file that cannot be read.
+        """
+        kept = self.kept_evidence() if callable(self.kept_evidence) else self.kept_evidence
+        return None if kept is None else kept.of(self.ids)
+
+    def evidence_of(self, object_id: int) -> EvidenceTable:
+        """Return the evidence for one object; empty where none was kept.
+
+        Raises:
+            ObjectNotFound: If there is no such object.
+            FormatError: If the evidence is kept in a file that cannot be read.
+        """
+        self._rows(self._state.table, [object_id])
+        kept = self.kept_evidence() if callable(self.kept_evidence) else self.kept_evidence
+        return EvidenceTable.empty() if kept is None else kept.of([object_id])
 
     # Changes
 

@@ -206,11 +206,12 @@ def _write_layer(
         )
     for file in _file_names(layer):
         staged = MemoryStore()
-        plugin.save(layer, staged, file)
+        keys = plugin.save(layer, staged, file) or {}
         if not staged.files:
             return _entry(layer, False, layer.settings), {}
         if not _clash(staged.files, taken):
-            return _entry(layer, True, {**layer.settings, "file": file}), staged.files
+            settings = {**layer.settings, "file": file, **keys}
+            return _entry(layer, True, settings), staged.files
     raise HypermapError(f"layer {layer.name!r} cannot be saved: its files' names are all taken")
 
 

@@ -31,6 +31,9 @@ MAX_YAML_VALUES = 5_000_000
 
 MAX_YAML_DEPTH = 64
 
+MAX_EVIDENCE_BYTES = 64 * MIB
+"""The evidence behind a semantic layer; of more, none is kept."""
+
 MAX_PLACE = 1e9
 """Metres from the origin of a frame; farther out, cells and outlines have no room in a number."""
 

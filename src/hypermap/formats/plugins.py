@@ -39,8 +39,10 @@ class LayerPlugin(Protocol):
         """
         ...
 
-    def save(self, layer: Any, store: Store, file: str) -> None:
+    def save(self, layer: Any, store: Store, file: str) -> Mapping[str, Any] | None:
         """Write what `load` reads; the same layer gives the same bytes each time.
+
+        It may return keys for the layer's configuration, which `load` gets in `settings`.
 
         A layer that holds nothing may write nothing: it is saved with `load_file: false` then,
         and opened again by `empty`. Other names than `file`, `file.*` and `file/*` are not safe

@@ -17,6 +17,7 @@ from hypermap.core.layer import Store
 from hypermap.core.objects import MAX_ID
 from hypermap.core.semantic import Rejected, SemanticLayer, SemanticObject
 from hypermap.formats.checked import found
+from hypermap.formats.evidence_file import load_evidence, save_evidence, without_evidence
 from hypermap.formats.footprints import footprint_from_wkt, footprint_to_wkt
 from hypermap.formats.records import object_from_record, record_from_object
 from hypermap.formats.yaml_text import read_yaml, write_yaml
@@ -27,11 +28,14 @@ _TEXT = {("*", "name"), ("*", "shape"), ("*", "tags", "*")}
 
 
 class SemanticFiles:
-    """How semantic layers are kept: `file` is the whole name of one YAML file."""
+    """How semantic layers are kept: `file` is the whole name of one YAML file.
+
+    What the objects were made of lies beside it, in the file that the key `evidence` names.
+    """
 
     def empty(self, name: str, frame_id: str, settings: Mapping[str, Any]) -> SemanticLayer:
         """Return a layer without objects."""
-        return SemanticLayer(name, frame_id, settings=settings)
+        return SemanticLayer(name, frame_id, settings=without_evidence(settings))
 
     def load(
         self, store: Store, file: str, name: str, frame_id: str, settings: Mapping[str, Any]
@@ -47,12 +51,16 @@ class SemanticFiles:
             logger.warning(
                 "%s: object %d %r is left out: %s", path, entry.position, entry.name, entry.reason
             )
-        return SemanticLayer(name, frame_id, objects, settings, rejected)
+        evidence = load_evidence(store, settings)
+        settings = without_evidence(settings)
+        return SemanticLayer(name, frame_id, objects, settings, rejected, evidence)
 
-    def save(self, layer: SemanticLayer, store: Store, file: str) -> None:
-        """Write the layer's file; an empty layer needs none."""
-        if len(layer) or layer.rejected:
-            store.write(file, dump_objects(layer.objects(), layer.rejected))
+    def save(self, layer: SemanticLayer, store: Store, file: str) -> Mapping[str, Any]:
+        """Write the layer's files, and return which keys they need; an empty layer needs none."""
+        if not len(layer) and not layer.rejected:
+            return {}
+        store.write(file, dump_objects(layer.objects(), layer.rejected))
+        return save_evidence(layer, store, file)
 
 
 PLUGIN = SemanticFiles()

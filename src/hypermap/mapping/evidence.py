@@ -17,6 +17,7 @@ from hypermap.core.semantic import SemanticLayer, SemanticObject
 from hypermap.mapping.association import ASSOCIATIONS, Rows
 from hypermap.mapping.fusion import FUSIONS
 from hypermap.mapping.known import KnownObject, KnownObjects
+from hypermap.mapping.look_back import later_table
 from hypermap.mapping.losing import forget, lose
 from hypermap.mapping.pile import Evidence
 from hypermap.mapping.rivals import likeness
@@ -94,8 +95,11 @@ class EvidenceMap:
         ]
 
     def layer(self, name: str = "semantic", frame_id: str = "map") -> SemanticLayer:
-        """Return the objects with enough existence as a layer."""
-        return SemanticLayer(name, frame_id, self.objects())
+        """Return the objects with enough existence as a layer, with the evidence for them."""
+        objects = self.objects()
+        ids = {item.id for item in objects}
+        kept = {o.id: tuple(o.pile.items) for o in self._known.objects if o.id in ids}
+        return SemanticLayer(name, frame_id, objects, evidence=later_table(kept))
 
     def evidence(self, object_id: int) -> tuple[Evidence, ...]:
         """Return the kept evidence behind an object, oldest first.

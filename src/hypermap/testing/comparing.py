@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import shapely
 
+from hypermap.core.evidence import EvidenceTable
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.layer import Layer
 from hypermap.core.objects import SemanticObject
@@ -40,6 +41,7 @@ def assert_same_layer(actual: Layer, expected: Layer) -> None:
     elif isinstance(actual, SemanticLayer) and isinstance(expected, SemanticLayer):
         assert_same_objects(actual.objects(), expected.objects())
         _same(f"{where}: rejected", actual.rejected, expected.rejected)
+        assert_same_evidence(actual.evidence(), expected.evidence())
     elif isinstance(actual, OpaqueLayer) and isinstance(expected, OpaqueLayer):
         _same(f"{where}: the files", actual.files, expected.files)
     else:
@@ -59,6 +61,21 @@ def assert_same_objects(
                 _require(same, what, one.footprint.wkt, other.footprint.wkt)
             else:
                 _same(what, getattr(one, key), getattr(other, key))
+
+
+def assert_same_evidence(actual: EvidenceTable | None, expected: EvidenceTable | None) -> None:
+    """Raise an AssertionError unless the evidence is exactly the same, or missing in both."""
+    _same("whether there is evidence", actual is not None, expected is not None)
+    if actual is None or expected is None:
+        return
+    for key in (field.name for field in dataclasses.fields(EvidenceTable)):
+        one, other = getattr(actual, key), getattr(expected, key)
+        if one.dtype == object:
+            _same(f"the evidence's number of {key}", len(one), len(other))
+            is_same = shapely.equals_identical(one, other)
+            _require(bool(np.all(is_same)), f"the evidence's {key}", one, other)
+        else:
+            _same_arrays(f"the evidence's {key}", one, other)
 
 
 def assert_same_answers(actual: Layer, expected: Layer) -> None:
