@@ -14,14 +14,17 @@ import typer
 from hypermap.cli.options import check_output
 from hypermap.cli.recording_options import takes_recording_options
 from hypermap.cli.terminal import INTERRUPTED, note
+from hypermap.cli.watching import Browser, Port, View, watching
 from hypermap.core.errors import HypermapError
 from hypermap.viewer.text import counted, printable
 
 if TYPE_CHECKING:
     from hypermap.cli.stopping import Stop
+    from hypermap.cli.watching import Watched
     from hypermap.core.hypermap import Hypermap
     from hypermap.core.occupancy import OccupancyLayer
     from hypermap.mapping.config import MappingConfig
+    from hypermap.mapping.mapper import Progress
     from hypermap.perception.detections import DetectionSource
     from hypermap.perception.recording import Recording
     from hypermap.recordings import RecordingOptions
@@ -95,6 +98,9 @@ def command(
         Path | None,
         typer.Option(metavar="FILE", readable=False, help="YAML with settings that differ."),
     ] = None,
+    view: View = False,
+    port: Port = None,
+    browser: Browser = True,
 ) -> None:
     """Make a map of a recording: an occupancy layer, and the objects seen, with their shapes.
 
@@ -102,11 +108,12 @@ def command(
     is given, from the detections in the recording itself or in its folder's detections.json.
     `hypermap info RECORDING` says what a recording holds and what it lacks.
 
-    Ctrl-C stops early and saves what was seen so far; the exit code is 130 then.
+    Ctrl-C stops early and saves what was seen so far; the exit code is 130 then. With --view the
+    page of the run stays afterwards, until Ctrl-C.
 
     Examples:
         hypermap map desk --detector yolox_nano.onnx -o desk.hmap
-        hypermap map drive.bag --map map.yaml -o office.hmap
+        hypermap map drive.bag --map map.yaml -o office.hmap --view
         hypermap map heads --world-transform 0,0,1.2,-1.9,0,0 -o heads.hmap
     """
     from hypermap.cli.stopping import stop_on_interrupt
@@ -125,12 +132,18 @@ def command(
     least = settings.perception.min_score or _LEAST_SCORE
     source = _detection_source(recording, detector, labels, least, detections)
     frames = len(recording)  # which reads a bag through once
-    with stop_on_interrupt() as stop:
-        hypermap, is_whole = _make_map(recording, source, settings, occupancy, frames, stop)
-        save_map(hypermap, output)
-    _summarize(hypermap, output)
+    with watching(view, recording.path.name, output, frames, port, browser) as watched:
+        with stop_on_interrupt() as stop:
+            hypermap, is_whole = _make_map(
+                recording, source, settings, occupancy, frames, stop, watched
+            )
+            save_map(hypermap, output)
+        _summarize(hypermap, output)
+        part = "" if is_whole else "the map of a part of the recording: Ctrl-C ended it early"
+        if part:
+            note(f"This is {part}.")
+        watched.finish(f"saved {output.name}" + (f", {part}" if part else ""))
     if not is_whole:
-        note("This is the map of a part of the recording: Ctrl-C ended it early.")
         raise typer.Exit(INTERRUPTED)
 
 
@@ -188,6 +201,7 @@ def _make_map(
     occupancy: OccupancyLayer | None,
     frames: int,
     stop: Stop,
+    watched: Watched,
 ) -> tuple[Hypermap, bool]:
     """Return the map, and whether it is that of the whole recording."""
     from hypermap.cli.progress import mapping_progress
@@ -197,8 +211,15 @@ def _make_map(
     started = time.monotonic()
     with mapping_progress(frames) as report:
         stoppable = StoppableRecording(recording, stop)
+
+        def on_progress(progress: Progress) -> None:
+            report(progress)
+            watched.progress(progress)
+
         try:
-            hypermap = map_recording(stoppable, source, settings, occupancy, report)
+            hypermap = map_recording(
+                stoppable, source, settings, occupancy, on_progress, watched.frame
+            )
         except HypermapError:
             if stoppable.ended_early:  # before anything was seen, and so there is nothing to save
                 raise KeyboardInterrupt from None

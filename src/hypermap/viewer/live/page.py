@@ -13,6 +13,9 @@ _MEDIA_TYPES = {
     "index.html": "text/html; charset=utf-8",
     "app.js": "text/javascript; charset=utf-8",
     "app.css": "text/css; charset=utf-8",
+    "run.html": "text/html; charset=utf-8",
+    "run.js": "text/javascript; charset=utf-8",
+    "run.css": "text/css; charset=utf-8",
     "app.licenses.txt": "text/plain; charset=utf-8",
 }
 

@@ -6,19 +6,34 @@ import contextlib
 import errno
 import ipaddress
 import socket
-from collections.abc import Callable
+import threading
+from collections.abc import Callable, Iterator
 from types import FrameType
+from typing import Protocol
 
 import uvicorn
+from starlette.applications import Starlette
 
 from hypermap.core.errors import HypermapError
-from hypermap.viewer.live.app import MapApp
 
 FIRST_PORT = 8090
 """Where to listen if nothing else is said, or on the next port that is free."""
 
 _TRIED = 50  # ports
 _LONGEST_URL = 512 * 1024  # bytes; a polygon may stand in it
+_LONGEST_END = 5.0  # seconds that a server may take to end
+
+
+class Served(Protocol):
+    """What is served.
+
+    Attributes:
+        app: what answers.
+        is_closing: set when the server ends, so that windows that listen for news are let go.
+    """
+
+    app: Starlette
+    is_closing: bool
 
 
 def listen(host: str, port: int | None) -> socket.socket:
@@ -62,7 +77,7 @@ def url_of(listening: socket.socket) -> str:
     return f"http://[{host}]:{port}/" if ":" in host else f"http://{host}:{port}/"
 
 
-def serve(app: MapApp, listening: socket.socket, on_start: Callable[[], None]) -> None:
+def serve(app: Served, listening: socket.socket, on_start: Callable[[], None]) -> None:
     """Serve the page until Ctrl-C, which ends it at once.
 
     Args:
@@ -73,7 +88,44 @@ def serve(app: MapApp, listening: socket.socket, on_start: Callable[[], None]) -
     Raises:
         KeyboardInterrupt: When Ctrl-C has ended it.
     """
-    config = uvicorn.Config(
+    _Server(_config(app), app, on_start).run(sockets=[listening])
+
+
+@contextlib.contextmanager
+def serving(app: Served, listening: socket.socket) -> Iterator[None]:
+    """Serve the page in a thread of its own while the caller works.
+
+    Args:
+        app: what is served.
+        listening: from `listen`.
+
+    Raises:
+        HypermapError: If the server does not start.
+    """
+    started = threading.Event()
+    server = _Server(_config(app), app, started.set)
+
+    def run() -> None:
+        try:
+            server.run(sockets=[listening])
+        finally:
+            started.set()
+
+    thread = threading.Thread(target=run, name="page", daemon=True)
+    thread.start()
+    started.wait()
+    if not server.started:
+        raise HypermapError("the server of the page did not start")
+    try:
+        yield
+    finally:
+        app.is_closing = True
+        server.should_exit = True
+        thread.join(timeout=_LONGEST_END)
+
+
+def _config(app: Served) -> uvicorn.Config:
+    return uvicorn.Config(
         app.app,
         log_config=None,
         log_level="error",
@@ -86,13 +138,12 @@ def serve(app: MapApp, listening: socket.socket, on_start: Callable[[], None]) -
         ws="none",
         loop="asyncio",
     )
-    _Server(config, app, on_start).run(sockets=[listening])
 
 
 class _Server(uvicorn.Server):
     """A server that lets go of the windows that listen for news when it ends."""
 
-    def __init__(self, config: uvicorn.Config, app: MapApp, on_start: Callable[[], None]) -> None:
+    def __init__(self, config: uvicorn.Config, app: Served, on_start: Callable[[], None]) -> None:
         super().__init__(config)
         self._app = app
         self._on_start = on_start

@@ -1,0 +1,147 @@
+"""Watching a map being made: `--view` of `hypermap map` and `hypermap demo`."""
+
+from __future__ import annotations
+
+import signal
+import tempfile
+import threading
+import webbrowser
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import FrameType
+from typing import TYPE_CHECKING, Annotated, Protocol
+
+import typer
+
+from hypermap.cli.terminal import note, say
+from hypermap.core.errors import HypermapError
+
+if TYPE_CHECKING:
+    from hypermap.mapping.mapper import MappedFrame, Mapper, Progress
+    from hypermap.viewer.watch.run import Run
+
+PANEL = "Watch it in the browser"
+
+View = Annotated[
+    bool,
+    typer.Option(
+        "--view",
+        rich_help_panel=PANEL,
+        help="Show in the browser how the map is made, step by step.",
+    ),
+]
+Port = Annotated[
+    int | None,
+    typer.Option(
+        min=0,
+        max=65535,
+        show_default="8090, or the next one that is free",
+        rich_help_panel=PANEL,
+        help="Port of the page; 0 for any that is free.",
+    ),
+]
+Browser = Annotated[
+    bool,
+    typer.Option(
+        "--browser/--no-browser", rich_help_panel=PANEL, help="Open the page in the browser."
+    ),
+]
+
+
+class Watched(Protocol):
+    """Whoever may watch.
+
+    Attributes:
+        frame: for `map_recording`, which calls it with each frame that was mapped; None where
+            nobody watches.
+    """
+
+    @property
+    def frame(self) -> Callable[[MappedFrame, Mapper], None] | None:
+        """Return the one to be called."""
+
+    def progress(self, progress: Progress) -> None:
+        """Take over how far mapping has come."""
+
+    def finish(self, message: str) -> None:
+        """Say that the map is saved, and show the run until Ctrl-C."""
+
+
+class _Nobody:
+    frame = None
+
+    def progress(self, progress: Progress) -> None:
+        pass
+
+    def finish(self, message: str) -> None:
+        pass
+
+
+class _Page:
+    """The page in the browser."""
+
+    def __init__(self, run: Run, url: str) -> None:
+        self._run = run
+        self._url = url
+        self.frame: Callable[[MappedFrame, Mapper], None] = run.watch
+        self.progress = run.progress
+
+    def finish(self, message: str) -> None:
+        self._run.finish(message)
+        note(f"\nthe run stays at {self._url} until Ctrl-C")
+        try:
+            threading.Event().wait()
+        except KeyboardInterrupt:
+            note("")  # below the ^C
+
+
+@contextmanager
+def watching(
+    view: bool, recording: str, output: Path, total: int, port: int | None, browser: bool
+) -> Iterator[Watched]:
+    """Serve the page that shows a run while the caller maps, if the user wants to see it.
+
+    Args:
+        view: whether the user does.
+        recording: name of what is mapped.
+        output: where the map will be saved.
+        total: frames of the recording, at most.
+        port: where to listen; 0 for any, None for the first that is free.
+        browser: whether the page is opened.
+
+    Raises:
+        HypermapError: If the port is in use, or the other options are given without `view`.
+    """
+    if not view:
+        if port is not None or not browser:
+            raise HypermapError("--port and --no-browser go with --view")
+        yield _Nobody()
+        return
+    from hypermap.viewer.live.page import is_page_built
+    from hypermap.viewer.live.serving import listen, serving, url_of
+    from hypermap.viewer.watch.app import RunApp
+    from hypermap.viewer.watch.run import Run
+
+    signal.signal(signal.SIGTERM, _interrupt)  # so that the folder goes then, too
+    with (
+        tempfile.TemporaryDirectory(prefix="hypermap-run-") as folder,
+        listen("127.0.0.1", port) as listening,
+    ):
+        run = Run(Path(folder), recording, output.name, total)
+        with serving(RunApp(run), listening):
+            url = url_of(listening)
+            say(url)
+            if not is_page_built():
+                note("the page itself is not built yet: make page")
+            elif browser:
+                threading.Thread(target=webbrowser.open, args=(url,), daemon=True).start()
+            try:
+                yield _Page(run, url)
+            except HypermapError as error:
+                run.fail(str(error))
+                raise
+
+
+def _interrupt(_number: int, _frame: FrameType | None) -> None:
+    raise KeyboardInterrupt

@@ -1,0 +1,116 @@
+"""The server of the page that shows a run: its routes, each a question to the run."""
+
+from __future__ import annotations
+
+import asyncio
+import secrets
+from collections.abc import AsyncIterator, Callable
+
+from starlette.applications import Starlette
+from starlette.exceptions import HTTPException
+from starlette.middleware import Middleware
+from starlette.requests import Request
+from starlette.responses import Response, StreamingResponse
+from starlette.routing import Route
+
+from hypermap.core.errors import HypermapError
+from hypermap.viewer.live.guard import Guard, known_hosts
+from hypermap.viewer.live.json_text import json_bytes
+from hypermap.viewer.live.page import page_file
+from hypermap.viewer.live.refusals import Refused
+from hypermap.viewer.live.replies import fail, json_reply, json_reply_of, refuse, refuse_http
+from hypermap.viewer.live.requests import whole_number_in
+from hypermap.viewer.watch.history import NoSuchStep
+from hypermap.viewer.watch.run import Heard, Run
+
+_FOREVER = "private, max-age=31536000, immutable"
+_LISTEN, _STILL_THERE = 0.1, 15.0  # seconds
+
+
+class RunApp:
+    """The server's answers about one run.
+
+    Attributes:
+        run: what is shown.
+        is_closing: set when the server ends, so that windows are not waited for.
+        app: what a server of the ASGI standard runs.
+    """
+
+    def __init__(self, run: Run, host: str = "127.0.0.1") -> None:
+        self.run = run
+        self.is_closing = False
+        self._id = secrets.token_urlsafe(8)
+        self.app = Starlette(
+            routes=[
+                Route("/", self._page),
+                Route("/page/{name}", self._page),
+                Route("/api/run", self._run),
+                Route("/api/steps/{number}", self._step),
+                Route("/api/pictures/{number}.jpg", self._picture),
+                Route("/api/grids/{number}.png", self._grid),
+                Route("/api/events", self._events),
+            ],
+            # Nothing can be changed here, so nobody needs to know the token.
+            middleware=[
+                Middleware(Guard, hosts=known_hosts(host), token=secrets.token_urlsafe(24))
+            ],
+            exception_handlers={
+                HypermapError: refuse,
+                HTTPException: refuse_http,
+                Exception: fail,
+            },
+        )
+
+    def _page(self, request: Request) -> Response:
+        name = request.path_params.get("name", "run.html")
+        content, media_type = page_file(name)
+        return Response(content, media_type=media_type, headers={"Cache-Control": "no-cache"})
+
+    def _run(self, _: Request) -> Response:
+        run = self.run
+        return json_reply({"id": self._id, "recording": run.recording, "output": run.output})
+
+    def _step(self, request: Request) -> Response:
+        values = request.query_params
+        since = whole_number_in(values, "since") if "since" in values else None
+        try:
+            content = self.run.step(whole_number_in(request.path_params, "number"), since)
+        except NoSuchStep as error:
+            raise Refused(str(error), 404) from None
+        return json_reply_of(content)
+
+    def _picture(self, request: Request) -> Response:
+        return self._file(request, self.run.picture, "image/jpeg")
+
+    def _grid(self, request: Request) -> Response:
+        return self._file(request, self.run.grid, "image/png")
+
+    def _file(self, request: Request, read: Callable[[int], bytes], media_type: str) -> Response:
+        try:
+            content = read(whole_number_in(request.path_params, "number"))
+        except NoSuchStep as error:
+            raise Refused(str(error), 404) from None
+        # The page names the run, so that what the browser keeps is not shown for another one.
+        headers = {"Cache-Control": _FOREVER if "run" in request.query_params else "no-store"}
+        return Response(content, media_type=media_type, headers=headers)
+
+    async def _events(self, _: Request) -> Response:
+        headers = {"Cache-Control": "no-store"}
+        return StreamingResponse(self._news(), media_type="text/event-stream", headers=headers)
+
+    async def _news(self) -> AsyncIterator[bytes]:
+        """Yield how the run stands, now and whenever something has happened."""
+        loop = asyncio.get_running_loop()
+        heard, told = Heard(), loop.time()
+        while True:
+            is_last = self.is_closing
+            if heard.beat != self.run.beat:
+                news, heard = self.run.news(heard)
+                told = loop.time()
+                yield b"data: %b\n\n" % json_bytes(news)
+            elif loop.time() - told > _STILL_THERE:
+                told = loop.time()
+                yield b": still there\n\n"
+            if is_last:
+                return
+            await asyncio.sleep(_LISTEN)

@@ -1,0 +1,73 @@
+"""What the camera saw, small enough to be kept for every frame."""
+
+from __future__ import annotations
+
+import functools
+import io
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from hypermap.perception.frame import RgbdFrame
+
+WIDEST = 640
+"""Columns of a picture at most."""
+
+_QUALITY = 80  # of JPEG
+_NEAREST, _FARTHEST = 0.4, 10.0  # depths at the two ends of the colors [m]
+_NO_RETURN = 0  # the first color: black
+
+
+@dataclass(frozen=True, eq=False)
+class CameraPicture:
+    """A picture of a frame.
+
+    Attributes:
+        content: JPEG.
+        width: columns.
+        height: rows.
+        kind: the color image, or the depth image in colors where there is no other.
+        reduced_by: how many rows and columns of the image became one.
+    """
+
+    content: bytes
+    width: int
+    height: int
+    kind: Literal["color", "depth"]
+    reduced_by: int
+
+
+def picture_of(frame: RgbdFrame) -> CameraPicture:
+    """Return the picture of a frame; depth goes from yellow, near, to dark blue, far."""
+    step = -(-frame.camera.width // WIDEST)
+    if frame.color is not None:
+        image = Image.fromarray(frame.color)
+        image = image.reduce(step) if step > 1 else image
+    else:
+        numbers = _depth_numbers(frame.depth[::step, ::step])
+        image = Image.fromarray(_depth_colors()[numbers])
+    content = io.BytesIO()
+    image.save(content, format="jpeg", quality=_QUALITY)
+    kind: Literal["color", "depth"] = "depth" if frame.color is None else "color"
+    return CameraPicture(content.getvalue(), image.width, image.height, kind, step)
+
+
+def _depth_numbers(depth: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """Return the color of each depth by its number; what is twice as far is one step on."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        nearness = np.log(_FARTHEST / depth) / np.log(_FARTHEST / _NEAREST)
+    numbers = 1 + np.nan_to_num(254 * np.clip(nearness, 0, 1), nan=-1.0)
+    numbers[~(depth > 0)] = _NO_RETURN
+    return np.asarray(numbers, dtype=np.uint8)
+
+
+@functools.cache
+def _depth_colors() -> NDArray[np.uint8]:
+    """Return 256 colors, shape (256, 3): black, then from dark blue to yellow."""
+    import colorcet
+
+    colors = [bytes.fromhex(text.removeprefix("#")) for text in colorcet.bmy]
+    return np.array([(0, 0, 0), *(tuple(color) for color in colors[1:])], dtype=np.uint8)

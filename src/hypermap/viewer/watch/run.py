@@ -1,0 +1,223 @@
+"""A run of the mapper that is being watched: its history, how it stands, and news of both."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Iterable
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
+
+from hypermap.colors import class_colors
+from hypermap.mapping.mapper import Counts, MappedFrame, Mapper, Progress
+from hypermap.viewer.live.description import hex_color
+from hypermap.viewer.live.json_text import json_bytes
+from hypermap.viewer.watch.grids import GridPictures
+from hypermap.viewer.watch.history import MOST_BYTES, MOST_STEPS, History
+from hypermap.viewer.watch.objects import Things, difference, things_of
+from hypermap.viewer.watch.picture import picture_of
+from hypermap.viewer.watch.sight import describe_sight
+
+_log = logging.getLogger(__name__)
+
+State = Literal["mapping", "saved", "failed"]
+
+
+class Heard(NamedTuple):
+    """What a window has heard of a run already.
+
+    Attributes:
+        beat: how much had happened.
+        steps: how many steps it knows.
+        thinned: how often steps had been dropped.
+        colors: of how many classes it knows the color.
+    """
+
+    beat: int = -1
+    steps: int = 0
+    thinned: int = 0
+    colors: int = 0
+
+
+class Run:
+    """A run of the mapper, kept to be looked at; may be asked from several threads.
+
+    `watch` and `progress` are for `map_recording`, which calls them.
+
+    Attributes:
+        recording: name of what is mapped.
+        output: name of the map that is made.
+        beat: counts what has happened.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        recording: str,
+        output: str,
+        total: int,
+        most_steps: int = MOST_STEPS,
+        most_bytes: int = MOST_BYTES,
+    ) -> None:
+        """Prepare for a run.
+
+        Args:
+            folder: an empty one, for the history.
+            recording: name of what is mapped.
+            output: name of the map that is made.
+            total: frames of the recording, at most.
+            most_steps: how many steps are kept at most.
+            most_bytes: how much room they may take.
+        """
+        self.recording = recording
+        self.output = output
+        self.beat = 0
+        self._history = History(folder, most_steps, most_bytes)
+        self._guard = threading.Lock()
+        self._grids = GridPictures()
+        self._total, self._done, self._objects, self._counts = total, 0, 0, Counts()
+        self._state: State = "mapping"
+        self._message = ""
+        self._is_kept = True
+        self._colors: dict[str, str] = {}
+        self._things: Things = {}
+        self._since_kept = 0
+        self._last: tuple[MappedFrame, Mapper] | None = None  # seen, but not kept
+
+    # What the mapper tells
+
+    def watch(self, seen: MappedFrame, mapper: Mapper) -> None:
+        """Keep what a frame saw, or every n-th frame of a long run."""
+        self._since_kept += 1
+        self._last = seen, mapper
+        if self._since_kept >= self._history.stride:
+            self._keep()
+
+    def progress(self, progress: Progress) -> None:
+        """Take over how far mapping has come."""
+        with self._guard:
+            self._done, self._objects = progress.done, progress.objects
+            self._counts = progress.counts
+            self.beat += 1
+
+    def finish(self, message: str) -> None:
+        """Take over that the map is saved.
+
+        Args:
+            message: says so, and where.
+        """
+        self._keep(at_once=True)
+        self._end("saved", message)
+
+    def fail(self, message: str) -> None:
+        """Take over why there is no map."""
+        self._end("failed", message)
+
+    # What windows ask
+
+    def news(self, heard: Heard) -> tuple[dict[str, Any], Heard]:
+        """Return what is new since, and what is known with it."""
+        with self._guard:
+            steps, thinned = self._history.steps, self._history.thinned
+            first = heard.steps if heard.thinned == thinned else 0
+            news: dict[str, Any] = {
+                "state": self._state,
+                "message": self._message,
+                "total": self._total,
+                "done": self._done,
+                "objects": self._objects,
+                "counts": asdict(self._counts),
+                "stride": self._history.stride,
+                "steps": {
+                    "first": first,
+                    "numbers": [step.number for step in steps[first:]],
+                    "stamps": [step.stamp for step in steps[first:]],
+                    "places": [step.position for step in steps[first:]],
+                    "objects": [step.objects for step in steps[first:]],
+                },
+            }
+            if heard.colors != len(self._colors):
+                news["colors"] = dict(self._colors)
+            return news, Heard(self.beat, len(steps), thinned, len(self._colors))
+
+    def step(self, number: int, since: int | None) -> bytes:
+        """Return a step as JSON: what its frame saw, and the objects of the map then.
+
+        Args:
+            number: of the step; of those that were dropped, the one before answers.
+            since: number of another step; the objects come as the difference to that, and if it
+                is no longer there, as the difference to none. The answer says which.
+
+        Raises:
+            NoSuchStep: If there is no step that old.
+        """
+        with self._guard:
+            number = self._history.number_at(number)
+            since = since if since is not None and since in self._history else None
+            before = {} if since is None else self._history.things(since)
+            changes = difference(before, self._history.things(number))
+            objects = json_bytes({"since": since, **changes})
+            return b'{"sight":%b,"objects":%b}' % (self._history.sight(number), objects)
+
+    def picture(self, number: int) -> bytes:
+        """Return the camera's picture of a step as JPEG.
+
+        Raises:
+            NoSuchStep: If there is no such step.
+        """
+        with self._guard:
+            return self._history.picture(number)
+
+    def grid(self, number: int) -> bytes:
+        """Return a picture of the grid as PNG.
+
+        Raises:
+            NoSuchStep: If none was made at that step.
+        """
+        with self._guard:
+            return self._history.grid(number)
+
+    # Parts of the above
+
+    def _keep(self, at_once: bool = False) -> None:
+        """Keep the last frame that was seen; if it is kept, only the grid as it is now."""
+        if self._last is None or not self._is_kept:
+            return
+        seen, mapper = self._last
+        try:
+            grid = self._grids.draw(mapper.occupancy, at_once=at_once)
+            if self._since_kept == 0:
+                if grid is not None:
+                    with self._guard:
+                        self._history.renew_grid(grid)
+                return
+            picture = picture_of(seen.frame)
+            sight = describe_sight(seen, picture, mapper.config)
+            things = things_of(mapper.evidence, self._things)
+            names = {*seen.detections.names, *(thing.name for thing in things.values())}
+            number = mapper.counts.frames
+            with self._guard:
+                self._color(names)
+                self._history.add(number, sight, picture.content, things, grid)
+                self.beat += 1
+        except OSError as error:
+            self._is_kept = False
+            _log.warning("the rest of the run cannot be looked at: %s", error)
+            with self._guard:
+                self._message = f"From here on the run is not kept: {error.strerror}"
+            return
+        self._things = things
+        self._since_kept = 0
+
+    def _color(self, names: Iterable[str]) -> None:
+        """Give every class that was ever seen a color."""
+        known = {*self._colors, *map(str, names)}
+        if len(known) > len(self._colors):
+            colors = class_colors(known)
+            self._colors = {name: hex_color(color) for name, color in sorted(colors.items())}
+
+    def _end(self, state: State, message: str) -> None:
+        with self._guard:
+            self._state, self._message = state, message
+            self.beat += 1
