@@ -17,6 +17,7 @@ from starlette.responses import Response, StreamingResponse
 from starlette.routing import Route
 
 from hypermap.core.errors import HypermapError
+from hypermap.viewer.live.behind import look_behind
 from hypermap.viewer.live.cache import ByteCache
 from hypermap.viewer.live.description import describe_map
 from hypermap.viewer.live.document import MapDocument, Snapshot
@@ -44,6 +45,7 @@ from hypermap.viewer.live.requests import (
     text_in,
     whole_number_in,
 )
+from hypermap.viewer.live.spelling import spell_evidence
 from hypermap.viewer.live.tiles import Tile, draw_tile
 
 _CACHE = 64_000_000  # bytes of tiles
@@ -78,6 +80,7 @@ class MapApp:
                 Route("/api/area", self._area, methods=["POST"]),
                 Route("/api/area.{kind}", self._download),
                 Route("/api/find", self._find),
+                Route("/api/objects/{layer:path}/{id}/evidence", self._evidence),
                 Route("/api/objects/{layer:path}/{id}", self._object),
                 Route("/api/edit", self._edit, methods=["POST"]),
                 Route("/api/undo", self._undo, methods=["POST"]),
@@ -196,6 +199,12 @@ class MapApp:
     def _object(self, request: Request) -> Response:
         number = whole_number_in(request.path_params, "id")
         return json_reply(self._questions().details(request.path_params["layer"], number))
+
+    def _evidence(self, request: Request) -> Response:
+        layer, number = request.path_params["layer"], whole_number_in(request.path_params, "id")
+        path = str(self.document.file.path)
+        told = look_behind(self.document.snapshot.hypermap, layer, number)
+        return json_reply({**told, **spell_evidence(path, layer, number)})
 
     # Changes
 

@@ -124,7 +124,7 @@ class LayerShapes:
 
     def polygons(self, row: int, base_T_layer: Pose2D) -> Polygons:
         """Return one shape exactly as it is, in the base frame: polygons of rings of points."""
-        return _polygons(self.shapes[[row]], base_T_layer, decimals=None)[0]
+        return polygons_of(self.shapes[[row]], base_T_layer, decimals=None)[0]
 
     def label_points(self, rows: IntArray, base_T_layer: Pose2D) -> NDArray[np.float64]:
         """Return where names belong, in the base frame: the centroid if it lies inside, (N, 2)."""
@@ -158,7 +158,7 @@ class LayerShapes:
         decimals = max(0, math.ceil(-math.log10(max(pixel / 4, _SHARPEST))))
         outlines = shapely.simplify(shapes[drawn], pixel / 2, preserve_topology=True)
         polygons: list[Polygons] = [[] for _ in shapes]
-        found = _polygons(outlines, base_T_layer, decimals)
+        found = polygons_of(outlines, base_T_layer, decimals)
         for i, outline in zip(drawn.tolist(), found, strict=True):
             polygons[i] = outline
         columns = zip(
@@ -174,7 +174,7 @@ class LayerShapes:
             yield json_bytes({"id": number, "name": str(name), "at": at, "area": area, **shape})
 
 
-def _polygons(shapes: ObjectArray, base_T_layer: Pose2D, decimals: int | None) -> list[Polygons]:
+def polygons_of(shapes: ObjectArray, base_T_layer: Pose2D, decimals: int | None) -> list[Polygons]:
     """Return for each shape its polygons, each with its outline first, in the base frame."""
     found: list[Polygons] = [[] for _ in shapes]
     parts, owners = _parts(shapes)

@@ -49,6 +49,16 @@ def spell_find(path: str, name: str, near: Point | None, frame: str | None) -> S
     return _both(python, path, *options, frame)
 
 
+def spell_evidence(path: str, layer: str, number: int) -> Spelled:
+    """Return how to look behind an object."""
+    python = (
+        f"{_opened(path)}seen = hypermap[{layer!r}].evidence_of({number})\n"
+        "for view, score, shape in zip(seen.views, seen.scores, seen.footprints):\n"
+        "    print(seen.stamps[view], score, shape)\n"
+    )
+    return _both(python, path, f"--id={number}", f"--layer={layer}", "--evidence", None)
+
+
 def _opened(path: str) -> str:
     return f"from hypermap import open_map\n\nhypermap = open_map({path!r})\n"
 
