@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hypermap.cli.terminal import note, out, say, table
+from hypermap.cli.watching import Browser, Port, View, watching
 from hypermap.core.errors import HypermapError, did_you_mean
 
 if TYPE_CHECKING:
@@ -35,6 +36,9 @@ def command(
             help="A detector that knows the truth and errs, or a small network that sees pixels.",
         ),
     ] = "noisy",
+    view: View = False,
+    port: Port = None,
+    browser: Browser = True,
 ) -> None:
     """See a map being made, of a simulated room, and how near it comes to the truth.
 
@@ -43,6 +47,7 @@ def command(
 
     Examples:
         hypermap demo
+        hypermap demo --view
         hypermap demo -o demo --keep-recording
         hypermap demo --detector network
     """
@@ -62,17 +67,30 @@ def command(
     if keep_recording:
         note(f"saving {len(recording)} simulated frames ...")
         write_tum(recording, folder / "recording")
-    note(f"driving through a simulated room with {len(world.objects)} objects ...")
-    with mapping_progress(len(recording)) as report:
-        source = detections_from_recording()
-        hypermap = map_recording(recording, source, profile("default"), on_progress=report)
-
-    truth = ground_truth(world)
     map_file, truth_file, picture = (folder / n for n in ("room.hmap", "truth.hmap", "room.png"))
-    save_map(hypermap, map_file)
-    save_map(truth, truth_file)
-    render(hypermap, picture, title="A simulated room, mapped")
-    _show_comparison(evaluate(_objects(hypermap), _objects(truth)))
+    with watching(view, "simulated room", map_file, len(recording), port, browser) as watched:
+        note(f"driving through a simulated room with {len(world.objects)} objects ...")
+        with mapping_progress(len(recording)) as report:
+            hypermap = map_recording(
+                recording,
+                detections_from_recording(),
+                profile("default"),
+                on_progress=watched.beside(report),
+                watch=watched.frame,
+            )
+        truth = ground_truth(world)
+        save_map(hypermap, map_file)
+        save_map(truth, truth_file)
+        render(hypermap, picture, title="A simulated room, mapped")
+        _show_comparison(evaluate(_objects(hypermap), _objects(truth)))
+        _say_what_next(map_file, truth_file, picture)
+        if keep_recording:
+            say("\nOr map the recording yourself:")
+            say(f"  hypermap map {folder / 'recording'} -o {folder / 'mine.hmap'}")
+        watched.finish(f"saved {map_file.name}")
+
+
+def _say_what_next(map_file: Path, truth_file: Path, picture: Path) -> None:
     say(f"""
 the map      {map_file}
 the truth    {truth_file}
@@ -83,9 +101,6 @@ Now ask it:
   hypermap query {map_file} --at 2,1
   hypermap info {map_file}
   hypermap shell {map_file}""")
-    if keep_recording:
-        say("\nOr map the recording yourself:")
-        say(f"  hypermap map {folder / 'recording'} -o {folder / 'mine.hmap'}")
 
 
 def _make_folder(folder: Path) -> None:

@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from hypermap.core.hypermap import Hypermap
     from hypermap.core.occupancy import OccupancyLayer
     from hypermap.mapping.config import MappingConfig
-    from hypermap.mapping.mapper import Progress
     from hypermap.perception.detections import DetectionSource
     from hypermap.perception.recording import Recording
     from hypermap.recordings import RecordingOptions
@@ -211,14 +210,9 @@ def _make_map(
     started = time.monotonic()
     with mapping_progress(frames) as report:
         stoppable = StoppableRecording(recording, stop)
-
-        def on_progress(progress: Progress) -> None:
-            report(progress)
-            watched.progress(progress)
-
         try:
             hypermap = map_recording(
-                stoppable, source, settings, occupancy, on_progress, watched.frame
+                stoppable, source, settings, occupancy, watched.beside(report), watched.frame
             )
         except HypermapError:
             if stoppable.ended_early:  # before anything was seen, and so there is nothing to save

@@ -7,7 +7,7 @@ import tempfile
 import threading
 import webbrowser
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Annotated, Protocol
@@ -18,6 +18,7 @@ from hypermap.cli.terminal import note, say
 from hypermap.core.errors import HypermapError
 
 if TYPE_CHECKING:
+    from hypermap.cli.progress import Report
     from hypermap.mapping.mapper import MappedFrame, Mapper, Progress
     from hypermap.viewer.watch.run import Run
 
@@ -61,8 +62,8 @@ class Watched(Protocol):
     def frame(self) -> Callable[[MappedFrame, Mapper], None] | None:
         """Return the one to be called."""
 
-    def progress(self, progress: Progress) -> None:
-        """Take over how far mapping has come."""
+    def beside(self, report: Report) -> Report:
+        """Return what tells a report, and whoever watches, how far mapping has come."""
 
     def finish(self, message: str) -> None:
         """Say that the map is saved, and show the run until Ctrl-C."""
@@ -71,8 +72,8 @@ class Watched(Protocol):
 class _Nobody:
     frame = None
 
-    def progress(self, progress: Progress) -> None:
-        pass
+    def beside(self, report: Report) -> Report:
+        return report
 
     def finish(self, message: str) -> None:
         pass
@@ -85,7 +86,13 @@ class _Page:
         self._run = run
         self._url = url
         self.frame: Callable[[MappedFrame, Mapper], None] = run.watch
-        self.progress = run.progress
+
+    def beside(self, report: Report) -> Report:
+        def both(progress: Progress) -> None:
+            report(progress)
+            self._run.progress(progress)
+
+        return both
 
     def finish(self, message: str) -> None:
         self._run.finish(message)
@@ -129,7 +136,7 @@ def watching(
         listen("127.0.0.1", port) as listening,
     ):
         run = Run(Path(folder), recording, output.name, total)
-        with serving(RunApp(run), listening):
+        with closing(run), serving(RunApp(run), listening):
             url = url_of(listening)
             say(url)
             if not is_page_built():

@@ -42,10 +42,10 @@ class GridPictures:
         self._spent = 0.0
         self._last: OccupancyLayer | None = None
 
-    def draw(
+    def due(
         self, layer: Callable[[], OccupancyLayer], *, at_once: bool = False
-    ) -> GridPicture | None:
-        """Return a picture of a grid; None if it is too soon, or nothing has changed.
+    ) -> OccupancyLayer | None:
+        """Return the grid that is to be drawn now; None if it is too soon, or nothing has changed.
 
         Args:
             layer: gives the grid as it is now.
@@ -55,14 +55,21 @@ class GridPictures:
         if not at_once and self._spent > _SHARE * (began - self._started):
             return None
         grid = layer()
-        picture = None if grid is self._last else _picture_of(grid)
+        self._spent += self._clock() - began
+        if grid is self._last:
+            return None
         self._last = grid
+        return grid
+
+    def draw(self, grid: OccupancyLayer) -> GridPicture | None:
+        """Return the picture of a grid; None while it is empty."""
+        began = self._clock()
+        picture = _picture_of(grid)
         self._spent += self._clock() - began
         return picture
 
 
 def _picture_of(layer: OccupancyLayer) -> GridPicture | None:
-    """Return the picture of a layer; None while it is empty."""
     raster = embed_raster(layer, Pose2D(), _MOST_PIXELS)
     if raster is None:
         return None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import io
+import logging
 from dataclasses import dataclass
 from typing import Literal
 
@@ -11,7 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from hypermap.core.errors import HypermapError
 from hypermap.perception.frame import RgbdFrame
+
+_log = logging.getLogger(__name__)
 
 WIDEST = 640
 """Columns of a picture at most."""
@@ -43,16 +47,29 @@ class CameraPicture:
 def picture_of(frame: RgbdFrame) -> CameraPicture:
     """Return the picture of a frame; depth goes from yellow, near, to dark blue, far."""
     step = -(-frame.camera.width // WIDEST)
-    if frame.color is not None:
-        image = Image.fromarray(frame.color)
+    color = _color_of(frame)
+    if color is not None:
+        image = Image.fromarray(color)
         image = image.reduce(step) if step > 1 else image
     else:
         numbers = _depth_numbers(frame.depth[::step, ::step])
         image = Image.fromarray(_depth_colors()[numbers])
     content = io.BytesIO()
     image.save(content, format="jpeg", quality=_QUALITY)
-    kind: Literal["color", "depth"] = "depth" if frame.color is None else "color"
+    kind: Literal["color", "depth"] = "depth" if color is None else "color"
     return CameraPicture(content.getvalue(), image.width, image.height, kind, step)
+
+
+def _color_of(frame: RgbdFrame) -> NDArray[np.uint8] | None:
+    """Return the color image; None if there is none, or it cannot be read.
+
+    Who maps with recorded detections needs no color images, and so may have broken ones.
+    """
+    try:
+        return frame.color
+    except (HypermapError, OSError) as error:
+        _log.warning("frame %.6f: its color image cannot be shown: %s", frame.stamp, error)
+        return None
 
 
 def _depth_numbers(depth: NDArray[np.float32]) -> NDArray[np.uint8]:

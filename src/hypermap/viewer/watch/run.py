@@ -5,11 +5,14 @@ from __future__ import annotations
 import logging
 import threading
 from collections.abc import Iterable
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 from hypermap.colors import class_colors
+from hypermap.core.occupancy import OccupancyLayer
+from hypermap.mapping.config import MappingConfig
 from hypermap.mapping.mapper import Counts, MappedFrame, Mapper, Progress
 from hypermap.viewer.live.description import hex_color
 from hypermap.viewer.live.json_text import json_bytes
@@ -83,12 +86,16 @@ class Run:
         self._colors: dict[str, str] = {}
         self._things: Things = {}
         self._since_kept = 0
-        self._last: tuple[MappedFrame, Mapper] | None = None  # seen, but not kept
+        self._last: tuple[MappedFrame, Mapper] | None = None
+        # Pictures are made beside the mapper, one frame behind it.
+        self._worker = ThreadPoolExecutor(1, thread_name_prefix="run")
+        self._work: Future[None] | None = None
 
     # What the mapper tells
 
     def watch(self, seen: MappedFrame, mapper: Mapper) -> None:
         """Keep what a frame saw, or every n-th frame of a long run."""
+        self._await_work()
         self._since_kept += 1
         self._last = seen, mapper
         if self._since_kept >= self._history.stride:
@@ -107,12 +114,18 @@ class Run:
         Args:
             message: says so, and where.
         """
-        self._keep(at_once=True)
+        self._await_work()
+        self._keep(is_last=True)
+        self._await_work()
         self._end("saved", message)
 
     def fail(self, message: str) -> None:
         """Take over why there is no map."""
         self._end("failed", message)
+
+    def close(self) -> None:
+        """Let the work that goes on beside the mapper end."""
+        self._worker.shutdown()
 
     # What windows ask
 
@@ -180,35 +193,53 @@ class Run:
 
     # Parts of the above
 
-    def _keep(self, at_once: bool = False) -> None:
-        """Keep the last frame that was seen; if it is kept, only the grid as it is now."""
+    def _keep(self, is_last: bool = False) -> None:
+        """Keep the last frame that was seen; if it is kept already, the grid as it is now."""
         if self._last is None or not self._is_kept:
             return
         seen, mapper = self._last
+        grid = self._grids.due(mapper.occupancy, at_once=is_last)
+        is_new = self._since_kept > 0
+        if is_new:  # what the mapper changes next is taken now
+            self._things = things_of(mapper.evidence, self._things)
+            self._since_kept = 0
+        number = mapper.counts.frames if is_new else None
+        self._work = self._worker.submit(
+            self._write, seen, mapper.config, number, self._things, grid
+        )
+
+    def _write(
+        self,
+        seen: MappedFrame,
+        config: MappingConfig,
+        number: int | None,
+        things: Things,
+        grid: OccupancyLayer | None,
+    ) -> None:
+        """Write a step of this number; with None, the newest one's grid."""
         try:
-            grid = self._grids.draw(mapper.occupancy, at_once=at_once)
-            if self._since_kept == 0:
-                if grid is not None:
+            drawn = None if grid is None else self._grids.draw(grid)
+            if number is None:
+                if drawn is not None:
                     with self._guard:
-                        self._history.renew_grid(grid)
+                        self._history.renew_grid(drawn)
                 return
             picture = picture_of(seen.frame)
-            sight = describe_sight(seen, picture, mapper.config)
-            things = things_of(mapper.evidence, self._things)
-            names = {*seen.detections.names, *(thing.name for thing in things.values())}
-            number = mapper.counts.frames
+            sight = describe_sight(seen, picture, config)
             with self._guard:
-                self._color(names)
-                self._history.add(number, sight, picture.content, things, grid)
+                self._color([*seen.detections.names, *(thing.name for thing in things.values())])
+                self._history.add(number, sight, picture.content, things, drawn)
                 self.beat += 1
         except OSError as error:
             self._is_kept = False
             _log.warning("the rest of the run cannot be looked at: %s", error)
             with self._guard:
-                self._message = f"From here on the run is not kept: {error.strerror}"
-            return
-        self._things = things
-        self._since_kept = 0
+                self._message = f"from here on the run cannot be kept: {error.strerror}"
+                self.beat += 1
+
+    def _await_work(self) -> None:
+        if self._work is not None:
+            self._work.result()
 
     def _color(self, names: Iterable[str]) -> None:
         """Give every class that was ever seen a color."""
