@@ -109,6 +109,7 @@ class SemanticLayer(Layer):
         table: ObjectTable,
         settings: Mapping[str, Any] | None = None,
         rejected: Iterable[Rejected] = (),
+        evidence: EvidenceTable | Callable[[], EvidenceTable] | None = None,
     ) -> SemanticLayer:
         """Return a layer of objects that are columns already, in a small part of the time.
 
@@ -116,7 +117,7 @@ class SemanticLayer(Layer):
             ValueError: If the table's `check` does not pass.
         """
         table.check()
-        layer = cls(name, frame_id, (), settings, rejected)
+        layer = cls(name, frame_id, (), settings, rejected, evidence)
         layer._state = _State(table, next_id=int(table.ids.max(initial=-1)) + 1)
         return layer
 

@@ -29,7 +29,8 @@ class _Record(Checked):
         return () if value is None else value
 
 
-_KNOWN = _Record.known_keys() | {"shape"}
+KNOWN_KEYS = _Record.known_keys() | {"shape"}
+"""What an object's entry may hold beside free attributes."""
 
 
 def object_from_record(record: Any, footprint: BaseGeometry) -> SemanticObject:
@@ -40,7 +41,7 @@ def object_from_record(record: Any, footprint: BaseGeometry) -> SemanticObject:
     """
     try:
         checked = check(_Record, record, None)
-        others = {key: value for key, value in record.items() if key not in _KNOWN}
+        others = {key: value for key, value in record.items() if key not in KNOWN_KEYS}
         return SemanticObject(
             name=checked.name,
             footprint=footprint,
@@ -70,8 +71,8 @@ def record_from_object(item: SemanticObject) -> dict[str, Any]:
     for key in ("existence", "first_seen", "last_seen"):
         if (value := getattr(item, key)) is not None:
             record[key] = value
-    hidden: Mapping[str, Any] = {k: v for k, v in item.attributes.items() if k in _KNOWN}
+    hidden: Mapping[str, Any] = {k: v for k, v in item.attributes.items() if k in KNOWN_KEYS}
     if hidden:
         record["attributes"] = dict(hidden)
-    record.update((k, v) for k, v in item.attributes.items() if k not in _KNOWN)
+    record.update((k, v) for k, v in item.attributes.items() if k not in KNOWN_KEYS)
     return record

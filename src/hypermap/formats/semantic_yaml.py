@@ -14,13 +14,15 @@ from typing import Any
 
 from hypermap.core.errors import FormatError
 from hypermap.core.layer import Store
-from hypermap.core.objects import MAX_ID
+from hypermap.core.objects import MAX_ID, ObjectTable
 from hypermap.core.semantic import Rejected, SemanticLayer, SemanticObject
 from hypermap.formats.checked import found
 from hypermap.formats.evidence_file import load_evidence, save_evidence, without_evidence
-from hypermap.formats.footprints import footprint_from_wkt, footprint_to_wkt
-from hypermap.formats.records import object_from_record, record_from_object
-from hypermap.formats.yaml_text import read_yaml, write_yaml
+from hypermap.formats.footprints import footprint_from_wkt
+from hypermap.formats.records import object_from_record
+from hypermap.formats.semantic_regular import read_regular
+from hypermap.formats.semantic_writing import dump_table
+from hypermap.formats.yaml_text import read_yaml
 
 logger = logging.getLogger(__name__)
 
@@ -46,20 +48,20 @@ class SemanticFiles:
             FormatError: If the file is no list in YAML.
         """
         path = store.path_of(file)
-        objects, rejected = parse_objects(store.read(file), path)
+        table, rejected = parse_table(store.read(file), path)
         for entry in rejected:
             logger.warning(
                 "%s: object %d %r is left out: %s", path, entry.position, entry.name, entry.reason
             )
         evidence = load_evidence(store, settings)
         settings = without_evidence(settings)
-        return SemanticLayer(name, frame_id, objects, settings, rejected, evidence)
+        return SemanticLayer.of_table(name, frame_id, table, settings, rejected, evidence)
 
     def save(self, layer: SemanticLayer, store: Store, file: str) -> Mapping[str, Any]:
         """Write the layer's files, and return which keys they need; an empty layer needs none."""
         if not len(layer) and not layer.rejected:
             return {}
-        store.write(file, dump_objects(layer.objects(), layer.rejected))
+        store.write(file, dump_table(layer.table, layer.rejected))
         return save_evidence(layer, store, file)
 
 
@@ -103,21 +105,27 @@ def parse_objects(content: bytes, path: str) -> tuple[list[SemanticObject], list
     return list(objects.values()), rejected
 
 
+def parse_table(content: bytes, path: str) -> tuple[ObjectTable, list[Rejected]]:
+    """Return what `parse_objects` does, the objects as columns; most files take far less time.
+
+    Raises:
+        FormatError: If the file is no list in YAML.
+    """
+    table = read_regular(content)
+    if table is not None:
+        return table, []
+    objects, rejected = parse_objects(content, path)
+    return ObjectTable.of(objects), rejected
+
+
 def dump_objects(objects: Iterable[SemanticObject], rejected: Iterable[Rejected] = ()) -> bytes:
-    """Return a semantic YAML file; `parse_objects` gives exactly the same objects again."""
-    entries: list[Any] = []
-    ids: set[int | None] = set()
-    for item in objects:
-        record = record_from_object(item)
-        entry = {"name": record.pop("name"), "shape": footprint_to_wkt(item.footprint), **record}
-        entries.append(_with_id(entry, item.id, position=len(entries)))
-        ids.add(item.id)
-    for left_out in rejected:
-        entry = left_out.entry
-        if isinstance(entry, Mapping) and "id" not in entry and left_out.position not in ids:
-            entry = _with_id(dict(entry), left_out.position, position=len(entries))
-        entries.append(entry)
-    return write_yaml(entries)
+    """Return a semantic YAML file; `parse_objects` gives exactly the same objects again.
+
+    Args:
+        objects: with ids.
+        rejected: entries that could not be read.
+    """
+    return dump_table(ObjectTable.of(list(objects)), rejected)
 
 
 def _object(entry: Any) -> SemanticObject:
@@ -142,8 +150,3 @@ def _rejected(position: int, entry: Any, reason: str, taken: Container[int]) -> 
 def _claimed_id(entry: Any) -> int | None:
     claim = entry.get("id") if isinstance(entry, Mapping) else None
     return claim if type(claim) is int and 0 <= claim <= MAX_ID else None
-
-
-def _with_id(entry: dict[str, Any], number: int | None, position: int) -> dict[str, Any]:
-    """Return an entry that names its id where the position does not tell it."""
-    return entry if number == position else {**entry, "id": number}

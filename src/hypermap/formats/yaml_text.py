@@ -7,7 +7,7 @@ drop the first of two equal keys silently, and the C one overflows its stack on 
 from __future__ import annotations
 
 import datetime
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Mapping
 from pathlib import PurePath
 from typing import Any
 
@@ -31,6 +31,7 @@ _SCALARS: dict[str, Callable[[yaml.ScalarNode], Any]] = {
     f"{_TAG}binary": _construct.construct_yaml_binary,
     f"{_TAG}timestamp": _construct.construct_yaml_timestamp,
 }
+_implicit: Any = yaml.resolver.Resolver()
 _AS_TEXT = (f"{_TAG}str", f"{_TAG}merge", f"{_TAG}value")
 _PLAIN_COLLECTIONS = (None, "!", f"{_TAG}seq", f"{_TAG}map")
 
@@ -88,9 +89,22 @@ def write_yaml(value: Any) -> bytes:
         width=2**31 - 1,
     )
     content = str(dumped).encode()
-    if len(content) > limits.MAX_YAML_BYTES or _count(plain) > limits.MAX_YAML_VALUES:
+    if len(content) > limits.MAX_YAML_BYTES or count_values(plain) > limits.MAX_YAML_VALUES:
         raise HypermapError(f"{len(content)} bytes of YAML are too large to be read again")
     return content
+
+
+def plain_scalar(text: str) -> Any:
+    """Return what a word or number means where it stands without quotes and tag.
+
+    Raises:
+        ValueError: If it looks like a value, but is none.
+
+    >>> plain_scalar("no"), plain_scalar("010"), plain_scalar("0.5"), plain_scalar("a 1")
+    (False, 8, 0.5, 'a 1')
+    """
+    tag: str = _implicit.resolve(yaml.ScalarNode, text, (True, False))
+    return _scalar_value(text, tag)
 
 
 def plain_value(value: Any, place: str = "the value", depth: int = 0) -> Any:
@@ -113,6 +127,13 @@ def plain_value(value: Any, place: str = "the value", depth: int = 0) -> Any:
     return _plain_scalar(value, place)
 
 
+def count_values(plain: Any) -> int:
+    """Return how many values a reader of such plain values would count."""
+    if isinstance(plain, dict):
+        return 1 + sum(map(count_values, plain.values()))
+    return 1 + sum(map(count_values, plain)) if isinstance(plain, list) else 1
+
+
 def _plain_scalar(value: Any, place: str) -> Any:
     if value is None or isinstance(value, bool | bytes | datetime.date):
         return value
@@ -125,13 +146,6 @@ def _plain_scalar(value: Any, place: str) -> Any:
     if isinstance(value, PurePath):
         return str(value)
     raise TypeError(f"{place} cannot be saved: YAML has no {type(value).__name__}")
-
-
-def _count(plain: Any) -> int:
-    """Return how many values a reader would count."""
-    if isinstance(plain, dict):
-        return 1 + sum(map(_count, plain.values()))
-    return 1 + sum(map(_count, plain)) if isinstance(plain, list) else 1
 
 
 class _PlainDumper(_Dumper):  # type: ignore[misc]  # which of two classes is known only here
@@ -156,7 +170,7 @@ class _Reader:
 
     def __init__(self, loader: Any, path: str, text_at: frozenset[tuple[str, ...]]) -> None:
         self._loader = loader
-        self._events = _events(loader)
+        self._events = iter(loader.get_event, None)
         self._path = path
         self._text_at = text_at
         self._values = 0
@@ -216,19 +230,18 @@ class _Reader:
 
     def _scalar(self, event: Any, as_text: bool) -> Any:
         tag = event.tag
+        if tag is None and (as_text or not event.implicit[0]):  # in quotes
+            return event.value
         if tag is None or tag == "!":
             tag = self._loader.resolve(yaml.ScalarNode, event.value, event.implicit)
-        if tag in _AS_TEXT or (as_text and tag in _SCALARS):
+        if as_text and tag in _SCALARS:
             return event.value
-        if tag not in _SCALARS:
+        if tag not in _AS_TEXT and tag not in _SCALARS:
             raise self._error(event, f"the tag {tag} is not allowed")
         try:
-            if tag == f"{_TAG}int" and len(event.value) > limits.MAX_INTEGER_LETTERS:
-                raise ValueError("too long to be written again")
-            return _SCALARS[tag](yaml.ScalarNode(tag, event.value))
-        except (ValueError, OverflowError, KeyError, AttributeError, yaml.YAMLError):
-            kind = tag.removeprefix(_TAG)
-            raise self._error(event, f"{event.value[:40]!r} is not a valid {kind}") from None
+            return _scalar_value(event.value, tag)
+        except ValueError as error:
+            raise self._error(event, str(error)) from None
 
     def _count(self, event: Any, values: int) -> None:
         self._values += values
@@ -239,9 +252,16 @@ class _Reader:
         return FormatError(message, path=self._path, key=f"line {event.start_mark.line + 1}")
 
 
-def _events(loader: Any) -> Iterator[Any]:
-    while loader.check_event():
-        yield loader.get_event()
+def _scalar_value(text: str, tag: str) -> Any:
+    """Return what a text of a known tag means."""
+    if tag in _AS_TEXT:
+        return text
+    try:
+        if tag == f"{_TAG}int" and len(text) > limits.MAX_INTEGER_LETTERS:
+            raise ValueError("too long to be written again")
+        return _SCALARS[tag](yaml.ScalarNode(tag, text))
+    except (ValueError, OverflowError, KeyError, AttributeError, yaml.YAMLError):
+        raise ValueError(f"{text[:40]!r} is not a valid {tag.removeprefix(_TAG)}") from None
 
 
 def _one_line(error: yaml.YAMLError) -> str:
