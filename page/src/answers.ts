@@ -216,12 +216,19 @@ export function findContent(
 }
 
 export function objectContent(object: ObjectDetails): HTMLElement[] {
-  const { area, at, tags, attributes } = object;
+  const { area, at, tags, confidence, existence, first_seen, last_seen } = object;
+  const known: Record<string, unknown> = {
+    existence,
+    confidence: confidence?.length ? confidence : null,
+    first_seen,
+    last_seen,
+    ...object.attributes,
+  };
   const facts: [string, string][] = [
     ["Area", squareMetres(area)],
     ["Middle", `${metres(at[0])}, ${metres(at[1])} m`],
     ...(tags.length ? [["Tags", tags.join(", ")] as [string, string]] : []),
-    ...Object.entries(attributes)
+    ...Object.entries(known)
       .filter(([, value]) => value !== null && value !== undefined && value !== "")
       .map(([key, value]): [string, string] => [heading(key), said(key, value)]),
   ];
@@ -242,5 +249,7 @@ function heading(key: string): string {
 function said(key: string, value: unknown): string {
   if (typeof value === "number")
     return key.endsWith("_seen") ? stamp(value) : trim(value.toFixed(4));
-  return typeof value === "string" ? value : JSON.stringify(value);
+  if (typeof value === "string") return value;
+  if (!Array.isArray(value) || value.length === 0) return JSON.stringify(value);
+  return value.map((one: unknown) => said("", one)).join(", ");
 }

@@ -2,6 +2,7 @@
 
 import { areaContent, areaSummary, findContent, objectContent, pointContent } from "./answers";
 import { complain, el } from "./dom";
+import { BehindSection } from "./evidence";
 import { metres, plural, rounded } from "./format";
 import { fromBase } from "./frames";
 import type { MapView } from "./mapview";
@@ -23,13 +24,16 @@ export class Ask {
   actions: (object: ObjectDetails) => HTMLElement | null = () => null;
   private last: (() => Promise<void>) | null = null;
   private turn = 0;
+  private readonly behind: BehindSection;
 
   constructor(
     private readonly view: MapView,
     private readonly source: DataSource,
     private readonly panel: Panel,
     private readonly context: Context,
-  ) {}
+  ) {
+    this.behind = new BehindSection(view, source);
+  }
 
   point(place: Point): void {
     this.run(async (isCurrent) => {
@@ -37,7 +41,7 @@ export class Ask {
       const asked = rounded(fromBase(frame, place));
       const answer = await this.source.at(asked, frame.frame_id);
       if (!isCurrent()) return;
-      this.view.clearMarks();
+      this.clear();
       this.place = place;
       this.view.markPlace(place);
       const objects = answer.layers.flatMap((layer) => layer.objects);
@@ -58,7 +62,7 @@ export class Ask {
       const asked = ring.map((point) => rounded(fromBase(frame, point)));
       const answer = await this.source.area(asked, frame.frame_id);
       if (!isCurrent()) return;
-      this.view.clearMarks();
+      this.clear();
       this.view.markArea(ring);
       this.panel.show({
         title: "In this area",
@@ -81,7 +85,7 @@ export class Ask {
       const answer = await this.source.find(name, rounded(place ?? this.view.center), MOST_FOUND);
       if (!isCurrent()) return;
       const { rows } = answer;
-      this.view.clearMarks();
+      this.clear();
       this.view.markPlace(place);
       this.view.markMatches(rows.map(({ x, y }) => [x, y]));
       const total = answer.total ?? rows.length;
@@ -107,6 +111,7 @@ export class Ask {
       if (!isCurrent()) return;
       this.view.markMatches([]);
       this.view.markChosen(object.polygons);
+      const behind = this.hasEvidence(layer) ? this.behind.of(object) : null;
       this.panel.show({
         title: object.name,
         summary: `Object ${id} of ${layer}`,
@@ -131,10 +136,17 @@ export class Ask {
             }),
             this.actions(object),
           ),
+          behind,
         ],
       });
       if (fly) this.view.flyTo(object.at, Math.sqrt(object.area));
     });
+  }
+
+  /** Layers of objects can have evidence; those that another kind of layer draws have none. */
+  private hasEvidence(layer: string): boolean {
+    const { layers } = this.context.info;
+    return layers.find(({ name }) => name === layer)?.class_name === "SemanticLayer";
   }
 
   /** Flies to a match; the list of matches stays. */
@@ -154,6 +166,11 @@ export class Ask {
     this.turn++;
     this.last = null;
     this.place = null;
+    this.clear();
+  }
+
+  private clear(): void {
+    this.behind.close();
     this.view.clearMarks();
   }
 

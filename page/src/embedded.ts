@@ -13,6 +13,7 @@ import {
   type Download,
   type EmbeddedMap,
   type EmbeddedShape,
+  type Evidence,
   type Extent,
   type FindAnswer,
   type Frame,
@@ -147,6 +148,21 @@ export class EmbeddedSource implements DataSource {
       tags: tagsOf(tags),
       attributes,
     };
+  }
+
+  async evidence(layer: string, id: number): Promise<Evidence> {
+    const known = this.blob.evidence?.[layer]?.[id];
+    const object = await this.object(layer, id);
+    return (
+      known ?? {
+        first_seen: numberOf(object.attributes["first_seen"]),
+        last_seen: numberOf(object.attributes["last_seen"]),
+        seen: 0,
+        reason: "This file holds no evidence behind this object.",
+        observations: [],
+        fused: [],
+      }
+    );
   }
 
   private objects(layer: string): EmbeddedShape[] {

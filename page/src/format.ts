@@ -46,6 +46,16 @@ export function stamp(seconds: number | null): string {
   return new Date(seconds * 1000).toISOString().replace("T", " ").slice(0, 19);
 }
 
+/** Seconds as a clock shows them: 1:05.3; without tenths from an hour on. */
+export function clock(seconds: number): string {
+  const tenths = Math.round(Math.max(0, seconds) * 10);
+  const [hours, minutes] = [Math.floor(tenths / 36000), Math.floor(tenths / 600) % 60];
+  const rest = (tenths % 600) / 10;
+  const two = (n: number) => String(Math.floor(n)).padStart(2, "0");
+  if (hours) return `${hours}:${two(minutes)}:${two(rest)}`;
+  return `${minutes}:${rest.toFixed(1).padStart(4, "0")}`;
+}
+
 const COLUMNS = [
   "layer",
   "id",

@@ -12,6 +12,7 @@ import VectorLayer from "ol/layer/Vector.js";
 import Projection from "ol/proj/Projection.js";
 import type ImageTile from "ol/source/ImageTile.js";
 import VectorSource from "ol/source/Vector.js";
+import { EvidenceLayer, type Behind } from "./evidencelayer";
 import { GridLines } from "./gridlines";
 import { areaLook, chosenLook, matchLook, placeLook } from "./looks";
 import type { Place } from "./place";
@@ -41,6 +42,10 @@ const FINEST = 0.0001;
 const COARSEST = 100;
 /** How far from a panel a marked place should lie [pixels]. */
 const EDGE = 30;
+/** A part that fills so much of the view is large enough to be looked at. */
+const SEEN_WELL = 0.25;
+/** Around a part that is looked at, in its own sizes. */
+const MARGIN = 0.5;
 /** Shapes are asked for at most so often while the map moves [ms]. */
 const PAUSE = 150;
 
@@ -48,6 +53,7 @@ export class MapView {
   readonly map: OpenLayersMap;
   readonly layers = new Map<string, ShownLayer>();
   readonly grid: GridLines;
+  private readonly evidence: EvidenceLayer;
   readonly frames = new FramesLayer();
   private readonly projection = new Projection({ code: "metres", units: "m", global: false });
   private readonly marks = {
@@ -88,6 +94,7 @@ export class MapView {
       layers: [this.grid, this.frames.layer, ...Object.values(this.marks)],
       keyboardEventTarget: target,
     });
+    this.evidence = new EvidenceLayer(this.map);
     this.view.on("change", () => this.later());
     this.map.on("change:size", () => this.later());
   }
@@ -198,6 +205,22 @@ export class MapView {
     });
   }
 
+  /** Shows a part of the map well: it is not moved if that part is in view and large enough. */
+  frame([x0, y0, x1, y1]: Extent): void {
+    const size = this.map.getSize();
+    if (!size) return;
+    const { top, right, bottom, left } = this.insets();
+    const [width, height] = [size[0] - left - right, size[1] - top - bottom];
+    const [column0, row0] = this.map.getPixelFromCoordinate([x0, y1]) ?? [-1, -1];
+    const [column1, row1] = this.map.getPixelFromCoordinate([x1, y0]) ?? [-1, -1];
+    const isInView =
+      column0 >= left && column1 <= left + width && row0 >= top && row1 <= top + height;
+    const share = Math.max((column1 - column0) / width, (row1 - row0) / height);
+    if (isInView && share > SEEN_WELL) return;
+    const [dx, dy] = [(x1 - x0) * MARGIN, (y1 - y0) * MARGIN];
+    this.fit([x0 - dx, y0 - dy, x1 + dx, y1 + dy]);
+  }
+
   /** Moves the map a little if a place would lie under a panel. */
   reveal(place: Point): void {
     const pixel = this.map.getPixelFromCoordinate(place);
@@ -222,6 +245,7 @@ export class MapView {
     this.grid.changed();
     this.frames.layer.setVisible(settings.frames);
     this.frames.restyle();
+    this.evidence.restyle();
     this.marks.place.setStyle(placeLook());
     this.marks.area.setStyle(areaLook());
     this.marks.chosen.setStyle(chosenLook());
@@ -252,6 +276,13 @@ export class MapView {
       return feature;
     });
     setMarks(this.marks.matches, features);
+  }
+
+  /** Draws what is behind an object, and the rest of the map fainter; null for nothing. */
+  lookBehind(behind: Behind | null): void {
+    if (behind) this.evidence.show(behind);
+    else this.evidence.clear();
+    this.marks.place.setVisible(behind === null);
   }
 
   clearMarks(): void {

@@ -7,6 +7,7 @@ import {
   type DataSource,
   type Download,
   type Editing,
+  type Evidence,
   type Extent,
   type FindAnswer,
   type MapInfo,
@@ -84,6 +85,10 @@ export class ServerSource implements DataSource, Editing {
     return this.get(`/api/objects/${encodeURIComponent(layer)}/${id}`, {});
   }
 
+  evidence(layer: string, id: number): Promise<Evidence> {
+    return this.get(`/api/objects/${encodeURIComponent(layer)}/${id}/evidence`, {});
+  }
+
   edit(version: number, operations: Operation[]): Promise<Change> {
     return this.post("/api/edit", { version, operations });
   }
@@ -147,7 +152,7 @@ function address(path: string, values: Values): string {
   return `${path}?${query}`;
 }
 
-async function ask(url: string, options: RequestInit): Promise<Response> {
+export async function ask(url: string, options: RequestInit): Promise<Response> {
   let answer: Response;
   try {
     answer = await fetch(url, options);

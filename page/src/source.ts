@@ -155,7 +155,53 @@ export interface ObjectDetails {
   polygons: Polygon[];
   wkt: string;
   tags: string[];
+  /** One number per tag. */
+  confidence?: number[];
+  existence?: number | null;
+  first_seen?: number | null;
+  last_seen?: number | null;
   attributes: Record<string, unknown>;
+}
+
+/** One look at an object. */
+export interface Seen {
+  /** Seconds. */
+  stamp: number;
+  /** The detector's, 0 to 1. */
+  score: number;
+  polygons: Polygon[];
+  /** Square metres. */
+  area: number;
+  camera: Point;
+  /** Where the camera looked [rad]. */
+  yaw: number;
+  /** From the camera to the shape. */
+  distance: number;
+}
+
+/** What one method makes of all looks at an object. */
+export interface Fused {
+  method: string;
+  /** Whether the map's shapes were made by it. */
+  is_own: boolean;
+  area: number;
+  /** Jaccard index with the shape in the map. */
+  jaccard: number;
+  polygons: Polygon[];
+}
+
+/** What is behind an object. */
+export interface Evidence extends Partial<Spelled> {
+  first_seen: number | null;
+  last_seen: number | null;
+  /** How often it was seen; older observations may not be kept. */
+  seen: number;
+  /** The first stamp of all that is kept in the layer. */
+  start?: number;
+  /** Why there are no observations. */
+  reason?: string;
+  observations: Seen[];
+  fused: Fused[];
 }
 
 export interface Operation {
@@ -219,6 +265,7 @@ export interface Questions {
   download(kind: Download, ring: Ring, frame: string): Promise<Blob>;
   find(name: string, near: Point, limit: number): Promise<FindAnswer>;
   object(layer: string, id: number): Promise<ObjectDetails>;
+  evidence(layer: string, id: number): Promise<Evidence>;
 }
 
 export interface Editing {
@@ -243,6 +290,8 @@ export interface EmbeddedMap {
   map: MapInfo;
   rasters: Record<string, EmbeddedRaster>;
   shapes: Record<string, EmbeddedShape[]>;
+  /** By layer and id. */
+  evidence?: Record<string, Record<string, Evidence>>;
 }
 
 export interface EmbeddedRaster {

@@ -1,0 +1,212 @@
+/** The section of an object's panel that looks behind it: when and how it was seen, and its shape
+ * by other methods. */
+
+import { complain, el, icon, iconButton } from "./dom";
+import { lookOf } from "./evidencelooks";
+import { clock, metres, squareMetres } from "./format";
+import { extentOf } from "./geometry";
+import type { MapView } from "./mapview";
+import { cameraSample, lineSample, looksSample } from "./samples";
+import type { DataSource, Evidence, Extent, ObjectDetails } from "./source";
+import { timeline } from "./timeline";
+
+export class BehindSection {
+  /** The object that is looked behind; it stays so while its panel is drawn anew. */
+  private key: string | null = null;
+  private chosen: number | null = null;
+  private readonly hidden = new Set<string>();
+
+  constructor(
+    private readonly view: MapView,
+    private readonly source: DataSource,
+  ) {}
+
+  /** Puts everything away. */
+  close(): void {
+    this.key = null;
+    this.view.lookBehind(null);
+  }
+
+  /** The section for an object; it is open if the object was looked behind already. */
+  of(object: ObjectDetails): HTMLElement {
+    const key = `${object.layer} ${object.id}`;
+    if (this.key !== key) this.close();
+    const body = el("div", { class: "behind-body", hidden: true });
+    const opener = el(
+      "button",
+      { type: "button", class: "opener", aria: { expanded: "false" } },
+      el("span", { class: "grow", text: "Evidence" }),
+      icon("chevron"),
+    );
+    const toggle = (open: boolean) => {
+      opener.setAttribute("aria-expanded", String(open));
+      body.hidden = !open;
+      if (!open) {
+        this.close();
+        this.view.markChosen(object.polygons);
+        return;
+      }
+      if (this.key !== key) this.chosen = null;
+      this.key = key;
+      void this.fill(body, object, key).catch(complain);
+    };
+    opener.onclick = () => toggle(body.hidden);
+    if (this.key === key) toggle(true);
+    return el("section", { class: "behind" }, opener, body);
+  }
+
+  private async fill(body: HTMLElement, object: ObjectDetails, key: string): Promise<void> {
+    const evidence = await this.source.evidence(object.layer, object.id);
+    if (this.key !== key || !body.isConnected) return;
+    const { observations, reason } = evidence;
+    if (observations.length === 0) {
+      body.replaceChildren(el("p", { class: "quiet", text: reason ?? "" }));
+      return;
+    }
+    if (this.chosen !== null && this.chosen >= observations.length) this.chosen = null;
+    this.view.markChosen(null);
+    const draw = () => {
+      const { chosen, hidden } = this;
+      this.view.lookBehind({ evidence, inMap: object.polygons, chosen, hidden });
+    };
+    body.replaceChildren(
+      el("p", { class: "quiet", text: summary(evidence) }),
+      this.looks(evidence, draw),
+      this.legend(evidence, object, draw),
+    );
+    draw();
+    body.parentElement?.scrollIntoView({ block: "start" });
+    this.view.frame(around(evidence, object));
+  }
+
+  /** The observations along the time, and the one that is looked at. */
+  private looks(evidence: Evidence, draw: () => void): HTMLElement {
+    const { observations, start = 0 } = evidence;
+    const count = observations.length;
+    const lane = timeline(observations, start, (i) => choose(i));
+    const slider = el("input", { type: "range", aria: { label: "Observation" } });
+    Object.assign(slider, { min: "0", max: String(count), step: "1" });
+    const facts = el("p", { class: "quiet look-facts" });
+    const choose = (i: number | null) => {
+      this.chosen = i;
+      slider.value = String(i === null ? 0 : i + 1);
+      lane.choose(i);
+      facts.replaceChildren(...factsOf(evidence, i));
+      draw();
+    };
+    const step = (by: number) => {
+      const next = (this.chosen ?? -1) + by;
+      choose(next < 0 || next >= count ? null : next);
+    };
+    slider.oninput = () => choose(slider.value === "0" ? null : Number(slider.value) - 1);
+    const back = () => (this.chosen === null ? choose(count - 1) : step(-1));
+    const stepper = el(
+      "div",
+      { class: "stepper" },
+      iconButton("chevron", "The observation before", back, { class: "back" }),
+      slider,
+      iconButton("chevron", "The next observation", () => step(1)),
+    );
+    const section = el("div", { class: "looks" }, lane.element, stepper, facts);
+    slider.value = String(this.chosen === null ? 0 : this.chosen + 1);
+    lane.choose(this.chosen);
+    facts.replaceChildren(...factsOf(evidence, this.chosen));
+    return section;
+  }
+
+  /** What is drawn, to be switched on and off: a legend at the same time. */
+  private legend(evidence: Evidence, object: ObjectDetails, draw: () => void): HTMLElement {
+    const row = (key: string, sample: Element, title: string, about: string, ...said: string[]) => {
+      const box = el("input", { type: "checkbox" });
+      box.checked = !this.hidden.has(key);
+      box.onchange = () => {
+        if (box.checked) this.hidden.delete(key);
+        else this.hidden.add(key);
+        draw();
+      };
+      const texts = said.map((text) => el("span", { class: "quiet", text }));
+      const label = el(
+        "label",
+        { title: about },
+        box,
+        sample,
+        el("span", { text: title }),
+        ...texts,
+      );
+      return el("li", { data: { outline: key } }, label);
+    };
+    const line = (method: string, ...said: string[]) => {
+      const { title, about } = lookOf(method);
+      return row(method, lineSample(method), title, about, ...said);
+    };
+    return el(
+      "div",
+      {},
+      el(
+        "ul",
+        { class: "outlines parts" },
+        row("seen", looksSample(), "Seen shapes", "The surer the detector, the stronger"),
+        row("cameras", cameraSample(), "Cameras", "From where it was seen"),
+      ),
+      el("h3", { text: "Its shape by each method" }),
+      el(
+        "ul",
+        { class: "outlines" },
+        line("in_map", squareMetres(object.area), ""),
+        ...evidence.fused.map(({ method, area, jaccard }) =>
+          line(method, squareMetres(area), alike(jaccard)),
+        ),
+      ),
+      el("p", { class: "quiet", text: explained(evidence) }),
+    );
+  }
+}
+
+const alike = (jaccard: number): string =>
+  jaccard > 0.9995 ? "the same" : `${Math.min(99, Math.round(100 * jaccard))} % alike`;
+
+function explained({ fused }: Evidence): string {
+  const own = fused.find(({ is_own }) => is_own);
+  const made = own ? ` This map was made by: ${lookOf(own.method).title.toLowerCase()}.` : "";
+  return `Alike: the area shared with the shape in the map, over that of both together.${made}`;
+}
+
+function summary({ observations, seen, start, first_seen, last_seen }: Evidence): string {
+  const kept = observations.length;
+  const times =
+    seen > kept ? `Seen ${seen} times; the newest ${kept} are kept` : `Seen ${often(kept)}`;
+  if (start === undefined || first_seen === null || last_seen === null) return `${times}.`;
+  const [first, last] = [clock(first_seen - start), clock(last_seen - start)];
+  return `${times}, first at ${first}, last at ${last} of the recording.`;
+}
+
+const often = (n: number): string => (n === 1 ? "once" : n === 2 ? "twice" : `${n} times`);
+
+function factsOf({ observations, start = 0 }: Evidence, i: number | null): (Node | string)[] {
+  const count = observations.length;
+  if (i === null) {
+    const scores = observations.map(({ score }) => score);
+    const mean = scores.reduce((sum, score) => sum + score, 0) / count;
+    return [
+      el("strong", { text: count === 1 ? "The one observation" : `All ${count} observations` }),
+      el("br"),
+      `mean score ${mean.toFixed(2)}; choose one to see it alone`,
+    ];
+  }
+  const { stamp, score, distance, area } = observations[i];
+  return [
+    el("strong", { text: `Observation ${i + 1} of ${count}` }),
+    ` at ${clock(stamp - start)}`,
+    el("br"),
+    `score ${score.toFixed(2)}, from ${metres(distance, 0.1)} m away, ${squareMetres(area)}`,
+  ];
+}
+
+/** The box around the object and all that was seen of it. */
+function around({ observations, fused }: Evidence, { polygons }: ObjectDetails): Extent {
+  return extentOf([
+    ...polygons,
+    ...observations.flatMap((one) => one.polygons),
+    ...fused.flatMap((one) => one.polygons),
+  ]);
+}
