@@ -99,7 +99,7 @@ def _observations(table: EvidenceTable, base_T_layer: Pose2D) -> list[dict[str, 
 def _compared(
     fused: dict[str, BaseGeometry], footprint: BaseGeometry, own: str | None, base_T_layer: Pose2D
 ) -> list[dict[str, Any]]:
-    """Return what the methods make of the evidence, beside the map's shape."""
+    """Return what the methods make of the evidence, that of the map first."""
     shapes = valid_copies(as_objects(fused.values()))
     (in_map,) = valid_copies(as_objects([footprint]))
     common = shapely.area(shapely.intersection(shapes, in_map))
@@ -107,12 +107,13 @@ def _compared(
     jaccard = np.divide(common, together, out=np.zeros(len(shapes)), where=together > 0)
     outlines = _outlines(shapes, base_T_layer)
     areas = _rounded(shapely.area(shapes)).tolist()
-    return [
+    told = [
         {"method": method, "is_own": method == own, "area": area, "jaccard": index, "polygons": at}
         for method, area, index, at in zip(
             fused, areas, _rounded(jaccard).tolist(), outlines, strict=True
         )
     ]
+    return sorted(told, key=lambda one: not one["is_own"])
 
 
 def _outlines(shapes: ObjectArray, base_T_layer: Pose2D) -> list[Any]:

@@ -15,6 +15,7 @@ from hypermap.core.errors import HypermapError
 from hypermap.core.hypermap import Hypermap
 from hypermap.formats.atomic import write_file
 from hypermap.viewer.live.description import describe_map
+from hypermap.viewer.live.embedded_evidence import embed_evidence
 from hypermap.viewer.live.embedded_raster import MAX_PIXELS, EmbeddedRaster, embed_raster
 from hypermap.viewer.live.embedded_shapes import embed_shapes
 from hypermap.viewer.live.layers import LayerViews
@@ -73,6 +74,7 @@ def _blob(
     """Return what the page reads in place of the server's answers, and notes about it."""
     rasters: dict[str, Any] = {}
     shapes: dict[str, Any] = {}
+    evidence: dict[str, Any] = {}
     notes: list[str] = []
     views = LayerViews()
     for layer in hypermap:
@@ -87,10 +89,14 @@ def _blob(
         embedded = embed_shapes(layer, view.base_T_layer)
         if embedded is not None:
             shapes[layer.name] = embedded
+        behind, note = embed_evidence(hypermap, layer)
+        evidence.update({layer.name: behind} if behind else {})
+        notes += [note] if note else []
     described = describe_map(hypermap, views, is_editable=False)
     still = {"version": 0, "can_undo": False, "can_redo": False, "unsaved": False}
     shown = {"name": map_path.name, "path": map_path.name, **still, **described, "notes": notes}
-    return {"version": 1, "map": shown, "rasters": rasters, "shapes": shapes}, tuple(notes)
+    parts = {"rasters": rasters, "shapes": shapes, "evidence": evidence}
+    return {"version": 1, "map": shown, **parts}, tuple(notes)
 
 
 def _notes(name: str, raster: EmbeddedRaster) -> list[str]:

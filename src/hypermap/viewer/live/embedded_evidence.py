@@ -1,0 +1,42 @@
+"""The evidence behind the objects of a layer, for a page that has no server."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from hypermap.core.errors import HypermapError
+from hypermap.core.hypermap import Hypermap
+from hypermap.core.layer import Layer
+from hypermap.core.semantic import SemanticLayer
+from hypermap.viewer.live.behind import look_behind
+
+MAX_OBSERVATIONS = 20_000
+"""How many observations of a layer a page holds; some five megabytes."""
+
+
+def embed_evidence(
+    hypermap: Hypermap, layer: Layer, most: int = MAX_OBSERVATIONS
+) -> tuple[dict[str, Any], str]:
+    """Return what is behind the objects of a layer by their ids, and a note if it is not all.
+
+    Objects in the order of their ids have theirs, until there are `most` observations.
+    """
+    if not isinstance(layer, SemanticLayer):
+        return {}, ""
+    try:
+        evidence = layer.evidence()
+    except HypermapError as error:
+        return {}, f"layer {layer.name!r} is shown without evidence: {error}"
+    if evidence is None:
+        return {}, ""
+    ids, counts = np.unique(evidence.object_ids, return_counts=True)
+    taken = np.flatnonzero(np.cumsum(counts) <= most)
+    told = {
+        str(number): look_behind(hypermap, layer.name, number) for number in ids[taken].tolist()
+    }
+    left_out = len(ids) - len(taken)
+    if not left_out:
+        return told, ""
+    return told, f"layer {layer.name!r}: the evidence behind {left_out} objects is not in this file"
