@@ -54,7 +54,7 @@ lock:  ## pin all requirements anew
 clean:  ## remove what was made
 	rm -rf .venv .venv-core build dist .coverage coverage.xml page/node_modules src/hypermap/viewer/page
 
-$(PAGE): scripts/page.sh page/build.mjs page/package-lock.json page/tsconfig.json $(wildcard page/src/*)
+$(PAGE): scripts/page.sh page/build.mjs page/package-lock.json page/tsconfig.json $(wildcard page/src/* page/src/*/*)
 	scripts/page.sh
 	touch $@
 

@@ -1,5 +1,5 @@
-// Builds the page into src/hypermap/viewer/page: index.html, app.js, app.css and the licences of
-// what is bundled.
+// Builds the pages into src/hypermap/viewer/page: of a map (index.html, app.js, app.css), of a map
+// being made (run.html, run.js, run.css), and the licences of what is bundled.
 import { build } from "esbuild";
 import { copyFile, mkdir, readFile, readdir, writeFile } from "node:fs/promises";
 import { dirname, join } from "node:path";
@@ -10,7 +10,7 @@ const out = join(here, "..", "src", "hypermap", "viewer", "page");
 
 const { metafile } = await build({
   absWorkingDir: here,
-  entryPoints: { app: "src/main.ts" },
+  entryPoints: { app: "src/main.ts", run: "src/run/main.ts" },
   outdir: out,
   bundle: true,
   minify: true,
@@ -22,6 +22,7 @@ const { metafile } = await build({
 });
 await mkdir(out, { recursive: true });
 await copyFile(join(here, "src", "index.html"), join(out, "index.html"));
+await copyFile(join(here, "src", "run", "index.html"), join(out, "run.html"));
 await writeFile(join(out, "app.licenses.txt"), await licences(Object.values(metafile.outputs)));
 
 /** The licence of each package of which something is in the bundle. */

@@ -107,7 +107,7 @@ class RunApp:
             if heard.beat != self.run.beat:
                 news, heard = self.run.news(heard)
                 told = loop.time()
-                yield b"data: %b\n\n" % json_bytes(news)
+                yield b"data: %b\n\n" % json_bytes({"run": self._id, **news})
             elif loop.time() - told > _STILL_THERE:
                 told = loop.time()
                 yield b": still there\n\n"

@@ -1,0 +1,222 @@
+/** The map as it was at a step: grid, objects, what the frame saw, and the camera's way. */
+
+import Feature from "ol/Feature.js";
+import OpenLayersMap from "ol/Map.js";
+import View from "ol/View.js";
+import { easeOut } from "ol/easing.js";
+import { createEmpty, extend, isEmpty } from "ol/extent.js";
+import LineString from "ol/geom/LineString.js";
+import MultiPolygon from "ol/geom/MultiPolygon.js";
+import PointGeometry from "ol/geom/Point.js";
+import { defaults as defaultInteractions } from "ol/interaction/defaults.js";
+import VectorLayer from "ol/layer/Vector.js";
+import Projection from "ol/proj/Projection.js";
+import VectorSource from "ol/source/Vector.js";
+import { classLook, type ClassLook } from "../looks";
+import type { Extent, Point, Polygon } from "../source";
+import { GridLayer } from "./gridlayer";
+import { cameraLook, footprintLook, observedLook, wayLook } from "./runlooks";
+import type { Sight, Thing, Things } from "./steps";
+
+export interface Insets {
+  top: number;
+  right: number;
+  bottom: number;
+  left: number;
+}
+
+const FINEST = 0.0005;
+const COARSEST = 100;
+const LABEL = 13; // pixels
+const MARGIN = 28; // pixels
+
+export class RunMap {
+  readonly map: OpenLayersMap;
+  /** Until the person moves it, the map follows what is known. */
+  follows = true;
+  private readonly view: View;
+  private readonly grid = new GridLayer();
+  private readonly observed = layer(10);
+  private readonly objects = layer(20);
+  private readonly way = layer(30);
+  private readonly footprints = layer(40);
+  private readonly camera = layer(50);
+  private readonly labels = layer(60, true);
+  private colors: Record<string, string> = {};
+  private readonly looks = new Map<string, ClassLook>();
+  private extent: Extent | null = null;
+
+  constructor(
+    target: HTMLElement,
+    private readonly insets: () => Insets,
+  ) {
+    this.view = new View({
+      projection: new Projection({ code: "metres", units: "m", global: false }),
+      center: [0, 0],
+      resolution: 0.02,
+      minResolution: FINEST,
+      maxResolution: COARSEST,
+      enableRotation: false,
+      multiWorld: true,
+    });
+    this.map = new OpenLayersMap({
+      target,
+      view: this.view,
+      controls: [],
+      // The arrow keys go through the run.
+      interactions: defaultInteractions({
+        altShiftDragRotate: false,
+        pinchRotate: false,
+        keyboard: false,
+      }),
+      layers: [
+        this.grid,
+        this.observed,
+        this.objects,
+        this.way,
+        this.footprints,
+        this.camera,
+        this.labels,
+      ],
+    });
+    const taken = () => (this.follows = false);
+    target.addEventListener("wheel", taken, { passive: true });
+    this.map.on("pointerdrag", taken);
+    this.objects.setStyle((feature) => this.lookOf(feature as Feature).shape);
+    this.labels.setStyle((feature) => this.lookOf(feature as Feature).label ?? undefined);
+    this.map.on("change:size", () => this.follow(false));
+  }
+
+  setColors(colors: Record<string, string>): void {
+    this.colors = colors;
+    this.renewLooks();
+  }
+
+  restyle(): void {
+    this.renewLooks();
+    this.observed.setStyle(observedLook());
+    this.way.setStyle((feature) => wayLook(feature.get("ahead") as boolean));
+    this.footprints.setStyle((feature) => footprintLook(feature.get("color") as string));
+    this.camera.setStyle((feature) =>
+      cameraLook(feature.get("yaw") as number | null, feature.get("width") as number),
+    );
+  }
+
+  showGrid(picture: HTMLImageElement, extent: Extent): void {
+    this.grid.show(picture, extent);
+  }
+
+  /** Shows a step: what its frame saw, the objects then, and the way up to it. */
+  show(sight: Sight, things: Things, places: Point[], position: number): void {
+    fill(this.observed, [shape(sight.observed)]);
+    const objects = [...things.values()].sort((a, b) => areaOf(b) - areaOf(a)).map(featureOf);
+    fill(this.objects, objects);
+    fill(this.labels, objects);
+    fill(this.way, [way(places.slice(position), true), way(places.slice(0, position + 1), false)]);
+    fill(
+      this.footprints,
+      sight.detections
+        .filter(({ footprint }) => footprint.length)
+        .map(({ footprint, name }) => shape(footprint, { color: this.colors[name] ?? "#808080" })),
+    );
+    const { x, y, yaw, width } = sight.camera;
+    const eye = new Feature(new PointGeometry([x, y]));
+    eye.setProperties({ yaw, width });
+    fill(this.camera, [eye]);
+    this.setExtent(sight, things);
+  }
+
+  /** The object under a pixel of the map. */
+  at(pixel: number[]): Thing | null {
+    const options = { layerFilter: (one: unknown) => one === this.objects };
+    const feature = this.map.forEachFeatureAtPixel(pixel, (found) => found as Feature, options);
+    return (feature?.get("thing") as Thing | undefined) ?? null;
+  }
+
+  fit(animate = true): void {
+    const { top, right, bottom, left } = this.insets();
+    this.view.fit(this.extent ?? [-3, -3, 3, 3], {
+      padding: [top + MARGIN, right + MARGIN, bottom + MARGIN, left + MARGIN],
+      minResolution: 0.002,
+      duration: animate && !calm() ? 350 : 0,
+      easing: easeOut,
+    });
+  }
+
+  get resolution(): number {
+    return this.view.getResolution() ?? 1;
+  }
+
+  private renewLooks(): void {
+    this.looks.clear();
+    this.objects.changed();
+    this.labels.changed();
+  }
+
+  private setExtent(sight: Sight, things: Things): void {
+    const known = createEmpty();
+    if (sight.grid) extend(known, sight.grid.extent);
+    for (const { polygons } of things.values())
+      extend(known, new MultiPolygon(polygons).getExtent());
+    const { x, y } = sight.camera;
+    extend(known, [x, y, x, y]);
+    if (isEmpty(known)) extend(known, [x - 1, y - 1, x + 1, y + 1]);
+    const isFirst = this.extent === null;
+    const before = this.extent?.join();
+    this.extent = known as Extent;
+    if (before !== this.extent.join()) this.follow(!isFirst);
+  }
+
+  private follow(animate: boolean): void {
+    if (this.follows) this.fit(animate);
+  }
+
+  private lookOf(feature: Feature): ClassLook {
+    const name = feature.get("name") as string;
+    let look = this.looks.get(name);
+    if (!look) {
+      look = classLook(name, this.colors[name] ?? "#808080", LABEL);
+      this.looks.set(name, look);
+    }
+    return look;
+  }
+}
+
+const calm = (): boolean => window.matchMedia("(prefers-reduced-motion: reduce)").matches;
+
+function layer(zIndex: number, declutter = false): VectorLayer<VectorSource> {
+  return new VectorLayer({
+    source: new VectorSource(),
+    zIndex,
+    declutter,
+    updateWhileAnimating: true,
+    updateWhileInteracting: true,
+  });
+}
+
+function fill(to: VectorLayer<VectorSource>, features: Feature[]): void {
+  to.getSource()?.clear(true);
+  to.getSource()?.addFeatures(features);
+}
+
+function shape(polygons: Polygon[], properties: Record<string, unknown> = {}): Feature {
+  const feature = new Feature(new MultiPolygon(polygons));
+  feature.setProperties(properties);
+  return feature;
+}
+
+function way(places: Point[], ahead: boolean): Feature {
+  const feature = new Feature(new LineString(places));
+  feature.set("ahead", ahead);
+  return feature;
+}
+
+function featureOf(thing: Thing): Feature {
+  const geometry = new MultiPolygon(thing.polygons);
+  const feature = new Feature(geometry);
+  const middle = geometry.getInteriorPoints().getFirstCoordinate() ?? [0, 0];
+  feature.setProperties({ name: thing.name, at: new PointGeometry(middle.slice(0, 2)), thing });
+  return feature;
+}
+
+const areaOf = ({ polygons }: Thing): number => new MultiPolygon(polygons).getArea();

@@ -1,0 +1,163 @@
+/** The steps of a run and the objects of the map at one of them; nothing here draws or asks. */
+
+import type { Extent, Point, Polygon } from "../source";
+
+export type State = "mapping" | "saved" | "failed";
+
+/** What became of the frames so far. */
+export interface Counts {
+  used: number;
+  skipped: number;
+  unusable: number;
+}
+
+/** What the server tells whenever something has happened. */
+export interface News {
+  /** Of which run; the same address may be another one's later. */
+  run: string;
+  state: State;
+  message: string;
+  /** Frames of the recording, at most. */
+  total: number;
+  /** Frames so far. */
+  done: number;
+  /** In the map. */
+  objects: number;
+  counts: Counts;
+  /** Of so many mapped frames one is kept. */
+  stride: number;
+  /** Class name -> color. */
+  colors?: Record<string, string>;
+  steps: {
+    /** Position of the first of these; what was known from there on is replaced. */
+    first: number;
+    numbers: number[];
+    stamps: number[];
+    places: Point[];
+    objects: number[];
+  };
+}
+
+export interface Detection {
+  name: string;
+  /** 0..1 */
+  score: number;
+  /** x0, y0, x1, y1 in pixels of the picture. */
+  box: Extent | null;
+  /** Its segment: column, row and length of each run of pixels. */
+  runs: number[];
+  footprint: Polygon[];
+}
+
+/** What one frame saw. */
+export interface Sight {
+  number: number;
+  stamp: number;
+  picture: { width: number; height: number; kind: "color" | "depth" };
+  detections: Detection[];
+  observed: Polygon[];
+  /** Angles in radians; no yaw where it looks up or down. */
+  camera: { x: number; y: number; yaw: number | null; width: number };
+  grid: { number: number; extent: Extent } | null;
+}
+
+export interface Thing {
+  id: number;
+  name: string;
+  existence: number;
+  /** How many observations there were of it. */
+  evidence: number;
+  polygons: Polygon[];
+}
+
+export type Things = Map<number, Thing>;
+
+/** What makes the objects at one step of those at another. */
+export interface Changes {
+  /** Number of the other step; null: of none. */
+  since: number | null;
+  set: [number, string, number, number, Polygon[]][];
+  existence: [number, number][];
+  gone: number[];
+}
+
+/** The objects after changes; those before stay as they are. */
+export function changedBy(things: Things, { since, set, existence, gone }: Changes): Things {
+  const after: Things = since === null ? new Map() : new Map(things);
+  for (const id of gone) after.delete(id);
+  for (const [id, name, value, evidence, polygons] of set) {
+    after.set(id, { id, name, existence: value, evidence, polygons });
+  }
+  for (const [id, value] of existence) {
+    const thing = after.get(id);
+    if (thing) after.set(id, { ...thing, existence: value });
+  }
+  return after;
+}
+
+/** The classes of objects and how many there are of each, the commonest first. */
+export function countsOf(things: Things): [string, number][] {
+  const counts = new Map<string, number>();
+  for (const { name } of things.values()) counts.set(name, (counts.get(name) ?? 0) + 1);
+  return [...counts].sort(([a, m], [b, n]) => n - m || (a < b ? -1 : 1));
+}
+
+/** The steps that the server keeps, oldest first. */
+export class Steps {
+  numbers: number[] = [];
+  stamps: number[] = [];
+  places: Point[] = [];
+  objects: number[] = [];
+
+  get length(): number {
+    return this.numbers.length;
+  }
+
+  take({ first, numbers, stamps, places, objects }: News["steps"]): void {
+    this.numbers = [...this.numbers.slice(0, first), ...numbers];
+    this.stamps = [...this.stamps.slice(0, first), ...stamps];
+    this.places = [...this.places.slice(0, first), ...places];
+    this.objects = [...this.objects.slice(0, first), ...objects];
+  }
+
+  /** The position of the newest step that is not newer than a frame; 0 if all are. */
+  positionOf(number: number): number {
+    let [low, high] = [0, this.numbers.length];
+    while (low < high) {
+      const middle = (low + high) >> 1;
+      if (this.numbers[middle] <= number) low = middle + 1;
+      else high = middle;
+    }
+    return Math.max(0, low - 1);
+  }
+
+  /** Seconds since the first step. */
+  secondsAt(position: number): number {
+    return (this.stamps[position] ?? 0) - (this.stamps[0] ?? 0);
+  }
+}
+
+/** A longer pause of the recording is not waited for [s]. */
+const LONGEST_PAUSE = 1;
+
+/**
+ * Where playing has come to.
+ * @param stamps of the steps [s]
+ * @param from position
+ * @param time that has passed since, in the recording [s]
+ * @returns the position, and the time that is left over
+ */
+export function advanced(
+  stamps: number[],
+  from: number,
+  time: number,
+): { position: number; left: number } {
+  let [position, left] = [from, time];
+  while (position + 1 < stamps.length) {
+    const pause = Math.min(LONGEST_PAUSE, Math.max(0, stamps[position + 1] - stamps[position]));
+    if (pause > left) return { position, left };
+    left -= pause;
+    position += 1;
+  }
+  return { position, left: 0 };
+}
