@@ -97,6 +97,10 @@ def command(
         Path | None,
         typer.Option(metavar="FILE", readable=False, help="YAML with settings that differ."),
     ] = None,
+    evidence: Annotated[
+        bool,
+        typer.Option(help="Keep what was seen of each object, to look behind it in `view`."),
+    ] = True,
     view: View = False,
     port: Port = None,
     browser: Browser = True,
@@ -136,6 +140,8 @@ def command(
             hypermap, is_whole = _make_map(
                 recording, source, settings, occupancy, frames, stop, watched
             )
+            if not evidence:
+                _forget_evidence(hypermap)
             save_map(hypermap, output)
         _summarize(hypermap, output)
         part = "" if is_whole else "the map of a part of the recording: Ctrl-C ended it early"
@@ -227,6 +233,14 @@ def _make_map(
         f"{counts['unusable']} unusable"
     )
     return hypermap, not stoppable.ended_early
+
+
+def _forget_evidence(hypermap: Hypermap) -> None:
+    from hypermap.core.semantic import SemanticLayer
+
+    for layer in hypermap:
+        if isinstance(layer, SemanticLayer):
+            layer.kept_evidence = None
 
 
 def _summarize(hypermap: Hypermap, output: Path) -> None:
