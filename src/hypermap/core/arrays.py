@@ -52,3 +52,8 @@ def as_objects(items: Iterable[Any]) -> ObjectArray:
     (2,)
     """
     return np.fromiter(items, dtype=object)
+
+
+def as_view(array: NDArray[Any]) -> memoryview[Any]:
+    """Return numbers, shape (N,), so that single ones are read several times faster."""
+    return memoryview(np.ascontiguousarray(array))  # type: ignore[arg-type]  # numpy's stubs

@@ -250,7 +250,8 @@ class Hypermap:
             [
                 self._placed(place)
                 for place in self._semantic_layers()
-                if only in (None, place) or anchors.intersection(place.names)
+                if only in (None, place)
+                or any(len(place.snapshot.rows_of(name)) for name in anchors)
             ]
         )
         asked = None
@@ -274,7 +275,7 @@ class Hypermap:
         return [layer for layer in self._layers.values() if isinstance(layer, SemanticLayer)]
 
     def _placed(self, layer: SemanticLayer) -> PlacedLayer:
-        return PlacedLayer(layer.name, *layer.indexed, self._pose_of(layer))
+        return PlacedLayer(layer.name, layer.snapshot, self._pose_of(layer))
 
     def _anchors(
         self, layers: PlacedLayers, what: str | BaseGeometry | ArrayLike, frame_id: str | None

@@ -13,8 +13,8 @@ from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.arrays import BoolArray, IntArray, ObjectArray, as_objects
 from hypermap.core.frames import Pose2D
-from hypermap.core.objects import ObjectTable, SemanticObject
-from hypermap.core.shape_index import ShapeIndex
+from hypermap.core.objects import SemanticObject
+from hypermap.core.snapshot import Snapshot
 
 NO_OBJECT = -1
 _ROWS = 2**32  # keys count rows, and above them layers
@@ -116,8 +116,7 @@ class PlacedLayer:
     """The objects of a semantic layer at one moment, where they are, and where the layer lies."""
 
     name: str
-    table: ObjectTable
-    index: ShapeIndex
+    snapshot: Snapshot
     base_T_layer: Pose2D
 
     def rows(self, name: str | None, area: BaseGeometry | None) -> IntArray:
@@ -127,16 +126,14 @@ class PlacedLayer:
             name: None for any.
             area: None for everywhere.
         """
-        if area is None:
-            return np.arange(len(self.table)) if name is None else self.table.rows_of(name)
-        _, rows = self.index.hits(as_objects([self.base_T_layer.inverse().apply_geometry(area)]))
+        asked = None if area is None else self.base_T_layer.inverse().apply_geometry(area)
         if name is not None:
-            rows = rows[self.table.codes[rows] == self.table.vocabulary.get(name, -1)]
-        return rows
+            return self.snapshot.rows_of(name, asked)
+        return self.snapshot.rows if asked is None else self.snapshot.rows_in(asked)
 
     def found(self, rows: IntArray, distances: Sequence[float | None]) -> list[Found]:
         """Return some objects, brought into the base frame."""
-        table = self.table.take(rows)
+        table = self.snapshot.take(rows)
         points = self.base_T_layer.apply(table.centroids)
         table = replace(table, footprints=self.base_T_layer.apply_geometries(table.footprints))
         columns = zip(points, distances, range(len(table)), strict=True)
@@ -145,7 +142,7 @@ class PlacedLayer:
     def nearest(self, what: str | float, point_xy: NDArray[np.float64], k: int) -> list[Found]:
         """Return the k objects with a name or id that are nearest to a point in the base frame."""
         point = self.base_T_layer.inverse().apply(point_xy)[0]
-        rows, distances = self.table.nearest(what, point, k)
+        rows, distances = self.snapshot.nearest(what, point, k)
         return self.found(rows, distances.tolist())
 
 
@@ -176,7 +173,7 @@ class PlacedLayers:
     def have_tags(self, keys: NDArray[np.int64], tags: set[str]) -> BoolArray:
         """Return whether the objects with these keys, shape (N,), have all the tags."""
         places = zip(*(part.tolist() for part in np.divmod(keys, _ROWS)), strict=True)
-        own = (self._layers[number].table.tags[row] for number, row in places)
+        own = (self._layers[number].snapshot.object(row).tags for number, row in places)
         return np.fromiter((tags.issubset(texts) for texts in own), dtype=bool, count=len(keys))
 
     def found(
@@ -199,7 +196,7 @@ class PlacedLayers:
 
 def _placed(number: int, layer: PlacedLayer, rows: IntArray) -> Placed:
     return Placed(
-        layer.base_T_layer.apply_geometries(layer.table.shapes[rows]),
-        layer.base_T_layer.apply(layer.table.centroids[rows]),
+        layer.base_T_layer.apply_geometries(layer.snapshot.column("shapes", rows)),
+        layer.base_T_layer.apply(layer.snapshot.column("centroids", rows)),
         number * _ROWS + rows,
     )

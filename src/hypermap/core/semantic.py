@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import threading
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
@@ -13,13 +13,12 @@ import shapely
 from numpy.typing import ArrayLike, NDArray
 from shapely.geometry.base import BaseGeometry
 
-from hypermap.core.arrays import IntArray, ObjectArray, as_objects, as_point_xy, as_points_xy
+from hypermap.core.arrays import ObjectArray, as_point_xy, as_points_xy
 from hypermap.core.errors import ObjectNotFound
 from hypermap.core.evidence import EvidenceTable
 from hypermap.core.layer import Hits, Layer, ShapesPicture, check_count
 from hypermap.core.objects import ObjectTable, SemanticObject
-from hypermap.core.shape_index import ShapeIndex
-from hypermap.core.shapes import as_area
+from hypermap.core.snapshot import Snapshot
 
 __all__ = ["EMPTY", "Rejected", "SemanticLayer", "SemanticObject"]
 
@@ -44,29 +43,16 @@ class Rejected:
     entry: Any
 
 
-@dataclass(frozen=True, eq=False)
-class _State:
-    """All that a layer holds at one moment."""
-
-    table: ObjectTable
-    next_id: int
-    known_index: ShapeIndex | None = None
-
-    @cached_property
-    def index(self) -> ShapeIndex:
-        """Where the table's shapes are; built when it is first asked for."""
-        return self.known_index or ShapeIndex.over(self.table.shapes)
-
-
 class SemanticLayer(Layer):
     """Objects with names and shapes, kept as columns.
 
     An object's id stays the same as long as it is in the layer, and is not given out again while
     the layer lives. Where outlines cross themselves, questions are answered by a repaired copy.
 
-    A change makes a new state beside the old one, so each question, also from another thread,
-    sees the layer either before a change or after it. One change costs a copy of the columns:
-    add many objects in one call.
+    A change makes a new snapshot beside the old one, so each question, also from another thread,
+    sees the layer either before a change or after it. A change of one object takes some
+    microseconds on the average, however many there are; `table` and `names` are made anew after
+    each, so ask for them once and not in a loop of changes.
 
     Attributes:
         rejected: entries of the layer's file that could not be read.
@@ -98,7 +84,7 @@ class SemanticLayer(Layer):
         self.rejected = tuple(rejected)
         self.kept_evidence = evidence
         self._writing = threading.Lock()
-        self._state = _State(ObjectTable.of([]), next_id=0)
+        self._now = Snapshot.of(ObjectTable.of([]), next_id=0)
         self.add(objects)
 
     @classmethod
@@ -118,51 +104,52 @@ class SemanticLayer(Layer):
         """
         table.check()
         layer = cls(name, frame_id, (), settings, rejected, evidence)
-        layer._state = _State(table, next_id=int(table.ids.max(initial=-1)) + 1)
+        layer._now = Snapshot.of(table, next_id=int(table.ids.max(initial=-1)) + 1)
         return layer
 
     def copy(self) -> SemanticLayer:
         """Return a layer that holds the same; a change of one does not change the other."""
         settings, evidence = self.settings, self.kept_evidence
         other = SemanticLayer(self.name, self.frame_id, (), settings, self.rejected, evidence)
-        other._state = self._state
+        other._now = self._now
         return other
 
     # The objects
 
     def __len__(self) -> int:
-        return len(self._state.table)
+        return len(self._now)
 
     @property
     def ids(self) -> NDArray[np.int64]:
         """The objects' ids in the order in which they were added, shape (N,)."""
-        return self._state.table.ids
+        now = self._now
+        return now.column("ids", now.rows)
 
     @property
     def names(self) -> ObjectArray:
         """The objects' names in the order of `ids`, shape (N,)."""
-        return self._state.table.names
+        now = self._now
+        return now.names(now.rows)
 
     @property
     def geometries(self) -> ObjectArray:
         """The objects' footprints as they were given, in the order of `ids`, shape (N,)."""
-        return self._state.table.footprints
+        return self._now.table.footprints
 
     @property
     def table(self) -> ObjectTable:
         """All objects as columns; a later change of the layer does not change it."""
-        return self._state.table
+        return self._now.table
 
     @property
-    def indexed(self) -> tuple[ObjectTable, ShapeIndex]:
-        """All objects as columns, and the index of their shapes; both of the same moment."""
-        state = self._state
-        return state.table, state.index
+    def snapshot(self) -> Snapshot:
+        """All that the layer holds now; a later change of the layer does not change it."""
+        return self._now
 
     def objects(self) -> list[SemanticObject]:
         """Return all objects in the order in which they were added."""
-        table = self._state.table
-        return [table.object(row) for row in range(len(table))]
+        now = self._now
+        return [now.object(row) for row in now.rows.tolist()]
 
     def get(self, object_id: int) -> SemanticObject:
         """Return the object with that id.
@@ -170,8 +157,9 @@ class SemanticLayer(Layer):
         Raises:
             ObjectNotFound: If there is none.
         """
-        table = self._state.table
-        return table.object(self._rows(table, [object_id])[0])
+        now = self._now
+        self._check_there(now, [object_id])
+        return now.object(now.row_of_id(object_id))
 
     # The evidence behind them
 
@@ -191,7 +179,7 @@ class SemanticLayer(Layer):
             ObjectNotFound: If there is no such object.
             FormatError: If the evidence is kept in a file that cannot be read.
         """
-        self._rows(self._state.table, [object_id])
+        self._check_there(self._now, [object_id])
         kept = self.kept_evidence() if callable(self.kept_evidence) else self.kept_evidence
         return EvidenceTable.empty() if kept is None else kept.of([object_id])
 
@@ -205,21 +193,17 @@ class SemanticLayer(Layer):
         """
         new = list(objects)
         with self._writing:
-            state = self._state
+            now = self._now
             given = [item.id for item in new if item.id is not None]
-            _check_unused(given, state.table, self.name)
-            free = max([state.next_id, *(number + 1 for number in given)])
+            _check_unused(given, now, self.name)
+            free = max([now.next_id, *(number + 1 for number in given)])
             numbered = []
             for item in new:
                 if item.id is None:
-                    item, free = replace(item, id=free), free + 1
+                    item, free = item.with_id(free), free + 1
                 numbered.append(item)
-            added = ObjectTable.of(numbered, state.table.vocabulary)
-            old, table = len(state.table), state.table.followed_by(added)
-            rows = np.arange(len(table))
-            index = state.index.after(table.shapes, rows[:old], rows[old:])
-            self._state = _State(table, free, index)
-        return [int(number) for number in added.ids]
+            self._now = now.changed([], numbered, free)
+        return [int(item.id) for item in numbered if item.id is not None]
 
     def update(self, object_id: int, item: SemanticObject) -> None:
         """Replace the object with that id; the new one keeps the id.
@@ -231,9 +215,7 @@ class SemanticLayer(Layer):
         self.update_many({object_id: item})
 
     def update_many(self, changes: Mapping[int, SemanticObject]) -> None:
-        """Replace the objects with these ids; the new ones keep the ids.
-
-        It takes hardly longer than one `update`.
+        """Replace the objects with these ids, as one change; the new ones keep the ids.
 
         Raises:
             ObjectNotFound: If one is not there; nothing is changed then.
@@ -243,17 +225,10 @@ class SemanticLayer(Layer):
             if item.id is not None and item.id != object_id:
                 raise ValueError(f"an object keeps its id: {object_id} cannot become {item.id}")
         with self._writing:
-            state = self._state
-            rows = self._rows(state.table, changes)
-            changed = ObjectTable.of(
-                [replace(changes[int(i)], id=int(i)) for i in state.table.ids[rows]],
-                state.table.vocabulary,
-            )
-            table = state.table.with_rows(rows, changed)
-            moved_to = np.arange(len(table))
-            moved_to[rows] = -1
-            index = state.index.after(table.shapes, moved_to, rows)
-            self._state = replace(state, table=table, known_index=index)
+            now = self._now
+            ids = self._check_there(now, changes)
+            new = [changes[number].with_id(number) for number in ids]
+            self._now = now.changed(ids, new, now.next_id)
 
     def remove(self, ids: Iterable[int]) -> None:
         """Remove objects; the others keep their ids.
@@ -262,50 +237,43 @@ class SemanticLayer(Layer):
             ObjectNotFound: If one is not there; nothing is removed then.
         """
         with self._writing:
-            state = self._state
-            gone = self._rows(state.table, ids)
-            keep = np.ones(len(state.table), dtype=bool)
-            keep[gone] = False
-            table = state.table.without(gone)
-            moved_to = np.where(keep, np.cumsum(keep) - 1, -1)
-            index = state.index.after(table.shapes, moved_to, np.empty(0, dtype=np.int64))
-            self._state = replace(state, table=table, known_index=index)
+            now = self._now
+            self._now = now.changed(self._check_there(now, ids), [], now.next_id)
 
     # Questions
 
     def label_at(self, points_xy: ArrayLike) -> ObjectArray:
         """Return the name of the smallest object at each point, shape (N,), or "Empty"."""
-        state = self._state
-        rows = _smallest_at(state, points_xy)
+        now = self._now
+        rows = now.rows_at(as_points_xy(points_xy))
         labels = np.full(len(rows), EMPTY, dtype=object)
-        labels[rows >= 0] = state.table.names[rows[rows >= 0]]
+        labels[rows >= 0] = now.names(rows[rows >= 0])
         return labels
 
     def value_at(self, points_xy: ArrayLike) -> NDArray[np.int64]:
         """Return the id of the smallest object at each point, shape (N,), or -1."""
-        state = self._state
-        rows = _smallest_at(state, points_xy)
-        return np.append(state.table.ids, NO_OBJECT)[rows]
+        now = self._now
+        rows = now.rows_at(as_points_xy(points_xy))
+        values = np.full(len(rows), NO_OBJECT)
+        values[rows >= 0] = now.column("ids", rows[rows >= 0])
+        return values
 
     def labels_in(self, area: BaseGeometry) -> Hits:
         """Return the name and centroid of each object whose shape meets the area."""
-        state = self._state
-        rows = _meeting(state, area)
-        return Hits(state.table.names[rows], state.table.centroids[rows])
+        now = self._now
+        rows = now.rows_in(area)
+        return Hits(now.names(rows), now.column("centroids", rows))
 
     def values_in(self, area: BaseGeometry) -> Hits:
         """Return the id and centroid of each object whose shape meets the area."""
-        state = self._state
-        rows = _meeting(state, area)
-        return Hits(state.table.ids[rows], state.table.centroids[rows])
+        now = self._now
+        rows = now.rows_in(area)
+        return Hits(now.column("ids", rows), now.column("centroids", rows))
 
     def find(self, what: str | float, area: BaseGeometry | None = None) -> NDArray[np.float64]:
         """Return the centroids of the objects with a name or id, shape (M, 2)."""
-        state = self._state
-        rows = state.table.rows_of(what)
-        if area is not None:
-            rows = np.intersect1d(rows, _meeting(state, area))
-        return state.table.centroids[rows]
+        now = self._now
+        return now.column("centroids", now.rows_of(what, area))
 
     def nearest(
         self, what: str | float, point_xy: ArrayLike, k: int = 1
@@ -320,22 +288,22 @@ class SemanticLayer(Layer):
             ValueError: If `k` is below 1.
         """
         check_count(k)
-        table = self._state.table
-        rows, distances = table.nearest(what, as_point_xy(point_xy), k)
-        return table.centroids[rows], distances
+        now = self._now
+        rows, distances = now.nearest(what, as_point_xy(point_xy), k)
+        return now.column("centroids", rows), distances
 
     def nearest_objects(
         self, what: str | float, point_xy: ArrayLike, k: int = 1
     ) -> tuple[list[SemanticObject], NDArray[np.float64]]:
         """Return what `nearest` returns, with the objects in place of their centroids."""
         check_count(k)
-        table = self._state.table
-        rows, distances = table.nearest(what, as_point_xy(point_xy), k)
-        return [table.object(row) for row in rows], distances
+        now = self._now
+        rows, distances = now.nearest(what, as_point_xy(point_xy), k)
+        return [now.object(row) for row in rows.tolist()], distances
 
     def extent(self) -> BaseGeometry:
         """Return the rectangle around all objects."""
-        table = self._state.table
+        table = self._now.table
         if len(table) == 0:
             return shapely.Polygon()
         box: BaseGeometry = shapely.box(*shapely.total_bounds(table.footprints))
@@ -343,38 +311,25 @@ class SemanticLayer(Layer):
 
     def picture(self) -> ShapesPicture:
         """Return the footprints, one color per name."""
-        table = self._state.table
+        table = self._now.table
         return ShapesPicture(table.names, table.footprints)
 
-    def _rows(self, table: ObjectTable, ids: Iterable[int]) -> IntArray:
-        """Return the rows of objects in ascending order."""
-        wanted = np.array(sorted({int(number) for number in ids}), dtype=np.int64)
-        rows = table.rows_of_ids(wanted)
-        if (rows < 0).any():
-            missing = wanted[rows < 0][0]
-            raise ObjectNotFound(f"layer {self.name!r} has no object with id {missing}")
-        return np.sort(rows)
+    def _check_there(self, now: Snapshot, ids: Iterable[int]) -> list[int]:
+        """Return ids in ascending order, each once.
+
+        Raises:
+            ObjectNotFound: If there is no object with one of them.
+        """
+        wanted = sorted({int(number) for number in ids})
+        for number in wanted:
+            if now.row_of_id(number) < 0:
+                raise ObjectNotFound(f"layer {self.name!r} has no object with id {number}")
+        return wanted
 
 
-def _check_unused(ids: list[int], table: ObjectTable, layer: str) -> None:
+def _check_unused(ids: list[int], now: Snapshot, layer: str) -> None:
     """Raise a ValueError if an id is given twice, or to an object of a layer that has it."""
-    numbers, counts = np.unique(np.array(ids, dtype=np.int64), return_counts=True)
-    twice = numbers[counts > 1] if (counts > 1).any() else numbers[table.rows_of_ids(numbers) >= 0]
-    if len(twice):
-        raise ValueError(f"layer {layer!r}: two objects have the id {twice[0]}")
-
-
-def _smallest_at(state: _State, points_xy: ArrayLike) -> IntArray:
-    """Return the row of the smallest object at each point, shape (N,); -1 where there is none."""
-    points = as_points_xy(points_xy)
-    queries, rows = state.index.hits(np.asarray(shapely.points(points)))
-    order = np.lexsort((rows, state.table.areas[rows], queries))
-    covered, first = np.unique(queries[order], return_index=True)
-    smallest = np.full(len(points), -1, dtype=np.int64)
-    smallest[covered] = rows[order][first]
-    return smallest
-
-
-def _meeting(state: _State, area: BaseGeometry) -> IntArray:
-    """Return the rows of the objects whose shape meets the area."""
-    return state.index.hits(as_objects([as_area(area)]))[1]
+    counts = Counter(ids)
+    for number in sorted(counts):
+        if counts[number] > 1 or now.row_of_id(number) >= 0:
+            raise ValueError(f"layer {layer!r}: two objects have the id {number}")

@@ -113,18 +113,19 @@ class Questions:
         start = None if near is None else self._pose_of(frame).apply(near)[0]
         rows: list[tuple[float, float, dict[str, Any]]] = []
         for layer in self._semantic():
-            table, base_T_layer = layer.table, self._pose_of(layer.frame_id)
-            found = table.rows_of(name)
+            now, base_T_layer = layer.snapshot, self._pose_of(layer.frame_id)
+            found = now.rows_of(name)
             distances = np.full(len(found), np.nan)
             if start is not None:
                 asked = base_T_layer.inverse().apply(start)[0]
-                found, distances = table.nearest(name, asked, len(table))
-            places = base_T_layer.apply(table.centroids[found])
+                found, distances = now.nearest(name, asked, len(now))
+            places = base_T_layer.apply(now.column("centroids", found))
+            ids = now.column("ids", found)
             off = np.zeros(len(found)) if start is None else np.hypot(*(places - start).T)
-            for row, distance, far, (x, y) in zip(
-                found.tolist(), distances.tolist(), off.tolist(), places.tolist(), strict=True
+            for number, distance, far, (x, y) in zip(
+                ids.tolist(), distances.tolist(), off.tolist(), places.tolist(), strict=True
             ):
-                shown = {"layer": layer.name, "id": int(table.ids[row]), "name": name}
+                shown = {"layer": layer.name, "id": number, "name": name}
                 shown |= {"x": x, "y": y, "distance": _known(distance)}
                 rows.append((distance, far, shown))
         if start is not None:

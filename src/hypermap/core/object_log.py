@@ -1,0 +1,182 @@
+"""A log of the objects that a semantic layer has held, from which nothing is ever taken out.
+
+A log begins with a table. A change writes new rows behind it and notes which rows it has ended;
+nothing is copied, and who looks at the log as it was before still sees what he saw. Its room is
+bounded; when it is full, a new log begins with a table of all that is there. So a change costs
+little on the average, however many objects there are.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from hypermap.core.arrays import IntArray, ObjectArray, as_objects
+from hypermap.core.box_grid import BoxGrid
+from hypermap.core.objects import ObjectTable, SemanticObject
+from hypermap.core.outlines import Outlines
+from hypermap.core.recent_boxes import RecentBoxes
+from hypermap.core.shapes import valid_copies
+
+_FEWEST = 256  # rows written or ended before a new log begins
+_SHARE = 8  # or this part of the table's rows, if that is more
+_NEVER = np.iinfo(np.int64).max
+
+
+@dataclass(frozen=True, eq=False)
+class Written:
+    """The rows behind a log's table as columns, with room for more.
+
+    Attributes:
+        objects: as they were given.
+        places: in the order of the layer; an object that takes another's place has its number.
+        ids, codes, shapes, centroids, areas, boxes: as in an `ObjectTable`.
+        index: where the boxes are.
+    """
+
+    objects: list[SemanticObject]
+    places: NDArray[np.int64]
+    ids: NDArray[np.int64]
+    codes: NDArray[np.int32]
+    shapes: ObjectArray
+    centroids: NDArray[np.float64]
+    areas: NDArray[np.float64]
+    boxes: NDArray[np.float64]
+    index: RecentBoxes
+
+    @classmethod
+    def room(cls, capacity: int, cell: float) -> Written:
+        """Return no rows, and room for some."""
+        index = RecentBoxes(capacity, cell)
+        return cls(
+            [],
+            np.empty(capacity, dtype=np.int64),
+            np.empty(capacity, dtype=np.int64),
+            np.empty(capacity, dtype=np.int32),
+            np.empty(capacity, dtype=object),
+            np.empty((capacity, 2)),
+            np.empty(capacity),
+            index.boxes,
+            index,
+        )
+
+
+class ObjectLog:
+    """A table, and the rows that changes have written behind it.
+
+    Rows are counted through both. `write` alone changes a log, so that threads may look at its
+    first rows while it grows.
+
+    Attributes:
+        table: the objects with which the log began.
+        writing: held while the log is changed.
+        count: rows so far.
+        changes: changes so far.
+    """
+
+    def __init__(self, table: ObjectTable) -> None:
+        self.table = table
+        self.writing = threading.Lock()
+        self.count = len(table)
+        self.changes = 0
+        self._room = max(_FEWEST, len(table) // _SHARE)
+        self._capacity = self._room
+        self._codes = dict(table.vocabulary)
+        self._names = as_objects(self._codes)
+        self._of_code: dict[int, IntArray] = {}
+        self._of_id: dict[int, list[int]] = {}
+
+    # What costs something, and is only needed once something was asked or changed
+
+    @cached_property
+    def grid(self) -> BoxGrid:
+        """Where the table's shapes are."""
+        return BoxGrid(self.table.boxes)
+
+    @cached_property
+    def outlines(self) -> Outlines:
+        """The outlines of the table's shapes."""
+        return Outlines(self.table.shapes)
+
+    @cached_property
+    def written(self) -> Written:
+        """The rows behind the table."""
+        return Written.room(self._capacity, self.grid.cell)
+
+    @cached_property
+    def ended(self) -> NDArray[np.int64]:
+        """Which change has ended each row, counted from 1; a very large number for none."""
+        return np.full(len(self.table) + self._capacity, _NEVER)
+
+    # Questions
+
+    @property
+    def codes(self) -> Mapping[str, int]:
+        """The vocabulary: name -> code."""
+        return self._codes
+
+    @property
+    def names(self) -> ObjectArray:
+        """The names by their codes, shape (V,)."""
+        if len(self._names) != len(self._codes):
+            self._names = as_objects(list(self._codes))
+        return self._names
+
+    def table_rows_of(self, code: int) -> IntArray:
+        """Return the rows of the table that have a name."""
+        if code not in self._of_code:
+            self._of_code[code] = np.flatnonzero(self.table.codes == code)
+        return self._of_code[code]
+
+    def rows_of_id(self, object_id: int) -> Sequence[int]:
+        """Return the rows that an object has had, the newest last."""
+        row = self.table.row_of_id(object_id)
+        return [*([] if row < 0 else [row]), *self._of_id.get(object_id, ())]
+
+    # Changes
+
+    def has_room(self, rows: int) -> bool:
+        """Return whether so many rows may be written or ended."""
+        return rows <= self._room
+
+    def write(
+        self, ended: Sequence[int], items: Sequence[SemanticObject], places: Sequence[int]
+    ) -> None:
+        """End rows and write others, as one change.
+
+        Args:
+            ended: rows that are there.
+            items: new objects, with ids.
+            places: of each item in the order of the layer.
+        """
+        first = len(self.table)
+        begin, end = self.count - first, self.count - first + len(items)
+        if items:
+            self._write(slice(begin, end), items, places)
+        self._room -= len(ended) + len(items)
+        self.changes += 1
+        if ended:
+            self.ended[np.asarray(ended)] = self.changes
+        self.count += len(items)
+
+    def _write(self, where: slice, items: Sequence[SemanticObject], places: Sequence[int]) -> None:
+        written = self.written
+        shapes = valid_copies(as_objects([item.footprint for item in items]))
+        written.shapes[where] = shapes
+        written.areas[where] = shapely.area(shapes)
+        written.centroids[where] = shapely.get_coordinates(shapely.centroid(shapes))
+        written.places[where] = places
+        boxes = shapely.bounds(shapes).tolist()
+        for position, item, box in zip(range(where.start, where.stop), items, boxes, strict=True):
+            assert item.id is not None  # the layer has numbered them
+            written.ids[position] = item.id
+            written.codes[position] = self._codes.setdefault(item.name, len(self._codes))
+            written.objects.append(item)
+            written.index.put(position, box)
+            self._of_id.setdefault(item.id, []).append(len(self.table) + position)

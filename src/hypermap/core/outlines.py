@@ -1,0 +1,87 @@
+"""Which points lie in which shapes, for many pairs at once and without errors of rounding."""
+
+from __future__ import annotations
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from hypermap.core.arrays import BoolArray, IntArray, ObjectArray
+
+# The difference of two products of differences has the right sign if it exceeds this part of the
+# sum of their sizes. Source: Shewchuk, Adaptive Precision Floating-Point Arithmetic and Fast Robust
+# Geometric Predicates, 1997, the first bound of orient2d.
+_UNSURE = 3.3306690738754716e-16
+_MOST_CORNERS = 64  # of an outline that is looked at edge by edge
+_PAIRS = 2**14  # looked at in one go, which bounds the memory
+
+
+def ranges(starts: IntArray, counts: IntArray) -> IntArray:
+    """Return the numbers of several ranges, one range after the other.
+
+    >>> ranges(np.array([5, 9]), np.array([3, 2]))
+    array([ 5,  6,  7,  9, 10])
+    """
+    ends = np.cumsum(counts)
+    total = int(ends[-1]) if len(ends) else 0
+    return np.arange(total) + np.repeat(starts - ends + counts, counts)
+
+
+class Outlines:
+    """The corners of shapes as one array.
+
+    A polygon without holes is looked at edge by edge: a point is inside if a ray from it crosses
+    an odd number of edges. GEOS, which computes exactly, decides where rounding could, and for all
+    other shapes. A point on an outline belongs to the shape.
+    """
+
+    def __init__(self, shapes: ObjectArray) -> None:
+        self._shapes = shapes
+        coordinates, owners = shapely.get_coordinates(shapes, return_index=True)
+        self._x, self._y = np.ascontiguousarray(coordinates.T)
+        self._starts = np.searchsorted(owners, np.arange(len(shapes) + 1))
+        self._is_plain = (
+            (shapely.get_type_id(shapes) == shapely.GeometryType.POLYGON)
+            & (shapely.get_num_interior_rings(shapes) == 0)
+            & (np.diff(self._starts) <= _MOST_CORNERS)
+        )
+
+    def first_corners(self, rows: IntArray) -> NDArray[np.float64]:
+        """Return a point of each of some shapes, shape (M, 2)."""
+        first = self._starts[rows]
+        return np.column_stack([self._x[first], self._y[first]])
+
+    def cover(self, rows: IntArray, points_xy: NDArray[np.float64]) -> BoolArray:
+        """Return whether shapes, by their rows (M,), have the points, (M, 2), one of each."""
+        covered = np.zeros(len(rows), dtype=bool)
+        is_sure = self._is_plain[rows]
+        plain = np.flatnonzero(is_sure)
+        for part in np.split(plain, range(_PAIRS, len(plain), _PAIRS)):
+            covered[part], is_sure[part] = self._cross(rows[part], points_xy[part])
+        others = np.flatnonzero(~is_sure)
+        asked = self._shapes[rows[others]], *points_xy[others].T
+        covered[others] = shapely.intersects_xy(*asked)
+        return covered
+
+    def _cross(self, rows: IntArray, points_xy: NDArray[np.float64]) -> tuple[BoolArray, BoolArray]:
+        """Return for pairs, (M,), whether the point is inside, and whether that is sure."""
+        first = self._starts[rows]
+        counts = self._starts[rows + 1] - first - 1
+        edges, pairs = ranges(first, counts), np.repeat(np.arange(len(rows)), counts)
+        # Only edges that reach the height of the point matter: from a to b, seen from the point.
+        height = points_xy[pairs, 1]
+        a_is_above, b_is_above = self._y[edges] >= height, self._y[edges + 1] >= height
+        b_is_level = self._y[edges + 1] == height
+        near = np.flatnonzero((a_is_above != b_is_above) | b_is_level)
+        edges, pairs = edges[near], pairs[near]
+        x, y = points_xy[pairs].T
+        ax, ay = self._x[edges] - x, self._y[edges] - y
+        bx, by = self._x[edges + 1] - x, self._y[edges + 1] - y
+        left, right = ax * by, ay * bx
+        is_left = left > right
+        is_crossed = (a_is_above != b_is_above)[near] & (is_left == b_is_above[near])
+        unsure = np.abs(left - right) <= _UNSURE * (np.abs(left) + np.abs(right))
+        inside = np.bincount(pairs[is_crossed], minlength=len(rows)) % 2 == 1
+        is_sure = np.ones(len(rows), dtype=bool)
+        is_sure[pairs[unsure]] = False
+        return inside, is_sure

@@ -1,0 +1,74 @@
+"""Which boxes are where, of those that came one by one: a sparse grid that only grows."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hypermap.core.arrays import IntArray
+from hypermap.core.box_grid import BoxGrid
+
+_FINER = 4  # as in a BoxGrid
+_FAR = 1e12  # metres; what lies beyond is found there
+
+Cells = dict[tuple[int, int], list[int]]
+
+
+class RecentBoxes:
+    """Finds boxes among the first so many that were added.
+
+    One thread may add boxes while others ask for those that were there before.
+
+    Attributes:
+        boxes: x0, y0, x1, y1 of each [m], shape (capacity, 4).
+    """
+
+    def __init__(self, capacity: int, cell: float) -> None:
+        """Make room for boxes, most of which are about as wide as `cell` [m]."""
+        self.boxes = np.zeros((capacity, 4))
+        self._cell = cell
+        self._levels: list[tuple[float, Cells]] = []  # cells per metre, and positions in cells
+        self._level_of: dict[int, Cells] = {}
+        self._grid = 0, BoxGrid(self.boxes[:0])
+
+    def put(self, position: int, box: tuple[float, float, float, float]) -> None:
+        """Add a box; positions are given from 0 on."""
+        self.boxes[position] = box
+        x0, y0, x1, y1 = box
+        size = max(x1 - x0, y1 - y0) / self._cell
+        level = math.ceil(math.log(size, _FINER)) if size > 1 else 0
+        per_metre = 1 / (self._cell * _FINER**level)
+        if level not in self._level_of:
+            self._level_of[level] = {}
+            self._levels.append((per_metre, self._level_of[level]))
+        cells = self._level_of[level]
+        for column in range(math.floor(x0 * per_metre), math.floor(x1 * per_metre) + 1):
+            for line in range(math.floor(y0 * per_metre), math.floor(y1 * per_metre) + 1):
+                cells.setdefault((column, line), []).append(position)
+
+    def at(self, x: float, y: float, count: int) -> list[int]:
+        """Return the positions below `count` of the boxes at one point, in any order."""
+        x, y = min(max(x, -_FAR), _FAR), min(max(y, -_FAR), _FAR)
+        found = []
+        for per_metre, cells in self._levels:
+            for position in cells.get((math.floor(x * per_metre), math.floor(y * per_metre)), ()):
+                if position < count:
+                    x0, y0, x1, y1 = self.boxes[position].tolist()
+                    if x0 <= x <= x1 and y0 <= y <= y1:
+                        found.append(position)
+        return found
+
+    def at_all(self, points_xy: NDArray[np.float64], count: int) -> tuple[IntArray, IntArray]:
+        """Return which of the points, (N, 2), lies in which box: places among them, positions."""
+        known, grid = self._grid
+        if known != count:
+            grid = BoxGrid(self.boxes[:count])
+            self._grid = count, grid
+        return grid.at_all(points_xy)
+
+    def meeting(self, x0: float, y0: float, x1: float, y1: float, count: int) -> IntArray:
+        """Return the positions below `count` of the boxes that meet a box, in ascending order."""
+        left, low, right, high = self.boxes[:count].T
+        return np.flatnonzero((left <= x1) & (x0 <= right) & (low <= y1) & (y0 <= high))

@@ -1,0 +1,304 @@
+"""What a semantic layer holds at one moment, and the answers to all questions about it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
+
+from hypermap.core.arrays import BoolArray, IntArray, ObjectArray
+from hypermap.core.object_log import ObjectLog
+from hypermap.core.objects import ObjectTable, SemanticObject
+from hypermap.core.shapes import as_area
+
+_NOWHERE = -1
+_NO_NAME = -1  # as a code
+_ONE_BY_ONE = 8  # points asked at once that are faster one by one
+_FEW = 32  # shapes that are not worth looking at their boxes first
+_ROUNDING = 1 + 1e-9  # more than two distances can differ by rounding
+
+
+@dataclass(frozen=True, eq=False)
+class Snapshot:
+    """The first rows of a log, less those that its first changes have ended; never changes.
+
+    Questions answer with rows, which `column` and `object` turn into what is known of them.
+
+    Attributes:
+        log: the log.
+        count: rows of the log that are seen.
+        changes: changes of the log that are seen.
+        size: objects that are there.
+        next_id: above all ids given so far.
+    """
+
+    log: ObjectLog
+    count: int
+    changes: int
+    size: int
+    next_id: int
+
+    @classmethod
+    def of(cls, table: ObjectTable, next_id: int) -> Snapshot:
+        """Return what a layer with these objects holds."""
+        return cls(ObjectLog(table), len(table), 0, len(table), next_id)
+
+    def __len__(self) -> int:
+        return self.size
+
+    # The objects
+
+    @cached_property
+    def rows(self) -> IntArray:
+        """The rows that are there, in the order of the layer, shape (N,)."""
+        return self._in_order(self._there(np.arange(self.count)))
+
+    @cached_property
+    def table(self) -> ObjectTable:
+        """All objects as columns, in the order of the layer."""
+        return self.log.table if self.changes == 0 else self.take(self.rows)
+
+    def take(self, rows: IntArray) -> ObjectTable:
+        """Return some rows as columns."""
+        first = len(self.log.table)
+        is_behind = rows >= first
+        objects = [self.log.written.objects[row - first] for row in rows[is_behind].tolist()]
+        from_table = self.log.table.take(rows[~is_behind])
+        if not objects:
+            return from_table
+        both = from_table.followed_by(ObjectTable.of(objects, self.log.codes))
+        at = np.empty(len(rows), dtype=np.int64)
+        at[np.argsort(is_behind, kind="stable")] = np.arange(len(rows))
+        return both.take(at)
+
+    def column(self, name: str, rows: IntArray) -> NDArray[Any]:
+        """Return one of the columns of an `ObjectTable` that questions need, for some rows."""
+        column: NDArray[Any] = getattr(self.log.table, name)
+        first = len(column)
+        if self.count == first:
+            return column[rows]
+        is_behind = rows >= first
+        values = np.empty((len(rows), *column.shape[1:]), dtype=column.dtype)
+        values[~is_behind] = column[rows[~is_behind]]
+        values[is_behind] = getattr(self.log.written, name)[rows[is_behind] - first]
+        return values
+
+    def names(self, rows: IntArray) -> ObjectArray:
+        """Return the names of some rows."""
+        return np.asarray(self.log.names[self.column("codes", rows)])
+
+    def object(self, row: int) -> SemanticObject:
+        """Return one row as an object."""
+        first = len(self.log.table)
+        return self.log.table.object(row) if row < first else self.log.written.objects[row - first]
+
+    def row_of_id(self, object_id: int) -> int:
+        """Return the row of an object; -1 if it is not there."""
+        for row in reversed(self.log.rows_of_id(object_id)):
+            if row < self.count and (self.changes == 0 or self.log.ended[row] > self.changes):
+                return row
+        return _NOWHERE
+
+    # Questions
+
+    def row_at(self, x: float, y: float) -> int:
+        """Return the row of the smallest object at a point; -1 if there is none."""
+        log, first = self.log, len(self.log.table)
+        rows = log.grid.at(x, y)
+        if self.count > first:
+            behind = log.written.index.at(x, y, self.count - first)
+            rows += [first + position for position in behind]
+        if self.changes and rows:
+            rows = [row for row in rows if log.ended[row] > self.changes]
+        if len(rows) == 1:
+            (row,) = rows
+            shape = log.table.shapes[row] if row < first else log.written.shapes[row - first]
+            return row if shapely.intersects_xy(shape, x, y) else _NOWHERE
+        if not rows:
+            return _NOWHERE
+        near = np.array(rows)
+        near = near[shapely.intersects_xy(self.column("shapes", near), x, y)]
+        best = np.lexsort((self._places(near), self.column("areas", near)))[:1]
+        return int(near[best[0]]) if len(best) else _NOWHERE
+
+    def rows_at(self, points_xy: NDArray[np.float64]) -> IntArray:
+        """Return the row of the smallest object at each point, (N, 2); -1 where there is none."""
+        if len(points_xy) <= _ONE_BY_ONE:
+            return np.array([self.row_at(x, y) for x, y in points_xy.tolist()], dtype=np.int64)
+        places, rows = self.log.grid.at_all(points_xy)
+        covered = self.log.outlines.cover(rows, points_xy[places])
+        places, rows = places[covered], rows[covered]
+        first = len(self.log.table)
+        if self.count > first:
+            written = self.log.written
+            there, behind = written.index.at_all(points_xy, self.count - first)
+            covered = shapely.intersects_xy(written.shapes[behind], *points_xy[there].T)
+            places = np.concatenate([places, there[covered]])
+            rows = np.concatenate([rows, behind[covered] + first])
+        is_there = self._is_there(rows)
+        places, rows = places[is_there], rows[is_there]
+        # The smallest comes last, and so is what stays.
+        order = np.lexsort((self._places(rows), self.column("areas", rows), places))[::-1]
+        smallest = np.full(len(points_xy), _NOWHERE)
+        smallest[places[order]] = rows[order]
+        return smallest
+
+    def rows_in(self, area: BaseGeometry) -> IntArray:
+        """Return the rows of the objects that meet an area, in the order of the layer."""
+        asked = as_area(area)
+        if asked.is_empty:
+            return np.empty(0, dtype=np.int64)
+        x0, y0, x1, y1 = asked.bounds
+        first = len(self.log.table)
+        rows = self.log.grid.meeting(x0, y0, x1, y1)
+        if self.count > first:
+            behind = self.log.written.index.meeting(x0, y0, x1, y1, self.count - first)
+            rows = np.concatenate([rows, behind + first])
+        rows = self._there(rows)
+        return self._in_order(rows[self._meet(asked, rows)])
+
+    def rows_of(self, what: str | float, area: BaseGeometry | None = None) -> IntArray:
+        """Return the rows of the objects with a name or id, in an area or anywhere, in order."""
+        if area is not None and isinstance(what, str):
+            rows = self.rows_in(area)
+            code = self.log.codes.get(what, _NO_NAME)
+            return np.asarray(rows[self.column("codes", rows) == code])
+        if isinstance(what, str):
+            return self._in_order(self._there(self._rows_of_name(what)))
+        row = self.row_of_id(int(what)) if what == what // 1 else _NOWHERE
+        rows = np.array([row] if row >= 0 else [], dtype=np.int64)
+        return rows if area is None else np.intersect1d(rows, self.rows_in(area))
+
+    def _rows_of_name(self, name: str) -> IntArray:
+        code = self.log.codes.get(name, _NO_NAME)
+        rows, first = self.log.table_rows_of(code), len(self.log.table)
+        if self.count == first:
+            return rows
+        behind = np.flatnonzero(self.log.written.codes[: self.count - first] == code)
+        return np.concatenate([rows, behind + first])
+
+    def nearest(
+        self, what: str | float, point_xy: NDArray[np.float64], k: int
+    ) -> tuple[IntArray, NDArray[np.float64]]:
+        """Return the k rows with a name or id that are nearest to a point of shape (2,).
+
+        Returns:
+            Rows and the distances to their shapes [m], both of shape (K,), nearest first; of
+            equally near ones, that with the nearer centroid first.
+        """
+        rows = self.rows_of(what)
+        # What is nearer than the k-th of those whose boxes are the nearest, has its box nearer.
+        x, y = point_xy
+        x0, y0, x1, y1 = self.column("boxes", rows).T
+        to_boxes = np.hypot(
+            np.maximum(0, np.maximum(x0 - x, x - x1)), np.maximum(0, np.maximum(y0 - y, y - y1))
+        )
+        if len(rows) > k:
+            first = rows[np.argpartition(to_boxes, k - 1)[:k]]
+            farthest = self._distances(first, point_xy).max()
+            rows = rows[to_boxes <= farthest * _ROUNDING]
+        distances = self._distances(rows, point_xy)
+        to_centroids = np.hypot(*(self.column("centroids", rows) - point_xy).T)
+        order = np.lexsort((np.arange(len(rows)), to_centroids, distances))[:k]
+        return rows[order], distances[order]
+
+    def _distances(self, rows: IntArray, point_xy: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.asarray(shapely.distance(self.column("shapes", rows), shapely.Point(point_xy)))
+
+    def _meet(self, area: BaseGeometry, rows: IntArray) -> BoolArray:
+        """Return which rows' shapes meet an area, which their boxes do."""
+        shapes = self.column("shapes", rows)
+        if len(rows) < _FEW:
+            return np.asarray(shapely.intersects(area, shapes))
+        shapely.prepare(area)
+        if _is_rectangle(area):
+            x0, y0, x1, y1 = self.column("boxes", rows).T
+            left, low, right, high = area.bounds
+            meets = (left <= x0) & (x1 <= right) & (low <= y0) & (y1 <= high)
+        else:
+            meets = rows < len(self.log.table)
+            corners = self.log.outlines.first_corners(rows[meets])
+            meets[meets] = shapely.intersects_xy(area, corners)
+        meets[~meets] = shapely.intersects(area, shapes[~meets])
+        return np.asarray(meets)
+
+    # Rows
+
+    def _is_there(self, rows: IntArray) -> BoolArray:
+        """Return which of some rows no change has ended."""
+        if self.changes == 0:
+            return np.ones(len(rows), dtype=bool)
+        return np.asarray(self.log.ended[rows] > self.changes)
+
+    def _there(self, rows: IntArray) -> IntArray:
+        return rows if self.changes == 0 else rows[self._is_there(rows)]
+
+    def _places(self, rows: IntArray) -> IntArray:
+        """Return numbers that ascend in the order of the layer."""
+        first = len(self.log.table)
+        if self.count == first:
+            return rows
+        places = rows.copy()
+        is_behind = rows >= first
+        places[is_behind] = self.log.written.places[rows[is_behind] - first]
+        return places
+
+    def _in_order(self, rows: IntArray) -> IntArray:
+        """Return ascending rows in the order of the layer."""
+        if self.count == len(self.log.table):
+            return rows
+        return rows[np.argsort(self._places(rows), kind="stable")]
+
+    def has_any(self, names: Iterable[str]) -> bool:
+        """Return whether an object has one of the names."""
+        return any(len(self.rows_of(name)) for name in names)
+
+    # Changes
+
+    def changed(self, gone: Sequence[int], new: Sequence[SemanticObject], next_id: int) -> Snapshot:
+        """Return what is there after a change; this snapshot stays as it is.
+
+        Args:
+            gone: ids of objects that are there.
+            new: objects with ids. One with an id that is gone takes that object's place;
+                the others come last.
+            next_id: as of the snapshot afterwards.
+        """
+        size = self.size + len(new) - len(gone)
+        with self.log.writing:
+            is_newest = (self.count, self.changes) == (self.log.count, self.log.changes)
+            if is_newest and self.log.has_room(len(gone) + len(new)):
+                rows = [self.row_of_id(number) for number in gone]
+                place_of = dict(zip(gone, self._places(np.array(rows, dtype=int)), strict=True))
+                places = [place_of.get(x.id or 0, self.count + i) for i, x in enumerate(new)]
+                self.log.write(rows, new, places)
+                return Snapshot(self.log, self.log.count, self.log.changes, size, next_id)
+        return self._merged(gone, new, next_id)
+
+    def _merged(self, gone: Sequence[int], new: Sequence[SemanticObject], next_id: int) -> Snapshot:
+        """Return what is there after a change, in a new log."""
+        table, added = self.table, ObjectTable.of(new, self.log.codes)
+        both = table.followed_by(added)
+        at = table.rows_of_ids(np.array(gone, dtype=np.int64))
+        if len(at):
+            place_of = dict(zip(gone, at.tolist(), strict=True))
+            end = range(len(table), len(both))
+            places = [place_of.get(x.id or 0, i) for i, x in zip(end, new, strict=True)]
+            order = np.argsort(np.concatenate([np.arange(len(table)), places]), kind="stable")
+            both = both.take(order[~np.isin(order, at)].astype(np.int64))
+        return Snapshot.of(both, next_id)
+
+
+def _is_rectangle(area: BaseGeometry) -> bool:
+    """Return whether an area is a box along the axes."""
+    corners = shapely.get_coordinates(area)
+    if not isinstance(area, shapely.Polygon) or len(corners) != 5:
+        return False
+    x0, y0, x1, y1 = area.bounds
+    return {(x, y) for x, y in corners.tolist()} == {(x0, y0), (x0, y1), (x1, y0), (x1, y1)}

@@ -1,0 +1,73 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hypermap.core.box_grid import BoxGrid
+from hypermap.core.recent_boxes import RecentBoxes
+
+lengths = st.one_of(st.integers(0, 3), st.sampled_from([0.1, 40.0, 1e6]))
+boxes = st.tuples(st.integers(-9, 9), st.integers(-9, 9), lengths, lengths).map(
+    lambda b: (float(b[0]), float(b[1]), float(b[0] + b[2]), float(b[1] + b[3]))
+)
+points = st.tuples(st.integers(-12, 12), st.integers(-12, 12))
+
+
+def as_boxes(drawn) -> np.ndarray:
+    return np.array(drawn, dtype=float).reshape(-1, 4)
+
+
+def expected_at(drawn, x: float, y: float) -> list[int]:
+    return [i for i, (x0, y0, x1, y1) in enumerate(drawn) if x0 <= x <= x1 and y0 <= y <= y1]
+
+
+@given(st.lists(boxes, max_size=30), st.lists(points, max_size=20), boxes)
+def test_boxes_are_found_where_they_are(drawn, asked, area) -> None:
+    grid = BoxGrid(as_boxes(drawn))
+    for x, y in asked:
+        assert sorted(grid.at(x, y)) == expected_at(drawn, x, y)
+    places, rows = grid.at_all(np.array(asked, dtype=float).reshape(-1, 2))
+    expected = {(i, row) for i, (x, y) in enumerate(asked) for row in expected_at(drawn, x, y)}
+    pairs = list(zip(places.tolist(), rows.tolist(), strict=True))
+    assert set(pairs) == expected
+    assert len(pairs) == len(expected)
+    x0, y0, x1, y1 = area
+    meeting = [i for i, b in enumerate(drawn) if b[0] <= x1 and x0 <= b[2] and b[1] <= y1 and y0 <= b[3]]  # fmt: skip  # noqa: E501
+    assert grid.meeting(*area).tolist() == meeting
+
+
+@given(st.lists(boxes, min_size=1, max_size=30), st.lists(points, max_size=20), boxes, st.data())
+def test_recent_boxes_are_found_among_the_first_so_many(drawn, asked, area, data) -> None:
+    recent = RecentBoxes(len(drawn), cell=1.0)
+    for i, box in enumerate(drawn):
+        recent.put(i, box)
+    for count in (data.draw(st.integers(0, len(drawn))), len(drawn)):
+        grid = BoxGrid(as_boxes(drawn[:count]))
+        for x, y in asked:
+            assert sorted(recent.at(x, y, count)) == sorted(grid.at(x, y))
+        xy = np.array(asked, dtype=float).reshape(-1, 2)
+        for mine, other in zip(recent.at_all(xy, count), grid.at_all(xy), strict=True):
+            assert sorted(mine) == sorted(other)
+        assert recent.meeting(*area, count).tolist() == grid.meeting(*area).tolist()
+
+
+@pytest.mark.parametrize("far", [(1e9, 1e9), (-1e300, 0.0), (1e308, -1e308)])
+def test_a_point_far_away_is_no_trouble(far: tuple[float, float]) -> None:
+    drawn = [(0.0, 0.0, 1.0, 1.0), (5e8, 5e8, 1e9, 1e9)]
+    grid, recent = BoxGrid(as_boxes(drawn)), RecentBoxes(2, cell=1.0)
+    for i, box in enumerate(drawn):
+        recent.put(i, box)
+    expected = expected_at(drawn, *far)
+    assert grid.at(*far) == expected
+    assert recent.at(*far, 2) == expected
+    assert grid.at_all(np.array([far]))[1].tolist() == expected
+
+
+def test_one_box_far_away_does_not_make_the_grid_coarse() -> None:
+    rng = np.random.default_rng(0)
+    corners = rng.uniform(0, 100, (5000, 2))
+    near = np.column_stack([corners, corners + 0.5])
+    far = np.array([[1e9 - 1, 1e9 - 1, 1e9, 1e9]])
+    assert BoxGrid(np.concatenate([near, far])).cell < 4
