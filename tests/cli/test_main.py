@@ -11,7 +11,8 @@ from hypermap.cli.terminal import BAD_INPUT
 from .conftest import assert_one_error
 
 COMMANDS = ["demo", "map", "info", "query", "render", "convert", "shell"]
-HEAVY = ["numpy", "shapely", "matplotlib", "numba", "onnxruntime", "rosbags", "scipy", "pydantic"]
+NEEDED = {"numpy", "shapely", "yaml"}  # by a question to a map
+FOREIGN = {"matplotlib", "mcap", "numba", "onnxruntime", "rosbags", "scipy", "starlette", "uvicorn"}
 
 
 def run_python(code: str) -> subprocess.CompletedProcess[str]:
@@ -32,14 +33,34 @@ def test_the_help_of_every_command_shows_how_to_call_it(hypermap, command):
     assert f"hypermap {command} " in result.out.partition("Examples:")[2]
 
 
-def test_help_loads_nothing_heavy():
+def modules_after(*arguments: str) -> set[str]:
+    """Return the names of all modules that a command loads."""
     code = (
         "import sys, hypermap.cli.main as m\n"
-        "try: m.main(['--help'])\n"
-        "except SystemExit: pass\n"
-        f"print([name for name in {HEAVY} if name in sys.modules], file=sys.stderr)"
+        f"try: m.main({list(arguments)})\n"
+        "except SystemExit as end: assert not end.code\n"
+        "print(*sys.modules, file=sys.stderr)"
     )
-    assert run_python(code).stderr == "[]\n"
+    done = run_python(code)
+    assert done.returncode == 0, done.stderr
+    return set(done.stderr.split())
+
+
+def test_help_loads_nothing_heavy():
+    assert not modules_after("--help") & (NEEDED | FOREIGN | {"pydantic"})
+
+
+@pytest.mark.parametrize("command", ["query", "map", "live"])
+def test_the_help_of_a_command_loads_nothing_heavy(command):
+    assert not modules_after(command, "--help") & (NEEDED | FOREIGN)
+
+
+def test_a_question_loads_only_what_it_needs(room_map):
+    modules = modules_after("query", str(room_map), "--name", "chair")
+    assert not modules & FOREIGN
+    commands = {name for name in modules if name.startswith("hypermap.cli.")}
+    assert "hypermap.cli.query" in commands
+    assert not commands & {"hypermap.cli.demo", "hypermap.cli.map_", "hypermap.cli.live"}
 
 
 def test_the_version_is_the_packages():

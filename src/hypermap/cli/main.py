@@ -2,33 +2,18 @@
 
 from __future__ import annotations
 
+import importlib
 import inspect
 import re
 import sys
 from collections.abc import Sequence
-from typing import Annotated, NoReturn
+from typing import Annotated, Any, NoReturn
 
 import typer
+from typer.core import TyperCommand, TyperGroup
+from typer.main import get_command
 
 from hypermap import __version__
-from hypermap.cli import (
-    bench,
-    convert,
-    demo,
-    evaluate,
-    experiment,
-    info,
-    live,
-    map_,
-    query,
-    render,
-    ros1_env,
-    rviz,
-    serve,
-    shell,
-    simulate,
-    view,
-)
 from hypermap.cli.terminal import (
     BAD_INPUT,
     INTERRUPTED,
@@ -39,7 +24,46 @@ from hypermap.cli.terminal import (
 )
 from hypermap.core.errors import HypermapError
 
+_MODULES = {
+    "demo": "demo",
+    "map": "map_",
+    "info": "info",
+    "query": "query",
+    "view": "view",
+    "render": "render",
+    "evaluate": "evaluate",
+    "convert": "convert",
+    "simulate": "simulate",
+    "experiment": "experiment",
+    "shell": "shell",
+    "serve": "serve",
+    "live": "live",
+    "rviz": "rviz",
+    "ros1-env": "ros1_env",
+}
+
+
+class _Commands(TyperGroup):
+    """The commands, each loaded when it is used; their list needs no more than their docstrings."""
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """Return the names of all commands."""
+        for name in _MODULES:
+            if name not in self.commands:
+                self.commands[name] = TyperCommand(name, help=_help_of(_module_of(name)))
+        return super().list_commands(ctx)
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """Return the name, the command and the arguments that the user asks for."""
+        if args[0] in _MODULES:
+            self.commands[args[0]] = _command_of(args[0])
+        else:
+            self.list_commands(ctx)  # of which the message suggests one
+        return super().resolve_command(ctx, args)
+
+
 app = typer.Typer(
+    cls=_Commands,
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -74,35 +98,22 @@ def _options(
     log_to_standard_error(verbose)
 
 
-def _flowing(docstring: str) -> str:
-    """Return a docstring as help: paragraphs flow, indented lines (the examples) stay."""
-    text = inspect.cleandoc(docstring).replace("Examples:", "[bold]Examples:[/bold]")
+def _help_of(module: Any) -> str:
+    """Return a command's docstring as help: paragraphs flow, indented lines (the examples) stay."""
+    text = inspect.cleandoc(module.command.__doc__).replace("Examples:", "[bold]Examples:[/bold]")
     return re.sub(r"(?<=[^\n])\n(?=[^\s])", " ", text)
 
 
-for _name, _module in {
-    "demo": demo,
-    "map": map_,
-    "info": info,
-    "query": query,
-    "view": view,
-    "render": render,
-    "evaluate": evaluate,
-    "convert": convert,
-    "simulate": simulate,
-    "experiment": experiment,
-    "shell": shell,
-    "serve": serve,
-    "live": live,
-    "rviz": rviz,
-    "ros1-env": ros1_env,
-    "bench": bench,
-}.items():
-    app.command(
-        _name,
-        cls=getattr(_module, "COMMAND_CLASS", None),
-        help=_flowing(_module.command.__doc__ or ""),
-    )(_module.command)
+def _module_of(name: str) -> Any:
+    return importlib.import_module(f"hypermap.cli.{_MODULES[name]}")
+
+
+def _command_of(name: str) -> Any:
+    module = _module_of(name)
+    alone = typer.Typer(rich_markup_mode="rich", add_completion=False)
+    command_class = getattr(module, "COMMAND_CLASS", None)
+    alone.command(name, cls=command_class, help=_help_of(module))(module.command)
+    return get_command(alone)
 
 
 def main(args: Sequence[str] | None = None) -> NoReturn:

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-import yaml
 from typer.core import TyperCommand
 
 from hypermap.core.errors import HypermapError
@@ -124,6 +123,8 @@ def parse_params(pairs: Sequence[str] | None) -> dict[str, Value]:
 
 
 def _value(pair: str, text: str) -> Value:
+    import yaml
+
     try:
         value = yaml.safe_load(text)
     except yaml.YAMLError:
