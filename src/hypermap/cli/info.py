@@ -17,6 +17,7 @@ from hypermap.viewer.text import counted, printable
 if TYPE_CHECKING:
     from hypermap.core.hypermap import Hypermap
     from hypermap.core.layer import Layer
+    from hypermap.core.semantic import SemanticLayer
     from hypermap.perception.recording import RecordingInfo
     from hypermap.recordings import RecordingOptions
 
@@ -92,6 +93,7 @@ def _describe_layer(layer: Layer) -> dict[str, Any]:
     if isinstance(layer, SemanticLayer):
         content["objects"] = len(layer)
         content["names"] = _counts(layer.names)
+        content["observations"] = _observations(layer)
         content["rejected"] = [
             {"position": r.position, "name": r.name, "reason": r.reason} for r in layer.rejected
         ]
@@ -102,6 +104,17 @@ def _describe_layer(layer: Layer) -> dict[str, Any]:
         content["origin"] = [grid.origin.x, grid.origin.y, grid.origin.yaw]
         content["cells"] = layer.counts()
     return content
+
+
+def _observations(layer: SemanticLayer) -> int | None:
+    """Return how many observations are kept behind the objects; None if that cannot be read."""
+    from hypermap.core.errors import HypermapError
+
+    try:
+        evidence = layer.evidence()
+    except HypermapError:
+        return None
+    return 0 if evidence is None else len(evidence)
 
 
 def _counts(names: Any) -> dict[str, int]:
@@ -147,7 +160,9 @@ def _extent(bounds: list[float] | None) -> str:
 def _content(layer: dict[str, Any]) -> str:
     if "names" in layer:
         kinds = counted(len(layer["names"]), "class", "classes")
-        return f"{counted(layer['objects'], 'object')} of {kinds}"
+        kept = layer["observations"]
+        behind = f", with {counted(kept, 'observation')}" if kept else ""
+        return f"{counted(layer['objects'], 'object')} of {kinds}{behind}"
     if "cells" in layer:
         cells = ", ".join(f"{label} {count}" for label, count in layer["cells"].items())
         return f"{layer['width']} x {layer['height']} cells of {layer['resolution']:g} m: {cells}"

@@ -84,6 +84,10 @@ def command(
             rich_help_panel=_WHERE,
         ),
     ] = None,
+    evidence: Annotated[
+        bool,
+        typer.Option("--evidence", help="Look behind the objects found.", rich_help_panel=_WHAT),
+    ] = False,
     layer: Annotated[str | None, typer.Option(metavar="NAME", help="Ask only this layer.")] = None,
     frame_id: Annotated[
         str | None,
@@ -107,8 +111,10 @@ def command(
         hypermap query lab.hmap --name cup --nearest --from 1,1
         hypermap query lab.hmap --name chair --near sink --within 2
         hypermap query lab.hmap --name chair --in "1,2 2,2 2,3 1,3" --json
+        hypermap query lab.hmap --id 7 --evidence
     """
     from hypermap.cli.ask import Question, answers, hint_for
+    from hypermap.cli.evidence import add_evidence, show_evidence
     from hypermap.formats import open_map
 
     question = Question(
@@ -125,6 +131,8 @@ def command(
     )
     hypermap = open_map(path)
     rows = answers(hypermap, question)
+    if evidence:
+        add_evidence(hypermap, rows)
     if as_json:
         say_json({"map": str(path), "frame_id": hypermap.base_frame, "answers": rows})
         return
@@ -133,6 +141,8 @@ def command(
         _show(rows, cells_are_counted=question.what is None and at is None)
     else:
         note("nothing found" + "".join(f"; {hint}" for hint in hint_for(hypermap, question)))
+    if evidence:
+        show_evidence(rows)
     if question.most is not None and start is None and rows:
         note("measured from (0, 0); give --from X,Y to measure from elsewhere")
 
