@@ -9,7 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hypermap.core.trajectory import pose_from_rpy
-from hypermap.mapping.sight import sights
+from hypermap.mapping.outlines import Outline
+from hypermap.mapping.sight import samples_of, sights
 from hypermap.perception.frame import Camera, RgbdFrame
 from hypermap.perception.view import View
 
@@ -29,7 +30,7 @@ def looking_along_x(
 
 
 def sight(view: View, shape: shapely.Polygon = CHAIR) -> tuple[float, float]:
-    visible, through = sights(view, np.array([shape], dtype=object), HEIGHTS, tolerance=0.15)
+    visible, through = sights(view, [samples_of(Outline.of(shape))], HEIGHTS, tolerance=0.15)
     return float(visible[0]), float(through[0])
 
 
@@ -58,13 +59,13 @@ def test_half_of_an_object_may_be_hidden() -> None:
 def test_what_is_too_small_to_be_found_is_not_missed() -> None:
     cup = shapely.box(3.0, 0.0, 3.08, 0.08)
     heights = np.array([[1.0, 1.1]])
-    shapes = np.array([cup], dtype=object)
-    assert sights(looking_along_x(6.0), shapes, heights, 0.15)[0] == 0
-    assert sights(looking_along_x(6.0, x=2.0), shapes, heights, 0.15)[0] == 1
+    samples = [samples_of(Outline.of(cup))]
+    assert sights(looking_along_x(6.0), samples, heights, 0.15)[0] == 0
+    assert sights(looking_along_x(6.0, x=2.0), samples, heights, 0.15)[0] == 1
 
 
 def test_without_objects_there_is_nothing_to_see() -> None:
-    visible, through = sights(looking_along_x(4.0), np.empty(0, object), np.empty((0, 2)), 0.15)
+    visible, through = sights(looking_along_x(4.0), [], np.empty((0, 2)), 0.15)
     assert len(visible) == len(through) == 0
 
 

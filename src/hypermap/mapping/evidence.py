@@ -8,18 +8,17 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Collection
-from functools import partial
 
 import numpy as np
-import shapely
 
 from hypermap.core.semantic import SemanticLayer, SemanticObject
-from hypermap.mapping.association import ASSOCIATIONS, Rows
+from hypermap.mapping.association import ASSOCIATIONS
 from hypermap.mapping.fusion import FUSIONS
 from hypermap.mapping.known import KnownObject, KnownObjects
+from hypermap.mapping.known_shapes import Rows
 from hypermap.mapping.look_back import later_table
 from hypermap.mapping.losing import forget, lose
-from hypermap.mapping.pile import Evidence
+from hypermap.mapping.pile import Evidence, evidence_of
 from hypermap.mapping.rivals import likeness
 from hypermap.mapping.stages import EvidenceConfig
 from hypermap.perception.observation import Observation
@@ -62,7 +61,11 @@ class EvidenceMap:
         Shapes that are empty, invalid or without area are left out and counted.
         """
         self._shown.clear()
-        seen = {self._learn(name, evidence) for name, evidence in self._usable(observation)}
+        found = evidence_of(observation, self.config.abstain)
+        if len(found) < len(observation.objects):
+            self.ignored += len(observation.objects) - len(found)
+            _log.info("frame %.6f: shapes without area left out", observation.stamp)
+        seen = {self._learn(name, evidence) for name, evidence in found}
         if self.config.exclusive:
             self._note_neighbors()
         lose(self._known, observation, seen, self.config)
@@ -107,24 +110,10 @@ class EvidenceMap:
         Raises:
             KeyError: If there is no such object, or it was forgotten or combined with another.
         """
-        for known in self._known.objects:
-            if known.id == object_id:
-                return tuple(known.pile.items)
-        raise KeyError(object_id)
-
-    def _usable(self, observation: Observation) -> list[tuple[str, Evidence]]:
-        """Return name and evidence of each observed shape that is an area."""
-        shapes = np.array([observed.footprint for observed in observation.objects], dtype=object)
-        usable = shapely.is_valid(shapes)
-        usable[usable] = shapely.area(shapes[usable]) > 0
-        if not usable.all():
-            self.ignored += int(np.count_nonzero(~usable))
-            _log.info("frame %.6f: shapes without area left out", observation.stamp)
-        return [
-            (observed.name, Evidence.of(observed, observation, self.config.abstain))
-            for observed, is_usable in zip(observation.objects, usable, strict=True)
-            if is_usable
-        ]
+        rows = self._known.rows_of([object_id])
+        if not rows:
+            raise KeyError(object_id)
+        return tuple(self._known.objects[rows[0]].pile.items)
 
     def _learn(self, name: str, evidence: Evidence) -> int:
         """Return the id of the object that was seen; it gains, unless its name was a slip."""
@@ -135,35 +124,35 @@ class EvidenceMap:
 
     def _mistaken_for(self, class_: int, evidence: Evidence) -> int | None:
         """Return the id of the well-known object of another class that was really seen, if any."""
-        rows = self._known.shapes.near(None, shapely.bounds(evidence.footprint))
-        heights = evidence.z_min, evidence.z_max
-        alike = likeness(evidence.footprint, heights, self._known.shapes, rows)
-        is_same = self._known.shapes.classes[rows] == class_
-        if np.any(alike[is_same] >= self.config.slip / 2):
-            return None
-        counts = np.array([self._known.objects[row].pile.count for row in rows])
-        alike[is_same | (counts < _WELL_KNOWN)] = 0
-        if not np.any(alike >= self.config.slip):
-            return None
-        return self._known.objects[int(rows[np.argmax(alike)])].id
+        shapes, objects = self._known.shapes, self._known.objects
+        rows = shapes.near(None, evidence.outline.box)
+        alike = likeness(evidence.outline, (evidence.z_min, evidence.z_max), shapes, rows)
+        true, most = None, 0.0
+        for row, likeness_of_row in zip(rows, alike, strict=True):
+            if shapes.classes[row] == class_:
+                if likeness_of_row >= self.config.slip / 2:
+                    return None
+            elif objects[row].pile.count >= _WELL_KNOWN and likeness_of_row > most:
+                true, most = objects[row].id, likeness_of_row
+        return true if most >= self.config.slip else None
 
     def _add(self, name: str, evidence: Evidence) -> int:
         """Give evidence to the object it belongs to, old or new, and return that object's id."""
         class_ = self._classes.setdefault(name, len(self._classes))
-        matches = self._associate(evidence.footprint, class_, self._known.shapes, self.config)
+        matches = self._associate(evidence.outline, class_, self._known.shapes, self.config)
         if self.config.exclusive:
-            matches = self._known.filter(matches, lambda known: known.id not in self._shown)
+            matches = self._known.without(matches, self._shown)
         if len(matches) == 0:
             row = self._known.append(name, class_, evidence, self.config.max_evidence)
         elif self.config.combine == "matches":
             row = self._combine(matches)
         else:
-            row = int(matches[0])
+            row = matches[0]
         known = self._known.objects[row]
         known.pile.add(evidence)
         known.unfused += 1
         gain = self.config.gain * (evidence.score if self.config.gain_by_score else 1.0)
-        self._known.set_existence(row, self._known.existence[row] + gain)
+        self._known.change_existence(row, gain)
         if known.unfused > self.config.renewal * len(known.pile):
             self._renew(row)
             if self.config.combine == "overlapping":
@@ -173,26 +162,26 @@ class EvidenceMap:
 
     def _combine(self, rows: Rows) -> int:
         """Make one object of several, the oldest of them, and return its row."""
-        row, *others = sorted(int(r) for r in rows)
+        row, *others = sorted(rows)
         if others:
             known = self._known.objects[row]
             known.pile.merge(self._known.objects[other].pile for other in others)
             known.unfused = len(known.pile)
             for other in others:
                 known.beside.update(self._known.objects[other].beside)
-            self._known.set_existence(row, self._known.existence[rows].sum())
-            self._known.remove(np.array(others))
+            self._known.change_existence(row, float(self._known.existence[others].sum()))
+            self._known.remove(others)
         return row
 
     def _combine_with_overlapping(self, row: int) -> int:
         """Combine an object with others that its own shape matches, until there are none."""
         while True:
-            shape, class_ = self._known.shapes.shapes[row], int(self._known.shapes.classes[row])
+            known = self._known.objects[row]
+            shape, class_ = self._known.shapes.outlines[row], int(self._known.shapes.classes[row])
             matches = self._associate(shape, class_, self._known.shapes, self.config)
             if self.config.exclusive:
-                matches = self._known.filter(
-                    matches, partial(self._may_be_one, self._known.objects[row])
-                )
+                objects = self._known.objects
+                matches = [one for one in matches if self._may_be_one(known, objects[one])]
             if len(matches) <= 1:  # it matches itself
                 return row
             row = self._combine(matches)
@@ -228,11 +217,12 @@ class EvidenceMap:
         known = self._known.objects[row]
         pile = known.pile
         # The stale shape stays in place: asking for objects must not change what is mapped.
-        shape = self._fuse(pile, self.config) if known.unfused else self._known.shapes.shapes[row]
+        is_stale = known.unfused > 0
+        shape = self._fuse(pile, self.config) if is_stale else self._known.shapes.outlines[row]
         z_min, z_max = pile.heights()
         return SemanticObject(
             name=known.name,
-            footprint=shape,
+            footprint=shape.geometry,
             id=known.id,
             tags=(known.name,),
             confidence=(pile.score_sum / pile.count,),

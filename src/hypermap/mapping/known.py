@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import dataclasses
+from bisect import bisect_left
 from collections import Counter
-from collections.abc import Callable, Collection
+from collections.abc import Collection, Sequence
+from operator import attrgetter
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hypermap.mapping.association import KnownShapes, Rows
+from hypermap.core.arrays import BoolArray
+from hypermap.mapping.columns import Column
+from hypermap.mapping.known_shapes import KnownShapes, Rows
 from hypermap.mapping.pile import Evidence, Pile
 
 
@@ -38,44 +42,51 @@ class KnownObjects:
     Attributes:
         objects: one per row.
         shapes: their shapes, classes and heights.
-        existence: how surely each of them exists, float64, shape (N,).
     """
 
     def __init__(self, max_existence: float) -> None:
         """Prepare an empty table whose objects' existence never grows above a limit."""
         self.objects: list[KnownObject] = []
         self.shapes = KnownShapes()
-        self.existence = np.empty(0)
+        self._existence = Column(np.empty(0))
         self._max_existence = max_existence
         self._next_id = 0
+
+    @property
+    def existence(self) -> NDArray[np.float64]:
+        """How surely each object exists, float64, shape (N,)."""
+        return self._existence.values
 
     def append(self, name: str, class_: int, evidence: Evidence, max_evidence: int) -> int:
         """Add an object in the place of some evidence, but without evidence; return its row."""
         self.objects.append(KnownObject(self._next_id, name, Pile(max_evidence)))
-        self.existence = np.append(self.existence, 0.0)
+        self._existence.append(0.0)
         self._next_id += 1
-        return self.shapes.append(class_, evidence.footprint, (evidence.z_min, evidence.z_max))
+        return self.shapes.append(class_, evidence.outline, (evidence.z_min, evidence.z_max))
 
-    def remove(self, rows: Rows) -> None:
+    def remove(self, rows: Sequence[int]) -> None:
         """Remove some objects; those behind them move up."""
+        wanted: BoolArray = np.ones(len(self.objects), dtype=bool)
+        wanted[np.asarray(rows)] = False
         for row in sorted(rows, reverse=True):
             del self.objects[row]
-        self.shapes.remove(rows)
-        self.existence = np.delete(self.existence, rows)
+        self.shapes.keep(wanted)
+        self._existence.keep(wanted)
 
-    def set_existence(self, rows: int | Rows, existence: float | NDArray[np.float64]) -> None:
-        """Change existence, capped; rounded, so that five times 0.2 is 1 to the last digit."""
-        self.existence[rows] = np.round(np.minimum(existence, self._max_existence), 9)
+    def change_existence(self, row: int, by: float) -> None:
+        """Change an object's existence, capped; rounded, so that five times 0.2 is 1 exactly."""
+        existence = min(self.existence[row] + by, self._max_existence)
+        self.existence[row] = round(existence * 1e9) / 1e9
 
-    def rows_of(self, ids: Collection[int]) -> list[int]:
-        """Return the rows of the objects with some ids."""
-        return [row for row, known in enumerate(self.objects) if known.id in ids]
-
-    def filter(self, rows: Rows, keep: Callable[[KnownObject], bool]) -> Rows:
-        """Return those of some rows whose objects are to be kept."""
-        kept = [keep(self.objects[row]) for row in rows]
-        return np.asarray(rows[np.array(kept, dtype=bool)])
+    def rows_of(self, ids: Collection[int]) -> Rows:
+        """Return the rows of the objects that have some ids, in rising order."""
+        rows = []
+        for number in sorted(ids):
+            row = bisect_left(self.objects, number, key=attrgetter("id"))
+            if row < len(self.objects) and self.objects[row].id == number:
+                rows.append(row)
+        return rows
 
     def without(self, rows: Rows, ids: Collection[int]) -> Rows:
         """Return those of some rows whose objects have none of some ids."""
-        return self.filter(rows, lambda known: known.id not in ids)
+        return [row for row in rows if self.objects[row].id not in ids]

@@ -89,7 +89,7 @@ def fused_shapes(table: EvidenceTable, config: EvidenceConfig) -> dict[str, Base
                 z_max=z_max,
             )
         )
-    return {method: fuse(pile, config) for method, fuse in FUSIONS.items()}
+    return {method: fuse(pile, config).geometry for method, fuse in FUSIONS.items()}
 
 
 def config_of(metadata: Mapping[str, Any]) -> EvidenceConfig:

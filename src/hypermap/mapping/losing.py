@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Set
 
 import numpy as np
@@ -9,13 +10,14 @@ import shapely
 
 from hypermap.mapping.known import KnownObjects
 from hypermap.mapping.rivals import likeness
-from hypermap.mapping.sight import sights
+from hypermap.mapping.sight import samples_of, sights
 from hypermap.mapping.stages import EvidenceConfig
 from hypermap.perception.observation import Observation
 from hypermap.perception.view import View
 
 _VISIBLE = 0.5  # share of an object that a frame must be able to see for the object to lose
 _GONE = 0.9  # share of what can be seen of it that rays must pass for an object to be gone
+_EVERYWHERE = (-math.inf, -math.inf, math.inf, math.inf)
 
 
 def lose(
@@ -41,20 +43,18 @@ def forget(known: KnownObjects, below: float) -> None:
     """Remove the objects with less existence than some."""
     forgotten = np.flatnonzero(known.existence < below)
     if len(forgotten):
-        known.remove(forgotten)
+        known.remove(forgotten.tolist())
 
 
 def _lose_in_view(known: KnownObjects, view: View, seen: Set[int], config: EvidenceConfig) -> None:
     """Take existence from the objects that the rays should have shown."""
-    boxes = known.shapes.boxes
-    offsets = (boxes[:, :2] + boxes[:, 2:]) / 2 - view.position[:2]
-    rows = known.without(np.flatnonzero(np.hypot(*offsets.T) <= config.max_range), seen)
-    shapes = shapely.convex_hull(known.shapes.shapes[rows])
-    visible, through = sights(view, shapes, known.shapes.heights[rows], config.tolerance)
-    losses = np.where(through >= _GONE * visible, config.gone_loss, config.loss)
-    is_visible = visible >= _VISIBLE
-    rows, losses = rows[is_visible], losses[is_visible]
-    known.set_existence(rows, known.existence[rows] - losses)
+    near = known.shapes.within(_EVERYWHERE, view.position[:2], config.max_range)
+    rows = known.without(near, seen)
+    samples = [known.shapes.outlines[row].once(samples_of) for row in rows]
+    visible, through = sights(view, samples, known.shapes.heights[rows], config.tolerance)
+    is_gone = through >= _GONE * visible
+    for i in np.flatnonzero(visible >= _VISIBLE):
+        known.change_existence(rows[i], -(config.gone_loss if is_gone[i] else config.loss))
 
 
 def _lose_in_area(
@@ -66,28 +66,23 @@ def _lose_in_area(
         area = shapely.buffer(area, -config.margin, join_style="mitre")
     if area.is_empty:
         return
-    boxes, limits = known.shapes.boxes, shapely.bounds(area)
-    centers = (boxes[:, :2] + boxes[:, 2:]) / 2
-    distances = np.hypot(*(centers - observation.map_T_camera[:2, 3]).T)
-    rows = np.flatnonzero(
-        (boxes[:, :2] >= limits[:2]).all(axis=1)
-        & (boxes[:, 2:] <= limits[2:]).all(axis=1)
-        & (distances <= config.max_range)
-    )
-    shapely.prepare(area)
-    losing = rows[shapely.covers(area, known.shapes.shapes[rows])]
+    camera = observation.map_T_camera[:2, 3]
+    rows = known.shapes.within(area.bounds, camera, config.max_range)
     if config.loses == "unmatched":
-        losing = known.without(losing, seen)
-    known.set_existence(losing, known.existence[losing] - config.loss)
+        rows = known.without(rows, seen)
+    shapely.prepare(area)
+    is_covered = shapely.covers(area, known.shapes.geometries(rows))
+    for i in np.flatnonzero(is_covered):
+        known.change_existence(rows[i], -config.loss)
 
 
 def _lose_contested(known: KnownObjects, seen: Set[int], config: EvidenceConfig) -> None:
     """Take existence from the objects in whose place the frame shows another class."""
     shapes = known.shapes
     for row in known.rows_of(seen):
-        near = known.without(shapes.near(None, shapes.boxes[row]), seen)
-        near = near[shapes.classes[near] != shapes.classes[row]]
-        heights = shapes.heights[row]
-        alike = likeness(shapes.shapes[row], (heights[0], heights[1]), shapes, near)
-        losing = near[alike >= config.min_contested]
-        known.set_existence(losing, known.existence[losing] - config.contested)
+        shape, (low, high) = shapes.outlines[row], shapes.heights[row].tolist()
+        near = known.without(shapes.near(None, shape.box), seen)
+        near = [other for other in near if shapes.classes[other] != shapes.classes[row]]
+        for other, alike in zip(near, likeness(shape, (low, high), shapes, near), strict=True):
+            if alike >= config.min_contested:
+                known.change_existence(other, -config.contested)

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
+import statistics
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -11,8 +14,10 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from hypermap.core.arrays import ObjectArray
-from hypermap.perception.observation import Observation, ObservedObject
+from hypermap.core.arrays import ObjectArray, as_objects
+from hypermap.mapping.columns import Column
+from hypermap.mapping.outlines import Outline
+from hypermap.perception.observation import Observation
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,7 +29,7 @@ class Evidence:
     Attributes:
         stamp: time of the frame [s].
         map_T_camera: pose of the camera's optical frame in the map, shape (4, 4).
-        visible_area: polygon in the map frame [m] that the frame could have seen; see `of`.
+        visible_area: polygon in the map frame [m] that the frame could have seen; may be empty.
         score: the detector's, 0..1.
         footprint: polygon in the map frame [m].
         centroid_xy: the footprint's centroid [m], shape (2,).
@@ -41,35 +46,59 @@ class Evidence:
     z_min: float
     z_max: float
 
-    @classmethod
-    def of(
-        cls,
-        observed: ObservedObject,
-        observation: Observation,
-        abstain: Literal["hidden", "outside"] = "outside",
-    ) -> Evidence:
-        """Return what one object of an observation is evidence of.
+    @cached_property
+    def outline(self) -> Outline:
+        """The footprint."""
+        return Outline.of(self.footprint)
 
-        Args:
-            observed: the object.
-            observation: the frame that shows it.
-            abstain: "outside": the frame has seen all of its visible area; "hidden": what lies
-                behind walls it has not seen.
-        """
-        area = observation.visible_area
-        view = observation.view
-        if abstain == "hidden" and view is not None and view.is_level:
-            area = view.ground
-        return cls(
+    @cached_property
+    def ground(self) -> Outline:
+        """The visible area."""
+        return Outline.of(self.visible_area)
+
+    @cached_property
+    def distance(self) -> float:
+        """How far the footprint was from the camera, over the floor [m]."""
+        x, y = self.map_T_camera[:2, 3].tolist()
+        return math.hypot(self.centroid_xy[0] - x, self.centroid_xy[1] - y)
+
+
+def evidence_of(
+    observation: Observation, abstain: Literal["hidden", "outside"] = "outside"
+) -> list[tuple[str, Evidence]]:
+    """Return name and evidence of each object of a frame whose footprint is an area.
+
+    Args:
+        observation: the frame.
+        abstain: "outside": the frame has seen all of its visible area; "hidden": what lies behind
+            walls it has not seen.
+    """
+    area, view = observation.visible_area, observation.view
+    if abstain == "hidden" and view is not None and view.is_level:
+        area = view.ground
+    footprints = as_objects(observed.footprint for observed in observation.objects)
+    is_usable = shapely.is_valid(footprints)
+    is_usable[is_usable] = shapely.area(footprints[is_usable]) > 0
+    footprints = footprints[is_usable]
+    # All outlines of a frame at once, which is faster than each when it is asked for.
+    *outlines, ground = Outline.all_of([*footprints, area])
+    centroids = shapely.get_coordinates(shapely.centroid(footprints))
+    usable = [observation.objects[i] for i in np.flatnonzero(is_usable)]
+    found = []
+    for observed, outline, centroid_xy in zip(usable, outlines, centroids, strict=True):
+        evidence = Evidence(
             stamp=observation.stamp,
             map_T_camera=observation.map_T_camera,
             visible_area=area,
             score=observed.score,
             footprint=observed.footprint,
-            centroid_xy=shapely.get_coordinates(shapely.centroid(observed.footprint))[0],
+            centroid_xy=centroid_xy,
             z_min=observed.z_min,
             z_max=observed.z_max,
         )
+        vars(evidence).update(outline=outline, ground=ground)
+        found.append((observed.name, evidence))
+    return found
 
 
 class Pile:
@@ -77,7 +106,6 @@ class Pile:
 
     Attributes:
         items: what is kept, oldest first.
-        centroids: of the kept footprints [m], shape (N, 2).
         count: how many pieces there were altogether.
         score_sum: the sum of all their scores.
         first_seen: the oldest stamp of all [s].
@@ -88,7 +116,7 @@ class Pile:
         self._limit = limit
         self._heights: tuple[float, float] | None = None
         self.items: list[Evidence] = []
-        self.centroids = np.empty((0, 2))
+        self._centroids = Column(np.empty((0, 2)))
         self.count = 0
         self.score_sum = 0.0
         self.first_seen = np.inf
@@ -100,8 +128,10 @@ class Pile:
     def add(self, evidence: Evidence) -> None:
         """Put one piece on top; the lowest one goes when the pile is full."""
         self.items.append(evidence)
-        self.centroids = np.vstack([self.centroids, evidence.centroid_xy])[-self._limit :]
-        del self.items[: -self._limit]
+        self._centroids.append(evidence.centroid_xy)
+        if len(self.items) > self._limit:
+            del self.items[0]
+            self._centroids.remove_first()
         self._count(1, evidence.score, evidence.stamp, evidence.stamp)
 
     def merge(self, others: Iterable[Pile]) -> None:
@@ -110,22 +140,25 @@ class Pile:
             self.items.extend(other.items)
             self._count(other.count, other.score_sum, other.first_seen, other.last_seen)
         self.items = sorted(self.items, key=lambda evidence: evidence.stamp)[-self._limit :]
-        self.centroids = np.array([evidence.centroid_xy for evidence in self.items])
+        self._centroids = Column(np.empty((0, 2)))
+        for evidence in self.items:
+            self._centroids.append(evidence.centroid_xy)
 
-    def distances(self) -> NDArray[np.float64]:
-        """Return how far each kept footprint was from its camera [m], shape (N,)."""
-        cameras = np.array([evidence.map_T_camera[:2, 3] for evidence in self.items])
-        return np.asarray(np.hypot(*(self.centroids - cameras).T))
+    @property
+    def centroids(self) -> NDArray[np.float64]:
+        """Of the kept footprints [m], shape (N, 2)."""
+        return self._centroids.values
 
     def footprints(self) -> ObjectArray:
         """Return the kept footprints, shape (N,)."""
-        return np.array([evidence.footprint for evidence in self.items], dtype=object)
+        return as_objects(evidence.footprint for evidence in self.items)
 
     def heights(self) -> tuple[float, float]:
         """Return the usual lowest and highest point of the kept evidence [m] (medians)."""
         if self._heights is None:
-            z = np.median([(evidence.z_min, evidence.z_max) for evidence in self.items], axis=0)
-            self._heights = float(z[0]), float(z[1])
+            low = statistics.median(evidence.z_min for evidence in self.items)
+            high = statistics.median(evidence.z_max for evidence in self.items)
+            self._heights = float(low), float(high)
         return self._heights
 
     def _count(self, count: int, score: float, first: float, last: float) -> None:

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import numpy as np
-import shapely
-from numpy.typing import NDArray
-from shapely.geometry.base import BaseGeometry
+from collections.abc import Iterable
 
-from hypermap.mapping.association import KnownShapes, Rows
+from hypermap.mapping.known_shapes import KnownShapes
+from hypermap.mapping.outlines import Outline, shared_area
 
 _SAME_HEIGHT = 0.5  # height that two things share, over that of both together
 
 
 def likeness(
-    shape: BaseGeometry, heights: tuple[float, float], known: KnownShapes, rows: Rows
-) -> NDArray[np.float64]:
+    shape: Outline, heights: tuple[float, float], known: KnownShapes, rows: Iterable[int]
+) -> list[float]:
     """Return how much some known objects are the same as a shape, whatever their class.
 
     Args:
@@ -25,12 +23,17 @@ def likeness(
 
     Returns:
         The Jaccard index of the footprints, 0 for what lies above or below: a cup on a table is no
-        rival of the table. Shape (N,).
+        rival of the table. One for each row.
     """
-    shared = shapely.area(shapely.intersection(shape, known.shapes[rows]))
-    together = shapely.area(shape) + known.areas[rows] - shared
-    low, high = known.heights[rows].T
-    shared_height = np.minimum(high, heights[1]) - np.maximum(low, heights[0])
-    whole_height = np.maximum(high, heights[1]) - np.minimum(low, heights[0])
-    is_as_high = shared_height >= _SAME_HEIGHT * whole_height
-    return np.asarray(np.where(is_as_high, shared / together, 0.0))
+    alike = []
+    for row in rows:
+        low, high = known.heights[row].tolist()
+        shared_height = min(high, heights[1]) - max(low, heights[0])
+        whole_height = max(high, heights[1]) - min(low, heights[0])
+        if shared_height >= _SAME_HEIGHT * whole_height:
+            other = known.outlines[row]
+            shared = shared_area(shape, other)
+            alike.append(shared / (shape.area + other.area - shared))
+        else:
+            alike.append(0.0)
+    return alike

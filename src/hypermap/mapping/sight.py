@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from hypermap.core.arrays import ObjectArray
+from hypermap.mapping.outlines import Outline
 from hypermap.perception.view import View
 
 _AROUND = np.arange(8) / 8  # samples along an outline
@@ -15,8 +18,34 @@ _HEIGHTS = np.array([0.25, 0.5, 0.75])  # where they lie between lowest and high
 _FEWEST_RAYS = 10  # that must be able to hit a thing for it to be large enough to be found
 
 
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Where to look for an object.
+
+    Attributes:
+        around: points of its outline [m], shape (8, 2).
+        xy: its middle, and points between that and its outline [m], shape (9, 2).
+        width: the largest distance between opposite points of its outline [m].
+    """
+
+    around: NDArray[np.float64]
+    xy: NDArray[np.float64]
+    width: float
+
+
+def samples_of(shape: Outline) -> Samples:
+    """Return where to look for an object with a shape, of which the convex hull is taken."""
+    hull = shapely.convex_hull(shape.geometry)
+    ring = shapely.get_exterior_ring(hull)
+    around = shapely.get_coordinates(shapely.line_interpolate_point(ring, _AROUND, normalized=True))
+    middle = shapely.get_coordinates(shapely.centroid(hull))
+    xy = np.concatenate([middle, middle + _INWARD * (around - middle)])
+    across = np.linalg.norm(around - np.roll(around, 4, axis=0), axis=1)
+    return Samples(around, xy, float(across.max()))
+
+
 def sights(
-    view: View, shapes: ObjectArray, heights: NDArray[np.float64], tolerance: float
+    view: View, samples: Sequence[Samples], heights: NDArray[np.float64], tolerance: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return how much of some objects a frame could see, and how much it saw through.
 
@@ -26,7 +55,7 @@ def sights(
 
     Args:
         view: where the frame's rays ended.
-        shapes: footprints in the map frame [m], shape (N,).
+        samples: of each object, N.
         heights: lowest and highest point of each [m], shape (N, 2).
         tolerance: how far before and behind an object its surface may be measured [m].
 
@@ -34,26 +63,20 @@ def sights(
         Share of each object's samples whose rays ended at the object or behind it, and share of
         those that ended behind it, shape (N,) each.
     """
-    count, samples = len(shapes), (len(_AROUND) + 1) * len(_HEIGHTS)
-    if count == 0:
+    if not samples:
         return np.empty(0), np.empty(0)
-    outlines = shapely.get_exterior_ring(shapes)[:, np.newaxis]
-    points = shapely.line_interpolate_point(outlines, _AROUND, normalized=True)
-    around = shapely.get_coordinates(points).reshape(count, -1, 2)
+    around = np.array([one.around for one in samples])
     distances = np.linalg.norm(around - view.position[:2], axis=2)
-
-    middles = shapely.get_coordinates(shapely.centroid(shapes))[:, np.newaxis]
-    xy = np.concatenate([middles, middles + _INWARD * (around - middles)], axis=1)
+    xy = np.array([one.xy for one in samples])
     z = heights[:, :1] + (heights[:, 1:] - heights[:, :1]) * _HEIGHTS
-    xyz = np.empty((count, xy.shape[1], len(_HEIGHTS), 3))
+    xyz = np.empty((*xy.shape[:2], len(_HEIGHTS), 3))
     xyz[..., :2] = xy[:, :, np.newaxis]
     xyz[..., 2] = z[:, np.newaxis]
-    reach = view.reach_towards(xyz.reshape(-1, 3)).reshape(count, samples)
+    reach = view.reach_towards(xyz.reshape(-1, 3)).reshape(len(samples), -1)
     # Where there was no return, the comparisons with NaN are false: nothing was seen.
     visible = reach >= distances.min(axis=1, keepdims=True) - tolerance
     through = reach > distances.max(axis=1, keepdims=True) + tolerance
-    widths = np.linalg.norm(around - np.roll(around, 4, axis=1), axis=2).max(axis=1)
-    sizes = widths * (heights[:, 1] - heights[:, 0])
+    sizes = np.array([one.width for one in samples]) * (heights[:, 1] - heights[:, 0])
     K = view.camera.K
     rays = sizes * K[0, 0] * K[1, 1] / np.maximum(distances.mean(axis=1), 1e-3) ** 2
     is_large = rays >= _FEWEST_RAYS

@@ -1,0 +1,48 @@
+"""Columns of a table that grows and shrinks."""
+
+from __future__ import annotations
+
+from typing import Generic, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hypermap.core.arrays import BoolArray
+
+Item = TypeVar("Item", bound=np.generic)
+
+
+class Column(Generic[Item]):
+    """An array to which rows are added at the end, each in constant time on the average."""
+
+    def __init__(self, empty: NDArray[Item]) -> None:
+        """Begin with an array without rows, which says what a row is like."""
+        self._room = empty
+        self._begin = self._end = 0
+
+    def __len__(self) -> int:
+        return self._end - self._begin
+
+    @property
+    def values(self) -> NDArray[Item]:
+        """The rows, to read and to write; outdated when rows come or go."""
+        return self._room[self._begin : self._end]
+
+    def append(self, row: ArrayLike) -> None:
+        """Add a row."""
+        if self._end == len(self._room):
+            count = len(self)
+            room = np.empty((max(8, 2 * count), *self._room.shape[1:]), self._room.dtype)
+            room[:count] = self.values
+            self._room, self._begin, self._end = room, 0, count
+        self._room[self._end] = row
+        self._end += 1
+
+    def keep(self, wanted: BoolArray) -> None:
+        """Remove the rows that are not wanted, shape (N,)."""
+        self._room = self.values[wanted]
+        self._begin, self._end = 0, len(self._room)
+
+    def remove_first(self) -> None:
+        """Remove the first row, in constant time."""
+        self._begin += 1

@@ -1,0 +1,175 @@
+"""Polygons as their edges: what compiled loops compute with, again and again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Sequence
+from dataclasses import dataclass, field
+from typing import Any, TypeAlias, TypeVar, cast
+
+import numpy as np
+import shapely
+from numba import njit
+from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
+
+from hypermap.core.arrays import BoolArray, IntArray, ObjectArray, as_objects
+
+_POLYGON = 3  # shapely's number of this type
+_NOTHING = 1e-12  # of a shape's area: less is what rounding leaves where shapes only touch
+
+Made = TypeVar("Made")
+Box: TypeAlias = tuple[float, float, float, float]  # xmin, ymin, xmax, ymax [m]
+
+
+@dataclass(frozen=True, eq=False)
+class Outline:
+    """A polygon, and what is computed from it once.
+
+    Attributes:
+        geometry: polygon or multipolygon in the map frame [m]; may be empty.
+        box: xmin, ymin, xmax, ymax [m], NaN if empty.
+        area: of the geometry [m²].
+        edges: of all rings: x0, y0, x1, y1 [m], and 1 where the inside lies to the left of the
+            edge or -1 where it lies to the right, float64, shape (E, 5).
+    """
+
+    geometry: BaseGeometry
+    box: Box
+    area: float
+    edges: NDArray[np.float64]
+    _made: dict[object, Any] = field(default_factory=dict, repr=False)
+
+    @classmethod
+    def of(cls, geometry: BaseGeometry) -> Outline:
+        """Return the outline of one geometry."""
+        return cls.all_of([geometry])[0]
+
+    @classmethod
+    def all_of(cls, geometries: Sequence[BaseGeometry]) -> list[Outline]:
+        """Return the outlines of many geometries, which is faster than of one by one."""
+        shapes = as_objects(geometries)
+        boxes = shapely.bounds(shapes).tolist()
+        areas = shapely.area(shapes).tolist()
+        edges, first = _edges_of(shapes)
+        return [
+            cls(geometry, tuple(box), area, edges[begin:end])
+            for geometry, box, area, begin, end in zip(
+                geometries, boxes, areas, first[:-1], first[1:], strict=True
+            )
+        ]
+
+    def once(self, make: Callable[..., Made], *arguments: Hashable) -> Made:
+        """Return what a function makes of this outline; it is called once for all times.
+
+        Args:
+            make: takes the outline and the other arguments.
+            arguments: the other arguments.
+        """
+        key = (make, *arguments)
+        if key not in self._made:
+            self._made[key] = make(self, *arguments)
+        return cast(Made, self._made[key])
+
+
+def shared_area(one: Outline, other: Outline) -> float:
+    """Return the area that two shapes share [m²]; 0 where they only touch."""
+    shared = float(_shared_area(one.edges, other.edges))
+    return shared if shared > _NOTHING * min(one.area, other.area) else 0.0
+
+
+@njit(cache=True)
+def _shared_area(edges: NDArray[np.float64], others: NDArray[np.float64]) -> float:
+    """Return the area that two shapes share [m²].
+
+    A shape is the sum of the strips below its edges, counted as positive below the upper edges and
+    as negative below the lower ones. So what two shapes share is the sum of what each pair of
+    strips shares: the lower one of two lines, integrated over the stretch that they have in common.
+
+    Args:
+        edges: of one shape, as `Outline.edges`.
+        others: those of the other shape.
+    """
+    total = 0.0
+    if len(edges) == 0 or len(others) == 0:
+        return total
+    x_origin, y_origin = edges[0, 0], edges[0, 1]  # so that distant shapes lose no digits
+    for i in range(len(edges)):
+        xa0, ya0 = edges[i, 0] - x_origin, edges[i, 1] - y_origin
+        xa1, ya1 = edges[i, 2] - x_origin, edges[i, 3] - y_origin
+        if xa0 == xa1:
+            continue
+        slope_a = (ya1 - ya0) / (xa1 - xa0)
+        left_a, right_a = min(xa0, xa1), max(xa0, xa1)
+        sign_a = edges[i, 4] if xa1 < xa0 else -edges[i, 4]
+        for j in range(len(others)):
+            xb0, xb1 = others[j, 0] - x_origin, others[j, 2] - x_origin
+            left, right = max(left_a, min(xb0, xb1)), min(right_a, max(xb0, xb1))
+            if left >= right:
+                continue
+            yb0, yb1 = others[j, 1] - y_origin, others[j, 3] - y_origin
+            slope_b = (yb1 - yb0) / (xb1 - xb0)
+            a_left, a_right = ya0 + slope_a * (left - xa0), ya0 + slope_a * (right - xa0)
+            b_left, b_right = yb0 + slope_b * (left - xb0), yb0 + slope_b * (right - xb0)
+            heights = min(a_left, b_left) + min(a_right, b_right)
+            over_left, over_right = a_left - b_left, a_right - b_right
+            if over_left * over_right < 0:  # the lines cross: the lower one rises above its chord
+                heights += abs(over_left * over_right / (over_left - over_right))
+            sign_b = others[j, 4] if xb1 < xb0 else -others[j, 4]
+            total += sign_a * sign_b * heights / 2 * (right - left)
+    return total
+
+
+def _edges_of(shapes: ObjectArray) -> tuple[NDArray[np.float64], list[int]]:
+    """Return the edges of all shapes, and where those of each begin and the last ones end."""
+    is_ring = shapely.get_type_id(shapes) == _POLYGON
+    is_ring &= shapely.get_num_interior_rings(shapes) == 0
+    if is_ring.all():  # the usual case: the points of each shape are those of its only ring
+        shape_of_ring, is_hole = np.arange(len(shapes)), np.zeros(len(shapes), dtype=bool)
+        points, ring_of_point = shapely.get_coordinates(shapes, return_index=True)
+    else:
+        parts, shape_of_part = shapely.get_parts(shapes, return_index=True)
+        rings, part_of_ring = shapely.get_rings(parts, return_index=True)
+        is_hole = np.append(False, part_of_ring[1:] == part_of_ring[:-1])
+        shape_of_ring = shape_of_part[part_of_ring]
+        points, ring_of_point = shapely.get_coordinates(rings, return_index=True)
+    first = np.zeros(len(shapes) + 1, dtype=np.int64)
+    edges = _edges_of_rings(points, ring_of_point, is_hole, shape_of_ring, first)
+    return edges, first.tolist()
+
+
+@njit(cache=True)
+def _edges_of_rings(
+    points: NDArray[np.float64],
+    ring_of_point: IntArray,
+    is_hole: BoolArray,
+    shape_of_ring: IntArray,
+    first: IntArray,
+) -> NDArray[np.float64]:
+    """Return the edges of closed rings, as `Outline.edges`.
+
+    Args:
+        points: of all rings, one ring after the other, shape (P, 2).
+        ring_of_point: in rising order, shape (P,).
+        is_hole: of each ring, shape (R,).
+        shape_of_ring: in rising order, shape (R,).
+        first: zeros; changed to where the edges of each of S shapes begin, and how many there are
+            altogether, shape (S + 1,).
+    """
+    edges = np.empty((len(points), 5))
+    count = begin = 0
+    twice_area = 0.0
+    for p in range(len(points)):
+        if p + 1 < len(points) and ring_of_point[p + 1] == ring_of_point[p]:
+            edges[count, 0], edges[count, 1] = points[p, 0], points[p, 1]
+            edges[count, 2], edges[count, 3] = points[p + 1, 0], points[p + 1, 1]
+            origin_x, origin_y = edges[begin, 0], edges[begin, 1]
+            twice_area += (points[p, 0] - origin_x) * (points[p + 1, 1] - origin_y)
+            twice_area -= (points[p + 1, 0] - origin_x) * (points[p, 1] - origin_y)
+            count += 1
+        else:  # the ring ends; drawn counter-clockwise, it has its inside on the left
+            edges[begin:count, 4] = 1 if (twice_area > 0) != is_hole[ring_of_point[p]] else -1
+            begin, twice_area = count, 0.0
+            first[shape_of_ring[ring_of_point[p]] + 1] = count
+    for shape in range(1, len(first)):  # those without points begin where they end
+        first[shape] = max(first[shape], first[shape - 1])
+    return edges[:count]
