@@ -3,7 +3,7 @@
 import { csv, geojson } from "./format";
 import { toBase } from "./frames";
 import { distance, extentOf, holds, meet, overlap, wkt } from "./geometry";
-import { spellArea, spellAt, spellFind } from "./questions";
+import { spellArea, spellAt, spellEvidence, spellFind } from "./questions";
 import { Raster } from "./raster";
 import {
   Refused,
@@ -153,16 +153,15 @@ export class EmbeddedSource implements DataSource {
   async evidence(layer: string, id: number): Promise<Evidence> {
     const known = this.blob.evidence?.[layer]?.[id];
     const object = await this.object(layer, id);
-    return (
-      known ?? {
-        first_seen: numberOf(object.attributes["first_seen"]),
-        last_seen: numberOf(object.attributes["last_seen"]),
-        seen: 0,
-        reason: "This file holds no evidence behind this object.",
-        observations: [],
-        fused: [],
-      }
-    );
+    if (known) return { ...known, ...spellEvidence(this.blob.map.name, layer, id) };
+    return {
+      first_seen: numberOf(object.attributes["first_seen"]),
+      last_seen: numberOf(object.attributes["last_seen"]),
+      seen: 0,
+      reason: "This file holds no evidence behind this object.",
+      observations: [],
+      fused: [],
+    };
   }
 
   private objects(layer: string): EmbeddedShape[] {

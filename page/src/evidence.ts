@@ -7,6 +7,7 @@ import { clock, metres, squareMetres } from "./format";
 import { extentOf } from "./geometry";
 import type { MapView } from "./mapview";
 import { cameraSample, lineSample, looksSample } from "./samples";
+import { spelledContent } from "./panel";
 import type { DataSource, Evidence, Extent, ObjectDetails } from "./source";
 import { timeline } from "./timeline";
 
@@ -58,7 +59,7 @@ export class BehindSection {
   private async fill(body: HTMLElement, object: ObjectDetails, key: string): Promise<void> {
     const evidence = await this.source.evidence(object.layer, object.id);
     if (this.key !== key || !body.isConnected) return;
-    const { observations, reason } = evidence;
+    const { observations, reason, python, command } = evidence;
     if (observations.length === 0) {
       body.replaceChildren(el("p", { class: "quiet", text: reason ?? "" }));
       return;
@@ -73,6 +74,7 @@ export class BehindSection {
       el("p", { class: "quiet", text: summary(evidence) }),
       this.looks(evidence, draw),
       this.legend(evidence, object, draw),
+      ...(python && command ? [spelledContent({ python, command })] : []),
     );
     draw();
     body.parentElement?.scrollIntoView({ block: "start" });

@@ -11,9 +11,11 @@ export interface Answer {
   spelled?: Spelled;
 }
 
+/** The language that was chosen last. */
+let chosenLanguage: keyof Spelled = "python";
+
 export class Panel {
   private readonly element = byId("panel");
-  private language: keyof Spelled = "python";
 
   constructor(private readonly closed: () => void) {}
 
@@ -38,7 +40,7 @@ export class Panel {
         "div",
         { class: "panel-scroll" },
         ...content.filter((node) => node !== null),
-        spelled ? this.spelled(spelled) : null,
+        spelled ? spelledContent(spelled) : null,
       ),
     );
     this.element.hidden = false;
@@ -51,46 +53,42 @@ export class Panel {
     this.element.replaceChildren();
     this.closed();
   }
+}
 
-  private spelled(spelled: Spelled): HTMLElement {
-    const code = el("code");
-    const names: [keyof Spelled, string][] = [
-      ["python", "Python"],
-      ["command", "Command line"],
-    ];
-    const tabs = names.map(([language, label]) =>
-      el("button", {
-        type: "button",
-        role: "tab",
-        text: label,
-        data: { language },
-        onclick: () => show(language),
-      }),
-    );
-    const copy = el("button", { type: "button", class: "button small" }, icon("copy"), " Copy");
-    copy.onclick = () => void copyText(code.textContent ?? "", copy);
-    const show = (language: keyof Spelled) => {
-      this.language = language;
-      code.textContent = spelled[language];
-      code.className = language;
-      for (const tab of tabs) {
-        tab.setAttribute("aria-selected", String(tab.dataset["language"] === language));
-      }
-    };
-    show(this.language);
-    const block = el("pre", { aria: { label: "The same question, for a program" } }, code);
-    block.tabIndex = 0;
-    return el(
-      "section",
-      { class: "spelled" },
-      el("h3", { text: "Ask the same from a program" }),
-      el(
-        "div",
-        { class: "tabs" },
-        el("div", { class: "tab-list", role: "tablist" }, ...tabs),
-        copy,
-      ),
-      block,
-    );
-  }
+/** How a program asks the same. */
+export function spelledContent(spelled: Spelled): HTMLElement {
+  const code = el("code");
+  const names: [keyof Spelled, string][] = [
+    ["python", "Python"],
+    ["command", "Command line"],
+  ];
+  const tabs = names.map(([language, label]) =>
+    el("button", {
+      type: "button",
+      role: "tab",
+      text: label,
+      data: { language },
+      onclick: () => show(language),
+    }),
+  );
+  const copy = el("button", { type: "button", class: "button small" }, icon("copy"), " Copy");
+  copy.onclick = () => void copyText(code.textContent ?? "", copy);
+  const show = (language: keyof Spelled) => {
+    chosenLanguage = language;
+    code.textContent = spelled[language];
+    code.className = language;
+    for (const tab of tabs) {
+      tab.setAttribute("aria-selected", String(tab.dataset["language"] === language));
+    }
+  };
+  show(chosenLanguage);
+  const block = el("pre", { aria: { label: "The same question, for a program" } }, code);
+  block.tabIndex = 0;
+  return el(
+    "section",
+    { class: "spelled" },
+    el("h3", { text: "Ask the same from a program" }),
+    el("div", { class: "tabs" }, el("div", { class: "tab-list", role: "tablist" }, ...tabs), copy),
+    block,
+  );
 }

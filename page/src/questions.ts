@@ -44,6 +44,16 @@ export function spellFind(path: string, name: string, near: Point): Spelled {
   };
 }
 
+export function spellEvidence(path: string, layer: string, id: number): Spelled {
+  return {
+    python:
+      `${opened(path)}seen = hypermap[${python(layer)}].evidence_of(${id})\n` +
+      `for view, score, shape in zip(seen.views, seen.scores, seen.footprints):\n` +
+      `    print(seen.stamps[view], score, shape)\n`,
+    command: command(path, null, `--id=${id}`, `--layer=${layer}`, "--evidence"),
+  };
+}
+
 const opened = (path: string): string =>
   `from hypermap import open_map\n\nhypermap = open_map(${python(path)})\n`;
 

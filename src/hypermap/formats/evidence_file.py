@@ -166,8 +166,9 @@ def parse_evidence(content: bytes, path: str) -> EvidenceTable:
 
 
 def _table(views: Mapping[str, Any], observations: Mapping[str, Any]) -> EvidenceTable:
-    poses = np.tile(np.eye(4), (len(views["stamp"]), 1, 1))
-    poses[:, :3] = np.array(views["map_T_camera"], dtype=np.float64).reshape(-1, 3, 4)
+    count = len(views["stamp"])
+    poses = np.tile(np.eye(4), (count, 1, 1))
+    poses[:, :3] = np.array(views["map_T_camera"], dtype=np.float64).reshape(count, 3, 4)
     heights = [np.array(observations[key], dtype=np.float64) for key in ("z_min", "z_max")]
     return EvidenceTable(
         object_ids=_whole(observations["object"]),
@@ -185,6 +186,7 @@ def _packed(shapes: ObjectArray) -> dict[str, list[int]]:
     """Return polygons and multipolygons as counts of their parts, and steps between points."""
     parts, shape_of = shapely.get_parts(shapes, return_index=True)
     is_polygon = shapely.get_type_id(parts) == shapely.GeometryType.POLYGON
+    is_polygon &= ~shapely.is_empty(parts)
     parts, shape_of = parts[is_polygon], shape_of[is_polygon]
     rings, part_of = shapely.get_rings(parts, return_index=True)
     xy, ring_of = shapely.get_coordinates(rings, return_index=True)
@@ -214,8 +216,10 @@ def _unpacked(columns: Mapping[str, Any]) -> ObjectArray:
         raise ValueError(f"a point lies farther away than {limits.MAX_PLACE:g} m")
     if len(xy) == 0:
         return np.full(len(polygons), shapely.Polygon(), dtype=object)
-    ring_of_point = np.repeat(np.arange(len(points)), points)
-    linear = np.asarray(shapely.linearrings(xy, indices=ring_of_point))
+    ends = np.cumsum(points)
+    closed = np.insert(xy, ends, xy[ends - points], axis=0)
+    ring_of_point = np.repeat(np.arange(len(points)), points + 1)
+    linear = np.asarray(shapely.linearrings(closed, indices=ring_of_point))
     part_of_ring = np.repeat(np.arange(len(rings)), rings)
     parts = np.asarray(shapely.polygons(linear, indices=part_of_ring))
     return _gathered(parts, polygons)

@@ -4,9 +4,15 @@
 """
 
 from hypermap.testing.builders import occupancy_from_text, square
-from hypermap.testing.comparing import assert_same_layer, assert_same_map, assert_same_objects
+from hypermap.testing.comparing import (
+    assert_same_evidence,
+    assert_same_layer,
+    assert_same_map,
+    assert_same_objects,
+)
 
 __all__ = [
+    "assert_same_evidence",
     "assert_same_layer",
     "assert_same_map",
     "assert_same_objects",

@@ -11,6 +11,7 @@ from hypermap.core.hypermap import Hypermap
 from hypermap.core.layer import Layer
 from hypermap.core.semantic import SemanticLayer
 from hypermap.viewer.live.behind import look_behind
+from hypermap.viewer.text import counted
 
 MAX_OBSERVATIONS = 20_000
 """How many observations of a layer a page holds; some five megabytes."""
@@ -36,7 +37,7 @@ def embed_evidence(
     told = {
         str(number): look_behind(hypermap, layer.name, number) for number in ids[taken].tolist()
     }
-    left_out = len(ids) - len(taken)
-    if not left_out:
+    if len(taken) == len(ids):
         return told, ""
-    return told, f"layer {layer.name!r}: the evidence behind {left_out} objects is not in this file"
+    missing = counted(len(ids) - len(taken), "object")
+    return told, f"layer {layer.name!r}: the evidence behind {missing} is not in this file"
