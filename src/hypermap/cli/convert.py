@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 _ZIP = b"PK"
 _JSON = {".geojson", ".json"}
 _YAML = {".yaml"}
+_LOGS = {".rrd", ".mcap"}
 
 
 def command(
@@ -54,7 +55,8 @@ def command(
 
     .hmap and a folder (a name without an ending) hold whole maps. .geojson holds the objects of
     one layer, in metres. .yaml holds one layer: a map_server map with its picture, or a list of
-    objects. What OUT cannot hold is named on standard error.
+    objects. .rrd shows a map in Rerun, .mcap in Foxglove and Lichtblick. What OUT cannot hold is
+    named on standard error.
 
     Examples:
         hypermap convert lab.hmap lab
@@ -62,6 +64,7 @@ def command(
         hypermap convert lab.hmap objects.geojson
         hypermap convert lab.hmap map.yaml --layer occupancy
         hypermap convert objects.geojson objects.hmap --frame map
+        hypermap convert lab.hmap lab.rrd
     """
     hypermap = _chosen(_open(source, frame_id), layers)
     if target.suffix.lower() == ".hmap":
@@ -70,12 +73,14 @@ def command(
         _save_geojson(hypermap, target, force)
     elif target.suffix.lower() in _YAML:
         _save_yaml(hypermap, target, force)
+    elif target.suffix.lower() in _LOGS:
+        _save_log(hypermap, source, target, force)
     elif target.suffix == "" or target.is_dir():
         _save_folder(hypermap, target, force)
     else:
         raise HypermapError(
             f"{target}: nothing is known of the ending {target.suffix!r}; known: .hmap, .geojson, "
-            ".yaml, or none for a folder"
+            ".yaml, .rrd, .mcap, or none for a folder"
         )
     note(f"saved {target}")
 
@@ -183,6 +188,14 @@ def _save_yaml(hypermap: Hypermap, target: Path, force: bool) -> None:
         write_file(target, dump_objects(layer.objects(), layer.rejected))
     _say_what_is_lost(hypermap, layer)
     note(f"the file does not say that its frame is {layer.frame_id!r}")
+
+
+def _save_log(hypermap: Hypermap, source: Path, target: Path, force: bool) -> None:
+    from hypermap.viewer.logs.log import open_log
+
+    check_output(target, force)
+    with contextlib.closing(open_log(str(target), source.stem)) as log:
+        log.add_map(hypermap)
 
 
 def _only_one(hypermap: Hypermap, kinds: tuple[type[L], ...], reason: str) -> L:

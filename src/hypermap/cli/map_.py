@@ -5,12 +5,14 @@ from __future__ import annotations
 import enum
 import time
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from hypermap.cli.logs import Log, logging_to
 from hypermap.cli.options import check_output
 from hypermap.cli.recording_options import takes_recording_options
 from hypermap.cli.terminal import INTERRUPTED, note
@@ -24,6 +26,7 @@ if TYPE_CHECKING:
     from hypermap.core.hypermap import Hypermap
     from hypermap.core.occupancy import OccupancyLayer
     from hypermap.mapping.config import MappingConfig
+    from hypermap.mapping.mapper import MappedFrame, Mapper
     from hypermap.perception.detections import DetectionSource
     from hypermap.perception.recording import Recording
     from hypermap.recordings import RecordingOptions
@@ -101,6 +104,7 @@ def command(
         bool,
         typer.Option(help="Keep what was seen of each object, to look behind it in `view`."),
     ] = True,
+    log: Log = None,
     view: View = False,
     port: Port = None,
     browser: Browser = True,
@@ -117,6 +121,7 @@ def command(
     Examples:
         hypermap map desk --detector yolox_nano.onnx -o desk.hmap
         hypermap map drive.bag --map map.yaml -o office.hmap --view
+        hypermap map desk --log desk.rrd -o desk.hmap
         hypermap map heads --world-transform 0,0,1.2,-1.9,0,0 -o heads.hmap
     """
     from hypermap.cli.stopping import stop_on_interrupt
@@ -135,10 +140,12 @@ def command(
     least = settings.perception.min_score or _LEAST_SCORE
     source = _detection_source(recording, detector, labels, least, detections)
     frames = len(recording)  # which reads a bag through once
-    with watching(view, recording.path.name, output, frames, port, browser) as watched:
-        with stop_on_interrupt() as stop:
+    name = recording.path.name
+    with watching(view, name, output, frames, port, browser) as watched:
+        with stop_on_interrupt() as stop, logging_to(log, name, recording.frame_id) as logged:
+            watchers = [watch for watch in (watched.frame, logged) if watch is not None]
             hypermap, is_whole = _make_map(
-                recording, source, settings, occupancy, frames, stop, watched
+                recording, source, settings, occupancy, frames, stop, watched, watchers
             )
             if not evidence:
                 _forget_evidence(hypermap)
@@ -207,6 +214,7 @@ def _make_map(
     frames: int,
     stop: Stop,
     watched: Watched,
+    watchers: list[Callable[[MappedFrame, Mapper], None]],
 ) -> tuple[Hypermap, bool]:
     """Return the map, and whether it is that of the whole recording."""
     from hypermap.cli.progress import mapping_progress
@@ -216,9 +224,19 @@ def _make_map(
     started = time.monotonic()
     with mapping_progress(frames) as report:
         stoppable = StoppableRecording(recording, stop)
+
+        def watch(mapped: MappedFrame, mapper: Mapper) -> None:
+            for watcher in watchers:
+                watcher(mapped, mapper)
+
         try:
             hypermap = map_recording(
-                stoppable, source, settings, occupancy, watched.beside(report), watched.frame
+                stoppable,
+                source,
+                settings,
+                occupancy,
+                watched.beside(report),
+                watch if watchers else None,
             )
         except HypermapError:
             if stoppable.ended_early:  # before anything was seen, and so there is nothing to save
