@@ -83,13 +83,15 @@ class Watching:
         )
         self._lines: queue.Queue[str] = queue.Queue()
         self.said = ""
-        threading.Thread(target=self._listen, daemon=True).start()
+        self._listener = threading.Thread(target=self._listen, daemon=True)
+        self._listener.start()
         self.url = self.wait_for(r"http://127\.0\.0\.1:\d+/")
 
     def _listen(self) -> None:
         assert self.process.stdout is not None
-        for line in self.process.stdout:
-            self._lines.put(line)
+        with self.process.stdout as lines:
+            for line in lines:
+                self._lines.put(line)
         self._lines.put("")
 
     def wait_for(self, pattern: str) -> str:
@@ -115,6 +117,12 @@ class Watching:
             self.said += line
         return code
 
+    def kill(self) -> None:
+        """End it whatever it does."""
+        self.process.kill()
+        self.process.wait()
+        self._listener.join(timeout=PATIENCE)
+
 
 @contextlib.contextmanager
 def watching(recording: Path, output: Path, *options: str) -> Iterator[Watching]:
@@ -123,5 +131,4 @@ def watching(recording: Path, output: Path, *options: str) -> Iterator[Watching]
     try:
         yield watched
     finally:
-        watched.process.kill()
-        watched.process.wait()
+        watched.kill()

@@ -1,0 +1,193 @@
+"""`hypermap map --view` as a process: what it says, how it ends, and what it leaves."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+from urllib.error import HTTPError, URLError
+from urllib.request import Request, urlopen
+
+import pytest
+
+from hypermap.formats import open_map
+from hypermap.viewer.live.page import is_page_built
+
+from .run_tools import PATIENCE, Watching, watching, write_run
+
+
+@pytest.fixture(scope="module")
+def long_drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_run(tmp_path_factory.mktemp("long") / "drive", frames=4000, cup_from=4)
+
+
+@pytest.fixture(scope="module")
+def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_run(tmp_path_factory.mktemp("short") / "drive", frames=8, cup_from=4)
+
+
+@pytest.fixture(autouse=True)
+def scratch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Let the processes keep their runs in a folder of the test."""
+    folder = tmp_path / "scratch"
+    folder.mkdir()
+    monkeypatch.setenv("TMPDIR", str(folder))
+    return folder
+
+
+def get(watched: Watching, path: str) -> Any:
+    with urlopen(watched.url + path, timeout=PATIENCE) as answer:
+        return json.load(answer)
+
+
+def news(watched: Watching) -> Any:
+    """Return the first news that a window hears."""
+    with urlopen(watched.url + "api/events", timeout=PATIENCE) as answer:
+        for line in answer:
+            if line.startswith(b"data: "):
+                return json.loads(line[len(b"data: ") :])
+    raise AssertionError("there were no news")
+
+
+def wait_for_steps(watched: Watching, count: int) -> Any:
+    end = time.monotonic() + PATIENCE
+    while time.monotonic() < end:
+        told = news(watched)
+        if len(told["steps"]["numbers"]) >= count:
+            return told
+        time.sleep(0.2)
+    raise AssertionError(f"there were never {count} steps")
+
+
+def test_ctrl_c_saves_what_there_is_and_again_ends_the_page(
+    long_drive: Path, tmp_path: Path, scratch: Path
+) -> None:
+    output = tmp_path / "room.hmap"
+    with watching(long_drive, output) as watched:
+        before = wait_for_steps(watched, 3)
+        assert before["state"] == "mapping"
+        assert not output.exists()
+        assert len(list(scratch.glob("hypermap-run-*/*.jpg"))) >= 3
+        watched.interrupt()
+        watched.wait_for("the run stays at")
+        assert "stopping; what was seen so far is saved" in watched.said
+        assert "Ctrl-C ended it early" in watched.said
+        used = open_map(output).metadata["frames"]["used"]
+        told = news(watched)
+        assert told["state"] == "saved"
+        assert "saved room.hmap, the map of a part of the recording" in told["message"]
+        assert told["counts"]["used"] == used == len(told["steps"]["numbers"]) < 4000
+        assert get(watched, "api/steps/1")["sight"]["number"] == 1
+        assert get(watched, f"api/steps/{used}")["sight"]["number"] == used
+        watched.interrupt()
+        assert watched.end() == 130
+    assert "Traceback" not in watched.said
+    assert list(scratch.glob("hypermap-run-*")) == []
+
+
+def test_a_whole_run_stays_until_ctrl_c_and_leaves_the_same_map(
+    drive: Path, tmp_path: Path, scratch: Path
+) -> None:
+    seen, alone = tmp_path / "room.hmap", tmp_path / "alone" / "room.hmap"
+    with watching(drive, seen) as watched:
+        watched.wait_for("the run stays at")
+        assert "8 used" in watched.said
+        assert news(watched)["message"] == "saved room.hmap"
+        with pytest.raises(HTTPError, match="403"):
+            urlopen(Request(watched.url + "api/run", headers={"Host": "evil.example"}))
+        watched.interrupt()
+        assert watched.end() == 0
+        with pytest.raises(URLError):
+            urlopen(watched.url, timeout=PATIENCE)
+    assert list(scratch.glob("hypermap-run-*")) == []
+    alone.parent.mkdir()
+    command = [sys.executable, "-m", "hypermap", "map", drive, "-o", alone]
+    intrinsics = ["--intrinsics", "131.25,131.25,79.5,59.5"]
+    subprocess.run([*command, *intrinsics], check=True, capture_output=True, timeout=PATIENCE)
+    assert seen.read_bytes() == alone.read_bytes()
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_who_gives_up_leaves_nothing_behind(
+    long_drive: Path, tmp_path: Path, scratch: Path, number: int
+) -> None:
+    with watching(long_drive, tmp_path / "room.hmap") as watched:
+        wait_for_steps(watched, 2)
+        watched.process.send_signal(number)
+        if number == signal.SIGINT:  # the second one does not wait for the map
+            time.sleep(0.05)
+            watched.process.send_signal(number)
+        assert watched.end() in (130, 143)
+    assert "Traceback" not in watched.said
+    assert list(scratch.iterdir()) == []
+
+
+def test_a_port_in_use_is_said_before_anything_is_mapped(drive: Path, tmp_path: Path) -> None:
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        done = _map(drive, tmp_path / "room.hmap", "--view", "--port", str(port))
+    assert (done.returncode, done.stdout) == (2, "")
+    assert f"port {port} of 127.0.0.1 is in use" in done.stderr.splitlines()[-1]
+    assert "mapping" not in done.stderr
+    assert not (tmp_path / "room.hmap").exists()
+
+
+@pytest.mark.parametrize("options", [["--port", "0"], ["--no-browser"]])
+def test_options_of_the_page_need_the_page(drive: Path, tmp_path: Path, options: list[str]) -> None:
+    done = _map(drive, tmp_path / "room.hmap", *options)
+    assert done.returncode == 2
+    assert "--port and --no-browser go with --view" in done.stderr
+
+
+def test_a_recording_that_fails_ends_the_page_and_says_why(tmp_path: Path, scratch: Path) -> None:
+    drive = write_run(tmp_path / "drive", frames=5, cup_from=2)
+    (drive / "detections.json").write_text('{"frames": 7}')
+    done = _map(drive, tmp_path / "room.hmap", "--view", "--no-browser", "--port", "0")
+    assert done.returncode == 2
+    assert "detections.json" in done.stderr.splitlines()[-1]
+    assert "Traceback" not in done.stderr
+    assert list(scratch.iterdir()) == []
+
+
+@pytest.mark.skipif(not is_page_built(), reason="the page is not built: make page")
+def test_the_browser_is_opened_at_the_page(drive: Path, tmp_path: Path) -> None:
+    opened = tmp_path / "opened"
+    fake = tmp_path / "browser.sh"
+    fake.write_text(f'#!/bin/sh\necho "$1" > {opened}.tmp && mv {opened}.tmp {opened}\n')
+    fake.chmod(0o755)
+    command = [sys.executable, "-m", "hypermap", "map", str(drive), "-o", str(tmp_path / "r.hmap")]
+    process = subprocess.Popen(
+        [*command, "--view", "--port", "0"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+        env={**os.environ, "BROWSER": str(fake)},
+    )
+    try:
+        assert process.stdout is not None
+        url = process.stdout.readline().strip()
+        end = time.monotonic() + PATIENCE
+        while not opened.exists() and time.monotonic() < end:
+            time.sleep(0.1)
+        assert opened.read_text().strip() == url
+    finally:
+        process.terminate()
+        process.communicate(timeout=PATIENCE)
+
+
+def _map(drive: Path, output: Path, *options: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "hypermap", "map", str(drive), "-o", str(output), *options],
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
+        check=False,
+    )
