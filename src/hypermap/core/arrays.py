@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from typing import Any, TypeAlias
 
@@ -27,7 +28,9 @@ def as_points_xy(points: ArrayLike) -> NDArray[np.float64]:
     array = given.reshape(-1, 2) if given.shape in ((0,), (2,)) else given
     if array.ndim != 2 or array.shape[1] != 2:
         raise ValueError(f"points must have shape (N, 2), got {given.shape}")
-    if not np.isfinite(array).all():
+    # A single point is asked for so often that numpy's calls would show.
+    is_finite = all(map(math.isfinite, array[0])) if len(array) == 1 else np.isfinite(array).all()
+    if not is_finite:
         raise ValueError("points must be finite; there is a NaN or infinite coordinate")
     return array
 

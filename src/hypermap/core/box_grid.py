@@ -13,6 +13,7 @@ from hypermap.core.outlines import ranges
 
 _FINER = 4  # a grid's cells are so many times as wide as those of the next finer one
 _MOST_LEVELS = 32
+_MANY = 0.25  # of all boxes; for so many it is faster to look at all
 _AT_ONCE = 2**13  # points looked up in one go, so that they stay in the processor's cache
 
 
@@ -78,6 +79,14 @@ class _Level:
         """Return the cells of coordinates along y."""
         return np.clip((y - self.y) * self.per_metre, 0, self.height - 1).astype(np.int64)
 
+    def column_of(self, x: float) -> int:
+        """Return the cell of one coordinate along x."""
+        return int(min(max((x - self.x) * self.per_metre, 0), self.width - 1))
+
+    def line_of(self, y: float) -> int:
+        """Return the cell of one coordinate along y."""
+        return int(min(max((y - self.y) * self.per_metre, 0), self.height - 1))
+
 
 class BoxGrid:
     """Finds boxes by place; made once and never changed.
@@ -125,11 +134,13 @@ class BoxGrid:
             column, line = (x - left) * per_metre, (y - low) * per_metre
             cell = int(column) if 0 < column < width else (0 if column <= 0 else width - 1)
             cell += width * (int(line) if 0 < line < height else (0 if line <= 0 else height - 1))
-            for i in range(starts[cell], starts[cell + 1]):
-                row = rows[i]
+            begin, end = starts[cell], starts[cell + 1]
+            while begin < end:
+                row = rows[begin]
                 k = 4 * row
                 if boxes[k] <= x <= boxes[k + 2] and boxes[k + 1] <= y <= boxes[k + 3]:
                     found.append(row)
+                begin += 1
         return found
 
     def at_all(self, points_xy: NDArray[np.float64]) -> tuple[IntArray, IntArray]:
@@ -160,18 +171,28 @@ class BoxGrid:
 
     def meeting(self, x0: float, y0: float, x1: float, y1: float) -> IntArray:
         """Return the rows of the boxes that meet a box, in ascending order."""
-        found = [np.empty(0, dtype=np.int64)]
+        count = len(self._boxes)
+        pieces = [np.empty(0, dtype=np.int64)]
         for level in self._levels:
-            left, right = level.columns_of(np.array([x0, x1])).tolist()
-            lines = level.lines_of(np.array([y0, y1]))
+            left, right = level.column_of(x0), level.column_of(x1)
+            starts = level.all_starts
             # The cells of one line of the grid lie side by side.
-            begin = np.arange(lines[0], lines[1] + 1) * level.width
-            first, last = level.starts[begin + left], level.starts[begin + right + 1]
-            near = level.rows[ranges(first, last - first)]
-            box = self._boxes[near]
-            meets = (box[:, 0] <= x1) & (x0 <= box[:, 2]) & (box[:, 1] <= y1) & (y0 <= box[:, 3])
-            found.append(near[meets])
-        return np.unique(np.concatenate(found))
+            for line in range(level.line_of(y0), level.line_of(y1) + 1):
+                begin = line * level.width
+                pieces.append(level.rows[starts[begin + left] : starts[begin + right + 1]])
+        if sum(map(len, pieces)) > count * _MANY:
+            return self._meet(np.arange(count), self._sides, x0, y0, x1, y1)
+        near = np.concatenate(pieces)
+        near.sort()
+        near = near[np.diff(near, prepend=-1) > 0]  # a box lies in several cells
+        return self._meet(near, self._sides[:, near], x0, y0, x1, y1)
+
+    @staticmethod
+    def _meet(
+        rows: IntArray, sides: NDArray[np.float64], x0: float, y0: float, x1: float, y1: float
+    ) -> IntArray:
+        left, low, right, high = sides
+        return np.asarray(rows[(left <= x1) & (x0 <= right) & (low <= y1) & (y0 <= high)])
 
 
 def _extent_of_most(boxes: NDArray[np.float64]) -> tuple[float, ...]:

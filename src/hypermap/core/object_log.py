@@ -75,6 +75,7 @@ class ObjectLog:
 
     Attributes:
         table: the objects with which the log began.
+        first: the first row behind it.
         writing: held while the log is changed.
         count: rows so far.
         changes: changes so far.
@@ -83,7 +84,7 @@ class ObjectLog:
     def __init__(self, table: ObjectTable) -> None:
         self.table = table
         self.writing = threading.Lock()
-        self.count = len(table)
+        self.first = self.count = len(table)
         self.changes = 0
         self._room = max(_FEWEST, len(table) // _SHARE)
         self._capacity = self._room
@@ -112,7 +113,7 @@ class ObjectLog:
     @cached_property
     def ended(self) -> NDArray[np.int64]:
         """Which change has ended each row, counted from 1; a very large number for none."""
-        return np.full(len(self.table) + self._capacity, _NEVER)
+        return np.full(self.first + self._capacity, _NEVER)
 
     # Questions
 
@@ -155,8 +156,7 @@ class ObjectLog:
             items: new objects, with ids.
             places: of each item in the order of the layer.
         """
-        first = len(self.table)
-        begin, end = self.count - first, self.count - first + len(items)
+        begin, end = self.count - self.first, self.count - self.first + len(items)
         if items:
             self._write(slice(begin, end), items, places)
         self._room -= len(ended) + len(items)
@@ -179,4 +179,4 @@ class ObjectLog:
             written.codes[position] = self._codes.setdefault(item.name, len(self._codes))
             written.objects.append(item)
             written.index.put(position, box)
-            self._of_id.setdefault(item.id, []).append(len(self.table) + position)
+            self._of_id.setdefault(item.id, []).append(self.first + position)

@@ -99,10 +99,8 @@ class SemanticLayer(Layer):
     ) -> SemanticLayer:
         """Return a layer of objects that are columns already, in a small part of the time.
 
-        Raises:
-            ValueError: If the table's `check` does not pass.
+        The table must pass its `check`.
         """
-        table.check()
         layer = cls(name, frame_id, (), settings, rejected, evidence)
         layer._now = Snapshot.of(table, next_id=int(table.ids.max(initial=-1)) + 1)
         return layer
@@ -244,16 +242,22 @@ class SemanticLayer(Layer):
 
     def label_at(self, points_xy: ArrayLike) -> ObjectArray:
         """Return the name of the smallest object at each point, shape (N,), or "Empty"."""
-        now = self._now
-        rows = now.rows_at(as_points_xy(points_xy))
+        now, points = self._now, as_points_xy(points_xy)
+        if len(points) == 1:
+            row = now.row_at(*points[0].tolist())
+            return np.array([EMPTY if row < 0 else now.name(row)], dtype=object)
+        rows = now.rows_at(points)
         labels = np.full(len(rows), EMPTY, dtype=object)
         labels[rows >= 0] = now.names(rows[rows >= 0])
         return labels
 
     def value_at(self, points_xy: ArrayLike) -> NDArray[np.int64]:
         """Return the id of the smallest object at each point, shape (N,), or -1."""
-        now = self._now
-        rows = now.rows_at(as_points_xy(points_xy))
+        now, points = self._now, as_points_xy(points_xy)
+        if len(points) == 1:
+            row = now.row_at(*points[0].tolist())
+            return np.array([NO_OBJECT if row < 0 else now.id(row)])
+        rows = now.rows_at(points)
         values = np.full(len(rows), NO_OBJECT)
         values[rows >= 0] = now.column("ids", rows[rows >= 0])
         return values

@@ -66,7 +66,7 @@ class Snapshot:
 
     def take(self, rows: IntArray) -> ObjectTable:
         """Return some rows as columns."""
-        first = len(self.log.table)
+        first = self.log.first
         is_behind = rows >= first
         objects = [self.log.written.objects[row - first] for row in rows[is_behind].tolist()]
         from_table = self.log.table.take(rows[~is_behind])
@@ -80,7 +80,7 @@ class Snapshot:
     def column(self, name: str, rows: IntArray) -> NDArray[Any]:
         """Return one of the columns of an `ObjectTable` that questions need, for some rows."""
         column: NDArray[Any] = getattr(self.log.table, name)
-        first = len(column)
+        first = self.log.first
         if self.count == first:
             return column[rows]
         is_behind = rows >= first
@@ -93,9 +93,20 @@ class Snapshot:
         """Return the names of some rows."""
         return np.asarray(self.log.names[self.column("codes", rows)])
 
+    def name(self, row: int) -> str:
+        """Return the name of one row."""
+        first = self.log.first
+        codes = self.log.table.codes if row < first else self.log.written.codes
+        return str(self.log.names[codes[row if row < first else row - first]])
+
+    def id(self, row: int) -> int:
+        """Return the id of one row."""
+        first = self.log.first
+        return int(self.log.table.ids[row] if row < first else self.log.written.ids[row - first])
+
     def object(self, row: int) -> SemanticObject:
         """Return one row as an object."""
-        first = len(self.log.table)
+        first = self.log.first
         return self.log.table.object(row) if row < first else self.log.written.objects[row - first]
 
     def row_of_id(self, object_id: int) -> int:
@@ -109,7 +120,7 @@ class Snapshot:
 
     def row_at(self, x: float, y: float) -> int:
         """Return the row of the smallest object at a point; -1 if there is none."""
-        log, first = self.log, len(self.log.table)
+        log, first = self.log, self.log.first
         rows = log.grid.at(x, y)
         if self.count > first:
             behind = log.written.index.at(x, y, self.count - first)
@@ -134,7 +145,7 @@ class Snapshot:
         places, rows = self.log.grid.at_all(points_xy)
         covered = self.log.outlines.cover(rows, points_xy[places])
         places, rows = places[covered], rows[covered]
-        first = len(self.log.table)
+        first = self.log.first
         if self.count > first:
             written = self.log.written
             there, behind = written.index.at_all(points_xy, self.count - first)
@@ -155,7 +166,7 @@ class Snapshot:
         if asked.is_empty:
             return np.empty(0, dtype=np.int64)
         x0, y0, x1, y1 = asked.bounds
-        first = len(self.log.table)
+        first = self.log.first
         rows = self.log.grid.meeting(x0, y0, x1, y1)
         if self.count > first:
             behind = self.log.written.index.meeting(x0, y0, x1, y1, self.count - first)
@@ -177,7 +188,7 @@ class Snapshot:
 
     def _rows_of_name(self, name: str) -> IntArray:
         code = self.log.codes.get(name, _NO_NAME)
-        rows, first = self.log.table_rows_of(code), len(self.log.table)
+        rows, first = self.log.table_rows_of(code), self.log.first
         if self.count == first:
             return rows
         behind = np.flatnonzero(self.log.written.codes[: self.count - first] == code)
@@ -209,7 +220,9 @@ class Snapshot:
         return rows[order], distances[order]
 
     def _distances(self, rows: IntArray, point_xy: NDArray[np.float64]) -> NDArray[np.float64]:
-        return np.asarray(shapely.distance(self.column("shapes", rows), shapely.Point(point_xy)))
+        shapes, point = self.column("shapes", rows), shapely.Point(point_xy)
+        with np.errstate(all="ignore"):  # GEOS divides by the lengths of edges without length
+            return np.asarray(shapely.distance(shapes, point))
 
     def _meet(self, area: BaseGeometry, rows: IntArray) -> BoolArray:
         """Return which rows' shapes meet an area, which their boxes do."""
@@ -222,7 +235,7 @@ class Snapshot:
             left, low, right, high = area.bounds
             meets = (left <= x0) & (x1 <= right) & (low <= y0) & (y1 <= high)
         else:
-            meets = rows < len(self.log.table)
+            meets = rows < self.log.first
             corners = self.log.outlines.first_corners(rows[meets])
             meets[meets] = shapely.intersects_xy(area, corners)
         meets[~meets] = shapely.intersects(area, shapes[~meets])
@@ -241,7 +254,7 @@ class Snapshot:
 
     def _places(self, rows: IntArray) -> IntArray:
         """Return numbers that ascend in the order of the layer."""
-        first = len(self.log.table)
+        first = self.log.first
         if self.count == first:
             return rows
         places = rows.copy()
@@ -251,7 +264,7 @@ class Snapshot:
 
     def _in_order(self, rows: IntArray) -> IntArray:
         """Return ascending rows in the order of the layer."""
-        if self.count == len(self.log.table):
+        if self.count == self.log.first:
             return rows
         return rows[np.argsort(self._places(rows), kind="stable")]
 
