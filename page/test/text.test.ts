@@ -1,6 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { csv, geojson, length, metres, niceLength, squareMetres } from "../src/format";
+import { clock, csv, geojson, length, metres, niceLength, squareMetres } from "../src/format";
 import { placeFromHash, placeToHash } from "../src/place";
 import { shellWord, spellAt, spellFind } from "../src/questions";
 import type { AreaRow } from "../src/source";
@@ -28,6 +28,19 @@ test("a place has the digits that a pixel deserves, and no negative zero", () =>
   assert.equal(metres(-0.0001, 0.05), "0.00");
   assert.equal(metres(-3, 1), "−3");
   assert.equal(squareMetres(0.0042), "42 cm²");
+});
+
+test("a time since the start reads like a clock", () => {
+  assert.deepEqual([0, 9.94, 59.97, 65.25, 3599.9, 3600, 7325.5].map(clock), [
+    "0:00.0",
+    "0:09.9",
+    "1:00.0",
+    "1:05.3",
+    "59:59.9",
+    "1:00:00",
+    "2:02:05",
+  ]);
+  assert.equal(clock(-1), "0:00.0");
 });
 
 test("CSV keeps commas and quotes apart, and hands no formula to a spreadsheet", () => {
