@@ -188,9 +188,9 @@ class PlacedLayers:
         far = as_objects([None] * len(keys) if distances is None else distances.tolist())
         numbers, rows = np.divmod(keys, _ROWS)
         found = np.empty(len(keys), dtype=object)
-        for number in np.unique(numbers):
+        for number, layer in enumerate(self._layers):
             here = np.flatnonzero(numbers == number)
-            found[here] = as_objects(self._layers[number].found(rows[here], far[here].tolist()))
+            found[here] = as_objects(layer.found(rows[here], far[here].tolist()))
         return list(found)
 
 

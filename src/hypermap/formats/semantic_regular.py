@@ -218,8 +218,8 @@ def _ids(claims: Sequence[str | None]) -> NDArray[np.int64]:
     if not any(claims):
         return positions
     named = np.array([-1 if claim is None else int(claim) for claim in claims], dtype=np.int64)
-    claimed = named[named >= 0]
-    if len(np.unique(claimed)) < len(claimed) or claimed.max() > MAX_ID:
+    claimed = np.sort(named[named >= 0])
+    if (claimed[1:] == claimed[:-1]).any() or claimed[-1] > MAX_ID:
         raise _Irregular
     ids = np.where(named >= 0, named, positions)
     pushed_out = np.flatnonzero((named < 0) & np.isin(positions, claimed))
