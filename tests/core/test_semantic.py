@@ -349,6 +349,3 @@ def test_a_layer_of_columns_answers_and_changes_like_any_other():
     assert new == max(given.ids) + 1
     assert layer.label_at([[9, 9]]).tolist() == ["cup"]
     assert len(given) == len(layer) - 1
-    twice = given.table.followed_by(given.table)
-    with pytest.raises(ValueError, match="two objects have the id"):
-        SemanticLayer.of_table("semantic", "map", twice)

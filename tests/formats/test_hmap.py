@@ -4,6 +4,7 @@ import io
 import logging
 import random
 import shutil
+import sys
 import zipfile
 from pathlib import Path
 
@@ -13,14 +14,16 @@ import shapely
 from hypothesis import HealthCheck, given, settings
 from tests.formats.strategies import hypermaps, map_facts
 
-from hypermap.core.errors import FileMissing, FormatError, HypermapError
+from hypermap.core.errors import FileMissing, FormatError, HypermapError, MissingExtra
 from hypermap.core.frames import FrameTree, Pose2D, Transform
 from hypermap.core.grid import GridGeometry
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.opaque import OpaqueLayer
 from hypermap.core.semantic import SemanticLayer, SemanticObject
-from hypermap.formats import open_map, save_map
+from hypermap.formats import open_map, save_map, semantic_yaml
+from hypermap.formats.config import CONFIG_NAME
+from hypermap.formats.yaml_text import read_yaml
 
 LAB_FRAME = Transform("map", "lab", Pose2D(1.0, 2.0, 0.5))
 
@@ -482,3 +485,44 @@ def test_a_picture_that_shrinks_like_a_bomb_is_refused(tmp_path: Path) -> None:
     path.write_bytes(file.getvalue())
     with pytest.raises(FormatError, match="unpacks to more than 200 times its size"):
         open_map(path)
+
+
+@pytest.mark.parametrize("target", ["t.hmap", "map.yaml"])
+def test_objects_are_kept_as_parquet_where_that_is_asked_for(tmp_path: Path, target: str) -> None:
+    pytest.importorskip("pyarrow")
+    path = tmp_path / target
+    save_map(small_map(), path, semantic="parquet")
+    assert map_facts(open_map(path)) == map_facts(small_map())
+    config = read_yaml(files_of(path)[path.name if target != "t.hmap" else CONFIG_NAME], "t")
+    [layer] = [layer for layer in config["layers"] if layer["class"] == "SemanticLayer"]
+    # A reader that does not know the file starts with an empty layer.
+    assert layer["load_file"] is False
+    assert layer["binary_file"] == f"{layer['file']}.parquet"
+    assert files_of(path)[layer["binary_file"]].startswith(b"PAR1")
+    save_map(open_map(path), path, semantic="yaml")
+    assert map_facts(open_map(path)) == map_facts(small_map())
+    assert b"binary_file" not in files_of(path)[path.name if target != "t.hmap" else CONFIG_NAME]
+
+
+def test_many_objects_are_kept_as_parquet_by_themselves(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("pyarrow")
+    monkeypatch.setattr(semantic_yaml, "MANY_OBJECTS", 1)
+    save_map(small_map(), tmp_path / "many.hmap")
+    assert any(name.endswith(".parquet") for name in files_of(tmp_path / "many.hmap"))
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    save_map(small_map(), tmp_path / "without.hmap")
+    assert not any(name.endswith(".parquet") for name in files_of(tmp_path / "without.hmap"))
+    with pytest.raises(MissingExtra, match="GeoParquet needs an optional library"):
+        open_map(tmp_path / "many.hmap")
+    with pytest.raises(MissingExtra):
+        save_map(small_map(), tmp_path / "t.hmap", semantic="parquet")
+    assert not (tmp_path / "t.hmap").exists()
+
+
+def files_of(path: Path) -> dict[str, bytes]:
+    if path.suffix == ".hmap":
+        with zipfile.ZipFile(path) as archive:
+            return {name: archive.read(name) for name in archive.namelist()}
+    return {p.name: p.read_bytes() for p in path.parent.iterdir()}

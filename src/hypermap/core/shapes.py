@@ -23,6 +23,8 @@ def as_area(area: Any) -> BaseGeometry:
     """
     if not isinstance(area, BaseGeometry):
         raise TypeError(f"an area must be a shapely geometry, got {type(area).__name__}")
+    if area.is_valid and all(abs(side) <= _FAR for side in area.bounds):
+        return area
     farthest = np.abs(shapely.get_coordinates(area)).max(initial=0)
     if not np.isfinite(farthest):
         raise ValueError("an area must be finite; there is a NaN or infinite coordinate")
@@ -81,6 +83,7 @@ def can_be_footprints(shapes: ObjectArray) -> BoolArray:
     kinds = shapely.get_type_id(shapes)
     good = (kinds == shapely.GeometryType.POLYGON) | (kinds == shapely.GeometryType.MULTIPOLYGON)
     good &= ~shapely.is_empty(shapes) & ~shapely.has_z(shapes)
-    points, owners = shapely.get_coordinates(shapes, return_index=True)
-    good[owners[~(np.abs(points) <= _FAR).all(axis=1)]] = False
+    if not np.abs(shapely.get_coordinates(shapes)).max(initial=0) <= _FAR:  # or NaN
+        points, owners = shapely.get_coordinates(shapes, return_index=True)
+        good[owners[~(np.abs(points) <= _FAR).all(axis=1)]] = False
     return np.asarray(good)

@@ -18,7 +18,7 @@ from hypermap.formats.store import MemoryStore, read_file, safe_name
 _NO_TIME = (1980, 1, 1, 0, 0, 0)  # the zip format's zero
 _ENCRYPTED = 0x1
 _LEVEL = 6
-_COMPRESSED_ALREADY = (b"\x89PNG", b"\xff\xd8\xff")
+_COMPRESSED_ALREADY = (b"\x89PNG", b"\xff\xd8\xff", b"PAR1")
 _END_OF_DIRECTORY = b"PK\x05\x06"
 
 

@@ -15,10 +15,14 @@ from hypermap.formats.yaml_text import read_yaml, write_yaml
 CONFIG_NAME = "hmap_config.yaml"
 METADATA_KEY = "hypermap_metadata"
 
+BINARY_FILE = "binary_file"
+"""The key of a layer that names a file which old readers do not know. For their sake `load_file`
+is false then, so that they start with an empty layer."""
+
 FLAGS = {"subscribe_mode": False, "enable_update": True, "publish_global_topics": False}
 """Settings that every layer has, and what holds where a file does not say."""
 
-_TEXT = {("layers", "*", key) for key in ("class", "name", "frame_id", "file")} | {
+_TEXT = {("layers", "*", key) for key in ("class", "name", "frame_id", "file", BINARY_FILE)} | {
     ("transforms", "*", key) for key in ("frame_id", "child_frame_id")
 }
 
@@ -32,7 +36,7 @@ class LayerEntry:
         name: unique within the map.
         frame_id: the frame of its coordinates.
         load_file: whether there is a file; otherwise the layer starts empty.
-        settings: `file`, the flags, and keys of other programs.
+        settings: `file`, `binary_file`, the flags, and keys of other programs.
     """
 
     class_name: str
@@ -65,6 +69,7 @@ class _Layer(Checked):
     frame_id: Text
     load_file: bool | None = None
     file: Text | None = None
+    binary_file: Text | None = None
     subscribe_mode: bool = FLAGS["subscribe_mode"]
     enable_update: bool = FLAGS["enable_update"]
     publish_global_topics: bool = FLAGS["publish_global_topics"]
@@ -129,7 +134,8 @@ def _parse_layer(raw: Any, path: str, place: str) -> LayerEntry:
     load_file = layer.file is not None if layer.load_file is None else layer.load_file
     if load_file and layer.file is None:
         raise FormatError("is required where load_file is true", path=path, key=f"{place}.file")
-    settings: dict[str, Any] = {} if layer.file is None else {"file": layer.file}
+    files = {"file": layer.file, BINARY_FILE: layer.binary_file}
+    settings: dict[str, Any] = {key: name for key, name in files.items() if name is not None}
     settings.update((flag, getattr(layer, flag)) for flag in FLAGS)
     settings.update((k, v) for k, v in raw.items() if k not in _Layer.known_keys())
     return LayerEntry(layer.class_name, layer.name, layer.frame_id, load_file, settings)

@@ -19,6 +19,7 @@ from hypermap.core.opaque import OpaqueLayer
 from hypermap.formats.archive import read_archive, write_archive
 from hypermap.formats.atomic import write_files
 from hypermap.formats.config import (
+    BINARY_FILE,
     CONFIG_NAME,
     LayerEntry,
     MapConfig,
@@ -26,7 +27,8 @@ from hypermap.formats.config import (
     parse_config,
 )
 from hypermap.formats.map_server import load_occupancy
-from hypermap.formats.plugins import installed_layers, plugin_for
+from hypermap.formats.plugins import LayerPlugin, installed_layers, plugin_for
+from hypermap.formats.semantic_yaml import SemanticFiles, SemanticForm
 from hypermap.formats.store import FolderStore, MemoryStore, read_file, safe_name
 from hypermap.formats.yaml_text import read_yaml
 
@@ -63,7 +65,7 @@ def open_map(path: str | Path) -> Hypermap:
     return _read_map(store, CONFIG_NAME)
 
 
-def save_map(hypermap: Hypermap, path: str | Path) -> None:
+def save_map(hypermap: Hypermap, path: str | Path, semantic: SemanticForm = "auto") -> None:
     """Write a map so that `open_map` returns the same again.
 
     The same map gives the same bytes each time. Whatever goes wrong, the old file remains.
@@ -73,8 +75,12 @@ def save_map(hypermap: Hypermap, path: str | Path) -> None:
         path: a file with the ending `.yaml` or `.yml` becomes a configuration with the layers'
             files beside it, and so does `hmap_config.yaml` in a folder that exists; every other
             path becomes an archive.
+        semantic: how semantic layers are kept: `yaml`, which all programs read, `parquet`, which
+            is several times faster but not for the first program, or `auto`: Parquet from
+            100,000 objects on, where pyarrow is installed.
 
     Raises:
+        MissingExtra: If Parquet is asked for, and pyarrow is not installed.
         FileMissing: If the folder to save in does not exist.
         HypermapError: If it cannot be written, or there is no plug-in for one of its layers.
     """
@@ -82,12 +88,12 @@ def save_map(hypermap: Hypermap, path: str | Path) -> None:
     if path.is_dir():
         path = path / CONFIG_NAME
     if path.suffix.lower() in _YAML_ENDINGS:
-        files = _write_map(hypermap, path.name)
+        files = _write_map(hypermap, path.name, semantic)
         config = files.pop(path.name)
         # The configuration is replaced last: until then the old one stands.
         write_files(path.parent, {**files, path.name: config})
     else:
-        write_archive(path, _write_map(hypermap, CONFIG_NAME))
+        write_archive(path, _write_map(hypermap, CONFIG_NAME, semantic))
 
 
 def _open_yaml(path: Path) -> Hypermap:
@@ -143,9 +149,11 @@ def _read_layer(entry: LayerEntry, store: Store) -> Layer:
             load_file=entry.load_file,
             settings=entry.settings,
         )
-    if not entry.load_file:
-        return plugin.empty(entry.name, entry.frame_id, entry.settings)
-    file = entry.settings["file"]
+    file = entry.settings.get(BINARY_FILE)
+    if file is None:
+        if not entry.load_file:
+            return plugin.empty(entry.name, entry.frame_id, entry.settings)
+        file = entry.settings["file"]
     return plugin.load(store, file, entry.name, entry.frame_id, entry.settings)
 
 
@@ -168,7 +176,7 @@ class _Claims:
         return [name for name in self._store.names_of(file) if name not in self.names]
 
 
-def _write_map(hypermap: Hypermap, config_name: str) -> dict[str, bytes]:
+def _write_map(hypermap: Hypermap, config_name: str, semantic: SemanticForm) -> dict[str, bytes]:
     """Return the files of a map, the configuration first."""
     # A name stands for one content. Opaque layers cannot choose theirs, so they come first.
     taken: dict[str, bytes | None] = {config_name: None}
@@ -182,7 +190,7 @@ def _write_map(hypermap: Hypermap, config_name: str) -> dict[str, bytes]:
     files: dict[str, bytes] = {config_name: b""}
     entries = []
     for layer in hypermap.layers:
-        entry, written = _write_layer(layer, taken)
+        entry, written = _write_layer(layer, taken, semantic)
         entries.append(entry)
         files.update(written)
         taken.update(written)
@@ -193,7 +201,7 @@ def _write_map(hypermap: Hypermap, config_name: str) -> dict[str, bytes]:
 
 
 def _write_layer(
-    layer: Layer, taken: Mapping[str, bytes | None]
+    layer: Layer, taken: Mapping[str, bytes | None], semantic: SemanticForm
 ) -> tuple[LayerEntry, dict[str, bytes]]:
     """Return a layer's configuration and its files, whose names clash with no other."""
     if isinstance(layer, OpaqueLayer):
@@ -204,14 +212,15 @@ def _write_layer(
             f"layer {layer.name!r} cannot be saved: no plug-in for its class "
             f"{layer.class_name!r} is installed (known: {', '.join(installed_layers())})"
         )
+    chosen: LayerPlugin = SemanticFiles(semantic) if isinstance(plugin, SemanticFiles) else plugin
     for file in _file_names(layer):
         staged = MemoryStore()
-        keys = plugin.save(layer, staged, file) or {}
+        keys = chosen.save(layer, staged, file) or {}
         if not staged.files:
             return _entry(layer, False, layer.settings), {}
         if not _clash(staged.files, taken):
             settings = {**layer.settings, "file": file, **keys}
-            return _entry(layer, True, settings), staged.files
+            return _entry(layer, BINARY_FILE not in keys, settings), staged.files
     raise HypermapError(f"layer {layer.name!r} cannot be saved: its files' names are all taken")
 
 

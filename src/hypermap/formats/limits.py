@@ -31,6 +31,15 @@ MAX_YAML_VALUES = 5_000_000
 
 MAX_YAML_DEPTH = 64
 
+MAX_ROWS = 10_000_000
+"""Objects in a GeoParquet file."""
+
+MAX_COLUMNS = 200
+"""Columns of a GeoParquet file."""
+
+MAX_TABLE_BYTES = 1024 * MIB
+"""A GeoParquet file, unpacked."""
+
 MAX_EVIDENCE_BYTES = 64 * MIB
 """The evidence behind a semantic layer; of more, none is kept."""
 

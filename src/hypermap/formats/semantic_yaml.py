@@ -1,6 +1,6 @@
 """Semantic layers as YAML: a list of named shapes, readable and writable by the first program.
 
-The specification is docs/formats/hmap.md. One broken entry does not spoil the others: it is
+The specification is docs/formats/semantic.md. One broken entry does not spoil the others: it is
 reported, kept, and written back at the end of the file, since old readers stop at the first one.
 """
 
@@ -10,34 +10,50 @@ import dataclasses
 import itertools
 import logging
 from collections.abc import Container, Iterable, Mapping
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, Literal, TypeAlias
 
 from hypermap.core.errors import FormatError
 from hypermap.core.layer import Store
 from hypermap.core.objects import MAX_ID, ObjectTable
 from hypermap.core.semantic import Rejected, SemanticLayer, SemanticObject
 from hypermap.formats.checked import found
+from hypermap.formats.config import BINARY_FILE
 from hypermap.formats.evidence_file import load_evidence, save_evidence, without_evidence
 from hypermap.formats.footprints import footprint_from_wkt
+from hypermap.formats.geoparquet import MAGIC, has_pyarrow
 from hypermap.formats.records import object_from_record
+from hypermap.formats.semantic_parquet import dump_parquet, parse_parquet
 from hypermap.formats.semantic_regular import read_regular
 from hypermap.formats.semantic_writing import dump_table
 from hypermap.formats.yaml_text import read_yaml
 
 logger = logging.getLogger(__name__)
 
+SemanticForm: TypeAlias = Literal["auto", "yaml", "parquet"]
+
+MANY_OBJECTS = 100_000
+"""From how many objects on a layer is kept as GeoParquet, where nothing else is said."""
+
 _TEXT = {("*", "name"), ("*", "shape"), ("*", "tags", "*")}
 
 
+@dataclass(frozen=True)
 class SemanticFiles:
-    """How semantic layers are kept: `file` is the whole name of one YAML file.
+    """How semantic layers are kept: `file` NAME means the YAML file NAME or NAME.parquet.
 
     What the objects were made of lies beside it, in the file that the key `evidence` names.
+
+    Attributes:
+        form: `yaml`, `parquet`, or `auto`, which is Parquet for layers of many objects where
+            pyarrow is installed, and otherwise YAML.
     """
+
+    form: SemanticForm = "auto"
 
     def empty(self, name: str, frame_id: str, settings: Mapping[str, Any]) -> SemanticLayer:
         """Return a layer without objects."""
-        return SemanticLayer(name, frame_id, settings=without_evidence(settings))
+        return SemanticLayer(name, frame_id, settings=_own(settings))
 
     def load(
         self, store: Store, file: str, name: str, frame_id: str, settings: Mapping[str, Any]
@@ -45,27 +61,44 @@ class SemanticFiles:
         """Return the layer; entries that cannot be read are logged and in its `rejected`.
 
         Raises:
-            FormatError: If the file is no list in YAML.
+            FormatError: If the file is neither a list in YAML nor GeoParquet of objects.
+            MissingExtra: If it is GeoParquet, and pyarrow is not installed.
         """
         path = store.path_of(file)
-        table, rejected = parse_table(store.read(file), path)
+        content = store.read(file)
+        parse = parse_parquet if content.startswith(MAGIC) else parse_table
+        table, rejected = parse(content, path)
         for entry in rejected:
             logger.warning(
                 "%s: object %d %r is left out: %s", path, entry.position, entry.name, entry.reason
             )
         evidence = load_evidence(store, settings)
-        settings = without_evidence(settings)
-        return SemanticLayer.of_table(name, frame_id, table, settings, rejected, evidence)
+        return SemanticLayer.of_table(name, frame_id, table, _own(settings), rejected, evidence)
 
     def save(self, layer: SemanticLayer, store: Store, file: str) -> Mapping[str, Any]:
-        """Write the layer's files, and return which keys they need; an empty layer needs none."""
+        """Write the layer's files, and return which keys they need; an empty layer needs none.
+
+        Raises:
+            MissingExtra: If GeoParquet is asked for, and pyarrow is not installed.
+        """
         if not len(layer) and not layer.rejected:
             return {}
+        if self.form == "parquet" or (
+            self.form == "auto" and len(layer) >= MANY_OBJECTS and has_pyarrow()
+        ):
+            binary = f"{file}.parquet"
+            store.write(binary, dump_parquet(layer.table, layer.frame_id, layer.rejected))
+            return {BINARY_FILE: binary, **save_evidence(layer, store, file)}
         store.write(file, dump_table(layer.table, layer.rejected))
         return save_evidence(layer, store, file)
 
 
 PLUGIN = SemanticFiles()
+
+
+def _own(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the settings without those that name files, which saving sets anew."""
+    return {k: v for k, v in without_evidence(settings).items() if k != BINARY_FILE}
 
 
 def parse_objects(content: bytes, path: str) -> tuple[list[SemanticObject], list[Rejected]]:

@@ -1,0 +1,320 @@
+"""Columns of values beside polygons as GeoParquet; the only module that imports pyarrow.
+
+GeoParquet (version 1.1, geometries as WKB) is what GeoPandas, QGIS, GDAL and DuckDB read. The same
+columns give the same bytes each time.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from hypermap.core.arrays import BoolArray, ObjectArray, as_objects
+from hypermap.core.errors import FormatError, HypermapError, MissingExtra
+from hypermap.formats import limits
+
+if TYPE_CHECKING:
+    import pyarrow
+
+MAGIC = b"PAR1"
+GEOMETRY = "geometry"
+_ROW_GROUP = 1 << 17  # rows; they are read one group after the other
+_ENCODINGS = {"PLAIN", "RLE", "BIT_PACKED", "RLE_DICTIONARY", "PLAIN_DICTIONARY"}
+
+
+@dataclass(frozen=True, eq=False)
+class Words:
+    """Texts, of which many are the same.
+
+    Attributes:
+        codes: each one's place in the vocabulary, int32, shape (N,); -1 where there is none.
+        vocabulary: the texts.
+    """
+
+    codes: NDArray[np.int32]
+    vocabulary: Sequence[str]
+
+
+@dataclass(frozen=True, eq=False)
+class Numbers:
+    """Numbers or truth values.
+
+    Attributes:
+        values: float64, int64 or bool, shape (N,).
+        there: whether there is one, shape (N,).
+    """
+
+    values: NDArray[Any]
+    there: BoolArray
+
+
+@dataclass(frozen=True, eq=False)
+class Lists:
+    """A list for each row.
+
+    Attributes:
+        offsets: where each list begins among the items, and where the last one ends, shape (N+1,).
+        items: of all lists.
+    """
+
+    offsets: NDArray[np.int64]
+    items: Words | Numbers
+
+
+Column: TypeAlias = Words | Numbers | Lists
+
+
+def has_pyarrow() -> bool:
+    """Return whether GeoParquet can be written and read."""
+    try:
+        import pyarrow  # noqa: F401
+    except ImportError:
+        return False
+    return True
+
+
+def write_geoparquet(
+    columns: Mapping[str, Column], footprints: ObjectArray, frame_id: str, notes: Mapping[str, str]
+) -> bytes:
+    """Return a GeoParquet file.
+
+    Args:
+        columns: by name, in the order of the file.
+        footprints: polygons and multipolygons, shape (N,); the column `geometry`.
+        frame_id: the frame of their coordinates [m].
+        notes: texts that go with the file.
+
+    Raises:
+        MissingExtra: If pyarrow is not installed.
+        HypermapError: If it is too large to be read again.
+    """
+    pa, parquet = _pyarrow()
+    arrays = {name: _to_arrow(pa, column) for name, column in columns.items()}
+    arrays[GEOMETRY] = pa.array(shapely.to_wkb(footprints), pa.binary())
+    metadata = {"geo": json.dumps(_geo(footprints, frame_id)), **notes}
+    table = pa.table(arrays).replace_schema_metadata(metadata)
+    if len(table) > limits.MAX_ROWS or table.nbytes > limits.MAX_TABLE_BYTES:
+        raise HypermapError(f"{len(table)} objects are too many to be read again")
+    sink = pa.BufferOutputStream()
+    parquet.write_table(
+        table,
+        sink,
+        row_group_size=_ROW_GROUP,
+        compression="zstd",
+        use_dictionary=[_leaf(name, c) for name, c in columns.items() if _words_in(c) is not None],
+    )
+    return bytes(sink.getvalue())
+
+
+@dataclass(frozen=True, eq=False)
+class GeoParquet:
+    """What a file holds.
+
+    Attributes:
+        columns: all but the geometry.
+        footprints: geometries, of any kind, shape (N,).
+        notes: texts that go with it.
+    """
+
+    columns: dict[str, Column]
+    footprints: ObjectArray
+    notes: dict[str, str]
+
+
+def read_geoparquet(content: bytes, path: str) -> GeoParquet:
+    """Return what a GeoParquet file holds.
+
+    Args:
+        content: the file.
+        path: how messages name it.
+
+    Raises:
+        MissingExtra: If pyarrow is not installed.
+        FormatError: If it is damaged, goes beyond the limits, or has a column that is no plain
+            one of texts, numbers or lists of such.
+    """
+    pa, parquet = _pyarrow()
+    try:
+        file = parquet.ParquetFile(pa.BufferReader(content))
+        described = _checked(file.metadata, path)
+        texts = [name for name, kind in described.items() if kind == "BYTE_ARRAY"]
+        has_plain_shapes = not any("DICT" in e for e in _encodings(file.metadata, GEOMETRY))
+        in_words = [t for t in texts if t != GEOMETRY or not has_plain_shapes]
+        file = parquet.ParquetFile(pa.BufferReader(content), read_dictionary=in_words)
+        groups = range(file.num_row_groups)  # one by one: Arrow cannot join lists of words itself
+        parts = [file.read_row_group(group, use_threads=False) for group in groups]
+        table = pa.concat_tables(parts or [file.read(use_threads=False)])
+        table.validate(full=True)
+        footprints = _footprints(pa, table, path)
+        columns = {
+            name: _from_arrow(pa, table[name], name, path)
+            for name in table.column_names
+            if name != GEOMETRY
+        }
+        raw = file.schema_arrow.metadata or {}
+        notes = {key.decode(): value.decode() for key, value in raw.items()}
+    except (pa.ArrowException, OSError, ValueError, TypeError) as error:
+        reason = " ".join(str(error).split())
+        raise FormatError(f"is not an intact Parquet file: {reason}", path=path) from None
+    return GeoParquet(columns, footprints, notes)
+
+
+def _pyarrow() -> tuple[Any, Any]:
+    try:
+        import pyarrow
+        import pyarrow.compute
+        import pyarrow.parquet
+    except ImportError:
+        raise MissingExtra("a semantic layer as GeoParquet", "parquet") from None
+    return pyarrow, pyarrow.parquet
+
+
+def _geo(footprints: ObjectArray, frame_id: str) -> dict[str, Any]:
+    """Return the file's metadata by the specification of GeoParquet 1.1."""
+    kinds = np.unique(shapely.get_type_id(footprints)).tolist()
+    names = {3: "Polygon", 6: "MultiPolygon"}
+    column: dict[str, Any] = {
+        "encoding": "WKB",
+        "geometry_types": [names[kind] for kind in kinds],
+        "crs": _engineering_crs(frame_id),
+        "edges": "planar",
+    }
+    if len(footprints):
+        column["bbox"] = shapely.total_bounds(footprints).tolist()
+    return {"version": "1.1.0", "primary_column": GEOMETRY, "columns": {GEOMETRY: column}}
+
+
+def _engineering_crs(frame_id: str) -> dict[str, Any]:
+    """Return a coordinate reference system of metres in a frame, as PROJJSON."""
+    axes = [
+        {"name": axis, "abbreviation": axis, "direction": "unspecified", "unit": "metre"}
+        for axis in "xy"
+    ]
+    return {
+        "$schema": "https://proj.org/schemas/v0.7/projjson.schema.json",
+        "type": "EngineeringCRS",
+        "name": frame_id,
+        "datum": {"name": frame_id},
+        "coordinate_system": {"subtype": "Cartesian", "axis": axes},
+    }
+
+
+def _checked(metadata: Any, path: str) -> dict[str, str]:
+    """Return the physical type of each leaf column, of a file within the limits."""
+    if metadata.num_rows > limits.MAX_ROWS or metadata.num_columns > limits.MAX_COLUMNS:
+        raise FormatError(
+            f"has {metadata.num_rows} rows and {metadata.num_columns} columns, more than the "
+            f"{limits.MAX_ROWS} and {limits.MAX_COLUMNS} that are allowed",
+            path=path,
+        )
+    groups = [metadata.row_group(i) for i in range(metadata.num_row_groups)]
+    if sum(group.total_byte_size for group in groups) > limits.MAX_TABLE_BYTES:
+        raise FormatError(f"unpacks to more than {limits.MAX_TABLE_BYTES} bytes", path=path)
+    kinds = {}
+    for column in range(metadata.num_columns):
+        described = metadata.schema.column(column)
+        kinds[described.path] = described.physical_type
+        unusual = _encodings(metadata, described.path) - _ENCODINGS
+        if unusual:
+            key = described.path
+            raise FormatError(f"has the encoding {unusual.pop()}", path=path, key=key)
+    if GEOMETRY not in kinds:
+        raise FormatError("is missing", path=path, key=GEOMETRY)
+    return kinds
+
+
+def _encodings(metadata: Any, leaf: str) -> set[str]:
+    groups = [metadata.row_group(i) for i in range(metadata.num_row_groups)]
+    columns = (group.column(i) for group in groups for i in range(group.num_columns))
+    return {
+        name for column in columns if column.path_in_schema == leaf for name in column.encodings
+    }
+
+
+def _footprints(pa: Any, table: pyarrow.Table, path: str) -> ObjectArray:
+    column = table[GEOMETRY]
+    if column.null_count:
+        raise FormatError("is missing in a row", path=path, key=GEOMETRY)
+    if pa.types.is_dictionary(column.type):
+        words = _whole(pa, column)
+        shapes = _shapes(words.dictionary.to_numpy(zero_copy_only=False), path)[
+            words.indices.to_numpy()
+        ]
+        if shapely.get_num_coordinates(shapes).sum() * 16 > limits.MAX_TABLE_BYTES:
+            raise FormatError("has too many points", path=path, key=GEOMETRY)
+        return as_objects(shapes)
+    return _shapes(column.to_numpy(), path)
+
+
+def _shapes(wkb: ObjectArray, path: str) -> ObjectArray:
+    try:
+        shapes: ObjectArray = shapely.from_wkb(wkb)
+    except shapely.errors.ShapelyError as error:
+        raise FormatError(f"is not well-known binary: {error}", path=path, key=GEOMETRY) from None
+    return shapes
+
+
+def _leaf(name: str, column: Column) -> str:
+    return f"{name}.list.element" if isinstance(column, Lists) else name
+
+
+def _words_in(column: Column) -> Words | None:
+    items = column.items if isinstance(column, Lists) else column
+    return items if isinstance(items, Words) else None
+
+
+def _to_arrow(pa: Any, column: Column) -> Any:
+    if isinstance(column, Lists):
+        return pa.ListArray.from_arrays(
+            pa.array(column.offsets, pa.int32()), _to_arrow(pa, column.items)
+        )
+    if isinstance(column, Words):
+        indices = pa.array(column.codes, mask=column.codes < 0)
+        words = pa.array(list(column.vocabulary), pa.string())
+        return pa.DictionaryArray.from_arrays(indices, words).dictionary_decode()
+    return pa.array(column.values, mask=~column.there)
+
+
+def _whole(pa: Any, chunked: Any) -> Any:
+    """Return a column's chunks as one array."""
+    whole = chunked.unify_dictionaries().combine_chunks()
+    return whole.chunk(0) if isinstance(whole, pa.ChunkedArray) else whole
+
+
+def _from_arrow(pa: Any, chunked: Any, name: str, path: str) -> Column:
+    array = _whole(pa, chunked)
+    kind = array.type
+    if pa.types.is_list(kind) or pa.types.is_large_list(kind):
+        # A row without a list has an empty one; `flatten` leaves out what such rows may hide.
+        counts = pa.compute.fill_null(pa.compute.list_value_length(array), 0).to_numpy()
+        items = _plain_from_arrow(pa, array.flatten(), name, path)
+        return Lists(np.append(0, np.cumsum(counts, dtype=np.int64)), items)
+    return _plain_from_arrow(pa, array, name, path)
+
+
+def _plain_from_arrow(pa: Any, array: Any, name: str, path: str) -> Words | Numbers:
+    kind = array.type
+    there = np.asarray(array.is_valid().to_numpy(zero_copy_only=False), dtype=bool)
+    if pa.types.is_string(kind) or pa.types.is_large_string(kind):
+        array = array.dictionary_encode()
+        kind = array.type
+    if pa.types.is_dictionary(kind) and (
+        pa.types.is_string(kind.value_type) or pa.types.is_large_string(kind.value_type)
+    ):
+        codes = array.indices.fill_null(-1).to_numpy().astype(np.int32)
+        return Words(codes, array.dictionary.to_pylist())
+    if pa.types.is_boolean(kind):
+        return Numbers(array.fill_null(False).to_numpy(zero_copy_only=False), there)
+    if pa.types.is_integer(kind):
+        return Numbers(array.fill_null(0).cast(pa.int64()).to_numpy(), there)
+    if pa.types.is_floating(kind):
+        return Numbers(array.cast(pa.float64()).fill_null(np.nan).to_numpy(), there)
+    if pa.types.is_null(kind):
+        return Words(np.full(len(array), -1, dtype=np.int32), [])
+    raise FormatError(f"is of the type {kind}, which no object has", path=path, key=name)
