@@ -13,6 +13,7 @@ from hypermap.core.outlines import ranges
 
 _FINER = 4  # a grid's cells are so many times as wide as those of the next finer one
 _MOST_LEVELS = 32
+_FEW = 32  # boxes that are looked at one by one
 _MANY = 0.25  # of all boxes; for so many it is faster to look at all
 _AT_ONCE = 2**13  # points looked up in one go, so that they stay in the processor's cache
 
@@ -78,14 +79,6 @@ class _Level:
     def lines_of(self, y: NDArray[np.float64]) -> IntArray:
         """Return the cells of coordinates along y."""
         return np.clip((y - self.y) * self.per_metre, 0, self.height - 1).astype(np.int64)
-
-    def column_of(self, x: float) -> int:
-        """Return the cell of one coordinate along x."""
-        return int(min(max((x - self.x) * self.per_metre, 0), self.width - 1))
-
-    def line_of(self, y: float) -> int:
-        """Return the cell of one coordinate along y."""
-        return int(min(max((y - self.y) * self.per_metre, 0), self.height - 1))
 
 
 class BoxGrid:
@@ -172,27 +165,41 @@ class BoxGrid:
     def meeting(self, x0: float, y0: float, x1: float, y1: float) -> IntArray:
         """Return the rows of the boxes that meet a box, in ascending order."""
         count = len(self._boxes)
-        pieces = [np.empty(0, dtype=np.int64)]
-        for level in self._levels:
-            left, right = level.column_of(x0), level.column_of(x1)
-            starts = level.all_starts
+        parts, size = [], 0
+        for west, south, per_metre, width, height, starts, rows in self._for_one:
+            first = int(min(max((x0 - west) * per_metre, 0), width - 1))
+            last = int(min(max((x1 - west) * per_metre, 0), width - 1))
+            bottom = int(min(max((y0 - south) * per_metre, 0), height - 1))
+            top = int(min(max((y1 - south) * per_metre, 0), height - 1))
             # The cells of one line of the grid lie side by side.
-            for line in range(level.line_of(y0), level.line_of(y1) + 1):
-                begin = line * level.width
-                pieces.append(level.rows[starts[begin + left] : starts[begin + right + 1]])
-        if sum(map(len, pieces)) > count * _MANY:
-            return self._meet(np.arange(count), self._sides, x0, y0, x1, y1)
-        near = np.concatenate(pieces)
-        near.sort()
-        near = near[np.diff(near, prepend=-1) > 0]  # a box lies in several cells
-        return self._meet(near, self._sides[:, near], x0, y0, x1, y1)
+            for cell in range(bottom * width, top * width + 1, width):
+                begin, end = starts[cell + first], starts[cell + last + 1]
+                if begin < end:
+                    parts.append(rows[begin:end])
+                    size += end - begin
+        if size <= _FEW:
+            return self._few_meeting({row for part in parts for row in part}, x0, y0, x1, y1)
+        if size > count * _MANY:
+            found = np.arange(count)
+            left, low, right, high = self._sides
+        else:
+            found = np.concatenate(parts)
+            found.sort()
+            is_new = np.ones(size, dtype=bool)  # a box lies in several cells
+            np.not_equal(found[1:], found[:-1], out=is_new[1:])
+            found = found[is_new]
+            left, low, right, high = (side[found] for side in self._sides)
+        meets = (left <= x1) & (x0 <= right) & (low <= y1) & (y0 <= high)
+        return np.asarray(found[meets])
 
-    @staticmethod
-    def _meet(
-        rows: IntArray, sides: NDArray[np.float64], x0: float, y0: float, x1: float, y1: float
-    ) -> IntArray:
-        left, low, right, high = sides
-        return np.asarray(rows[(left <= x1) & (x0 <= right) & (low <= y1) & (y0 <= high)])
+    def _few_meeting(self, rows: set[int], x0: float, y0: float, x1: float, y1: float) -> IntArray:
+        found = []
+        boxes = self._all_boxes
+        for row in rows:
+            k = 4 * row
+            if boxes[k] <= x1 and x0 <= boxes[k + 2] and boxes[k + 1] <= y1 and y0 <= boxes[k + 3]:
+                found.append(row)
+        return np.array(sorted(found), dtype=np.int64)
 
 
 def _extent_of_most(boxes: NDArray[np.float64]) -> tuple[float, ...]:

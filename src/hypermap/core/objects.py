@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import bisect
-import copy
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
@@ -77,9 +76,11 @@ class SemanticObject:
         Raises:
             ValueError: If the id is out of range.
         """
+        if self.id == number:
+            return self
         _check_id(number)
-        other = copy.copy(self)  # what was checked once is not checked again
-        object.__setattr__(other, "id", number)
+        other = object.__new__(SemanticObject)  # what was checked once is not checked again
+        vars(other).update(vars(self), id=number)
         return other
 
 

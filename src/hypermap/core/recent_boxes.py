@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from hypermap.core.arrays import IntArray
+from hypermap.core.arrays import IntArray, as_view
 from hypermap.core.box_grid import BoxGrid
 
 _FINER = 4  # as in a BoxGrid
@@ -28,6 +28,7 @@ class RecentBoxes:
     def __init__(self, capacity: int, cell: float) -> None:
         """Make room for boxes, most of which are about as wide as `cell` [m]."""
         self.boxes = np.zeros((capacity, 4))
+        self._all_boxes = as_view(self.boxes.ravel())
         self._cell = cell
         self._levels: list[tuple[float, Cells]] = []  # cells per metre, and positions in cells
         self._level_of: dict[int, Cells] = {}
@@ -52,11 +53,12 @@ class RecentBoxes:
         """Return the positions below `count` of the boxes at one point, in any order."""
         x, y = min(max(x, -_FAR), _FAR), min(max(y, -_FAR), _FAR)
         found = []
+        boxes = self._all_boxes
         for per_metre, cells in self._levels:
             for position in cells.get((math.floor(x * per_metre), math.floor(y * per_metre)), ()):
                 if position < count:
-                    x0, y0, x1, y1 = self.boxes[position].tolist()
-                    if x0 <= x <= x1 and y0 <= y <= y1:
+                    k = 4 * position
+                    if boxes[k] <= x <= boxes[k + 2] and boxes[k + 1] <= y <= boxes[k + 3]:
                         found.append(position)
         return found
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -20,7 +21,7 @@ from hypermap.core.shapes import as_area
 _NOWHERE = -1
 _NO_NAME = -1  # as a code
 _ONE_BY_ONE = 8  # points asked at once that are faster one by one
-_FEW = 32  # shapes that are not worth looking at their boxes first
+_FEW = 12  # shapes that are not worth looking at their boxes first
 _ROUNDING = 1 + 1e-9  # more than two distances can differ by rounding
 
 
@@ -127,16 +128,14 @@ class Snapshot:
             rows += [first + position for position in behind]
         if self.changes and rows:
             rows = [row for row in rows if log.ended[row] > self.changes]
-        if len(rows) == 1:
-            (row,) = rows
-            shape = log.table.shapes[row] if row < first else log.written.shapes[row - first]
-            return row if shapely.intersects_xy(shape, x, y) else _NOWHERE
-        if not rows:
-            return _NOWHERE
-        near = np.array(rows)
-        near = near[shapely.intersects_xy(self.column("shapes", near), x, y)]
-        best = np.lexsort((self._places(near), self.column("areas", near)))[:1]
-        return int(near[best[0]]) if len(best) else _NOWHERE
+        best, least = _NOWHERE, (math.inf, 0)
+        for row in rows:
+            columns, at = (log.table, row) if row < first else (log.written, row - first)
+            place = row if row < first else log.written.places[at]
+            size = columns.areas[at], place
+            if size < least and shapely.intersects_xy(columns.shapes[at], x, y):
+                best, least = row, size
+        return best
 
     def rows_at(self, points_xy: NDArray[np.float64]) -> IntArray:
         """Return the row of the smallest object at each point, (N, 2); -1 where there is none."""
