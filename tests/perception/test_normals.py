@@ -7,12 +7,19 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from hypermap.perception.frame import Camera, RgbdFrame
-from hypermap.perception.normals import MARGIN, fit_planes, plane_of, planes_of
+from hypermap.perception.normals import (
+    MARGIN,
+    TOO_FEW,
+    TOO_MANY,
+    fit_planes,
+    planes_of,
+    planes_through,
+)
 from hypermap.perception.unorganised import normals_of
 
 CAMERA = Camera.from_intrinsics(60, 60, 19.5, 14.5, 40, 30)
-PITCH = 1 / 60 / np.hypot(1, 20 / 60)
-K, K_REGION = 50, 30
+PITCH = 1 / 60
+K = 50
 
 
 def cloud_of(depth: NDArray[np.floating]) -> NDArray[np.float32]:
@@ -38,13 +45,13 @@ def rough_cloud(seed: int, holes: float = 0.0) -> NDArray[np.float32]:
 def fit_all(
     points: NDArray[np.float32],
 ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
-    """Return normals, curvatures and region radii of all valid pixels, row-major."""
+    """Return normals (N, 3), curvatures and squared radii of all valid pixels, row-major."""
     valid = np.isfinite(points[..., 2])
     planes = planes_of(points, valid)
     rows, columns = np.nonzero(valid)
     places = (rows + MARGIN) * planes.shape[2] + columns + MARGIN
-    normals, curvatures, radii2 = fit_planes(planes, places, K, K_REGION, PITCH)
-    return normals[places], curvatures[places], radii2[places]
+    normals, curvatures, radii2 = fit_planes(planes, places, K, PITCH)
+    return normals.T, curvatures, radii2
 
 
 @settings(deadline=None, max_examples=30)  # the first example compiles
@@ -61,58 +68,68 @@ def test_the_normals_of_a_plane_are_its_normal_everywhere(slope: tuple[float, fl
 
 
 @pytest.mark.parametrize("holes", [0.0, 0.4, 0.9])
-@pytest.mark.parametrize("k", [K, K_REGION])
-def test_the_nearest_points_in_the_image_are_the_nearest_of_all(holes: float, k: int) -> None:
+def test_about_k_points_lie_within_the_radius_of_each(holes: float) -> None:
     points = rough_cloud(seed=1, holes=holes)
-    valid = np.isfinite(points[..., 2])
-    cloud = points[valid].astype(float)
-    distances2 = np.sort(((cloud[:, np.newaxis] - cloud) ** 2).sum(axis=2), axis=1)
-    planes = planes_of(points, valid)
-    rows, columns = np.nonzero(valid)
-    places = (rows + MARGIN) * planes.shape[2] + columns + MARGIN
-    found = fit_planes(planes, places, K, k, PITCH)[2][places]
-    # The limit lies between the k-th nearest point and the one after it.
-    assert (found >= distances2[:, k - 1] * (1 - 1e-4)).all()
-    assert (found <= distances2[:, k] * (1 + 1e-4)).all()
+    cloud = points[np.isfinite(points[..., 2])].astype(float)
+    distances2 = ((cloud[:, np.newaxis] - cloud) ** 2).sum(axis=2)
+    counts = (distances2 <= fit_all(points)[2][:, np.newaxis]).sum(axis=1)
+    # A window's corners may miss a few where the surface is steep.
+    assert np.mean((counts >= TOO_FEW * K) & (counts <= TOO_MANY * K)) > 0.95
+    assert counts.min() >= 0.9 * K
+    assert counts.max() <= 1.3 * K
 
 
 @pytest.mark.parametrize("holes", [0.0, 0.4])
-def test_the_fast_normals_are_those_of_the_reference(holes: float) -> None:
+def test_the_fast_normals_are_about_those_of_the_reference(holes: float) -> None:
     points = rough_cloud(seed=2, holes=holes)
     cloud = points[np.isfinite(points[..., 2])]
     normals, curvatures, _ = fit_all(points)
     expected_normals, expected_curvatures = normals_of(cloud, cloud, K)
-    np.testing.assert_allclose(curvatures, expected_curvatures, atol=1e-4)
-    cosines = np.abs(np.sum(normals * expected_normals, axis=1))
-    np.testing.assert_allclose(cosines, 1, atol=1e-3)
+    angles = np.degrees(
+        np.arccos(np.clip(np.abs(np.sum(normals * expected_normals, axis=1)), 0, 1))
+    )
+    assert np.median(angles) < 1
+    assert np.percentile(angles, 95) < 5
+    assert np.median(np.abs(curvatures - expected_curvatures)) < 0.001
 
 
 @settings(deadline=None, max_examples=200)
-@given(st.lists(st.floats(-1, 1), min_size=9, max_size=9))
+@given(st.lists(st.floats(-1, 1, width=32), min_size=9, max_size=9))
 def test_the_plane_of_a_covariance_is_its_smallest_eigenvector(numbers: list[float]) -> None:
     root = np.array(numbers).reshape(3, 3)
     m = root @ root.T
     variances, axes = np.linalg.eigh(m)
-    x, y, z, curvature = plane_of((m[0, 0], m[0, 1], m[0, 2], m[1, 1], m[1, 2], m[2, 2]))
-    assert np.hypot(np.hypot(x, y), z) == pytest.approx(1)
-    if variances[2] > 1e-12:
-        assert curvature == pytest.approx(variances[0] / variances.sum(), abs=1e-7)
-    if variances[1] - variances[0] > 1e-2 * variances[2] > 1e-12:
-        assert abs(np.dot([x, y, z], axes[:, 0])) == pytest.approx(1, abs=1e-6)
+    (normal,), (curvature,) = plane_of(m)
+    if variances[2] < 1e-6:
+        return
+    assert curvature == pytest.approx(variances[0] / variances.sum(), abs=0.01)
+    if variances[1] - variances[0] > 0.1 * variances[2]:
+        assert np.linalg.norm(normal) == pytest.approx(1, abs=1e-3)
+        assert abs(normal @ axes[:, 0]) == pytest.approx(1, abs=1e-3)
+
+
+def plane_of(m: NDArray[np.float64]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    entries = [m[0, 0], m[0, 1], m[0, 2], m[1, 1], m[1, 2], m[2, 2]]
+    normals, curvatures = planes_through(np.array(entries, np.float32)[:, np.newaxis])
+    return normals.T, curvatures
 
 
 @pytest.mark.parametrize(
-    ("covariance", "expected"),
+    ("variances", "normal", "curvature"),
     [
-        ((0.0, 0.0, 0.0, 0.0, 0.0, 0.0), (0, 0, 1, 0)),  # one point
-        ((1.0, 0.0, 0.0, 1.0, 0.0, 1.0), (0, 0, 1, 1 / 3)),  # a ball
-        ((1.0, 0.0, 0.0, 2.0, 0.0, 0.0), (0, 0, 1, 0)),  # the x-y plane
+        ((0.0, 0.0, 0.0), (0, 0, 0), 0),  # one point
+        ((1.0, 0.0, 0.0), (0, 0, 0), 0),  # a line
+        ((1.0, 2.0, 0.0), (0, 0, 1), 0),  # the x-y plane
+        ((0.0, 1.0, 1.0), (1, 0, 0), 0),  # the y-z plane
+        ((4.0, 4.0, 1.0), (0, 0, 1), 1 / 9),
     ],
 )
-def test_points_that_are_no_plane_still_have_a_unit_normal(
-    covariance: tuple[float, ...], expected: tuple[float, ...]
+def test_points_that_are_no_plane_have_no_normal(
+    variances: tuple[float, ...], normal: tuple[float, ...], curvature: float
 ) -> None:
-    assert plane_of(covariance) == pytest.approx(expected)
+    (found,), (found_curvature,) = plane_of(np.diag(variances))
+    assert np.abs(found) == pytest.approx(normal, abs=1e-4)
+    assert found_curvature == pytest.approx(curvature, abs=1e-4)
 
 
 def test_fewer_points_than_neighbours_are_all_neighbours() -> None:
@@ -120,7 +137,7 @@ def test_fewer_points_than_neighbours_are_all_neighbours() -> None:
     depth[3, [4, 5, 6]] = 1.0
     depth[5, 5] = 1.0
     normals, curvatures, _ = fit_all(cloud_of(depth))
-    np.testing.assert_allclose(np.abs(normals), [[0, 0, 1]] * 4, atol=1e-6)
-    np.testing.assert_allclose(curvatures, 0, atol=1e-9)
+    np.testing.assert_allclose(np.abs(normals), [[0, 0, 1]] * 4, atol=1e-4)
+    np.testing.assert_allclose(curvatures, 0, atol=1e-6)
     cloud = cloud_of(depth)[np.isfinite(depth)]
     np.testing.assert_allclose(np.abs(normals_of(cloud, cloud, K)[0]), [[0, 0, 1]] * 4, atol=1e-6)

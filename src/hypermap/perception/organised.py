@@ -1,4 +1,4 @@
-"""The fast method: the same normals and regions, with neighbours looked up in the image."""
+"""The fast method: nearly the same regions, with neighbours looked up in the image."""
 
 from __future__ import annotations
 
@@ -11,19 +11,15 @@ from numpy.typing import NDArray
 from hypermap.core.arrays import BoolArray, IntArray
 from hypermap.perception.config import PerceptionConfig
 from hypermap.perception.frame import Camera
-from hypermap.perception.normals import (
-    FAR,
-    LARGEST,
-    MARGIN,
-    WINDOWS,
-    fit_planes,
-    nearest,
-    planes_of,
-    reach,
-)
+from hypermap.perception.normals import MARGIN, fit_planes, planes_of
 
-# What a pixel is to a growing region.
-NOTHING, FREE, FOREIGN = 0, 1, 2
+# Neighbours are looked for in as many rows below a pixel, in twice as many columns around it.
+SEARCH = 4
+# Here neighbourhood is mutual, in PCL it is not: that loses about as many neighbours as a third
+# more brings in.
+MUTUAL = 4 / 3
+
+NOTHING = -1  # the parent of a place that is not of the object
 
 
 def grow_regions(
@@ -35,122 +31,153 @@ def grow_regions(
 ) -> list[IntArray]:
     """Return the region of each pixel of each object.
 
-    Does the same as `unorganised.grow_regions`, whose arguments it shares. The neighbours are the
-    same too, unless some lie more than 31 pixels away or tie for the last place.
+    Does about the same as `unorganised.grow_regions`, whose arguments it shares. Two points join
+    if each is among the other's neighbours and their normals agree, and regions are what hangs
+    together so. A point above the curvature threshold joins one region, but not two with each
+    other.
     """
     if not objects:
         return []
-    pitch = _pitch(camera)
     planes = planes_of(points, valid)
-    places = [_places(pixels, camera, planes.shape[2]) for pixels in objects]
-    wanted = np.zeros(planes[0].size, dtype=np.bool_)
-    for own in places:
-        wanted[own] = True
-    normals, curvatures, radii2 = fit_planes(
-        planes, np.flatnonzero(wanted), config.normal_neighbors, config.region_neighbors, pitch
-    )
-    spreads = curvatures <= config.curvature_threshold
-    cosine = np.cos(np.radians(config.smoothness_deg))
-    state_of_others = np.where(planes[2].ravel() < FAR, FOREIGN, NOTHING).astype(np.uint8)
-    regions = []
-    for own in places:
-        state = state_of_others.copy()
-        state[own] = FREE
-        seeds = own[np.argsort(curvatures[own], kind="stable")]
-        k = config.region_neighbors
-        region_of = _flood(planes, state, seeds, normals, spreads, radii2, k, cosine, pitch)
-        regions.append(region_of[own])
-    return regions
-
-
-def _places(pixels: IntArray, camera: Camera, stride: int) -> IntArray:
-    """Return where pixels lie in a plane with margins."""
-    row, column = np.divmod(pixels, camera.width)
-    return (row + MARGIN) * stride + column + MARGIN
+    stride, size = planes.shape[2], planes[0].size
+    places = [_places(pixels, camera.width, stride) for pixels in objects]
+    wanted = _union(places, size)
+    fitted, curvatures, radii2 = fit_planes(planes, wanted, config.normal_neighbors, _pitch(camera))
+    share = np.float32(MUTUAL * config.region_neighbors / config.normal_neighbors)
+    normals, reach2 = _spread_out(wanted, size, fitted, radii2 * share)
+    reach2[wanted[curvatures > config.curvature_threshold]] *= -1
+    cosine = np.float32(np.cos(np.radians(config.smoothness_deg)))
+    return [_join(planes, own, normals, reach2, cosine) for own in places]
 
 
 def _pitch(camera: Camera) -> float:
-    """Return the least distance from a point to the rays one pixel away, per metre of depth.
-
-    The rays of one column lie in a plane; a point at depth z, one column beside it, is
-    z / fx / sqrt(1 + a^2) away, where a is the plane's slope. Rows likewise.
-    """
-    K = camera.K
-    pitch = np.inf
-    for f, c, size in ((K[0, 0], K[0, 2], camera.width), (K[1, 1], K[1, 2], camera.height)):
-        steepest = max(abs(c), abs(size - 1 - c)) / f
-        pitch = min(pitch, 1 / (f * np.hypot(1, steepest)))
-    return float(pitch)
+    """Return the distance between neighbouring points of a surface that faces the camera at 1 m."""
+    return float(1 / max(camera.K[0, 0], camera.K[1, 1]))
 
 
 @njit(cache=True)
-def _flood(  # type: ignore[no-untyped-def]
-    planes, state, seeds, normals, spreads, radii2, k, cosine, pitch
-):
-    """Grow one region after the other, from the flattest point that is still free."""
+def _places(pixels, width, stride):  # type: ignore[no-untyped-def]
+    """Return where pixels lie in a plane with margins."""
+    places = np.empty(len(pixels), np.int64)
+    for i, pixel in enumerate(pixels):
+        row = pixel // width
+        places[i] = (row + MARGIN) * stride + pixel - row * width + MARGIN
+    return places
+
+
+def _union(parts: Sequence[IntArray], size: int) -> IntArray:
+    """Return the numbers below a size that are in any of some parts, increasing."""
+    if len(parts) == 1:
+        return parts[0]
+    is_in = np.zeros(size, dtype=np.bool_)
+    for part in parts:
+        is_in[part] = True
+    return np.flatnonzero(is_in)
+
+
+@njit(cache=True)
+def _spread_out(places, size, normals, reach2):  # type: ignore[no-untyped-def]
+    """Return the values of some places as planes; those of the others mean nothing."""
+    normal_planes, reach2_plane = np.empty((3, size), np.float32), np.empty(size, np.float32)
+    for i, place in enumerate(places):
+        for axis in range(3):
+            normal_planes[axis, place] = normals[axis, i]
+        reach2_plane[place] = reach2[i]
+    return normal_planes, reach2_plane
+
+
+@njit(cache=True)
+def _join(planes, places, normals, reach2, cosine):  # type: ignore[no-untyped-def]
+    """Return the region of each of some places: a number, the same for all that hang together.
+
+    Regions are trees: each place has a parent in the same region, and a root is its own parent.
+    First what lies side by side joins, which is nearly all; then, at the borders of these
+    regions only, what lies farther apart.
+    """
     stride = planes.shape[2]
     x, y, z = planes[0].ravel(), planes[1].ravel(), planes[2].ravel()
-    own_z = np.where(state == FREE, z, FAR)
-    region_of = np.full(len(z), -1, np.int32)
-    queue = np.empty(len(seeds), np.int64)
-    distances2 = np.empty(LARGEST, np.float32)
-    region = 0
-    for seed in seeds:
-        if state[seed] != FREE:
-            continue
-        region_of[seed] = region
-        state[seed] = NOTHING
-        queue[0] = seed
-        head, tail = 0, 1
-        while head < tail:
-            place = queue[head]
-            head += 1
-            radius2 = radii2[place]
-            window = _window_of(radius2, z[place], pitch)
-            states = _states_around(state, stride, place, window)
-            if states & FOREIGN:  # so the object's own neighbours lie farther away
-                radius2, window = nearest(x, y, own_z, stride, place, k, pitch, distances2)
-            elif states == NOTHING:
+    parent = np.full(len(x), NOTHING, np.int32)
+    for place in places:
+        parent[place] = place
+    for place in places:
+        for other in (place - 1, place - stride):
+            if _joins(x, y, z, normals, reach2, parent, place, other, cosine):
+                _link(parent, place, other)
+    for place in places:
+        parent[place] = _root(parent, place)
+    for place in places:
+        for row in range(SEARCH + 1):
+            # In its own row what lies to the right, else twice as many columns around it.
+            start = place + 1 if row == 0 else place + row * stride - SEARCH
+            columns = SEARCH if row == 0 else 2 * SEARCH
+            if not _has_others(parent, place, start):
                 continue
-            half, columns = WINDOWS[window]
-            for row in range(-half, half + 1):
-                start = place + row * stride - columns // 2 + 1
-                for other in range(start, start + columns):
-                    if state[other] != FREE:
-                        continue
-                    dx, dy, dz = x[other] - x[place], y[other] - y[place], z[other] - z[place]
-                    if dx * dx + dy * dy + dz * dz > radius2:
-                        continue
-                    dot = np.float32(0)
-                    for axis in range(3):
-                        dot += normals[place, axis] * normals[other, axis]
-                    if abs(dot) < cosine:
-                        continue
-                    region_of[other] = region
-                    state[other] = NOTHING
-                    if spreads[other]:
-                        queue[tail] = other
-                        tail += 1
-        region += 1
-    return region_of
+            for other in range(start, start + columns):
+                if _joins(x, y, z, normals, reach2, parent, place, other, cosine):
+                    _link(parent, place, other)
+    regions = np.empty(len(places), np.int64)
+    for i, place in enumerate(places):
+        is_bent = reach2[place] < 0
+        home = _home(x, y, z, normals, reach2, parent, place, stride, cosine) if is_bent else place
+        regions[i] = _root(parent, home)
+    return regions
 
 
 @njit(cache=True)
-def _window_of(radius2, depth, pitch):  # type: ignore[no-untyped-def]
-    """Return the smallest window that holds all points within a squared radius."""
-    for window in range(len(WINDOWS)):
-        if radius2 < reach(window, depth, pitch) ** 2:
-            break
-    return window
+def _joins(x, y, z, normals, reach2, parent, one, other, cosine):  # type: ignore[no-untyped-def]
+    """Return whether a place joins one of another region: both are near, their normals agree."""
+    nx, ny, nz = normals[0], normals[1], normals[2]
+    dx, dy, dz = x[other] - x[one], y[other] - y[one], z[other] - z[one]
+    distance2 = dx * dx + dy * dy + dz * dz
+    dot = nx[other] * nx[one] + ny[other] * ny[one] + nz[other] * nz[one]
+    return (
+        (parent[other] != NOTHING)
+        & (parent[other] != parent[one])
+        & (distance2 <= reach2[one])
+        & (distance2 <= reach2[other])
+        & (abs(dot) >= cosine)
+    )
 
 
 @njit(cache=True)
-def _states_around(state, stride, place, window):  # type: ignore[no-untyped-def]
-    """Return all states in a window, or-ed."""
-    half, columns = WINDOWS[window]
-    found = np.uint8(0)
-    for row in range(-half, half + 1):
-        start = uint64(place + row * stride - columns // 2 + 1)
-        for column in range(uint64(columns)):
-            found |= state[start + column]
+def _home(x, y, z, normals, reach2, parent, place, stride, cosine):  # type: ignore[no-untyped-def]
+    """Return which of the pixels around takes a place that is bent too much to join by itself."""
+    reach2[place] *= -1
+    home = place
+    for row in range(-1, 2):
+        for other in range(place + row * stride - 1, place + row * stride + 2):
+            if reach2[other] >= 0 and _joins(
+                x, y, z, normals, reach2, parent, place, other, cosine
+            ):
+                home = other
+    reach2[place] *= -1
+    return home
+
+
+@njit(cache=True)
+def _has_others(parent, place, start):  # type: ignore[no-untyped-def]
+    """Return whether some places in a row are of the object, but not known to be of a region."""
+    own, found = parent[place], False
+    for column in range(uint64(2 * SEARCH)):
+        other = parent[uint64(start) + column]
+        found |= (other != own) & (other != NOTHING)
     return found
+
+
+@njit(cache=True)
+def _root(parent, place):  # type: ignore[no-untyped-def]
+    """Return the root of a place's region; the way there is half as long the next time."""
+    while parent[place] != place:
+        parent[place] = parent[parent[place]]
+        place = parent[place]
+    return place
+
+
+@njit(cache=True)
+def _link(parent, one, other):  # type: ignore[no-untyped-def]
+    """Make two regions one."""
+    root, other_root = _root(parent, one), _root(parent, other)
+    if root < other_root:
+        parent[other_root] = root
+    else:
+        parent[root] = other_root
