@@ -1,6 +1,14 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { advanced, changedBy, countsOf, Steps, type Changes, type Things } from "../src/run/steps";
+import {
+  advanced,
+  changedBy,
+  countsOf,
+  Steps,
+  thingAt,
+  type Changes,
+  type Things,
+} from "../src/run/steps";
 import type { Point, Polygon } from "../src/source";
 
 const SQUARE: Polygon[] = [
@@ -50,6 +58,18 @@ test("classes are counted, the commonest first", () => {
     ["bed", 1],
     ["chair", 1],
   ]);
+});
+
+test("the smallest object at a place is the one that is meant", () => {
+  const side = (a: number): Polygon[] => [[[[0, 0], [a, 0], [a, a], [0, a]]]]; // prettier-ignore
+  const set: Changes["set"] = [
+    [1, "table", 1, 1, side(4)],
+    [2, "cup", 1, 1, side(1)],
+    [3, "rug", 1, 1, side(9)],
+  ];
+  const things = changedBy(new Map(), changes({ since: null, set }));
+  const at = (x: number, y: number) => thingAt(things, [x, y])?.name ?? null;
+  assert.deepEqual([at(0.5, 0.5), at(2, 2), at(8, 8), at(10, 1)], ["cup", "table", "rug", null]);
 });
 
 function news(first: number, numbers: number[]) {

@@ -3,6 +3,7 @@
 import { byId, complain, el, icon, iconButton } from "../dom";
 import { count, length, niceLength, plural } from "../format";
 import { keepSettings, loadSettings, onSystemTheme, themeOf } from "../settings";
+import type { Point } from "../source";
 import { CameraView, percent } from "./camera";
 import { RunMap, type Insets } from "./map";
 import type { RunInfo, RunSource } from "./source";
@@ -10,6 +11,7 @@ import {
   changedBy,
   countsOf,
   Steps,
+  thingAt,
   type Counts,
   type News,
   type Sight,
@@ -76,11 +78,12 @@ export class RunPage {
   }
 
   private hear(news: News | null): void {
-    const isOver = this.news !== null && this.news.state !== "mapping";
     if (!news) {
-      const text = isOver
-        ? "Hypermap has ended, so other steps can no longer be shown."
-        : "The server does not answer. Has Hypermap been ended?";
+      if (this.news?.state === "failed") return; // which says enough
+      const text =
+        this.news?.state === "saved"
+          ? "Hypermap has ended, so other steps can no longer be shown."
+          : "The server does not answer. Has Hypermap been ended?";
       return banner(text);
     }
     if (news.run !== this.info.id) return location.reload();
@@ -197,7 +200,8 @@ export class RunPage {
 
   private tip(pixel: number[] | null): void {
     const tip = byId("tip");
-    const thing = pixel && this.map.at(pixel);
+    const at = pixel && (this.map.map.getCoordinateFromPixel(pixel) as Point | null);
+    const thing = at && this.shown ? thingAt(this.shown.things, at) : null;
     tip.hidden = !thing;
     if (!pixel || !thing) return;
     const { name, id, evidence, existence } = thing;

@@ -126,13 +126,6 @@ export class RunMap {
     this.setExtent(sight, things);
   }
 
-  /** The object under a pixel of the map. */
-  at(pixel: number[]): Thing | null {
-    const options = { layerFilter: (one: unknown) => one === this.objects };
-    const feature = this.map.forEachFeatureAtPixel(pixel, (found) => found as Feature, options);
-    return (feature?.get("thing") as Thing | undefined) ?? null;
-  }
-
   fit(animate = true): void {
     const { top, right, bottom, left } = this.insets();
     this.view.fit(this.extent ?? [-3, -3, 3, 3], {

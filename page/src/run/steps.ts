@@ -1,5 +1,6 @@
 /** The steps of a run and the objects of the map at one of them; nothing here draws or asks. */
 
+import { extentOf, holds } from "../geometry";
 import type { Extent, Point, Polygon } from "../source";
 
 export type State = "mapping" | "saved" | "failed";
@@ -100,6 +101,16 @@ export function countsOf(things: Things): [string, number][] {
   const counts = new Map<string, number>();
   for (const { name } of things.values()) counts.set(name, (counts.get(name) ?? 0) + 1);
   return [...counts].sort(([a, m], [b, n]) => n - m || (a < b ? -1 : 1));
+}
+
+/** The object at a place; of several, the smallest, which lies on top. */
+export function thingAt(things: Things, place: Point): Thing | null {
+  const size = ({ polygons }: Thing) => {
+    const [x0, y0, x1, y1] = extentOf(polygons);
+    return (x1 - x0) * (y1 - y0);
+  };
+  const found = [...things.values()].filter(({ polygons }) => holds(polygons, place));
+  return found.sort((a, b) => size(a) - size(b))[0] ?? null;
 }
 
 /** The steps that the server keeps, oldest first. */

@@ -115,8 +115,8 @@ export class Timeline {
         this.playing = requestAnimationFrame(step);
       } else if (this.isMapping) this.follow();
       else {
-        this.pause();
         this.isLive = true;
+        this.pause();
       }
     };
     this.playing = requestAnimationFrame(step);
