@@ -40,6 +40,7 @@ _MODULES = {
     "live": "live",
     "rviz": "rviz",
     "ros1-env": "ros1_env",
+    "bench": "bench",
 }
 
 

@@ -159,26 +159,30 @@ class Snapshot:
         smallest[places[order]] = rows[order]
         return smallest
 
-    def rows_in(self, area: BaseGeometry) -> IntArray:
-        """Return the rows of the objects that meet an area, in the order of the layer."""
+    def rows_in(self, area: BaseGeometry, code: int | None = None) -> IntArray:
+        """Return the rows of the objects that meet an area, in the order of the layer.
+
+        Args:
+            area: in the layer's frame.
+            code: only objects with this name's code; None for all.
+        """
         asked = as_area(area)
         if asked.is_empty:
             return np.empty(0, dtype=np.int64)
-        x0, y0, x1, y1 = asked.bounds
-        first = self.log.first
-        rows = self.log.grid.meeting(x0, y0, x1, y1)
+        box, first = asked.bounds, self.log.first
+        rows = self.log.grid.meeting(*box)
         if self.count > first:
-            behind = self.log.written.index.meeting(x0, y0, x1, y1, self.count - first)
+            behind = self.log.written.index.meeting(*box, self.count - first)
             rows = np.concatenate([rows, behind + first])
+        if code is not None:
+            rows = rows[self.column("codes", rows) == code]
         rows = self._there(rows)
         return self._in_order(rows[self._meet(asked, rows)])
 
     def rows_of(self, what: str | float, area: BaseGeometry | None = None) -> IntArray:
         """Return the rows of the objects with a name or id, in an area or anywhere, in order."""
         if area is not None and isinstance(what, str):
-            rows = self.rows_in(area)
-            code = self.log.codes.get(what, _NO_NAME)
-            return np.asarray(rows[self.column("codes", rows) == code])
+            return self.rows_in(area, self.log.codes.get(what, _NO_NAME))
         if isinstance(what, str):
             return self._in_order(self._there(self._rows_of_name(what)))
         row = self.row_of_id(int(what)) if what == what // 1 else _NOWHERE
@@ -225,9 +229,8 @@ class Snapshot:
 
     def _meet(self, area: BaseGeometry, rows: IntArray) -> BoolArray:
         """Return which rows' shapes meet an area, which their boxes do."""
-        shapes = self.column("shapes", rows)
         if len(rows) < _FEW:
-            return np.asarray(shapely.intersects(area, shapes))
+            return np.asarray(shapely.intersects(area, self.column("shapes", rows)))
         shapely.prepare(area)
         if _is_rectangle(area):
             x0, y0, x1, y1 = self.column("boxes", rows).T
@@ -237,7 +240,7 @@ class Snapshot:
             meets = rows < self.log.first
             corners = self.log.outlines.first_corners(rows[meets])
             meets[meets] = shapely.intersects_xy(area, corners)
-        meets[~meets] = shapely.intersects(area, shapes[~meets])
+        meets[~meets] = shapely.intersects(area, self.column("shapes", rows[~meets]))
         return np.asarray(meets)
 
     # Rows

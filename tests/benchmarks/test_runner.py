@@ -1,0 +1,175 @@
+"""`benchmarks/bench.py` and `hypermap bench`, run as a user runs them."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+import hypermap as package
+
+CHECKOUT = Path(__file__).resolve().parents[2]
+SCRIPT = CHECKOUT / "benchmarks" / "bench.py"
+
+_LARGE = shutil.ignore_patterns("__pycache__", "page", "*.onnx", "ros")
+# A group that is as real as any, but small: sums by numpy and by Python.
+GROUP = """
+import sys, time, types
+sys.path.insert(0, {folder!r})
+import numpy as np
+import bench
+from suite.programs import build
+from suite.race import Disagreement, Figure, each_of, race
+
+def agree(ours, theirs):
+    if ours != theirs:
+        raise Disagreement(f"{{ours}} is not {{theirs}}")
+    return "the same sum"
+
+def sums(settings):
+    numbers = np.arange(10000)
+    yield race("10,000 numbers", "Python", lambda: int(numbers.sum()), lambda: sum(range(10000)),
+               agree, settings, asked=1e-9)
+    yield Figure("numbers", (1.0, 2.0, 4.0), "numbers", asked=1.0, less_is_better=True, note="n")
+
+def wrong(settings):
+    yield race("one too few", "Python", lambda: sum(range(9)), lambda: sum(range(10)),
+               agree, settings)
+
+def missing(settings):
+    build("boost/layer_queries.cpp", (), settings)
+    yield from sums(settings)
+
+def slow(settings):
+    yield from sums(settings)
+    print("now slow", flush=True)
+    time.sleep(60)
+
+def rows(settings):
+    yield from each_of(settings, {{name: globals()[name] for name in {parts!r}}})
+
+group = types.ModuleType("suite.sums")
+group.rows = rows
+sys.modules["suite.sums"] = group
+bench.GROUPS = ("sums",)
+sys.exit(bench.main(sys.argv[1:]))
+"""
+
+
+def command(parts: list[str], *options: object) -> list[str]:
+    code = GROUP.format(folder=str(SCRIPT.parent), parts=parts)
+    return [sys.executable, "-c", code, *map(str, options)]
+
+
+def run(parts: list[str], *options: object, **environment: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        command(parts, *options),
+        capture_output=True,
+        text=True,
+        check=False,
+        env=os.environ | environment,
+    )
+
+
+def test_each_row_is_printed_and_saved(tmp_path: Path) -> None:
+    files = tmp_path / "races.json", tmp_path / "races.md"
+    done = run(["sums"], "--repeat", 3, "--json", files[0], "--markdown", files[1])
+    assert done.returncode == 0, done.stderr
+    assert "processor" in done.stdout
+    assert "10,000 numbers" in done.stdout
+    assert "asked at most 1: NO" in done.stdout
+    data = json.loads(files[0].read_text())
+    assert {"processor", "memory", "Python", "date", "load before"} <= set(data["machine"])
+    race, figure = data["groups"]["sums"]
+    assert len(race["ours"]) == len(race["theirs"]) == 3
+    assert race["ratio"] == pytest.approx(sorted(race["theirs"])[1] / sorted(race["ours"])[1])
+    assert race["agreement"] == "the same sum"
+    assert (race["reached"], figure["reached"]) == (True, False)
+    page = files[1].read_text()
+    assert "| 10,000 numbers |" in page
+    assert "| numbers | 2 numbers |  |  | 1.5 to 3 | at most 1 | NO | n |" in page
+
+
+def test_a_wrong_answer_fails_the_benchmark_and_the_others_go_on(tmp_path: Path) -> None:
+    file = tmp_path / "races.json"
+    done = run(["wrong", "sums"], "--repeat", 1, "--json", file)
+    assert done.returncode == 1, done.stderr
+    assert "wrong: WRONG: 36 is not 45" in done.stdout
+    first, *others = json.loads(file.read_text())["groups"]["sums"]
+    assert (first["kind"], first["is_wrong"]) == ("failure", True)
+    assert [row["kind"] for row in others] == ["race", "figure"]
+
+
+def test_a_peer_that_is_not_installed_is_left_out_with_the_remedy(tmp_path: Path) -> None:
+    empty = tmp_path / "bin"
+    empty.mkdir()
+    done = run(["missing", "sums"], "--repeat", 1, "--build", tmp_path / "build", PATH=str(empty))
+    assert done.returncode == 0, done.stderr
+    assert "missing: left out: g++ is missing; on Debian: scripts/peers.sh" in done.stdout
+    assert "10,000 numbers" in done.stdout
+
+
+def test_ctrl_c_keeps_what_was_measured(tmp_path: Path) -> None:
+    file = tmp_path / "races.json"
+    options = command(["slow"], "--repeat", 1, "--json", file)
+    with subprocess.Popen(options, stdout=subprocess.PIPE, text=True) as measuring:
+        assert measuring.stdout is not None
+        while "now slow" not in measuring.stdout.readline():
+            assert measuring.poll() is None
+        time.sleep(0.2)
+        measuring.send_signal(signal.SIGINT)
+        assert measuring.wait(30) == 130
+    assert len(json.loads(file.read_text())["groups"]["sums"]) == 2
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["grid"], "there is no group 'grid'; known: perception, mapping"),
+        (["--repeat", "0"], "--repeat must be at least 1, got 0"),
+        (["--json", "nowhere/races.json"], "nowhere/races.json: no file can be written there"),
+    ],
+)
+def test_bad_options_are_one_line_before_anything_is_measured(options, message: str) -> None:
+    done = subprocess.run(
+        [sys.executable, str(SCRIPT), *options], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 2
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("hypermap bench: error: " + message)
+    assert not done.stdout
+
+
+def test_the_command_runs_the_suite_of_the_checkout(tmp_path: Path) -> None:
+    file = tmp_path / "races.json"
+    started = [sys.executable, "-m", "hypermap", "bench", "startup", "--quick", "--repeat", "1"]
+    done = subprocess.run(
+        [*started, "--json", str(file)], capture_output=True, text=True, check=False, cwd=CHECKOUT
+    )
+    assert done.returncode == 0, done.stderr
+    rows = json.loads(file.read_text())["groups"]["startup"]
+    assert any(row["kind"] == "race" and row["ratio"] > 0 for row in rows)
+    assert not any(row["kind"] == "failure" for row in rows)
+
+
+def test_without_a_checkout_the_error_says_what_to_do(tmp_path: Path) -> None:
+    site = tmp_path / "site"  # as `pip install` leaves it: the package alone
+    shutil.copytree(Path(package.__file__).parent, site / "hypermap", ignore=_LARGE)
+    done = subprocess.run(
+        [sys.executable, "-m", "hypermap", "bench"],
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=tmp_path,
+        env=os.environ | {"PYTHONPATH": str(site)},
+    )
+    assert done.returncode == 2, done.stderr
+    (line,) = done.stderr.splitlines()
+    assert "clone the repository and run `make bench` in it" in line
