@@ -14,7 +14,8 @@ from pathlib import Path
 package = Path(hypermap.__file__).parent
 assert package.parent.name == "site", package
 messages = (f"ros/hypermap_msgs/{name}" for name in ("msg/SemanticMap.msg", "srv/LoadMap.srv"))
-page = (f"viewer/page/{name}" for name in ("index.html", "app.js", "app.css", "app.licenses.txt"))
+names = ("index.html", "app.js", "app.css", "run.html", "run.js", "run.css", "app.licenses.txt")
+page = (f"viewer/page/{name}" for name in names)
 for file in ("py.typed", "simulation/worlds/demo.yaml", "simulation/detector.onnx", *messages, *page):
     assert (package / file).is_file(), f"the wheel lacks {file}"
 from hypermap.ros.definitions import package_folder
