@@ -6,7 +6,8 @@ top of the map.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import zlib
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path, PurePosixPath
 from typing import Annotated, Any, Literal
 
@@ -21,7 +22,13 @@ from hypermap.core.layer import Store
 from hypermap.core.occupancy import UNKNOWN, OccupancyLayer
 from hypermap.formats import limits
 from hypermap.formats.checked import Checked, Finite, Pose, Text, check
-from hypermap.formats.pictures import GreyPicture, decode_grey, encode_png
+from hypermap.formats.pictures import GreyPicture, decode_grey
+from hypermap.formats.png import (
+    band_rows,
+    decode_grey_alpha,
+    encode_grey_alpha,
+    grey_alpha_size,
+)
 from hypermap.formats.store import read_file
 from hypermap.formats.yaml_text import read_yaml, write_yaml
 
@@ -70,8 +77,8 @@ class OccupancyFiles:
         yaml_name = f"{file}.yaml"
         described = parse_map_yaml(store.read(yaml_name), store.path_of(yaml_name))
         image = str(PurePosixPath(file).parent / described.image)
-        picture = decode_grey(store.read(image), store.path_of(image))
-        return _layer(described, picture, name, frame_id, settings)
+        cells = cells_from_file(store.read(image), store.path_of(image), described)
+        return _layer(described, cells, name, frame_id, settings)
 
     def save(self, layer: OccupancyLayer, store: Store, file: str) -> None:
         """Write the YAML and a PNG picture; a layer without cells needs none.
@@ -85,7 +92,7 @@ class OccupancyFiles:
         """
         if layer.grid is None or layer.cells is None:
             return
-        grey_alpha, mode = _grey_alpha(layer.cells, layer.name)
+        mode = _mode(layer.cells, layer.name)
         origin = layer.grid.origin
         described = {
             "image": f"{PurePosixPath(file).name}.png",
@@ -97,7 +104,8 @@ class OccupancyFiles:
             "mode": mode,
         }
         store.write(f"{file}.yaml", write_yaml(described))
-        store.write(f"{file}.png", encode_png(grey_alpha))
+        height, width = layer.cells.shape
+        store.write(f"{file}.png", encode_grey_alpha(width, height, _bands(layer.cells, mode)))
 
 
 PLUGIN = OccupancyFiles()
@@ -119,8 +127,8 @@ def load_occupancy(
     image = path.parent / described.image
     if not image.is_file():
         raise FormatError(f"there is no picture {image}", path=path, key="image")
-    picture = decode_grey(read_file(image), str(image))
-    return _layer(described, picture, name, frame_id, {"file": path.stem})
+    cells = cells_from_file(read_file(image), str(image), described)
+    return _layer(described, cells, name, frame_id, {"file": path.stem})
 
 
 def parse_map_yaml(content: bytes, path: str) -> MapYaml:
@@ -132,6 +140,27 @@ def parse_map_yaml(content: bytes, path: str) -> MapYaml:
     return check(MapYaml, read_yaml(content, path, {("image",), ("mode",)}), path)
 
 
+def cells_from_file(content: bytes, path: str, described: MapYaml) -> Cells:
+    """Return the cells of a picture file, row 0 at the bottom.
+
+    Args:
+        content: the file; of the kind that `save` writes, no more than a few rows are held beside
+            the cells.
+        path: how messages name it.
+        described: how to read it.
+
+    Raises:
+        FormatError: If it is no picture, is damaged, or has more pixels than are allowed.
+    """
+    size = grey_alpha_size(content)
+    if size is not None and size[0] * size[1] <= limits.MAX_PIXELS:
+        try:
+            return _cells_from_bands(*size, decode_grey_alpha(content, *size), described)
+        except (ValueError, zlib.error):  # Pillow reads more, and says what is wrong
+            pass
+    return cells_from_picture(decode_grey(content, path), described)
+
+
 def cells_from_picture(picture: GreyPicture, described: MapYaml) -> Cells:
     """Return the cells, row 0 at the bottom; int16 where a raw picture has values above 100.
 
@@ -140,6 +169,24 @@ def cells_from_picture(picture: GreyPicture, described: MapYaml) -> Cells:
     cells: Cells = _cell_of_value(picture.white, described)[picture.values[::-1]]
     if picture.opaque is not None:
         cells[~picture.opaque[::-1]] = UNKNOWN
+    return _narrowed(cells)
+
+
+def _cells_from_bands(
+    width: int, height: int, bands: Iterable[NDArray[np.uint8]], described: MapYaml
+) -> Cells:
+    of_grey = _cell_of_value(255, described)
+    of_pair = np.full(1 << 16, UNKNOWN, of_grey.dtype)  # grey and above it alpha
+    of_pair[0xFF00:] = of_grey
+    cells: Cells = np.empty((height, width), of_grey.dtype)
+    top = height
+    for band in bands:
+        cells[top - len(band) : top] = of_pair[band.view("<u2")[::-1, :, 0]]
+        top -= len(band)
+    return _narrowed(cells)
+
+
+def _narrowed(cells: Cells) -> Cells:
     if cells.dtype == np.int16 and cells.max() <= 100:
         return cells.astype(np.int8)
     return cells
@@ -161,30 +208,37 @@ def _cell_of_value(white: int, described: MapYaml) -> Cells:
     return np.where(p > occupied, 100, np.where(p < free, 0, between)).astype(np.int8)
 
 
-def _grey_alpha(cells: Cells, layer_name: str) -> tuple[NDArray[np.uint8], str]:
-    """Return a picture of the cells, row 0 at the top, and the mode in which to read it."""
+def _mode(cells: Cells, layer_name: str) -> str:
+    """Return the mode in which to read a picture of the cells."""
     if cells.size > limits.MAX_PIXELS:
         raise HypermapError(
             f"layer {layer_name!r} has {cells.size} cells, more than the {limits.MAX_PIXELS} "
             "that a file may hold"
         )
-    values = np.arange(256)
-    table = np.zeros((257, 2), np.uint8)  # row 0 is the unknown cell's
-    if cells.max() > 100:
-        mode = "raw"
-        table[1:, 0] = values
-        table[0, 0] = 255
+    return "raw" if cells.max() > 100 else "scale"
+
+
+def _bands(cells: Cells, mode: str) -> Iterator[NDArray[np.uint8]]:
+    """Yield a picture's rows from the top: grey and alpha of the cells, whose row 0 is below."""
+    table = np.zeros((257, 2), np.uint8)  # the last row is the unknown cell's, at index -1
+    table[:256, 1] = 255
+    if mode == "raw":
+        table[:256, 0] = np.arange(256)
+        table[-1, 0] = 255
     else:
-        mode = "scale"
-        table[1:102, 0] = 255 - np.rint(values[:101] * 2.55)
-        table[0, 0] = 205  # what map_server draws for unknown
-    table[1:, 1] = 255
-    return table[cells[::-1].astype(np.int16) + 1], mode
+        table[:101, 0] = 255 - np.rint(np.arange(101) * 2.55)
+        table[-1, 0] = 205  # what map_server draws for unknown
+    of_cell = table.view(np.uint16)[:, 0]
+    height, width = cells.shape
+    rows = band_rows(width)
+    for top in range(height, 0, -rows):
+        band = of_cell[cells[max(top - rows, 0) : top][::-1]]
+        yield band.view(np.uint8).reshape(len(band), width, 2)
 
 
 def _layer(
-    described: MapYaml, picture: GreyPicture, name: str, frame_id: str, settings: Mapping[str, Any]
+    described: MapYaml, cells: Cells, name: str, frame_id: str, settings: Mapping[str, Any]
 ) -> OccupancyLayer:
-    height, width = picture.values.shape
+    height, width = cells.shape
     grid = GridGeometry(width, height, described.resolution, Pose2D(*described.origin))
-    return OccupancyLayer(name, frame_id, grid, cells_from_picture(picture, described), settings)
+    return OccupancyLayer(name, frame_id, grid, cells, settings)

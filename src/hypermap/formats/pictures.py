@@ -1,4 +1,4 @@
-"""Pictures as grey values: any file that Pillow decodes by itself, and PNG with alpha out."""
+"""Pictures as grey values: any file that Pillow decodes by itself."""
 
 from __future__ import annotations
 
@@ -74,13 +74,6 @@ def decode_grey(content: bytes, path: str) -> GreyPicture:
         raise FormatError(f"is not an intact picture: {error}", path=path) from error
 
 
-def encode_png(grey_alpha: NDArray[np.uint8]) -> bytes:
-    """Return a PNG file of grey values and alpha, shape (height, width, 2)."""
-    file = io.BytesIO()
-    Image.fromarray(grey_alpha).save(file, "PNG", compress_level=6)
-    return file.getvalue()
-
-
 def _check_size(image: Image.Image, path: str) -> None:
     width, height = image.size
     if width < 1 or height < 1:
@@ -102,7 +95,8 @@ def _grey(image: Image.Image, path: str) -> GreyPicture:
         return GreyPicture(values.astype(np.uint16, copy=False), 0xFFFF, None)
     has_alpha = image.has_transparency_data
     is_grey = image.mode in ("1", "L", "LA", "La")
-    pixels = np.asarray(image.convert(("L" if is_grey else "RGB") + ("A" if has_alpha else "")))
+    mode = ("L" if is_grey else "RGB") + ("A" if has_alpha else "")
+    pixels = np.asarray(image if image.mode == mode else image.convert(mode))
     if is_grey and not has_alpha:
         return GreyPicture(pixels, 255, None)
     opaque = pixels[..., -1] == 255 if has_alpha else None
