@@ -9,9 +9,8 @@
 // Prints JSON: the seconds of each run, of each box the sizes of its clusters, the pixels of the
 // largest one and its footprint, and the visible area. Files are read before the clock starts.
 
-// PCL's own library is built for any x86-64; with wider alignment here, memory that one side
-// allocates could not be freed by the other.
-#define EIGEN_MAX_ALIGN_BYTES 16
+// Not to be compiled for one processor only (-march=native): Debian's library is built for any
+// x86-64, and memory that one side allocates could not be freed by the other.
 
 #include <pcl/features/normal_3d.h>
 #include <pcl/filters/voxel_grid.h>

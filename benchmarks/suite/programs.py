@@ -14,13 +14,17 @@ from suite.race import Settings, Unavailable
 PEERS = Path(__file__).resolve().parent.parent
 
 
-def build(source: str, packages: Sequence[str], settings: Settings) -> Path:
+def build(
+    source: str, packages: Sequence[str], settings: Settings, for_this_machine: bool = True
+) -> Path:
     """Compile `benchmarks/SOURCE` unless that was done already, and return the program.
 
     Args:
         source: as "boost/rtree.cpp".
         packages: names of the libraries for pkg-config, as "yaml-cpp".
         settings: where compiled programs go.
+        for_this_machine: whether the compiler may use all that this processor has. Not beside a
+            library whose classes are laid out differently then, as PCL's are.
 
     Raises:
         Unavailable: If there is no compiler or a library is missing.
@@ -41,8 +45,10 @@ def build(source: str, packages: Sequence[str], settings: Settings) -> Path:
             raise Unavailable(f"the C++ library {package} is missing; on Debian: scripts/peers.sh")
         flags += answer.stdout.split()
     settings.build.mkdir(parents=True, exist_ok=True)
-    command = ["g++", "-std=c++17", "-O3", "-march=native", "-DNDEBUG", str(path)]
-    subprocess.run([*command, "-o", str(program), *flags], check=True)
+    command = ["g++", "-std=c++17", "-O3", "-DNDEBUG", str(path), "-o", str(program), *flags]
+    if for_this_machine:
+        command.append("-march=native")
+    subprocess.run(command, check=True)
     return program
 
 

@@ -140,9 +140,7 @@ def _sums(x, y, z, stride, place, window, radius2):  # type: ignore[no-untyped-d
 
 
 @njit(cache=True, error_model="numpy", fastmath=_VECTORS)
-def planes_through(
-    covariances: NDArray[np.float32],
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+def planes_through(covariances):  # type: ignore[no-untyped-def]
     """Return the normals and the curvatures of points with given covariances.
 
     The smallest eigenvalue comes from Newton's method, which climbs from 0 to the first root of the
