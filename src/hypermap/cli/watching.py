@@ -130,8 +130,8 @@ def watching(
     from hypermap.viewer.watch.app import RunApp
     from hypermap.viewer.watch.run import Run
 
-    signal.signal(signal.SIGTERM, _interrupt)  # so that the folder goes then, too
     with (
+        _ended_by_sigterm(),  # so that the folder goes then, too
         tempfile.TemporaryDirectory(prefix="hypermap-run-") as folder,
         listen("127.0.0.1", port) as listening,
     ):
@@ -148,6 +148,16 @@ def watching(
             except HypermapError as error:
                 run.fail(str(error))
                 raise
+
+
+@contextmanager
+def _ended_by_sigterm() -> Iterator[None]:
+    """Let SIGTERM end the program as Ctrl-C does."""
+    before = signal.signal(signal.SIGTERM, _interrupt)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def _interrupt(_number: int, _frame: FrameType | None) -> None:
