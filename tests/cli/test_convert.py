@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import zipfile
 
 import numpy as np
 import pytest
@@ -78,7 +79,10 @@ def test_objects_that_could_not_be_read_are_named_as_left_out(hypermap, shared_d
 @pytest.mark.parametrize(
     ("arguments", "reason"),
     [
-        (["x.shp"], "nothing is known of the ending '.shp'; known: .hmap, .geojson, .yaml"),
+        (
+            ["x.shp"],
+            "nothing is known of the ending '.shp'; known: .hmap, .geojson, .parquet, .yaml",
+        ),
         (["x.yaml"], "choose with --layer occupancy or --layer semantic"),
         (["x.geojson", "--layer", "occupancy"], "can hold the objects of one layer, but there is"),
         (["x.hmap", "--layer", "rooms"], "there is no layer 'rooms'"),
@@ -136,3 +140,37 @@ def test_a_grid_in_capitals_does_not_replace_another(hypermap, room_map, tmp_pat
     result = hypermap("convert", room_map, tmp_path / "MAP.YAML", "--layer", "occupancy")
     assert_one_error(result, "MAP.YAML: a grid is saved as MAP.yaml")
     assert (tmp_path / "MAP.yaml").read_text() == "precious"
+
+
+def test_objects_go_to_parquet_and_back(hypermap, room_map, tmp_path):
+    geopandas = pytest.importorskip("geopandas")
+    out, again = tmp_path / "objects.parquet", tmp_path / "objects.hmap"
+    result = hypermap("convert", room_map, out)
+    assert result.code == 0
+    assert result.err == f"left out: layer occupancy, frame room\nsaved {out}\n"
+    frame = geopandas.read_parquet(out)
+    assert (list(frame.name), frame.crs.name) == (["chair", "chair", "potted plant"], "room")
+    assert hypermap("convert", out, again, "--frame", "room").code == 0
+    [layer] = open_map(again).layers
+    assert layer.frame_id == "room"
+    assert list(layer.ids) == list(open_map(room_map)["semantic"].ids)
+
+
+@pytest.mark.parametrize("target", ["fast.hmap", "folder"])
+def test_a_map_keeps_its_objects_as_asked(hypermap, room_map, tmp_path, target):
+    pytest.importorskip("pyarrow")
+    fast, plain = tmp_path / target, tmp_path / "plain.hmap"
+    assert hypermap("convert", room_map, fast, "--semantic", "parquet").code == 0
+    assert hypermap("convert", fast, plain).code == 0
+    assert list(open_map(fast)["semantic"].ids) == list(open_map(room_map)["semantic"].ids)
+    with zipfile.ZipFile(plain) as archive:
+        assert not any(name.endswith(".parquet") for name in archive.namelist())
+    if target == "fast.hmap":
+        with zipfile.ZipFile(fast) as archive:
+            assert any(name.endswith(".parquet") for name in archive.namelist())
+
+
+def test_a_broken_parquet_file_is_named(hypermap, tmp_path):
+    (tmp_path / "bad.parquet").write_bytes(b"PAR1 and nothing else")
+    result = hypermap("convert", tmp_path / "bad.parquet", tmp_path / "out.hmap")
+    assert_one_error(result, "bad.parquet: is not an intact Parquet file")

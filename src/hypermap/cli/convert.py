@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+from enum import Enum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypeVar
 
@@ -17,13 +18,23 @@ if TYPE_CHECKING:
     from hypermap.core.hypermap import Hypermap
     from hypermap.core.layer import Layer
     from hypermap.core.semantic import SemanticLayer
+    from hypermap.formats.semantic_yaml import SemanticForm
 
     L = TypeVar("L", bound=Layer)
 
 _ZIP = b"PK"
 _JSON = {".geojson", ".json"}
 _YAML = {".yaml"}
+_PARQUET = {".parquet"}
 _LOGS = {".rrd", ".mcap"}
+
+
+class Form(str, Enum):
+    """How semantic layers are kept, as `save_map` knows it."""
+
+    AUTO = "auto"
+    YAML = "yaml"
+    PARQUET = "parquet"
 
 
 def command(
@@ -34,7 +45,7 @@ def command(
             readable=False,
             show_default=False,
             help="An .hmap archive, a configuration or its folder, a map_server YAML, a GeoJSON "
-            "file, or a YAML list of objects.",
+            "or GeoParquet file, or a YAML list of objects.",
         ),
     ],
     target: Annotated[
@@ -49,26 +60,40 @@ def command(
         str | None,
         typer.Option("--frame", metavar="FRAME", help="Frame of an IN that does not say its own."),
     ] = None,
+    semantic: Annotated[
+        Form,
+        typer.Option(
+            "--semantic",
+            help="How a whole map keeps its objects: yaml, which all programs read, parquet, "
+            "which is faster, or auto, which is parquet from 100,000 objects on.",
+        ),
+    ] = Form.AUTO,
     force: Force = False,
 ) -> None:
     """Convert a map, or one of its layers, to another kind of file. OUT's ending says which.
 
-    .hmap and a folder (a name without an ending) hold whole maps. .geojson holds the objects of
-    one layer, in metres. .yaml holds one layer: a map_server map with its picture, or a list of
-    objects. .rrd shows a map in Rerun, .mcap in Foxglove and Lichtblick. What OUT cannot hold is
-    named on standard error.
+    .hmap and a folder (a name without an ending) hold whole maps. .geojson and .parquet hold the
+    objects of one layer, in metres. .yaml holds one layer: a map_server map with its picture, or
+    a list of objects. .rrd shows a map in Rerun, .mcap in Foxglove and Lichtblick. What OUT
+    cannot hold is named on standard error.
 
     Examples:
         hypermap convert lab.hmap lab
         hypermap convert lab edited.hmap
         hypermap convert lab.hmap objects.geojson
         hypermap convert lab.hmap map.yaml --layer occupancy
+        hypermap convert lab.hmap faster.hmap --semantic parquet
         hypermap convert objects.geojson objects.hmap --frame map
         hypermap convert lab.hmap lab.rrd
     """
+    from hypermap.formats import save_map
+
     hypermap = _chosen(_open(source, frame_id), layers)
     if target.suffix.lower() == ".hmap":
-        _save_archive(hypermap, target, force)
+        check_output(target, force)
+        save_map(hypermap, target, semantic.value)
+    elif target.suffix.lower() in _PARQUET:
+        _save_parquet(hypermap, target, force)
     elif target.suffix.lower() in _JSON:
         _save_geojson(hypermap, target, force)
     elif target.suffix.lower() in _YAML:
@@ -76,11 +101,11 @@ def command(
     elif target.suffix.lower() in _LOGS:
         _save_log(hypermap, source, target, force)
     elif target.suffix == "" or target.is_dir():
-        _save_folder(hypermap, target, force)
+        _save_folder(hypermap, target, semantic.value, force)
     else:
         raise HypermapError(
             f"{target}: nothing is known of the ending {target.suffix!r}; known: .hmap, .geojson, "
-            ".yaml, .rrd, .mcap, or none for a folder"
+            ".parquet, .yaml, .rrd, .mcap, or none for a folder"
         )
     note(f"saved {target}")
 
@@ -90,11 +115,14 @@ def _open(path: Path, frame_id: str | None) -> Hypermap:
     from hypermap.core.hypermap import Hypermap
     from hypermap.formats import open_map
     from hypermap.formats.geojson import from_geojson
+    from hypermap.formats.geoparquet import MAGIC
     from hypermap.formats.map_server import load_occupancy
     from hypermap.formats.store import read_file
     from hypermap.formats.yaml_text import read_yaml
 
     content = _ZIP if path.is_dir() else read_file(path)
+    if content.startswith(MAGIC):
+        return Hypermap([_objects_layer(content, path, frame_id or "map")])
     if path.suffix.lower() in _JSON:
         text = content.decode(errors="replace")
         return Hypermap([from_geojson(text, frame_id=frame_id, path=str(path))])
@@ -111,10 +139,10 @@ def _open(path: Path, frame_id: str | None) -> Hypermap:
 
 def _objects_layer(content: bytes, path: Path, frame_id: str) -> SemanticLayer:
     from hypermap.core.semantic import SemanticLayer
-    from hypermap.formats.semantic_yaml import parse_objects
+    from hypermap.formats.semantic_yaml import parse_content
 
-    objects, rejected = parse_objects(content, str(path))
-    return SemanticLayer("semantic", frame_id, objects, rejected=rejected)
+    table, rejected = parse_content(content, str(path))
+    return SemanticLayer.of_table("semantic", frame_id, table, rejected=rejected)
 
 
 def _chosen(hypermap: Hypermap, names: list[str] | None) -> Hypermap:
@@ -127,14 +155,7 @@ def _chosen(hypermap: Hypermap, names: list[str] | None) -> Hypermap:
     return Hypermap(layers, hypermap.frames, hypermap.metadata)
 
 
-def _save_archive(hypermap: Hypermap, target: Path, force: bool) -> None:
-    from hypermap.formats import save_map
-
-    check_output(target, force)
-    save_map(hypermap, target)
-
-
-def _save_folder(hypermap: Hypermap, target: Path, force: bool) -> None:
+def _save_folder(hypermap: Hypermap, target: Path, semantic: SemanticForm, force: bool) -> None:
     from hypermap.formats import save_map
 
     if target.exists() and not target.is_dir():
@@ -143,7 +164,7 @@ def _save_folder(hypermap: Hypermap, target: Path, force: bool) -> None:
         raise HypermapError(f"{target}: the folder is not empty; give --force to write into it")
     target.mkdir(parents=True, exist_ok=True)
     try:
-        save_map(hypermap, target / "hmap_config.yaml")
+        save_map(hypermap, target / "hmap_config.yaml", semantic)
     except HypermapError:
         with contextlib.suppress(OSError):  # it was there before, and holds something
             target.rmdir()
@@ -164,12 +185,23 @@ def _save_geojson(hypermap: Hypermap, target: Path, force: bool) -> None:
         note(f"left out: {unread} that could not be read")
 
 
+def _save_parquet(hypermap: Hypermap, target: Path, force: bool) -> None:
+    from hypermap.core.semantic import SemanticLayer
+    from hypermap.formats.atomic import write_file
+    from hypermap.formats.semantic_parquet import dump_parquet
+
+    check_output(target, force)
+    layer = _only_one(hypermap, (SemanticLayer,), f"{target} can hold the objects of one layer")
+    write_file(target, dump_parquet(layer.table, layer.frame_id, layer.rejected))
+    _say_what_is_lost(hypermap, layer)
+
+
 def _save_yaml(hypermap: Hypermap, target: Path, force: bool) -> None:
     from hypermap.core.occupancy import OccupancyLayer
     from hypermap.core.semantic import SemanticLayer
     from hypermap.formats.atomic import write_file, write_files
     from hypermap.formats.map_server import OccupancyFiles
-    from hypermap.formats.semantic_yaml import dump_objects
+    from hypermap.formats.semantic_writing import dump_table
     from hypermap.formats.store import MemoryStore
 
     check_output(target, force)
@@ -185,7 +217,7 @@ def _save_yaml(hypermap: Hypermap, target: Path, force: bool) -> None:
             raise HypermapError(f"layer {layer.name!r} is empty: there is no grid to save")
         write_files(target.parent, files.files)
     elif isinstance(layer, SemanticLayer):
-        write_file(target, dump_objects(layer.objects(), layer.rejected))
+        write_file(target, dump_table(layer.table, layer.rejected))
     _say_what_is_lost(hypermap, layer)
     note(f"the file does not say that its frame is {layer.frame_id!r}")
 

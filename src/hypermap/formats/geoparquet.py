@@ -162,6 +162,8 @@ def read_geoparquet(content: bytes, path: str) -> GeoParquet:
     except (pa.ArrowException, OSError, ValueError, TypeError) as error:
         reason = " ".join(str(error).split())
         raise FormatError(f"is not an intact Parquet file: {reason}", path=path) from None
+    del table
+    pa.default_memory_pool().release_unused()
     return GeoParquet(columns, footprints, notes)
 
 

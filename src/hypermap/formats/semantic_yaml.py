@@ -65,9 +65,7 @@ class SemanticFiles:
             MissingExtra: If it is GeoParquet, and pyarrow is not installed.
         """
         path = store.path_of(file)
-        content = store.read(file)
-        parse = parse_parquet if content.startswith(MAGIC) else parse_table
-        table, rejected = parse(content, path)
+        table, rejected = parse_content(store.read(file), path)
         for entry in rejected:
             logger.warning(
                 "%s: object %d %r is left out: %s", path, entry.position, entry.name, entry.reason
@@ -99,6 +97,16 @@ PLUGIN = SemanticFiles()
 def _own(settings: Mapping[str, Any]) -> dict[str, Any]:
     """Return the settings without those that name files, which saving sets anew."""
     return {k: v for k, v in without_evidence(settings).items() if k != BINARY_FILE}
+
+
+def parse_content(content: bytes, path: str) -> tuple[ObjectTable, list[Rejected]]:
+    """Return the objects of a semantic file of either form, and the entries that are none.
+
+    Raises:
+        FormatError: If it is neither a list in YAML nor GeoParquet of objects.
+        MissingExtra: If it is GeoParquet, and pyarrow is not installed.
+    """
+    return (parse_parquet if content.startswith(MAGIC) else parse_table)(content, path)
 
 
 def parse_objects(content: bytes, path: str) -> tuple[list[SemanticObject], list[Rejected]]:
