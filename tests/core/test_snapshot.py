@@ -121,9 +121,9 @@ def test_changes_of_a_large_layer_write_behind_its_table_and_copy_nothing() -> N
     assert layer.snapshot.log is log
     assert len(layer) == 4000
     assert before.rows_of("a").tolist() == list(range(4000))
-    layer.add([square("d", 3 * i, 30) for i in range(400)])
+    layer.add([square("d", 3 * i, 30) for i in range(700)])
     assert layer.snapshot.log is not log
-    assert layer.names.tolist() == ["a"] * 3900 + ["c"] * 100 + ["d"] * 400
+    assert layer.names.tolist() == ["a"] * 3900 + ["c"] * 100 + ["d"] * 700
 
 
 def test_the_nearest_are_the_same_as_by_measuring_all() -> None:

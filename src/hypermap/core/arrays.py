@@ -29,7 +29,8 @@ def as_points_xy(points: ArrayLike) -> NDArray[np.float64]:
     if array.ndim != 2 or array.shape[1] != 2:
         raise ValueError(f"points must have shape (N, 2), got {given.shape}")
     # A single point is asked for so often that numpy's calls would show.
-    is_finite = all(map(math.isfinite, array[0])) if len(array) == 1 else np.isfinite(array).all()
+    few = array[0].tolist() if len(array) == 1 else []
+    is_finite = all(map(math.isfinite, few)) if few else np.isfinite(array).all()
     if not is_finite:
         raise ValueError("points must be finite; there is a NaN or infinite coordinate")
     return array

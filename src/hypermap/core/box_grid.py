@@ -167,10 +167,13 @@ class BoxGrid:
         count = len(self._boxes)
         parts, size = [], 0
         for west, south, per_metre, width, height, starts, rows in self._for_one:
-            first = int(min(max((x0 - west) * per_metre, 0), width - 1))
-            last = int(min(max((x1 - west) * per_metre, 0), width - 1))
-            bottom = int(min(max((y0 - south) * per_metre, 0), height - 1))
-            top = int(min(max((y1 - south) * per_metre, 0), height - 1))
+            # Written out: four calls for each level would take longer than all the rest.
+            column, line = (x0 - west) * per_metre, (y0 - south) * per_metre
+            first = int(column) if 0 < column < width else (0 if column <= 0 else width - 1)
+            bottom = int(line) if 0 < line < height else (0 if line <= 0 else height - 1)
+            column, line = (x1 - west) * per_metre, (y1 - south) * per_metre
+            last = int(column) if 0 < column < width else (0 if column <= 0 else width - 1)
+            top = int(line) if 0 < line < height else (0 if line <= 0 else height - 1)
             # The cells of one line of the grid lie side by side.
             for cell in range(bottom * width, top * width + 1, width):
                 begin, end = starts[cell + first], starts[cell + last + 1]

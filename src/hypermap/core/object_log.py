@@ -24,7 +24,7 @@ from hypermap.core.outlines import Outlines
 from hypermap.core.recent_boxes import RecentBoxes
 from hypermap.core.shapes import valid_copies
 
-_FEWEST = 256  # rows written or ended before a new log begins
+_FEWEST = 1024  # rows written or ended before a new log begins
 _SHARE = 8  # or this part of the table's rows, if that is more
 _NEVER = np.iinfo(np.int64).max
 

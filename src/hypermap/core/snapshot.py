@@ -22,6 +22,7 @@ _NOWHERE = -1
 _NO_NAME = -1  # as a code
 _ONE_BY_ONE = 8  # points asked at once that are faster one by one
 _FEW = 12  # shapes that are not worth looking at their boxes first
+_MANY = 64  # shapes that are not all measured to find the nearest
 _ROUNDING = 1 + 1e-9  # more than two distances can differ by rounding
 
 
@@ -177,7 +178,7 @@ class Snapshot:
         if code is not None:
             rows = rows[self.column("codes", rows) == code]
         rows = self._there(rows)
-        return self._in_order(rows[self._meet(asked, rows)])
+        return self._in_order(rows[self._meet(asked, rows)]) if len(rows) else rows
 
     def rows_of(self, what: str | float, area: BaseGeometry | None = None) -> IntArray:
         """Return the rows of the objects with a name or id, in an area or anywhere, in order."""
@@ -207,20 +208,26 @@ class Snapshot:
             equally near ones, that with the nearer centroid first.
         """
         rows = self.rows_of(what)
-        # What is nearer than the k-th of those whose boxes are the nearest, has its box nearer.
+        if len(rows) > max(k, _MANY):
+            rows = self._candidates(rows, point_xy, k)
+        distances = self._distances(rows, point_xy)
+        to_centroids = np.hypot(*(self.column("centroids", rows) - point_xy).T)
+        order = np.lexsort((np.arange(len(rows)), to_centroids, distances))[:k]
+        return rows[order], distances[order]
+
+    def _candidates(self, rows: IntArray, point_xy: NDArray[np.float64], k: int) -> IntArray:
+        """Return those of more than k rows that may be among the k nearest.
+
+        They are no farther than the k-th of those whose boxes are the nearest; nor are their boxes.
+        """
         x, y = point_xy
         x0, y0, x1, y1 = self.column("boxes", rows).T
         to_boxes = np.hypot(
             np.maximum(0, np.maximum(x0 - x, x - x1)), np.maximum(0, np.maximum(y0 - y, y - y1))
         )
-        if len(rows) > k:
-            first = rows[np.argpartition(to_boxes, k - 1)[:k]]
-            farthest = self._distances(first, point_xy).max()
-            rows = rows[to_boxes <= farthest * _ROUNDING]
-        distances = self._distances(rows, point_xy)
-        to_centroids = np.hypot(*(self.column("centroids", rows) - point_xy).T)
-        order = np.lexsort((np.arange(len(rows)), to_centroids, distances))[:k]
-        return rows[order], distances[order]
+        first = rows[np.argpartition(to_boxes, k - 1)[:k]]
+        farthest = self._distances(first, point_xy).max()
+        return np.asarray(rows[to_boxes <= farthest * _ROUNDING])
 
     def _distances(self, rows: IntArray, point_xy: NDArray[np.float64]) -> NDArray[np.float64]:
         shapes, point = self.column("shapes", rows), shapely.Point(point_xy)
