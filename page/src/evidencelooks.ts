@@ -29,10 +29,10 @@ export const OUTLINES: Record<string, OutlineLook> = {
     title: "Votes of the views",
     about: "The hull of what enough of the views agree on",
     color: "--votes",
-    dash: [11, 7],
+    dash: [11, 9],
   },
   best_shape: {
-    title: "Most central shape",
+    title: "Central shape",
     about: "The observed shape whose middle is nearest to the mean of all",
     color: "--best-shape",
     dash: [1, 7],
@@ -41,7 +41,7 @@ export const OUTLINES: Record<string, OutlineLook> = {
     title: "Hull of all shapes",
     about: "The convex hull of all observed shapes",
     color: "--convex-hull",
-    dash: [13, 7, 1, 7],
+    dash: [13, 8, 1, 8],
   },
 };
 

@@ -111,6 +111,15 @@ def test_a_map_keeps_its_evidence_in_an_archive_and_in_a_folder(tmp_path: Path) 
         assert {file.name: file.read_bytes() for file in tmp_path.iterdir()} == files
 
 
+def test_a_layer_of_columns_keeps_its_evidence_too(tmp_path: Path) -> None:
+    pytest.importorskip("pyarrow", reason="GeoParquet needs pyarrow: pip install pyarrow")
+    path = tmp_path / "map.hmap"
+    save_map(a_map(a_table()), path, semantic="parquet")
+    with zipfile.ZipFile(path) as archive:
+        assert "semantic.parquet" in archive.namelist()
+    assert_same_evidence(semantic(path).evidence(), a_table())
+
+
 def test_evidence_is_asked_for_by_object() -> None:
     layer = a_map(a_table())["semantic"]
     assert isinstance(layer, SemanticLayer)
