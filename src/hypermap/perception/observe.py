@@ -12,6 +12,7 @@ from hypermap.perception.config import PerceptionConfig
 from hypermap.perception.detections import Detections
 from hypermap.perception.frame import RgbdFrame
 from hypermap.perception.observation import Observation, ObservedObject
+from hypermap.perception.outline import outer_points
 from hypermap.perception.segmentation import segment, valid_pixels
 from hypermap.perception.shapes import footprint
 from hypermap.perception.view import View
@@ -69,7 +70,7 @@ def observe(
                 segment=found if keep_segments else None,
             )
         )
-    some = (slice(None, None, config.visible_step),) * 2
-    visible_area = on_floor(transform_points(near_T_camera, points[some][valid[some]]))
+    outer = outer_points(points, valid, config.visible_step, near_T_camera, config.voxel_size)
+    visible_area = on_floor(transform_points(near_T_camera, outer))
     view = View.of(frame, config.max_depth)
     return Observation(frame.stamp, frame.map_T_camera, tuple(objects), visible_area, view)

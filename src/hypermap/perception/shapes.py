@@ -9,7 +9,7 @@ from shapely import Polygon
 
 from hypermap.core.arrays import FloatArray
 
-DENSE = 4_000_000  # cells up to which a whole grid is held in memory
+DENSE = 16  # cells per point up to which a whole grid is faster than sorting the points
 
 
 def footprint(points_xyz: FloatArray, voxel_size: float) -> Polygon:
@@ -58,7 +58,7 @@ def voxel_centroids(points_xy: FloatArray, voxel_size: float) -> NDArray[np.floa
     rows -= rows.min()
     height = rows.max() + 1
     cell = columns * height + rows
-    if (columns.max() + 1) * height > DENSE:
+    if (columns.max() + 1) * height > DENSE * len(cell):
         cell = np.unique(cell, return_inverse=True)[1]
     count = np.bincount(cell)
     occupied = np.flatnonzero(count)
