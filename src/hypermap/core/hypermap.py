@@ -299,6 +299,8 @@ class Hypermap:
 
     def _points(self, points_xy: ArrayLike, layer: Layer, frame_id: str | None) -> ArrayLike:
         """Return points given in a frame in the layer's frame."""
+        if frame_id is None and layer.frame_id == self.base_frame:
+            return points_xy
         return self._lookup(layer.frame_id, frame_id).apply(points_xy)
 
     def _in_base_frame(self, layer: Layer, hits: Hits) -> Hits:

@@ -193,7 +193,8 @@ class SemanticLayer(Layer):
         with self._writing:
             now = self._now
             given = [item.id for item in new if item.id is not None]
-            _check_unused(given, now, self.name)
+            if given:
+                _check_unused(given, now, self.name)
             free = max([now.next_id, *(number + 1 for number in given)])
             numbered = []
             for item in new:

@@ -132,8 +132,7 @@ class Snapshot:
         best, least = _NOWHERE, (math.inf, 0)
         for row in rows:
             columns, at = (log.table, row) if row < first else (log.written, row - first)
-            place = row if row < first else log.written.places[at]
-            size = columns.areas[at], place
+            size = columns.areas[at], self._place(row)
             if size < least and shapely.intersects_xy(columns.shapes[at], x, y):
                 best, least = row, size
         return best
@@ -261,6 +260,10 @@ class Snapshot:
     def _there(self, rows: IntArray) -> IntArray:
         return rows if self.changes == 0 else rows[self._is_there(rows)]
 
+    def _place(self, row: int) -> int:
+        first = self.log.first
+        return row if row < first else int(self.log.written.places[row - first])
+
     def _places(self, rows: IntArray) -> IntArray:
         """Return numbers that ascend in the order of the layer."""
         first = self.log.first
@@ -297,7 +300,9 @@ class Snapshot:
             is_newest = (self.count, self.changes) == (self.log.count, self.log.changes)
             if is_newest and self.log.has_room(len(gone) + len(new)):
                 rows = [self.row_of_id(number) for number in gone]
-                place_of = dict(zip(gone, self._places(np.array(rows, dtype=int)), strict=True))
+                place_of = {
+                    number: self._place(row) for number, row in zip(gone, rows, strict=True)
+                }
                 places = [place_of.get(x.id or 0, self.count + i) for i, x in enumerate(new)]
                 self.log.write(rows, new, places)
                 return Snapshot(self.log, self.log.count, self.log.changes, size, next_id)
