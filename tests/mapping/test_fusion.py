@@ -164,7 +164,8 @@ def test_votes_are_counted_as_shapely_decides_about_each_cell(
         return
     polygon = polygon.reverse() if reverse else polygon
     edges, first = _joined(Outline.all_of([polygon, polygon]))
-    steps = _steps(edges, first, np.array([1.0, 2.0]), np.zeros((2, 2)), grid)
+    weights, to_cells = np.array([1.0, 2.0]), grid.to_cells_matrix()
+    steps = _steps(edges, first, weights, np.zeros((2, 2)), grid.shape, to_cells)
     counted = np.cumsum(steps[:, :-1], axis=1)
     rows, cols = np.indices(grid.shape)
     centers = shapely.points(grid.centers(rows.ravel(), cols.ravel()))

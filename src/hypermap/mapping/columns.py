@@ -13,20 +13,19 @@ Item = TypeVar("Item", bound=np.generic)
 
 
 class Column(Generic[Item]):
-    """An array to which rows are added at the end, each in constant time on the average."""
+    """An array to which rows are added at the end, each in constant time on the average.
+
+    Attributes:
+        values: the rows, to read and to write; outdated when rows come or go.
+    """
 
     def __init__(self, empty: NDArray[Item]) -> None:
         """Begin with an array without rows, which says what a row is like."""
-        self._room = empty
+        self._room = self.values = empty
         self._begin = self._end = 0
 
     def __len__(self) -> int:
         return self._end - self._begin
-
-    @property
-    def values(self) -> NDArray[Item]:
-        """The rows, to read and to write; outdated when rows come or go."""
-        return self._room[self._begin : self._end]
 
     def append(self, row: ArrayLike) -> None:
         """Add a row."""
@@ -37,12 +36,14 @@ class Column(Generic[Item]):
             self._room, self._begin, self._end = room, 0, count
         self._room[self._end] = row
         self._end += 1
+        self.values = self._room[self._begin : self._end]
 
     def keep(self, wanted: BoolArray) -> None:
         """Remove the rows that are not wanted, shape (N,)."""
-        self._room = self.values[wanted]
+        self._room = self.values = self.values[wanted]
         self._begin, self._end = 0, len(self._room)
 
     def remove_first(self) -> None:
         """Remove the first row, in constant time."""
         self._begin += 1
+        self.values = self._room[self._begin : self._end]

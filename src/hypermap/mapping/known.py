@@ -75,8 +75,8 @@ class KnownObjects:
 
     def change_existence(self, row: int, by: float) -> None:
         """Change an object's existence, capped; rounded, so that five times 0.2 is 1 exactly."""
-        existence = min(self.existence[row] + by, self._max_existence)
-        self.existence[row] = round(existence * 1e9) / 1e9
+        column = self._existence.values
+        column[row] = round(min(column.item(row) + by, self._max_existence) * 1e9) / 1e9
 
     def rows_of(self, ids: Collection[int]) -> Rows:
         """Return the rows of the objects that have some ids, in rising order."""

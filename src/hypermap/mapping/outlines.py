@@ -42,6 +42,8 @@ class Outline:
     @classmethod
     def of(cls, geometry: BaseGeometry) -> Outline:
         """Return the outline of one geometry."""
+        if isinstance(geometry, shapely.Polygon) and not shapely.get_num_interior_rings(geometry):
+            return cls(geometry, *_ring(shapely.get_coordinates(geometry)))
         return cls.all_of([geometry])[0]
 
     @classmethod
@@ -117,6 +119,27 @@ def _shared_area(edges: NDArray[np.float64], others: NDArray[np.float64]) -> flo
             sign_b = others[j, 4] if xb1 < xb0 else -others[j, 4]
             total += sign_a * sign_b * heights / 2 * (right - left)
     return total
+
+
+@njit(cache=True)
+def _ring(points: NDArray[np.float64]) -> tuple[Box, float, NDArray[np.float64]]:
+    """Return box, area and edges of one closed ring, shape (P, 2), as `Outline` has them."""
+    count = max(len(points) - 1, 0)
+    edges = np.empty((count, 5))
+    xmin = ymin = xmax = ymax = np.nan
+    if count:
+        xmin, ymin = xmax, ymax = points[0, 0], points[0, 1]
+    twice_area = 0.0
+    for p in range(count):
+        x, y = points[p, 0], points[p, 1]
+        xmin, ymin, xmax, ymax = min(xmin, x), min(ymin, y), max(xmax, x), max(ymax, y)
+        edges[p, 0], edges[p, 1] = x, y
+        edges[p, 2], edges[p, 3] = points[p + 1, 0], points[p + 1, 1]
+        # In shapely's order, so that the area is the same to the last bit.
+        before = points[p - 1, 1] if p else points[count - 1, 1]
+        twice_area += (x - points[0, 0]) * (points[p + 1, 1] - before)
+    edges[:, 4] = 1 if twice_area > 0 else -1
+    return (xmin, ymin, xmax, ymax), abs(twice_area / 2), edges
 
 
 def _edges_of(shapes: ObjectArray) -> tuple[NDArray[np.float64], list[int]]:

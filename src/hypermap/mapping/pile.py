@@ -7,6 +7,7 @@ import statistics
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import compress
 from typing import Literal
 
 import numpy as np
@@ -79,11 +80,12 @@ def evidence_of(
     footprints = as_objects(observed.footprint for observed in observation.objects)
     is_usable = shapely.is_valid(footprints)
     is_usable[is_usable] = shapely.area(footprints[is_usable]) > 0
-    footprints = footprints[is_usable]
+    usable = list(compress(observation.objects, is_usable.tolist()))
+    if not usable:
+        return []
+    centroids = shapely.get_coordinates(shapely.centroid(footprints[is_usable]))
     # All outlines of a frame at once, which is faster than each when it is asked for.
-    *outlines, ground = Outline.all_of([*footprints, area])
-    centroids = shapely.get_coordinates(shapely.centroid(footprints))
-    usable = [observation.objects[i] for i in np.flatnonzero(is_usable)]
+    *outlines, ground = Outline.all_of([*(observed.footprint for observed in usable), area])
     found = []
     for observed, outline, centroid_xy in zip(usable, outlines, centroids, strict=True):
         evidence = Evidence(

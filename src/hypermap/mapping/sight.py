@@ -40,7 +40,7 @@ def samples_of(shape: Outline) -> Samples:
     around = shapely.get_coordinates(shapely.line_interpolate_point(ring, _AROUND, normalized=True))
     middle = shapely.get_coordinates(shapely.centroid(hull))
     xy = np.concatenate([middle, middle + _INWARD * (around - middle)])
-    across = np.linalg.norm(around - np.roll(around, 4, axis=0), axis=1)
+    across = np.linalg.norm(around[:4] - around[4:], axis=1)
     return Samples(around, xy, float(across.max()))
 
 

@@ -47,11 +47,11 @@ def agreed_points(pile: Pile, config: EvidenceConfig) -> NDArray[np.float64]:
 
     edges, first = _joined(footprints)
     grid = _voting_grid(_bounds(edges, first, moves), config.vote_resolution)
-    ayes = _steps(edges, first, scores, moves, grid)
-    cast = _steps(*_joined(grounds), scores, np.zeros((len(pile), 2)), grid)
-    without_area = sum(
-        score for score, ground in zip(scores, grounds, strict=True) if len(ground.edges) == 0
-    )
+    to_cells = grid.to_cells_matrix()
+    ayes = _steps(edges, first, scores, moves, grid.shape, to_cells)
+    edges, first = _joined(grounds)
+    cast = _steps(edges, first, scores, np.zeros(moves.shape), grid.shape, to_cells)
+    without_area = scores[first[1:] == first[:-1]].sum()
     rows, left, right = _chosen(ayes, cast, without_area, config.vote_share)
     corner_rows = np.concatenate([rows - 0.5, rows + 0.5, rows - 0.5, rows + 0.5])
     corner_cols = np.concatenate([left - 0.5, left - 0.5, right + 0.5, right + 0.5])
@@ -127,12 +127,14 @@ def _voting_grid(box: tuple[float, float, float, float], resolution: float) -> G
     )
 
 
+@njit(cache=True)
 def _steps(
     edges: NDArray[np.float64],
     first: IntArray,
     weights: NDArray[np.float64],
     moves: NDArray[np.float64],
-    grid: GridGeometry,
+    shape: tuple[int, int],
+    to_cells: NDArray[np.float64],
 ) -> NDArray[np.float64]:
     """Return by how much the votes change from each cell to the next, (height, width + 1).
 
@@ -144,31 +146,21 @@ def _steps(
         first: where the edges of each of N polygons begin and the last ones end, shape (N + 1,).
         weights: of the polygons, shape (N,).
         moves: by how much the polygons are moved first [m], shape (N, 2).
-        grid: the cells.
+        shape: height and width of a grid that is not turned.
+        to_cells: its `GridGeometry.to_cells_matrix`.
     """
-    steps = np.zeros((grid.height, grid.width + 1))
-    _add_steps(steps, edges, first, weights, moves, grid.to_cells_matrix())
-    return steps
-
-
-@njit(cache=True)
-def _add_steps(
-    steps: NDArray[np.float64],
-    edges: NDArray[np.float64],
-    first: IntArray,
-    weights: NDArray[np.float64],
-    moves: NDArray[np.float64],
-    to_cells: NDArray[np.float64],
-) -> None:
-    """Note in each row of cells where a polygon's weight begins and where it ends: see `_steps`."""
-    height, width = steps.shape[0], steps.shape[1] - 1
+    height, width = shape
+    steps = np.zeros((height, width + 1))
+    x_scale, y_scale = to_cells[0, 0], to_cells[1, 1]
+    x_begin, y_begin = to_cells[0, 2], to_cells[1, 2]
     for polygon in range(len(weights)):
+        x_move, y_move = moves[polygon]
         for e in range(first[polygon], first[polygon + 1]):
-            # Cells whose centres are at whole numbers. The grid is not turned.
-            x0 = (edges[e, 0] + moves[polygon, 0]) * to_cells[0, 0] + to_cells[0, 2] - 0.5
-            y0 = (edges[e, 1] + moves[polygon, 1]) * to_cells[1, 1] + to_cells[1, 2] - 0.5
-            x1 = (edges[e, 2] + moves[polygon, 0]) * to_cells[0, 0] + to_cells[0, 2] - 0.5
-            y1 = (edges[e, 3] + moves[polygon, 1]) * to_cells[1, 1] + to_cells[1, 2] - 0.5
+            # In cells, whose centres are at whole numbers.
+            x0 = (edges[e, 0] + x_move) * x_scale + x_begin - 0.5
+            y0 = (edges[e, 1] + y_move) * y_scale + y_begin - 0.5
+            x1 = (edges[e, 2] + x_move) * x_scale + x_begin - 0.5
+            y1 = (edges[e, 3] + y_move) * y_scale + y_begin - 0.5
             weight = weights[polygon] * edges[e, 4]
             begins = y1 < y0  # on the way down the inside lies to the right
             first_row = max(int(np.ceil(min(y0, y1))), 0)
@@ -177,6 +169,7 @@ def _add_steps(
                 x = x0 + (row - y0) * (x1 - x0) / (y1 - y0)
                 col = min(max(int(np.ceil(x)), 0), width)
                 steps[row, col] += weight if begins else -weight
+    return steps
 
 
 @njit(cache=True)

@@ -91,8 +91,9 @@ class View:
         directions = (rays / np.hypot(*rays)).T
         nearest = reach[reach > 0].min()
         ring = np.vstack([farthest[:, np.newaxis] * directions, nearest * directions[::-1]])
-        polygon = shapely.make_valid(shapely.Polygon(ring + self.position[:2]))
-        ground: BaseGeometry = shapely.buffer(polygon, 0)  # without its lines and points
+        ground: BaseGeometry = shapely.make_valid(shapely.Polygon(ring + self.position[:2]))
+        if not isinstance(ground, shapely.Polygon):
+            ground = shapely.buffer(ground, 0)  # without its lines and points
         return ground
 
 
