@@ -116,4 +116,6 @@ def test_usual_outlines_are_written_as_each_alone() -> None:
     rng = np.random.default_rng(0)
     corners = rng.uniform(-50, 50, (200, 2)).round(2)
     shapes = shapely.box(*corners.T, *(corners + rng.uniform(0.001, 3, (200, 2))).T)
+    shapes[77] = shapely.Polygon(SQUARE, [HOLE])
+    shapes[78] = shapely.box(0, 0, 1e-5, 2e16)
     assert footprints_to_wkt(shapes) == [footprint_to_wkt(shape) for shape in shapes]
