@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from hypermap.viewer.watch.grids import GridPicture
 from hypermap.viewer.watch.history import History, NoSuchStep
-from hypermap.viewer.watch.objects import Thing, Things, changed_by, difference
+from hypermap.viewer.watch.objects import Thing, Things, changed_by, difference, merged
 
 SIZES = st.integers(1, 9)
 
@@ -43,6 +43,15 @@ def test_a_difference_makes_the_one_of_the_other(before: Things, after: Things) 
     assert made == after
     assert list(made) == list(after)
     assert difference(after, made) == {"set": [], "existence": [], "gone": []}
+
+
+@given(STATES, STATES, STATES)
+def test_two_differences_merged_do_what_one_after_the_other_does(
+    first: Things, second: Things, third: Things
+) -> None:
+    one, other = difference(first, second), difference(second, third)
+    both = merged(json.loads(json.dumps(one)), json.loads(json.dumps(other)))
+    assert changed_by(first, both) == third
 
 
 def test_a_difference_tells_what_has_changed_and_nothing_else() -> None:

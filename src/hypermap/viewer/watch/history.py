@@ -19,7 +19,15 @@ from typing import Any
 from hypermap.core.errors import HypermapError
 from hypermap.viewer.live.json_text import json_bytes
 from hypermap.viewer.watch.grids import GridPicture
-from hypermap.viewer.watch.objects import Thing, Things, changed_by, difference
+from hypermap.viewer.watch.objects import (
+    Difference,
+    Thing,
+    Things,
+    change,
+    changed_by,
+    difference,
+    merged,
+)
 
 MOST_STEPS = 4000
 """How many steps are kept at most."""
@@ -214,26 +222,33 @@ class History:
     def _write_things(self, position: int, number: int, before: Things, after: Things) -> None:
         """Write the objects at a position."""
         self._write(f"{number}.change", json_bytes(difference(before, after)))
+        self._write_whole(position, number, after)
+
+    def _write_whole(self, position: int, number: int, things: Things) -> None:
+        """Write all objects, if that is due at a position."""
         if position % _WHOLE_EVERY == 0:
-            whole = [[id_, *thing] for id_, thing in after.items()]
+            whole = [[id_, *thing] for id_, thing in sorted(things.items())]
             self._write(f"{number}.whole", json_bytes(whole))
 
     def _thin(self) -> None:
         """Drop every second step; the newest stays."""
         kept: list[Step] = []
-        before: Things = {}
+        dropped: Difference = {"set": [], "existence": [], "gone": []}
         things: Things = {}
         for position, step in enumerate(self.steps):
-            things = changed_by(things, json.loads(self._read(f"{step.number}.change")))
-            endings = ["change", "whole"]
+            name = f"{step.number}.change"
+            changes = merged(dropped, json.loads(self._read(name)))
+            (self._folder / f"{step.number}.whole").unlink(missing_ok=True)
             if (len(self.steps) - 1 - position) % 2:
-                endings += ["jpg", "json"]
-            for ending in endings:
-                (self._folder / f"{step.number}.{ending}").unlink(missing_ok=True)
-            if "jpg" not in endings:
-                self._write_things(len(kept), step.number, before, things)
-                kept.append(step)
-                before = things
+                dropped = changes
+                for ending in ("change", "jpg", "json"):
+                    (self._folder / f"{step.number}.{ending}").unlink(missing_ok=True)
+                continue
+            dropped = {"set": [], "existence": [], "gone": []}
+            change(things, changes)
+            self._write(name, json_bytes(changes))
+            self._write_whole(len(kept), step.number, things)
+            kept.append(step)
         self.steps = kept
         used = {step.grid for step in kept}
         for number in set(self._extents) - used:

@@ -82,13 +82,48 @@ def difference(before: Things, after: Things) -> Difference:
 def changed_by(things: Things, changes: Difference) -> Things:
     """Return the objects after changes, in the order of their ids."""
     after = dict(things)
-    for number in changes["gone"]:
-        del after[number]
-    for number, *columns in changes["set"]:
-        after[number] = Thing(*columns)
-    for id_, existence in changes["existence"]:
-        after[int(id_)] = after[int(id_)]._replace(existence=existence)
+    change(after, changes)
     return dict(sorted(after.items()))
+
+
+def change(things: Things, changes: Difference) -> None:
+    """Change objects in place; new ones come last."""
+    for number in changes["gone"]:
+        things.pop(number, None)
+    for number, *columns in changes["set"]:
+        things[number] = Thing(*columns)
+    for id_, existence in changes["existence"]:
+        things[int(id_)] = things[int(id_)]._replace(existence=existence)
+
+
+def merged(first: Difference, second: Difference) -> Difference:
+    """Return the changes that are one set of changes after another.
+
+    It costs as much as there are changes, however many objects there are. What the first adds and
+    the second takes away is told as gone.
+    """
+    set_ = {number: [number, *columns] for number, *columns in first["set"]}
+    existence = dict(first["existence"])
+    gone = dict.fromkeys(first["gone"])
+    for number in second["gone"]:
+        set_.pop(number, None)
+        existence.pop(number, None)
+        gone[number] = None
+    for number, *columns in second["set"]:
+        existence.pop(number, None)
+        gone.pop(number, None)
+        set_[number] = [number, *columns]
+    for id_, value in second["existence"]:
+        if id_ in set_:
+            name, _, *others = set_[int(id_)][1:]
+            set_[int(id_)] = [int(id_), name, value, *others]
+        else:
+            existence[id_] = value
+    return {
+        "set": list(set_.values()),
+        "existence": [[id_, value] for id_, value in existence.items()],
+        "gone": list(gone),
+    }
 
 
 def _is_known(thing: Thing | None, evidence: int) -> bool:
