@@ -191,3 +191,32 @@ def _map(drive: Path, output: Path, *options: str) -> subprocess.CompletedProces
         timeout=PATIENCE,
         check=False,
     )
+
+
+def test_the_demo_can_be_watched_too(tmp_path: Path, scratch: Path) -> None:
+    command = [sys.executable, "-m", "hypermap", "demo", "-o", str(tmp_path / "demo")]
+    process = subprocess.Popen(
+        [*command, "--view", "--no-browser", "--port", "0"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    )
+    with process:
+        assert process.stdout is not None
+        url = process.stdout.readline().strip()
+        end = time.monotonic() + PATIENCE
+        names: set[str] = set()
+        while len(names) < 2 and time.monotonic() < end:
+            time.sleep(0.5)
+            with urlopen(url + "api/run", timeout=PATIENCE) as answer:
+                assert json.load(answer)["output"] == "room.hmap"
+            try:
+                with urlopen(url + "api/steps/4", timeout=PATIENCE) as answer:
+                    names = {name for _, name, *_ in json.load(answer)["objects"]["set"]}
+            except HTTPError as error:
+                error.close()  # there is no step yet
+        process.send_signal(signal.SIGINT)
+        assert process.wait(timeout=PATIENCE) == 130
+    assert {"table", "chair"} & names
+    assert list(scratch.iterdir()) == []

@@ -103,7 +103,7 @@ def merged(first: Difference, second: Difference) -> Difference:
     the second takes away is told as gone.
     """
     set_ = {number: [number, *columns] for number, *columns in first["set"]}
-    existence = dict(first["existence"])
+    existence = {id_: value for id_, value in first["existence"]}
     gone = dict.fromkeys(first["gone"])
     for number in second["gone"]:
         set_.pop(number, None)
