@@ -78,6 +78,18 @@ def run(parts: list[str], *options: object, **environment: str) -> subprocess.Co
     )
 
 
+def test_every_module_with_rows_is_a_group_that_the_documents_describe() -> None:
+    modules = (SCRIPT.parent / "suite").glob("*.py")
+    groups = {module.stem for module in modules if "\ndef rows(" in module.read_text()}
+    code = "import bench; print(*bench.GROUPS)"
+    listed = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=SCRIPT.parent
+    )
+    assert set(listed.stdout.split()) == groups
+    page = (CHECKOUT / "docs" / "benchmarks.md").read_text()
+    assert all(f"| `{group}` |" in page for group in groups)
+
+
 def test_each_row_is_printed_and_saved(tmp_path: Path) -> None:
     files = tmp_path / "races.json", tmp_path / "races.md"
     done = run(["sums"], "--repeat", 3, "--json", files[0], "--markdown", files[1])
