@@ -64,7 +64,7 @@ def test_a_difference_tells_what_has_changed_and_nothing_else() -> None:
     }
     assert difference(before, after) == {
         "set": [[2, "chair", 1.0, 4, polygons(2)], [9, "cup", 0.5, 1, polygons(3)]],
-        "existence": [[1, 0.8]],
+        "existence": [(1, 0.8)],
         "gone": [3],
     }
 

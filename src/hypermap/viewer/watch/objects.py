@@ -38,7 +38,7 @@ class Difference(TypedDict):
     """
 
     set: list[list[Any]]
-    existence: list[list[float]]
+    existence: list[tuple[int, float]]
     gone: list[int]
 
 
@@ -72,7 +72,7 @@ def difference(before: Things, after: Things) -> Difference:
         if known == thing:
             continue
         if known is not None and known._replace(existence=thing.existence) == thing:
-            changes["existence"].append([number, thing.existence])
+            changes["existence"].append((number, thing.existence))
         else:
             changes["set"].append([number, *thing])
     changes["gone"] = [number for number in before if number not in after]
@@ -93,7 +93,7 @@ def change(things: Things, changes: Difference) -> None:
     for number, *columns in changes["set"]:
         things[number] = Thing(*columns)
     for id_, existence in changes["existence"]:
-        things[int(id_)] = things[int(id_)]._replace(existence=existence)
+        things[id_] = things[id_]._replace(existence=existence)
 
 
 def merged(first: Difference, second: Difference) -> Difference:
@@ -103,7 +103,7 @@ def merged(first: Difference, second: Difference) -> Difference:
     the second takes away is told as gone.
     """
     set_ = {number: [number, *columns] for number, *columns in first["set"]}
-    existence = {id_: value for id_, value in first["existence"]}
+    existence = dict(first["existence"])
     gone = dict.fromkeys(first["gone"])
     for number in second["gone"]:
         set_.pop(number, None)
@@ -115,13 +115,13 @@ def merged(first: Difference, second: Difference) -> Difference:
         set_[number] = [number, *columns]
     for id_, value in second["existence"]:
         if id_ in set_:
-            name, _, *others = set_[int(id_)][1:]
-            set_[int(id_)] = [int(id_), name, value, *others]
+            name, _, *others = set_[id_][1:]
+            set_[id_] = [id_, name, value, *others]
         else:
             existence[id_] = value
     return {
         "set": list(set_.values()),
-        "existence": [[id_, value] for id_, value in existence.items()],
+        "existence": list(existence.items()),
         "gone": list(gone),
     }
 
