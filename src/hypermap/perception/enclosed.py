@@ -60,7 +60,7 @@ def cut_out(
             chosen = _flat(inside[number], surfaces.planes)
         is_chosen = np.zeros(len(owner), dtype=bool)
         is_chosen[chosen] = True
-        cut.append(pixels[is_chosen[surfaces.labels.ravel()[pixels]]])
+        cut.append(_on(surfaces.labels.ravel(), pixels, is_chosen))
     return cut
 
 
@@ -116,19 +116,34 @@ def _iou(extents: IntArray, box: NDArray[np.float32]) -> NDArray[np.float64]:
 
 
 @njit(cache=True)
+def _on(labels, pixels, is_chosen):  # type: ignore[no-untyped-def]
+    """Return those of some pixels that are on a chosen surface."""
+    found = np.empty_like(pixels)
+    count = 0
+    for pixel in pixels:
+        found[count] = pixel
+        count += is_chosen[labels[pixel]]
+    return found[:count].copy()
+
+
+@njit(cache=True)
 def _measure(labels, disparity, pixels, count):  # type: ignore[no-untyped-def]
     """Return size, extent and sum of disparities of each surface among some pixels."""
     width = labels.shape[1]
+    flat_labels, flat_disparity = labels.ravel(), disparity.ravel()
     sizes = np.zeros(count, np.int64)
     sums = np.zeros(count)
     extents = np.zeros((count, 4), np.int64)
+    row, start = 0, 0  # of the image's row that the pixels have reached
     for pixel in pixels:
-        row, col = pixel // width, pixel % width
-        label, extent = labels[row, col], extents[labels[row, col]]
+        while pixel >= start + width:
+            row, start = row + 1, start + width
+        label, col = flat_labels[pixel], pixel - start
         if sizes[label] == 0:
-            extent[0], extent[1], extent[2], extent[3] = col, row, col + 1, row + 1
-        extent[0], extent[1] = min(extent[0], col), min(extent[1], row)
-        extent[2], extent[3] = max(extent[2], col + 1), max(extent[3], row + 1)
+            extents[label, 0], extents[label, 1] = col, row
+        extents[label, 0] = min(extents[label, 0], col)
+        extents[label, 2] = max(extents[label, 2], col + 1)
+        extents[label, 3] = row + 1
         sizes[label] += 1
-        sums[label] += disparity[row, col]
+        sums[label] += flat_disparity[pixel]
     return sizes, extents, sums

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from hypermap.core.arrays import BoolArray, IntArray
@@ -110,5 +111,16 @@ def _pixels_of(detections: Detections, number: int, valid: BoolArray) -> IntArra
         return np.empty(0, dtype=np.int64)
     # The box holds the pixels from xmin up to, but without, xmax.
     left, top, right, bottom = np.ceil(np.clip(box, 0, [width, height] * 2)).astype(int)
-    rows, columns = np.nonzero(valid[top:bottom, left:right])
-    return np.asarray((rows + top) * width + columns + left)
+    return np.asarray(_valid_in(valid, left, top, right, bottom))
+
+
+@njit(cache=True)
+def _valid_in(valid, left, top, right, bottom):  # type: ignore[no-untyped-def]
+    """Return the valid pixels of a box within the image as row-major indices."""
+    found = np.empty(max(bottom - top, 0) * max(right - left, 0), np.int64)
+    count = 0
+    for row in range(top, bottom):
+        for column in range(left, right):
+            found[count] = row * valid.shape[1] + column
+            count += valid[row, column]
+    return found[:count].copy()

@@ -68,8 +68,7 @@ def find_surfaces(
         camera: intrinsics.
         config: noise and thresholds.
     """
-    disparity = np.zeros(valid.shape, np.float32)
-    np.divide(1, points[..., 2], out=disparity, where=valid)
+    disparity = _disparity(points, valid)
     K, noise = camera.K, config.depth_noise
     center, focal = (K[0, 2], K[1, 2]), (K[0, 0], K[1, 1])
     side = max(round(BLOCK * min(focal)), 4)
@@ -84,10 +83,30 @@ def find_surfaces(
     return Surfaces(
         labels=labels,
         disparity=disparity,
-        sizes=np.bincount(labels[labels >= 0], minlength=count),
+        sizes=_sizes(labels, count),
         own_border=np.divide(near, ends, out=np.ones(count), where=ends > 0),
         planes=len(planes),
     )
+
+
+@njit(cache=True, error_model="numpy")
+def _disparity(points, valid):  # type: ignore[no-untyped-def]
+    disparity = np.empty(valid.shape, np.float32)
+    for row in range(valid.shape[0]):
+        z, is_valid, inverse = points[row, :, 2], valid[row], disparity[row]
+        for col in range(len(z)):
+            inverse[col] = np.float32(1) / z[col] if is_valid[col] else np.float32(0)
+    return disparity
+
+
+@njit(cache=True)
+def _sizes(labels, count):  # type: ignore[no-untyped-def]
+    """Return how many pixels each surface has, shape (count,)."""
+    sizes = np.zeros(count + 1, np.int64)  # the last one of what is no surface, -1
+    for row in range(labels.shape[0]):
+        for col in range(labels.shape[1]):
+            sizes[labels[row, col]] += 1
+    return sizes[:count]
 
 
 @njit(cache=True)
@@ -210,10 +229,17 @@ def _spread(disparity, blocks, planes, center, side, tolerance):  # type: ignore
             k = blocks[row, col]
             if k == UNFIT:
                 continue
-            for y in range(row * side, row * side + side):
-                for x in range(col * side, col * side + side):
+            top, left = row * side, col * side
+            bottom, right = top + side, left + side
+            for y in range(top, bottom):
+                for x in range(left, right):
                     if _is_on(disparity[y, x], planes[k], x, y, center, tolerance):
                         labels[y, x] = k
+            # Inside of the block its plane has been everywhere already.
+            for y in range(top, bottom):
+                inner = side - 1 if top < y < bottom - 1 else 1
+                for x in range(left, right, inner):
+                    if labels[y, x] == k:
                         queue[tail, 0], queue[tail, 1] = y, x
                         tail += 1
     while head < tail:
