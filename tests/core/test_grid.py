@@ -111,7 +111,7 @@ def test_a_centre_on_the_boundary_counts(data: st.DataObject, grid: GridGeometry
 
 
 @given(st.data())
-def test_tiles_of_a_large_grid_fit_together(data: st.DataObject) -> None:
+def test_an_area_of_a_large_grid_holds_the_centres_that_it_covers(data: st.DataObject) -> None:
     grid = GridGeometry(200, 150, 0.05, Pose2D(-3.0, 1.0, data.draw(st.floats(-3, 3))))
     area = data.draw(areas(around=grid.outline()))
     rows, cols = np.indices(grid.shape).reshape(2, -1)

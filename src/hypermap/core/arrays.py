@@ -61,3 +61,16 @@ def as_objects(items: Iterable[Any]) -> ObjectArray:
 def as_view(array: NDArray[Any]) -> memoryview[Any]:
     """Return numbers, shape (N,), so that single ones are read several times faster."""
     return memoryview(np.ascontiguousarray(array))  # type: ignore[arg-type]  # numpy's stubs
+
+
+def places(mask: BoolArray) -> tuple[IntArray, IntArray]:
+    """Return rows and columns of what is true, by rows; much faster than `numpy.nonzero`.
+
+    Args:
+        mask: shape (rows, columns).
+
+    >>> places(np.array([[False, True], [True, False]]))
+    (array([0, 1]), array([1, 0]))
+    """
+    rows, cols = np.divmod(np.flatnonzero(mask), max(1, mask.shape[1]))
+    return rows, cols

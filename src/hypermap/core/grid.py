@@ -10,11 +10,11 @@ import shapely
 from numpy.typing import ArrayLike, NDArray
 from shapely.geometry.base import BaseGeometry
 
-from hypermap.core.arrays import BoolArray, IntArray, as_points_xy
+from hypermap.core.arrays import BoolArray, IntArray, as_points_xy, places
 from hypermap.core.frames import Pose2D
 from hypermap.core.shapes import as_area
+from hypermap.core.spans import fill
 
-_TILE = 64  # cells; tiles wholly inside or outside an area are decided at once
 _DECIMALS = 6  # of a cell
 _FAR = 1e12  # metres; no grid reaches there
 RESOLUTIONS = (1e-6, 1e6)
@@ -120,7 +120,7 @@ class GridGeometry:
             TypeError, ValueError: If it is no geometry, or not finite.
         """
         window = self.window_in(area)
-        rows, cols = np.nonzero(window.inside)
+        rows, cols = places(window.inside)
         return rows + window.row, cols + window.col
 
     def window_in(self, area: BaseGeometry) -> Window:
@@ -134,15 +134,11 @@ class GridGeometry:
         )
         if local.is_empty:
             return Window(0, 0, np.zeros((0, 0), dtype=bool))
-        shapely.prepare(local)
         lowest, highest = np.reshape(local.bounds, (2, 2))
         col, row = np.clip(np.ceil(lowest), 0, (self.width, self.height)).astype(int)
         col_end, row_end = np.clip(np.floor(highest) + 1, (col, row), (self.width, self.height))
         inside = np.zeros((int(row_end) - row, int(col_end) - col), dtype=bool)
-        for top in range(0, inside.shape[0], _TILE):
-            for left in range(0, inside.shape[1], _TILE):
-                tile = inside[top : top + _TILE, left : left + _TILE]
-                _fill_tile(tile, local, row + top, col + left)
+        fill(inside, local, int(row), int(col))
         return Window(int(row), int(col), inside)
 
 
@@ -165,17 +161,3 @@ class Window:
         """What cuts the part out of an array of the whole grid."""
         rows, cols = self.inside.shape
         return slice(self.row, self.row + rows), slice(self.col, self.col + cols)
-
-
-def _fill_tile(tile: BoolArray, area: BaseGeometry, row: int, col: int) -> None:
-    """Set the cells of a tile whose integer coordinates lie in the (prepared) area."""
-    height, width = tile.shape
-    box = shapely.box(col, row, col + width - 1, row + height - 1)
-    if height > 1 and width > 1:
-        if not area.intersects(box):
-            return
-        if area.covers(box):
-            tile[:] = True
-            return
-    cols, rows = np.meshgrid(np.arange(col, col + width), np.arange(row, row + height))
-    tile[:] = shapely.intersects_xy(area, cols.astype(float), rows.astype(float))

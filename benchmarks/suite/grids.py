@@ -1,0 +1,196 @@
+"""Questions to grids: which cells an area covers, and where a value occurs.
+
+A cell belongs to an area if the area covers its centre. rasterio, shapely and scikit-image are
+asked for the same mask; the areas' corners lie on no cell's centre, where their rules would differ.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from functools import partial
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from hypermap.core.frames import Pose2D
+from hypermap.core.grid import GridGeometry
+from hypermap.core.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyLayer
+from suite.growth import exponent
+from suite.race import Disagreement, Figure, Race, Row, Settings, each_of, library, race, seconds_of
+
+SIDE, RESOLUTION = 2000, 0.05  # cells, metres
+LIKE_RASTERIO, LIKE_SHAPELY = 3.0, 100.0  # the ratios asked
+CELLS = 100_000_000
+GIGABYTE = 1e9
+_SPARSE = 0.02  # share of occupied cells, as in maps of buildings
+
+Mask = NDArray[np.bool_]
+
+
+def rows(settings: Settings) -> Iterator[Row]:
+    """Yield the rows of areas and values on grids."""
+    yield from each_of(
+        settings,
+        {
+            "areas, rasterio": partial(_fills, "rasterio"),
+            "areas, shapely": partial(_fills, "shapely"),
+            "areas, scikit-image": partial(_fills, "scikit-image"),
+            "large grids": _large,
+            "growth with cells": _growth,
+        },
+    )
+
+
+def shapes() -> dict[str, shapely.Polygon]:
+    """Return areas over a grid of 100 m x 100 m, whose corners lie on no centre of a cell."""
+    turns = np.arange(40) * np.pi / 20
+    radii = np.where(np.arange(40) % 2, 45.0, 20.0)
+    star = np.column_stack([50.013 + radii * np.cos(turns), 50.017 + radii * np.sin(turns)])
+    ring = shapely.Point(50.011, 50.007).buffer(45, 64) - shapely.Point(48.013, 51.009).buffer(20)
+    return {
+        "a box": shapely.box(0.001, 0.001, 99.999, 99.999),
+        "a star of 40 corners": shapely.Polygon(star),
+        "a ring of 320 corners": ring,
+    }
+
+
+# Areas
+
+
+def _fills(peer: str, settings: Settings) -> Iterator[Race]:
+    fill, version, asked = _peer(peer)
+    grid = GridGeometry(SIDE, SIDE, RESOLUTION)
+    for name, area in shapes().items():
+        work = f"the mask of {name} on {SIDE} x {SIDE} cells"
+        ours = partial(_mask, grid, area)
+        yield race(work, version, ours, partial(fill, area), same_mask, settings, asked)
+
+
+def _mask(grid: GridGeometry, area: shapely.Polygon) -> Mask:
+    """Return our mask over the whole grid."""
+    mask = np.zeros(grid.shape, dtype=bool)
+    window = grid.window_in(area)
+    mask[window.slices] = window.inside
+    return mask
+
+
+def _peer(name: str) -> tuple[Callable[[shapely.Polygon], Mask], str, float]:
+    """Return how a peer makes the mask, its name with its version, and the ratio asked."""
+    if name == "rasterio":
+        rasterio, features = library("rasterio"), library("rasterio.features")
+        transform = rasterio.Affine.scale(RESOLUTION)  # row 0 at the bottom, as in ours
+
+        def by_rasterio(area: shapely.Polygon) -> Mask:
+            shape = (SIDE, SIDE)
+            return np.asarray(features.geometry_mask([area], shape, transform, invert=True))
+
+        return by_rasterio, f"rasterio {rasterio.__version__}", LIKE_RASTERIO
+    if name == "shapely":
+        centres = (np.arange(SIDE) + 0.5) * RESOLUTION
+
+        def by_shapely(area: shapely.Polygon) -> Mask:
+            shapely.prepare(area)
+            x, y = np.meshgrid(centres, centres)
+            return np.asarray(shapely.contains_xy(area, x, y))
+
+        return by_shapely, f"shapely {shapely.__version__}", LIKE_SHAPELY
+    skimage, draw = library("skimage"), library("skimage.draw")
+
+    def by_skimage(area: shapely.Polygon) -> Mask:
+        mask = _rows_and_columns(draw, area.exterior)
+        for hole in area.interiors:
+            mask &= ~_rows_and_columns(draw, hole)
+        return mask
+
+    return by_skimage, f"scikit-image {skimage.__version__}", LIKE_SHAPELY
+
+
+def _rows_and_columns(draw: object, ring: shapely.LinearRing) -> Mask:
+    corners = shapely.get_coordinates(ring)[:, ::-1] / RESOLUTION - 0.5
+    return np.asarray(draw.polygon2mask((SIDE, SIDE), corners))  # type: ignore[attr-defined]
+
+
+def same_mask(ours: Mask, theirs: Mask) -> str:
+    """Say that two masks are the same.
+
+    Raises:
+        Disagreement: If they are not.
+    """
+    differing = int(np.count_nonzero(ours != theirs))
+    if differing:
+        raise Disagreement(f"{differing:,} of {ours.size:,} cells differ")
+    return f"all {ours.size:,} cells"
+
+
+# Values
+
+
+def _large(settings: Settings) -> Iterator[Row]:
+    """Yield the speed of searches in all cells of a large grid, and in most of them."""
+    layer = floor(10**6 if settings.quick else CELLS)
+    assert layer.grid is not None
+    assert layer.cells is not None
+    count = layer.cells.size
+    named = f"{count:,} cells"
+    expected = np.count_nonzero(layer.cells == OCCUPIED)
+    yield _rate(
+        f"find a value in {named}", lambda: layer.find("Occupied"), count, expected, settings
+    )
+    side = layer.grid.width * RESOLUTION
+    area = shapely.Point(side / 2, side / 2).buffer(0.45 * side)
+    window = layer.grid.window_in(area)
+    inside = np.count_nonzero(window.inside)
+    expected = np.count_nonzero(window.inside & (layer.cells[window.slices] == OCCUPIED))
+    work = f"find a value in a circle of {inside:,} cells"
+    yield _rate(work, lambda: layer.find("Occupied", area), inside, expected, settings)
+    held = layer.cells.nbytes / count
+    yield Figure("memory of a grid", (held,), "bytes/cell", 1.0, less_is_better=True)
+
+
+def _rate(
+    work: str,
+    ask: Callable[[], NDArray[np.float64]],
+    cells: int,
+    expected: int,
+    settings: Settings,
+) -> Figure:
+    rates = []
+    for _ in range(settings.repeat):
+        seconds, found = seconds_of(ask)
+        if len(found) != expected:
+            raise Disagreement(f"{work}: {len(found):,} cells, where numpy counts {expected:,}")
+        rates.append(cells / seconds / GIGABYTE)
+    return Figure(work, tuple(rates), "GB/s", 1.0, note=f"{expected:,} found")
+
+
+def floor(cells: int) -> OccupancyLayer:
+    """Return a square grid of about so many cells, free with some occupied ones."""
+    side = round(cells**0.5)
+    rng = np.random.default_rng(7)
+    values = np.full((side, side), FREE, dtype=np.int8)
+    values[: side // 3] = UNKNOWN
+    values[rng.random((side, side), dtype=np.float32) < _SPARSE] = OCCUPIED
+    return OccupancyLayer(
+        "occupancy", "map", GridGeometry(side, side, RESOLUTION, Pose2D()), values
+    )
+
+
+def _growth(settings: Settings) -> Iterator[Figure]:
+    sizes = [10**4, 10**5, 10**6] if settings.quick else [10**4, 10**5, 10**6, 10**7, 10**8]
+    searches, masks = [], []
+    for size in sizes:
+        layer = floor(size)
+        assert layer.grid is not None
+        grid, side = layer.grid, layer.grid.width * RESOLUTION
+        ring = shapely.Point(side / 2, side / 2).buffer(0.45 * side)
+        searches.append(_median(lambda layer=layer: layer.find("Occupied"), settings))
+        masks.append(_median(lambda grid=grid, ring=ring: grid.window_in(ring), settings))
+    for work, seconds in (("find a value", searches), ("the mask of a circle", masks)):
+        told = ", ".join(f"{n:,}: {1000 * s:.3g} ms" for n, s in zip(sizes, seconds, strict=True))
+        law = exponent(sizes, seconds)
+        yield Figure(f"growth: {work}", (law,), "exponent", 1.1, less_is_better=True, note=told)
+
+
+def _median(work: Callable[[], object], settings: Settings) -> float:
+    return float(np.median([seconds_of(work)[0] for _ in range(settings.repeat)]))

@@ -1,0 +1,105 @@
+"""Which whole numbers an area covers, row by row: an area as spans of cells.
+
+Source: the scan-line polygon fill of Foley et al., "Computer Graphics: Principles and Practice",
+2nd edition, section 3.6, with the boundary counted in on every side.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
+
+from hypermap.core.arrays import BoolArray, IntArray
+
+_POLYGONS = (3, 6)  # shapely's type numbers of what has an inside
+_DECIMALS = 6  # lengths shorter than that of the last one do not count
+_AT_ONCE = 1 << 20  # crossings of edges and rows that are held in memory together
+
+Spans = tuple[IntArray, IntArray, IntArray]
+
+
+def fill(mask: BoolArray, area: BaseGeometry, row: int, col: int) -> None:
+    """Set the elements of a mask whose places an area covers; its boundary counts.
+
+    Args:
+        mask: shape (rows, columns); element (r, c) stands for the point (col + c, row + r).
+        area: a valid geometry of any type.
+        row: of the first element.
+        col: of the first element.
+    """
+    height, width = mask.shape
+    for rows, first, last in _spans(area, row, row + height):
+        begin = np.clip(first - col, 0, width).tolist()
+        end = np.clip(last - col + 1, 0, width).tolist()
+        for r, b, e in zip((rows - row).tolist(), begin, end, strict=True):
+            mask[r, b:e] = True
+
+
+def _spans(area: BaseGeometry, low: int, high: int) -> Iterator[Spans]:
+    """Yield rows, first and last columns of what an area covers in the rows low .. high - 1."""
+    for part in _parts(area):
+        edges = _edges(part)
+        has_inside = shapely.get_type_id(part) in _POLYGONS
+        step = max(1, _AT_ONCE // max(1, len(edges)))
+        for begin in range(low, high, step):
+            rows, x = _crossings(edges, begin, min(begin + step, high))
+            if has_inside:  # between the first and the second crossing, and so on
+                yield rows[::2], _ceil(x[::2]), _floor(x[1::2])
+            else:
+                yield rows, _ceil(x), _floor(x)
+        yield _level(part, edges, low, high)
+
+
+def _parts(area: BaseGeometry) -> list[BaseGeometry]:
+    """Return the parts of a collection, at any depth; what is none is its own part."""
+    if isinstance(area, shapely.GeometryCollection) and area.geom_type == "GeometryCollection":
+        return [small for part in area.geoms for small in _parts(part)]
+    return [area]
+
+
+def _edges(part: BaseGeometry) -> NDArray[np.float64]:
+    """Return the edges of a geometry as x, y of the lower and then of the upper end, (N, 4)."""
+    lines = shapely.get_parts(shapely.boundary(part) if part.area > 0 else part)
+    points, owners = shapely.get_coordinates(lines, return_index=True)
+    is_edge = owners[:-1] == owners[1:]
+    edges = np.hstack([points[:-1][is_edge], points[1:][is_edge]])
+    is_downwards = edges[:, 1] > edges[:, 3]
+    edges[is_downwards] = edges[is_downwards][:, [2, 3, 0, 1]]
+    return edges
+
+
+def _crossings(
+    edges: NDArray[np.float64], low: int, high: int
+) -> tuple[IntArray, NDArray[np.float64]]:
+    """Return where edges cross rows, sorted by row and then by x; not at their upper ends."""
+    first = np.clip(np.ceil(edges[:, 1]), low, high).astype(np.int64)
+    counts = np.clip(np.ceil(edges[:, 3]), low, high).astype(np.int64) - first
+    edge = np.repeat(np.arange(len(edges)), counts)
+    starts = np.cumsum(counts) - counts
+    rows = first[edge] + np.arange(len(edge)) - starts[edge]
+    x0, y0, x1, y1 = edges[edge].T
+    x = x0 + (rows - y0) * (x1 - x0) / (y1 - y0)
+    order = np.lexsort((x, rows))
+    return rows[order], x[order]
+
+
+def _level(part: BaseGeometry, edges: NDArray[np.float64], low: int, high: int) -> Spans:
+    """Return what crossings leave out: level edges, upper ends and points that lie on a row."""
+    points = shapely.get_coordinates(part)
+    x = np.concatenate([edges[:, [0, 2]], np.repeat(points[:, :1], 2, axis=1)])
+    y = np.concatenate([edges[:, 3], points[:, 1]])
+    is_level = np.concatenate([edges[:, 1] == edges[:, 3], np.ones(len(points), dtype=bool)])
+    chosen = is_level & (y == np.floor(y)) & (y >= low) & (y < high)
+    return y[chosen].astype(np.int64), _ceil(x[chosen].min(axis=1)), _floor(x[chosen].max(axis=1))
+
+
+def _ceil(x: NDArray[np.float64]) -> IntArray:
+    return np.ceil(np.round(x, _DECIMALS)).astype(np.int64)
+
+
+def _floor(x: NDArray[np.float64]) -> IntArray:
+    return np.floor(np.round(x, _DECIMALS)).astype(np.int64)
