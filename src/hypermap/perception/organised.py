@@ -101,6 +101,8 @@ def _join(planes, places, normals, reach2, cosine):  # type: ignore[no-untyped-d
         parent[place] = place
     for place in places:
         for other in (place - 1, place - stride):
+            if parent[other] == parent[place]:
+                continue
             if _joins(x, y, z, normals, reach2, parent, place, other, cosine):
                 _link(parent, place, other)
     for place in places:
@@ -115,11 +117,17 @@ def _join(planes, places, normals, reach2, cosine):  # type: ignore[no-untyped-d
             for other in range(start, start + columns):
                 if _joins(x, y, z, normals, reach2, parent, place, other, cosine):
                     _link(parent, place, other)
+    numbers = np.empty(len(x), np.int32)  # of the regions, at their roots
+    count = 0
+    for place in places:
+        if parent[place] == place:
+            numbers[place] = count
+            count += 1
     regions = np.empty(len(places), np.int64)
     for i, place in enumerate(places):
         is_bent = reach2[place] < 0
         home = _home(x, y, z, normals, reach2, parent, place, stride, cosine) if is_bent else place
-        regions[i] = _root(parent, home)
+        regions[i] = numbers[_root(parent, home)]
     return regions
 
 
