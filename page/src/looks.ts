@@ -28,11 +28,11 @@ export function mixed(color: string, other: string, share: number): string {
   return `#${to.map((part) => part.toString(16).padStart(2, "0")).join("")}`;
 }
 
-export function shortened(name: string): string {
+export function shortened(name: string, longest = LONGEST_LABEL): string {
   const letters = [...name.replace(/\s+/g, " ")];
-  return letters.length <= LONGEST_LABEL
+  return letters.length <= longest
     ? letters.join("")
-    : `${letters.slice(0, LONGEST_LABEL - 1).join("")}…`;
+    : `${letters.slice(0, longest - 1).join("")}…`;
 }
 
 /** A class of objects: its filled shape, and its label with a halo. */

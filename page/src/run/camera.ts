@@ -1,9 +1,10 @@
 /** What the camera saw: its picture with the segments and boxes of what was detected. */
 
-import { FONT, withAlpha } from "../looks";
+import { FONT, shortened, withAlpha } from "../looks";
 import type { Detection, Sight } from "./steps";
 
 const LABEL = 12; // pixels
+const LONGEST = 24; // letters of a name
 const TINT = 0.5;
 
 export interface CameraOptions {
@@ -96,7 +97,7 @@ export class CameraView {
 
   private name(context: CanvasRenderingContext2D, detection: Detection, scale: number): void {
     if (!detection.box) return;
-    const text = `${detection.name} ${percent(detection.score)}`;
+    const text = `${shortened(detection.name, LONGEST)} ${percent(detection.score)}`;
     context.font = `600 ${LABEL}px ${FONT}`;
     const [width, height] = [context.measureText(text).width + 10, LABEL + 7];
     const right = this.canvas.clientWidth - width;

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import io
 import logging
 from dataclasses import dataclass
@@ -21,8 +20,8 @@ WIDEST = 640
 """Columns of a picture at most."""
 
 _QUALITY = 80  # of JPEG
-_NEAREST, _FARTHEST = 0.4, 10.0  # depths at the two ends of the colors [m]
-_NO_RETURN = 0  # the first color: black
+_NEAREST, _FARTHEST = 0.4, 10.0  # depths at the two ends of the greys [m]
+_DARKEST = 45  # grey of what is far; black is no return
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +32,7 @@ class CameraPicture:
         content: JPEG.
         width: columns.
         height: rows.
-        kind: the color image, or the depth image in colors where there is no other.
+        kind: the color image, or the depth image in greys where there is no other.
         reduced_by: how many rows and columns of the image became one.
     """
 
@@ -45,15 +44,14 @@ class CameraPicture:
 
 
 def picture_of(frame: RgbdFrame) -> CameraPicture:
-    """Return the picture of a frame; depth goes from yellow, near, to dark blue, far."""
+    """Return the picture of a frame; depth goes from white, near, to dark grey, far."""
     step = -(-frame.camera.width // WIDEST)
     color = _color_of(frame)
     if color is not None:
         image = Image.fromarray(color)
         image = image.reduce(step) if step > 1 else image
     else:
-        numbers = _depth_numbers(frame.depth[::step, ::step])
-        image = Image.fromarray(_depth_colors()[numbers])
+        image = Image.fromarray(_greys(frame.depth[::step, ::step])).convert("RGB")
     content = io.BytesIO()
     image.save(content, format="jpeg", quality=_QUALITY)
     kind: Literal["color", "depth"] = "depth" if color is None else "color"
@@ -72,19 +70,9 @@ def _color_of(frame: RgbdFrame) -> NDArray[np.uint8] | None:
         return None
 
 
-def _depth_numbers(depth: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """Return the color of each depth by its number; what is twice as far is one step on."""
+def _greys(depth: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """Return a grey for each depth; what is twice as far is darker by one step."""
     with np.errstate(invalid="ignore", divide="ignore"):
         nearness = np.log(_FARTHEST / depth) / np.log(_FARTHEST / _NEAREST)
-    numbers = 1 + np.nan_to_num(254 * np.clip(nearness, 0, 1), nan=-1.0)
-    numbers[~(depth > 0)] = _NO_RETURN
-    return np.asarray(numbers, dtype=np.uint8)
-
-
-@functools.cache
-def _depth_colors() -> NDArray[np.uint8]:
-    """Return 256 colors, shape (256, 3): black, then from dark blue to yellow."""
-    import colorcet
-
-    colors = [bytes.fromhex(text.removeprefix("#")) for text in colorcet.bmy]
-    return np.array([(0, 0, 0), *(tuple(color) for color in colors[1:])], dtype=np.uint8)
+    greys = _DARKEST + (255 - _DARKEST) * np.clip(nearness, 0, 1)
+    return np.asarray(np.where(depth > 0, greys, 0), dtype=np.uint8)
