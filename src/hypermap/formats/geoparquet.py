@@ -66,6 +66,12 @@ class Lists:
     offsets: NDArray[np.int64]
     items: Words | Numbers
 
+    @property
+    def lengths(self) -> list[int]:
+        """How many items each list has."""
+        lengths: list[int] = np.diff(self.offsets).tolist()
+        return lengths
+
 
 Column: TypeAlias = Words | Numbers | Lists
 

@@ -31,6 +31,7 @@ from hypermap.formats.geoparquet import (
     read_geoparquet,
     write_geoparquet,
 )
+from hypermap.formats.ragged import as_tuples
 from hypermap.formats.records import KNOWN_KEYS
 from hypermap.formats.yaml_text import plain_value, read_yaml, write_yaml
 
@@ -233,7 +234,7 @@ def _tags(column: Lists | None, count: int, path: str) -> ObjectArray:
         raise FormatError("expected lists of texts", path=path, key="tags")
     words = as_objects(items.vocabulary)[items.codes].tolist()
     known: dict[tuple[str, ...], tuple[str, ...]] = {}
-    return as_objects(known.setdefault(row, row) for row in _rows(column.offsets, words))
+    return as_objects(known.setdefault(row, row) for row in as_tuples(words, column.lengths))
 
 
 def _confidence(column: Lists | None, count: int, path: str) -> ObjectArray:
@@ -245,14 +246,7 @@ def _confidence(column: Lists | None, count: int, path: str) -> ObjectArray:
     values = items.values.astype(np.float64)
     if not np.isfinite(values).all():
         raise FormatError("must be finite", path=path, key="confidence")
-    return as_objects(_rows(column.offsets, values.tolist()))
-
-
-def _rows(offsets: NDArray[np.int64], items: list[Any]) -> list[tuple[Any, ...]]:
-    lengths = np.diff(offsets)
-    if len(lengths) and lengths[0] and (lengths == lengths[0]).all():
-        return list(zip(*[iter(items)] * int(lengths[0]), strict=True))
-    return [tuple(items[a:b]) for a, b in itertools.pairwise(offsets.tolist())]
+    return as_objects(as_tuples(values.tolist(), column.lengths))
 
 
 def _attributes(columns: Mapping[str, Column], count: int, path: str) -> ObjectArray:
@@ -261,7 +255,9 @@ def _attributes(columns: Mapping[str, Column], count: int, path: str) -> ObjectA
         if name in _OWN_COLUMNS:
             continue
         if isinstance(column, Lists):
-            items: list[Any] = [list(row) for row in _rows(column.offsets, _values(column.items))]
+            items: list[Any] = [
+                list(row) for row in as_tuples(_values(column.items), column.lengths)
+            ]
             there = np.ones(count, dtype=bool)
         elif isinstance(column, Words):
             items, there = _values(column), column.codes >= 0

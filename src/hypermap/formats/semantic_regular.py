@@ -23,6 +23,7 @@ from hypermap.core.objects import MAX_ID, ObjectTable
 from hypermap.core.shapes import can_be_footprints
 from hypermap.formats import limits
 from hypermap.formats.footprints import footprints_from_wkt
+from hypermap.formats.ragged import as_tuples
 from hypermap.formats.records import KNOWN_KEYS
 from hypermap.formats.yaml_text import plain_scalar
 
@@ -114,7 +115,8 @@ class _Columns:
         self._count += sum(map(len, tags)) + sum(map(len, confidence))
         if self._count > limits.MAX_YAML_VALUES:
             raise _Irregular
-        self._codes += [self._code(name) for name in groups[_NAME]]
+        known = self._known_names
+        self._codes += [known[n] if n in known else self._code(n) for n in groups[_NAME]]
         self._footprints.append(footprints_from_wkt(groups[_SHAPE]))
         self._tags += tags
         self._confidence += confidence
@@ -142,10 +144,9 @@ class _Columns:
         return table
 
     def _code(self, text: str) -> int:
-        code = self._known_names.get(text)
-        if code is None:
-            code = self._vocabulary.setdefault(_word(text), len(self._vocabulary))
-            self._known_names[text] = code
+        """Return the code of a name that was not met before."""
+        code = self._vocabulary.setdefault(_word(text), len(self._vocabulary))
+        self._known_names[text] = code
         return code
 
     def _words(self, text: str | None) -> tuple[str, ...]:
@@ -178,10 +179,8 @@ def _numbers(texts: Sequence[str | None]) -> NDArray[np.float64]:
 
 def _number_lists(texts: Sequence[str | None]) -> list[tuple[float, ...]]:
     counts = [text.count(",") + 1 if text else 0 for text in texts]
-    ends = list(itertools.accumulate(counts))
-    values: list[float] = _parsed(",".join(filter(None, texts)), ends[-1]).tolist()
-    starts = itertools.chain([0], ends)
-    return [tuple(values[a:b]) for a, b in zip(starts, ends, strict=False)]
+    values: list[float] = _parsed(",".join(filter(None, texts)), sum(counts)).tolist()
+    return as_tuples(values, counts)
 
 
 def _parsed(text: str, count: int) -> NDArray[np.float64]:
