@@ -118,7 +118,10 @@ class Watching:
         return code
 
     def kill(self) -> None:
-        """End it whatever it does."""
+        """End it whatever it does; if it can, it tidies up before."""
+        self.process.terminate()
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self.process.wait(timeout=PATIENCE)
         self.process.kill()
         self.process.wait()
         self._listener.join(timeout=PATIENCE)
