@@ -24,6 +24,9 @@ MARGIN = 32
 # The radius around a point is good if about k points lie within; on the way from one pixel to the
 # next it seldom has to change.
 TOO_FEW, TOO_MANY = np.float32(0.93), np.float32(1.09)  # times k
+# Of two pixels side by side on one surface, which share nearly all neighbours, the second has the
+# plane of the first: if their squared distance is at most this part of the squared radius.
+SAME_PLANE = np.float32(0.3)
 TIE = np.float32(1e-5)  # squared radii that differ by a smaller part are one
 MAX_STEPS = 16  # enough to reach any point of the largest window
 
@@ -49,7 +52,8 @@ def fit_planes(
     Args:
         planes: the cloud with its margins, shape (3, H, W).
         places: where there is a point whose normal is wanted, increasing, shape (N,).
-        k: how many neighbours, the point itself included; up to 7 % fewer or 9 % more will do.
+        k: how many neighbours, the point itself included; up to 7 % fewer or 9 % more will do, and
+            those of the pixel to the left where both are on one surface.
         pitch: least distance between the rays of neighbouring pixels, per metre of depth.
 
     Returns:
@@ -69,8 +73,19 @@ def _covariances(planes, places, k, pitch):  # type: ignore[no-untyped-def]
     covariances = np.empty((6, len(places)), np.float32)
     radii2 = np.empty(len(places), np.float32)
     few, many = TOO_FEW * k, TOO_MANY * k
-    radius2, last = np.float32(0), -1
+    radius2, last, is_shared = np.float32(0), -1, True
     for i, place in enumerate(places):
+        is_shared = (
+            not is_shared
+            and place == last + 1
+            and (x[place] - x[last]) ** 2 + (y[place] - y[last]) ** 2 + (z[place] - z[last]) ** 2
+            <= SAME_PLANE * radius2
+        )
+        if is_shared:
+            covariances[:, i] = covariances[:, i - 1]
+            radii2[i] = radius2
+            last = place
+            continue
         step2 = (pitch * z[place]) ** 2
         if place != last + 1:
             radius2 = np.float32(k / np.pi) * step2  # as on a surface that faces the camera
