@@ -48,6 +48,8 @@ def variants() -> dict[str, MappingConfig]:
         "best shape, no votes": replace(rules, fusion="best_shape"),
     }
     named = {name: replace(whole, evidence=changed) for name, changed in without.items()}
+    enclosed_only = replace(whole.perception, max_cut=0.0)
+    named["without cutting at the box"] = replace(whole, perception=enclosed_only)
     return {"default": whole, **named}
 
 

@@ -38,6 +38,7 @@ def test_the_thesis_profile_takes_all_detections_and_depths_with_the_method_of_p
         ({"min_inside": 1.1}, "min_inside must lie between 0 and 1, got 1.1"),
         ({"min_own_border": -0.1}, "min_own_border must lie between 0 and 1, got -0.1"),
         ({"max_offset": -1}, "max_offset must lie between 0 and inf, got -1"),
+        ({"max_cut": 2}, "max_cut must lie between 0 and 1, got 2"),
         ({"visible_step": 0}, "visible_step must lie between 1 and inf, got 0"),
         ({"normal_neighbors": 2}, "normal_neighbors must lie between 3 and 1000, got 2"),
         ({"region_neighbors": 51}, "region_neighbors must lie between 2 and 50, got 51"),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -22,6 +24,8 @@ FLOOR: Box = (-9, 1.0, 0, 9, 1.1, 9)
 WALL: Box = (-9, -9, 2.5, 9, 9, 2.6)
 TABLE: Box = (-0.8, 0.30, 1.2, 0.8, 0.34, 2.2)
 CUP: Box = (0.10, 0.18, 1.45, 0.19, 0.2995, 1.54)
+FAR_CUP: Box = (0.10, 0.20, 1.90, 0.18, 0.2995, 1.98)
+NEXT_CUP: Box = (0.18, 0.20, 1.91, 0.26, 0.2995, 1.99)
 SEAT: Box = (-0.25, 0.55, 1.6, 0.2, 0.60, 2.05)
 BACK: Box = (-0.25, 0.10, 2.0, 0.2, 0.55, 2.05)
 LEGS: tuple[Box, ...] = tuple(
@@ -54,10 +58,12 @@ def box_of(mask: NDArray[np.bool_], looseness: float = 0.0) -> list[float]:
     return [xmin - dx, ymin - dy, xmax + dx, ymax + dy]
 
 
-def cut(depth: NDArray[np.float32], boxes: list[list[float]]) -> dict[int, NDArray[np.bool_]]:
+def cut(
+    depth: NDArray[np.float32], boxes: list[list[float]], **settings: float
+) -> dict[int, NDArray[np.bool_]]:
     """Return the pixels that each detection was left with."""
     frame = RgbdFrame(0.0, depth, CAMERA, np.eye(4))
-    config = PerceptionConfig()
+    config = replace(PerceptionConfig(), **settings)  # type: ignore[arg-type]
     detections = Detections.of(boxes, ["thing"] * len(boxes))
     masks = {}
     valid = valid_pixels(frame, config)
@@ -99,6 +105,31 @@ def test_a_thing_in_two_boxes_belongs_to_the_smaller_one() -> None:
     assert not (found[0] & found[1]).any()
     # Without a box of its own the cup cannot be told from the table that it stands on.
     assert np.count_nonzero(cut(depth, [box_of(table | cup)])[0] & cup) > 0.8 * cup.sum()
+
+
+@pytest.mark.parametrize("looseness", [0.0, 0.1])
+def test_cups_that_touch_are_cut_apart_by_their_boxes(looseness: float) -> None:
+    depth, shown = look(FLOOR, WALL, TABLE, FAR_CUP, NEXT_CUP)
+    boxes = [box_of(shown == body, looseness) for body in (3, 4)]
+    found = cut(depth, boxes)
+    for number, body in enumerate((3, 4)):
+        share, precision = shares(found[number], shown == body)
+        assert share > 0.8
+        assert precision > 0.85
+    assert cut(depth, boxes, max_cut=0) == {}  # neither box encloses the surface of both
+
+
+def test_one_cup_of_two_that_touch_is_cut_out_of_both() -> None:
+    depth, shown = look(FLOOR, WALL, TABLE, FAR_CUP, NEXT_CUP)
+    (found,) = cut(depth, [box_of(shown == 3)]).values()
+    assert shares(found, shown == 3) == pytest.approx((0.9, 0.95), abs=0.1)
+
+
+def test_a_table_does_not_keep_the_cups_that_are_cut_out_of_it() -> None:
+    depth, shown = look(FLOOR, WALL, TABLE, FAR_CUP, NEXT_CUP)
+    found = cut(depth, [box_of(shown >= 2), box_of(shown == 3), box_of(shown == 4)])
+    assert shares(found[0], shown == 2)[0] > 0.95
+    assert not (found[0] & (found[1] | found[2])).any()
 
 
 def test_a_thing_that_the_image_cuts_off_is_still_a_thing() -> None:

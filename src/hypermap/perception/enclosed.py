@@ -1,7 +1,8 @@
 """Which surfaces belong to a detected object: those that its box encloses.
 
 An object ends where its box ends, and the background runs on past it. What is enclosed by several
-boxes belongs to the smallest: the cup in its own box, not the table that it stands on.
+boxes belongs to the smallest: the cup in its own box, not the table that it stands on. A box that
+encloses nothing may still cut its object out of a larger surface.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 from hypermap.core.arrays import BoolArray, IntArray
 from hypermap.perception.config import PerceptionConfig
 from hypermap.perception.frame import Camera
+from hypermap.perception.pieces import cut_piece
 from hypermap.perception.surfaces import Surfaces, find_surfaces
 
 SPECK = 8  # surfaces of fewer pixels are noise at the edges of others
@@ -28,7 +30,7 @@ def cut_out(
     objects: Sequence[IntArray],
     boxes: NDArray[np.float32],
     config: PerceptionConfig,
-) -> list[IntArray]:
+) -> tuple[list[IntArray], BoolArray]:
     """Return the pixels of each detected object, without those that only share its box.
 
     Args:
@@ -41,6 +43,7 @@ def cut_out(
 
     Returns:
         For each detection, increasing row-major indices out of its own; empty if none is left.
+        And whether these are a piece of a surface that runs on past the box, shape (N,).
     """
     surfaces = find_surfaces(points, valid, camera, config)
     inside = [_Inside(surfaces, pixels) for pixels in objects]
@@ -49,7 +52,8 @@ def cut_out(
         is_thing & (found.sizes >= config.min_inside * surfaces.sizes) for found in inside
     ]
     owner = np.full(len(surfaces.sizes), -1)
-    for number in sorted(range(len(objects)), key=lambda number: -len(objects[number])):
+    by_size = sorted(range(len(objects)), key=lambda number: -len(objects[number]))
+    for number in by_size:
         owner[is_enclosed[number]] = number  # the smaller ones come later
     cut = []
     for number, (pixels, box) in enumerate(zip(objects, boxes, strict=True)):
@@ -61,7 +65,21 @@ def cut_out(
         is_chosen = np.zeros(len(owner), dtype=bool)
         is_chosen[chosen] = True
         cut.append(_on(surfaces.labels.ravel(), pixels, is_chosen))
-    return cut
+    is_piece = np.zeros(len(objects), dtype=bool)
+    for place, number in enumerate(by_size if config.max_cut > 0 else ()):
+        if len(cut[number]) > 0:
+            continue
+        is_free = is_thing & ~np.isin(owner, by_size[place:])  # from the smaller boxes
+        sizes = np.where(is_free, inside[number].sizes, 0)
+        label = int(np.argmax(sizes))
+        if sizes[label] >= SPECK:
+            fit = _iou(inside[number].extents[[label]], boxes[number])[0]
+            at = surfaces, label, objects[number]
+            cut[number] = cut_piece(*at, fit, boxes[number], camera, config)
+            is_piece[number] = True
+            for larger in by_size[:place]:
+                cut[larger] = np.setdiff1d(cut[larger], cut[number], assume_unique=True)
+    return cut, is_piece
 
 
 class _Inside:

@@ -17,6 +17,8 @@ from hypermap.perception.segmentation import segment, valid_pixels
 from hypermap.perception.shapes import footprint
 from hypermap.perception.view import View
 
+PIECE_WEIGHT = 0.5  # of the score of what its box cut out of a surface that runs on
+
 
 def observe(
     frame: RgbdFrame,
@@ -63,7 +65,8 @@ def observe(
         objects.append(
             ObservedObject(
                 name=str(detections.names[found.detection]),
-                score=float(detections.scores[found.detection]),
+                score=float(detections.scores[found.detection])
+                * (PIECE_WEIGHT if found.is_piece else 1.0),
                 footprint=shape,
                 z_min=float(points_near[:, 2].min()),
                 z_max=float(points_near[:, 2].max()),

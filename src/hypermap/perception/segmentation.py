@@ -25,11 +25,14 @@ class Segment:
         detection: the number of its detection.
         pixels: row-major indices of its pixels, increasing, shape (N,).
         points_xyz: its points in the camera's optical frame [m], shape (N, 3).
+        is_piece: whether its box cut it out of a surface that runs on, so that its border is known
+            less well.
     """
 
     detection: int
     pixels: IntArray
     points_xyz: NDArray[np.float32]
+    is_piece: bool = False
 
 
 def valid_pixels(frame: RgbdFrame, config: PerceptionConfig) -> BoolArray:
@@ -72,9 +75,10 @@ def segment(
     objects = [pixels for _, pixels in candidates]
     if not objects:
         return []
+    is_piece = np.zeros(len(objects), dtype=bool)
     if config.method == "enclosed":
         boxes = detections.xyxy[[number for number, _ in candidates]]
-        cut = enclosed.cut_out(points, valid, camera, objects, boxes, config)
+        cut, is_piece = enclosed.cut_out(points, valid, camera, objects, boxes, config)
     else:
         if config.method == "organised":
             regions = organised.grow_regions(points, valid, camera, objects, config)
@@ -85,8 +89,8 @@ def segment(
             for pixels, region_of in zip(objects, regions, strict=True)
         ]
     return [
-        Segment(number, pixels, points.reshape(-1, 3)[pixels])
-        for (number, _), pixels in zip(candidates, cut, strict=True)
+        Segment(number, pixels, points.reshape(-1, 3)[pixels], bool(piece))
+        for (number, _), pixels, piece in zip(candidates, cut, is_piece, strict=True)
         if config.min_cluster <= len(pixels) <= config.max_cluster
     ]
 
