@@ -8,10 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from functools import partial
+from typing import Any
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.frames import Pose2D
 from hypermap.core.grid import GridGeometry
@@ -42,7 +44,7 @@ def rows(settings: Settings) -> Iterator[Row]:
     )
 
 
-def shapes() -> dict[str, shapely.Polygon]:
+def shapes() -> dict[str, BaseGeometry]:
     """Return areas over a grid of 100 m x 100 m, whose corners lie on no centre of a cell."""
     turns = np.arange(40) * np.pi / 20
     radii = np.where(np.arange(40) % 2, 45.0, 20.0)
@@ -67,7 +69,7 @@ def _fills(peer: str, settings: Settings) -> Iterator[Race]:
         yield race(work, version, ours, partial(fill, area), same_mask, settings, asked)
 
 
-def _mask(grid: GridGeometry, area: shapely.Polygon) -> Mask:
+def _mask(grid: GridGeometry, area: BaseGeometry) -> Mask:
     """Return our mask over the whole grid."""
     mask = np.zeros(grid.shape, dtype=bool)
     window = grid.window_in(area)
@@ -75,13 +77,13 @@ def _mask(grid: GridGeometry, area: shapely.Polygon) -> Mask:
     return mask
 
 
-def _peer(name: str) -> tuple[Callable[[shapely.Polygon], Mask], str, float]:
+def _peer(name: str) -> tuple[Callable[[BaseGeometry], Mask], str, float]:
     """Return how a peer makes the mask, its name with its version, and the ratio asked."""
     if name == "rasterio":
         rasterio, features = library("rasterio"), library("rasterio.features")
         transform = rasterio.Affine.scale(RESOLUTION)  # row 0 at the bottom, as in ours
 
-        def by_rasterio(area: shapely.Polygon) -> Mask:
+        def by_rasterio(area: BaseGeometry) -> Mask:
             shape = (SIDE, SIDE)
             return np.asarray(features.geometry_mask([area], shape, transform, invert=True))
 
@@ -89,7 +91,7 @@ def _peer(name: str) -> tuple[Callable[[shapely.Polygon], Mask], str, float]:
     if name == "shapely":
         centres = (np.arange(SIDE) + 0.5) * RESOLUTION
 
-        def by_shapely(area: shapely.Polygon) -> Mask:
+        def by_shapely(area: BaseGeometry) -> Mask:
             shapely.prepare(area)
             x, y = np.meshgrid(centres, centres)
             return np.asarray(shapely.contains_xy(area, x, y))
@@ -97,18 +99,19 @@ def _peer(name: str) -> tuple[Callable[[shapely.Polygon], Mask], str, float]:
         return by_shapely, f"shapely {shapely.__version__}", LIKE_SHAPELY
     skimage, draw = library("skimage"), library("skimage.draw")
 
-    def by_skimage(area: shapely.Polygon) -> Mask:
-        mask = _rows_and_columns(draw, area.exterior)
-        for hole in area.interiors:
+    def by_skimage(area: BaseGeometry) -> Mask:
+        outside, *holes = shapely.get_rings(area)
+        mask = _rows_and_columns(draw, outside)
+        for hole in holes:
             mask &= ~_rows_and_columns(draw, hole)
         return mask
 
     return by_skimage, f"scikit-image {skimage.__version__}", LIKE_SHAPELY
 
 
-def _rows_and_columns(draw: object, ring: shapely.LinearRing) -> Mask:
+def _rows_and_columns(draw: Any, ring: BaseGeometry) -> Mask:
     corners = shapely.get_coordinates(ring)[:, ::-1] / RESOLUTION - 0.5
-    return np.asarray(draw.polygon2mask((SIDE, SIDE), corners))  # type: ignore[attr-defined]
+    return np.asarray(draw.polygon2mask((SIDE, SIDE), corners))
 
 
 def same_mask(ours: Mask, theirs: Mask) -> str:
@@ -133,15 +136,15 @@ def _large(settings: Settings) -> Iterator[Row]:
     assert layer.cells is not None
     count = layer.cells.size
     named = f"{count:,} cells"
-    expected = np.count_nonzero(layer.cells == OCCUPIED)
+    expected = int(np.count_nonzero(layer.cells == OCCUPIED))
     yield _rate(
         f"find a value in {named}", lambda: layer.find("Occupied"), count, expected, settings
     )
     side = layer.grid.width * RESOLUTION
     area = shapely.Point(side / 2, side / 2).buffer(0.45 * side)
     window = layer.grid.window_in(area)
-    inside = np.count_nonzero(window.inside)
-    expected = np.count_nonzero(window.inside & (layer.cells[window.slices] == OCCUPIED))
+    inside = int(np.count_nonzero(window.inside))
+    expected = int(np.count_nonzero(window.inside & (layer.cells[window.slices] == OCCUPIED)))
     work = f"find a value in a circle of {inside:,} cells"
     yield _rate(work, lambda: layer.find("Occupied", area), inside, expected, settings)
     held = layer.cells.nbytes / count
@@ -184,8 +187,8 @@ def _growth(settings: Settings) -> Iterator[Figure]:
         assert layer.grid is not None
         grid, side = layer.grid, layer.grid.width * RESOLUTION
         ring = shapely.Point(side / 2, side / 2).buffer(0.45 * side)
-        searches.append(_median(lambda layer=layer: layer.find("Occupied"), settings))
-        masks.append(_median(lambda grid=grid, ring=ring: grid.window_in(ring), settings))
+        searches.append(_median(partial(layer.find, "Occupied"), settings))
+        masks.append(_median(partial(grid.window_in, ring), settings))
     for work, seconds in (("find a value", searches), ("the mask of a circle", masks)):
         told = ", ".join(f"{n:,}: {1000 * s:.3g} ms" for n, s in zip(sizes, seconds, strict=True))
         law = exponent(sizes, seconds)

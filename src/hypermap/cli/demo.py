@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from hypermap.evaluation.metrics import Evaluation, Score
     from hypermap.perception.detections import Detector
 
-_DETECTORS = ("noisy", "network")
+_DETECTORS = ("network", "noisy")
 
 
 def command(
@@ -33,23 +33,24 @@ def command(
         str,
         typer.Option(
             metavar="|".join(_DETECTORS),
-            help="A detector that knows the truth and errs, or a small network that sees pixels.",
+            help="A small neural network that sees pixels, or a detector that knows the truth and "
+            "errs.",
         ),
-    ] = "noisy",
+    ] = "network",
     view: View = False,
     port: Port = None,
     browser: Browser = True,
 ) -> None:
     """See a map being made, of a simulated room, and how near it comes to the truth.
 
-    A camera with the errors of a real one looks at the room, and a detector that errs now and then
-    names what it sees. The map made of it is saved, compared with the true one, and drawn.
+    A camera with the errors of a real one looks at the room, and a small neural network names what
+    it sees. The map made of it is saved, compared with the true one, and drawn.
 
     Examples:
         hypermap demo
         hypermap demo --view
         hypermap demo -o demo --keep-recording
-        hypermap demo --detector network
+        hypermap demo --detector noisy
     """
     from hypermap.cli.progress import mapping_progress
     from hypermap.evaluation import evaluate

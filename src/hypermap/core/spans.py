@@ -78,11 +78,13 @@ def _crossings(
     """Return where edges cross rows, sorted by row and then by x; not at their upper ends."""
     first = np.clip(np.ceil(edges[:, 1]), low, high).astype(np.int64)
     counts = np.clip(np.ceil(edges[:, 3]), low, high).astype(np.int64) - first
-    edge = np.repeat(np.arange(len(edges)), counts)
-    starts = np.cumsum(counts) - counts
-    rows = first[edge] + np.arange(len(edge)) - starts[edge]
-    x0, y0, x1, y1 = edges[edge].T
-    x = x0 + (rows - y0) * (x1 - x0) / (y1 - y0)
+    crossing = np.flatnonzero(counts)
+    edges, first, counts = edges[crossing], first[crossing], counts[crossing]
+    slope = (edges[:, 2] - edges[:, 0]) / (edges[:, 3] - edges[:, 1])
+    steps = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+    rows = np.repeat(first, counts) + steps
+    x0, y0, slope = (np.repeat(values, counts) for values in (edges[:, 0], edges[:, 1], slope))
+    x = x0 + (rows - y0) * slope
     order = np.lexsort((x, rows))
     return rows[order], x[order]
 
