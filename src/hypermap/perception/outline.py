@@ -40,7 +40,7 @@ def outer_points(
     # A centroid may lie a diagonal from a point of its cell: once for the polygon's corner, once
     # for the point in question.
     edges[:, 2] += 2 * np.sqrt(2) * voxel_size + ROUNDING
-    return _outside(points, valid, step, to_floor, edges.astype(np.float32))
+    return np.asarray(_outside(points, valid, step, to_floor, edges.astype(np.float32)))
 
 
 @njit(cache=True)

@@ -1,0 +1,35 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from hypermap.core.trajectory import pose_from_rpy, transform_points
+from hypermap.perception.frame import Camera, RgbdFrame
+from hypermap.perception.outline import outer_points
+from hypermap.perception.shapes import footprint
+
+CAMERA = Camera.from_intrinsics(100, 100, 79.5, 59.5, 160, 120)
+POSE = pose_from_rpy(0.3, -0.2, 1.2, -2.0, 0.1, 0.7)  # looks ahead and down
+VOXEL = 0.01
+
+
+@pytest.mark.parametrize("step", [1, 3])
+@pytest.mark.parametrize("seed", range(4))
+def test_the_outer_points_have_the_footprint_of_all(seed: int, step: int) -> None:
+    rng = np.random.default_rng(seed)
+    depth = rng.uniform(1, 1 + seed, (120, 160)).astype(np.float32)
+    depth[rng.random(depth.shape) < 0.2] = np.nan
+    points, valid = RgbdFrame(0.0, depth, CAMERA, POSE).points(), np.isfinite(depth)
+    outer = outer_points(points, valid, step, POSE, VOXEL)
+    every = points[::step, ::step][valid[::step, ::step]]
+    assert len(outer) < 0.8 * len(every)
+    expected = footprint(transform_points(POSE, every), VOXEL)
+    assert footprint(transform_points(POSE, outer), VOXEL).wkb == expected.wkb
+
+
+@pytest.mark.parametrize("pixels", [0, 1, 2])
+def test_all_of_too_few_points_are_outer_ones(pixels: int) -> None:
+    depth = np.full((120, 160), np.nan, np.float32)
+    depth[60, 70 : 70 + pixels] = 2.0
+    points = RgbdFrame(0.0, depth, CAMERA, POSE).points()
+    assert len(outer_points(points, np.isfinite(depth), 1, POSE, VOXEL)) == pixels
