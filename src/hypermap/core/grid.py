@@ -13,7 +13,7 @@ from shapely.geometry.base import BaseGeometry
 from hypermap.core.arrays import BoolArray, IntArray, as_points_xy, places
 from hypermap.core.frames import Pose2D
 from hypermap.core.shapes import as_area
-from hypermap.core.spans import fill
+from hypermap.core.spans import covered
 
 _DECIMALS = 6  # of a cell
 _FAR = 1e12  # metres; no grid reaches there
@@ -137,8 +137,8 @@ class GridGeometry:
         lowest, highest = np.reshape(local.bounds, (2, 2))
         col, row = np.clip(np.ceil(lowest), 0, (self.width, self.height)).astype(int)
         col_end, row_end = np.clip(np.floor(highest) + 1, (col, row), (self.width, self.height))
-        inside = np.zeros((int(row_end) - row, int(col_end) - col), dtype=bool)
-        fill(inside, local, int(row), int(col))
+        shape = (int(row_end - row), int(col_end - col))
+        inside = covered(local, shape, int(row), int(col))
         return Window(int(row), int(col), inside)
 
 

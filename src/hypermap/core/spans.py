@@ -22,31 +22,56 @@ _AT_ONCE = 1 << 20  # crossings of edges and rows that are held in memory togeth
 Spans = tuple[IntArray, IntArray, IntArray]
 
 
-def fill(mask: BoolArray, area: BaseGeometry, row: int, col: int) -> None:
-    """Set the elements of a mask whose places an area covers; its boundary counts.
+def covered(area: BaseGeometry, shape: tuple[int, int], row: int, col: int) -> BoolArray:
+    """Return which whole-numbered places an area covers; its boundary counts.
 
     Args:
-        mask: shape (rows, columns); element (r, c) stands for the point (col + c, row + r).
         area: a valid geometry of any type.
+        shape: rows and columns of the answer; its element (r, c) is about the place (x, y) =
+            (col + c, row + r).
         row: of the first element.
         col: of the first element.
     """
-    height, width = mask.shape
-    for rows, first, last in _spans(area, row, row + height):
-        begin = np.clip(first - col, 0, width).tolist()
-        end = np.clip(last - col + 1, 0, width).tolist()
-        for r, b, e in zip((rows - row).tolist(), begin, end, strict=True):
-            mask[r, b:e] = True
+    height, width = shape
+    begins, ends = [], []
+    for rows, first, last in _spans(area, (row, row + height), (col, col + width)):
+        begin, end = np.clip(first - col, 0, width), np.clip(last - col + 1, 0, width)
+        is_filled = end > begin
+        begins.append(((rows - row) * width + begin)[is_filled])
+        ends.append(((rows - row) * width + end)[is_filled])
+    none: IntArray = np.empty(0, dtype=np.int64)
+    bounds = _joined(np.concatenate([none, *begins]), np.concatenate([none, *ends]))
+    lengths = np.diff(bounds, prepend=0, append=height * width)  # of outside, inside, outside ...
+    return np.repeat(np.arange(len(lengths)) % 2 == 1, lengths).reshape(shape)
 
 
-def _spans(area: BaseGeometry, low: int, high: int) -> Iterator[Spans]:
-    """Yield rows, first and last columns of what an area covers in the rows low .. high - 1."""
+def _joined(begins: IntArray, ends: IntArray) -> IntArray:
+    """Return begin, end, begin, end ... of spans, sorted; those that overlap are one."""
+    order = np.argsort(begins)
+    begins, ends = begins[order], np.maximum.accumulate(ends[order])
+    is_apart = begins[1:] > ends[:-1]
+    starts = np.concatenate([begins[:1], begins[1:][is_apart]])
+    stops = np.concatenate([ends[:-1][is_apart], ends[-1:]])
+    return np.column_stack([starts, stops]).ravel()
+
+
+def _spans(
+    area: BaseGeometry, rows_within: tuple[int, int], cols_within: tuple[int, int]
+) -> Iterator[Spans]:
+    """Yield rows, first and last columns of what an area covers in some rows.
+
+    Args:
+        area: a valid geometry.
+        rows_within: the first row, and the one after the last.
+        cols_within: likewise; spans may end anywhere outside.
+    """
+    low, high = rows_within
     for part in _parts(area):
         edges = _edges(part)
         has_inside = shapely.get_type_id(part) in _POLYGONS
         step = max(1, _AT_ONCE // max(1, len(edges)))
         for begin in range(low, high, step):
-            rows, x = _crossings(edges, begin, min(begin + step, high))
+            rows, x = _crossings(edges, (begin, min(begin + step, high)), cols_within)
             if has_inside:  # between the first and the second crossing, and so on
                 yield rows[::2], _ceil(x[::2]), _floor(x[1::2])
             else:
@@ -73,9 +98,10 @@ def _edges(part: BaseGeometry) -> NDArray[np.float64]:
 
 
 def _crossings(
-    edges: NDArray[np.float64], low: int, high: int
+    edges: NDArray[np.float64], rows_within: tuple[int, int], cols_within: tuple[int, int]
 ) -> tuple[IntArray, NDArray[np.float64]]:
     """Return where edges cross rows, sorted by row and then by x; not at their upper ends."""
+    (low, high), (left, right) = rows_within, cols_within
     first = np.clip(np.ceil(edges[:, 1]), low, high).astype(np.int64)
     counts = np.clip(np.ceil(edges[:, 3]), low, high).astype(np.int64) - first
     crossing = np.flatnonzero(counts)
@@ -84,8 +110,8 @@ def _crossings(
     steps = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
     rows = np.repeat(first, counts) + steps
     x0, y0, slope = (np.repeat(values, counts) for values in (edges[:, 0], edges[:, 1], slope))
-    x = x0 + (rows - y0) * slope
-    order = np.lexsort((x, rows))
+    x = np.clip(x0 + (rows - y0) * slope, left - 1, right)
+    order = np.argsort(rows * (right - left + 2) + x)  # much faster than by two keys
     return rows[order], x[order]
 
 
