@@ -46,6 +46,12 @@ def test_the_kept_recording_gives_the_same_map(hypermap, short_demo, tmp_path):
     assert sorted(first.names) == sorted(second.names)
 
 
+def test_the_detector_that_errs_maps_the_room_too(hypermap, short_demo, tmp_path):
+    result = hypermap("demo", "-o", tmp_path, "--detector", "noisy")
+    assert result.code == 0, result.err
+    assert len(open_map(tmp_path / "room.hmap")["semantic"].names) > 5
+
+
 def test_an_unknown_detector_is_said_so_before_anything_is_made(hypermap, tmp_path):
     result = hypermap("demo", "-o", tmp_path / "demo", "--detector", "netwrok")
     assert_one_error(result, "there is no detector 'netwrok'; did you mean 'network'?")
