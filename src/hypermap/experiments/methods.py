@@ -37,7 +37,8 @@ PUBLISHED: Mapping[tuple[str, str], Published] = {
 def methods() -> dict[str, MappingConfig]:
     """Return all methods by name, ours last.
 
-    Those of the thesis cut objects out by the fast method that finds the same regions as PCL.
+    Those of the thesis cut objects out by the fast method, which finds nearly the same regions as
+    PCL (docs/perception.md says how nearly).
     """
     thesis = profile("thesis")
     perception = replace(thesis.perception, method="organised")
