@@ -32,7 +32,7 @@ def counting(what: str, total: int, units: str) -> Iterator[Callable[[], None]]:
     """Show how far a work on a number of units is while the caller counts them."""
     if not err().is_terminal:
         note(f"{what}: {total} {units} ...")
-        yield lambda: None
+        yield _count_lines(what, total, units)
         return
     from rich import progress as rich
 
@@ -47,6 +47,21 @@ def counting(what: str, total: int, units: str) -> Iterator[Callable[[], None]]:
     ) as bar:
         task = bar.add_task(what, total=total)
         yield lambda: bar.advance(task)
+
+
+def _count_lines(what: str, total: int, units: str) -> Callable[[], None]:
+    """Return what says now and then how many units are done."""
+    done, told = 0, time.monotonic()
+
+    def count() -> None:
+        nonlocal done, told
+        done += 1
+        now = time.monotonic()
+        if now - told >= _EVERY and done < total:
+            told = now
+            note(f"{what}: {done} of {total} {units}")
+
+    return count
 
 
 @contextmanager
