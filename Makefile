@@ -42,7 +42,8 @@ package: .venv/.dev $(PAGE)  ## build the wheel, and run the command from it
 
 bench: .venv/.bench  ## ours and its peers, measured side by side: about an hour
 	scripts/peers.sh
-	$(BIN)/hypermap bench --json benchmarks/races.json --markdown benchmarks/races.md
+	$(BIN)/hypermap bench --json benchmarks/races.json --markdown benchmarks/races.md \
+	  --plots docs/images
 
 format: .venv/.dev  ## format the code
 	$(BIN)/ruff check --fix .

@@ -1,7 +1,7 @@
 """Run the benchmark: ours beside its peers, on one core, with both answers compared.
 
     python benchmarks/bench.py [GROUP...] [--data ../shared/data] [--repeat 5] [--quick]
-                               [--json FILE] [--markdown FILE]
+                               [--json FILE] [--markdown FILE] [--plots FOLDER]
 
 Exit codes: 0 measured; 1 answers differ somewhere; 2 bad input; 130 Ctrl-C, what was measured is
 saved.
@@ -18,7 +18,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from suite import machine, report
-from suite.race import Group, Row, Settings, guarded
+from suite.race import Group, Growth, Row, Settings, guarded
 
 GROUPS = (
     "perception",
@@ -76,9 +76,21 @@ def _run(
     if options.markdown is not None:
         page = report.as_markdown(described, command, results)
         options.markdown.write_text(page, encoding="utf-8")
+    if options.plots is not None:
+        _save_plots(options.plots, results)
     if was_interrupted:
         return INTERRUPTED
     return WRONG if any(result.is_wrong for result in results) else 0
+
+
+def _save_plots(folder: Path, results: Sequence[report.GroupResult]) -> None:
+    from suite import plots  # matplotlib takes a while
+
+    growths = [row for result in results for row in result.rows if isinstance(row, Growth)]
+    if not growths:
+        print("\nhypermap bench: no growth was measured, so nothing is drawn", file=sys.stderr)
+    for file in plots.save(growths, folder):
+        print(f"\nsaved {file}")
 
 
 def _group(name: str) -> Group:
@@ -101,6 +113,9 @@ def _complaint(options: argparse.Namespace) -> str:
     for file in (options.json, options.markdown):
         if file is not None and (file.is_dir() or not file.absolute().parent.is_dir()):
             return f"{file}: no file can be written there"
+    folder = options.plots
+    if folder is not None and (folder.is_file() or not folder.absolute().parent.is_dir()):
+        return f"{folder}: no folder can be made there"
     return ""
 
 
@@ -120,6 +135,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--quick", action="store_true", help="small sizes, to see that all runs")
     parser.add_argument("--json", type=Path, metavar="FILE", help="save every single time")
     parser.add_argument("--markdown", type=Path, metavar="FILE", help="save the tables")
+    parser.add_argument("--plots", type=Path, metavar="FOLDER", help="draw how it grows: .png")
     parser.add_argument(
         "--build",
         type=Path,

@@ -16,14 +16,13 @@ import shapely
 from hypermap.mapping.config import profile
 from hypermap.mapping.evidence import EvidenceMap
 from hypermap.perception.observation import Observation
-from suite.growth import exponent
 from suite.hall import PER_FRAME, Hall
 from suite.plain_evidence import PlainEvidenceMap
-from suite.race import Disagreement, Figure, Race, Row, Settings, each_of, seconds_of
+from suite.race import Disagreement, Figure, Growth, Race, Row, Settings, each_of, seconds_of
 
 _SEED = 7
 _SAME = 1e-9  # square metres by which two shapes may differ
-_N_LOG_N = 1.2  # exponent of n log n between 10 and 10,000
+_HELD = "memory: the evidence map, pickled"
 
 
 def rows(settings: Settings) -> Iterator[Row]:
@@ -78,15 +77,15 @@ def _growth_with_evidence(settings: Settings) -> Iterator[Row]:
     frames = Hall(50, np.random.default_rng(_SEED)).frames_from_one_place(sizes[-1])
     made = pickle.dumps(frames)
     for name in ("thesis", "default"):
-        seconds = []
+        seconds, held = [], []
         for size in (sizes[0], *sizes):
             evidence = EvidenceMap(profile(name).evidence)
             some = pickle.loads(made)[:size]
             seconds.append(_seconds_to_take_in(evidence.update, some))
-        del seconds[0]  # the first run loads compiled code
-        yield _growth(
-            f"profile {name}, pieces of evidence for each of five objects", sizes, seconds
-        )
+            held.append(len(pickle.dumps(evidence)))
+        del seconds[0], held[0]  # the first run loads compiled code
+        work = f"evidence for each of five objects, profile {name}"
+        yield Growth(work, "evidence", sizes, tuple(seconds), tuple(held), note=_HELD)
 
 
 def _growth_with_objects(settings: Settings) -> Iterator[Row]:
@@ -95,18 +94,13 @@ def _growth_with_objects(settings: Settings) -> Iterator[Row]:
     halls = [Hall(size, np.random.default_rng(_SEED)) for size in sizes]
     made = [pickle.dumps(hall.frames(3 * len(hall.places) // PER_FRAME)) for hall in halls]
     for name in ("thesis", "default"):
-        seconds = []
+        seconds, held = [], []
         for frames in made:
             evidence = EvidenceMap(profile(name).evidence)
             seconds.append(_seconds_to_take_in(evidence.update, pickle.loads(frames)))
-        yield _growth(f"profile {name}, objects seen three times each", sizes, seconds)
-
-
-def _growth(work: str, sizes: tuple[int, ...], seconds: list[float]) -> Figure:
-    listed = ", ".join(f"{n}: {1e3 * s:.3g} ms" for n, s in zip(sizes, seconds, strict=True))
-    note = f"n log n would be {_N_LOG_N:g}; {listed}"
-    power = exponent(sizes, seconds)
-    return Figure(f"growth: {work}", (power,), "as exponent", _N_LOG_N, True, note)
+            held.append(len(pickle.dumps(evidence)))
+        work = f"evidence of objects seen three times each, profile {name}"
+        yield Growth(work, "objects", sizes, tuple(seconds), tuple(held), note=_HELD)
 
 
 @lru_cache

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import math
+import statistics
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
@@ -20,13 +21,13 @@ from hypermap import GridGeometry, Hypermap, OccupancyLayer, SemanticLayer, save
 from hypermap.core.arrays import as_objects
 from hypermap.core.objects import ObjectTable
 from suite import programs
-from suite.growth import exponent
-from suite.race import Disagreement, Figure, Race, Row, Settings, each_of
+from suite.race import Disagreement, Figure, Growth, Kind, Race, Row, Settings, each_of
 
 _CHILD = Path(__file__).with_name("map_process.py")
 _CLASSES = ("chair", "table", "cup", "potted plant", "tvmonitor", "sofa", "person")
 _LARGE = 4000  # cells
 _MOST_RUNS = 3  # of what takes the peer half a minute
+_LEAST_MB = 0.1  # a process grows by pages and arenas, so that less cannot be told
 _SUMS = ("objects", "tags", "area", "confidence", "seen", "free", "occupied", "unknown")
 
 
@@ -99,7 +100,7 @@ def _binary(settings: Settings) -> Iterator[Row]:
 def _growth_of_objects(settings: Settings) -> Iterator[Row]:
     sizes = [10**power for power in range(2, 5 if settings.quick else 7)]
     for form, counts in (("GeoParquet", sizes), ("YAML", sizes[:-1])):
-        seconds: dict[str, list[float]] = {"load": [], "save": []}
+        measured = []
         for count in counts:
             if form == "YAML":
                 path = _folder(settings) / f"{count}.yaml.hmap"
@@ -107,37 +108,42 @@ def _growth_of_objects(settings: Settings) -> Iterator[Row]:
                     save_map(Hypermap([_objects(count)]), path, semantic="yaml")
             else:
                 path = _binary_map(count, settings)
-            run = _measured(path, form.lower().removeprefix("geo"), settings)
-            for verb, times in seconds.items():
-                times.append(run[verb])
-        for verb, times in seconds.items():
-            yield _grown(f"{verb} objects as {form}", counts, times)
+            times = min(settings.repeat, _MOST_RUNS)
+            kind = form.lower().removeprefix("geo")
+            measured.append([_measured(path, kind, settings) for _ in range(times)])
+        yield from _grown(f"objects as {form}", "objects", counts, measured)
 
 
 def _pictures(settings: Settings) -> Iterator[Row]:
     sides = (500, 1000) if settings.quick else (1000, 4000, 10_000)
-    seconds: dict[str, list[float]] = {"load": [], "save": []}
+    measured = []
     for side in sides:
         path = _folder(settings) / f"{side}.hmap"
         if not path.exists():
             save_map(Hypermap([_grid(side)]), path)
         runs = [_measured(path, "yaml", settings) for _ in range(min(settings.repeat, 2))]
-        for verb, times in seconds.items():
-            times.append(min(_all(runs, verb)))
+        measured.append(runs)
+        for verb in ("load", "save"):
             yield Figure(f"{verb} {side} x {side} cells", _all(runs, verb), "s", None, True)
         for key, what in (("resident_mb", "held"), ("peak_mb", "at the peak of both")):
             values = tuple((run[key] - run["before_mb"]) * 1e6 / side**2 for run in runs)
             asked = 1.5 if side >= _LARGE else None  # of smaller ones, constant costs count
             yield Figure(f"memory {what}: {side} x {side} cells", values, "bytes/cell", asked, True)
-    for verb, times in seconds.items():
-        yield _grown(f"{verb} pictures, cells", [side**2 for side in sides], times)
+    yield from _grown("pictures", "cells", [side**2 for side in sides], measured)
 
 
-def _grown(work: str, sizes: Sequence[int], seconds: Sequence[float]) -> Figure:
-    """Return the exponent of a growth, of the larger sizes: small ones have a constant cost."""
-    law = exponent(sizes[-3:], seconds[-3:])
-    told = ", ".join(f"{s:g}: {t:.3g} s" for s, t in zip(sizes, seconds, strict=True))
-    return Figure(f"growth: {work}", (law,), "exponent", 1.1, less_is_better=True, note=told)
+def _grown(
+    what: str, of: Kind, sizes: Sequence[int], measured: Sequence[Sequence[dict[str, Any]]]
+) -> Iterator[Growth]:
+    """Yield how loading and saving grow, with the memory held and that at the peak of both."""
+    for verb, key, note in (
+        ("load", "resident_mb", "memory: what is held then"),
+        ("save", "peak_mb", "memory: the peak of loading and saving"),
+    ):
+        seconds = tuple(statistics.median(_all(runs, verb)) for runs in measured)
+        held = (statistics.median(run[key] - run["before_mb"] for run in runs) for runs in measured)
+        amounts = tuple(1e6 * max(megabytes, _LEAST_MB) for megabytes in held)
+        yield Growth(f"{verb} {what}", of, tuple(sizes), seconds, amounts, note=note)
 
 
 def _measured(path: Path, form: str, settings: Settings) -> dict[str, Any]:

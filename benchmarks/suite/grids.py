@@ -18,8 +18,18 @@ from shapely.geometry.base import BaseGeometry
 from hypermap.core.frames import Pose2D
 from hypermap.core.grid import GridGeometry
 from hypermap.core.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyLayer
-from suite.growth import exponent
-from suite.race import Disagreement, Figure, Race, Row, Settings, each_of, library, race, seconds_of
+from suite.race import (
+    Disagreement,
+    Figure,
+    Growth,
+    Race,
+    Row,
+    Settings,
+    each_of,
+    library,
+    race,
+    seconds_of,
+)
 
 SIDE, RESOLUTION = 2000, 0.05  # cells, metres
 LIKE_RASTERIO, LIKE_SHAPELY = 3.0, 100.0  # the ratios asked
@@ -179,20 +189,25 @@ def floor(cells: int) -> OccupancyLayer:
     )
 
 
-def _growth(settings: Settings) -> Iterator[Figure]:
-    sizes = [10**4, 10**5, 10**6] if settings.quick else [10**4, 10**5, 10**6, 10**7, 10**8]
-    searches, masks = [], []
+def _growth(settings: Settings) -> Iterator[Growth]:
+    """Yield the time of a search and of a mask, with the memory of the grid and of the mask."""
+    sizes = tuple(10**power for power in range(4, 7 if settings.quick else 9))
+    searches, masks, of_grids, of_masks = [], [], [], []
     for size in sizes:
         layer = floor(size)
         assert layer.grid is not None
+        assert layer.cells is not None
         grid, side = layer.grid, layer.grid.width * RESOLUTION
         ring = shapely.Point(side / 2, side / 2).buffer(0.45 * side)
         searches.append(_median(partial(layer.find, "Occupied"), settings))
         masks.append(_median(partial(grid.window_in, ring), settings))
-    for work, seconds in (("find a value", searches), ("the mask of a circle", masks)):
-        told = ", ".join(f"{n:,}: {1000 * s:.3g} ms" for n, s in zip(sizes, seconds, strict=True))
-        law = exponent(sizes, seconds)
-        yield Figure(f"growth: {work}", (law,), "exponent", 1.1, less_is_better=True, note=told)
+        of_grids.append(layer.cells.nbytes)
+        of_masks.append(grid.window_in(ring).inside.nbytes)
+    for work, seconds, held, what in (
+        ("find a value", searches, of_grids, "the grid"),
+        ("the mask of a circle", masks, of_masks, "the mask"),
+    ):
+        yield Growth(work, "cells", sizes, tuple(seconds), tuple(held), note=f"memory: {what}")
 
 
 def _median(work: Callable[[], object], settings: Settings) -> float:

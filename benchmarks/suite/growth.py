@@ -1,4 +1,7 @@
-"""How time grows with the amount of work."""
+"""How time and memory grow with the amount of work.
+
+Only the largest three sizes count: in small ones, constant costs hide how the rest grows.
+"""
 
 from __future__ import annotations
 
@@ -6,16 +9,18 @@ from collections.abc import Sequence
 
 import numpy as np
 
+LAST = 3  # sizes that an exponent is of
 
-def exponent(sizes: Sequence[float], seconds: Sequence[float]) -> float:
-    """Return the p of the law `seconds = c * sizes**p` that fits best.
+
+def exponent(sizes: Sequence[float], amounts: Sequence[float]) -> float:
+    """Return the p of the law `amounts = c * sizes**p` that fits the largest three sizes best.
 
     The fit is a straight line through the logarithms by least squares: 1 is linear growth, 0 is
     none at all.
 
     Args:
-        sizes: amounts of work, two different ones at least, above zero.
-        seconds: what each took, above zero.
+        sizes: of the work, ascending, two at least, above zero.
+        amounts: what each took, as seconds or bytes, above zero.
 
     Raises:
         ValueError: If the numbers do not fit together or no law follows from them.
@@ -23,9 +28,19 @@ def exponent(sizes: Sequence[float], seconds: Sequence[float]) -> float:
     >>> exponent([10, 100, 1000], [0.3, 3.0, 30.0])
     1.0
     """
-    if len(sizes) != len(seconds):
-        raise ValueError(f"{len(sizes)} sizes do not go with {len(seconds)} times")
-    if len(set(sizes)) < 2 or min(*sizes, *seconds) <= 0:
-        raise ValueError("sizes and times must be above zero, with two different sizes at least")
-    slope, _ = np.polyfit(np.log(sizes), np.log(seconds), deg=1)
+    if len(sizes) != len(amounts):
+        raise ValueError(f"{len(sizes)} sizes do not go with {len(amounts)} amounts")
+    if len(sizes) < 2 or min(*sizes, *amounts) <= 0 or (np.diff(sizes) <= 0).any():
+        raise ValueError("two sizes or more must ascend, and they and all amounts be above zero")
+    slope, _ = np.polyfit(np.log(sizes[-LAST:]), np.log(amounts[-LAST:]), deg=1)
     return round(float(slope), 3)
+
+
+def n_log_n(sizes: Sequence[float]) -> float:
+    """Return the exponent that n log n has between the same sizes, the largest of which count.
+
+    >>> n_log_n([100, 1000, 10_000])
+    1.151
+    """
+    last = sizes[-LAST:]
+    return exponent(last, [size * np.log(size) for size in last])

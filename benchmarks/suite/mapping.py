@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import pickle
 import time
 from collections.abc import Iterator
-from itertools import chain, islice, repeat
+from itertools import chain, islice, pairwise, repeat
 from pathlib import Path
 
 import numpy as np
@@ -20,8 +21,7 @@ from hypermap.perception.frame import RgbdFrame
 from hypermap.perception.observe import observe
 from hypermap.perception.recording import Recording
 from hypermap.recordings import RecordingOptions, open_recording
-from suite.growth import exponent
-from suite.race import Disagreement, Figure, Row, Settings, each_of
+from suite.race import Disagreement, Figure, Growth, Row, Settings, each_of
 
 _SIZES = (10, 32, 100, 316, 1000)  # frames, for the growth
 _THESIS_FRAMES = 3  # its search for neighbours takes seconds per frame
@@ -67,7 +67,7 @@ def _speed_of_thesis(settings: Settings) -> Iterator[Row]:
     config = profile("thesis")
     mapper = Mapper(config, source)
     mapper.add(next(some))  # which loads compiled code
-    seconds, _ = _map(islice(some, _THESIS_FRAMES), source, config)
+    seconds = _add(islice(some, _THESIS_FRAMES), Mapper(config, source))
     values = tuple(1 / np.diff([0, *seconds]))
     yield Figure(f"mapping the desk, profile thesis, {_THESIS_FRAMES} frames", values, "frames/s")
 
@@ -76,12 +76,19 @@ def _map(
     frames: Iterator[RgbdFrame], source: DetectionSource, config: MappingConfig
 ) -> tuple[list[float], list[str]]:
     """Return after how many seconds each frame was mapped, and the names of the map's objects."""
-    mapper, ends = Mapper(config, source), []
+    mapper = Mapper(config, source)
+    ends = _add(frames, mapper)
+    return ends, [found.name for found in mapper.evidence.objects()]
+
+
+def _add(frames: Iterator[RgbdFrame], mapper: Mapper) -> list[float]:
+    """Map some frames more, and return after how many seconds each was done."""
+    ends = []
     start = time.perf_counter()
     for frame in frames:
         mapper.add(frame)
         ends.append(time.perf_counter() - start)
-    return ends, [found.name for found in mapper.evidence.objects()]
+    return ends
 
 
 def _steps(settings: Settings) -> Iterator[Row]:
@@ -123,15 +130,22 @@ def _seconds_of_steps(
 
 
 def _growth(settings: Settings) -> Iterator[Row]:
+    """Map the recording again and again; the memory is that of the evidence, as it is pickled."""
     recording, source = _desk(settings)
     sizes = _SIZES[:3] if settings.quick else _SIZES
     config = profile("default")
     _map(islice(recording.frames(), 2), source, config)  # which loads compiled code
     again_and_again = chain.from_iterable(r.frames() for r in repeat(recording))
-    ends, _ = _map(islice(again_and_again, sizes[-1]), source, config)
-    per_frame = [ends[size - 1] / size for size in sizes]
-    power = exponent(sizes, per_frame)
-    listed = ", ".join(f"{1e3 * t:.1f} ms of {n}" for n, t in zip(sizes, per_frame, strict=True))
+    mapper, passed = Mapper(config, source), 0.0
+    ends: list[float] = []
+    seconds: list[float] = []
+    held = []
+    for before, size in pairwise((0, *sizes)):
+        ends = _add(islice(again_and_again, size - before), mapper)
+        passed += ends[-1]
+        seconds.append(passed)
+        held.append(len(pickle.dumps(mapper.evidence)))
+    work = "mapping the desk again and again"
+    yield Growth(work, "frames", sizes, tuple(seconds), tuple(held), note="memory: the evidence")
     last = tuple(1e3 * np.diff(ends[-100:]))
-    note = f"the mean time per frame grows as the number of frames to the power {power:g}: {listed}"
-    yield Figure(f"one frame more after {sizes[-1]} frames", last, "ms", note=note)
+    yield Figure(f"one frame more after {sizes[-1]} frames", last, "ms")

@@ -7,6 +7,7 @@ Python return arrays.
 
 from __future__ import annotations
 
+import statistics
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
@@ -25,6 +26,7 @@ from suite.race import (
     Disagreement,
     Figure,
     Group,
+    Growth,
     Race,
     Row,
     Settings,
@@ -35,6 +37,7 @@ from suite.race import (
 
 BULK, ONE_BY_ONE = 100_000, 1000
 AREAS = ("1 m2", "100 m2", "a sixteenth of the map", "the whole map")
+ONE_OF_MANY = 0.5  # the largest exponent for one object's question: without index, it is 1
 LIKE_CPP, NEAR_CPP, FASTER = 1.0, 0.2, 3.0  # the ratios asked: bulk, single, Python libraries
 
 Ids = NDArray[np.int64]
@@ -51,6 +54,7 @@ def rows(settings: Settings) -> Iterator[Row]:
         parts[f"{size}, rtree"] = partial(_against_python, RtreeLayer, world)
     million = 10_000 if settings.quick else 1_000_000
     parts[f"{million:,} objects"] = partial(_figures, million)
+    parts["growth with objects"] = _growth
     yield from each_of(settings, parts)
 
 
@@ -268,4 +272,30 @@ def _add_move_remove(layer: SemanticLayer, world: Floor, rounds: int) -> None:
         (added,) = layer.add([things[number % 1000]])
         layer.update(number, things[(number + 1) % 1000])
         layer.remove([added])
-        layer.value_at(world.points[number % BULK])
+        layer.value_at(world.points[number % len(world.points)])
+
+
+# How it grows
+
+
+def _growth(settings: Settings) -> Iterator[Growth]:
+    """Yield the time of single questions and changes, and of one with many answers."""
+    sizes = tuple(10**power for power in range(2, 5 if settings.quick else 7))
+    points: list[float] = []
+    changes: list[float] = []
+    names: list[float] = []
+    for count in sizes:
+        world, rounds = floor(count, ONE_BY_ONE), max(count // 30, 30)
+        layer, name = world.layer(), str(world.names[0])
+        layer.value_at(world.points)  # the index is built
+        points.append(_median(partial(one_by_one, layer, world.points), settings) / ONE_BY_ONE)
+        names.append(_median(partial(named, layer, name), settings))
+        change = partial(_add_move_remove, layer, world, rounds)
+        changes.append(_median(change, settings) / (3 * rounds))
+    yield Growth("one point", "objects", sizes, tuple(points), limit=ONE_OF_MANY)
+    yield Growth("a change of one object", "objects", sizes, tuple(changes), limit=ONE_OF_MANY)
+    yield Growth("all of a name, a fiftieth of all", "objects", sizes, tuple(names))
+
+
+def _median(work: Callable[[], object], settings: Settings) -> float:
+    return statistics.median(seconds_of(work)[0] for _ in range(settings.repeat))

@@ -1,7 +1,8 @@
 """A race: the same work done by us and by a peer, in turns, and the answers compared.
 
-Each group of the benchmark yields races and figures. A race has a peer, so that its ratio says
-something on any machine; a figure has none and says something on this one.
+Each group of the benchmark yields races, figures and growths. A race has a peer, so that its ratio
+says something on any machine; a figure has none and says something on this one. A growth compares
+us with ourselves on less work.
 """
 
 from __future__ import annotations
@@ -13,7 +14,9 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, ClassVar, Literal, TypeVar
+
+from suite.growth import exponent, n_log_n
 
 Answer = TypeVar("Answer")
 
@@ -89,7 +92,7 @@ class Figure:
         unit: of the values, as "frames/s".
         asked: the value to reach; None if nothing is asked.
         less_is_better: whether a smaller value is the better one.
-        note: what a reader should know, as the exponent of a growth.
+        note: what else a reader should know.
     """
 
     work: str
@@ -98,6 +101,47 @@ class Figure:
     asked: float | None = None
     less_is_better: bool = False
     note: str = ""
+
+
+Kind = Literal["objects", "cells", "frames", "evidence"]
+
+
+@dataclass(frozen=True)
+class Growth:
+    """How the time for some work, and the memory that it needs, grow with its size.
+
+    Attributes:
+        work: what was done.
+        of: what the sizes count; evidence is that of each object.
+        sizes: of the work, ascending.
+        seconds: what each size took; the median where it was measured more than once.
+        bytes: the memory of each size; empty where it was not measured.
+        limit: the largest exponent allowed; None for that of n log n, and `TOLERANCE` more.
+        note: what else a reader should know.
+    """
+
+    TOLERANCE: ClassVar[float] = 0.05  # what clocks, and memory beyond the caches, add to exponents
+
+    work: str
+    of: Kind
+    sizes: tuple[int, ...]
+    seconds: tuple[float, ...]
+    bytes: tuple[float, ...] = ()
+    limit: float | None = None
+    note: str = ""
+
+    @property
+    def exponents(self) -> dict[str, float]:
+        """The exponent of time, and of memory if it was measured: 1 is linear growth, 0 is none."""
+        found = {"time": exponent(self.sizes, self.seconds)}
+        return found | ({"memory": exponent(self.sizes, self.bytes)} if self.bytes else {})
+
+    @property
+    def asked(self) -> float:
+        """The exponent that neither time nor memory may exceed."""
+        if self.limit is not None:
+            return self.limit
+        return round(n_log_n(self.sizes) + self.TOLERANCE, 3)
 
 
 @dataclass(frozen=True)
@@ -115,7 +159,7 @@ class Failure:
     is_wrong: bool = False
 
 
-Row = Race | Figure | Failure
+Row = Race | Figure | Growth | Failure
 Group = Callable[[Settings], Iterator[Row]]
 
 

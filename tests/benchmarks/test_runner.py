@@ -12,6 +12,7 @@ import time
 from pathlib import Path
 
 import pytest
+from PIL import Image
 
 import hypermap as package
 
@@ -26,7 +27,7 @@ sys.path.insert(0, {folder!r})
 import numpy as np
 import bench
 from suite.programs import build
-from suite.race import Disagreement, Figure, each_of, race
+from suite.race import Disagreement, Figure, Growth, each_of, race
 
 def agree(ours, theirs):
     if ours != theirs:
@@ -38,6 +39,12 @@ def sums(settings):
     yield race("10,000 numbers", "Python", lambda: int(numbers.sum()), lambda: sum(range(10000)),
                agree, settings, asked=1e-9)
     yield Figure("numbers", (1.0, 2.0, 4.0), "numbers", asked=1.0, less_is_better=True, note="n")
+
+def growths(settings):
+    sizes = (10, 100, 1000)
+    yield Growth("slow", "objects", sizes, (0.001, 0.002, 0.2), (1e3, 1e4, 1e5), note="n")
+    yield Growth("two loops", "cells", sizes, (1e-4, 1e-2, 1.0))
+    yield Growth("one", "objects", sizes, (1e-4, 1e-4, 1e-4), limit=0.5)
 
 def wrong(settings):
     yield race("one too few", "Python", lambda: sum(range(9)), lambda: sum(range(10)),
@@ -109,6 +116,37 @@ def test_each_row_is_printed_and_saved(tmp_path: Path) -> None:
     assert "| numbers | 2 numbers |  |  | 1.5 to 3 | at most 1 | NO | n |" in page
 
 
+def test_a_growth_is_printed_saved_and_drawn(tmp_path: Path) -> None:
+    files, plots = (tmp_path / "races.json", tmp_path / "races.md"), tmp_path / "plots"
+    options = "--repeat", 1, "--json", files[0], "--markdown", files[1], "--plots", plots
+    done = run(["growths"], *options)
+    assert done.returncode == 0, done.stderr
+    assert "objects 10: 1 ms, 1 kB; 100: 2 ms, 10 kB; 1,000: 200 ms, 100 kB" in done.stdout
+    assert "time n^1.15, memory n^1.00" in done.stdout
+    slow, square, one = json.loads(files[0].read_text())["groups"]["sums"]
+    assert (slow["kind"], slow["of"]) == ("growth", "objects")
+    assert slow["sizes"] == [10, 100, 1000]
+    assert slow["seconds"] == [0.001, 0.002, 0.2]
+    assert slow["bytes"] == [1e3, 1e4, 1e5]
+    assert slow["exponents"] == {"time": 1.151, "memory": 1.0}
+    assert [row["reached"] for row in (slow, square, one)] == [True, False, True]
+    assert (square["exponents"], one["asked"]) == ({"time": 2.0}, 0.5)
+    assert "| two loops | time n^2.00 |  |  |  | at most n^1.29 | NO |" in files[1].read_text()
+    pictures = sorted(plots.iterdir())
+    assert [file.name for file in pictures] == ["growth-cells.png", "growth-objects.png"]
+    for file, least in zip(pictures, (500, 1000), strict=True):
+        with Image.open(file) as picture:
+            assert picture.format == "PNG"
+            assert picture.width > 800
+            assert picture.height > least  # of objects, there is a panel of memory, too
+
+
+def test_without_growths_nothing_is_drawn(tmp_path: Path) -> None:
+    done = run(["sums"], "--repeat", 1, "--plots", tmp_path / "plots")
+    assert done.returncode == 0
+    assert "no growth was measured, so nothing is drawn" in done.stderr
+
+
 def test_a_wrong_answer_fails_the_benchmark_and_the_others_go_on(tmp_path: Path) -> None:
     file = tmp_path / "races.json"
     done = run(["wrong", "sums"], "--repeat", 1, "--json", file)
@@ -147,6 +185,7 @@ def test_ctrl_c_keeps_what_was_measured(tmp_path: Path) -> None:
         (["grid"], "there is no group 'grid'; known: perception, mapping"),
         (["--repeat", "0"], "--repeat must be at least 1, got 0"),
         (["--json", "nowhere/races.json"], "nowhere/races.json: no file can be written there"),
+        (["--plots", "nowhere/plots"], "nowhere/plots: no folder can be made there"),
     ],
 )
 def test_bad_options_are_one_line_before_anything_is_measured(options, message: str) -> None:
@@ -163,9 +202,14 @@ def test_the_command_runs_the_suite_of_the_checkout(tmp_path: Path) -> None:
     file = tmp_path / "races.json"
     started = [sys.executable, "-m", "hypermap", "bench", "startup", "--quick", "--repeat", "1"]
     done = subprocess.run(
-        [*started, "--json", str(file)], capture_output=True, text=True, check=False, cwd=CHECKOUT
+        [*started, "--json", str(file), "--plots", str(tmp_path / "plots")],
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=CHECKOUT,
     )
     assert done.returncode == 0, done.stderr
+    assert "so nothing is drawn" in done.stderr  # of a start, there is no growth
     rows = json.loads(file.read_text())["groups"]["startup"]
     assert any(row["kind"] == "race" and row["ratio"] > 0 for row in rows)
     assert not any(row["kind"] == "failure" for row in rows)

@@ -36,6 +36,12 @@ def command(
         Path | None,
         typer.Option(metavar="FILE", show_default=False, help="Save the tables: .md."),
     ] = None,
+    plots: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FOLDER", show_default=False, help="Draw how time and memory grow: .png."
+        ),
+    ] = None,
 ) -> None:
     """Measure how fast this is beside other programs: PCL, boost, GeoPandas and more.
 
@@ -48,7 +54,13 @@ def command(
         hypermap bench queries grids --repeat 3 --json races.json
         hypermap bench --quick
     """
-    options = {"--data": data, "--repeat": repeat, "--json": json, "--markdown": markdown}
+    options = {
+        "--data": data,
+        "--repeat": repeat,
+        "--json": json,
+        "--markdown": markdown,
+        "--plots": plots,
+    }
     given = [text for name, value in options.items() if value is not None for text in (name, value)]
     arguments = [*(groups or []), *map(str, given), *(["--quick"] if quick else [])]
     os.execv(sys.executable, [sys.executable, str(_script()), *arguments])
