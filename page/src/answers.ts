@@ -170,13 +170,16 @@ function cellCounts({ cells }: AreaAnswer, info: MapInfo): HTMLElement {
     el(
       "ul",
       { class: "cells" },
-      ...cells.map(({ layer, label, count: n }) => {
+      ...cells.map(({ layer, label, count: n, about }) => {
         const area = n * (sizes.get(layer) ?? 0) ** 2;
         return el(
           "li",
           { title: layer },
           labelled(info, layer, label || "Nothing"),
-          el("span", { class: "quiet", text: `${count(n)} · ${squareMetres(area)}` }),
+          el("span", {
+            class: "quiet",
+            text: `${about ? "about " : ""}${count(n)} · ${squareMetres(area)}`,
+          }),
         );
       }),
     ),

@@ -227,7 +227,8 @@ export class App {
     const task = this.reloading.then(async () => {
       const { info } = this.context;
       const { version, can_undo, can_redo, unsaved } = change;
-      const known = info.version === version && info.unsaved === unsaved;
+      // A save may have been under another name.
+      const known = !change.saved && info.version === version && info.unsaved === unsaved;
       if (known && info.can_undo === can_undo && info.can_redo === can_redo) return;
       const before = info.version;
       this.show(await this.source.map());

@@ -72,6 +72,8 @@ export const ICONS = {
   undo: "M7 4L3.500 7.500 7 11M4 7.500h8a4.250 4.250 0 0 1 0 8.500H8",
   redo: "M13 4l3.500 3.500L13 11M16 7.500H8a4.250 4.250 0 0 0 0 8.500h4",
   save: "M4 3.500h9.500L16.500 6.500v10h-13v-13zM7 3.500v4h5.500v-4M6.500 16.500v-5h7v5",
+  saveAs:
+    "M8 16.500H3.500v-13H13l3.500 3.500v2M7 3.500v4h5.500v-4M11 16.500l.500-2.500 4-4 2 2-4 4z",
   sun: "M10 13.500a3.500 3.500 0 1 0 0-7a3.500 3.500 0 0 0 0 7zM10 2v1.800M10 16.200V18M2 10h1.800M16.200 10H18M4.300 4.300l1.300 1.300M14.400 14.400l1.300 1.300M4.300 15.700l1.300-1.300M14.400 5.600l1.300-1.300",
   moon: "M16.500 11.800A7 7 0 0 1 8.200 3.500a7 7 0 1 0 8.300 8.300z",
   settings: "M3 6h7M14 6h3M3 14h3M10 14h7M12 4v4M8 12v4",
@@ -138,6 +140,48 @@ export function choose<T extends string>(
     });
     document.body.append(dialog);
     dialog.showModal();
+  });
+}
+
+/** Asks for a name with a dialog; null if there is none. */
+export function askName(
+  title: string,
+  text: string,
+  value: string,
+  label: string,
+): Promise<string | null> {
+  return new Promise((resolve) => {
+    const input = el("input", { type: "text", value, aria: { label: title } });
+    input.required = true;
+    input.pattern = ".*\\S.*";
+    input.autocomplete = "off";
+    const form = el(
+      "form",
+      { class: "form" },
+      el("h2", { id: "dialog-title", text: title }),
+      el("p", { text }),
+      input,
+      el(
+        "div",
+        { class: "dialog-buttons" },
+        el("button", {
+          type: "button",
+          text: "Cancel",
+          class: "button",
+          onclick: () => dialog.close(),
+        }),
+        el("button", { type: "submit", value: "ok", text: label, class: "button primary" }),
+      ),
+    );
+    form.setAttribute("method", "dialog");
+    const dialog = el("dialog", { class: "dialog", aria: { labelledby: "dialog-title" } }, form);
+    dialog.addEventListener("close", () => {
+      dialog.remove();
+      resolve(dialog.returnValue === "ok" ? input.value.trim() : null);
+    });
+    document.body.append(dialog);
+    dialog.showModal();
+    input.select();
   });
 }
 

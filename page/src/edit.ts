@@ -7,7 +7,7 @@ import Snap from "ol/interaction/Snap.js";
 import VectorLayer from "ol/layer/Vector.js";
 import VectorSource from "ol/source/Vector.js";
 import type { Ask, Context } from "./ask";
-import { byId, choose, complain, el, notify } from "./dom";
+import { askName, byId, choose, complain, el, notify } from "./dom";
 import { Drawing, type Kind } from "./drawing";
 import { EditBar } from "./editbar";
 import { newObjectForm, objectForm } from "./forms";
@@ -57,6 +57,7 @@ export class Editor {
       undo: () => this.undo(),
       redo: () => this.redo(),
       save: () => this.save(),
+      saveAs: () => void this.saveAs(),
       done: () => this.stop(),
     });
     ask.actions = (object) => this.actions(object);
@@ -171,6 +172,18 @@ export class Editor {
     });
   }
 
+  /** Saves under another name of the same folder, and goes on with that file. */
+  private async saveAs(): Promise<void> {
+    const stem = this.context.info.name.replace(/\.[^.]*$/, "");
+    const name = await askName(
+      "Save as",
+      "In the same folder. From then on, this page shows and saves that file.",
+      `${stem}.hmap`,
+      "Save",
+    );
+    if (name) this.save({ path: /\.hmap$/i.test(name) ? name : `${name}.hmap` });
+  }
+
   private choose(object: ObjectDetails): void {
     this.letGo();
     this.chosen = object;
@@ -214,11 +227,13 @@ export class Editor {
       title: room ? "New room" : "New object",
       summary: "Give it a name",
       content: [
-        newObjectForm(this.names(), this.layers(), room, {
-          add: (values) => {
+        newObjectForm(this.names(), this.layers(), room, this.taken(), {
+          add: ({ isNewLayer, ...values }) => {
             cancel();
             const polygons: Polygon[] = [[ring]];
-            this.apply([{ op: "add", polygons, ...values }], `Added ${values.name}`, true);
+            const layer: Operation = { op: "add_layer", layer: values.layer };
+            const object: Operation = { op: "add", polygons, ...values };
+            this.apply(isNewLayer ? [layer, object] : [object], `Added ${values.name}`, true);
           },
           cancel,
         }),
@@ -279,6 +294,10 @@ export class Editor {
     return layers
       .filter(({ kind, editable }) => kind === "shapes" && editable !== false)
       .map(({ name }) => name);
+  }
+
+  private taken(): string[] {
+    return this.context.info.layers.map(({ name }) => name);
   }
 
   private names(): string[] {

@@ -9,6 +9,7 @@ export interface EditVerbs {
   undo: () => void;
   redo: () => void;
   save: () => void;
+  saveAs: () => void;
   done: () => void;
 }
 
@@ -29,11 +30,14 @@ export class EditBar {
       button("polygon", "edit-polygon", "Polygon", "Add an object: any shape", () =>
         verbs.draw("polygon", false),
       ),
-      button("room", "edit-room", "Room", "Add a room", () => verbs.draw("polygon", true)),
+      button("room", "edit-room", "Room", "Add a room or a zone", () =>
+        verbs.draw("polygon", true),
+      ),
       el("span", { class: "divider" }),
       this.undo,
       this.redo,
       this.save,
+      button("saveAs", "edit-save-as", "Save as", "Save the map under another name", verbs.saveAs),
       el("span", { class: "divider" }),
       button("check", "edit-done", "Done", "Leave edit mode (Esc)", verbs.done),
     );

@@ -96,8 +96,9 @@ export class EmbeddedSource implements DataSource {
     const cells = [];
     for (const { name, kind } of this.blob.map.layers) {
       if (kind !== "raster") continue;
-      for (const [label, count] of (await this.raster(name)).countsIn(ring)) {
-        cells.push({ layer: name, label, count });
+      const raster = await this.raster(name);
+      for (const [label, count] of raster.countsIn(ring)) {
+        cells.push({ layer: name, label, count, about: raster.isReduced });
       }
     }
     return { rows, cells, ...spellArea(this.blob.map.name, asked, this.spelled(frame)) };

@@ -8,6 +8,16 @@ export interface Named {
   tags: string[];
 }
 
+/** A new object, and where it goes. */
+export interface Placed extends Named {
+  layer: string;
+  /** Whether there is no such layer yet. */
+  isNewLayer: boolean;
+}
+
+/** The choice that stands for a layer yet to be named; no layer is called so. */
+const NEW_LAYER = "";
+
 export const tagsFrom = (text: string): string[] => [
   ...new Set(
     text
@@ -60,21 +70,47 @@ export function newObjectForm(
   names: string[],
   layers: string[],
   room: boolean,
-  verbs: { add: (values: Named & { layer: string }) => void; cancel: () => void },
+  taken: string[],
+  verbs: { add: (values: Placed) => void; cancel: () => void },
 ): HTMLElement {
   const { name, tags } = fields(names, "", room ? ["room"] : []);
   const layer = el(
     "select",
     { id: "object-layer" },
     ...layers.map((layer) => el("option", { value: layer, text: layer })),
+    el("option", { value: NEW_LAYER, text: "New layer…" }),
   );
-  layer.value = layers.find((name) => room === (name === "rooms")) ?? layers[0];
+  layer.value = layers.find((name) => room === (name === "rooms")) ?? layers[0] ?? NEW_LAYER;
+  const newLayer = el("input", {
+    id: "object-new-layer",
+    type: "text",
+    placeholder: "its name, such as zones",
+    aria: { label: "Name of the new layer" },
+  });
+  newLayer.autocomplete = "off";
+  newLayer.pattern = ".*\\S.*";
+  const offerName = () => {
+    newLayer.hidden = layer.value !== NEW_LAYER;
+    newLayer.required = !newLayer.hidden;
+  };
+  const checkName = () => {
+    const name = newLayer.value.trim();
+    const other = taken.includes(name) && !layers.includes(name);
+    newLayer.setCustomValidity(other ? `Layer ${name} holds no objects; choose another name` : "");
+  };
+  newLayer.addEventListener("input", checkName);
+  layer.addEventListener("change", () => {
+    offerName();
+    if (!newLayer.hidden) newLayer.focus();
+  });
+  offerName();
   const form = el(
     "form",
     { class: "form" },
     ...name.rows,
     el("label", { text: "Layer", for: "object-layer" }),
     layer,
+    newLayer,
     ...tags.rows,
     el(
       "div",
@@ -86,9 +122,11 @@ export function newObjectForm(
   );
   form.addEventListener("submit", (event) => {
     event.preventDefault();
+    const chosen = layer.value === NEW_LAYER ? newLayer.value.trim() : layer.value;
     verbs.add({
       name: name.input.value.trim(),
-      layer: layer.value,
+      layer: chosen,
+      isNewLayer: !layers.includes(chosen),
       tags: tagsFrom(tags.input.value),
     });
   });

@@ -19,6 +19,8 @@ export class Raster {
     private readonly bounds: Extent,
     private readonly size: number,
     private readonly says: EmbeddedRaster["says"],
+    private readonly grid: EmbeddedRaster["grid"],
+    private readonly reducedBy: number,
   ) {
     this.levels = [{ canvas: canvasOf(pixels), size }];
     for (let level = pixels; Math.max(level.width, level.height) > TILE;) {
@@ -27,7 +29,8 @@ export class Raster {
     }
   }
 
-  static async decode({ png, bounds, resolution, says }: EmbeddedRaster): Promise<Raster> {
+  static async decode(embedded: EmbeddedRaster): Promise<Raster> {
+    const { png, bounds, resolution, says, grid, reduced_by } = embedded;
     const image = new Image();
     image.src = `data:image/png;base64,${png}`;
     await image.decode();
@@ -35,7 +38,7 @@ export class Raster {
     const context = contextOf(canvas);
     context.drawImage(image, 0, 0);
     const pixels = context.getImageData(0, 0, canvas.width, canvas.height);
-    return new Raster(pixels, bounds, resolution, says);
+    return new Raster(pixels, bounds, resolution, says, grid, reduced_by);
   }
 
   tile(zoom: number, column: number, row: number): HTMLCanvasElement {
@@ -55,32 +58,50 @@ export class Raster {
   }
 
   at(point: Point): { label: string; value: number | null } {
-    const { width, height } = this.pixels;
-    const column = Math.floor((point[0] - this.bounds[0]) / this.size);
-    const row = Math.floor((this.bounds[3] - point[1]) / this.size);
-    if (column < 0 || row < 0 || column >= width || row >= height) return OFF;
-    return this.says[this.colorAt(row * width + column)] ?? OFF;
+    const [column, row] = this.inCells(point).map(Math.floor);
+    return this.says[this.colorOf(column, row)] ?? OFF;
   }
 
-  /** How many pixels with their centre in a ring have each label. */
+  /** Whether counts are of cells that are coarser than the layer's. */
+  get isReduced(): boolean {
+    return this.reducedBy > 1;
+  }
+
+  /** How many of the layer's cells with their centre in a ring have each label. */
   countsIn(ring: Ring): Map<string, number> {
     const counts = new Map<string, number>();
-    const { width, height } = this.pixels;
-    const [x0, y0, x1, y1] = extentOf([[ring]]);
-    const first = Math.max(0, Math.floor((this.bounds[3] - y1) / this.size));
-    const last = Math.min(height - 1, Math.floor((this.bounds[3] - y0) / this.size));
-    const left = Math.max(0, Math.floor((x0 - this.bounds[0]) / this.size));
-    const right = Math.min(width - 1, Math.floor((x1 - this.bounds[0]) / this.size));
+    const { width, height } = this.grid;
+    const inCells = ring.map((point) => this.inCells(point));
+    const [x0, y0, x1, y1] = extentOf([[inCells]]);
+    const [left, right] = [Math.max(0, Math.floor(x0)), Math.min(width - 1, Math.floor(x1))];
+    const [first, last] = [Math.max(0, Math.floor(y0)), Math.min(height - 1, Math.floor(y1))];
     for (let row = first; row <= last; row++) {
       for (let column = left; column <= right; column++) {
-        const x = this.bounds[0] + (column + 0.5) * this.size;
-        const y = this.bounds[3] - (row + 0.5) * this.size;
-        if (!holds([[ring]], [x, y])) continue;
-        const label = this.says[this.colorAt(row * width + column)]?.label ?? OFF.label;
-        counts.set(label, (counts.get(label) ?? 0) + 1);
+        if (!holds([[inCells]], [column + 0.5, row + 0.5])) continue;
+        const { label } = this.says[this.colorOf(column, row)] ?? OFF;
+        counts.set(label, (counts.get(label) ?? 0) + this.reducedBy ** 2);
       }
     }
     return counts;
+  }
+
+  /** A point of the base frame in cells from the corner of the grid. */
+  private inCells([x, y]: Point): Point {
+    const { x: x0, y: y0, yaw, resolution } = this.grid;
+    const [cos, sin] = [Math.cos(yaw) / resolution, Math.sin(yaw) / resolution];
+    return [cos * (x - x0) + sin * (y - y0), cos * (y - y0) - sin * (x - x0)];
+  }
+
+  /** The color of a cell: that of the pixel over its centre, also where the grid is turned. */
+  private colorOf(column: number, row: number): string {
+    const { x: x0, y: y0, yaw, resolution, width, height } = this.grid;
+    if (column < 0 || row < 0 || column >= width || row >= height) return "";
+    const [u, v] = [(column + 0.5) * resolution, (row + 0.5) * resolution];
+    const x = x0 + Math.cos(yaw) * u - Math.sin(yaw) * v;
+    const y = y0 + Math.sin(yaw) * u + Math.cos(yaw) * v;
+    const pixelColumn = Math.floor((x - this.bounds[0]) / this.size);
+    const pixelRow = Math.floor((this.bounds[3] - y) / this.size);
+    return this.colorAt(pixelRow * this.pixels.width + pixelColumn);
   }
 
   private colorAt(index: number): string {

@@ -128,7 +128,8 @@ export interface AreaAnswer extends Spelled {
   rows: AreaRow[];
   /** How many rows there are, where not all are sent. */
   total?: number;
-  cells: { layer: string; label: string; count: number }[];
+  /** `about`: where a grid of fewer cells stands for the layer's. */
+  cells: { layer: string; label: string; count: number; about?: boolean }[];
 }
 
 export interface FoundRow {
@@ -205,7 +206,8 @@ export interface Evidence extends Partial<Spelled> {
 }
 
 export interface Operation {
-  op: "add" | "update" | "remove";
+  /** "add_layer" adds one without objects; a following "add" may draw on it. */
+  op: "add" | "add_layer" | "update" | "remove";
   layer: string;
   id?: number;
   name?: string;
@@ -300,6 +302,10 @@ export interface EmbeddedRaster {
   bounds: Extent;
   /** Metres per pixel. */
   resolution: number;
+  /** The cells that are drawn: the pose of their corner in the base frame, their side, how many. */
+  grid: { x: number; y: number; yaw: number; resolution: number; width: number; height: number };
+  /** How many of the layer's cells, along a side, became one of those. */
+  reduced_by: number;
   /** What a pixel of the color "rrggbbaa" says. */
   says: Record<string, { label: string; value: number | null }>;
 }

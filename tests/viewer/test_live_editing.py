@@ -160,7 +160,11 @@ def test_changes_from_many_threads_are_all_kept(tmp_path):
 @pytest.mark.parametrize(
     ("operation", "status", "reason"),
     [
-        ({"op": "paint", "layer": "things", "id": 0}, 400, "op: expected add, update or remove"),
+        (
+            {"op": "paint", "layer": "things", "id": 0},
+            400,
+            "op: expected add, update, remove or add_layer",
+        ),
         ({"op": "add", "layer": "things", "name": "x"}, 400, "needs a name and a polygon"),
         ({"op": "add", "polygon": BED, "name": "x"}, 400, "layer: the operation must name one"),
         (add(polygon=[[0, 0], [2, 2], [2, 0], [0, 2]]), 400, "the outline crosses itself"),
@@ -409,3 +413,61 @@ def test_real_maps_are_edited_saved_and_opened_again(shared_data, tmp_path):
         untouched = [i for i in before[layer].ids.tolist() if i != number]
         for i in untouched:
             assert after[layer].get(i).footprint.equals(before[layer].get(i).footprint)
+
+
+def add_layer(name: str) -> dict:
+    return {"op": "add_layer", "layer": name}
+
+
+def layers_of(window: Window) -> list[str]:
+    return [layer["name"] for layer in window.get("/api/map")["layers"]]
+
+
+def test_a_zone_is_drawn_on_a_new_layer_beneath_the_objects(tmp_path):
+    path = saved(tmp_path)
+    with serving(path) as client:
+        window = Window(client)
+        zone = {**add("kitchen", tags=["zone"]), "layer": "zones"}
+        told = window.edit(add_layer("zones"), zone)
+        assert told["ids"] == [0]
+        assert told["layers"] == ["zones"]
+        assert layers_of(window) == ["occupancy", "zones", "things"]
+        window.post("/api/save")
+    hypermap = open_map(path)
+    assert hypermap["zones"].frame_id == "map"
+    assert hypermap.label_at("zones", [8.5, 6.0])[0] == "kitchen"
+    assert hypermap["zones"].get(0).tags == ("zone",)
+    assert len(hypermap["things"]) == 3
+
+
+def test_a_new_layer_is_undone_and_made_again_with_what_was_drawn_on_it(tmp_path):
+    with serving(saved(tmp_path)) as client:
+        window = Window(client)
+        zone = {**add("kitchen"), "layer": "zones"}
+        window.edit(add_layer("zones"), zone)
+        window.edit({**rename(0, "pantry"), "layer": "zones"})
+        window.go("/api/undo")
+        assert window.names("zones") == {0: "kitchen"}
+        assert window.go("/api/undo")["unsaved"] is False
+        assert layers_of(window) == ["occupancy", "things"]
+        assert window.go("/api/redo")["ids"] == [0]
+        window.go("/api/redo")
+        assert window.names("zones") == {0: "pantry"}
+        assert layers_of(window) == ["occupancy", "zones", "things"]
+
+
+def test_a_new_layer_needs_a_name_that_no_other_has(tmp_path):
+    with serving(saved(tmp_path)) as client:
+        window = Window(client)
+        for name, said in {
+            "things": "there is a layer 'things' already",
+            "  ": "a text is expected",
+            "a\nb": "cannot be shown",
+            "x" * 201: "too long",
+        }.items():
+            told = window.edit(add_layer(name), expected=400)
+            assert said in told["error"]
+        # Neither the layer nor what was drawn with it stays if one of the two is refused.
+        window.edit(add_layer("zones"), {**add(), "layer": "zones", "polygon": []}, expected=400)
+        assert layers_of(window) == ["occupancy", "things"]
+        assert not window.get("/api/map")["can_undo"]

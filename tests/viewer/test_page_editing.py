@@ -250,3 +250,76 @@ def test_markup_typed_as_a_name_stays_text(edited: Edited) -> None:
     assert window.page.evaluate("window.hacked") is None
     save(window)
     assert edited.objects()[CHAIR].name == EVIL + "2"
+
+
+def test_a_zone_is_drawn_on_a_new_layer_of_its_own(edited: Edited, other: Window) -> None:
+    window = edited.window
+    start_editing(window)
+    window.page.locator("#edit-room").click()
+    for corner in [(4.5, 4.2), (6.2, 4.2), (6.2, 6.8)]:
+        window.click_at(*corner)
+        window.page.wait_for_timeout(300)  # two clicks at once would end the shape
+    window.page.keyboard.press("Enter")
+    expect(window.page.locator("#object-new-layer")).to_be_hidden()
+    window.page.locator("#object-layer").select_option(label="New layer…")
+    window.page.locator("#object-name").fill("kitchen")
+    window.page.locator("#object-new-layer").fill("occupancy")  # the grid has that name
+    window.page.locator("#object-add").click()
+    expect(window.page.locator("#object-new-layer:invalid")).to_be_visible()
+    window.page.locator("#object-new-layer").fill("zones")
+    window.page.locator("#object-add").click()
+    shown = '[data-layer="zones"] [data-class="kitchen"]'
+    expect(window.page.locator(shown)).to_be_attached()
+    expect(other.page.locator(shown)).to_be_attached()
+    save(window)
+    zones = open_map(edited.path)["zones"]
+    assert isinstance(zones, SemanticLayer)
+    (zone,) = zones.objects()
+    assert (zone.name, zone.tags) == ("kitchen", ("room",))
+    assert zone.footprint.area == pytest.approx(1.7 * 2.6 / 2, rel=0.05)
+    assert window.complaints == []
+    window.page.locator("#edit-undo").click()
+    expect(window.page.locator('[data-layer="zones"]')).to_have_count(0)
+    expect(other.page.locator('[data-layer="zones"]')).to_have_count(0)
+
+
+def save_as(window: Window, name: str) -> None:
+    window.page.locator("#edit-save-as").click()
+    window.page.get_by_role("dialog").get_by_label("Save as").fill(name)
+    window.page.get_by_role("dialog").get_by_role("button", name="Save").click()
+
+
+def test_a_map_is_saved_under_another_name(edited: Edited, other: Window) -> None:
+    window, before = edited.window, edited.path.read_bytes()
+    start_editing(window)
+    take(window, CHAIR, "chair")
+    rename(window, "armchair")
+    save_as(window, "corrected")  # the ending is given by the page
+    for page in (window.page, other.page):
+        expect(page.locator("#title")).to_have_text("corrected.hmap")
+    expect(window.page.locator("#edit-save")).to_be_disabled()
+    assert edited.path.read_bytes() == before
+    corrected = edited.path.with_name("corrected.hmap")
+    assert objects_of(open_map(corrected))[CHAIR].name == "armchair"
+
+    rename(window, "throne")
+    save(window)  # goes on with the new file
+    assert edited.path.read_bytes() == before
+    assert objects_of(open_map(corrected))[CHAIR].name == "throne"
+
+
+def test_another_name_that_is_in_use_or_leads_out_is_not_taken_unasked(edited: Edited) -> None:
+    window, taken = edited.window, edited.path.with_name("taken.hmap")
+    taken.write_bytes(b"mine")
+    start_editing(window)
+    save_as(window, "taken.hmap")
+    dialog = window.page.get_by_role("dialog").filter(has_text="exists already")
+    dialog.get_by_role("button", name="Cancel").click()
+    assert taken.read_bytes() == b"mine"
+    save_as(window, "../outside.hmap")
+    expect(window.page.get_by_role("alert").filter(has_text="outside.hmap")).to_be_visible()
+    assert not (edited.path.parent.parent / "outside.hmap").exists()
+    save_as(window, "taken.hmap")
+    dialog.get_by_role("button", name="Overwrite").click()
+    expect(window.page.locator("#title")).to_have_text("taken.hmap")
+    assert sorted(objects_of(open_map(taken))) == sorted(edited.objects())

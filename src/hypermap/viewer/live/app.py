@@ -19,6 +19,7 @@ from starlette.routing import Route
 from hypermap.core.errors import HypermapError
 from hypermap.viewer.live.behind import look_behind
 from hypermap.viewer.live.cache import ByteCache
+from hypermap.viewer.live.changes import Change
 from hypermap.viewer.live.description import describe_map
 from hypermap.viewer.live.document import MapDocument, Snapshot
 from hypermap.viewer.live.downloads import rows_as_csv, rows_as_geojson
@@ -214,7 +215,8 @@ class MapApp:
         ids: list[int] = []
 
         def change(draft: Any) -> None:
-            ids.extend(carry_out(draft, operation) for operation in operations)
+            made = [carry_out(draft, operation) for operation in operations]
+            ids.extend(number for number in made if number is not None)
 
         draft = await run_in_threadpool(self.document.edit, version, change)
         return self._changed({change.layer for change in draft.changes}, ids=ids)
@@ -228,7 +230,7 @@ class MapApp:
     async def _go(self, request: Request, go: Callable[[int], Any]) -> Response:
         version = whole_number_in(await read_body(request), "version")
         changes = await run_in_threadpool(go, version)
-        ids = list(dict.fromkeys(change.id for change in changes))
+        ids = list(dict.fromkeys(one.id for one in changes if isinstance(one, Change)))
         return self._changed({change.layer for change in changes}, ids=ids)
 
     async def _save(self, request: Request) -> Response:

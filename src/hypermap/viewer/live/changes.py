@@ -1,12 +1,14 @@
-"""Changes of objects as values: what was before, and what is after."""
+"""Changes of a map as values: what was before, and what is after."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 from hypermap.core.errors import HypermapError
 from hypermap.core.hypermap import Hypermap
+from hypermap.core.layer import Layer
 from hypermap.core.objects import SemanticObject
 from hypermap.core.semantic import SemanticLayer
 
@@ -32,12 +34,32 @@ class Change:
         return Change(self.layer, self.id, self.after, self.before)
 
 
-def undoing(changes: Sequence[Change]) -> list[Change]:
+@dataclass(frozen=True)
+class LayerChange:
+    """A layer without objects that was added or removed.
+
+    Attributes:
+        layer: its name.
+        is_there: after the change.
+    """
+
+    layer: str
+    is_there: bool
+
+    def inverse(self) -> LayerChange:
+        """Return the change that undoes this one."""
+        return LayerChange(self.layer, not self.is_there)
+
+
+AnyChange: TypeAlias = Change | LayerChange
+
+
+def undoing(changes: Sequence[AnyChange]) -> list[AnyChange]:
     """Return the changes that undo some, the last one first."""
     return [change.inverse() for change in reversed(changes)]
 
 
-def applied(hypermap: Hypermap, changes: Iterable[Change]) -> Hypermap:
+def applied(hypermap: Hypermap, changes: Iterable[AnyChange]) -> Hypermap:
     """Return a map with changes made; the given one stays as it is.
 
     Raises:
@@ -62,7 +84,7 @@ class Draft:
     ) -> None:
         """Begin with a map; `check` raises for the layer and id of what must not be changed."""
         self.hypermap = hypermap
-        self.changes: list[Change] = []
+        self.changes: list[AnyChange] = []
         self._check = check
         self._own: dict[str, SemanticLayer] = {}
 
@@ -94,9 +116,37 @@ class Draft:
         self.layer(layer).remove([number])
         self.changes.append(Change(layer, number, before, None))
 
-    def apply(self, change: Change) -> None:
+    def add_layer(self, name: str) -> None:
+        """Add a layer without objects, in the base frame, to be drawn beneath other objects.
+
+        Raises:
+            HypermapError: If there is one of that name.
+        """
+        if name in self.hypermap:
+            raise HypermapError(f"there is a layer {name!r} already; draw on it, or name another")
+        self._own[name] = SemanticLayer(name, self.hypermap.base_frame)
+        layers = list(self.hypermap)
+        kinds = [isinstance(layer, SemanticLayer) for layer in layers]
+        layers.insert(kinds.index(True) if True in kinds else len(layers), self._own[name])
+        self._replace_layers(layers)
+        self.changes.append(LayerChange(name, True))
+
+    def remove_layer(self, name: str) -> None:
+        """Take a layer away that was added without objects.
+
+        Raises:
+            LayerNotFound: If there is none of that name.
+        """
+        gone = self.hypermap[name]
+        self._own.pop(name, None)
+        self._replace_layers([layer for layer in self.hypermap if layer is not gone])
+        self.changes.append(LayerChange(name, False))
+
+    def apply(self, change: AnyChange) -> None:
         """Make a change."""
-        if change.after is None:
+        if isinstance(change, LayerChange):
+            (self.add_layer if change.is_there else self.remove_layer)(change.layer)
+        elif change.after is None:
             self.remove(change.layer, change.id)
         elif change.before is None:
             self.add(change.layer, change.after)
@@ -117,3 +167,6 @@ class Draft:
             self._own[name] = layer.copy()
             self.hypermap = self.hypermap.with_layer(self._own[name])
         return self._own[name]
+
+    def _replace_layers(self, layers: Iterable[Layer]) -> None:
+        self.hypermap = Hypermap(layers, self.hypermap.frames, self.hypermap.metadata)

@@ -15,7 +15,7 @@ from typing import Any
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.semantic import SemanticLayer
 from hypermap.formats import open_map, save_map
-from hypermap.viewer.live.changes import Change, Draft, applied, undoing
+from hypermap.viewer.live.changes import AnyChange, Change, Draft, applied, undoing
 from hypermap.viewer.live.files import MapFile
 from hypermap.viewer.live.refusals import Refused
 
@@ -41,7 +41,7 @@ class Snapshot:
 class _Step:
     """Changes that are undone together, and a number for the content before and after them."""
 
-    changes: tuple[Change, ...]
+    changes: tuple[AnyChange, ...]
     before: int
     after: int
 
@@ -124,11 +124,11 @@ class MapDocument:
                 self._undone.clear()
             return draft
 
-    def undo(self, version: int) -> Sequence[Change]:
+    def undo(self, version: int) -> Sequence[AnyChange]:
         """Take back the last step, and return what changed; raises like `redo`."""
         return self._go(version, self._done, self._undone, is_undo=True)
 
-    def redo(self, version: int) -> Sequence[Change]:
+    def redo(self, version: int) -> Sequence[AnyChange]:
         """Make the step again that was taken back last, and return what changed.
 
         Raises:
@@ -188,7 +188,7 @@ class MapDocument:
 
     def _go(
         self, version: int, taken: deque[_Step], given: deque[_Step], is_undo: bool
-    ) -> Sequence[Change]:
+    ) -> Sequence[AnyChange]:
         with self._changing:
             self._check_editable()
             if version != self._snapshot.version:
@@ -202,10 +202,11 @@ class MapDocument:
             self._take(hypermap, changes, step.before if is_undo else step.after)
             return changes
 
-    def _take(self, hypermap: Hypermap, changes: Sequence[Change], content: int) -> None:
+    def _take(self, hypermap: Hypermap, changes: Sequence[AnyChange], content: int) -> None:
         version = self._snapshot.version + 1
         since = {**self._snapshot.since, **{change.layer: version for change in changes}}
-        self._touched.update({(change.layer, change.id): version for change in changes})
+        objects = [change for change in changes if isinstance(change, Change)]
+        self._touched.update({(change.layer, change.id): version for change in objects})
         self._snapshot = Snapshot(version, hypermap, since)
         self._content = content
         self.beat += 1

@@ -34,17 +34,21 @@ def operations_in(body: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     return operations
 
 
-def carry_out(draft: Draft, operation: Mapping[str, Any]) -> int:
-    """Make the change that an operation asks for, and return the object's id.
+def carry_out(draft: Draft, operation: Mapping[str, Any]) -> int | None:
+    """Make the change that an operation asks for, and return the object's id; None for a layer.
 
     Raises:
         Refused: If the operation is incomplete or wrong.
         LayerNotFound, ObjectNotFound: If there is no such layer or object.
+        HypermapError: If a layer to be added is there already.
     """
     kind = operation.get("op")
     layer = text_in(operation, "layer")
     if layer is None:
         raise Refused("layer: the operation must name one")
+    if kind == "add_layer":
+        draft.add_layer(_checked(layer, "layer"))
+        return None
     if kind == "add":
         return _add(draft, layer, operation)
     number = whole_number_in(operation, "id")
@@ -54,7 +58,7 @@ def carry_out(draft: Draft, operation: Mapping[str, Any]) -> int:
     elif kind == "remove":
         draft.remove(layer, number)
     else:
-        raise Refused(f"op: expected add, update or remove, got {kind!r}")
+        raise Refused(f"op: expected add, update, remove or add_layer, got {kind!r}")
     return number
 
 

@@ -31,6 +31,8 @@ class EmbeddedRaster:
         rgba: uint8, shape (height, width, 4), in the base frame; row 0 is the top, as in a picture.
         bounds: xmin, ymin, xmax, ymax [m].
         resolution: side of a pixel [m].
+        grid: the cells that are drawn, their origin in the base frame; a turned grid has pixels
+            of half a cell, so that the one over a cell's centre shows that cell.
         reduced_by: how many cells of the layer, along a side, became one; 1: all are there.
         says: color "rrggbbaa" -> label and value of the cells that have it; empty for layers whose
             colors do not tell what their cells hold.
@@ -39,17 +41,27 @@ class EmbeddedRaster:
     rgba: NDArray[np.uint8]
     bounds: tuple[float, float, float, float]
     resolution: float
+    grid: GridGeometry
     reduced_by: int
     says: dict[str, dict[str, Any]]
 
     def as_json(self) -> dict[str, Any]:
         """Return what stands in the page."""
+        grid, origin = self.grid, self.grid.origin
         content = io.BytesIO()
         Image.fromarray(self.rgba).save(content, format="png")
         return {
             "png": base64.b64encode(content.getvalue()).decode("ascii"),
             "bounds": list(self.bounds),
             "resolution": self.resolution,
+            "grid": {
+                "x": origin.x,
+                "y": origin.y,
+                "yaw": origin.yaw,
+                "resolution": grid.resolution,
+                "width": grid.width,
+                "height": grid.height,
+            },
             "reduced_by": self.reduced_by,
             "says": self.says,
         }
@@ -159,11 +171,12 @@ def _placed(
 ) -> EmbeddedRaster:
     """Return a grid's colors (row 0 at its origin) as a picture along the base frame's axes."""
     base_T_grid = base_T_layer @ grid.origin
+    in_base = GridGeometry(grid.width, grid.height, grid.resolution, base_T_grid)
     if abs(base_T_grid.yaw) < _STRAIGHT:
         x, y = base_T_grid.x, base_T_grid.y
         bounds = (x, y, x + grid.width * grid.resolution, y + grid.height * grid.resolution)
         return EmbeddedRaster(
-            np.ascontiguousarray(rgba[::-1]), bounds, grid.resolution, factor, says
+            np.ascontiguousarray(rgba[::-1]), bounds, grid.resolution, in_base, factor, says
         )
     pixel = grid.resolution / 2
     corners = base_T_layer.apply(grid.corners())
@@ -181,6 +194,7 @@ def _placed(
         turned,
         (x, y, x + float(width) * pixel, y + float(height) * pixel),
         pixel,
+        in_base,
         factor,
         says,
     )
