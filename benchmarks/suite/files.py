@@ -26,6 +26,7 @@ from suite.race import Disagreement, Figure, Growth, Kind, Race, Row, Settings, 
 _CHILD = Path(__file__).with_name("map_process.py")
 _CLASSES = ("chair", "table", "cup", "potted plant", "tvmonitor", "sofa", "person")
 _LARGE = 4000  # cells
+_TELLING = 500  # cells; of smaller pictures, only the growth is told
 _MOST_RUNS = 3  # of what takes the peer half a minute
 _LEAST_MB = 0.1  # a process grows by pages and arenas, so that less cannot be told
 _SUMS = ("objects", "tags", "area", "confidence", "seen", "free", "occupied", "unknown")
@@ -115,7 +116,7 @@ def _growth_of_objects(settings: Settings) -> Iterator[Row]:
 
 
 def _pictures(settings: Settings) -> Iterator[Row]:
-    sides = (500, 1000) if settings.quick else (1000, 4000, 10_000)
+    sides = (100, 500, 1000) if settings.quick else (100, 320, 1000, 4000, 10_000)
     measured = []
     for side in sides:
         path = _folder(settings) / f"{side}.hmap"
@@ -123,6 +124,8 @@ def _pictures(settings: Settings) -> Iterator[Row]:
             save_map(Hypermap([_grid(side)]), path)
         runs = [_measured(path, "yaml", settings) for _ in range(min(settings.repeat, 2))]
         measured.append(runs)
+        if side < _TELLING:
+            continue
         for verb in ("load", "save"):
             yield Figure(f"{verb} {side} x {side} cells", _all(runs, verb), "s", None, True)
         for key, what in (("resident_mb", "held"), ("peak_mb", "at the peak of both")):

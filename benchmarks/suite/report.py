@@ -116,6 +116,8 @@ def line(row: Row) -> str:
         return f"  {row.work}: {'WRONG' if row.is_wrong else 'left out'}: {row.reason}"
     ours, peer, ratio, spread, asked, reached = cells(row)
     numbers = f"{ours:>14} {peer:>9} {ratio and 'x' + ratio:>7} {spread and f'({spread})'} "
+    if isinstance(row, Growth):
+        numbers = f"      {ours}"
     wanted = f"asked {asked}: {reached}" if asked else ""
     return "\n".join([f"  {row.work}", f"{numbers:<52} {wanted}", f"      {remark(row)}"]).rstrip()
 

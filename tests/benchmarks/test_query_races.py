@@ -61,3 +61,12 @@ def test_other_ids_are_a_disagreement(ours: list[int], theirs: list[int]) -> Non
     with pytest.raises(Disagreement, match="are not the same"):
         same_ids(np.array(ours), np.array(theirs))
     assert same_ids(np.array([2, 1, -1, 4, -1]), np.array([1, 2, -1, 4, -1])) == "the same 3 ids"
+
+
+def test_a_question_about_one_object_hardly_grows_with_the_layer(settings) -> None:
+    from suite import queries
+
+    rows = list(queries._growth(settings))
+    assert [row.work for row in rows][:2] == ["one point", "a change of one object"]
+    assert all(row.sizes == (100, 1000, 10_000) for row in rows)
+    assert all(row.exponents["time"] < row.asked == queries.ONE_OF_MANY for row in rows[:2])
