@@ -312,6 +312,8 @@ def test_a_run_is_followed_stopped_and_looked_at_and_its_end_is_said(
         assert "of 4,000 frames" in page.locator("#state").inner_text()
         assert page.locator("#live").inner_text() == "Live"
 
+        assert page.locator("#open-map").is_hidden()
+
         first = window.number  # live: what is shown goes on by itself
         window.wait_for("(n) => window.hypermapRun.shown.number >= n + 4", first)
         window.go(1)
@@ -333,6 +335,10 @@ def test_a_run_is_followed_stopped_and_looked_at_and_its_end_is_said(
         window.wait_until_shown(last)
         window.go(1)
         assert window.objects() in ({}, {"chair": 1})
+        with page.expect_popup() as opened:
+            page.get_by_role("link", name="Open the map").click()
+        opened.value.locator('[data-class="chair"]').wait_for(state="attached")
+        assert opened.value.locator("#title").inner_text() == "room.hmap"
         assert window.complaints == []
 
         watched.interrupt()

@@ -159,6 +159,9 @@ export class RunPage {
     progress.value = done;
     progress.hidden = state !== "mapping";
     showCounts(news.counts, news.objects);
+    const link = byId<HTMLAnchorElement>("open-map");
+    link.hidden = !news.map_url;
+    if (news.map_url) link.href = news.map_url;
   }
 
   private showSeen({ detections }: Sight): void {

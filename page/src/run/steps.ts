@@ -18,6 +18,8 @@ export interface News {
   run: string;
   state: State;
   message: string;
+  /** Of the page that shows the map that was saved. */
+  map_url: string | null;
   /** Frames of the recording, at most. */
   total: number;
   /** Frames so far. */

@@ -66,7 +66,7 @@ class Watched(Protocol):
         """Return what tells a report, and whoever watches, how far mapping has come."""
 
     def finish(self, message: str) -> None:
-        """Say that the map is saved, and show the run until Ctrl-C."""
+        """Say that the map is saved, and show the run, and the map, until Ctrl-C."""
 
 
 class _Nobody:
@@ -82,9 +82,10 @@ class _Nobody:
 class _Page:
     """The page in the browser."""
 
-    def __init__(self, run: Run, url: str) -> None:
+    def __init__(self, run: Run, url: str, output: Path) -> None:
         self._run = run
         self._url = url
+        self._output = output
         self.frame: Callable[[MappedFrame, Mapper], None] = run.watch
 
     def beside(self, report: Report) -> Report:
@@ -95,12 +96,21 @@ class _Page:
         return both
 
     def finish(self, message: str) -> None:
-        self._run.finish(message)
-        note(f"\nthe run stays at {self._url} until Ctrl-C")
-        try:
-            threading.Event().wait()
-        except KeyboardInterrupt:
-            note("")  # below the ^C
+        from hypermap.viewer.live.app import MapApp
+        from hypermap.viewer.live.document import MapDocument
+        from hypermap.viewer.live.serving import listen, serving, url_of
+
+        document = MapDocument(self._output)
+        with listen("127.0.0.1", None) as listening, serving(MapApp(document), listening):
+            url = url_of(listening)
+            self._run.finish(message, url)
+            note(f"\nthe run stays at {self._url}\nand the map at {url} until Ctrl-C")
+            try:
+                threading.Event().wait()
+            except KeyboardInterrupt:
+                note("")  # below the ^C
+        if document.is_unsaved:
+            note(f"{document.file.path}: changes made in the browser were not saved and are lost")
 
 
 @contextmanager
@@ -144,7 +154,7 @@ def watching(
             elif browser:
                 threading.Thread(target=webbrowser.open, args=(url,), daemon=True).start()
             try:
-                yield _Page(run, url)
+                yield _Page(run, url, output)
             except HypermapError as error:
                 run.fail(str(error))
                 raise

@@ -82,6 +82,7 @@ class Run:
         self._total, self._done, self._objects, self._counts = total, 0, 0, Counts()
         self._state: State = "mapping"
         self._message = ""
+        self._map_url: str | None = None
         self._is_kept = True
         self._colors: dict[str, str] = {}
         self._things: Things = {}
@@ -108,15 +109,17 @@ class Run:
             self._counts = progress.counts
             self.beat += 1
 
-    def finish(self, message: str) -> None:
+    def finish(self, message: str, map_url: str | None = None) -> None:
         """Take over that the map is saved.
 
         Args:
             message: says so, and where.
+            map_url: address of the page that shows the map, if there is one.
         """
         self._await_work()
         self._keep(is_last=True)
         self._await_work()
+        self._map_url = map_url
         self._end("saved", message)
 
     def fail(self, message: str) -> None:
@@ -137,6 +140,7 @@ class Run:
             news: dict[str, Any] = {
                 "state": self._state,
                 "message": self._message,
+                "map_url": self._map_url,
                 "total": self._total,
                 "done": self._done,
                 "objects": self._objects,
