@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from collections.abc import Callable
@@ -10,6 +11,8 @@ import pytest
 
 from hypermap.core.errors import FileMissing, FormatError, HypermapError
 from hypermap.perception.detectors import load_detector
+
+from .conftest import SaveModel, yolov8_table
 
 PLUGIN = '''
 import numpy as np
@@ -89,3 +92,19 @@ def test_onnx_runtime_is_imported_only_when_a_model_is_loaded() -> None:
         "sys.exit('onnxruntime' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_onnx_runtime_reports_to_nobody(save_model: SaveModel, tmp_path: Path) -> None:
+    # Where it reports, it begins with a file of its session in the temporary directory.
+    quiet = ("CI", "ORT_RUNNING_UNIT_TESTS", "ORT_DISABLE_TELEMETRY")
+    environment = {key: value for key, value in os.environ.items() if key not in quiet}
+    code = (
+        "import sys; from hypermap.perception.detectors import load_detector; "
+        "load_detector(sys.argv[1])"
+    )
+    subprocess.run(
+        [sys.executable, "-c", code, save_model({"output0": yolov8_table()})],
+        env={**environment, "TMPDIR": str(tmp_path)},
+        check=True,
+    )
+    assert list(tmp_path.iterdir()) == []

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -89,6 +90,8 @@ class OnnxModel:
 
 
 def _open_session(path: Path, threads: int | None) -> Any:
+    # Some of its builds report to their maker whatever is loaded; no map leaves this machine so.
+    os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")
     import onnxruntime  # slow to import
 
     options = onnxruntime.SessionOptions()
