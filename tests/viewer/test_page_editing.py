@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -323,3 +324,40 @@ def test_another_name_that_is_in_use_or_leads_out_is_not_taken_unasked(edited: E
     dialog.get_by_role("button", name="Overwrite").click()
     expect(window.page.locator("#title")).to_have_text("taken.hmap")
     assert sorted(objects_of(open_map(taken))) == sorted(edited.objects())
+
+
+def test_a_file_that_can_no_longer_be_read_is_told_and_the_map_stays(edited: Edited) -> None:
+    window = edited.window
+    start_editing(window)
+    take(window, CHAIR, "chair")
+    rename(window, "armchair")
+    edited.path.write_bytes(b"no map at all")
+    banner = window.page.locator("#banner")
+    expect(banner).to_contain_text("has changed on the disk")
+    banner.get_by_role("button", name="Open it anew").click()
+    window.page.get_by_role("dialog").get_by_role("button", name="Open anew").click()
+    alert = window.page.get_by_role("alert").filter(has_text="room.hmap")
+    expect(alert.last).to_contain_text("is not a zip archive")
+    above, below = banner.bounding_box(), alert.last.bounding_box()
+    assert above is not None
+    assert below is not None
+    assert above["y"] + above["height"] <= below["y"]  # neither covers the other
+    expect(window.page.locator('[data-class="armchair"]')).to_be_attached()
+    save_as(window, "rescued.hmap")
+    expect(window.page.locator("#title")).to_have_text("rescued.hmap")
+    assert objects_of(open_map(edited.path.with_name("rescued.hmap")))[CHAIR].name == "armchair"
+
+
+def test_an_outline_of_too_many_corners_is_refused_where_it_is_drawn(edited: Edited) -> None:
+    window = edited.window
+    angles = np.linspace(0, 2 * np.pi, 2500, endpoint=False)
+    ring = np.column_stack([5 + np.cos(angles), 4 + np.sin(angles)]).tolist()
+    # As if so many corners had been clicked; the server's answer is real.
+    body = json.dumps({"polygon": ring})
+    window.page.route("**/api/area", lambda route: route.continue_(post_data=body))
+    window.page.locator("#tool-rectangle").click()
+    window.drag((4.0, 3.0), (6.0, 5.0))
+    alert = window.page.get_by_role("alert").filter(has_text="2500 corners, more than 2000")
+    expect(alert).to_be_visible()
+    window.ask_at(*PLACES[CHAIR])  # and the page goes on
+    assert window.said("semantic") == "chair"
