@@ -361,3 +361,18 @@ def test_an_outline_of_too_many_corners_is_refused_where_it_is_drawn(edited: Edi
     expect(alert).to_be_visible()
     window.ask_at(*PLACES[CHAIR])  # and the page goes on
     assert window.said("semantic") == "chair"
+
+
+def test_the_bar_fits_beside_the_panel_in_windows_of_any_width(edited: Edited) -> None:
+    window = edited.window
+    start_editing(window)
+    for width in (1400, 1131, 1130, 1081, 1080, 800, 761, 400):
+        window.page.set_viewport_size({"width": width, "height": 800})
+        bar = window.page.locator("#editbar").bounding_box()
+        side = window.page.locator("#sidebar").bounding_box()
+        assert bar is not None
+        left = side["x"] + side["width"] if side else 0.0  # on phones it is put away
+        assert (side is None) == (width <= 760)
+        assert left <= bar["x"], width
+        assert bar["x"] + bar["width"] <= width, width
+        assert bar["height"] < 50, width  # one line
