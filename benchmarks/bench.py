@@ -13,6 +13,7 @@ import argparse
 import importlib
 import json
 import shlex
+import signal
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -37,6 +38,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the benchmark and return the exit code."""
     options = _parser().parse_args(arguments)
     names = options.groups or GROUPS
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # some shells switch Ctrl-C off
     complaint = _complaint(options)
     if complaint:
         print(f"hypermap bench: error: {complaint}", file=sys.stderr)

@@ -89,7 +89,14 @@ def bags(tmp_path_factory: pytest.TempPathFactory, shared_data: Path) -> Path:
             stack.enter_context(running(command, environment, stop))
         played = [str(shared_data / "desk"), str(COUNT), str(len(RECORDERS))]
         subprocess.run([*player, *played], env=environment, check=True, timeout=60)
+    wait_for_file(folder / "bz2.bag")  # its recorder's child goes on compressing
     return folder
+
+
+def wait_for_file(path: Path) -> None:
+    end = time.monotonic() + 60
+    while not path.exists() and time.monotonic() < end:
+        time.sleep(0.1)
 
 
 def wait_for_port(port: int) -> None:

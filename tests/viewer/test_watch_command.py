@@ -123,7 +123,8 @@ def test_who_gives_up_leaves_nothing_behind(
         if number == signal.SIGINT:  # the second one does not wait for the map
             time.sleep(0.05)
             watched.process.send_signal(number)
-        assert watched.end() in (130, 143)
+        # The second Ctrl-C may find nothing left but Python itself, which it kills then.
+        assert watched.end() in (130, 143, -signal.SIGINT)
     assert "Traceback" not in watched.said
     assert list(scratch.iterdir()) == []
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import signal
 import tempfile
 import threading
+import time
 import webbrowser
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from hypermap.viewer.watch.run import Run
 
 PANEL = "Watch it in the browser"
+_LOOK_PERIOD = 0.2  # s
 
 View = Annotated[
     bool,
@@ -82,8 +84,9 @@ class _Nobody:
 class _Page:
     """The page in the browser."""
 
-    def __init__(self, run: Run, url: str, output: Path) -> None:
+    def __init__(self, run: Run, url: str, output: Path, sigterm: _Sigterm) -> None:
         self._run = run
+        self._sigterm = sigterm
         self._url = url
         self._output = output
         self.frame: Callable[[MappedFrame, Mapper], None] = run.watch
@@ -106,7 +109,8 @@ class _Page:
             self._run.finish(message, url)
             note(f"\nthe run stays at {self._url}\nand the map at {url} until Ctrl-C")
             try:
-                threading.Event().wait()
+                while not self._sigterm.has_come:
+                    time.sleep(_LOOK_PERIOD)
             except KeyboardInterrupt:
                 note("")  # below the ^C
         if document.is_unsaved:
@@ -141,7 +145,7 @@ def watching(
     from hypermap.viewer.watch.run import Run
 
     with (
-        _ended_by_sigterm(),  # so that the folder goes then, too
+        _ended_by_sigterm() as sigterm,  # so that the folder goes then, too
         tempfile.TemporaryDirectory(prefix="hypermap-run-") as folder,
         listen("127.0.0.1", port) as listening,
     ):
@@ -154,21 +158,32 @@ def watching(
             elif browser:
                 threading.Thread(target=webbrowser.open, args=(url,), daemon=True).start()
             try:
-                yield _Page(run, url, output)
+                yield _Page(run, url, output, sigterm)
             except HypermapError as error:
                 run.fail(str(error))
                 raise
 
 
+class _Sigterm:
+    """Lets SIGTERM end the program as Ctrl-C does.
+
+    Attributes:
+        has_come: whether it has; Python may lose an exception that comes at a bad time.
+    """
+
+    has_come = False
+
+    def __call__(self, _number: int, _frame: FrameType | None) -> None:
+        """Take the signal."""
+        self.has_come = True
+        raise KeyboardInterrupt
+
+
 @contextmanager
-def _ended_by_sigterm() -> Iterator[None]:
-    """Let SIGTERM end the program as Ctrl-C does."""
-    before = signal.signal(signal.SIGTERM, _interrupt)
+def _ended_by_sigterm() -> Iterator[_Sigterm]:
+    sigterm = _Sigterm()
+    before = signal.signal(signal.SIGTERM, sigterm)
     try:
-        yield
+        yield sigterm
     finally:
         signal.signal(signal.SIGTERM, before)
-
-
-def _interrupt(_number: int, _frame: FrameType | None) -> None:
-    raise KeyboardInterrupt
