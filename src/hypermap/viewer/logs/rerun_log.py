@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import sys
 from pathlib import Path
 from uuid import NAMESPACE_URL, uuid4, uuid5
 
@@ -46,6 +48,7 @@ class RerunLog:
         self._has_camera = False
         try:
             if path is None:
+                _find_viewer_of_this_environment()
                 self._log.spawn()
             else:
                 self._log.save(path)
@@ -127,6 +130,12 @@ class RerunLog:
         self._log.log([*path, "fills"], fills, static=is_static)
         self._log.log([*path, "outlines"], lines, static=is_static)
         self._log.log([*path, "names"], names, static=is_static)
+
+
+def _find_viewer_of_this_environment() -> None:
+    """Let the viewer that came with the SDK be found where the environment is not activated."""
+    programs, path = Path(sys.executable).parent, os.environ.get("PATH", "")
+    os.environ["PATH"] = f"{programs}{os.pathsep}{path}"
 
 
 def _grid_map(surface: Surface) -> rerun.GridMap:
