@@ -16,7 +16,8 @@ from rosbags import rosbag1, rosbag2
 from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
-from shots import HEIGHT, INTRINSICS, WIDTH, Shot
+
+from .shots import HEIGHT, INTRINSICS, START, WIDTH, Shot
 
 KINDS = ("ros1", "db3", "mcap")
 
@@ -28,6 +29,11 @@ TF = "tf2_msgs/msg/TFMessage"
 GRID = "nav_msgs/msg/OccupancyGrid"
 DARKNET = "darknet_ros_msgs/msg/BoundingBoxes"
 VISION = "vision_msgs/msg/Detection2DArray"
+
+# The topics of `write_bag`
+DEPTH = "/camera/depth_registered/image_raw"
+INFO = "/camera/depth_registered/camera_info"
+COLOR = "/camera/rgb/image_color"
 
 _BOXES = {
     DARKNET: (
@@ -213,6 +219,23 @@ def camera_info(
     }
 
 
+def grid(cells: list[int], frame: str = "map", width: int = 3) -> dict[str, Any]:
+    half = np.sqrt(0.5)
+    return {
+        "header": header(START, frame),
+        "info": {
+            "resolution": 0.5,
+            "width": width,
+            "height": 2,
+            "origin": {
+                "position": {"x": 1.0, "y": 2.0},
+                "orientation": {"z": half, "w": half},
+            },
+        },
+        "data": cells,
+    }
+
+
 def add_poses(bag: BagBuilder, shots: list[Shot], *, root: str = "map", slash: str = "") -> None:
     """Add tf: the base moves in odom, odom stands in the map, the camera on the base."""
     for shot in shots:
@@ -234,10 +257,6 @@ def write_bag(folder: Path, kind: str, shots: list[Shot], **tf: str) -> Path:
 
 
 def add_images(bag: BagBuilder, shot: Shot) -> None:
-    depth = image(shot.depth_mm, "16UC1", shot.stamp)
-    bag.add("/camera/depth_registered/image_raw", IMAGE, shot.stamp, depth)
-    bag.add(
-        "/camera/depth_registered/camera_info", CAMERA_INFO, shot.stamp, camera_info(shot.stamp)
-    )
-    color = image(shot.color, "rgb8", shot.color_stamp)
-    bag.add("/camera/rgb/image_color", IMAGE, shot.color_stamp, color)
+    bag.add(DEPTH, IMAGE, shot.stamp, image(shot.depth_mm, "16UC1", shot.stamp))
+    bag.add(INFO, CAMERA_INFO, shot.stamp, camera_info(shot.stamp))
+    bag.add(COLOR, IMAGE, shot.color_stamp, image(shot.color, "rgb8", shot.color_stamp))

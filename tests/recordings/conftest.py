@@ -1,8 +1,21 @@
-"""Lets the tests of this folder import their helpers `shots` and `bag_builder`."""
+"""Bags of every kind."""
 
-import sys
+from __future__ import annotations
+
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parent))
+import pytest
+
+from .bag_builder import KINDS, BagBuilder
 
 collect_ignore = ["ros_player.py"]  # a program for ROS's Python, which doctest would import
+
+
+@pytest.fixture(params=KINDS)
+def kind(request: pytest.FixtureRequest) -> str:
+    return str(request.param)
+
+
+@pytest.fixture
+def bag(tmp_path: Path, kind: str) -> BagBuilder:
+    return BagBuilder(tmp_path, kind)

@@ -57,6 +57,9 @@ def make_shots(count: int = 4) -> list[Shot]:
     return shots
 
 
+SHOTS = make_shots()
+
+
 def seconds(stamp: int) -> str:
     return f"{stamp // 10**9}.{stamp % 10**9:09d}"
 

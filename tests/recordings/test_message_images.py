@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from bag_builder import picture
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
@@ -14,11 +13,9 @@ from numpy.typing import NDArray
 
 from hypermap.core.errors import FormatError
 from hypermap.recordings.messages.compressed_depth import depth_of_compressed
-from hypermap.recordings.messages.images import (
-    color_of_compressed,
-    color_of_image,
-    depth_of_image,
-)
+from hypermap.recordings.messages.images import color_of_compressed, color_of_image, depth_of_image
+
+from .bag_builder import picture
 
 NAN = float("nan")
 

@@ -3,10 +3,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from shots import make_shots, write_seven_scenes, write_tum
 
 from hypermap.core.errors import FileMissing, FormatError
 from hypermap.recordings import open_recording
+
+from .shots import make_shots, write_seven_scenes, write_tum
 
 LOOKED_FOR = (
     "looked for a TUM RGB-D folder (rgb.txt, depth.txt, groundtruth.txt), a 7-Scenes folder "

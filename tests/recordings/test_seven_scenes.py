@@ -7,12 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
-from shots import INTRINSICS, assert_shows, make_shots, write_seven_scenes
 
 from hypermap.core.errors import FileMissing, FormatError, HypermapError
 from hypermap.recordings import RecordingOptions, open_recording
 
-SHOTS = make_shots()
+from .shots import INTRINSICS, SHOTS, assert_shows, write_seven_scenes
 
 
 @pytest.fixture

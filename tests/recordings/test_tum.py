@@ -11,14 +11,13 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from PIL import Image
 from scipy.spatial.transform import Rotation, Slerp
-from shots import INTRINSICS, Shot, assert_shows, make_shots, write_tum
 
 from hypermap.core.errors import FileMissing, FormatError, HypermapError
 from hypermap.perception.recording import Recording
 from hypermap.recordings import RecordingOptions, open_recording
 from hypermap.recordings.tum import default_camera
 
-SHOTS = make_shots()
+from .shots import INTRINSICS, SHOTS, Shot, assert_shows, write_tum
 
 
 def opened(folder: Path, **options: object) -> Recording:

@@ -1,0 +1,126 @@
+"""The files of a bag: whole, in parts, damaged, foreign."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+import yaml
+
+from hypermap.core.errors import FormatError
+from hypermap.recordings import open_recording
+
+from .bag_builder import DEPTH, BagBuilder, add_images, add_poses, write_bag
+from .bag_tools import SHOTS, frames_of, storage_file, without
+from .shots import assert_shows
+
+REPAIR = {"ros1": "rosbag reindex", "db3": "ros2 bag reindex", "mcap": "mcap recover"}
+
+
+def test_a_bag_that_was_cut_off_is_an_error_with_a_remedy(tmp_path: Path, kind: str) -> None:
+    file = storage_file(write_bag(tmp_path, kind, SHOTS))
+    content = file.read_bytes()
+    cut = tmp_path / ("cut" + file.suffix)
+    cut.write_bytes(content[: len(content) * 2 // 3])
+    recording = open_recording(cut)
+    with pytest.raises(FormatError) as caught:
+        list(recording.frames())
+    assert str(caught.value).startswith(f"{cut}: the bag cannot be read (")
+    assert f"`{REPAIR[kind]}` may repair it" in str(caught.value)
+    assert recording.info().missing == (str(caught.value),)
+
+
+@pytest.mark.parametrize("content", [b"", b"this is not a bag\n" * 100])
+def test_a_foreign_file_is_an_error_that_info_tells(
+    tmp_path: Path, kind: str, content: bytes
+) -> None:
+    path = tmp_path / {"ros1": "a.bag", "db3": "a.db3", "mcap": "a.mcap"}[kind]
+    path.write_bytes(content)
+    [problem] = open_recording(path).info().missing
+    assert problem.startswith(f"{path}: the bag cannot be read (")
+
+
+def test_a_folder_without_metadata_is_read_from_its_only_file(tmp_path: Path) -> None:
+    path = write_bag(tmp_path, "mcap", SHOTS)
+    (path / "metadata.yaml").unlink()
+    for frame, shot in zip(frames_of(path), SHOTS, strict=True):
+        assert_shows(frame, shot)
+
+
+def test_a_single_storage_file_is_read_without_its_folder(tmp_path: Path) -> None:
+    for kind in ("db3", "mcap"):
+        file = storage_file(write_bag(tmp_path / kind, kind, SHOTS))
+        for frame, shot in zip(frames_of(file), SHOTS, strict=True):
+            assert_shows(frame, shot)
+
+
+def write_parts(folder: Path, kind: str, names: list[str]) -> Path:
+    """Write a bag in parts, of which the first has tf and each one more shot."""
+    (folder / "work").mkdir(parents=True)
+    for i, name in enumerate(names):
+        with BagBuilder(folder / "work", kind, f"part_{i}") as bag:
+            if i == 0:
+                add_poses(bag, SHOTS)
+            if i < len(SHOTS):
+                add_images(bag, SHOTS[i])
+        storage_file(bag.path).rename(folder / name)
+    shutil.rmtree(folder / "work")
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("kind", "names"),
+    [
+        ("ros1", [f"drive_{i}.bag" for i in range(4)]),
+        ("ros1", [f"desk_2026-11-21-07-10-{50 + i}_{i + 9}.bag" for i in range(5)]),
+        ("mcap", [f"rosbag2_2026_11_21-07_10_51_{i}.mcap" for i in range(4)]),
+        ("db3", [f"drive_{i}.db3" for i in range(4)]),
+    ],
+)
+def test_the_parts_of_a_bag_are_read_in_order_of_their_numbers(
+    tmp_path: Path, kind: str, names: list[str]
+) -> None:
+    folder = write_parts(tmp_path / "parts", kind, names)
+    recording = open_recording(folder)
+    info = recording.info()
+    assert info.format == ("ROS 1 bag" if kind == "ros1" else "ROS 2 bag")
+    assert info.missing == ()
+    assert {(s.name, s.count) for s in info.streams} >= {(DEPTH, 4), ("/tf_static", 2)}
+    for frame, shot in zip(recording.frames(), SHOTS, strict=True):
+        assert_shows(frame, shot)
+
+
+@pytest.mark.parametrize("kind", ["db3", "mcap"])
+def test_a_ros2_bag_in_parts_is_read_by_its_metadata(tmp_path: Path, kind: str) -> None:
+    names = [f"drive_{i}.{kind}" for i in range(4)]
+    folder = write_parts(tmp_path / "drive", kind, names)
+    with BagBuilder(tmp_path, kind, "whole") as bag:
+        without()(bag)
+    metadata = yaml.safe_load((bag.path / "metadata.yaml").read_text())
+    metadata["rosbag2_bagfile_information"]["relative_file_paths"] = names
+    (folder / "metadata.yaml").write_text(yaml.safe_dump(metadata))
+    assert open_recording(folder).info().missing == ()
+    for frame, shot in zip(frames_of(folder), SHOTS, strict=True):
+        assert_shows(frame, shot)
+
+
+@pytest.mark.parametrize(
+    ("names", "listed"),
+    [
+        (["a.bag", "b.bag"], "a.bag, b.bag"),
+        (["a_0.bag", "b_1.bag"], "a_0.bag, b_1.bag"),
+        (["a_0.bag", "a_1.bag", "other.bag"], "a_0.bag, a_1.bag, other.bag"),
+        ([f"{i}_7.bag" for i in range(5)], "0_7.bag, 1_7.bag, 2_7.bag, 3_7.bag, ..."),
+        (["a_0.bag", "a_1.mcap"], "a_0.bag, a_1.mcap"),
+    ],
+)
+def test_several_bags_that_are_not_parts_of_one_are_an_error(
+    tmp_path: Path, names: list[str], listed: str
+) -> None:
+    for name in names:
+        (tmp_path / name).touch()
+    assert open_recording(tmp_path).info().missing == (
+        f"{tmp_path}: there are {len(names)} bags that are not the parts of one, which would be "
+        f"called NAME_0, NAME_1 and so on: {listed}; name one of them",
+    )

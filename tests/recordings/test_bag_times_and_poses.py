@@ -1,0 +1,155 @@
+"""Which messages of a bag belong together, and where the camera was."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hypermap.core.errors import FormatError
+from hypermap.recordings import RecordingOptions, open_recording
+
+from .bag_builder import (
+    COLOR,
+    DEPTH,
+    GRID,
+    IMAGE,
+    BagBuilder,
+    add_images,
+    add_poses,
+    grid,
+    image,
+    write_bag,
+)
+from .bag_tools import SHOTS, frames_of
+from .shots import INTRINSICS, START, assert_shows
+
+
+def test_poses_between_two_transforms_are_interpolated(bag: BagBuilder) -> None:
+    shot = SHOTS[0]
+    with bag:
+        bag.add_tf("/tf", shot.stamp - 10**8, "map", "camera", (0, 0, 1))
+        bag.add_tf("/tf", shot.stamp + 3 * 10**8, "map", "camera", (4, 0, 1))
+        add_images(bag, shot)
+    [frame] = frames_of(bag.path)
+    assert frame.map_T_camera[:3, 3] == pytest.approx([1, 0, 1], abs=1e-5)
+
+
+def test_frames_with_leading_slashes_and_out_of_order_transforms_are_understood(
+    tmp_path: Path, kind: str
+) -> None:
+    with BagBuilder(tmp_path, kind) as bag:
+        add_poses(bag, SHOTS[::-1], slash="/")
+        for shot in SHOTS:
+            add_images(bag, shot)
+    for frame, shot in zip(frames_of(bag.path), SHOTS, strict=True):
+        assert_shows(frame, shot)
+
+
+def test_images_that_were_recorded_late_and_out_of_order_find_each_other(bag: BagBuilder) -> None:
+    order = [2, 0, 3, 1]
+    with bag:
+        add_poses(bag, SHOTS)
+        for k, i in enumerate(order):
+            shot, log_time = SHOTS[i], START + 10**9 * k
+            bag.add(COLOR, IMAGE, log_time, image(shot.color, "rgb8", shot.color_stamp))
+            bag.add(DEPTH, IMAGE, log_time + 5, image(shot.depth_mm, "16UC1", shot.stamp))
+            if k == 0:  # a message that was sent twice
+                bag.add(DEPTH, IMAGE, log_time + 6, image(shot.depth_mm, "16UC1", shot.stamp))
+    recording = open_recording(bag.path, RecordingOptions(intrinsics=INTRINSICS))
+    for frame, shot in zip(recording.frames(), SHOTS, strict=True):
+        assert_shows(frame, shot)
+    assert "1 images repeat a stamp and are left out" in recording.info().notes
+
+
+def test_a_message_without_a_stamp_takes_the_time_of_recording(bag: BagBuilder) -> None:
+    shot = SHOTS[1]
+    with bag:
+        add_poses(bag, SHOTS)
+        bag.add(DEPTH, IMAGE, shot.stamp, image(shot.depth_mm, "16UC1", 0))
+        bag.add(COLOR, IMAGE, shot.color_stamp, image(shot.color, "rgb8", 0))
+    [frame] = frames_of(bag.path, intrinsics=INTRINSICS)
+    assert_shows(frame, shot)
+
+
+def test_every_nth_frame_and_frames_outside_the_poses_are_counted(tmp_path: Path) -> None:
+    with BagBuilder(tmp_path, "mcap") as bag:
+        add_poses(bag, SHOTS[:3])
+        for shot in SHOTS:
+            add_images(bag, shot)
+    recording = open_recording(bag.path, RecordingOptions(every=2))
+    assert len(recording) == len(list(recording.frames())) == 2
+    assert recording.info().notes == (
+        "1 of 4 frames lie outside the poses, or in a gap between poses longer than "
+        "1 s (--max-pose-gap), and are left out",
+    )
+
+
+def test_depth_and_poses_that_do_not_overlap_name_both_times(tmp_path: Path) -> None:
+    with BagBuilder(tmp_path, "ros1") as bag:
+        bag.add_tf("/tf", 5 * 10**9, "map", "camera", (0, 0, 0))
+        bag.add_tf("/tf", 7 * 10**9, "map", "camera", (0, 0, 0))
+        add_images(bag, SHOTS[0])
+    assert open_recording(bag.path).info().missing == (
+        "no frame has a pose: depth images reach from 1600000000.250 to 1600000000.250 s, poses "
+        "from 5.000 to 7.000 s; gaps of up to 1 s between poses are bridged (--max-pose-gap)",
+    )
+
+
+def test_a_bag_is_streamed_with_few_messages_in_memory(tmp_path: Path) -> None:
+    with BagBuilder(tmp_path, "mcap") as bag:
+        bag.add_tf("/tf", START, "map", "camera", (0, 0, 0))
+        bag.add_tf("/tf", START + 10**9, "map", "camera", (0, 0, 0))
+        depth, color = np.ones((2, 2), np.uint16), np.ones((2, 2, 3), np.uint8)
+        stamps = [START + 10**6 * i for i in range(400)]
+        for stamp in stamps:
+            bag.add("/rgb/image", IMAGE, START, image(color, "rgb8", stamp))
+        for stamp in stamps:
+            bag.add("/depth/image", IMAGE, START + 1, image(depth, "16UC1", stamp))
+    options = RecordingOptions(intrinsics=INTRINSICS)
+    with pytest.raises(FormatError, match="belong together lie more than 300 frames apart"):
+        next(open_recording(bag.path, options).frames())
+    few = RecordingOptions(intrinsics=INTRINSICS, every=2)  # what is not wanted is not kept
+    assert sum(1 for _ in open_recording(bag.path, few).frames()) == 200
+
+
+def test_the_map_frame_may_have_another_name(tmp_path: Path) -> None:
+    path = write_bag(tmp_path, "ros1", SHOTS, root="world")
+    for frame, shot in zip(frames_of(path, map_frame="/world"), SHOTS, strict=True):
+        assert_shows(frame, shot)
+
+
+@pytest.mark.parametrize("slash", ["", "/"])
+def test_without_a_frame_map_the_root_above_the_camera_is_taken_and_said(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, slash: str
+) -> None:
+    with BagBuilder(tmp_path, "ros1") as bag:
+        add_poses(bag, SHOTS, root="world", slash=slash)
+        bag.add_tf("/tf_static", START, "elsewhere", "something", (0, 0, 0))
+        bag.add("/map", GRID, START, grid([0] * 6, slash + "world"))
+        for shot in SHOTS:
+            add_images(bag, shot)
+    recording = open_recording(bag.path)
+    note = (
+        "tf has no frame 'map': the map is made in 'world', the root above the camera, whose z "
+        "axis must point up (--map-frame)"
+    )
+    assert recording.info().notes == (note,)
+    assert caplog.messages == []
+    for frame, shot in zip(recording.frames(), SHOTS, strict=True):
+        assert_shows(frame, shot)
+    assert caplog.messages == [f"{bag.path}: {note}"]
+    assert recording.frame_id == "world"
+    layer = recording.occupancy()
+    assert layer is not None
+    assert layer.frame_id == "world"
+
+
+def test_a_camera_that_stood_still_needs_a_frame_by_name(tmp_path: Path) -> None:
+    with BagBuilder(tmp_path, "mcap") as bag:
+        bag.add_tf("/tf_static", START, "base", "camera", (0, 0, 1))
+        for shot in SHOTS:
+            add_images(bag, shot)
+    [*frames] = frames_of(bag.path, map_frame="base")
+    assert [frame.map_T_camera[2, 3] for frame in frames] == [1.0] * 4
