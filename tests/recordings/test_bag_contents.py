@@ -24,8 +24,7 @@ from .bag_builder import (
     grid,
     header,
 )
-from .bag_tools import SHOTS
-from .shots import START, Shot
+from .shots import SHOTS, START, Shot
 
 
 def darknet(kind: str, shot: Shot) -> Any:

@@ -12,8 +12,8 @@ from hypermap.core.errors import FormatError
 from hypermap.recordings import open_recording
 
 from .bag_builder import DEPTH, BagBuilder, add_images, add_poses, write_bag
-from .bag_tools import SHOTS, frames_of, storage_file, without
-from .shots import assert_shows
+from .bag_tools import frames_of, storage_file, without
+from .shots import SHOTS, assert_shows
 
 REPAIR = {"ros1": "rosbag reindex", "db3": "ros2 bag reindex", "mcap": "mcap recover"}
 

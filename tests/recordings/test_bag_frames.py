@@ -30,8 +30,8 @@ from .bag_builder import (
     picture,
     write_bag,
 )
-from .bag_tools import SHOTS, frames_of
-from .shots import HEIGHT, INTRINSICS, START, WIDTH, Shot, assert_shows, write_tum
+from .bag_tools import frames_of
+from .shots import HEIGHT, INTRINSICS, SHOTS, START, WIDTH, Shot, assert_shows, write_tum
 
 
 def to_nanoseconds(stamp: float | None) -> int:

@@ -25,8 +25,8 @@ from .bag_builder import (
     image,
     write_bag,
 )
-from .bag_tools import SHOTS, without
-from .shots import HEIGHT, INTRINSICS, START, WIDTH, assert_shows
+from .bag_tools import without
+from .shots import HEIGHT, INTRINSICS, SHOTS, START, WIDTH, assert_shows
 
 
 def test_info_tells_what_each_topic_is_used_for(tmp_path: Path, kind: str) -> None:
@@ -60,16 +60,12 @@ def with_message(
 
 
 SMALL = np.zeros((5, 7), np.uint16)
-
 SMALL_COLOR = np.zeros((5, 7, 3), np.uint8)
-
 NO_DEPTH = (
     "there are no depth images (sensor_msgs/Image with 'depth' in the topic's name, or "
     "compressedDepth) and no clouds; name the topic with --depth-topic if it is there, or record it"
 )
-
 NO_TF = "there is no tf, so that nothing tells where the camera was; record /tf and /tf_static"
-
 NO_INFO = (
     "there is no camera info (sensor_msgs/CameraInfo) for the depth images; record it, or give "
     "--intrinsics"

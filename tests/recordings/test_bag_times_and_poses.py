@@ -22,8 +22,8 @@ from .bag_builder import (
     image,
     write_bag,
 )
-from .bag_tools import SHOTS, frames_of
-from .shots import INTRINSICS, START, assert_shows
+from .bag_tools import frames_of
+from .shots import INTRINSICS, SHOTS, START, assert_shows
 
 
 def test_poses_between_two_transforms_are_interpolated(bag: BagBuilder) -> None:
