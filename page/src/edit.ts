@@ -98,15 +98,17 @@ export class Editor {
     this.bar.update(this.context.info);
   }
 
-  /** After the map changed: shows the chosen object as it is now. */
+  /** After the map changed: shows the chosen object anew if it is another now. */
   async refresh(): Promise<void> {
-    if (!this.chosen) return;
-    const { layer, id } = this.chosen;
-    try {
-      this.choose(await this.source.object(layer, id));
-    } catch {
+    const before = this.chosen;
+    if (!before) return;
+    const now = await this.source.object(before.layer, before.id).catch(() => null);
+    if (this.chosen !== before) return;
+    if (!now) {
       this.letGo();
       this.panel.close();
+    } else if (JSON.stringify(now) !== JSON.stringify(before)) {
+      this.choose(now);
     }
   }
 
@@ -187,8 +189,7 @@ export class Editor {
   private choose(object: ObjectDetails): void {
     this.letGo();
     this.chosen = object;
-    const feature = new Feature(new MultiPolygon(object.polygons));
-    this.shapes.getSource()?.addFeature(feature);
+    this.outline(object);
     this.panel.show({
       title: object.name,
       summary: `Object ${object.id} of ${object.layer}`,
@@ -202,6 +203,12 @@ export class Editor {
         }),
       ],
     });
+  }
+
+  /** Shows the outline that can be changed. */
+  private outline({ polygons }: ObjectDetails): void {
+    this.shapes.getSource()?.clear();
+    this.shapes.getSource()?.addFeature(new Feature(new MultiPolygon(polygons)));
   }
 
   private draw(kind: Kind, room: boolean): void {
@@ -268,9 +275,9 @@ export class Editor {
         notify(done);
       } catch (error) {
         complain(error);
-        // The page shows again what the server holds.
+        // The page shows again what the server holds; what is typed stays, to be corrected.
         await this.changed({});
-        await this.refresh();
+        if (this.chosen) this.outline(this.chosen);
       }
     });
   }

@@ -199,8 +199,26 @@ def test_a_change_of_what_another_window_changed_is_refused(edited: Edited, othe
     late.page.locator("#object-apply").click()
     expect(late.page.get_by_role("alert").filter(has_text="changed meanwhile")).to_be_visible()
     expect(late.page.locator("#object-name")).to_have_value("armchair")
-    rename(late, "throne")  # now that it has seen the other's
+    late.page.locator("#object-name").fill("throne")  # now that it has seen the other's
+    late.wait_until_drawn()
+    late.page.locator("#object-apply").click()
     expect(edited.window.page.locator('[data-class="throne"]')).to_be_attached()
+
+
+def test_what_is_typed_stays_while_another_window_changes_something_else(
+    edited: Edited, other: Window
+) -> None:
+    one = edited.window
+    start_editing(one)
+    take(one, CHAIR, "chair")
+    one.page.locator("#object-name").fill("throne")
+    start_editing(other)
+    take(other, DESK, "desk")
+    rename(other, "table")
+    expect(one.page.locator('[data-class="table"]')).to_be_attached()
+    one.wait_until_drawn()
+    one.page.locator("#object-apply").click()
+    expect(other.page.locator('[data-class="throne"]')).to_be_attached()
 
 
 def test_a_file_that_changed_on_disk_is_not_overwritten_unasked(edited: Edited) -> None:
