@@ -175,8 +175,9 @@ class MapDocument:
 
     def watch_file(self) -> None:
         """Look whether the file has changed on disk or is gone, and let windows know."""
-        if self.file.look():
-            self.beat += 1
+        with self._changing:  # a file that is being saved has not changed by itself
+            if self.file.look():
+                self.beat += 1
 
     def _open(self, hypermap: Hypermap, version: int) -> None:
         self._first_version = version
