@@ -1,7 +1,8 @@
 """Questions to grids: which cells an area covers, and where a value occurs.
 
 A cell belongs to an area if the area covers its centre. rasterio, shapely and scikit-image are
-asked for the same mask; the areas' corners lie on no cell's centre, where their rules would differ.
+asked for the same mask, of the part of the grid around the area, which is all that we return; the
+areas' corners lie on no cell's centre, where their rules would differ.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.frames import Pose2D
-from hypermap.core.grid import GridGeometry
+from hypermap.core.grid import GridGeometry, Window
 from hypermap.core.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyLayer
 from suite.race import (
     Disagreement,
@@ -74,54 +75,69 @@ def _fills(peer: str, settings: Settings) -> Iterator[Race]:
     fill, version, asked = _peer(peer)
     grid = GridGeometry(SIDE, SIDE, RESOLUTION)
     for name, area in shapes().items():
-        work = f"the mask of {name} on {SIDE} x {SIDE} cells"
-        ours = partial(_mask, grid, area)
-        yield race(work, version, ours, partial(fill, area), same_mask, settings, asked)
+        part = grid.window_in(area)
+        _check_part(grid, part, area)
+        height, width = part.inside.shape
+        work = f"the mask of {name} on {width} x {height} cells"
+        ours, theirs = partial(_inside, grid, area), partial(fill, area, part)
+        yield race(work, version, ours, theirs, same_mask, settings, asked)
 
 
-def _mask(grid: GridGeometry, area: BaseGeometry) -> Mask:
-    """Return our mask over the whole grid."""
-    mask = np.zeros(grid.shape, dtype=bool)
-    window = grid.window_in(area)
-    mask[window.slices] = window.inside
-    return mask
+def _inside(grid: GridGeometry, area: BaseGeometry) -> Mask:
+    return grid.window_in(area).inside
 
 
-def _peer(name: str) -> tuple[Callable[[BaseGeometry], Mask], str, float]:
+def _check_part(grid: GridGeometry, part: Window, area: BaseGeometry) -> None:
+    """Make sure that no cell of an area lies beyond the part that we return.
+
+    Raises:
+        Disagreement: If its bounds tell of others.
+    """
+    rows, cols = part.slices
+    corners = grid.centers([rows.start, rows.stop - 1], [cols.start, cols.stop - 1])
+    gaps = np.abs(corners.ravel() - shapely.bounds(area))
+    if (gaps > RESOLUTION).any():
+        raise Disagreement(f"the part ends {gaps.max()} m from the area's bounds")
+
+
+def _peer(name: str) -> tuple[Callable[[BaseGeometry, Window], Mask], str, float]:
     """Return how a peer makes the mask, its name with its version, and the ratio asked."""
     if name == "rasterio":
         rasterio, features = library("rasterio"), library("rasterio.features")
-        transform = rasterio.Affine.scale(RESOLUTION)  # row 0 at the bottom, as in ours
 
-        def by_rasterio(area: BaseGeometry) -> Mask:
-            shape = (SIDE, SIDE)
+        def by_rasterio(area: BaseGeometry, part: Window) -> Mask:
+            # Row 0 at the bottom, as in ours.
+            lower_left = rasterio.Affine.translation(part.col * RESOLUTION, part.row * RESOLUTION)
+            transform = lower_left * rasterio.Affine.scale(RESOLUTION)
+            shape = part.inside.shape
             return np.asarray(features.geometry_mask([area], shape, transform, invert=True))
 
         return by_rasterio, f"rasterio {rasterio.__version__}", LIKE_RASTERIO
     if name == "shapely":
-        centres = (np.arange(SIDE) + 0.5) * RESOLUTION
 
-        def by_shapely(area: BaseGeometry) -> Mask:
+        def by_shapely(area: BaseGeometry, part: Window) -> Mask:
             shapely.prepare(area)
-            x, y = np.meshgrid(centres, centres)
-            return np.asarray(shapely.contains_xy(area, x, y))
+            height, width = part.inside.shape
+            x = (part.col + np.arange(width) + 0.5) * RESOLUTION
+            y = (part.row + np.arange(height) + 0.5) * RESOLUTION
+            return np.asarray(shapely.contains_xy(area, *np.meshgrid(x, y)))
 
         return by_shapely, f"shapely {shapely.__version__}", LIKE_SHAPELY
     skimage, draw = library("skimage"), library("skimage.draw")
 
-    def by_skimage(area: BaseGeometry) -> Mask:
+    def by_skimage(area: BaseGeometry, part: Window) -> Mask:
         outside, *holes = shapely.get_rings(area)
-        mask = _rows_and_columns(draw, outside)
+        mask = _rows_and_columns(draw, outside, part)
         for hole in holes:
-            mask &= ~_rows_and_columns(draw, hole)
+            mask &= ~_rows_and_columns(draw, hole, part)
         return mask
 
     return by_skimage, f"scikit-image {skimage.__version__}", LIKE_SHAPELY
 
 
-def _rows_and_columns(draw: Any, ring: BaseGeometry) -> Mask:
-    corners = shapely.get_coordinates(ring)[:, ::-1] / RESOLUTION - 0.5
-    return np.asarray(draw.polygon2mask((SIDE, SIDE), corners))
+def _rows_and_columns(draw: Any, ring: BaseGeometry, part: Window) -> Mask:
+    corners = shapely.get_coordinates(ring)[:, ::-1] / RESOLUTION - 0.5 - (part.row, part.col)
+    return np.asarray(draw.polygon2mask(part.inside.shape, corners))
 
 
 def same_mask(ours: Mask, theirs: Mask) -> str:

@@ -47,6 +47,8 @@ class Pose2D:
         points = as_points_xy(points_xy)
         if self.is_identity:
             return points.copy()
+        if self.yaw == 0:
+            return np.add(points, [self.x, self.y], dtype=np.float64)
         # Written out: a matrix product may round a point differently alone and among others.
         x, y = points.T
         c, s = math.cos(self.yaw), math.sin(self.yaw)

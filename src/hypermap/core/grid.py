@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import operator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -13,12 +14,15 @@ from shapely.geometry.base import BaseGeometry
 from hypermap.core.arrays import BoolArray, IntArray, as_points_xy, places
 from hypermap.core.frames import Pose2D
 from hypermap.core.shapes import as_area
-from hypermap.core.spans import covered
+from hypermap.core.spans import covered, filled
 
 _DECIMALS = 6  # of a cell
 _FAR = 1e12  # metres; no grid reaches there
 RESOLUTIONS = (1e-6, 1e6)
 """The smallest and the largest side of a cell [m]."""
+
+AT_ONCE = 1 << 19
+"""Cells that are looked at together, so that they stay in the processor's cache."""
 
 
 @dataclass(frozen=True)
@@ -96,8 +100,9 @@ class GridGeometry:
 
     def centers(self, rows: ArrayLike, cols: ArrayLike) -> NDArray[np.float64]:
         """Return the centres of cells in the layer's frame, metres, shape (N, 2)."""
-        cells_xy = np.column_stack([np.asarray(cols), np.asarray(rows)])
-        return self.origin.apply((cells_xy + 0.5) * self.resolution)
+        centers = np.column_stack([np.asarray(cols), np.asarray(rows)]) + 0.5
+        centers *= self.resolution
+        return self.origin.apply(centers)
 
     def corners(self) -> NDArray[np.float64]:
         """Return the grid's corners, counter-clockwise from the origin, metres, shape (4, 2)."""
@@ -119,12 +124,37 @@ class GridGeometry:
         Raises:
             TypeError, ValueError: If it is no geometry, or not finite.
         """
-        window = self.window_in(area)
-        rows, cols = places(window.inside)
-        return rows + window.row, cols + window.col
+        return self.window_in(area).cells()
 
     def window_in(self, area: BaseGeometry) -> Window:
         """Return the cells that `cells_in` returns, as a mask over the part around them."""
+        row, col, (height, width), spans = self._covered(area)
+        inside = filled(spans, 0, height * width)
+        return Window(row, col, inside.reshape(height, width))
+
+    def windows_in(self, area: BaseGeometry | None) -> Iterator[Window]:
+        """Yield what `window_in` returns in parts of whole rows, some `AT_ONCE` cells each.
+
+        Args:
+            area: as there; None for all of the grid.
+        """
+        if area is None:
+            yield from self._windows()
+            return
+        row, col, (height, width), spans = self._covered(area)
+        for first, last in _bands(height, width):
+            inside = filled(spans, first * width, last * width)
+            yield Window(row + first, col, inside.reshape(last - first, width))
+
+    def _windows(self) -> Iterator[Window]:
+        """Yield all of the grid in parts of whole rows."""
+        bands = list(_bands(*self.shape))
+        everywhere = np.ones((bands[0][1], self.width), dtype=bool)
+        for first, last in bands:
+            yield Window(first, 0, everywhere[: last - first])
+
+    def _covered(self, area: BaseGeometry) -> tuple[int, int, tuple[int, int], IntArray]:
+        """Return row, column and shape of the part around an area, and the spans covered there."""
         # In units of cells, shifted so that the centre of cell (row, col) is the point (col, row).
         # Rounding puts corners that are meant to lie on a centre exactly there.
         to_cells = self.origin.inverse()
@@ -133,13 +163,19 @@ class GridGeometry:
             lambda xy: np.round(to_cells.apply(xy) / self.resolution - 0.5, _DECIMALS),
         )
         if local.is_empty:
-            return Window(0, 0, np.zeros((0, 0), dtype=bool))
+            return 0, 0, (0, 0), np.empty(0, dtype=np.int64)
         lowest, highest = np.reshape(local.bounds, (2, 2))
-        col, row = np.clip(np.ceil(lowest), 0, (self.width, self.height)).astype(int)
-        col_end, row_end = np.clip(np.floor(highest) + 1, (col, row), (self.width, self.height))
-        shape = (int(row_end - row), int(col_end - col))
-        inside = covered(local, shape, int(row), int(col))
-        return Window(int(row), int(col), inside)
+        col, row = np.clip(np.ceil(lowest), 0, (self.width, self.height)).astype(int).tolist()
+        end = np.clip(np.floor(highest) + 1, (col, row), (self.width, self.height))
+        col_end, row_end = end.astype(int).tolist()
+        shape = (row_end - row, col_end - col)
+        return row, col, shape, covered(local, shape, row, col)
+
+
+def _bands(height: int, width: int) -> Iterator[tuple[int, int]]:
+    """Yield the first row, and the one after the last, of bands of some `AT_ONCE` cells."""
+    step = max(1, AT_ONCE // max(1, width))
+    return ((first, min(first + step, height)) for first in range(0, height, step))
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,3 +197,12 @@ class Window:
         """What cuts the part out of an array of the whole grid."""
         rows, cols = self.inside.shape
         return slice(self.row, self.row + rows), slice(self.col, self.col + cols)
+
+    def cells(self, chosen: BoolArray | None = None) -> tuple[IntArray, IntArray]:
+        """Return rows and columns, in the grid, of the cells that lie in the area.
+
+        Args:
+            chosen: which cells of the part are wanted, of its shape; None for all.
+        """
+        rows, cols = places(self.inside if chosen is None else self.inside & chosen)
+        return rows + self.row, cols + self.col

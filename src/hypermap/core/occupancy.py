@@ -10,14 +10,13 @@ import shapely
 from numpy.typing import ArrayLike, NDArray
 from shapely.geometry.base import BaseGeometry
 
-from hypermap.core.arrays import BoolArray, IntArray, ObjectArray, as_points_xy, places
+from hypermap.core.arrays import BoolArray, IntArray, ObjectArray, as_points_xy
 from hypermap.core.grid import GridGeometry
 from hypermap.core.layer import Hits, Layer, RasterPicture
 
 UNKNOWN, FREE, OCCUPIED = -1, 0, 100
 LABELS = ("Free", "Occupied", "Unknown")
 
-_AT_ONCE = 1 << 18  # cells; so many are compared at once, and stay in the processor's cache
 _LARGEST = 255  # of a raw map, which holds the picture's grey values
 COLORS = {"Free": (255, 255, 255), "Occupied": (35, 38, 45), "Unknown": (205, 208, 212)}
 
@@ -88,18 +87,21 @@ class OccupancyLayer(Layer):
         """Return the value and centre of each cell whose centre the area covers, by rows."""
         if self.grid is None or self.cells is None:
             return Hits(np.empty(0, np.int32), np.empty((0, 2)))
-        rows, cols = self.grid.cells_in(area)
-        return Hits(self.cells[rows, cols].astype(np.int32), self.grid.centers(rows, cols))
+        values, points = [np.empty(0, np.int32)], [np.empty((0, 2))]
+        for window in self.grid.windows_in(area):
+            values.append(self.cells[window.slices][window.inside].astype(np.int32))
+            points.append(self.grid.centers(*window.cells()))
+        return Hits(np.concatenate(values), np.concatenate(points))
 
     def find(self, what: str | float, area: BaseGeometry | None = None) -> NDArray[np.float64]:
         """Return the centres of the cells with a label or value, shape (M, 2), by rows."""
         if self.grid is None or self.cells is None:
             return np.empty((0, 2))
-        if area is None:
-            return self.grid.centers(*_search(self.cells, what))
-        window = self.grid.window_in(area)
-        rows, cols = places(window.inside & _matches(self.cells[window.slices], what))
-        return self.grid.centers(rows + window.row, cols + window.col)
+        points = [np.empty((0, 2))]
+        for window in self.grid.windows_in(area):
+            matches = _matches(self.cells[window.slices], what)
+            points.append(self.grid.centers(*window.cells(matches)))
+        return np.concatenate(points)
 
     def counts(self) -> dict[str, int]:
         """Return how many cells have each label; nothing for an empty layer."""
@@ -141,20 +143,6 @@ def _labels(values: IntArray) -> ObjectArray:
     labels[values == FREE] = "Free"
     labels[values == OCCUPIED] = "Occupied"
     return labels
-
-
-def _search(cells: IntArray, what: str | float) -> tuple[IntArray, IntArray]:
-    """Return rows and columns of the cells with a label or value, by rows."""
-    step = max(1, _AT_ONCE // cells.shape[1])
-    found_rows, found_cols = [], []
-    for first in range(0, len(cells), step):
-        matches = _matches(cells[first : first + step], what)
-        if matches.any():
-            rows, cols = places(matches)
-            found_rows.append(rows + first)
-            found_cols.append(cols)
-    none: IntArray = np.empty(0, dtype=np.int64)
-    return np.concatenate([none, *found_rows]), np.concatenate([none, *found_cols])
 
 
 def _matches(cells: IntArray, what: str | float) -> BoolArray:

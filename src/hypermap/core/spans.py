@@ -19,64 +19,94 @@ _POLYGONS = (3, 6)  # shapely's type numbers of what has an inside
 _DECIMALS = 6  # lengths shorter than that of the last one do not count
 _AT_ONCE = 1 << 20  # crossings of edges and rows that are held in memory together
 
-Spans = tuple[IntArray, IntArray, IntArray]
+Spans = tuple[IntArray, IntArray]
 
 
-def covered(area: BaseGeometry, shape: tuple[int, int], row: int, col: int) -> BoolArray:
-    """Return which whole-numbered places an area covers; its boundary counts.
+def covered(area: BaseGeometry, shape: tuple[int, int], row: int, col: int) -> IntArray:
+    """Return which whole-numbered places an area covers, as spans; its boundary counts.
 
     Args:
         area: a valid geometry of any type.
-        shape: rows and columns of the answer; its element (r, c) is about the place (x, y) =
+        shape: rows and columns of a window; its element (r, c) is about the place (x, y) =
             (col + c, row + r).
         row: of the first element.
         col: of the first element.
+
+    Returns:
+        Where spans of covered elements begin and end, in turns and ascending, none touching the
+        next, as positions in the flattened window.
     """
-    height, width = shape
-    begins, ends = [], []
-    for rows, first, last in _spans(area, (row, row + height), (col, col + width)):
-        begin, end = np.clip(first - col, 0, width), np.clip(last - col + 1, 0, width)
-        is_filled = end > begin
-        begins.append(((rows - row) * width + begin)[is_filled])
-        ends.append(((rows - row) * width + end)[is_filled])
-    none: IntArray = np.empty(0, dtype=np.int64)
-    bounds = _joined(np.concatenate([none, *begins]), np.concatenate([none, *ends]))
-    lengths = np.diff(bounds, prepend=0, append=height * width)  # of outside, inside, outside ...
-    return np.repeat(np.arange(len(lengths)) % 2 == 1, lengths).reshape(shape)
+    spans = list(_spans(area, shape, row, col))
+    return _joined(*(np.concatenate(bounds) for bounds in zip(*spans, strict=True)))
+
+
+def filled(spans: IntArray, first: int, last: int) -> BoolArray:
+    """Return whether each position from `first` to before `last` lies in a span.
+
+    Args:
+        spans: as `covered` returns them.
+        first: a position.
+        last: the one after the last.
+
+    >>> filled(np.array([1, 3, 5, 9]), 2, 7)
+    array([ True, False, False,  True,  True])
+    """
+    before, after = np.searchsorted(spans, [first, last])
+    lengths = np.diff(spans[before:after], prepend=first, append=last)
+    return np.repeat(np.arange(before, after + 1) % 2 == 1, lengths)
 
 
 def _joined(begins: IntArray, ends: IntArray) -> IntArray:
-    """Return begin, end, begin, end ... of spans, sorted; those that overlap are one."""
-    order = np.argsort(begins)
-    begins, ends = begins[order], np.maximum.accumulate(ends[order])
+    """Return begin, end, begin, end ... of spans, sorted; those that overlap or touch are one."""
+    is_filled = begins < ends
+    begins, ends = np.sort(begins[is_filled]), np.sort(ends[is_filled])
+    # All spans that began have ended where the next one begins only after as many ends.
     is_apart = begins[1:] > ends[:-1]
     starts = np.concatenate([begins[:1], begins[1:][is_apart]])
     stops = np.concatenate([ends[:-1][is_apart], ends[-1:]])
     return np.column_stack([starts, stops]).ravel()
 
 
-def _spans(
-    area: BaseGeometry, rows_within: tuple[int, int], cols_within: tuple[int, int]
-) -> Iterator[Spans]:
-    """Yield rows, first and last columns of what an area covers in some rows.
-
-    Args:
-        area: a valid geometry.
-        rows_within: the first row, and the one after the last.
-        cols_within: likewise; spans may end anywhere outside.
-    """
-    low, high = rows_within
+def _spans(area: BaseGeometry, shape: tuple[int, int], row: int, col: int) -> Iterator[Spans]:
+    """Yield begins and ends of spans that an area covers in a window; some may be empty."""
+    height, width = shape
     for part in _parts(area):
         edges = _edges(part)
         has_inside = shapely.get_type_id(part) in _POLYGONS
         step = max(1, _AT_ONCE // max(1, len(edges)))
-        for begin in range(low, high, step):
-            rows, x = _crossings(edges, (begin, min(begin + step, high)), cols_within)
+        for begin in range(row, row + height, step):
+            rows, x = _crossings(edges, begin, min(begin + step, row + height))
+            crossings = _places(rows - row, x, width, col)
             if has_inside:  # between the first and the second crossing, and so on
-                yield rows[::2], _ceil(x[::2]), _floor(x[1::2])
+                crossings.sort()
+                yield _at_or_after(crossings[::2]), _after(crossings[1::2])
             else:
-                yield rows, _ceil(x), _floor(x)
-        yield _level(part, edges, low, high)
+                yield _at_or_after(crossings), _after(crossings)
+        rows, least, most = _level(part, edges, row, row + height)
+        begins = _at_or_after(_places(rows - row, least, width, col))
+        yield begins, _after(_places(rows - row, most, width, col))
+
+
+def _places(rows: IntArray, x: NDArray[np.float64], width: int, col: int) -> IntArray:
+    """Return where points lie among the positions of a flattened window, twice.
+
+    Even numbers lie on positions, odd ones between two, and off the window those before its first
+    or after its last column. So they sort as the points do, as fast as whole numbers.
+    """
+    x = np.clip(np.round(x, _DECIMALS) - col, -0.5, width - 0.5)
+    floor = np.floor(x)
+    places: IntArray = 2 * (rows * width + floor.astype(np.int64)) + (x != floor)
+    return places
+
+
+def _at_or_after(places: IntArray) -> IntArray:
+    """Return the first positions that are not before some places."""
+    return (places + 1) >> 1
+
+
+def _after(places: IntArray) -> IntArray:
+    """Return the first positions after some places."""
+    return (places >> 1) + 1
 
 
 def _parts(area: BaseGeometry) -> list[BaseGeometry]:
@@ -98,10 +128,9 @@ def _edges(part: BaseGeometry) -> NDArray[np.float64]:
 
 
 def _crossings(
-    edges: NDArray[np.float64], rows_within: tuple[int, int], cols_within: tuple[int, int]
+    edges: NDArray[np.float64], low: int, high: int
 ) -> tuple[IntArray, NDArray[np.float64]]:
-    """Return where edges cross rows, sorted by row and then by x; not at their upper ends."""
-    (low, high), (left, right) = rows_within, cols_within
+    """Return rows from `low` to before `high` and where edges cross them, not at upper ends."""
     first = np.clip(np.ceil(edges[:, 1]), low, high).astype(np.int64)
     counts = np.clip(np.ceil(edges[:, 3]), low, high).astype(np.int64) - first
     crossing = np.flatnonzero(counts)
@@ -110,24 +139,20 @@ def _crossings(
     steps = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
     rows = np.repeat(first, counts) + steps
     x0, y0, slope = (np.repeat(values, counts) for values in (edges[:, 0], edges[:, 1], slope))
-    x = np.clip(x0 + (rows - y0) * slope, left - 1, right)
-    order = np.argsort(rows * (right - left + 2) + x)  # much faster than by two keys
-    return rows[order], x[order]
+    return rows, x0 + (rows - y0) * slope
 
 
-def _level(part: BaseGeometry, edges: NDArray[np.float64], low: int, high: int) -> Spans:
-    """Return what crossings leave out: level edges, upper ends and points that lie on a row."""
+def _level(
+    part: BaseGeometry, edges: NDArray[np.float64], low: int, high: int
+) -> tuple[IntArray, NDArray[np.float64], NDArray[np.float64]]:
+    """Return what crossings leave out: level edges, upper ends and points that lie on a row.
+
+    Returns:
+        Rows, and the least and the greatest x.
+    """
     points = shapely.get_coordinates(part)
     x = np.concatenate([edges[:, [0, 2]], np.repeat(points[:, :1], 2, axis=1)])
     y = np.concatenate([edges[:, 3], points[:, 1]])
     is_level = np.concatenate([edges[:, 1] == edges[:, 3], np.ones(len(points), dtype=bool)])
     chosen = is_level & (y == np.floor(y)) & (y >= low) & (y < high)
-    return y[chosen].astype(np.int64), _ceil(x[chosen].min(axis=1)), _floor(x[chosen].max(axis=1))
-
-
-def _ceil(x: NDArray[np.float64]) -> IntArray:
-    return np.ceil(np.round(x, _DECIMALS)).astype(np.int64)
-
-
-def _floor(x: NDArray[np.float64]) -> IntArray:
-    return np.floor(np.round(x, _DECIMALS)).astype(np.int64)
+    return y[chosen].astype(np.int64), x[chosen].min(axis=1), x[chosen].max(axis=1)
