@@ -34,6 +34,8 @@ export class Editor {
   private readonly modify: Modify;
   private readonly snap: Snap;
   private chosen: ObjectDetails | null = null;
+  /** What was drawn, until it has a name and the server took it. */
+  private drawn: MultiPolygon | null = null;
   /** One change after the other, so that each knows the version that the last one made. */
   private queue: Promise<void> = Promise.resolve();
 
@@ -114,6 +116,7 @@ export class Editor {
 
   /** Takes the object at a place into the hand: the smallest, if there are several. */
   async pick(place: Point): Promise<void> {
+    if (this.drawn) return;
     const answer = await this.source.at(place, this.context.info.base_frame);
     const open = new Set(this.layers());
     const here = answer.layers
@@ -137,8 +140,8 @@ export class Editor {
   letGo(): boolean {
     const had = this.chosen !== null;
     this.chosen = null;
+    this.drawn = null;
     this.shapes.getSource()?.clear();
-    this.view.markArea(null);
     return had;
   }
 
@@ -147,19 +150,21 @@ export class Editor {
     const { layer, id, name } = this.chosen;
     this.letGo();
     this.panel.close();
-    this.apply([{ op: "remove", layer, id }], `Deleted ${name}`);
+    void this.apply([{ op: "remove", layer, id }], `Deleted ${name}`);
   }
 
   undo(): void {
-    if (this.context.info.can_undo) this.run((version) => this.editing.undo(version), "Undone");
+    if (!this.context.info.can_undo) return;
+    void this.run((version) => this.editing.undo(version), "Undone");
   }
 
   redo(): void {
-    if (this.context.info.can_redo) this.run((version) => this.editing.redo(version), "Done again");
+    if (!this.context.info.can_redo) return;
+    void this.run((version) => this.editing.redo(version), "Done again");
   }
 
   save(request: SaveRequest = {}): void {
-    this.enqueue(async () => {
+    void this.enqueue(async () => {
       try {
         await this.changed(await this.editing.save(request));
         notify("Saved");
@@ -189,7 +194,7 @@ export class Editor {
   private choose(object: ObjectDetails): void {
     this.letGo();
     this.chosen = object;
-    this.outline(object);
+    this.outline(new MultiPolygon(object.polygons));
     this.panel.show({
       title: object.name,
       summary: `Object ${object.id} of ${object.layer}`,
@@ -197,7 +202,7 @@ export class Editor {
         objectForm(object, this.names(), {
           change: (values) => {
             const { layer, id } = object;
-            this.apply([{ op: "update", layer, id, ...values }], "Changed");
+            void this.apply([{ op: "update", layer, id, ...values }], "Changed");
           },
           remove: () => this.remove(),
         }),
@@ -206,9 +211,9 @@ export class Editor {
   }
 
   /** Shows the outline that can be changed. */
-  private outline({ polygons }: ObjectDetails): void {
+  private outline(shape: MultiPolygon): void {
     this.shapes.getSource()?.clear();
-    this.shapes.getSource()?.addFeature(new Feature(new MultiPolygon(polygons)));
+    this.shapes.getSource()?.addFeature(new Feature(shape));
   }
 
   private draw(kind: Kind, room: boolean): void {
@@ -222,27 +227,28 @@ export class Editor {
     this.drawing.start(kind, (ring) => this.describe(ring, room));
   }
 
-  /** Asks what a new shape is. */
+  /** Asks what a new shape is; until it is added, its corners can be dragged. */
   private describe(ring: Ring, room: boolean): void {
     this.hint(null);
-    this.view.markArea(ring);
-    const cancel = () => {
-      this.view.markArea(null);
-      this.panel.close();
-    };
+    const drawn = new MultiPolygon([[[...ring, ring[0]]]]);
+    this.drawn = drawn;
+    this.outline(drawn);
     this.panel.show({
       title: room ? "New room" : "New object",
       summary: "Give it a name",
       content: [
         newObjectForm(this.names(), this.layers(), room, this.taken(), {
           add: ({ isNewLayer, ...values }) => {
-            cancel();
-            const polygons: Polygon[] = [[ring]];
+            const polygons = drawn.getCoordinates() as Polygon[];
             const layer: Operation = { op: "add_layer", layer: values.layer };
             const object: Operation = { op: "add", polygons, ...values };
-            this.apply(isNewLayer ? [layer, object] : [object], `Added ${values.name}`, true);
+            return this.apply(
+              isNewLayer ? [layer, object] : [object],
+              `Added ${values.name}`,
+              true,
+            );
           },
-          cancel,
+          cancel: () => this.panel.close(),
         }),
       ],
     });
@@ -254,36 +260,41 @@ export class Editor {
     if (!this.chosen || !feature) return;
     const polygons = (feature.getGeometry() as MultiPolygon).getCoordinates() as Polygon[];
     const { layer, id } = this.chosen;
-    this.apply([{ op: "update", layer, id, polygons }], "Reshaped");
+    void this.apply([{ op: "update", layer, id, polygons }], "Reshaped");
   }
 
-  private apply(operations: Operation[], done: string, take = false): void {
-    this.run(async (version) => {
+  /** Changes the map; resolves to whether that was possible. */
+  private apply(operations: Operation[], done: string, take = false): Promise<boolean> {
+    return this.run(async (version) => {
       const change = await this.editing.edit(version, operations);
       const id = change.ids?.[0];
       if (take && id !== undefined) {
-        this.queue = this.queue.then(() => this.take(operations[0].layer, id)).catch(complain);
+        void this.enqueue(() => this.take(operations[0].layer, id));
       }
       return change;
     }, done);
   }
 
-  private run(change: (version: number) => Promise<Change>, done: string): void {
-    this.enqueue(async () => {
+  private async run(change: (version: number) => Promise<Change>, done: string): Promise<boolean> {
+    let isDone = false;
+    await this.enqueue(async () => {
       try {
         await this.changed(await change(this.context.info.version));
+        isDone = true;
         notify(done);
       } catch (error) {
         complain(error);
         // The page shows again what the server holds; what is typed stays, to be corrected.
         await this.changed({});
-        if (this.chosen) this.outline(this.chosen);
+        if (this.chosen) this.outline(new MultiPolygon(this.chosen.polygons));
       }
     });
+    return isDone;
   }
 
-  private enqueue(task: () => Promise<void>): void {
+  private enqueue(task: () => Promise<void>): Promise<void> {
     this.queue = this.queue.then(task).catch(complain);
+    return this.queue;
   }
 
   private actions({ layer, id }: ObjectDetails): HTMLElement | null {

@@ -38,10 +38,7 @@ export function objectForm(
     { class: "form" },
     ...name.rows,
     ...tags.rows,
-    el("p", {
-      class: "quiet",
-      text: "Drag a corner or an edge on the map to reshape it; Alt+click removes a corner.",
-    }),
+    reshaping(),
     el(
       "div",
       { class: "buttons" },
@@ -71,7 +68,7 @@ export function newObjectForm(
   layers: string[],
   room: boolean,
   taken: string[],
-  verbs: { add: (values: Placed) => void; cancel: () => void },
+  verbs: { add: (values: Placed) => Promise<boolean>; cancel: () => void },
 ): HTMLElement {
   const { name, tags } = fields(names, "", room ? ["room"] : []);
   const layer = el(
@@ -104,6 +101,12 @@ export function newObjectForm(
     if (!newLayer.hidden) newLayer.focus();
   });
   offerName();
+  const add = el("button", {
+    type: "submit",
+    class: "button primary",
+    text: "Add",
+    id: "object-add",
+  });
   const form = el(
     "form",
     { class: "form" },
@@ -112,25 +115,35 @@ export function newObjectForm(
     layer,
     newLayer,
     ...tags.rows,
+    reshaping(),
     el(
       "div",
       { class: "buttons" },
       el("button", { type: "button", class: "button", text: "Cancel", onclick: verbs.cancel }),
       el("span", { class: "grow" }),
-      el("button", { type: "submit", class: "button primary", text: "Add", id: "object-add" }),
+      add,
     ),
   );
   form.addEventListener("submit", (event) => {
     event.preventDefault();
     const chosen = layer.value === NEW_LAYER ? newLayer.value.trim() : layer.value;
-    verbs.add({
+    const values = {
       name: name.input.value.trim(),
       layer: chosen,
       isNewLayer: !layers.includes(chosen),
       tags: tagsFrom(tags.input.value),
-    });
+    };
+    add.disabled = true; // once is enough, unless it is refused
+    void verbs.add(values).then((added) => (add.disabled = added));
   });
   return form;
+}
+
+function reshaping(): HTMLElement {
+  return el("p", {
+    class: "quiet",
+    text: "Drag a corner or an edge on the map to reshape it; Alt+click removes a corner.",
+  });
 }
 
 interface Field {

@@ -98,6 +98,15 @@ def add_rectangle(window: Window, x0: float, y0: float, x1: float, y1: float, na
     expect(window.page.locator(f'[data-class="{name}"]')).to_be_attached()
 
 
+def draw(window: Window, tool: str, corners: list[tuple[float, float]]) -> None:
+    """Draw a shape corner by corner, and end it."""
+    window.page.locator(tool).click()
+    for corner in corners:
+        window.click_at(*corner)
+        window.page.wait_for_timeout(300)  # two clicks at once would end the shape
+    window.page.keyboard.press("Enter")
+
+
 def classes(window: Window) -> list[str]:
     return sorted(
         str(row.get_attribute("data-class"))
@@ -274,11 +283,7 @@ def test_markup_typed_as_a_name_stays_text(edited: Edited) -> None:
 def test_a_zone_is_drawn_on_a_new_layer_of_its_own(edited: Edited, other: Window) -> None:
     window = edited.window
     start_editing(window)
-    window.page.locator("#edit-room").click()
-    for corner in [(4.5, 4.2), (6.2, 4.2), (6.2, 6.8)]:
-        window.click_at(*corner)
-        window.page.wait_for_timeout(300)  # two clicks at once would end the shape
-    window.page.keyboard.press("Enter")
+    draw(window, "#edit-room", [(4.5, 4.2), (6.2, 4.2), (6.2, 6.8)])
     expect(window.page.locator("#object-new-layer")).to_be_hidden()
     window.page.locator("#object-layer").select_option(label="New layer…")
     window.page.locator("#object-name").fill("kitchen")
@@ -300,6 +305,25 @@ def test_a_zone_is_drawn_on_a_new_layer_of_its_own(edited: Edited, other: Window
     window.page.locator("#edit-undo").click()
     expect(window.page.locator('[data-layer="zones"]')).to_have_count(0)
     expect(other.page.locator('[data-layer="zones"]')).to_have_count(0)
+
+
+def test_a_drawing_that_is_refused_stays_to_be_corrected(edited: Edited) -> None:
+    window = edited.window
+    start_editing(window)
+    draw(window, "#edit-polygon", [(4.5, 4.2), (6.2, 6.2), (6.2, 4.2), (4.5, 6.2)])
+    window.page.locator("#object-name").fill("carpet")
+    window.page.locator("#object-add").click()
+    expect(window.page.get_by_role("alert").filter(has_text="crosses itself")).to_be_visible()
+    window.click_at(2.5, 2.5)  # a click beside it is not the end of it
+    window.drag((6.2, 6.2), (5.3, 3.4))
+    expect(window.page.locator("#object-name")).to_have_value("carpet")
+    window.page.locator("#object-add").click()
+    expect(window.page.locator('[data-class="carpet"]')).to_be_attached()
+    expect(window.page.locator("#object-apply")).to_be_visible()  # it is in the hand
+    save(window)
+    (carpet,) = (item for item in edited.objects().values() if item.name == "carpet")
+    wanted = shapely.Polygon([(4.5, 4.2), (5.3, 3.4), (6.2, 4.2), (4.5, 6.2)])
+    assert carpet.footprint.symmetric_difference(wanted).area < 0.1 * wanted.area
 
 
 def save_as(window: Window, name: str) -> None:
