@@ -79,6 +79,7 @@ export class Ask {
   }
 
   name(name: string): void {
+    let isNew = true;
     this.run(async (isCurrent) => {
       const { info } = this.context;
       const place = this.place;
@@ -87,7 +88,8 @@ export class Ask {
       const { rows } = answer;
       this.clear();
       this.view.markPlace(place);
-      this.view.markMatches(rows.map(({ x, y }) => [x, y]));
+      const places = rows.map(({ x, y }): Point => [x, y]);
+      this.view.markMatches(places);
       const total = answer.total ?? rows.length;
       const from = place ? "the marked place" : "the middle of the view";
       this.panel.show({
@@ -101,6 +103,8 @@ export class Ask {
         }),
         spelled: answer,
       });
+      if (isNew) this.view.showAny(places);
+      isNew = false;
     });
   }
 

@@ -4,6 +4,7 @@ import Feature from "ol/Feature.js";
 import OpenLayersMap from "ol/Map.js";
 import View from "ol/View.js";
 import { easeOut } from "ol/easing.js";
+import { boundingExtent } from "ol/extent.js";
 import MultiPolygon from "ol/geom/MultiPolygon.js";
 import PointGeometry from "ol/geom/Point.js";
 import { defaults as defaultInteractions } from "ol/interaction/defaults.js";
@@ -46,6 +47,8 @@ const EDGE = 30;
 const SEEN_WELL = 0.25;
 /** Around a part that is looked at, in its own sizes. */
 const MARGIN = 0.5;
+/** Close enough to see what a place is [metres per pixel]. */
+const CLOSE = 0.01;
 /** Shapes are asked for at most so often while the map moves [ms]. */
 const PAUSE = 150;
 
@@ -182,12 +185,12 @@ export class MapView {
     return { center: [x, y], resolution: this.resolution, frame, hidden };
   }
 
-  fit(extent: Extent | null, animate = true): void {
+  fit(extent: Extent | null, animate = true, minResolution = 0.002): void {
     const [x0, y0, x1, y1] = extent ?? [-5, -5, 5, 5];
     const { top, right, bottom, left } = this.insets();
     this.view.fit([x0, y0, x1, y1], {
       padding: [top + 24, right + 24, bottom + 24, left + 24],
-      minResolution: 0.002,
+      minResolution,
       duration: animate && !calm() ? 350 : 0,
       easing: easeOut,
     });
@@ -219,6 +222,20 @@ export class MapView {
     if (isInView && share > SEEN_WELL) return;
     const [dx, dy] = [(x1 - x0) * MARGIN, (y1 - y0) * MARGIN];
     this.fit([x0 - dx, y0 - dy, x1 + dx, y1 + dy]);
+  }
+
+  /** Brings places into view if none of them is, and only as close as the view is already. */
+  showAny(places: Point[]): void {
+    const size = this.map.getSize();
+    if (!size || !places.length) return;
+    const { top, right, bottom, left } = this.insets();
+    const isInView = ([column, row]: number[]) =>
+      column > left && column < size[0] - right && row > top && row < size[1] - bottom;
+    if (places.some((place) => isInView(this.map.getPixelFromCoordinate(place) ?? [-1, -1]))) {
+      return;
+    }
+    const closest = Math.max(this.resolution, CLOSE);
+    this.fit(boundingExtent(places) as Extent, true, closest);
   }
 
   /** Moves the map a little if a place would lie under a panel. */

@@ -187,3 +187,25 @@ def test_a_name_is_text_and_never_runs(window: Window) -> None:
     page.locator("#panel ol.found button").click()
     assert page.locator("img, script:not([src])").count() == 0
     assert page.evaluate("window.hacked") is None
+
+
+def test_found_things_come_into_view_if_none_of_them_is(window: Window) -> None:
+    def place() -> list[float]:
+        said: list[float] = window.page.evaluate(
+            "() => [...window.hypermapPage.map.getView().getCenter(), "
+            "window.hypermapPage.map.getView().getResolution()]"
+        )
+        return said
+
+    before = place()
+    window.find("chair")
+    window.wait_until_drawn()
+    assert place() == before  # it was in view
+
+    window.look_at(200, -100, 0.002)
+    window.find("desk")
+    window.wait_for("() => !window.hypermapPage.map.getView().getAnimating()")
+    window.wait_until_drawn()
+    pixel = window.pixel_of(*PLACES[DESK])
+    assert place()[2] == pytest.approx(0.01)  # near enough, and not nearer
+    assert any(np.hypot(*(window.bare_pixels() - pixel).T) < 20)  # no panel covers it
