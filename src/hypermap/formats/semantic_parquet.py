@@ -234,7 +234,8 @@ def _tags(column: Lists | None, count: int, path: str) -> ObjectArray:
         raise FormatError("expected lists of texts", path=path, key="tags")
     words = as_objects(items.vocabulary)[items.codes].tolist()
     known: dict[tuple[str, ...], tuple[str, ...]] = {}
-    return as_objects(known.setdefault(row, row) for row in as_tuples(words, column.lengths))
+    rows = as_tuples(words, column.lengths)
+    return as_objects(map(known.setdefault, rows, rows))  # equal ones are the same
 
 
 def _confidence(column: Lists | None, count: int, path: str) -> ObjectArray:

@@ -18,6 +18,7 @@ from hypermap.core.layer import Store
 from hypermap.core.objects import MAX_ID, ObjectTable
 from hypermap.core.semantic import Rejected, SemanticLayer, SemanticObject
 from hypermap.formats.checked import found
+from hypermap.formats.collector import paused_collector
 from hypermap.formats.config import BINARY_FILE
 from hypermap.formats.evidence_file import load_evidence, save_evidence, without_evidence
 from hypermap.formats.footprints import footprint_from_wkt
@@ -106,7 +107,8 @@ def parse_content(content: bytes, path: str) -> tuple[ObjectTable, list[Rejected
         FormatError: If it is neither a list in YAML nor GeoParquet of objects.
         MissingExtra: If it is GeoParquet, and pyarrow is not installed.
     """
-    return (parse_parquet if content.startswith(MAGIC) else parse_table)(content, path)
+    with paused_collector():
+        return (parse_parquet if content.startswith(MAGIC) else parse_table)(content, path)
 
 
 def parse_objects(content: bytes, path: str) -> tuple[list[SemanticObject], list[Rejected]]:
