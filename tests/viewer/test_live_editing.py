@@ -168,6 +168,16 @@ def test_changes_from_many_threads_are_all_kept(tmp_path):
         ({"op": "add", "layer": "things", "name": "x"}, 400, "needs a name and a polygon"),
         ({"op": "add", "polygon": BED, "name": "x"}, 400, "layer: the operation must name one"),
         (add(polygon=[[0, 0], [2, 2], [2, 0], [0, 2]]), 400, "the outline crosses itself"),
+        (
+            add(polygon=[[0, 0], [1e8, 0], [0, 1]]),
+            400,
+            "the shape is 100000 km long, more than 100 km; corners are given in metres",
+        ),
+        (
+            {**add(), "polygon": None, "polygons": [[BED], [[[2e5, 0], [2e5, 1], [2e5 + 1, 0]]]]},
+            400,
+            "polygons: the shape is 200 km long",
+        ),
         (add(polygon=[[0, i] for i in range(10_001)]), 400, "has 10001 corners, more than 10000"),
         (add(name="  "), 400, "name: a text is expected"),
         (add(name="a\nb"), 400, "has letters that cannot be shown"),

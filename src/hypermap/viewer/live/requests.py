@@ -17,6 +17,8 @@ MOST_BYTES = 8_000_000
 """Size of the largest request body."""
 MOST_CORNERS = 10_000
 """Corners of the largest shape of an object."""
+MOST_METRES = 100_000
+"""Width and height of the largest shape of an object; the page cannot show more at once."""
 MOST_ASKED_CORNERS = 2_000
 """Corners of the largest area that is asked about; each costs time on a large grid."""
 
@@ -114,13 +116,17 @@ def footprint_in(values: Mapping[str, Any]) -> BaseGeometry | None:
     of rings, the outline first.
 
     Raises:
-        Refused: If it is no shape, has too many corners, no area, or its outline crosses itself.
+        Refused: If it is no shape, has too many corners, no area, is larger than a city, or its
+            outline crosses itself.
     """
     if values.get("polygon") is not None:
-        return _polygon([_ring(values["polygon"], "polygon")], "polygon")
+        return _of_size(_polygon([_ring(values["polygon"], "polygon")], "polygon"), "polygon")
     if values.get("polygons") is None:
         return None
-    given = values["polygons"]
+    return _of_size(_polygons(values["polygons"]), "polygons")
+
+
+def _polygons(given: Any) -> BaseGeometry:
     if not isinstance(given, list) or not given or not all(isinstance(p, list) for p in given):
         raise Refused("polygons: a list of polygons is expected, each a list of rings")
     count = sum(len(ring) for part in given for ring in part if isinstance(ring, list))
@@ -132,6 +138,17 @@ def footprint_in(values: Mapping[str, Any]) -> BaseGeometry | None:
     shape: BaseGeometry = parts[0] if len(parts) == 1 else shapely.MultiPolygon(parts)
     if not shape.is_valid:
         raise Refused("polygons: the parts of the shape overlap")
+    return shape
+
+
+def _of_size(shape: BaseGeometry, key: str) -> BaseGeometry:
+    x0, y0, x1, y1 = shape.bounds
+    side = max(x1 - x0, y1 - y0)
+    if side > MOST_METRES:
+        raise Refused(
+            f"{key}: the shape is {side / 1000:.0f} km long, more than {MOST_METRES // 1000} km; "
+            "corners are given in metres"
+        )
     return shape
 
 
