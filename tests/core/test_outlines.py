@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hypermap.core.arrays import as_objects
-from hypermap.core.outlines import Outlines
+from hypermap.core.outlines import Outlines, Rings
 
 # Few different coordinates, so that points lie on corners, edges and their extensions.
 coordinates = st.tuples(st.integers(0, 6), st.integers(0, 6))
@@ -31,6 +31,10 @@ def test_points_are_covered_as_geos_says(drawn: list[shapely.Geometry], points) 
     xy = np.array(points, dtype=float)[places]
     expected = shapely.intersects_xy(as_objects(drawn)[rows], xy).tolist()
     assert Outlines(as_objects(drawn)).cover(rows, xy).tolist() == expected
+    rings = Rings(drawn.__getitem__)
+    for _ in range(2):  # looked at, and kept
+        one_by_one = [rings.cover(row, *at) for row, at in zip(rows, xy.tolist(), strict=True)]
+        assert one_by_one == expected
 
 
 @pytest.mark.parametrize("corners", [5, 40, 300])
@@ -45,6 +49,15 @@ def test_points_a_hair_from_an_outline_are_told_apart(corners: int) -> None:
     expected = shapely.intersects_xy(circle, points)
     assert 0 < expected.sum() < len(points)
     np.testing.assert_array_equal(covered, expected)
+    rings = Rings([circle].__getitem__)
+    assert [rings.cover(0, x, y) for x, y in points.tolist()] == expected.tolist()
+
+
+def test_outlines_that_are_no_longer_kept_are_looked_at_again(monkeypatch) -> None:
+    monkeypatch.setattr("hypermap.core.outlines._MOST_KEPT", 2)
+    rings = Rings([shapely.box(i, 0, i + 1, 1) for i in range(5)].__getitem__)
+    for row in [0, 1, 2, 3, 4, 0, 1]:
+        assert [rings.cover(row, x + 0.5, 0.5) for x in range(5)] == [x == row for x in range(5)]
 
 
 def test_no_pairs_are_no_answers() -> None:

@@ -14,8 +14,6 @@ IntArray: TypeAlias = NDArray[np.signedinteger[Any]]
 BoolArray: TypeAlias = NDArray[np.bool_]
 ObjectArray: TypeAlias = NDArray[np.object_]
 
-_SINGLE = ((2,), (1, 2))  # shapes of one point
-
 
 def as_points_xy(points: ArrayLike) -> NDArray[np.float64]:
     """Return points as a float64 array of shape (N, 2); a single point becomes (1, 2).
@@ -58,7 +56,7 @@ def single_xy(points: ArrayLike) -> tuple[float, float] | None:
     (1.0, 2.0)
     """
     given = np.asarray(points, dtype=np.float64)
-    if given.size != 2 or given.shape not in _SINGLE:
+    if given.shape != (2,) and given.shape != (1, 2):
         return None
     x, y = given.item(0), given.item(1)
     return (x, y) if isfinite(x) and isfinite(y) else None

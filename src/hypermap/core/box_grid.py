@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hypermap.core.arrays import IntArray, as_view
+from hypermap.core.arrays import IntArray, as_view, of_rows
 from hypermap.core.outlines import ranges
 
 _FINER = 4  # a grid's cells are so many times as wide as those of the next finer one
 _MOST_LEVELS = 32
-_FEW = 32  # boxes that are looked at one by one
-_MANY = 0.25  # of all boxes; for so many it is faster to look at all
 _AT_ONCE = 2**13  # points looked up in one go, so that they stay in the processor's cache
+_FEW_CELLS = 9  # that are looked at one by one
+_MOST_KEPT = 2**17  # boxes in the cells that are kept as lists
+
+Near = tuple[float, float, float, float, int]  # a box, and its row
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,10 +33,9 @@ class _Level:
         per_metre: cells per metre.
         width: cells along x.
         height: cells along y.
-        starts: where the rows of each cell begin in `rows`, and the end of the last one.
+        starts: where each cell begins in `rows`, and the end of the last one.
         rows: of the boxes, cell by cell.
-        all_starts: `starts` for Python loops, which are faster over it.
-        all_rows: the same of `rows`.
+        sides: x0, y0, x1, y1 of the boxes, cell by cell, shape (4, R).
     """
 
     x: float
@@ -43,8 +45,7 @@ class _Level:
     height: int
     starts: IntArray
     rows: IntArray
-    all_starts: memoryview[int]
-    all_rows: memoryview[int]
+    sides: NDArray[np.float64]
 
     @classmethod
     def of(
@@ -54,23 +55,19 @@ class _Level:
         width, height = (
             max(1, math.ceil((extent[axis + 2] - extent[axis]) / cell)) for axis in (0, 1)
         )
-        nothing = np.zeros(1, dtype=np.int32)
-        none = as_view(nothing)
-        empty = cls(x, y, 1 / cell, width, height, nothing, nothing, none, none)
+        nothing = np.zeros(1, dtype=np.int64)
+        empty = cls(x, y, 1 / cell, width, height, nothing, nothing, boxes)
         columns = empty.columns_of(boxes[:, 0]), empty.columns_of(boxes[:, 2])
         lines = empty.lines_of(boxes[:, 1]), empty.lines_of(boxes[:, 3])
         across, up = columns[1] - columns[0] + 1, lines[1] - lines[0] + 1
         # Each box takes so many lines of cells, and each of these so many cells.
-        line_of = ranges(lines[0], up)
-        first_cell = line_of * width + np.repeat(columns[0], up)
-        cells = ranges(first_cell, np.repeat(across, up))
-        owners = np.repeat(rows, across * up)
-        order = np.argsort(cells, kind="stable")
+        line_of, box_of = ranges(lines[0], up)
+        cells, part_of = ranges(line_of * width + columns[0][box_of], across[box_of])
+        owners = box_of[part_of[np.argsort(cells)]]
         counts = np.bincount(cells, minlength=width * height)
         starts = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
-        sorted_rows = owners[order].astype(np.int64)
-        views = as_view(starts), as_view(sorted_rows)
-        return cls(x, y, 1 / cell, width, height, starts, sorted_rows, *views)
+        sides = np.ascontiguousarray(boxes.T).take(owners, axis=1)
+        return cls(x, y, 1 / cell, width, height, starts, rows[owners], sides)
 
     def columns_of(self, x: NDArray[np.float64]) -> IntArray:
         """Return the cells of coordinates along x."""
@@ -82,7 +79,7 @@ class _Level:
 
 
 class BoxGrid:
-    """Finds boxes by place; made once and never changed.
+    """Finds boxes by points; made once and never changed.
 
     A box lies in the finest grid whose cells are at least as wide as it, so in four cells at
     most; all boxes of a map with millions of cups and some halls are found as fast.
@@ -91,19 +88,22 @@ class BoxGrid:
         cell: width of the finest grid's cells [m].
     """
 
-    def __init__(self, boxes: NDArray[np.float64]) -> None:
-        """Sort boxes, shape (N, 4): x0, y0, x1, y1 [m], into grids."""
-        self._boxes = boxes
-        self._sides = np.ascontiguousarray(boxes.T)
+    def __init__(self, boxes: NDArray[np.float64], sizes: NDArray[np.float64]) -> None:
+        """Sort boxes into grids.
+
+        Args:
+            boxes: x0, y0, x1, y1 [m], shape (N, 4).
+            sizes: shape (N,); by which `near` sorts.
+        """
         self._all_boxes = as_view(boxes.ravel())
-        self._levels: list[_Level] = []
+        self._all_sizes = as_view(sizes)
+        self._levels: list[tuple[int, _Level]] = []  # how often coarser than the finest one
+        self._finest = 0.0, 0.0, 1.0, 1, 1
+        self._near: dict[int, list[Near]] = {}
+        self._kept = 0
         self.cell = 1.0
         if len(boxes):
             self._sort(boxes)
-        self._for_one = [
-            (g.x, g.y, g.per_metre, g.width, g.height, g.all_starts, g.all_rows)
-            for g in self._levels
-        ]
 
     def _sort(self, boxes: NDArray[np.float64]) -> None:
         """Make the grids."""
@@ -117,31 +117,72 @@ class BoxGrid:
         level_of = np.minimum(fitting, _MOST_LEVELS).astype(np.int64)
         for level in np.unique(level_of).tolist():
             rows = np.flatnonzero(level_of == level)
-            self._levels.append(_Level.of(boxes[rows], rows, extent, cell * _FINER**level))
+            grid = _Level.of(of_rows(boxes, rows), rows, extent, cell * _FINER**level)
+            self._levels.append((level, grid))
+        finest = self._levels[0][1]  # at least half of the boxes are no larger than its cells
+        self._finest = finest.x, finest.y, finest.per_metre, finest.width, finest.height
 
-    def at(self, x: float, y: float) -> list[int]:
-        """Return the rows of the boxes at one point, in any order; far faster than `at_all`."""
-        found = []
-        boxes = self._all_boxes
-        for left, low, per_metre, width, height, starts, rows in self._for_one:
-            column, line = (x - left) * per_metre, (y - low) * per_metre
-            cell = int(column) if 0 < column < width else (0 if column <= 0 else width - 1)
-            cell += width * (int(line) if 0 < line < height else (0 if line <= 0 else height - 1))
-            begin, end = starts[cell], starts[cell + 1]
-            while begin < end:
-                row = rows[begin]
-                k = 4 * row
-                if boxes[k] <= x <= boxes[k + 2] and boxes[k + 1] <= y <= boxes[k + 3]:
-                    found.append(row)
-                begin += 1
-        return found
+    def near(self, x: float, y: float) -> list[Near]:
+        """Return the boxes that may be at one point, smallest first; the same in a whole cell.
+
+        The list is kept for the next question, and must not be changed.
+        """
+        west, south, per_metre, width, height = self._finest
+        column, line = (x - west) * per_metre, (y - south) * per_metre
+        if not (0 <= column < width and 0 <= line < height):
+            column, line = min(max(column, 0), width - 1), min(max(line, 0), height - 1)
+        return self._near_cell(int(line) * width + int(column))
+
+    def meeting(self, x0: float, y0: float, x1: float, y1: float) -> list[int] | None:
+        """Return the rows of the boxes that meet a small box, in ascending order.
+
+        Returns:
+            None where it is not small, or not on the grid.
+        """
+        west, south, per_metre, width, height = self._finest
+        left, right = int((x0 - west) * per_metre), int((x1 - west) * per_metre)
+        low, high = int((y0 - south) * per_metre), int((y1 - south) * per_metre)
+        if left < 0 or low < 0 or right >= width or high >= height:
+            return None
+        if (right - left + 1) * (high - low + 1) > _FEW_CELLS:
+            return None
+        rows = set()
+        for first in range(low * width, high * width + 1, width):
+            for cell in range(first + left, first + right + 1):
+                for a, b, c, d, row in self._near_cell(cell):
+                    if a <= x1 and x0 <= c and b <= y1 and y0 <= d:
+                        rows.add(row)
+        return sorted(rows)
+
+    def _near_cell(self, cell: int) -> list[Near]:
+        try:
+            return self._near[cell]
+        except KeyError:
+            return self._look_up(cell)
+
+    def _look_up(self, cell: int) -> list[Near]:
+        """Return the boxes near a cell of the finest grid, and keep them."""
+        line, column = divmod(cell, self._finest[3])
+        rows: list[int] = []
+        for coarser, level in self._levels:
+            # All grids have one corner, and widths that differ by powers of two: none is rounded.
+            wider = _FINER**coarser
+            there = (line // wider) * level.width + column // wider
+            rows += level.rows[level.starts[there] : level.starts[there + 1]].tolist()
+        rows.sort(key=lambda row: (self._all_sizes[row], row))
+        near = [_as_near(self._all_boxes[4 * row : 4 * row + 4].tolist(), row) for row in rows]
+        self._kept += len(near) + 1
+        if self._kept > _MOST_KEPT:
+            self._near, self._kept = {}, len(near) + 1
+        self._near[cell] = near
+        return near
 
     def at_all(self, points_xy: NDArray[np.float64]) -> tuple[IntArray, IntArray]:
         """Return which of the points, (N, 2), lies in which box: places among them, and rows."""
         found = [(np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64))]
         for start in range(0, len(points_xy), _AT_ONCE):
             x, y = np.ascontiguousarray(points_xy[start : start + _AT_ONCE].T)
-            for level in self._levels:
+            for _, level in self._levels:
                 places, rows = self._at_level(level, x, y)
                 found.append((places + start, rows))
         places_of, rows_of = zip(*found, strict=True)
@@ -153,56 +194,19 @@ class BoxGrid:
         cells = level.lines_of(y) * level.width + level.columns_of(x)
         first = level.starts[cells]
         counts = level.starts[cells + 1] - first
-        near = level.rows[ranges(first, counts)]
-        asked = np.repeat(np.arange(len(x)), counts)
-        # One side after the other: most boxes are out after the first.
-        for axis, here in enumerate((x, y)):
-            for side, is_within in ((axis, np.less_equal), (axis + 2, np.greater_equal)):
-                inside = is_within(self._sides[side][near], here[asked])
-                near, asked = near[inside], asked[inside]
-        return asked, near
+        near, asked = ranges(first, counts)
+        for axis, coordinate in enumerate((x, y)):
+            here = coordinate[asked]
+            inside = level.sides[axis][near] <= here
+            inside &= here <= level.sides[axis + 2][near]
+            kept = np.flatnonzero(inside)  # several times faster than to index by what is true
+            near, asked = near[kept], asked[kept]
+        return asked, level.rows[near]
 
-    def meeting(self, x0: float, y0: float, x1: float, y1: float) -> IntArray:
-        """Return the rows of the boxes that meet a box, in ascending order."""
-        count = len(self._boxes)
-        parts, size = [], 0
-        for west, south, per_metre, width, height, starts, rows in self._for_one:
-            # Written out: four calls for each level would take longer than all the rest.
-            column, line = (x0 - west) * per_metre, (y0 - south) * per_metre
-            first = int(column) if 0 < column < width else (0 if column <= 0 else width - 1)
-            bottom = int(line) if 0 < line < height else (0 if line <= 0 else height - 1)
-            column, line = (x1 - west) * per_metre, (y1 - south) * per_metre
-            last = int(column) if 0 < column < width else (0 if column <= 0 else width - 1)
-            top = int(line) if 0 < line < height else (0 if line <= 0 else height - 1)
-            # The cells of one line of the grid lie side by side.
-            for cell in range(bottom * width, top * width + 1, width):
-                begin, end = starts[cell + first], starts[cell + last + 1]
-                if begin < end:
-                    parts.append(rows[begin:end])
-                    size += end - begin
-        if size <= _FEW:
-            return self._few_meeting({row for part in parts for row in part}, x0, y0, x1, y1)
-        if size > count * _MANY:
-            found = np.arange(count)
-            left, low, right, high = self._sides
-        else:
-            found = np.concatenate(parts)
-            found.sort()
-            is_new = np.ones(size, dtype=bool)  # a box lies in several cells
-            np.not_equal(found[1:], found[:-1], out=is_new[1:])
-            found = found[is_new]
-            left, low, right, high = (side[found] for side in self._sides)
-        meets = (left <= x1) & (x0 <= right) & (low <= y1) & (y0 <= high)
-        return np.asarray(found[meets])
 
-    def _few_meeting(self, rows: set[int], x0: float, y0: float, x1: float, y1: float) -> IntArray:
-        found = []
-        boxes = self._all_boxes
-        for row in rows:
-            k = 4 * row
-            if boxes[k] <= x1 and x0 <= boxes[k + 2] and boxes[k + 1] <= y1 and y0 <= boxes[k + 3]:
-                found.append(row)
-        return np.array(sorted(found), dtype=np.int64)
+def _as_near(box: Sequence[float], row: int) -> Near:
+    x0, y0, x1, y1 = box
+    return x0, y0, x1, y1, row
 
 
 def _extent_of_most(boxes: NDArray[np.float64]) -> tuple[float, ...]:

@@ -16,11 +16,12 @@ from functools import cached_property
 import numpy as np
 import shapely
 from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.arrays import IntArray, ObjectArray, as_objects
 from hypermap.core.box_grid import BoxGrid
 from hypermap.core.objects import ObjectTable, SemanticObject
-from hypermap.core.outlines import Outlines
+from hypermap.core.outlines import Outlines, Rings
 from hypermap.core.recent_boxes import RecentBoxes
 from hypermap.core.shapes import valid_copies
 
@@ -98,12 +99,22 @@ class ObjectLog:
     @cached_property
     def grid(self) -> BoxGrid:
         """Where the table's shapes are."""
-        return BoxGrid(self.table.boxes)
+        return BoxGrid(self.table.boxes, self.table.areas)
+
+    @cached_property
+    def tree(self) -> shapely.STRtree:
+        """The same, for areas."""
+        return shapely.STRtree(self.table.shapes)
 
     @cached_property
     def outlines(self) -> Outlines:
         """The outlines of the table's shapes."""
         return Outlines(self.table.shapes)
+
+    @cached_property
+    def rings(self) -> Rings:
+        """The outlines of all rows, for single points."""
+        return Rings(self._shape)
 
     @cached_property
     def written(self) -> Written:
@@ -140,6 +151,13 @@ class ObjectLog:
         row = self.table.row_of_id(object_id)
         return [*([] if row < 0 else [row]), *self._of_id.get(object_id, ())]
 
+    def _shape(self, row: int) -> BaseGeometry:
+        first = self.first
+        shape: BaseGeometry = (
+            self.table.shapes[row] if row < first else self.written.shapes[row - first]
+        )
+        return shape
+
     # Changes
 
     def has_room(self, rows: int) -> bool:
@@ -156,27 +174,26 @@ class ObjectLog:
             items: new objects, with ids.
             places: of each item in the order of the layer.
         """
-        begin, end = self.count - self.first, self.count - self.first + len(items)
-        if items:
-            self._write(slice(begin, end), items, places)
+        for item, place in zip(items, places, strict=True):
+            self._write(len(self.written.objects), item, place)
         self._room -= len(ended) + len(items)
         self.changes += 1
         if ended:
             self.ended[np.asarray(ended)] = self.changes
         self.count += len(items)
 
-    def _write(self, where: slice, items: Sequence[SemanticObject], places: Sequence[int]) -> None:
-        written = self.written
-        shapes = valid_copies(as_objects([item.footprint for item in items]))
-        written.shapes[where] = shapes
-        written.areas[where] = shapely.area(shapes)
-        written.centroids[where] = shapely.get_coordinates(shapely.centroid(shapes))
-        written.places[where] = places
-        boxes = shapely.bounds(shapes).tolist()
-        for position, item, box in zip(range(where.start, where.stop), items, boxes, strict=True):
-            assert item.id is not None  # the layer has numbered them
-            written.ids[position] = item.id
-            written.codes[position] = self._codes.setdefault(item.name, len(self._codes))
-            written.objects.append(item)
-            written.index.put(position, box)
-            self._of_id.setdefault(item.id, []).append(self.first + position)
+    def _write(self, at: int, item: SemanticObject, place: int) -> None:
+        written, shape = self.written, item.footprint
+        if not shape.is_valid:
+            (shape,) = valid_copies(as_objects([shape]))
+        assert item.id is not None  # the layer has numbered it
+        centroid = shape.centroid
+        written.places[at] = place
+        written.ids[at] = item.id
+        written.codes[at] = self._codes.setdefault(item.name, len(self._codes))
+        written.shapes[at] = shape
+        written.areas[at] = shape.area
+        written.centroids[at] = centroid.x, centroid.y
+        written.index.put(at, shape.bounds)
+        written.objects.append(item)
+        self._of_id.setdefault(item.id, []).append(self.first + at)

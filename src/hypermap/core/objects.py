@@ -14,7 +14,7 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from hypermap.core.arrays import IntArray, ObjectArray, as_objects, as_view
+from hypermap.core.arrays import IntArray, ObjectArray, as_objects, as_view, of_rows
 from hypermap.core.shapes import can_be_footprints, check_footprint, valid_copies
 
 MAX_ID = 2**31 - 1  # what messages can carry
@@ -207,7 +207,7 @@ class ObjectTable:
 
     def take(self, rows: IntArray) -> ObjectTable:
         """Return some of the rows."""
-        return self._changed(lambda name: getattr(self, name)[rows], self.vocabulary)
+        return self._changed(lambda name: of_rows(getattr(self, name), rows), self.vocabulary)
 
     def row_of_id(self, object_id: int) -> int:
         """Return the row of an id; -1 where there is none."""

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import shapely
 from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
 
-from hypermap.core.arrays import BoolArray, IntArray, ObjectArray
+from hypermap.core.arrays import BoolArray, IntArray, ObjectArray, of_rows
 
 # The difference of two products of differences has the right sign if it exceeds this part of the
 # sum of their sizes. Source: Shewchuk, Adaptive Precision Floating-Point Arithmetic and Fast Robust
@@ -14,17 +17,20 @@ from hypermap.core.arrays import BoolArray, IntArray, ObjectArray
 _UNSURE = 3.3306690738754716e-16
 _MOST_CORNERS = 64  # of an outline that is looked at edge by edge
 _PAIRS = 2**14  # looked at in one go, which bounds the memory
+_MOST_KEPT = 2**12  # outlines in plain Python
+
+Ring = list[list[float]]  # the corners' x and y
 
 
-def ranges(starts: IntArray, counts: IntArray) -> IntArray:
-    """Return the numbers of several ranges, one range after the other.
+def ranges(starts: IntArray, counts: IntArray) -> tuple[IntArray, IntArray]:
+    """Return the numbers of several ranges, one range after the other, and the range of each.
 
     >>> ranges(np.array([5, 9]), np.array([3, 2]))
-    array([ 5,  6,  7,  9, 10])
+    (array([ 5,  6,  7,  9, 10]), array([0, 0, 0, 1, 1]))
     """
-    ends = np.cumsum(counts)
-    total = int(ends[-1]) if len(ends) else 0
-    return np.arange(total) + np.repeat(starts - ends + counts, counts)
+    owners = np.repeat(np.arange(len(counts)), counts)
+    before = starts - np.cumsum(counts) + counts
+    return np.arange(len(owners)) + before[owners], owners
 
 
 class Outlines:
@@ -57,9 +63,9 @@ class Outlines:
         is_sure = self._is_plain[rows]
         plain = np.flatnonzero(is_sure)
         for part in np.split(plain, range(_PAIRS, len(plain), _PAIRS)):
-            covered[part], is_sure[part] = self._cross(rows[part], points_xy[part])
+            covered[part], is_sure[part] = self._cross(rows[part], of_rows(points_xy, part))
         others = np.flatnonzero(~is_sure)
-        asked = self._shapes[rows[others]], *points_xy[others].T
+        asked = self._shapes[rows[others]], *of_rows(points_xy, others).T
         covered[others] = shapely.intersects_xy(*asked)
         return covered
 
@@ -67,14 +73,14 @@ class Outlines:
         """Return for pairs, (M,), whether the point is inside, and whether that is sure."""
         first = self._starts[rows]
         counts = self._starts[rows + 1] - first - 1
-        edges, pairs = ranges(first, counts), np.repeat(np.arange(len(rows)), counts)
+        edges, pairs = ranges(first, counts)
         # Only edges that reach the height of the point matter: from a to b, seen from the point.
         height = points_xy[pairs, 1]
         a_is_above, b_is_above = self._y[edges] >= height, self._y[edges + 1] >= height
         b_is_level = self._y[edges + 1] == height
         near = np.flatnonzero((a_is_above != b_is_above) | b_is_level)
         edges, pairs = edges[near], pairs[near]
-        x, y = points_xy[pairs].T
+        x, y = of_rows(points_xy, pairs).T
         ax, ay = self._x[edges] - x, self._y[edges] - y
         bx, by = self._x[edges + 1] - x, self._y[edges + 1] - y
         left, right = ax * by, ay * bx
@@ -85,3 +91,59 @@ class Outlines:
         is_sure = np.ones(len(rows), dtype=bool)
         is_sure[pairs[unsure]] = False
         return inside, is_sure
+
+
+class Rings:
+    """The outlines of single shapes in plain Python, which is faster there than arrays are.
+
+    What was asked for is kept for the next question, up to a bound. Points are judged as in
+    `Outlines`.
+    """
+
+    def __init__(self, shape_of: Callable[[int], BaseGeometry]) -> None:
+        """Take outlines from the shapes of rows."""
+        self._shape_of = shape_of
+        self._kept: dict[int, Ring] = {}
+
+    def cover(self, row: int, x: float, y: float) -> bool:
+        """Return whether the shape of a row has a point."""
+        try:
+            ring = self._kept[row]
+        except KeyError:
+            ring = self._keep(row)
+        is_inside = _is_around(ring, x, y) if ring else None
+        if is_inside is None:
+            return bool(shapely.intersects_xy(self._shape_of(row), x, y))
+        return is_inside
+
+    def _keep(self, row: int) -> Ring:
+        if len(self._kept) >= _MOST_KEPT:
+            self._kept = {}
+        ring = self._kept[row] = _plain_ring(self._shape_of(row))
+        return ring
+
+
+def _plain_ring(shape: BaseGeometry) -> Ring:
+    """Return the corners, the first one twice; none if GEOS is to decide about a shape."""
+    corners = shapely.get_num_coordinates(shape)
+    if corners > _MOST_CORNERS or shapely.get_num_interior_rings(shape) > 0:
+        return []
+    is_polygon = isinstance(shape, shapely.Polygon)
+    return shapely.get_coordinates(shape).tolist() if is_polygon else []
+
+
+def _is_around(ring: Ring, x: float, y: float) -> bool | None:
+    """Return whether a ring has a point; None where rounding could decide."""
+    inside = False
+    ax, ay = ring[0]
+    for bx, by in ring:
+        if (ay >= y) != (by >= y):
+            left, right = (ax - x) * (by - y), (ay - y) * (bx - x)
+            if abs(left - right) <= _UNSURE * (abs(left) + abs(right)):
+                return None
+            if (left > right) == (by >= y):
+                inside = not inside
+        elif by == y and (ay == y or bx == x):
+            return None
+        ax, ay = bx, by
+    return inside

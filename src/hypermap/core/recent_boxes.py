@@ -32,7 +32,7 @@ class RecentBoxes:
         self._cell = cell
         self._levels: list[tuple[float, Cells]] = []  # cells per metre, and positions in cells
         self._level_of: dict[int, Cells] = {}
-        self._grid = 0, BoxGrid(self.boxes[:0])
+        self._grid = 0, BoxGrid(self.boxes[:0], self.boxes[:0, 0])
 
     def put(self, position: int, box: tuple[float, float, float, float]) -> None:
         """Add a box; positions are given from 0 on."""
@@ -66,7 +66,7 @@ class RecentBoxes:
         """Return which of the points, (N, 2), lies in which box: places among them, positions."""
         known, grid = self._grid
         if known != count:
-            grid = BoxGrid(self.boxes[:count])
+            grid = BoxGrid(self.boxes[:count], np.zeros(count))
             self._grid = count, grid
         return grid.at_all(points_xy)
 

@@ -13,7 +13,7 @@ import shapely
 from numpy.typing import ArrayLike, NDArray
 from shapely.geometry.base import BaseGeometry
 
-from hypermap.core.arrays import ObjectArray, as_point_xy, as_points_xy
+from hypermap.core.arrays import ObjectArray, as_point_xy, as_points_xy, single_xy
 from hypermap.core.errors import ObjectNotFound
 from hypermap.core.evidence import EvidenceTable
 from hypermap.core.layer import Hits, Layer, ShapesPicture, check_count
@@ -243,24 +243,26 @@ class SemanticLayer(Layer):
 
     def label_at(self, points_xy: ArrayLike) -> ObjectArray:
         """Return the name of the smallest object at each point, shape (N,), or "Empty"."""
-        now, points = self._now, as_points_xy(points_xy)
-        if len(points) == 1:
-            row = now.row_at(*points[0].tolist())
+        now, single = self._now, single_xy(points_xy)
+        if single is not None:
+            row = now.row_at(*single)
             return np.array([EMPTY if row < 0 else now.name(row)], dtype=object)
-        rows = now.rows_at(points)
+        rows = now.rows_at(as_points_xy(points_xy))
         labels = np.full(len(rows), EMPTY, dtype=object)
-        labels[rows >= 0] = now.names(rows[rows >= 0])
+        there = np.flatnonzero(rows >= 0)
+        labels[there] = now.names(rows[there])
         return labels
 
     def value_at(self, points_xy: ArrayLike) -> NDArray[np.int64]:
         """Return the id of the smallest object at each point, shape (N,), or -1."""
-        now, points = self._now, as_points_xy(points_xy)
-        if len(points) == 1:
-            row = now.row_at(*points[0].tolist())
+        now, single = self._now, single_xy(points_xy)
+        if single is not None:
+            row = now.row_at(*single)
             return np.array([NO_OBJECT if row < 0 else now.id(row)])
-        rows = now.rows_at(points)
+        rows = now.rows_at(as_points_xy(points_xy))
         values = np.full(len(rows), NO_OBJECT)
-        values[rows >= 0] = now.column("ids", rows[rows >= 0])
+        there = np.flatnonzero(rows >= 0)
+        values[there] = now.column("ids", rows[there])
         return values
 
     def labels_in(self, area: BaseGeometry) -> Hits:

@@ -14,6 +14,25 @@ _FAR = 1e9  # metres; what of an area lies beyond is cut off
 _FARTHEST = 1e100  # metres; products of two such lengths do not overflow
 
 
+def box_of(area: Any) -> tuple[float, float, float, float] | None:
+    """Return x0, y0, x1, y1 of an area that is a box along the axes; None where it is no such.
+
+    In a part of the time of `as_area`, which such an area needs not.
+    """
+    if not isinstance(area, shapely.Polygon):
+        return None
+    corners = shapely.get_coordinates(area)
+    if len(corners) != 5:
+        return None
+    (ax, ay), (bx, by), (cx, cy), (dx, dy), _ = corners.tolist()
+    is_upright = ax == bx and by == cy and cx == dx and dy == ay
+    is_level = ay == by and bx == cx and cy == dy and dx == ax
+    x0, x1 = (ax, cx) if ax < cx else (cx, ax)
+    y0, y1 = (ay, cy) if ay < cy else (cy, ay)
+    is_good = -_FAR <= x0 < x1 <= _FAR and -_FAR <= y0 < y1 <= _FAR
+    return (x0, y0, x1, y1) if is_good and (is_upright or is_level) else None
+
+
 def as_area(area: Any) -> BaseGeometry:
     """Return a shapely geometry that questions can be asked about; an empty one holds nothing.
 

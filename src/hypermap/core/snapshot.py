@@ -13,10 +13,12 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from hypermap.core.arrays import BoolArray, IntArray, ObjectArray
+from hypermap.core.arrays import BoolArray, IntArray, ObjectArray, of_rows
 from hypermap.core.object_log import ObjectLog
 from hypermap.core.objects import ObjectTable, SemanticObject
-from hypermap.core.shapes import as_area
+from hypermap.core.shapes import as_area, box_of
+
+Box = tuple[float, float, float, float]  # x0, y0, x1, y1
 
 _NOWHERE = -1
 _NO_NAME = -1  # as a code
@@ -84,11 +86,11 @@ class Snapshot:
         column: NDArray[Any] = getattr(self.log.table, name)
         first = self.log.first
         if self.count == first:
-            return column[rows]
+            return of_rows(column, rows)
         is_behind = rows >= first
         values = np.empty((len(rows), *column.shape[1:]), dtype=column.dtype)
-        values[~is_behind] = column[rows[~is_behind]]
-        values[is_behind] = getattr(self.log.written, name)[rows[is_behind] - first]
+        values[~is_behind] = of_rows(column, rows[~is_behind])
+        values[is_behind] = of_rows(getattr(self.log.written, name), rows[is_behind] - first)
         return values
 
     def names(self, rows: IntArray) -> ObjectArray:
@@ -122,19 +124,25 @@ class Snapshot:
 
     def row_at(self, x: float, y: float) -> int:
         """Return the row of the smallest object at a point; -1 if there is none."""
-        log, first = self.log, self.log.first
-        rows = log.grid.at(x, y)
-        if self.count > first:
-            behind = log.written.index.at(x, y, self.count - first)
-            rows += [first + position for position in behind]
-        if self.changes and rows:
-            rows = [row for row in rows if log.ended[row] > self.changes]
-        best, least = _NOWHERE, (math.inf, 0)
-        for row in rows:
-            columns, at = (log.table, row) if row < first else (log.written, row - first)
-            size = columns.areas[at], self._place(row)
-            if size < least and shapely.intersects_xy(columns.shapes[at], x, y):
-                best, least = row, size
+        log, changes = self.log, self.changes
+        best = _NOWHERE
+        for x0, y0, x1, y1, row in log.grid.near(x, y):
+            if not (x0 <= x <= x1 and y0 <= y <= y1):
+                continue
+            if log.rings.cover(row, x, y) and (changes == 0 or log.ended[row] > changes):
+                best = row
+                break
+        return best if self.count == log.first else self._or_written_at(best, x, y)
+
+    def _or_written_at(self, best: int, x: float, y: float) -> int:
+        """Return the row of the smallest object behind the table at a point, if below the best."""
+        log, written, first = self.log, self.log.written, self.log.first
+        least = (math.inf, 0) if best < 0 else (log.table.areas[best], best)
+        for at in written.index.at(x, y, self.count - first):
+            size = written.areas[at], written.places[at]
+            is_there = size < least and log.ended[first + at] > self.changes
+            if is_there and log.rings.cover(first + at, x, y):
+                best, least = first + at, size
         return best
 
     def rows_at(self, points_xy: NDArray[np.float64]) -> IntArray:
@@ -142,19 +150,20 @@ class Snapshot:
         if len(points_xy) <= _ONE_BY_ONE:
             return np.array([self.row_at(x, y) for x, y in points_xy.tolist()], dtype=np.int64)
         places, rows = self.log.grid.at_all(points_xy)
-        covered = self.log.outlines.cover(rows, points_xy[places])
-        places, rows = places[covered], rows[covered]
+        kept = np.flatnonzero(self.log.outlines.cover(rows, of_rows(points_xy, places)))
+        places, rows = places[kept], rows[kept]
         first = self.log.first
         if self.count > first:
             written = self.log.written
             there, behind = written.index.at_all(points_xy, self.count - first)
-            covered = shapely.intersects_xy(written.shapes[behind], *points_xy[there].T)
+            covered = shapely.intersects_xy(written.shapes[behind], *of_rows(points_xy, there).T)
             places = np.concatenate([places, there[covered]])
             rows = np.concatenate([rows, behind[covered] + first])
-        is_there = self._is_there(rows)
-        places, rows = places[is_there], rows[is_there]
-        # The smallest comes last, and so is what stays.
-        order = np.lexsort((self._places(rows), self.column("areas", rows), places))[::-1]
+        if self.changes:
+            is_there = self._is_there(rows)
+            places, rows = places[is_there], rows[is_there]
+        # The smallest of all comes last, and so is what stays.
+        order = np.lexsort((self._places(rows), self.column("areas", rows)))[::-1]
         smallest = np.full(len(points_xy), _NOWHERE)
         smallest[places[order]] = rows[order]
         return smallest
@@ -166,18 +175,27 @@ class Snapshot:
             area: in the layer's frame.
             code: only objects with this name's code; None for all.
         """
-        asked = as_area(area)
-        if asked.is_empty:
-            return np.empty(0, dtype=np.int64)
-        box, first = asked.bounds, self.log.first
-        rows = self.log.grid.meeting(*box)
-        if self.count > first:
-            behind = self.log.written.index.meeting(*box, self.count - first)
-            rows = np.concatenate([rows, behind + first])
+        box = box_of(area)
+        asked = as_area(area) if box is None else area
+        rows = self._rows_near(asked, box)
         if code is not None:
             rows = rows[self.column("codes", rows) == code]
         rows = self._there(rows)
-        return self._in_order(rows[self._meet(asked, rows)]) if len(rows) else rows
+        return self._in_order(rows[self._meet(asked, box, rows)]) if len(rows) else rows
+
+    def _rows_near(self, area: BaseGeometry, box: Box | None) -> IntArray:
+        """Return the rows whose boxes meet that of an area, in ascending order."""
+        log = self.log
+        few = None if box is None else log.grid.meeting(*box)
+        if few is None:
+            rows = log.tree.query(area)
+            rows.sort()
+        else:
+            rows = np.array(few, dtype=np.int64)
+        if self.count == log.first:
+            return rows
+        behind = log.written.index.meeting(*(box or area.bounds), self.count - log.first)
+        return np.concatenate([rows, behind + log.first])
 
     def rows_of(self, what: str | float, area: BaseGeometry | None = None) -> IntArray:
         """Return the rows of the objects with a name or id, in an area or anywhere, in order."""
@@ -233,14 +251,16 @@ class Snapshot:
         with np.errstate(all="ignore"):  # GEOS divides by the lengths of edges without length
             return np.asarray(shapely.distance(shapes, point))
 
-    def _meet(self, area: BaseGeometry, rows: IntArray) -> BoolArray:
+    def _meet(self, area: BaseGeometry, box: Box | None, rows: IntArray) -> BoolArray:
         """Return which rows' shapes meet an area, which their boxes do."""
         if len(rows) < _FEW:
+            return np.array([area.intersects(shape) for shape in self.column("shapes", rows)])
+        if len(rows) < _MANY:
             return np.asarray(shapely.intersects(area, self.column("shapes", rows)))
         shapely.prepare(area)
-        if _is_rectangle(area):
+        if box is not None:
             x0, y0, x1, y1 = self.column("boxes", rows).T
-            left, low, right, high = area.bounds
+            left, low, right, high = box
             meets = (left <= x0) & (x1 <= right) & (low <= y0) & (y1 <= high)
         else:
             meets = rows < self.log.first
@@ -320,12 +340,3 @@ class Snapshot:
             order = np.argsort(np.concatenate([np.arange(len(table)), places]), kind="stable")
             both = both.take(order[~np.isin(order, at)].astype(np.int64))
         return Snapshot.of(both, next_id)
-
-
-def _is_rectangle(area: BaseGeometry) -> bool:
-    """Return whether an area is a box along the axes."""
-    corners = shapely.get_coordinates(area)
-    if not isinstance(area, shapely.Polygon) or len(corners) != 5:
-        return False
-    x0, y0, x1, y1 = area.bounds
-    return {(x, y) for x, y in corners.tolist()} == {(x0, y0), (x0, y1), (x1, y0), (x1, y1)}
