@@ -104,7 +104,7 @@ export class Editor {
   async refresh(): Promise<void> {
     const before = this.chosen;
     if (!before) return;
-    const now = await this.source.object(before.layer, before.id).catch(() => null);
+    const now = await this.editing.objectIfThere(before.layer, before.id);
     if (this.chosen !== before) return;
     if (!now) {
       this.letGo();

@@ -85,6 +85,10 @@ export class ServerSource implements DataSource, Editing {
     return this.get(`/api/objects/${encodeURIComponent(layer)}/${id}`, {});
   }
 
+  objectIfThere(layer: string, id: number): Promise<ObjectDetails | null> {
+    return this.get(`/api/objects/${encodeURIComponent(layer)}/${id}`, { if_there: 1 });
+  }
+
   evidence(layer: string, id: number): Promise<Evidence> {
     return this.get(`/api/objects/${encodeURIComponent(layer)}/${id}/evidence`, {});
   }

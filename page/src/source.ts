@@ -271,6 +271,8 @@ export interface Questions {
 }
 
 export interface Editing {
+  /** An object, or null if it was deleted. */
+  objectIfThere(layer: string, id: number): Promise<ObjectDetails | null>;
   edit(version: number, operations: Operation[]): Promise<Change>;
   undo(version: number): Promise<Change>;
   redo(version: number): Promise<Change>;

@@ -217,6 +217,8 @@ def test_all_that_is_known_of_an_object(tmp_path):
         told = client.get("/api/objects/things/1").json()
         rug = client.get("/api/objects/things/2").json()
         assert client.get("/api/objects/things/9").status_code == 404
+        assert client.get("/api/objects/things/9?if_there=1").json() is None
+        assert client.get("/api/objects/things/1?if_there=1").json() == told
         assert client.get("/api/objects/occupancy/0").status_code == 400
     assert (told["name"], told["existence"], told["first_seen"]) == ("table", 4.5, 1.0)
     assert told["area"] == pytest.approx(4.0)

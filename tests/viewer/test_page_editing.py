@@ -177,6 +177,24 @@ def test_renaming_reshaping_and_deleting_can_be_undone_and_redone(edited: Edited
     assert window.complaints == []
 
 
+def test_an_object_in_the_hand_that_is_undone_or_deleted_elsewhere_is_let_go(
+    edited: Edited, other: Window
+) -> None:
+    window = edited.window
+    start_editing(window)
+    add_rectangle(window, *window.points_at([[600, 300], [680, 240]]).ravel(), "crate")
+    expect(window.page.locator("#object-apply")).to_be_visible()
+    window.page.locator("#edit-undo").click()
+    expect(window.page.locator("#panel")).to_be_hidden()
+    expect(window.page.locator('[data-class="crate"]')).to_have_count(0)
+    take(window, CUP, "cup")
+    start_editing(other)
+    take(other, CUP, "cup")
+    other.page.get_by_role("button", name="Delete").click()
+    expect(window.page.locator("#panel")).to_be_hidden()
+    assert window.complaints == other.complaints == []
+
+
 def test_two_windows_see_each_other_and_lose_nothing(edited: Edited, other: Window) -> None:
     one = edited.window
     start_editing(one)

@@ -16,7 +16,7 @@ from starlette.requests import Request
 from starlette.responses import Response, StreamingResponse
 from starlette.routing import Route
 
-from hypermap.core.errors import HypermapError
+from hypermap.core.errors import HypermapError, LayerNotFound, ObjectNotFound
 from hypermap.viewer.live.behind import look_behind
 from hypermap.viewer.live.cache import ByteCache
 from hypermap.viewer.live.changes import Change
@@ -199,7 +199,12 @@ class MapApp:
 
     def _object(self, request: Request) -> Response:
         number = whole_number_in(request.path_params, "id")
-        return json_reply(self._questions().details(request.path_params["layer"], number))
+        try:
+            return json_reply(self._questions().details(request.path_params["layer"], number))
+        except (LayerNotFound, ObjectNotFound):
+            if "if_there" in request.query_params:
+                return json_reply(None)
+            raise
 
     def _evidence(self, request: Request) -> Response:
         layer, number = request.path_params["layer"], whole_number_in(request.path_params, "id")
