@@ -35,8 +35,9 @@ def test_everything_that_an_object_holds_comes_back_from_the_table() -> None:
 def test_rows_are_found_by_their_ids(ids: list[int], asked: list[int], data: st.DataObject) -> None:
     table = ObjectTable.of([square(f"n{number}", k, 0, id=number) for k, number in enumerate(ids)])
     wanted = [*asked, *data.draw(st.lists(st.sampled_from(ids or [0])))]
-    rows = table.rows_of_ids(np.array(wanted, dtype=np.int64))
-    assert rows.tolist() == [ids.index(w) if w in ids else -1 for w in wanted]
+    assert [table.row_of_id(w) for w in wanted] == [
+        ids.index(w) if w in ids else -1 for w in wanted
+    ]
 
 
 def test_what_is_computed_from_footprints_is_carried_along_by_changes() -> None:
@@ -46,8 +47,10 @@ def test_what_is_computed_from_footprints_is_carried_along_by_changes() -> None:
     taken = table.take(np.array([3, 1]))
     assert vars(taken)["centroids"].tolist() == centroids[[3, 1]].tolist()
     assert "areas" not in vars(taken)
-    more = table.followed_by(ObjectTable.of([square("n0", 50, 0, id=9)], table.vocabulary))
-    fresh = ObjectTable.of([more.object(row) for row in range(5)])
+    others = ObjectTable.of([square("n0", 50 + k, 0, id=9 - k) for k in range(2)], table.vocabulary)
+    more = table.take_with(np.array([2, 9, 0, 4]), others)
+    assert more.ids.tolist() == [2, 9, 0, 8]
+    fresh = ObjectTable.of([more.object(row) for row in range(4)])
     assert vars(more)["centroids"].tolist() == fresh.centroids.tolist()
 
 

@@ -178,8 +178,8 @@ class ObjectLog:
             self._write(len(self.written.objects), item, place)
         self._room -= len(ended) + len(items)
         self.changes += 1
-        if ended:
-            self.ended[np.asarray(ended)] = self.changes
+        for row in ended:
+            self.ended[row] = self.changes
         self.count += len(items)
 
     def _write(self, at: int, item: SemanticObject, place: int) -> None:
@@ -193,7 +193,7 @@ class ObjectLog:
         written.codes[at] = self._codes.setdefault(item.name, len(self._codes))
         written.shapes[at] = shape
         written.areas[at] = shape.area
-        written.centroids[at] = centroid.x, centroid.y
+        written.centroids[at, 0], written.centroids[at, 1] = centroid.x, centroid.y
         written.index.put(at, shape.bounds)
         written.objects.append(item)
         self._of_id.setdefault(item.id, []).append(self.first + at)

@@ -217,10 +217,6 @@ class ObjectTable:
             return -1
         return at if order is None else int(order[at])
 
-    def rows_of_ids(self, ids: NDArray[np.int64]) -> IntArray:
-        """Return the row of each id, shape (M,); -1 where there is none."""
-        return np.array([self.row_of_id(number) for number in ids.tolist()], dtype=np.int64)
-
     @cached_property
     def _sorted_ids(self) -> tuple[memoryview[int], IntArray | None]:
         """The ids in ascending order, and the row of each; None where that is the same."""
@@ -229,12 +225,23 @@ class ObjectTable:
         order = np.argsort(self.ids, kind="stable")
         return as_view(self.ids[order]), order
 
-    def followed_by(self, other: ObjectTable) -> ObjectTable:
-        """Return both tables' rows; the other's vocabulary must extend this one's."""
-        return self._changed(
-            lambda name: np.concatenate([getattr(self, name), getattr(other, name)]),
-            other.vocabulary,
-        )
+    def take_with(self, rows: IntArray, other: ObjectTable) -> ObjectTable:
+        """Return some of the rows and, where there are none, those of another table.
+
+        Args:
+            rows: from `len(self)` on, they stand for the other table's rows, one after the other.
+            other: of a vocabulary that extends this one's.
+        """
+        mine, others = np.flatnonzero(rows < len(self)), np.flatnonzero(rows >= len(self))
+
+        def column(name: str) -> NDArray[Any]:
+            values = getattr(self, name)
+            both = np.empty((len(rows), *values.shape[1:]), dtype=values.dtype)
+            both[mine] = of_rows(values, rows[mine])
+            both[others] = getattr(other, name)
+            return both
+
+        return self._changed(column, other.vocabulary)
 
     def _changed(
         self, column: Callable[[str], NDArray[Any]], vocabulary: Mapping[str, int]

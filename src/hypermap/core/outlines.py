@@ -125,11 +125,11 @@ class Rings:
 
 def _plain_ring(shape: BaseGeometry) -> Ring:
     """Return the corners, the first one twice; none if GEOS is to decide about a shape."""
-    corners = shapely.get_num_coordinates(shape)
-    if corners > _MOST_CORNERS or shapely.get_num_interior_rings(shape) > 0:
+    corners: Ring = shapely.get_coordinates(shape).tolist()
+    if not isinstance(shape, shapely.Polygon) or len(corners) > _MOST_CORNERS:
         return []
-    is_polygon = isinstance(shape, shapely.Polygon)
-    return shapely.get_coordinates(shape).tolist() if is_polygon else []
+    has_holes = corners.index(corners[0], 1) < len(corners) - 1  # they follow the closed outline
+    return [] if has_holes else corners
 
 
 def _is_around(ring: Ring, x: float, y: float) -> bool | None:

@@ -36,8 +36,9 @@ class RecentBoxes:
 
     def put(self, position: int, box: tuple[float, float, float, float]) -> None:
         """Add a box; positions are given from 0 on."""
-        self.boxes[position] = box
         x0, y0, x1, y1 = box
+        for side, value in enumerate(box, 4 * position):
+            self._all_boxes[side] = value
         size = max(x1 - x0, y1 - y0) / self._cell
         level = math.ceil(math.log(size, _FINER)) if size > 1 else 0
         per_metre = 1 / (self._cell * _FINER**level)

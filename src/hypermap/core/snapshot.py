@@ -68,18 +68,17 @@ class Snapshot:
         """All objects as columns, in the order of the layer."""
         return self.log.table if self.changes == 0 else self.take(self.rows)
 
-    def take(self, rows: IntArray) -> ObjectTable:
-        """Return some rows as columns."""
+    def take(self, rows: IntArray, more: Sequence[SemanticObject] = ()) -> ObjectTable:
+        """Return some rows as columns; from `count` on, they are those of more objects."""
         first = self.log.first
-        is_behind = rows >= first
-        objects = [self.log.written.objects[row - first] for row in rows[is_behind].tolist()]
-        from_table = self.log.table.take(rows[~is_behind])
-        if not objects:
-            return from_table
-        both = from_table.followed_by(ObjectTable.of(objects, self.log.codes))
-        at = np.empty(len(rows), dtype=np.int64)
-        at[np.argsort(is_behind, kind="stable")] = np.arange(len(rows))
-        return both.take(at)
+        behind = rows[rows >= first].tolist()
+        if not behind:
+            return self.log.table.take(rows)
+        written = self.log.written.objects
+        objects = [
+            written[row - first] if row < self.count else more[row - self.count] for row in behind
+        ]
+        return self.log.table.take_with(rows, ObjectTable.of(objects, self.log.codes))
 
     def column(self, name: str, rows: IntArray) -> NDArray[Any]:
         """Return one of the columns of an `ObjectTable` that questions need, for some rows."""
@@ -330,13 +329,11 @@ class Snapshot:
 
     def _merged(self, gone: Sequence[int], new: Sequence[SemanticObject], next_id: int) -> Snapshot:
         """Return what is there after a change, in a new log."""
-        table, added = self.table, ObjectTable.of(new, self.log.codes)
-        both = table.followed_by(added)
-        at = table.rows_of_ids(np.array(gone, dtype=np.int64))
-        if len(at):
-            place_of = dict(zip(gone, at.tolist(), strict=True))
-            end = range(len(table), len(both))
-            places = [place_of.get(x.id or 0, i) for i, x in zip(end, new, strict=True)]
-            order = np.argsort(np.concatenate([np.arange(len(table)), places]), kind="stable")
-            both = both.take(order[~np.isin(order, at)].astype(np.int64))
-        return Snapshot.of(both, next_id)
+        new_rows = {item.id or 0: self.count + i for i, item in enumerate(new)}
+        place_of = np.empty(self.count, dtype=np.int64)
+        place_of[self.rows] = np.arange(self.size)
+        rows = self.rows.copy()
+        for number in gone:
+            rows[place_of[self.row_of_id(number)]] = new_rows.pop(number, _NOWHERE)
+        rows = np.concatenate([rows[rows >= 0], np.array([*new_rows.values()], dtype=np.int64)])
+        return Snapshot.of(self.take(rows, new), next_id)
