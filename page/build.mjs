@@ -1,7 +1,7 @@
 // Builds the pages into src/hypermap/viewer/page: of a map (index.html, app.js, app.css), of a map
 // being made (run.html, run.js, run.css), and the licences of what is bundled.
 import { build } from "esbuild";
-import { copyFile, mkdir, readFile, readdir, writeFile } from "node:fs/promises";
+import { mkdir, readFile, readdir, writeFile } from "node:fs/promises";
 import { dirname, join } from "node:path";
 import { fileURLToPath } from "node:url";
 
@@ -21,9 +21,19 @@ const { metafile } = await build({
   metafile: true,
 });
 await mkdir(out, { recursive: true });
-await copyFile(join(here, "src", "index.html"), join(out, "index.html"));
-await copyFile(join(here, "src", "run", "index.html"), join(out, "run.html"));
+await writeFile(join(out, "index.html"), await page("index.html"));
+await writeFile(join(out, "run.html"), await page("run/index.html"));
 await writeFile(join(out, "app.licenses.txt"), await licences(Object.values(metafile.outputs)));
+
+/** A page, with what both share in its places. */
+async function page(path) {
+  let text = await readFile(join(here, "src", path), "utf8");
+  for (const part of ["head", "mark"]) {
+    const shared = await readFile(join(here, "src", "shared", `${part}.html`), "utf8");
+    text = text.replace(`<!-- shared:${part} -->`, shared.trim());
+  }
+  return text;
+}
 
 /** The licence of each package of which something is in the bundle. */
 async function licences(outputs) {
