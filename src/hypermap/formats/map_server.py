@@ -9,7 +9,7 @@ from __future__ import annotations
 import zlib
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path, PurePosixPath
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,6 @@ from hypermap.core.layer import Store
 from hypermap.core.occupancy import UNKNOWN, OccupancyLayer
 from hypermap.formats import limits
 from hypermap.formats.checked import Checked, Finite, Pose, Text, check
-from hypermap.formats.pictures import GreyPicture, decode_grey
 from hypermap.formats.png import (
     band_rows,
     decode_grey_alpha,
@@ -31,6 +30,9 @@ from hypermap.formats.png import (
 )
 from hypermap.formats.store import read_file
 from hypermap.formats.yaml_text import read_yaml, write_yaml
+
+if TYPE_CHECKING:
+    from hypermap.formats.pictures import GreyPicture
 
 Cells = NDArray[np.int8] | NDArray[np.int16]
 _Fraction = Annotated[float, Field(ge=0, le=1)]
@@ -158,6 +160,8 @@ def cells_from_file(content: bytes, path: str, described: MapYaml) -> Cells:
             return _cells_from_bands(*size, decode_grey_alpha(content, *size), described)
         except (ValueError, zlib.error):  # Pillow reads more, and says what is wrong
             pass
+    from hypermap.formats.pictures import decode_grey  # with Pillow, which few maps need
+
     return cells_from_picture(decode_grey(content, path), described)
 
 

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import functools
+import importlib
 from collections.abc import Mapping
-from importlib.metadata import EntryPoint, entry_points
-from typing import Any, Protocol, cast
+from typing import TYPE_CHECKING, Any, Protocol, cast
 
 from hypermap.core.errors import HypermapError
 from hypermap.core.layer import Layer, Store
+
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
 
 ENTRY_POINT_GROUP = "hypermap.layers"
 
@@ -57,21 +60,28 @@ def plugin_for(class_name: str) -> LayerPlugin | None:
     Raises:
         HypermapError: If the plug-in is installed, but does not work.
     """
-    entry_point = _entry_points().get(class_name)
+    if class_name in _OURS:  # nobody can replace ours, so nobody else need be looked for
+        return _ours(class_name)
+    entry_point = _theirs().get(class_name)
     return None if entry_point is None else _load(entry_point)
 
 
 def installed_layers() -> tuple[str, ...]:
     """Return the class names of all kinds of layers that can be read, ours first."""
-    return tuple(_entry_points())
+    return (*_OURS, *(name for name in _theirs() if name not in _OURS))
 
 
-def _entry_points() -> dict[str, EntryPoint]:
-    """Return where each kind of layer lies; nobody can replace ours."""
-    ours = [EntryPoint(name, value, ENTRY_POINT_GROUP) for name, value in _OURS.items()]
-    theirs = sorted(entry_points(group=ENTRY_POINT_GROUP), key=lambda point: point.name)
+def _ours(class_name: str) -> LayerPlugin:
+    module, _, name = _OURS[class_name].partition(":")
+    return cast(LayerPlugin, getattr(importlib.import_module(module), name))
+
+
+def _theirs() -> dict[str, EntryPoint]:
+    """Return where the kinds of layers of other packages lie."""
+    from importlib.metadata import entry_points  # looks into all packages, which takes a while
+
     found: dict[str, EntryPoint] = {}
-    for point in [*ours, *theirs]:
+    for point in sorted(entry_points(group=ENTRY_POINT_GROUP), key=lambda point: point.name):
         found.setdefault(point.name, point)
     return found
 
