@@ -178,7 +178,7 @@ def test_planes_are_found_as_they_are() -> None:
     depth, shown = look(FLOOR, WALL)
     frame = RgbdFrame(0.0, depth, CAMERA, np.eye(4))
     config = PerceptionConfig()
-    surfaces = find_surfaces(frame.points(), valid_pixels(frame, config), CAMERA, config)
+    surfaces = find_surfaces(frame.depth, valid_pixels(frame, config), CAMERA, config)
     assert surfaces.planes == 2
     for body in (0, 1):
         largest = np.bincount(surfaces.labels[shown == body]).max()
@@ -186,9 +186,39 @@ def test_planes_are_found_as_they_are() -> None:
     assert surfaces.sizes.sum() == shown.size
 
 
+def test_what_is_on_no_plane_hangs_together_up_to_two_pixels_apart() -> None:
+    rng = np.random.default_rng(4)
+    camera = Camera.from_intrinsics(600, 600, 19.5, 9.5, 40, 20)  # blocks are larger than the image
+    config = PerceptionConfig()
+    for _ in range(30):
+        depth = rng.choice([1.0, 1.02, 1.2, 1.22, 2.0], (20, 40)).astype(np.float32)
+        depth[rng.random(depth.shape) < rng.uniform(0.3, 0.8)] = np.nan
+        found = find_surfaces(depth, np.isfinite(depth), camera, config)
+        np.testing.assert_array_equal(found.labels, hanging_together(depth))
+        assert found.sizes.tolist() == np.bincount(found.labels[found.labels >= 0]).tolist()
+
+
+def hanging_together(depth: NDArray[np.float32]) -> NDArray[np.intp]:
+    """Return the surfaces in the order of their first pixels; jumps end them from 10 cm on."""
+    labels = np.full(depth.shape, -1)
+    for label, seed in enumerate(zip(*np.nonzero(np.isfinite(depth)), strict=True)):
+        if labels[seed] >= 0:
+            continue
+        labels[seed], waiting = label, [seed]
+        while waiting:
+            row, col = waiting.pop()
+            near = np.s_[max(row - 2, 0) : row + 3, max(col - 2, 0) : col + 3]
+            joins = (labels[near] < 0) & (np.abs(depth[near] - depth[row, col]) < 0.1)
+            labels[near][joins] = label
+            waiting += [(r + near[0].start, c + near[1].start) for r, c in np.argwhere(joins)]
+    return np.where(
+        labels < 0, -1, np.unique(labels, return_inverse=True)[1].reshape(labels.shape) - 1
+    )
+
+
 def test_an_image_smaller_than_a_block_is_no_trouble() -> None:
     camera = Camera.from_intrinsics(262.5, 262.5, 2, 2, 5, 5)
     frame = RgbdFrame(0.0, np.ones((5, 5), np.float32), camera, np.eye(4))
     config = PerceptionConfig()
-    surfaces = find_surfaces(frame.points(), valid_pixels(frame, config), camera, config)
+    surfaces = find_surfaces(frame.depth, valid_pixels(frame, config), camera, config)
     assert (surfaces.planes, surfaces.sizes.tolist()) == (0, [25])

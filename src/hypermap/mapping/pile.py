@@ -74,15 +74,15 @@ def evidence_of(
         abstain: "outside": the frame has seen all of its visible area; "hidden": what lies behind
             walls it has not seen.
     """
-    area, view = observation.visible_area, observation.view
-    if abstain == "hidden" and view is not None and view.is_level:
-        area = view.ground
     footprints = as_objects(observed.footprint for observed in observation.objects)
     is_usable = shapely.is_valid(footprints)
     is_usable[is_usable] = shapely.area(footprints[is_usable]) > 0
     usable = list(compress(observation.objects, is_usable.tolist()))
     if not usable:
         return []
+    area, view = observation.visible_area, observation.view
+    if abstain == "hidden" and view is not None and view.is_level:
+        area = view.ground
     centroids = shapely.get_coordinates(shapely.centroid(footprints[is_usable]))
     # All outlines of a frame at once, which is faster than each when it is asked for.
     *outlines, ground = Outline.all_of([*(observed.footprint for observed in usable), area])

@@ -45,7 +45,7 @@ def cut_out(
         For each detection, increasing row-major indices out of its own; empty if none is left.
         And whether these are a piece of a surface that runs on past the box, shape (N,).
     """
-    surfaces = find_surfaces(points, valid, camera, config)
+    surfaces = find_surfaces(points[..., 2], valid, camera, config)
     inside = [_Inside(surfaces, pixels) for pixels in objects]
     is_thing = (surfaces.own_border >= config.min_own_border) & (surfaces.sizes >= SPECK)
     is_enclosed = [

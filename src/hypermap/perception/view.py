@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from hypermap.core.arrays import FloatArray
+from hypermap.core.arrays import FloatArray, IntArray
 from hypermap.perception.frame import Camera, RgbdFrame
 
 _STEP = 4  # every n-th row and column of the depth image
 _STEEP = 0.87  # sine of 60 degrees
+_SAME_WAY = 1e-9  # angle between columns that then all look the same way [rad]
 _NEAREST = 0.05  # points nearer to the camera's plane than this are beside it [m]
 
 
@@ -41,7 +43,7 @@ class View:
         some = (slice(None, None, _STEP),) * 2
         z = frame.depth[some]
         camera = frame.camera.every(_STEP)
-        rays = _horizontal_rays(camera, frame.map_T_camera)
+        rays = _horizontal_rays(camera, frame.map_T_camera, np.arange(camera.height))
         reach = (z * np.hypot(rays[0], rays[1])).astype(np.float32)
         return cls(camera, frame.map_T_camera, reach, max_range)
 
@@ -80,26 +82,68 @@ class View:
     def ground(self) -> BaseGeometry:
         """The ground over which the rays passed, as far as the farthest of each image column.
 
-        A polygon in the map frame [m]; empty if no ray returned. Unlike the hull of the points
-        seen, it does not reach behind walls.
+        A polygon or multipolygon in the map frame [m]; empty if no ray returned. Unlike the hull of
+        the points seen, it does not reach behind walls. It begins where the nearest ray of all
+        ended, and in columns without any return it is what lies before.
         """
-        reach = np.nan_to_num(np.where(self.reach <= self.max_range, self.reach, 0.0))
+        is_return = (self.reach <= self.max_range) & (self.reach < np.inf)
+        reach = np.where(is_return, self.reach, 0.0)
         farthest = reach.max(axis=0)
         if np.count_nonzero(farthest) < 2:
             return shapely.Polygon()
-        rays = _horizontal_rays(self.camera, self.map_T_camera)[:, self.camera.height // 2]
+        middle = np.array([self.camera.height // 2])
+        rays = _horizontal_rays(self.camera, self.map_T_camera, middle)[:, 0]
         directions = (rays / np.hypot(*rays)).T
         nearest = reach[reach > 0].min()
-        ring = np.vstack([farthest[:, np.newaxis] * directions, nearest * directions[::-1]])
-        ground: BaseGeometry = shapely.make_valid(shapely.Polygon(ring + self.position[:2]))
-        if not isinstance(ground, shapely.Polygon):
-            ground = shapely.buffer(ground, 0)  # without its lines and points
-        return ground
+        return _ground(directions, farthest, nearest, self.position[:2])
 
 
-def _horizontal_rays(camera: Camera, map_T_camera: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return x and y in the map of each pixel's ray at a depth of 1 m, shape (2, H, W)."""
+def _ground(
+    directions: NDArray[np.float64],
+    farthest: NDArray[np.float64],
+    nearest: float,
+    position: NDArray[np.float64],
+) -> BaseGeometry:
+    """Return what lies between a circle and the ends of rays, for `View.ground`.
+
+    Args:
+        directions: of the image's columns over the floor, of length 1, shape (W, 2).
+        farthest: how far each reached [m], 0 for no return, shape (W,).
+        nearest: radius of the circle [m].
+        position: its middle, in the map frame [m], shape (2,).
+    """
+    turns = _cross(directions[:-1], directions[1:])
+    if np.abs(turns).min() < _SAME_WAY:
+        return shapely.Polygon()
+    ends = position + farthest[:, np.newaxis] * directions
+    begins = position + nearest * directions
+    # Pieces begin and end where columns without a return do, and where there is nothing between
+    # the circle and the end.
+    is_seen = (farthest[:-1] > 0) & (farthest[1:] > 0)
+    is_end = (is_seen[1:] != is_seen[:-1]) | (farthest[1:-1] == nearest)
+    bounds = [0, *(np.flatnonzero(is_end) + 1).tolist(), len(farthest) - 1]
+    pieces = []
+    for first, last in pairwise(bounds):
+        columns = slice(first, last + 1)
+        if not is_seen[first]:
+            pieces.append(np.vstack([begins[columns], position]))
+        elif (farthest[columns] > nearest).any():
+            pieces.append(np.vstack([ends[columns], begins[columns][::-1]]))
+    polygons = [shapely.Polygon(piece) for piece in pieces]
+    ground: BaseGeometry = polygons[0] if len(polygons) == 1 else shapely.multipolygons(polygons)
+    return ground
+
+
+def _cross(one: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the cross products of vectors in the plane, shape (N, 2) each."""
+    return np.asarray(one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0])
+
+
+def _horizontal_rays(
+    camera: Camera, map_T_camera: NDArray[np.float64], rows: IntArray
+) -> NDArray[np.float64]:
+    """Return x and y in the map of the rays of some rows at a depth of 1 m, shape (2, rows, W)."""
     K, rotation = camera.K, map_T_camera[:2, :3]
     right = ((np.arange(camera.width) - K[0, 2]) / K[0, 0])[np.newaxis, :]
-    down = ((np.arange(camera.height) - K[1, 2]) / K[1, 1])[:, np.newaxis]
+    down = ((rows - K[1, 2]) / K[1, 1])[:, np.newaxis]
     return np.stack([axis[0] * right + axis[1] * down + axis[2] for axis in rotation])

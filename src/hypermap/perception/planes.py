@@ -1,0 +1,239 @@
+"""The planes of an image: blocks of pixels that join, and the pixels that lie on them.
+
+A plane is d = a u + b v + c of the disparity d, with u and v counted from the principal point.
+Sums over pixels have ten entries: n, u, v, uu, uv, vv, d, ud, vd, dd.
+
+Source: Feng, Taguchi, Kamat, "Fast plane extraction in organized point clouds using agglomerative
+hierarchical clustering", ICRA 2014, for planes from blocks of pixels.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from hypermap.perception.config import PerceptionConfig
+from hypermap.perception.frame import Camera
+
+BLOCK = 0.03  # side of a block as a share of the focal length: 8 pixels of a 320 x 240 Kinect
+MIN_FILL = 0.6  # share of a block's pixels that must hold a point
+MIN_BLOCKS = 3  # fewer are no plane, but part of something round or small
+
+# How far from a plane, in standard deviations of the noise:
+FLAT = 1.5  # the pixels of a block may lie from its own plane, in the mean square
+LEVEL = 2.0  # the mean of a block may lie from the plane that it joins
+ON_PLANE = 3.0  # a pixel may lie from the plane that it joins
+
+UNFIT = -1
+
+
+def find_planes(
+    disparity: NDArray[np.float32], camera: Camera, config: PerceptionConfig
+) -> tuple[NDArray[np.int32], int]:
+    """Return the plane of each pixel, and how many planes there are.
+
+    Args:
+        disparity: 1 / depth [1/m], 0 where there is no point, shape (H, W).
+        camera: intrinsics.
+        config: noise and thresholds.
+
+    Returns:
+        Numbers of planes, -1 for pixels on none, shape (H, W); and their number.
+    """
+    K, noise = camera.K, config.depth_noise
+    center, focal = (K[0, 2], K[1, 2]), (K[0, 0], K[1, 1])
+    side = max(round(BLOCK * min(focal)), 4)
+    cosine = math.cos(math.radians(config.smoothness_deg))
+    sums = _sum_blocks(disparity, center, side)
+    planes, flatness = _fit_blocks(sums, MIN_FILL * side * side, FLAT * noise)
+    blocks, planes = _join_blocks(sums, planes, flatness, focal, cosine, LEVEL * noise)
+    return _spread(disparity, blocks, planes, center, side, ON_PLANE * noise), len(planes)
+
+
+@njit(cache=True)
+def _sum_blocks(disparity, center, side):  # type: ignore[no-untyped-def]
+    """Return the sums over each block of pixels, shape (h, w, 10)."""
+    h, w = disparity.shape[0] // side, disparity.shape[1] // side
+    sums = np.zeros((h, w, 10))
+    columns = np.empty((6, w * side))  # n, v, vv, d, vd, dd of each of a row of blocks
+    for row in range(h):
+        columns[:] = 0
+        for y in range(row * side, row * side + side):
+            _add_row(columns, disparity[y], y - center[1])
+        for col in range(w):
+            block = sums[row, col]
+            for x in range(col * side, col * side + side):
+                u = x - center[0]
+                n, v, vv, d, vd, dd = columns[:, x]
+                block[0] += n
+                block[1] += u * n
+                block[2] += v
+                block[3] += u * u * n
+                block[4] += u * v
+                block[5] += vv
+                block[6] += d
+                block[7] += u * d
+                block[8] += vd
+                block[9] += dd
+    return sums
+
+
+@njit(cache=True)
+def _add_row(columns, disparity, v):  # type: ignore[no-untyped-def]
+    """Add a row of the image to the sums of its columns, in a loop without branches."""
+    for x in range(columns.shape[1]):
+        d = np.float64(disparity[x])
+        n = 1.0 if d > 0 else 0.0
+        columns[0, x] += n
+        columns[1, x] += n * v
+        columns[2, x] += n * (v * v)
+        columns[3, x] += d
+        columns[4, x] += v * d
+        columns[5, x] += d * d
+
+
+@njit(cache=True)
+def _fit_blocks(sums, fewest, tolerance):  # type: ignore[no-untyped-def]
+    """Fit a plane to each block that has enough points.
+
+    Returns:
+        The blocks' planes a, b, c, shape (h, w, 3); and their root mean square distances from
+        these, infinite where that is no plane, shape (h, w).
+    """
+    h, w = sums.shape[:2]
+    planes = np.zeros((h, w, 3))
+    flatness = np.full((h, w), np.inf)
+    for row in range(h):
+        for col in range(w):
+            if sums[row, col, 0] >= fewest:
+                distance = _fit(sums[row, col], planes[row, col])
+                if distance < tolerance:
+                    flatness[row, col] = distance
+    return planes, flatness
+
+
+@njit(cache=True)
+def _fit(sums, plane):  # type: ignore[no-untyped-def]
+    """Write the a, b, c of d = a u + b v + c; return the root mean square distance from it."""
+    n = sums[0]
+    u, v, d = sums[1] / n, sums[2] / n, sums[6] / n
+    uu, uv, vv = sums[3] / n - u * u, sums[4] / n - u * v, sums[5] / n - v * v
+    ud, vd, dd = sums[7] / n - u * d, sums[8] / n - v * d, sums[9] / n - d * d
+    determinant = uu * vv - uv * uv
+    if determinant <= 1e-6 * (uu + vv) ** 2:  # pixels on one line
+        return np.inf
+    a, b = (ud * vv - vd * uv) / determinant, (vd * uu - ud * uv) / determinant
+    plane[0], plane[1], plane[2] = a, b, d - a * u - b * v
+    return math.sqrt(max(dd - a * ud - b * vd, 0.0))
+
+
+@njit(cache=True)
+def _cosine(one, other, focal):  # type: ignore[no-untyped-def]
+    """Return the cosine between the normals of two planes, (a fx, b fy, c) each."""
+    fx2, fy2 = focal[0] ** 2, focal[1] ** 2
+    dot = one[0] * other[0] * fx2 + one[1] * other[1] * fy2 + one[2] * other[2]
+    length2 = one[0] ** 2 * fx2 + one[1] ** 2 * fy2 + one[2] ** 2
+    other2 = other[0] ** 2 * fx2 + other[1] ** 2 * fy2 + other[2] ** 2
+    return dot / math.sqrt(max(length2 * other2, 1e-30))
+
+
+@njit(cache=True)
+def _join_blocks(sums, planes, flatness, focal, cosine, tolerance):  # type: ignore[no-untyped-def]
+    """Grow planes over neighbouring blocks, from the flattest on; each block refines its plane.
+
+    Returns:
+        The plane of each block, -1 for none, shape (h, w); and the planes, shape (N, 3).
+    """
+    h, w = flatness.shape
+    plane_of = np.full((h, w), UNFIT)
+    is_free = np.isfinite(flatness)
+    found = np.empty((h * w, 3))
+    count = 0
+    queue = np.empty(h * w, np.int64)
+    for seed in np.argsort(flatness.ravel()):
+        if not is_free[seed // w, seed % w]:
+            continue
+        is_free[seed // w, seed % w] = False
+        total, plane = sums[seed // w, seed % w].copy(), planes[seed // w, seed % w].copy()
+        queue[0] = seed
+        head, tail = 0, 1
+        while head < tail:
+            row, col = queue[head] // w, queue[head] % w
+            head += 1
+            for step in range(4):
+                y, x = row + (step == 0) - (step == 1), col + (step == 2) - (step == 3)
+                if not (0 <= y < h and 0 <= x < w and is_free[y, x]):
+                    continue
+                block = sums[y, x]
+                expected = (plane[0] * block[1] + plane[1] * block[2]) / block[0] + plane[2]
+                if abs(block[6] / block[0] - expected) > tolerance:
+                    continue
+                if _cosine(plane, planes[y, x], focal) < cosine:
+                    continue
+                is_free[y, x] = False
+                queue[tail] = y * w + x
+                tail += 1
+                total += block
+                _fit(total, plane)
+        if tail >= MIN_BLOCKS:
+            for block_index in queue[:tail]:
+                plane_of[block_index // w, block_index % w] = count
+            found[count] = plane
+            count += 1
+    return plane_of, found[:count].copy()
+
+
+@njit(cache=True)
+def _spread(disparity, blocks, planes, center, side, tolerance):  # type: ignore[no-untyped-def]
+    """Return the plane of each pixel: those of its blocks, and on from there to all that touch."""
+    height, width = disparity.shape
+    labels = np.full((height, width), UNFIT, np.int32)
+    queue = np.empty((height * width, 2), np.int32)
+    head, tail = 0, 0
+    for row in range(blocks.shape[0]):
+        for col in range(blocks.shape[1]):
+            k = blocks[row, col]
+            if k == UNFIT:
+                continue
+            top, left = row * side, col * side
+            bottom, right = top + side, left + side
+            for y in range(top, bottom):
+                pixels, on = disparity[y, left:right], labels[y, left:right]
+                _label(on, pixels, k, planes[k], left - center[0], y - center[1], tolerance)
+            # Inside of the block its plane has been everywhere already.
+            for y in range(top, bottom):
+                inner = side - 1 if top < y < bottom - 1 else 1
+                for x in range(left, right, inner):
+                    if labels[y, x] == k:
+                        queue[tail, 0], queue[tail, 1] = y, x
+                        tail += 1
+    while head < tail:
+        row, col = queue[head, 0], queue[head, 1]
+        head += 1
+        k = labels[row, col]
+        for step in range(4):
+            y, x = row + (step == 0) - (step == 1), col + (step == 2) - (step == 3)
+            if not (0 <= y < height and 0 <= x < width) or labels[y, x] != UNFIT:
+                continue
+            if _is_on(disparity[y, x], planes[k], x - center[0], y - center[1], tolerance):
+                labels[y, x] = k
+                queue[tail, 0], queue[tail, 1] = y, x
+                tail += 1
+    return labels
+
+
+@njit(cache=True)
+def _label(labels, disparity, k, plane, u, v, tolerance):  # type: ignore[no-untyped-def]
+    """Label those pixels of a block's row that lie on its plane, in a loop without branches."""
+    label, unfit = np.int32(k), np.int32(UNFIT)
+    for i in range(len(labels)):
+        labels[i] = label if _is_on(disparity[i], plane, i + u, v, tolerance) else unfit
+
+
+@njit(cache=True)
+def _is_on(d, plane, u, v, tolerance):  # type: ignore[no-untyped-def]
+    expected = plane[0] * u + plane[1] * v + plane[2]
+    return (d > 0) & (abs(d - expected) < tolerance)
