@@ -50,6 +50,8 @@ def variants() -> dict[str, MappingConfig]:
     named = {name: replace(whole, evidence=changed) for name, changed in without.items()}
     enclosed_only = replace(whole.perception, max_cut=0.0)
     named["without cutting at the box"] = replace(whole, perception=enclosed_only)
+    as_given = replace(whole.alignment, enabled=False)
+    named["without correcting poses"] = replace(whole, alignment=as_given)
     return {"default": whole, **named}
 
 

@@ -8,14 +8,18 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 
 from hypermap.core.semantic import SemanticObject
+from hypermap.mapping.alignment import Aligner
 from hypermap.mapping.config import MappingConfig
 from hypermap.mapping.evidence import EvidenceMap
 from hypermap.mapping.keyframes import KeyframeSelector
+from hypermap.mapping.stages import AlignmentConfig
 from hypermap.perception.config import PerceptionConfig
 from hypermap.perception.detections import Detections
+from hypermap.perception.frame import RgbdFrame
 from hypermap.perception.observation import Observation
 from hypermap.perception.observe import observe
 from hypermap.simulation import Errors, SimulatedRecording, World
+from hypermap.simulation.truth import true_occupancy
 
 
 @dataclass(frozen=True)
@@ -53,7 +57,8 @@ class Mapped:
 def map_drive(drive: Drive, methods: Mapping[str, MappingConfig]) -> Mapped:
     """Return the objects that each method maps on a drive.
 
-    Each frame is rendered once, and looked at once by each way of perception.
+    Each frame is rendered once, and looked at once by each way of perception. The occupancy map of
+    the world is known, and poses are corrected by it where a method does so.
     """
     recording = SimulatedRecording(
         drive.world,
@@ -65,15 +70,23 @@ def map_drive(drive: Drive, methods: Mapping[str, MappingConfig]) -> Mapped:
     )
     maps = {name: EvidenceMap(config.evidence) for name, config in methods.items()}
     keyframes = {name: KeyframeSelector(config.keyframes) for name, config in methods.items()}
+    occupancy = true_occupancy(drive.world)
+    aligners = {
+        config.alignment: Aligner(occupancy, config.alignment) for config in methods.values()
+    }
     for frame in recording.frames():
         detections = frame.detections if frame.detections is not None else Detections.of([], [], [])
-        seen: dict[PerceptionConfig, Observation] = {}
+        frames: dict[AlignmentConfig, RgbdFrame] = {}
+        seen: dict[tuple[AlignmentConfig, PerceptionConfig], Observation] = {}
         for name, config in methods.items():
             if not keyframes[name].accept(frame.map_T_camera):
                 continue
-            if config.perception not in seen:
-                seen[config.perception] = observe(frame, detections, config.perception)
-            maps[name].update(seen[config.perception])
+            way = config.alignment, config.perception
+            if config.alignment not in frames:
+                frames[config.alignment] = aligners[config.alignment].align(frame)
+            if way not in seen:
+                seen[way] = observe(frames[config.alignment], detections, config.perception)
+            maps[name].update(seen[way])
     objects = {name: tuple(evidence.objects()) for name, evidence in maps.items()}
     return Mapped(drive, len(recording), objects)
 

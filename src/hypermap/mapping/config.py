@@ -15,7 +15,12 @@ from typing import Any
 
 from hypermap.core.errors import did_you_mean
 from hypermap.mapping.overrides import override, read_overrides
-from hypermap.mapping.stages import EvidenceConfig, KeyframeConfig, OccupancyConfig
+from hypermap.mapping.stages import (
+    AlignmentConfig,
+    EvidenceConfig,
+    KeyframeConfig,
+    OccupancyConfig,
+)
 from hypermap.perception.config import PerceptionConfig
 
 
@@ -31,6 +36,7 @@ class MappingConfig:
     evidence: EvidenceConfig = field(default_factory=EvidenceConfig)
     occupancy: OccupancyConfig = field(default_factory=OccupancyConfig)
     keyframes: KeyframeConfig = field(default_factory=KeyframeConfig)
+    alignment: AlignmentConfig = field(default_factory=AlignmentConfig)
 
 
 def profile(name: str) -> MappingConfig:
@@ -91,5 +97,6 @@ _PROFILES: Mapping[str, MappingConfig] = {
             exclusive=False,
         ),
         keyframes=KeyframeConfig(min_distance=0.02, min_angle_deg=1.0),
+        alignment=AlignmentConfig(enabled=False),
     ),
 }

@@ -12,6 +12,7 @@ from hypermap._version import __version__
 from hypermap.core.errors import HypermapError
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.occupancy import OccupancyLayer
+from hypermap.mapping.alignment import Aligner
 from hypermap.mapping.config import MappingConfig, to_dict
 from hypermap.mapping.evidence import EvidenceMap
 from hypermap.mapping.keyframes import KeyframeSelector
@@ -69,7 +70,7 @@ class MappedFrame:
     """A frame that was mapped, for those who watch.
 
     Attributes:
-        frame: the frame.
+        frame: the frame, with its pose as corrected.
         detections: what it shows, as sure as the configuration asks for.
         observation: what that says about the floor; its objects carry their segments, which name
             their detections.
@@ -103,7 +104,8 @@ class Mapper:
             config: how it is done.
             source: says what a frame shows.
             occupancy: the first layer of the map, if it is known already; otherwise it is made
-                from the frames' depth. The frames' poses must be in its frame.
+                from the frames' depth. The frames' poses must be in its frame, and are corrected
+                by what it shows.
             frame_id: frame of the frames' poses, and so of the layers; not used if `occupancy`
                 is given.
         """
@@ -114,6 +116,7 @@ class Mapper:
         self._source = source
         self._keyframes = KeyframeSelector(config.keyframes)
         self._given_occupancy = occupancy
+        self._aligner = None if occupancy is None else Aligner(occupancy, config.alignment)
         self._frame_id = frame_id
         self._occupancy = OccupancyMapper(config.occupancy)
 
@@ -133,6 +136,8 @@ class Mapper:
         if not self._keyframes.accept(frame.map_T_camera):
             self._count(skipped=1)
             return None
+        if self._aligner is not None:
+            frame = self._aligner.align(frame)
         detections, is_watched = self._source(frame), self.watch is not None
         if is_watched:  # only then segments are kept, which number the detections that count
             detections = detections[detections.scores >= self.config.perception.min_score]

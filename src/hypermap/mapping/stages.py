@@ -28,6 +28,36 @@ class KeyframeConfig:
 
 
 @dataclass(frozen=True)
+class AlignmentConfig:
+    """How poses are corrected where the occupancy map is known from the beginning; see `Aligner`.
+
+    Attributes:
+        enabled: whether they are.
+        position: how far a pose is off, standard deviation in x and in y [m].
+        yaw_deg: likewise of its heading [degrees].
+        max_distance: points farther than this from a border of the map's free space are of
+            something that the map does not know [m].
+        min_height: points of upright surfaces count from this height above the floor on [m].
+        max_height: and up to this one [m].
+        max_range: points that are deeper in the image than this do not count [m].
+    """
+
+    enabled: bool = True
+    position: float = 0.05
+    yaw_deg: float = 1.5
+    max_distance: float = 0.1
+    min_height: float = 0.1
+    max_height: float = 1.8
+    max_range: float = 5.0
+
+    def __post_init__(self) -> None:
+        for amount in ("position", "yaw_deg", "max_distance", "max_range"):
+            _check(self, amount, low=0.001)
+        _check(self, "min_height")
+        _check(self, "max_height")
+
+
+@dataclass(frozen=True)
 class EvidenceConfig:
     """How observed shapes become objects; see `EvidenceMap`.
 

@@ -1,0 +1,222 @@
+"""Corrects poses: what a depth image shows of walls and furniture is laid onto a known map.
+
+Localisation is off by some centimetres and a degree, and at 3 m a degree is more than half a cup.
+Whoever knows the occupancy map can do better: upright surfaces in the depth image have to lie where
+the map's free space ends.
+
+Source: the idea of matching against the distance to the nearest obstacle is the likelihood field
+of Thrun, Burgard, Fox, Probabilistic Robotics, 2005, section 6.4; solved by Gauss-Newton steps as
+in Kohlbrecher et al., "A flexible and scalable SLAM system with full 3D motion estimation",
+SSRR 2011, section IV.B. The distance here has a sign, so that both sides of a border pull towards
+it; and its border is that of free space, as nobody sees the far side of a wall.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from hypermap.core.occupancy import OccupancyLayer
+from hypermap.mapping.stages import AlignmentConfig
+from hypermap.perception.frame import RgbdFrame
+from hypermap.perception.projection import project
+
+_STEP = 0.015  # between the pixels used, as a share of the focal length: 4 for a 320 x 240 Kinect
+_APART = 2  # steps between two pixels of a column that are on an upright surface or not
+_LEAN = 0.25  # horizontal distance over difference in height up to which a surface is upright
+_NOISE = 0.002  # standard deviation of the depth divided by its square [1/m]
+_FEWEST = 20  # points that a correction needs
+_TOGETHER = 10  # points that err together, as those of one wall do: so many count as one
+_MOST_OCCUPIED = 50  # percent; cells that are less likely occupied are free
+_FACING = 0.1  # least cosine between the direction of view and the way into the wall
+_STEPS = 15  # of Gauss-Newton, at most
+_FAR = 1e3  # metres; the distance where nothing is known
+_SMALL = 1e-4  # metres or radians; a step below this is the last
+
+
+class Aligner:
+    """Corrects x, y and the heading of poses by a known map.
+
+    Each pose is corrected by itself: an error of the map here does no harm there, and a
+    localisation that jumps is no matter.
+
+    Attributes:
+        config: how far poses may be off, and what is compared.
+    """
+
+    def __init__(self, occupancy: OccupancyLayer, config: AlignmentConfig) -> None:
+        """Prepare to correct poses that are given in the frame of a map."""
+        self.config = config
+        self._occupancy = occupancy
+        self._borders: _Borders | None = None
+
+    def align(self, frame: RgbdFrame) -> RgbdFrame:
+        """Return the frame with the pose that fits the map best.
+
+        It keeps its pose where its depth image shows too little that the map knows, or if poses
+        are not to be corrected.
+        """
+        position = frame.map_T_camera[:2, 3]
+        borders = self._borders_around(position) if self.config.enabled else None
+        if borders is None:
+            return frame
+        xy, depths = _one_per_cell(*upright_points(frame, self.config), borders.resolution)
+        if len(xy) < _FEWEST:
+            return frame
+        dx, dy, turn = self._correction(xy, depths, position, borders)
+        map_T_camera = frame.map_T_camera.copy()
+        map_T_camera[:3, :3] = _rotation(turn) @ map_T_camera[:3, :3]
+        map_T_camera[:2, 3] += dx, dy
+        return frame.moved_to(map_T_camera)
+
+    def _correction(
+        self,
+        xy: NDArray[np.float64],
+        depths: NDArray[np.float64],
+        position: NDArray[np.float64],
+        borders: _Borders,
+    ) -> NDArray[np.float64]:
+        """Return the x, y [m] and turn about the camera [rad] that lay points onto borders."""
+        config = self.config
+        expected = np.array([config.position, config.position, math.radians(config.yaw_deg)])
+        prior = np.diag(expected**-2.0)
+        # A wall lies anywhere in the outermost of its cells.
+        sigma = borders.resolution / 2 + _NOISE * depths**2
+        found = np.zeros(3)
+        for _ in range(_STEPS):
+            turned = xy @ _rotation(found[2])[:2, :2].T
+            distance, slope = borders.at(turned + position + found[:2])
+            inward = -np.sum(slope * turned, axis=1)
+            counts = np.abs(distance) < config.max_distance
+            counts &= inward > _FACING * np.hypot(*turned.T)
+            share = np.where(counts, 1 - (distance / config.max_distance) ** 2, 0.0)  # Tukey 1960
+            weight = share**2 / sigma**2 / _TOGETHER
+            by_turn = slope[:, 1] * turned[:, 0] - slope[:, 0] * turned[:, 1]
+            jacobian = np.column_stack([slope, by_turn])
+            information = jacobian.T @ (weight[:, np.newaxis] * jacobian) + prior
+            step = np.linalg.solve(information, -jacobian.T @ (weight * distance) - prior @ found)
+            found += step
+            if np.abs(step).max() < _SMALL:
+                break
+        return found
+
+    def _borders_around(self, position: NDArray[np.float64]) -> _Borders | None:
+        """Return the borders of free space near the camera; None where the map has none."""
+        reach = self.config.max_range
+        if self._borders is None or not self._borders.is_about(position, reach):
+            self._borders = _Borders.of(self._occupancy, position, 2 * reach)
+        return self._borders
+
+
+@dataclass(frozen=True, eq=False)
+class _Borders:
+    """How far it is to the nearest border of free space, around a place.
+
+    Attributes:
+        distances: metres from the centre of each cell, negative beyond the border, shape (H, W).
+        to_cells: takes (x, y, 1) to (col, row, 1) of these cells, shape (3, 3).
+        resolution: side of a cell [m].
+        center: the middle of the cells [m].
+    """
+
+    distances: NDArray[np.float64]
+    to_cells: NDArray[np.float64]
+    resolution: float
+    center: NDArray[np.float64]
+
+    @classmethod
+    def of(
+        cls, occupancy: OccupancyLayer, center: NDArray[np.float64], reach: float
+    ) -> _Borders | None:
+        """Return the borders in a square about a place; None if nothing is free or all is."""
+        grid, values = occupancy.grid, occupancy.cells
+        if grid is None or values is None:
+            return None
+        row, col = grid.cells_at(center[np.newaxis])[0]
+        cells = math.ceil(reach / grid.resolution)
+        rows = slice(*np.clip([row - cells, row + cells + 1], 0, grid.height))
+        cols = slice(*np.clip([col - cells, col + cells + 1], 0, grid.width))
+        part = values[rows, cols]
+        is_free = (part >= 0) & (part < _MOST_OCCUPIED)
+        if is_free.all() or not is_free.any():
+            return None
+        free_side = ndimage.distance_transform_edt(is_free)
+        far_side = ndimage.distance_transform_edt(~is_free)
+        # The border lies half a cell before the centres of the first cells beyond it, and what
+        # made these cells occupied lies half a cell behind the border in the mean.
+        distances = np.where(is_free, free_side, 1 - far_side) * grid.resolution
+        to_cells = grid.to_cells_matrix()
+        to_cells[:2, 2] -= cols.start, rows.start
+        return cls(distances, to_cells, grid.resolution, center.copy())
+
+    def is_about(self, position: NDArray[np.float64], reach: float) -> bool:
+        """Return whether a place is near enough to the middle."""
+        return float(np.hypot(*(position - self.center))) <= reach
+
+    def at(self, points_xy: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the distance at each point [m], and how it grows along x and y, shape (N, 2).
+
+        Between the centres of cells it is interpolated. Off the cells it is large, and flat.
+        """
+        places = points_xy @ self.to_cells[:2, :2].T + self.to_cells[:2, 2] - 0.5
+        first = np.floor(places).astype(int)
+        height, width = self.distances.shape
+        inside = np.all((first >= 0) & (first < (width - 1, height - 1)), axis=1)
+        col, row = np.where(inside[:, np.newaxis], first, 0).T
+        right, up = np.where(inside[:, np.newaxis], places - first, 0.0).T
+        low, low_right = self.distances[row, col], self.distances[row, col + 1]
+        high, high_right = self.distances[row + 1, col], self.distances[row + 1, col + 1]
+        below, above = low + right * (low_right - low), high + right * (high_right - high)
+        along_cols = (1 - up) * (low_right - low) + up * (high_right - high)
+        slope = np.column_stack([along_cols, above - below]) @ self.to_cells[:2, :2]
+        slope[~inside] = 0.0
+        return np.where(inside, below + up * (above - below), _FAR), slope
+
+
+def upright_points(
+    frame: RgbdFrame, config: AlignmentConfig
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return points of upright surfaces: walls, and the sides of furniture.
+
+    Returns:
+        x and y of each, counted from the camera, along the axes of the map [m], shape (N, 2); and
+        their depths [m], shape (N,).
+    """
+    K = frame.camera.K
+    step = max(1, round(_STEP * min(K[0, 0], K[1, 1])))
+    some = (slice(None, None, step),) * 2
+    if frame.cloud is None:
+        points = project(frame.depth[some], frame.camera.every(step).K)
+    else:
+        points = frame.cloud[some]
+    turned = points @ frame.map_T_camera[:3, :3].T
+    upper, lower = turned[:-_APART], turned[_APART:]
+    depths, heights = points[:-_APART, :, 2], upper[..., 2] + frame.map_T_camera[2, 3]
+    shift = np.hypot(upper[..., 0] - lower[..., 0], upper[..., 1] - lower[..., 1])
+    rise = np.abs(upper[..., 2] - lower[..., 2])
+    chosen = shift <= _LEAN * rise + 2 * _NOISE * depths**2  # False for NaN
+    chosen &= (heights >= config.min_height) & (heights <= config.max_height)
+    chosen &= (depths > 0) & (depths <= config.max_range)
+    return upper[chosen][:, :2], depths[chosen].astype(float)
+
+
+def _one_per_cell(
+    xy: NDArray[np.float64], depths: NDArray[np.float64], side: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the mean of the points, and of their depths, in each square of the floor."""
+    cells = np.floor(xy / side).astype(np.int64)
+    keys = cells[:, 0] << 32 | (cells[:, 1] & 0xFFFFFFFF)
+    _, which, counts = np.unique(keys, return_inverse=True, return_counts=True)
+    sums = [np.bincount(which, values, len(counts)) for values in (*xy.T, depths)]
+    x, y, depth = sums / counts
+    return np.column_stack([x, y]), depth
+
+
+def _rotation(angle: float) -> NDArray[np.float64]:
+    """Return the rotation about z by an angle [rad], shape (3, 3)."""
+    cosine, sine = math.cos(angle), math.sin(angle)
+    return np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
