@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -97,7 +96,8 @@ class BoxGrid:
         """
         self._all_boxes = as_view(boxes.ravel())
         self._all_sizes = as_view(sizes)
-        self._levels: list[tuple[int, _Level]] = []  # how often coarser than the finest one
+        self._levels: list[_Level] = []  # the finest one first
+        self._for_one: list[tuple[int, int, memoryview[int], memoryview[int]]] = []
         self._finest = 0.0, 0.0, 1.0, 1, 1
         self._near: dict[int, list[Near]] = {}
         self._kept = 0
@@ -117,9 +117,11 @@ class BoxGrid:
         level_of = np.minimum(fitting, _MOST_LEVELS).astype(np.int64)
         for level in np.unique(level_of).tolist():
             rows = np.flatnonzero(level_of == level)
-            grid = _Level.of(of_rows(boxes, rows), rows, extent, cell * _FINER**level)
-            self._levels.append((level, grid))
-        finest = self._levels[0][1]  # at least half of the boxes are no larger than its cells
+            wider = _FINER**level
+            grid = _Level.of(of_rows(boxes, rows), rows, extent, cell * wider)
+            self._levels.append(grid)
+            self._for_one.append((wider, grid.width, as_view(grid.starts), as_view(grid.rows)))
+        finest = self._levels[0]  # at least half of the boxes are no larger than its cells
         self._finest = finest.x, finest.y, finest.per_metre, finest.width, finest.height
 
     def near(self, x: float, y: float) -> list[Near]:
@@ -163,14 +165,18 @@ class BoxGrid:
     def _look_up(self, cell: int) -> list[Near]:
         """Return the boxes near a cell of the finest grid, and keep them."""
         line, column = divmod(cell, self._finest[3])
-        rows: list[int] = []
-        for coarser, level in self._levels:
+        found: list[int] = []
+        for wider, width, starts, rows in self._for_one:
             # All grids have one corner, and widths that differ by powers of two: none is rounded.
-            wider = _FINER**coarser
-            there = (line // wider) * level.width + column // wider
-            rows += level.rows[level.starts[there] : level.starts[there + 1]].tolist()
-        rows.sort(key=lambda row: (self._all_sizes[row], row))
-        near = [_as_near(self._all_boxes[4 * row : 4 * row + 4].tolist(), row) for row in rows]
+            there = (line // wider) * width + column // wider
+            found += rows[starts[there] : starts[there + 1]].tolist()
+        found.sort()
+        found.sort(key=self._all_sizes.__getitem__)
+        sides = self._all_boxes
+        near = []
+        for row in found:
+            k = 4 * row
+            near.append((sides[k], sides[k + 1], sides[k + 2], sides[k + 3], row))
         self._kept += len(near) + 1
         if self._kept > _MOST_KEPT:
             self._near, self._kept = {}, len(near) + 1
@@ -182,7 +188,7 @@ class BoxGrid:
         found = [(np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64))]
         for start in range(0, len(points_xy), _AT_ONCE):
             x, y = np.ascontiguousarray(points_xy[start : start + _AT_ONCE].T)
-            for _, level in self._levels:
+            for level in self._levels:
                 places, rows = self._at_level(level, x, y)
                 found.append((places + start, rows))
         places_of, rows_of = zip(*found, strict=True)
@@ -202,11 +208,6 @@ class BoxGrid:
             kept = np.flatnonzero(inside)  # several times faster than to index by what is true
             near, asked = near[kept], asked[kept]
         return asked, level.rows[near]
-
-
-def _as_near(box: Sequence[float], row: int) -> Near:
-    x0, y0, x1, y1 = box
-    return x0, y0, x1, y1, row
 
 
 def _extent_of_most(boxes: NDArray[np.float64]) -> tuple[float, ...]:

@@ -114,7 +114,7 @@ class ObjectLog:
     @cached_property
     def rings(self) -> Rings:
         """The outlines of all rows, for single points."""
-        return Rings(self._shape)
+        return Rings(self.shape)
 
     @cached_property
     def written(self) -> Written:
@@ -146,17 +146,20 @@ class ObjectLog:
             self._of_code[code] = np.flatnonzero(self.table.codes == code)
         return self._of_code[code]
 
-    def rows_of_id(self, object_id: int) -> Sequence[int]:
-        """Return the rows that an object has had, the newest last."""
-        row = self.table.row_of_id(object_id)
-        return [*([] if row < 0 else [row]), *self._of_id.get(object_id, ())]
+    def written_rows_of(self, object_id: int) -> Sequence[int]:
+        """Return the rows behind the table that an object has had, the newest last."""
+        return self._of_id.get(object_id, ())
 
-    def _shape(self, row: int) -> BaseGeometry:
-        first = self.first
-        shape: BaseGeometry = (
-            self.table.shapes[row] if row < first else self.written.shapes[row - first]
-        )
+    def shape(self, row: int) -> BaseGeometry:
+        """Return the shape of one row."""
+        columns, at = (self.table, row) if row < self.first else (self.written, row - self.first)
+        shape: BaseGeometry = columns.shapes[at]
         return shape
+
+    def code(self, row: int) -> int:
+        """Return the code of one row's name."""
+        columns, at = (self.table, row) if row < self.first else (self.written, row - self.first)
+        return int(columns.codes[at])
 
     # Changes
 

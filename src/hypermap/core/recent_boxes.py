@@ -7,10 +7,11 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from hypermap.core.arrays import IntArray, as_view
+from hypermap.core.arrays import IntArray, as_view, of_rows
 from hypermap.core.box_grid import BoxGrid
 
 _FINER = 4  # as in a BoxGrid
+_FEW_CELLS = 9  # that are looked at one by one
 _FAR = 1e12  # metres; what lies beyond is found there
 
 Cells = dict[tuple[int, int], list[int]]
@@ -73,5 +74,23 @@ class RecentBoxes:
 
     def meeting(self, x0: float, y0: float, x1: float, y1: float, count: int) -> IntArray:
         """Return the positions below `count` of the boxes that meet a box, in ascending order."""
-        left, low, right, high = self.boxes[:count].T
-        return np.flatnonzero((left <= x1) & (x0 <= right) & (low <= y1) & (y0 <= high))
+        cells = self._cells(x0, y0, x1, y1)
+        if cells is None:
+            boxes, found = self.boxes[:count], np.arange(count)
+        else:
+            found = np.array(sorted({at for cell in cells for at in cell if at < count}), dtype=int)
+            boxes = of_rows(self.boxes, found)
+        left, low, right, high = boxes.T
+        meets = (left <= x1) & (x0 <= right) & (low <= y1) & (y0 <= high)
+        return np.asarray(found[meets])
+
+    def _cells(self, x0: float, y0: float, x1: float, y1: float) -> list[list[int]] | None:
+        """Return what is in the cells that meet a box; None if these are not few."""
+        found = []
+        for per_metre, cells in self._levels:
+            columns = range(math.floor(x0 * per_metre), math.floor(x1 * per_metre) + 1)
+            lines = range(math.floor(y0 * per_metre), math.floor(y1 * per_metre) + 1)
+            if len(columns) * len(lines) > _FEW_CELLS:
+                return None
+            found += [cells.get((column, line), []) for column in columns for line in lines]
+        return found

@@ -98,9 +98,7 @@ class Snapshot:
 
     def name(self, row: int) -> str:
         """Return the name of one row."""
-        first = self.log.first
-        codes = self.log.table.codes if row < first else self.log.written.codes
-        return str(self.log.names[codes[row if row < first else row - first]])
+        return str(self.log.names[self.log.code(row)])
 
     def id(self, row: int) -> int:
         """Return the id of one row."""
@@ -114,10 +112,12 @@ class Snapshot:
 
     def row_of_id(self, object_id: int) -> int:
         """Return the row of an object; -1 if it is not there."""
-        for row in reversed(self.log.rows_of_id(object_id)):
-            if row < self.count and (self.changes == 0 or self.log.ended[row] > self.changes):
+        log = self.log
+        for row in reversed(log.written_rows_of(object_id)):
+            if row < self.count and log.ended[row] > self.changes:
                 return row
-        return _NOWHERE
+        row = log.table.row_of_id(object_id)
+        return row if self.changes == 0 or row < 0 or log.ended[row] > self.changes else _NOWHERE
 
     # Questions
 
@@ -174,27 +174,34 @@ class Snapshot:
             area: in the layer's frame.
             code: only objects with this name's code; None for all.
         """
-        box = box_of(area)
+        log, box = self.log, box_of(area)
+        near = None if box is None else log.grid.meeting(*box)
+        if near is not None and box is not None:
+            if self.count > log.first:
+                behind = log.written.index.meeting(*box, self.count - log.first)
+                near += (behind + log.first).tolist()
+            return self._in_order(np.array(self._few_in(area, near, code), dtype=np.int64))
         asked = as_area(area) if box is None else area
-        rows = self._rows_near(asked, box)
+        if asked.is_empty:
+            return np.empty(0, dtype=np.int64)
+        rows = log.tree.query(asked)
+        rows.sort()
+        if self.count > log.first:
+            behind = log.written.index.meeting(*asked.bounds, self.count - log.first)
+            rows = np.concatenate([rows, behind + log.first])
         if code is not None:
             rows = rows[self.column("codes", rows) == code]
         rows = self._there(rows)
-        return self._in_order(rows[self._meet(asked, box, rows)]) if len(rows) else rows
+        return self._in_order(rows[self._meet(asked, box, rows)])
 
-    def _rows_near(self, area: BaseGeometry, box: Box | None) -> IntArray:
-        """Return the rows whose boxes meet that of an area, in ascending order."""
+    def _few_in(self, area: BaseGeometry, rows: list[int], code: int | None) -> list[int]:
+        """Return which of some rows are there, have a name's code, and meet an area."""
         log = self.log
-        few = None if box is None else log.grid.meeting(*box)
-        if few is None:
-            rows = log.tree.query(area)
-            rows.sort()
-        else:
-            rows = np.array(few, dtype=np.int64)
-        if self.count == log.first:
-            return rows
-        behind = log.written.index.meeting(*(box or area.bounds), self.count - log.first)
-        return np.concatenate([rows, behind + log.first])
+        if self.changes:
+            rows = [row for row in rows if log.ended[row] > self.changes]
+        if code is not None:
+            rows = [row for row in rows if log.code(row) == code]
+        return [row for row in rows if area.intersects(log.shape(row))]
 
     def rows_of(self, what: str | float, area: BaseGeometry | None = None) -> IntArray:
         """Return the rows of the objects with a name or id, in an area or anywhere, in order."""
@@ -252,9 +259,7 @@ class Snapshot:
 
     def _meet(self, area: BaseGeometry, box: Box | None, rows: IntArray) -> BoolArray:
         """Return which rows' shapes meet an area, which their boxes do."""
-        if len(rows) < _FEW:
-            return np.array([area.intersects(shape) for shape in self.column("shapes", rows)])
-        if len(rows) < _MANY:
+        if len(rows) < (_FEW if box is None else _MANY):
             return np.asarray(shapely.intersects(area, self.column("shapes", rows)))
         shapely.prepare(area)
         if box is not None:
