@@ -6,7 +6,6 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 from shapely.geometry.base import BaseGeometry
-from tests.formats.strategies import exact, footprints
 
 from hypermap.core.arrays import as_objects
 from hypermap.formats.footprints import (
@@ -15,6 +14,8 @@ from hypermap.formats.footprints import (
     footprints_from_wkt,
     footprints_to_wkt,
 )
+
+from .strategies import exact, footprints
 
 SQUARE = [(0, 0), (2, 0), (2, 2), (0, 2), (0, 0)]
 HOLE = [(0.5, 0.5), (1, 0.5), (1, 1), (0.5, 0.5)]

@@ -10,12 +10,13 @@ import pytest
 import shapely
 from hypothesis import given
 from hypothesis import strategies as st
-from tests.formats.strategies import layer_facts, semantic_layers
 
 from hypermap.core.errors import FormatError, MissingExtra
 from hypermap.core.semantic import SemanticLayer, SemanticObject
 from hypermap.formats.geojson import from_geojson, to_geojson
 from hypermap.formats.geopandas_bridge import to_geodataframe
+
+from .strategies import layer_facts, semantic_layers
 
 CUP = SemanticObject(
     name="cup",

@@ -1,8 +1,6 @@
 from __future__ import annotations
 
-import io
 import logging
-import random
 import shutil
 import sys
 import zipfile
@@ -12,49 +10,19 @@ import numpy as np
 import pytest
 import shapely
 from hypothesis import HealthCheck, given, settings
-from tests.formats.strategies import hypermaps, map_facts
 
-from hypermap.core.errors import FileMissing, FormatError, HypermapError, MissingExtra
-from hypermap.core.frames import FrameTree, Pose2D, Transform
+from hypermap.core.errors import FileMissing, HypermapError, MissingExtra
+from hypermap.core.frames import Pose2D
 from hypermap.core.grid import GridGeometry
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.occupancy import OccupancyLayer
-from hypermap.core.opaque import OpaqueLayer
 from hypermap.core.semantic import SemanticLayer, SemanticObject
 from hypermap.formats import open_map, save_map, semantic_yaml
 from hypermap.formats.config import CONFIG_NAME
 from hypermap.formats.yaml_text import read_yaml
 
-LAB_FRAME = Transform("map", "lab", Pose2D(1.0, 2.0, 0.5))
-
-
-def small_map() -> Hypermap:
-    grid = GridGeometry(3, 2, 0.05, Pose2D(-1.0, -2.0))
-    cells = np.array([[0, 100, -1], [50, 0, 0]], np.int8)
-    chair = SemanticObject("chair", shapely.box(0, 0, 1, 1), id=4)
-    return Hypermap(
-        [
-            OccupancyLayer("occupancy", "map", grid, cells),
-            SemanticLayer("objects", "lab", [chair], {"subscribe_mode": True, "vendor": 3}),
-        ],
-        FrameTree([LAB_FRAME]),
-        {"profile": "default"},
-    )
-
-
-def occupancy(hypermap: Hypermap, name: str = "occupancy") -> OccupancyLayer:
-    layer = hypermap[name]
-    assert isinstance(layer, OccupancyLayer)
-    return layer
-
-
-def semantic(hypermap: Hypermap, name: str = "semantic") -> SemanticLayer:
-    layer = hypermap[name]
-    assert isinstance(layer, SemanticLayer)
-    return layer
-
-
-# Maps of the first program
+from .maps import files_of, occupancy, semantic, small_map
+from .strategies import hypermaps, map_facts
 
 
 @pytest.mark.parametrize("name", ["lab", "floor", "office", "example"])
@@ -263,230 +231,6 @@ def test_a_bare_map_server_map_becomes_a_map_of_one_layer(tmp_path: Path) -> Non
     assert hypermap.base_frame == "map"
 
 
-CONFIG = """\
-layers:
-- {class: SemanticLayer, name: semantic, frame_id: map, load_file: true, file: objects}
-"""
-OBJECTS = "- {name: chair, shape: 'POLYGON((0 0, 1 0, 1 1))'}\n"
-
-
-def archive(path: Path, files: dict[str, str | bytes]) -> Path:
-    with zipfile.ZipFile(path, "w") as target:
-        for name, content in files.items():
-            target.writestr(name, content)
-    return path
-
-
-@pytest.mark.parametrize(
-    ("files", "message"),
-    [
-        ({"readme": "x"}, "is a zip archive without hmap_config.yaml, so it is no map"),
-        ({}, "is a zip archive without hmap_config.yaml, so it is no map"),
-        (
-            {"hmap_config.yaml": CONFIG},
-            "/objects: there is no such file, only hmap_config.yaml",
-        ),
-        (
-            {"hmap_config.yaml": CONFIG.replace("objects", "../objects")},
-            "the file name '../objects' is not allowed; it must lie within the map's files",
-        ),
-        ({"hmap_config.yaml": "layers: ["}, "/hmap_config.yaml: is not valid YAML: "),
-        (
-            {"hmap_config.yaml": CONFIG + CONFIG.partition("\n")[2], "objects": OBJECTS},
-            "/hmap_config.yaml: layers[1].name: 'semantic' is already the name of layers[0]",
-        ),
-        (
-            {"hmap_config.yaml": CONFIG, "objects": "name: chair"},
-            "/objects: expected a list of objects, found keys and values",
-        ),
-        (
-            {
-                "hmap_config.yaml": CONFIG.replace("SemanticLayer", "OccupancyGridLayer"),
-                "objects.yaml": "image: a.png\nresolution: 0.05\norigin: [0, 0, 0]\n"
-                "occupied_thresh: 1\nfree_thresh: 0\n",
-                "a.png": "no picture",
-            },
-            "/a.png: is not a picture",
-        ),
-    ],
-)
-def test_a_bad_archive_is_one_clear_error(
-    tmp_path: Path, files: dict[str, str | bytes], message: str
-) -> None:
-    path = archive(tmp_path / "t.hmap", files)
-    with pytest.raises(FormatError) as error:
-        open_map(path)
-    text = str(error.value)
-    assert text.startswith(f"{path}{message}") or text == f"{path}: {message}"
-
-
-def test_what_is_no_map_says_so(tmp_path: Path) -> None:
-    cases = {
-        "empty.hmap": (b"", "is empty"),
-        "picture.png": (b"\x89PNG\r\n\x1a\n", "is not a zip archive"),
-        "list.yaml": (b"- 1\n", "is neither a map's configuration (with the key 'layers') nor"),
-        "empty.yaml": (b"", "is neither a map's configuration (with the key 'layers') nor"),
-        "broken.yml": (b"{", "is not valid YAML: "),
-    }
-    for name, (content, message) in cases.items():
-        (tmp_path / name).write_bytes(content)
-        with pytest.raises(FormatError) as error:
-            open_map(tmp_path / name)
-        assert str(error.value).startswith(f"{tmp_path / name}: {message}")
-    with pytest.raises(FormatError) as folder:
-        open_map(tmp_path)
-    assert str(folder.value) == f"{tmp_path}: is a folder without hmap_config.yaml"
-    for missing in ("none.hmap", "none.yaml", "none/none"):
-        with pytest.raises(FileMissing) as error_missing:
-            open_map(tmp_path / missing)
-        assert str(error_missing.value) == f"{tmp_path / missing}: there is no such file"
-
-
-def test_a_configuration_may_not_reach_out_of_its_folder(tmp_path: Path) -> None:
-    (tmp_path / "objects").write_text(OBJECTS)
-    folder = tmp_path / "map"
-    folder.mkdir()
-    (folder / "link").symlink_to("../objects")
-    (folder / "hmap_config.yaml").write_text(CONFIG.replace("objects", "link"))
-    with pytest.raises(FormatError) as error:
-        open_map(folder)
-    assert str(error.value) == f"{folder / 'link'}: is a link that leads out of the folder"
-    (folder / "hmap_config.yaml").write_text(CONFIG.replace("objects", "../objects"))
-    with pytest.raises(FormatError, match=r"the file name '\.\./objects' is not allowed"):
-        open_map(folder)
-
-
-# Layers of unknown kinds
-
-ROOMS = """\
-layers:
-- {class: OccupancyGridLayer, name: occupancy, frame_id: map, load_file: false}
-- {class: RoomLayer, name: rooms, frame_id: map, load_file: true, file: rooms, color: red}
-- {class: RoomLayer, name: more, frame_id: map, load_file: true, file: more}
-- {class: SemanticLayer, name: semantic, frame_id: map, load_file: true, file: objects}
-"""
-ROOM_FILES: dict[str, str | bytes] = {
-    "hmap_config.yaml": ROOMS,
-    "rooms": b"\x00\xff",
-    "rooms.idx": b"index",
-    "objects": OBJECTS,
-    "more/a": b"a",
-    "more/b": b"b",
-    "notes.txt": b"whose?",
-}
-
-
-def test_a_layer_of_unknown_class_keeps_all_files_that_no_other_layer_reads(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    path = archive(tmp_path / "t.hmap", ROOM_FILES)
-    with caplog.at_level(logging.WARNING):
-        hypermap = open_map(path)
-    assert len(caplog.messages) == 2
-    assert caplog.messages[0].startswith(
-        "layer 'rooms' has the unknown class 'RoomLayer'; is its plug-in installed? Its files are "
-        "kept as they are (known: OccupancyGridLayer, SemanticLayer"
-    )
-    rooms, more = hypermap["rooms"], hypermap["more"]
-    assert isinstance(rooms, OpaqueLayer)
-    assert isinstance(more, OpaqueLayer)
-    assert rooms.files == {"rooms": b"\x00\xff", "rooms.idx": b"index", "notes.txt": b"whose?"}
-    assert more.files == {"more/a": b"a", "more/b": b"b"}
-    assert (rooms.class_name, rooms.settings["color"]) == ("RoomLayer", "red")
-    with pytest.raises(HypermapError) as error:
-        hypermap.label_at("rooms", [[0, 0]])
-    assert str(error.value) == (
-        "layer 'rooms' cannot be asked: no plug-in for its class 'RoomLayer' is installed"
-    )
-
-    save_map(hypermap, tmp_path / "again.hmap")
-    with zipfile.ZipFile(tmp_path / "again.hmap") as again:
-        for name, content in ROOM_FILES.items():
-            if name not in ("hmap_config.yaml", "objects"):
-                assert again.read(name) == content
-    assert map_facts(open_map(tmp_path / "again.hmap")) == map_facts(hypermap)
-
-
-def test_in_a_folder_an_unknown_layer_takes_only_files_with_its_name(tmp_path: Path) -> None:
-    folder = tmp_path / "map"
-    with zipfile.ZipFile(archive(tmp_path / "t.hmap", ROOM_FILES)) as source:
-        source.extractall(folder)
-    rooms = open_map(folder)["rooms"]
-    assert isinstance(rooms, OpaqueLayer)
-    assert rooms.files == {"rooms": b"\x00\xff", "rooms.idx": b"index"}
-
-
-def test_other_layers_keep_clear_of_an_unknown_layers_files(tmp_path: Path) -> None:
-    hypermap = open_map(archive(tmp_path / "t.hmap", ROOM_FILES))
-    chair = SemanticObject("chair", shapely.box(0, 0, 1, 1))
-    hypermap.add(SemanticLayer("new", "map", [chair], {"file": "notes.txt"}))
-    save_map(hypermap, tmp_path / "t.hmap")
-    again = open_map(tmp_path / "t.hmap")
-    assert again["new"].settings["file"] == "new"
-    assert map_facts(again) == map_facts(hypermap)
-    clash = OpaqueLayer("RoomLayer", "clash", "map", {"rooms": b"other"})
-    hypermap.add(clash)
-    with pytest.raises(HypermapError) as error:
-        save_map(hypermap, tmp_path / "t.hmap")
-    assert str(error.value) == ("layer 'clash' cannot be saved: another file is named 'rooms'")
-
-
-def test_files_that_no_layer_reads_are_reported_where_nobody_keeps_them(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    files: dict[str, str | bytes] = {"hmap_config.yaml": CONFIG, "objects": OBJECTS, "note": "x"}
-    path = archive(tmp_path / "t.hmap", files)
-    with caplog.at_level(logging.WARNING):
-        open_map(path)
-    assert caplog.messages == [f"{path}: no layer uses note; saving will leave it out"]
-
-
-# Damage
-
-
-def test_damage_to_a_maps_files_never_gives_another_error(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    save_map(small_map(), tmp_path / "intact.hmap")
-    with zipfile.ZipFile(tmp_path / "intact.hmap") as source:
-        intact = {name: source.read(name) for name in source.namelist()}
-    chance = random.Random(0)
-    failed = 0
-    for _ in range(400):
-        damaged = {name: bytearray(content) for name, content in intact.items()}
-        victim = damaged[chance.choice(sorted(intact))]
-        for _ in range(chance.randint(1, 4)):
-            victim[chance.randrange(len(victim))] = chance.randrange(256)
-        path = archive(tmp_path / "t.hmap", {name: bytes(c) for name, c in damaged.items()})
-        try:
-            hypermap = open_map(path)
-        except HypermapError:
-            failed += 1
-        else:
-            save_map(hypermap, path)
-            assert map_facts(open_map(path)) == map_facts(hypermap)
-    assert failed > 100
-
-
-def test_a_truncated_archive_never_opens(tmp_path: Path) -> None:
-    save_map(small_map(), tmp_path / "t.hmap")
-    packed = (tmp_path / "t.hmap").read_bytes()
-    for end in range(0, len(packed), 7):
-        (tmp_path / "t.hmap").write_bytes(packed[:end])
-        with pytest.raises(FormatError):
-            open_map(tmp_path / "t.hmap")
-
-
-def test_a_picture_that_shrinks_like_a_bomb_is_refused(tmp_path: Path) -> None:
-    file = io.BytesIO()
-    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as target:
-        target.writestr("hmap_config.yaml", CONFIG + " " * (10 << 20))
-    path = tmp_path / "t.hmap"
-    path.write_bytes(file.getvalue())
-    with pytest.raises(FormatError, match="unpacks to more than 200 times its size"):
-        open_map(path)
-
-
 @pytest.mark.parametrize("target", ["t.hmap", "map.yaml"])
 def test_objects_are_kept_as_parquet_where_that_is_asked_for(tmp_path: Path, target: str) -> None:
     pytest.importorskip("pyarrow")
@@ -519,10 +263,3 @@ def test_many_objects_are_kept_as_parquet_by_themselves(
     with pytest.raises(MissingExtra):
         save_map(small_map(), tmp_path / "t.hmap", semantic="parquet")
     assert not (tmp_path / "t.hmap").exists()
-
-
-def files_of(path: Path) -> dict[str, bytes]:
-    if path.suffix == ".hmap":
-        with zipfile.ZipFile(path) as archive:
-            return {name: archive.read(name) for name in archive.namelist()}
-    return {p.name: p.read_bytes() for p in path.parent.iterdir()}

@@ -13,7 +13,6 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 from shapely.geometry.base import BaseGeometry
-from tests.formats.strategies import exact, layer_facts, object_facts, semantic_layers
 
 from hypermap.core.errors import FormatError, HypermapError, MissingExtra
 from hypermap.core.objects import ObjectTable, SemanticObject
@@ -21,6 +20,8 @@ from hypermap.core.semantic import Rejected, SemanticLayer
 from hypermap.formats import geoparquet, limits
 from hypermap.formats.geoparquet import Numbers, write_geoparquet
 from hypermap.formats.semantic_parquet import dump_parquet, parse_parquet
+
+from .strategies import exact, layer_facts, object_facts, semantic_layers
 
 pa = pytest.importorskip("pyarrow")
 parquet = pytest.importorskip("pyarrow.parquet")

@@ -8,7 +8,6 @@ import pytest
 import shapely
 from hypothesis import given
 from hypothesis import strategies as st
-from tests.formats.strategies import object_facts, semantic_layers
 
 from hypermap.core.objects import ObjectTable, SemanticObject
 from hypermap.core.semantic import SemanticLayer
@@ -19,6 +18,8 @@ from hypermap.formats.semantic_regular import read_regular
 from hypermap.formats.semantic_writing import dump_table
 from hypermap.formats.semantic_yaml import parse_objects
 from hypermap.formats.yaml_text import write_yaml
+
+from .strategies import object_facts, semantic_layers
 
 SQUARE = "POLYGON((0 0, 1 0, 1 1, 0 1, 0 0))"
 ENTRY = f"- name: cup\n  shape: {SQUARE}\n"

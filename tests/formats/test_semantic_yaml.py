@@ -8,12 +8,13 @@ import pytest
 import shapely
 from hypothesis import given
 from hypothesis import strategies as st
-from tests.formats.strategies import layer_facts, object_facts, semantic_layers
 
 from hypermap.core.errors import FormatError
 from hypermap.core.semantic import Rejected, SemanticLayer, SemanticObject
 from hypermap.formats.semantic_yaml import PLUGIN, dump_objects, parse_objects
 from hypermap.formats.store import MemoryStore
+
+from .strategies import layer_facts, object_facts, semantic_layers
 
 SQUARE = "POLYGON((0 0, 1 0, 1 1, 0 1, 0 0))"
 
