@@ -9,46 +9,13 @@ import pytest
 import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from shapely import affinity
 from shapely.geometry.base import BaseGeometry
 
-from hypermap.core.semantic import SemanticObject
-from hypermap.mapping.config import profile
 from hypermap.mapping.evidence import EvidenceMap
 from hypermap.mapping.stages import EvidenceConfig
-from hypermap.perception.frame import Camera, RgbdFrame
 from hypermap.perception.observation import Observation, ObservedObject
-from hypermap.perception.view import View
 
-THESIS = profile("thesis").evidence
-DEFAULT = profile("default").evidence
-ROOM = shapely.box(-10, -10, 10, 10)
-NOWHERE = shapely.Polygon()
-
-
-def square(x: float, y: float = 0.0, side: float = 1.0) -> shapely.Polygon:
-    return shapely.box(x - side / 2, y - side / 2, x + side / 2, y + side / 2)
-
-
-def seen(
-    *shapes: BaseGeometry,
-    name: str = "chair",
-    area: BaseGeometry = ROOM,
-    stamp: float = 0.0,
-    score: float = 1.0,
-) -> Observation:
-    objects = tuple(ObservedObject(name, score, shape, 0.1, 0.9) for shape in shapes)
-    return Observation(stamp, np.eye(4), objects, area)
-
-
-def published_all(config: EvidenceConfig) -> EvidenceConfig:
-    """The same configuration, with every object published that is not forgotten."""
-    return dataclasses.replace(config, publish_above=config.forget_below)
-
-
-def only(evidence: EvidenceMap) -> SemanticObject:
-    (found,) = evidence.objects()
-    return found
+from .evidence_tools import DEFAULT, NOWHERE, ROOM, THESIS, only, published_all, seen, square
 
 
 def test_existence_follows_the_thesis() -> None:
@@ -350,109 +317,3 @@ def test_what_is_never_seen_again_is_forgotten(config: EvidenceConfig) -> None:
         evidence.update(seen())
     with pytest.raises(KeyError):
         evidence.evidence(0)
-
-
-def level(depth: float, x: float = 0.0) -> View:
-    """What a camera one metre high sees that looks along the map's x axis at a wall."""
-    camera = Camera.from_intrinsics(262.5, 262.5, 159.5, 119.5, 320, 240)
-    pose = np.array([[0, 0, 1, x], [-1, 0, 0, 0], [0, -1, 0, 1], [0, 0, 0, 1.0]])
-    image = np.full((240, 320), depth, dtype=np.float32)
-    return View.of(RgbdFrame(0.0, image, camera, pose))
-
-
-def viewed(observation: Observation, view: View) -> Observation:
-    return dataclasses.replace(observation, map_T_camera=view.map_T_camera, view=view)
-
-
-CHAIR = shapely.box(1.8, -0.25, 2.3, 0.25)
-
-
-def test_a_moved_chair_is_gone_within_ten_seconds_of_looking_at_its_old_place() -> None:
-    evidence = EvidenceMap(DEFAULT)
-    for k in range(100):  # as well known as can be
-        evidence.update(viewed(seen(CHAIR, stamp=k / 2), level(2.0)))
-    assert only(evidence).existence == DEFAULT.max_existence
-    moved = square(4.0, 1.0, side=0.5)
-    for k in range(20):  # ten seconds at two frames per second
-        evidence.update(viewed(seen(moved, stamp=50 + k / 2), level(4.0)))
-    assert only(evidence).footprint.intersects(moved)
-
-
-def test_what_is_hidden_loses_nothing() -> None:
-    evidence = EvidenceMap(published_all(DEFAULT))
-    evidence.update(viewed(seen(CHAIR), level(2.0)))
-    evidence.update(viewed(seen(), level(1.0)))  # someone stands before it
-    assert only(evidence).existence == 1.5
-    evidence.update(viewed(seen(), level(2.0)))  # it is there, and the detector missed it
-    assert only(evidence).existence == 1.2
-    evidence.update(viewed(seen(), level(5.0)))  # it is not there
-    assert only(evidence).existence == pytest.approx(0.2)
-
-
-def test_a_false_train_does_not_survive_a_second_look() -> None:
-    evidence = EvidenceMap(DEFAULT)
-    wall = shapely.box(3.0, -1.5, 3.05, 1.5)
-    for k in range(2):  # 0.6 is the best score that a wall gets
-        evidence.update(viewed(seen(wall, name="train", score=0.6, stamp=k), level(3.0)))
-    assert len(evidence) == 0
-    evidence.update(viewed(seen(wall, name="train", score=0.6, stamp=2), level(3.0)))
-    assert len(evidence) == 1  # three times at once is believed
-    for k in range(3):
-        evidence.update(viewed(seen(stamp=3 + k), level(3.0)))
-    assert len(evidence) == 0
-
-
-@given(st.integers(0, 2**32 - 1), st.floats(0.0, 0.1))
-@settings(deadline=None, max_examples=25)
-def test_two_chairs_side_by_side_stay_two(seed: int, gap: float) -> None:
-    # Their footprints wander by several centimetres, so that they overlap now and then.
-    rng = np.random.default_rng(seed)
-    evidence = EvidenceMap(DEFAULT)
-    for k in range(30):
-        left, right = square(0, 0, side=0.5), square(0, 0.5 + gap, side=0.5)
-        drift = rng.normal(0, 0.03, 2)
-        shown = [
-            affinity.translate(chair, *(drift + rng.normal(0, 0.02, 2)))
-            for chair in (left, right)
-            if rng.random() > 0.15
-        ]
-        evidence.update(seen(*shown, stamp=k / 2, score=0.8))
-    chairs = evidence.objects()
-    assert len(chairs) == 2
-    ys = sorted(chair.footprint.centroid.y for chair in chairs)
-    assert ys == pytest.approx([0.0, 0.5 + gap], abs=0.08)
-
-
-def test_two_shapes_of_one_frame_go_to_two_objects() -> None:
-    evidence = EvidenceMap(published_all(DEFAULT))
-    evidence.update(seen(square(0)))
-    evidence.update(seen(square(0), square(0.3)))
-    assert [found.attributes["evidence"] for found in evidence.objects()] == [2, 1]
-
-
-def test_a_slip_of_the_detector_adds_nothing() -> None:
-    evidence = EvidenceMap(published_all(DEFAULT))
-    for _ in range(4):
-        evidence.update(seen(square(0), name="table"))
-    evidence.update(seen(square(0.1), name="chair"))
-    table = only(evidence)
-    assert (table.name, table.attributes["evidence"], table.existence) == ("table", 4, 6)
-
-
-def test_what_stands_on_a_table_is_no_slip() -> None:
-    evidence = EvidenceMap(published_all(DEFAULT))
-    for _ in range(4):
-        evidence.update(seen(square(0), name="table"))
-    cloth = ObservedObject("cloth", 0.9, square(0), z_min=0.9, z_max=0.95)
-    evidence.update(Observation(0.0, np.eye(4), (cloth,), NOWHERE))
-    assert [found.name for found in evidence.objects()] == ["table", "cloth"]
-
-
-def test_classes_compete_for_a_place() -> None:
-    evidence = EvidenceMap(published_all(DEFAULT))
-    evidence.update(seen(square(0), name="train", area=NOWHERE))
-    evidence.update(seen(square(0.1), name="table", area=NOWHERE))
-    train, table = evidence.objects()
-    assert (train.existence, table.existence) == (1.0, 1.5)
-    evidence.update(seen(square(5), name="table", area=NOWHERE))  # elsewhere
-    assert [found.existence for found in evidence.objects()] == [1.0, 1.5, 1.5]

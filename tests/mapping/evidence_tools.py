@@ -1,0 +1,45 @@
+"""Observations of squares, and the profiles under test."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from hypermap.core.semantic import SemanticObject
+from hypermap.mapping.config import profile
+from hypermap.mapping.evidence import EvidenceMap
+from hypermap.mapping.stages import EvidenceConfig
+from hypermap.perception.observation import Observation, ObservedObject
+
+THESIS = profile("thesis").evidence
+DEFAULT = profile("default").evidence
+ROOM = shapely.box(-10, -10, 10, 10)
+NOWHERE = shapely.Polygon()
+
+
+def square(x: float, y: float = 0.0, side: float = 1.0) -> shapely.Polygon:
+    return shapely.box(x - side / 2, y - side / 2, x + side / 2, y + side / 2)
+
+
+def seen(
+    *shapes: BaseGeometry,
+    name: str = "chair",
+    area: BaseGeometry = ROOM,
+    stamp: float = 0.0,
+    score: float = 1.0,
+) -> Observation:
+    objects = tuple(ObservedObject(name, score, shape, 0.1, 0.9) for shape in shapes)
+    return Observation(stamp, np.eye(4), objects, area)
+
+
+def published_all(config: EvidenceConfig) -> EvidenceConfig:
+    """The same configuration, with every object published that is not forgotten."""
+    return dataclasses.replace(config, publish_above=config.forget_below)
+
+
+def only(evidence: EvidenceMap) -> SemanticObject:
+    (found,) = evidence.objects()
+    return found
