@@ -1,18 +1,17 @@
+"""Topics, services, types, frames and the log of a node of ROS 2."""
+
 from __future__ import annotations
 
 import array
-import os
-import signal
 import threading
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
 
 from hypermap.core.errors import FrameError, HypermapError
-from hypermap.ros.port import Parameter
 
+from .conftest import wait_for
 from .fake_rclpy import Graph, other_node
 from .fake_rclpy_values import (
     DurabilityPolicy,
@@ -26,123 +25,6 @@ from .ros2_fixtures import Idle, graph, make_port, port
 __all__ = ["graph", "make_port", "port"]
 
 LATE = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-
-
-def wait_for(condition: Callable[[], Any]) -> None:
-    waiting = threading.Event()
-    for _ in range(1000):
-        if condition():
-            return
-        waiting.wait(0.01)
-    pytest.fail("waited in vain")
-
-
-# Lifecycle
-
-
-def test_a_node_starts_by_itself(graph: Graph, make_port: Any) -> None:
-    port, node = make_port(), Idle()
-    port.manage(node)
-    assert node.calls == ["configure", "activate"]
-    assert graph.node("/hypermap_server").state == "active"
-
-
-def test_without_autostart_a_lifecycle_manager_starts_it(graph: Graph, make_port: Any) -> None:
-    port, node = make_port("hypermap_server", "--ros-args", "-p", "autostart:=false"), Idle()
-    port.manage(node)
-    ours = graph.node("/hypermap_server")
-    assert node.calls == []
-    steps = ["configure", "activate", "deactivate", "activate", "deactivate", "cleanup"]
-    for step in steps:
-        assert ours.change_state(step)
-    assert node.calls == steps
-    assert ours.state == "unconfigured"
-
-
-def test_a_start_that_fails_is_the_error_of_the_program(graph: Graph, make_port: Any) -> None:
-    port, node = make_port(), Idle()
-    node.fails["configure"] = HypermapError("lab.hmap: there is no such file")
-    with pytest.raises(HypermapError, match="no such file"):
-        port.manage(node)
-    assert graph.logged == []  # the program prints it
-    assert not graph.ok
-    assert graph.nodes == []
-
-
-def test_a_transition_that_fails_leaves_the_state(graph: Graph, make_port: Any) -> None:
-    port, node = make_port("hypermap_server", "--ros-args", "-p", "autostart:=false"), Idle()
-    node.fails["configure"] = HypermapError("lab.hmap: there is no such file")
-    port.manage(node)
-    ours = graph.node("/hypermap_server")
-    assert not ours.change_state("configure")
-    assert ours.state == "unconfigured"
-    assert ("error", "configure: lab.hmap: there is no such file") in graph.logged
-    node.fails.clear()
-    assert ours.change_state("configure")
-    node.fails["activate"] = ValueError("a bug")
-    assert not ours.change_state("activate")
-    assert ours.state == "inactive"
-    assert node.calls[-2:] == ["activate", "deactivate"]  # what was begun is undone
-    assert "Traceback" in graph.logged[-1][1]
-
-
-def test_a_wrong_transition_does_not_end_the_node(graph: Graph, port: Any) -> None:
-    ours = graph.node("/hypermap_server")
-    assert not ours.change_state("activate")  # is active already; the executor raises in Humble
-    wait_for(lambda: any("No transition" in text for _, text in graph.logged))
-    assert not port.is_shut_down
-    assert ours.change_state("deactivate")
-
-
-def test_a_node_ends_in_order(graph: Graph, make_port: Any) -> None:
-    port, node = make_port(), Idle()
-    port.manage(node)
-    threading.Timer(0.2, port.shut_down).start()
-    port.spin()
-    assert node.calls == ["configure", "activate", "deactivate", "cleanup"]
-    assert port.is_shut_down
-    assert not graph.ok
-    assert graph.nodes == []
-
-
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_signals_end_it_while_it_can_still_publish(
-    graph: Graph, make_port: Any, number: signal.Signals
-) -> None:
-    port, node = make_port(), Idle()
-    last = port.publisher("goodbye", "std_msgs/String", latched=True)
-    node.deactivate = lambda: last.publish(port.message("std_msgs/String")(data="bye"))  # type: ignore[method-assign]
-    port.manage(node)
-    before = signal.getsignal(number)
-    threading.Timer(0.2, os.kill, (os.getpid(), number)).start()
-    port.spin()
-    assert graph.latest("/hypermap_server/goodbye").data == "bye"
-    assert signal.getsignal(number) is before
-
-
-def test_a_context_that_others_shut_down_ends_the_node(graph: Graph, make_port: Any) -> None:
-    port = make_port()
-    port.manage(Idle())
-    threading.Timer(0.2, lambda: setattr(graph, "ok", False)).start()
-    port.spin()
-    assert graph.nodes == []
-
-
-def test_a_shutdown_from_outside_is_not_repeated(graph: Graph, make_port: Any) -> None:
-    port, node = make_port(), Idle()
-    port.manage(node)
-    assert graph.node("/hypermap_server").change_state("shutdown")
-    assert node.calls[-2:] == ["deactivate", "cleanup"]
-    port.shut_down()
-    port.spin()
-    assert node.calls[-2:] == ["deactivate", "cleanup"]
-    assert not [text for level, text in graph.logged if level == "error"]
-
-
-def test_wrong_arguments_are_an_error_of_the_operator(make_port: Any, graph: Graph) -> None:
-    with pytest.raises(HypermapError, match="hypermap_server"):
-        make_port("hypermap_server", "--ros-args", "-p", "file")
-    assert not graph.ok
 
 
 # Names, topics and quality of service
@@ -184,7 +66,7 @@ def test_latched_topics_reach_those_that_come_later(graph: Graph, port: Any) -> 
     with other_node(graph) as node:
         topic = "/hypermap_server/text"
         node.create_subscription(string, topic, lambda m: received.append(m.data), LATE)
-        wait_for(lambda: received)
+        wait_for(lambda: received, "what was published")
         assert publisher.listeners == 1
         publisher.publish(string(data="newer"))
     assert received == ["new", "newer"]
@@ -200,7 +82,7 @@ def test_our_latched_subscriptions_get_what_was_published_before(graph: Graph, p
         port.subscribe(
             "/map_name", "std_msgs/String", lambda m: received.append(m.data), latched=True
         )
-        wait_for(lambda: received)
+        wait_for(lambda: received, "what was published")
     assert received == ["lab"]
 
 
@@ -386,100 +268,3 @@ def test_a_clock_that_jumps_back_forgets_what_moved(graph: Graph, port: Any) -> 
     with pytest.raises(FrameError):
         port.lookup("map", "robot")
     assert port.lookup("map", "lab")[0, 3] == 1.0
-
-
-# Parameters
-
-PARAMETERS = (
-    Parameter("file", "", "The map."),
-    Parameter("height", 0.5, "Height of labels [m].", minimum=0.0, maximum=2.0, changes=True),
-    Parameter("opacity", 0.5, "One end is open.", minimum=0.0, changes=True),
-    Parameter("count", 3, "How many.", minimum=1, maximum=9, changes=True),
-    Parameter("kind", "a", "Which.", choices=("a", "b"), changes=True),
-    Parameter("shown", True, "Whether.", changes=True),
-    Parameter("classes", (), "Which classes.", changes=True),
-    Parameter("tags", ("x",), "Which tags.", changes=True),
-)
-
-
-def test_parameters_are_declared_with_what_they_mean(graph: Graph, port: Any) -> None:
-    values = port.parameters(PARAMETERS)
-    assert values == {
-        "file": "",
-        "height": 0.5,
-        "opacity": 0.5,
-        "count": 3,
-        "kind": "a",
-        "shown": True,
-        "classes": [],
-        "tags": ["x"],
-    }
-    described = graph.node("/hypermap_server")._descriptors
-    assert all(described[p.name].description == p.description for p in PARAMETERS)
-    assert [p.name for p in PARAMETERS if described[p.name].read_only] == ["file"]
-    (height,) = described["height"].floating_point_range
-    (count,) = described["count"].integer_range
-    assert (height.from_value, height.to_value) == (0.0, 2.0)
-    assert (count.from_value, count.to_value) == (1, 9)
-    assert described["opacity"].floating_point_range[0].to_value > 1e300
-    assert described["kind"].additional_constraints == "one of: a, b"
-    assert not described["shown"].integer_range
-
-
-def test_parameters_come_from_the_command_line(graph: Graph, make_port: Any) -> None:
-    given = ("height:=1.5", 'classes:=["desk", "chair"]', "file:=lab.hmap", "kind:=b")
-    words = [word for value in given for word in ("-p", value)]
-    port = make_port("hypermap_server", "--ros-args", *words)
-    values = port.parameters(PARAMETERS)
-    assert (values["height"], values["classes"]) == (1.5, ["desk", "chair"])
-    assert (values["file"], values["kind"]) == ("lab.hmap", "b")
-
-
-@pytest.mark.parametrize(
-    ("given", "name"),
-    [
-        ("height:=high", "height"),
-        ("height:=3.0", "height"),
-        ("kind:=c", "kind"),
-        ("count:=0", "count"),
-    ],
-)
-def test_wrong_parameters_are_errors(make_port: Any, given: str, name: str) -> None:
-    port = make_port("hypermap_server", "--ros-args", "-p", given)
-    with pytest.raises(HypermapError, match=f"parameter '{name}'"):
-        port.parameters(PARAMETERS)
-
-
-def test_parameters_change_while_the_node_runs(graph: Graph, port: Any) -> None:
-    changes: list[Any] = []
-    port.parameters(PARAMETERS, changes.append)
-    ours = graph.node("/hypermap_server")
-    assert ours.set_parameter("height", 1.0) == ""
-    assert ours.set_parameter("classes", ["desk"]) == ""
-    assert changes == [{"height": 1.0}, {"classes": ["desk"]}]
-    assert "out of range" in ours.set_parameter("height", 3.0)
-    assert "Wrong parameter type" in ours.set_parameter("height", "high")
-    assert "cannot be 'c'" in ours.set_parameter("kind", "c")
-    assert "read-only" in ours.set_parameter("file", "x")
-    assert len(changes) == 2
-
-
-@pytest.mark.parametrize("error", [HypermapError("no such class"), ValueError("a bug")])
-def test_the_node_may_refuse_a_change(graph: Graph, port: Any, error: Exception) -> None:
-    def refuse(_: Any) -> None:
-        raise error
-
-    port.parameters(PARAMETERS, refuse)
-    ours = graph.node("/hypermap_server")
-    assert str(error) in ours.set_parameter("height", 1.0)
-    assert ours.get_parameter("height").value == 0.5
-
-
-def test_a_node_that_is_configured_again_reads_parameters_again(graph: Graph, port: Any) -> None:
-    first: list[Any] = []
-    second: list[Any] = []
-    port.parameters(PARAMETERS, first.append)
-    graph.node("/hypermap_server").set_parameter("height", 1.0)
-    assert port.parameters(PARAMETERS, second.append)["height"] == 1.0
-    graph.node("/hypermap_server").set_parameter("height", 2.0)
-    assert (len(first), len(second)) == (1, 1)

@@ -1,0 +1,123 @@
+"""How a node of ROS 2 starts and ends."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+from typing import Any
+
+import pytest
+
+from hypermap.core.errors import HypermapError
+
+from .conftest import wait_for
+from .fake_rclpy import Graph
+from .ros2_fixtures import Idle, graph, make_port, port
+
+__all__ = ["graph", "make_port", "port"]
+
+
+def test_a_node_starts_by_itself(graph: Graph, make_port: Any) -> None:
+    port, node = make_port(), Idle()
+    port.manage(node)
+    assert node.calls == ["configure", "activate"]
+    assert graph.node("/hypermap_server").state == "active"
+
+
+def test_without_autostart_a_lifecycle_manager_starts_it(graph: Graph, make_port: Any) -> None:
+    port, node = make_port("hypermap_server", "--ros-args", "-p", "autostart:=false"), Idle()
+    port.manage(node)
+    ours = graph.node("/hypermap_server")
+    assert node.calls == []
+    steps = ["configure", "activate", "deactivate", "activate", "deactivate", "cleanup"]
+    for step in steps:
+        assert ours.change_state(step)
+    assert node.calls == steps
+    assert ours.state == "unconfigured"
+
+
+def test_a_start_that_fails_is_the_error_of_the_program(graph: Graph, make_port: Any) -> None:
+    port, node = make_port(), Idle()
+    node.fails["configure"] = HypermapError("lab.hmap: there is no such file")
+    with pytest.raises(HypermapError, match="no such file"):
+        port.manage(node)
+    assert graph.logged == []  # the program prints it
+    assert not graph.ok
+    assert graph.nodes == []
+
+
+def test_a_transition_that_fails_leaves_the_state(graph: Graph, make_port: Any) -> None:
+    port, node = make_port("hypermap_server", "--ros-args", "-p", "autostart:=false"), Idle()
+    node.fails["configure"] = HypermapError("lab.hmap: there is no such file")
+    port.manage(node)
+    ours = graph.node("/hypermap_server")
+    assert not ours.change_state("configure")
+    assert ours.state == "unconfigured"
+    assert ("error", "configure: lab.hmap: there is no such file") in graph.logged
+    node.fails.clear()
+    assert ours.change_state("configure")
+    node.fails["activate"] = ValueError("a bug")
+    assert not ours.change_state("activate")
+    assert ours.state == "inactive"
+    assert node.calls[-2:] == ["activate", "deactivate"]  # what was begun is undone
+    assert "Traceback" in graph.logged[-1][1]
+
+
+def test_a_wrong_transition_does_not_end_the_node(graph: Graph, port: Any) -> None:
+    ours = graph.node("/hypermap_server")
+    assert not ours.change_state("activate")  # is active already; the executor raises in Humble
+    wait_for(lambda: any("No transition" in text for _, text in graph.logged), "the refusal")
+    assert not port.is_shut_down
+    assert ours.change_state("deactivate")
+
+
+def test_a_node_ends_in_order(graph: Graph, make_port: Any) -> None:
+    port, node = make_port(), Idle()
+    port.manage(node)
+    threading.Timer(0.2, port.shut_down).start()
+    port.spin()
+    assert node.calls == ["configure", "activate", "deactivate", "cleanup"]
+    assert port.is_shut_down
+    assert not graph.ok
+    assert graph.nodes == []
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_signals_end_it_while_it_can_still_publish(
+    graph: Graph, make_port: Any, number: signal.Signals
+) -> None:
+    port, node = make_port(), Idle()
+    last = port.publisher("goodbye", "std_msgs/String", latched=True)
+    node.deactivate = lambda: last.publish(port.message("std_msgs/String")(data="bye"))  # type: ignore[method-assign]
+    port.manage(node)
+    before = signal.getsignal(number)
+    threading.Timer(0.2, os.kill, (os.getpid(), number)).start()
+    port.spin()
+    assert graph.latest("/hypermap_server/goodbye").data == "bye"
+    assert signal.getsignal(number) is before
+
+
+def test_a_context_that_others_shut_down_ends_the_node(graph: Graph, make_port: Any) -> None:
+    port = make_port()
+    port.manage(Idle())
+    threading.Timer(0.2, lambda: setattr(graph, "ok", False)).start()
+    port.spin()
+    assert graph.nodes == []
+
+
+def test_a_shutdown_from_outside_is_not_repeated(graph: Graph, make_port: Any) -> None:
+    port, node = make_port(), Idle()
+    port.manage(node)
+    assert graph.node("/hypermap_server").change_state("shutdown")
+    assert node.calls[-2:] == ["deactivate", "cleanup"]
+    port.shut_down()
+    port.spin()
+    assert node.calls[-2:] == ["deactivate", "cleanup"]
+    assert not [text for level, text in graph.logged if level == "error"]
+
+
+def test_wrong_arguments_are_an_error_of_the_operator(make_port: Any, graph: Graph) -> None:
+    with pytest.raises(HypermapError, match="hypermap_server"):
+        make_port("hypermap_server", "--ros-args", "-p", "file")
+    assert not graph.ok
