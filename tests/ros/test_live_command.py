@@ -1,0 +1,84 @@
+"""`hypermap live` beside a bag that is played."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from hypermap.core.semantic import SemanticLayer
+from hypermap.evaluation.metrics import evaluate
+from hypermap.formats import open_map
+from hypermap.perception.detectors.recorded import RecordedDetections
+from hypermap.perception.frame import RgbdFrame
+from hypermap.recordings import open_recording
+from hypermap.ros.ros1.messages import message_class
+
+from . import live_camera as camera
+from .conftest import wait_for
+from .semantic_mapper_tools import mapped, with_whole_pixels
+
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("ros")]
+
+
+def desk_bag(rosbag: Any, folder: Path, path: Path, count: int) -> list[RgbdFrame]:
+    """Write frames of the desk with their detections as a bag, and return them."""
+    known = RecordedDetections.load(folder / "detections.json")
+    frames = []
+    with rosbag.Bag(str(path), "w") as bag:
+        for frame in islice(open_recording(folder).frames(), count):
+            assert frame.color_stamp is not None
+            found = replace(frame, detections=known.at(frame.color_stamp))
+            frames.append(with_whole_pixels(found))
+            messages = [camera.tf(found), camera.camera_info(found), camera.depth(found)]
+            topics = [camera.TF, camera.INFO, camera.DEPTH]
+            for topic, message in zip(topics, messages, strict=True):
+                bag.write(topic, message, camera.new(camera.DEPTH, frame.stamp).header.stamp)
+            boxes = camera.darknet(found)
+            late = camera.new(camera.DEPTH, frame.stamp + 0.15).header.stamp  # a network's time
+            bag.write(camera.DARKNET, boxes, late)
+    return frames
+
+
+@pytest.fixture
+def sim_time(rospy: Any) -> Iterator[None]:
+    """Nodes that start now go by the clock of a bag."""
+    rospy.set_param("/use_sim_time", True)
+    yield
+    rospy.delete_param("/use_sim_time")
+
+
+def test_the_command_maps_a_played_bag_and_saves_on_ctrl_c(
+    rospy: Any, sim_time: None, start: Callable[..., Any], shared_data: Path, tmp_path: Path
+) -> None:
+    rosbag = pytest.importorskip("rosbag")
+    bag, output = tmp_path / "desk.bag", tmp_path / "desk.hmap"
+    frames = desk_bag(rosbag, shared_data / "desk", bag, 30)
+    topics = ["--depth-topic", camera.DEPTH, "--detections-topic", camera.DARKNET]
+    own = ["--param", "slop=0.05", "--param", "tf_timeout=1.0", "__name:=live_desk"]
+    live = start("hypermap", "live", "--ros1", *topics, *own, "-o", output)
+    live.expect("waiting for", timeout=60)
+    reports: list[Any] = []
+    listener = rospy.Subscriber(
+        "/diagnostics", message_class("diagnostic_msgs/DiagnosticArray"), reports.append
+    )
+    player = start("rosbag", "play", "--clock", "--wait-for-subscribers", "-d", "1", bag)
+    player.popen.wait(60)
+    last = len(reports)
+    wait_for(lambda: len(reports) > last + 1, "a report after the end")
+    listener.unregister()
+    counts = {pair.key: pair.value for pair in reports[-1].status[0].values}
+    assert live.stop(signal.SIGINT) == 0, live.output
+    saved = open_map(output)
+    assert isinstance(saved["semantic"], SemanticLayer)
+    used = saved.metadata["frames"]["used"]
+    assert used == int(counts["frames: mapped"])
+    assert used > len(frames) / 2, counts
+    score = evaluate(saved["semantic"].objects(), mapped(frames)).overall
+    assert score.detection[0].recall == 1, counts  # at an IoU of 0.25
+    assert "occupancy" in saved

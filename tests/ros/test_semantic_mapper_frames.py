@@ -1,0 +1,139 @@
+"""Which frames the node maps, and what becomes of the others."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hypermap.perception.detections import Detections
+from hypermap.perception.frame import RgbdFrame
+from hypermap.ros.mapper.statistics import Fate
+
+from . import live_camera as camera
+from .conftest import wait_for
+from .semantic_mapper_tools import RAW, Room, at, drive, room
+
+__all__ = ["drive", "room"]
+
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("ros")]
+
+
+def test_every_frame_that_is_not_mapped_is_counted_with_its_reason(
+    room: Callable[..., Room], drive: list[RgbdFrame]
+) -> None:
+    first, second, third, fourth, *_ = drive
+    node = room(camera.INFO, camera.DARKNET, camera.DEPTH, **{**RAW, "tf_timeout": 0.1})
+    node.camera.show(first, camera.DEPTH, camera.DARKNET, camera.TF)
+    node.wait_for(NO_CAMERA_INFO=1)
+    node.show_camera_info(second)
+    node.camera.show(second, camera.DEPTH, camera.DARKNET)
+    node.wait_for(NO_TF=1)
+    assert len(node.logged("no tf")) == 1
+    node.camera.show(third, camera.DEPTH)  # and the detector says nothing
+    node.camera.show(fourth, camera.TF, camera.DARKNET, camera.DEPTH)
+    node.wait_for(NO_DETECTIONS=1, MAPPED=1)
+    still = replace(fourth, stamp=fourth.stamp + 0.1, color_stamp=fourth.stamp + 0.1)
+    node.camera.show(still)
+    node.wait_for(STILL=1)
+    blind = replace(drive[6], depth=np.full_like(fourth.depth, np.nan))
+    node.camera.show(blind)
+    node.wait_for(UNUSABLE=1)
+    assert node.logged("its depth image is empty")
+
+
+def test_a_foreign_frame_is_logged_once_and_counted(
+    room: Callable[..., Room], drive: list[RgbdFrame]
+) -> None:
+    node = room(
+        camera.INFO, camera.DARKNET, camera.DEPTH, **{**RAW, "tf_timeout": 0.0, "map_frame": "moon"}
+    )
+    node.show_camera_info(drive[0])
+    for number, frame in enumerate(drive[:5], start=1):
+        node.camera.show(frame)
+        node.wait_for(NO_TF=number)
+    assert len(node.logged("moon")) == 1
+    report = node.node.report()
+    assert report is not None
+    assert report.state.value == "ERROR"
+    assert report.message == "nothing is mapped; no tf: 5 of 5 frames"
+
+
+def test_tf_that_comes_late_is_waited_for(
+    room: Callable[..., Room], drive: list[RgbdFrame]
+) -> None:
+    node = room(camera.INFO, camera.DARKNET, camera.DEPTH, **RAW)
+    node.show_camera_info(drive[0])
+    node.camera.show(drive[0], camera.DARKNET, camera.DEPTH)
+    time.sleep(0.3)  # the robot's localisation is late
+    assert node.totals == {}
+    node.camera.show(drive[0], camera.TF)
+    node.wait_for(MAPPED=1)
+
+
+def test_after_a_jump_back_of_the_clock_the_map_goes_on(
+    room: Callable[..., Room], drive: list[RgbdFrame]
+) -> None:
+    node = room(camera.INFO, camera.DARKNET, camera.DEPTH, **RAW)
+    node.show_camera_info(drive[0])
+    later = at(drive[0].stamp + 500, drive)
+    node.map(later[:15])
+    before = len(node.semantic)
+    assert before > 0
+    node.camera.show(drive[20], camera.DEPTH)  # what tells of the jump
+    wait_for(lambda: node.logged("the clock has jumped back"), "the line about the jump")
+    for number, frame in enumerate(drive[21:36], start=16):
+        node.camera.show(frame)
+        node.wait_for(MAPPED=number)
+    assert len(node.logged("jumped back")) == 1
+    assert len(node.semantic) > before
+
+
+def test_a_slow_detector_drops_frames_and_does_not_lag(
+    room: Callable[..., Room], drive: list[RgbdFrame], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen: list[float] = []
+    shown: list[float] = []
+
+    class Slow:
+        def detect(self, color: Any) -> Detections:
+            seen.append(float(color[0, 0, 0]))
+            time.sleep(0.25)
+            return Detections.of([], [])
+
+    monkeypatch.setattr("hypermap.ros.mapper.live_map.load_detector", lambda *_, **__: Slow())
+    node = room(
+        camera.INFO,
+        camera.COLOR,
+        camera.DEPTH,
+        depth_topic=camera.DEPTH,
+        color_topic=camera.COLOR,
+        detector="slow.onnx",
+        tf_timeout=5.0,
+    )
+    node.show_camera_info(drive[0])
+    for number, frame in enumerate(drive[:40]):
+        color = np.full_like(frame.color, number)
+        node.camera.show(replace(frame, color=color))
+        shown.append(number)
+        time.sleep(0.05)
+    wait_for(lambda: sum(node.totals.values()) == 40, "all frames")
+    totals = node.totals
+    assert set(totals) == {Fate.MAPPED, Fate.BUSY}
+    assert totals[Fate.BUSY] > 20
+    assert seen[-1] == 39  # the newest frame is mapped in the end
+    assert seen == sorted(seen)
+    report = node.node.report()
+    assert report is not None
+    assert report.latency[1] < 1.5  # s: one frame waits while one is worked on, and no more
+
+
+def test_max_rate_takes_some_frames_only(room: Callable[..., Room], drive: list[RgbdFrame]) -> None:
+    node = room(camera.INFO, camera.DARKNET, camera.DEPTH, **RAW, max_rate=0.25)
+    node.show_camera_info(drive[0])
+    node.map(drive[:13])  # a frame in each second
+    assert node.totals == {Fate.MAPPED: 4, Fate.RATE: 9}
