@@ -24,6 +24,7 @@ from hypermap.viewer.live.app import MapApp
 from hypermap.viewer.live.document import MapDocument
 
 HOST = "http://127.0.0.1"
+BED = [[8.0, 5.0], [9.0, 5.0], [9.0, 7.0], [8.0, 7.0]]
 
 
 class Window:
@@ -89,6 +90,24 @@ def saved(folder: Path, hypermap: Hypermap | None = None, name: str = "room.hmap
     path = folder / name
     save_map(a_map() if hypermap is None else hypermap, path)
     return path
+
+
+# Operations
+
+
+def add(name: str = "bed", polygon: object = BED, **others: object) -> dict:
+    return {"op": "add", "layer": "things", "name": name, "polygon": polygon, **others}
+
+
+def rename(number: int, name: str) -> dict:
+    return {"op": "update", "layer": "things", "id": number, "name": name}
+
+
+def remove(number: int) -> dict:
+    return {"op": "remove", "layer": "things", "id": number}
+
+
+# What is there
 
 
 def files_in(folder: Path) -> list[str]:
