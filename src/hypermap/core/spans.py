@@ -17,9 +17,8 @@ from hypermap.core.arrays import BoolArray, IntArray
 
 _POLYGONS = (3, 6)  # shapely's type numbers of what has an inside
 _DECIMALS = 6  # lengths shorter than that of the last one do not count
+_NOTHING: IntArray = np.empty(0, dtype=np.int64)
 _AT_ONCE = 1 << 20  # crossings of edges and rows that are held in memory together
-
-Spans = tuple[IntArray, IntArray]
 
 
 def covered(area: BaseGeometry, shape: tuple[int, int], row: int, col: int) -> IntArray:
@@ -33,11 +32,11 @@ def covered(area: BaseGeometry, shape: tuple[int, int], row: int, col: int) -> I
         col: of the first element.
 
     Returns:
-        Where spans of covered elements begin and end, in turns and ascending, none touching the
-        next, as positions in the flattened window.
+        Where spans of covered elements begin and end, in turns and never descending, as positions
+        in the flattened window.
     """
-    spans = list(_spans(area, shape, row, col))
-    return _joined(*(np.concatenate(bounds) for bounds in zip(*spans, strict=True)))
+    each = [spans for spans in _spans(area, shape, row, col) if len(spans)]
+    return each[0] if len(each) == 1 else _joined(np.concatenate([_NOTHING, *each]))
 
 
 def filled(spans: IntArray, first: int, last: int) -> BoolArray:
@@ -51,15 +50,16 @@ def filled(spans: IntArray, first: int, last: int) -> BoolArray:
     >>> filled(np.array([1, 3, 5, 9]), 2, 7)
     array([ True, False, False,  True,  True])
     """
-    before, after = np.searchsorted(spans, [first, last])
-    lengths = np.diff(spans[before:after], prepend=first, append=last)
-    return np.repeat(np.arange(before, after + 1) % 2 == 1, lengths)
+    before, after = np.searchsorted(spans, [first, last]).tolist()
+    bounds = np.concatenate([[first], spans[before:after], [last]])
+    is_inside = np.zeros(len(bounds) - 1, dtype=bool)
+    is_inside[1 - before % 2 :: 2] = True
+    return np.repeat(is_inside, bounds[1:] - bounds[:-1])
 
 
-def _joined(begins: IntArray, ends: IntArray) -> IntArray:
-    """Return begin, end, begin, end ... of spans, sorted; those that overlap or touch are one."""
-    is_filled = begins < ends
-    begins, ends = np.sort(begins[is_filled]), np.sort(ends[is_filled])
+def _joined(spans: IntArray) -> IntArray:
+    """Return the same spans without overlaps, sorted."""
+    begins, ends = np.sort(spans[::2]), np.sort(spans[1::2])
     # All spans that began have ended where the next one begins only after as many ends.
     is_apart = begins[1:] > ends[:-1]
     starts = np.concatenate([begins[:1], begins[1:][is_apart]])
@@ -67,24 +67,27 @@ def _joined(begins: IntArray, ends: IntArray) -> IntArray:
     return np.column_stack([starts, stops]).ravel()
 
 
-def _spans(area: BaseGeometry, shape: tuple[int, int], row: int, col: int) -> Iterator[Spans]:
-    """Yield begins and ends of spans that an area covers in a window; some may be empty."""
+def _spans(area: BaseGeometry, shape: tuple[int, int], row: int, col: int) -> Iterator[IntArray]:
+    """Yield spans that an area covers in a window, by parts; each as `covered` returns them."""
     height, width = shape
     for part in _parts(area):
         edges = _edges(part)
         has_inside = shapely.get_type_id(part) in _POLYGONS
         step = max(1, _AT_ONCE // max(1, len(edges)))
+        of_rows = [_NOTHING]
         for begin in range(row, row + height, step):
             rows, x = _crossings(edges, begin, min(begin + step, row + height))
-            crossings = _places(rows - row, x, width, col)
-            if has_inside:  # between the first and the second crossing, and so on
-                crossings.sort()
-                yield _at_or_after(crossings[::2]), _after(crossings[1::2])
-            else:
-                yield _at_or_after(crossings), _after(crossings)
-        rows, least, most = _level(part, edges, row, row + height)
-        begins = _at_or_after(_places(rows - row, least, width, col))
-        yield begins, _after(_places(rows - row, most, width, col))
+            places = _places(rows - row, x, width, col)
+            if not has_inside:
+                places = np.repeat(places, 2)
+            places.sort()
+            # From the first crossing to the second, and so on; two spans that meet in a position
+            # overlap there.
+            of_rows.append(np.maximum.accumulate(_from_to(places)))
+        yield np.concatenate(of_rows)
+        rows, x = _level(part, edges, row, row + height)
+        if len(rows):
+            yield _joined(_from_to(_places(np.repeat(rows - row, 2), x.ravel(), width, col)))
 
 
 def _places(rows: IntArray, x: NDArray[np.float64], width: int, col: int) -> IntArray:
@@ -99,14 +102,11 @@ def _places(rows: IntArray, x: NDArray[np.float64], width: int, col: int) -> Int
     return places
 
 
-def _at_or_after(places: IntArray) -> IntArray:
-    """Return the first positions that are not before some places."""
-    return (places + 1) >> 1
-
-
-def _after(places: IntArray) -> IntArray:
-    """Return the first positions after some places."""
-    return (places >> 1) + 1
+def _from_to(places: IntArray) -> IntArray:
+    """Return the spans from each even one of some places to the next, both included."""
+    spans = places + 1
+    spans[1::2] += 1
+    return spans >> 1
 
 
 def _parts(area: BaseGeometry) -> list[BaseGeometry]:
@@ -144,15 +144,15 @@ def _crossings(
 
 def _level(
     part: BaseGeometry, edges: NDArray[np.float64], low: int, high: int
-) -> tuple[IntArray, NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[IntArray, NDArray[np.float64]]:
     """Return what crossings leave out: level edges, upper ends and points that lie on a row.
 
     Returns:
-        Rows, and the least and the greatest x.
+        Rows, shape (N,), and the least and the greatest x, shape (N, 2).
     """
     points = shapely.get_coordinates(part)
     x = np.concatenate([edges[:, [0, 2]], np.repeat(points[:, :1], 2, axis=1)])
     y = np.concatenate([edges[:, 3], points[:, 1]])
     is_level = np.concatenate([edges[:, 1] == edges[:, 3], np.ones(len(points), dtype=bool)])
     chosen = is_level & (y == np.floor(y)) & (y >= low) & (y < high)
-    return y[chosen].astype(np.int64), x[chosen].min(axis=1), x[chosen].max(axis=1)
+    return y[chosen].astype(np.int64), np.sort(x[chosen], axis=1)
