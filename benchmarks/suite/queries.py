@@ -209,11 +209,13 @@ def _against_python(
     theirs, layer = peer(world), world.layer()
     size, name = f"among {len(world.shapes):,} objects", str(world.names[0])
 
-    def against(work: str, ask: Callable[..., Ids], *arguments: Any, calls: int) -> Race:
+    def against(
+        work: str, ask: Callable[..., Ids], *arguments: Any, calls: int, times: int = 1
+    ) -> Race:
         ours, other = partial(ask, layer, *arguments), getattr(theirs, ask.__name__)
         result = race(
             f"{work} {size}", theirs.version, ours, partial(other, *arguments), same_ids, settings,
-            FASTER,
+            FASTER, times,
         )  # fmt: skip
         mine, others = ([second / calls for second in x] for x in (result.ours, result.theirs))
         return replace(result, ours=tuple(mine), theirs=tuple(others))
@@ -229,7 +231,7 @@ def _against_python(
         areas = np.asarray(shapely.box(*boxes.T))
         yield against(f"an area of {what}", in_areas, areas, calls=len(areas))
         yield against(f"a name in {what}", named_in_areas, areas, name, calls=len(areas))
-    yield against("all of a name", named, name, calls=1)
+    yield against("all of a name", named, name, calls=1, times=20)
     starts = world.starts[:10]
     yield against(f"the {NEAREST} nearest of a name", nearest, starts, name, calls=len(starts))
     few = world.moves[:20]
@@ -251,13 +253,25 @@ def _figures(count: int, settings: Settings) -> Iterator[Figure]:
     runs = [seconds_of(partial(one_by_one, layer, few))[0] for _ in range(settings.repeat)]
     single = tuple(1e6 * seconds / len(few) for seconds in runs)
     yield Figure(f"one point {size}", single, "us", 30.0, less_is_better=True)
+    places = np.split(
+        world.points[ONE_BY_ONE : ONE_BY_ONE * (settings.repeat + 1)], settings.repeat
+    )
+    runs = [seconds_of(partial(one_by_one, layer, new))[0] for new in places]
+    first_time = tuple(1e6 * seconds / ONE_BY_ONE for seconds in runs)
+    yield Figure(
+        f"one point {size}, in places not asked about before",
+        first_time,
+        "us",
+        30.0,
+        less_is_better=True,
+    )
     # So many that the log of changes is full once, and all objects are copied.
-    rounds = count // 30
-    seconds, _ = seconds_of(partial(_add_move_remove, layer, world, rounds))
-    note = f"{rounds:,} added, moved and removed, one by one, and {rounds:,} points asked between"
+    times = count // 30
+    seconds, _ = seconds_of(partial(_add_move_remove, layer, world, times))
+    note = f"{times:,} added, moved and removed, one by one, and {times:,} points asked between"
     yield Figure(
         f"a change of one object {size}",
-        (1e6 * seconds / (3 * rounds),),
+        (1e6 * seconds / (3 * times),),
         "us",
         50.0,
         less_is_better=True,
