@@ -253,9 +253,8 @@ def _figures(count: int, settings: Settings) -> Iterator[Figure]:
     runs = [seconds_of(partial(one_by_one, layer, few))[0] for _ in range(settings.repeat)]
     single = tuple(1e6 * seconds / len(few) for seconds in runs)
     yield Figure(f"one point {size}", single, "us", 30.0, less_is_better=True)
-    places = np.split(
-        world.points[ONE_BY_ONE : ONE_BY_ONE * (settings.repeat + 1)], settings.repeat
-    )
+    others = world.points[ONE_BY_ONE:].reshape(-1, ONE_BY_ONE, 2)
+    places = [others[run % len(others)] for run in range(settings.repeat)]
     runs = [seconds_of(partial(one_by_one, layer, new))[0] for new in places]
     first_time = tuple(1e6 * seconds / ONE_BY_ONE for seconds in runs)
     yield Figure(
@@ -266,12 +265,12 @@ def _figures(count: int, settings: Settings) -> Iterator[Figure]:
         less_is_better=True,
     )
     # So many that the log of changes is full once, and all objects are copied.
-    times = count // 30
-    seconds, _ = seconds_of(partial(_add_move_remove, layer, world, times))
-    note = f"{times:,} added, moved and removed, one by one, and {times:,} points asked between"
+    rounds = count // 30
+    seconds, _ = seconds_of(partial(_add_move_remove, layer, world, rounds))
+    note = f"{rounds:,} added, moved and removed, one by one, and {rounds:,} points asked between"
     yield Figure(
         f"a change of one object {size}",
-        (1e6 * seconds / (3 * times),),
+        (1e6 * seconds / (3 * rounds),),
         "us",
         50.0,
         less_is_better=True,
