@@ -236,7 +236,7 @@ def agreement(
         if has_visible_area and iou(area, pcl.visible_area) < SAME:
             raise Disagreement(f"{scene.key}: the visible area is not PCL's")
         valid = valid_pixels(frame, config)
-        found = segment(frame.points(), valid, frame.camera, detections, config)
+        found = segment(frame, valid, detections, config)
         pixels = {part.detection: part.pixels for part in found}
         for box, (cluster, footprint) in enumerate(zip(pcl.clusters, pcl.footprints, strict=True)):
             if pixel_iou(pixels.get(box, np.empty(0, np.int64)), cluster) < least_cluster:

@@ -67,7 +67,7 @@ def cut(
     detections = Detections.of(boxes, ["thing"] * len(boxes))
     masks = {}
     valid = valid_pixels(frame, config)
-    for found in segment(frame.points(), valid, CAMERA, detections, config):
+    for found in segment(frame, valid, detections, config):
         masks[found.detection] = np.zeros(depth.shape, dtype=bool)
         masks[found.detection].ravel()[found.pixels] = True
     return masks

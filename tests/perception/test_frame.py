@@ -23,7 +23,22 @@ def test_a_pixel_lies_on_its_ray_at_its_depth() -> None:
 def test_a_recorded_cloud_is_kept() -> None:
     cloud = np.zeros((2, 4, 3), np.float32)
     frame = RgbdFrame(0.0, np.ones((2, 4), np.float32), CAMERA, np.eye(4), cloud=cloud)
-    assert frame.points() is cloud
+    assert np.shares_memory(frame.points(), cloud)
+
+
+@pytest.mark.parametrize("is_recorded", [False, True])
+def test_some_of_the_points_are_those_of_all(is_recorded: bool) -> None:
+    rng = np.random.default_rng(2)
+    camera = Camera.from_intrinsics(90, 80, 7.3, 4.1, width=16, height=10)
+    depth = rng.uniform(1, 2, (10, 16)).astype(np.float32)
+    cloud = rng.uniform(1, 2, (10, 16, 3)).astype(np.float32) if is_recorded else None
+    frame = RgbdFrame(0.0, depth, camera, np.eye(4), cloud=cloud)
+    whole = frame.points()
+    for step in (1, 2, 3):
+        np.testing.assert_array_equal(frame.points(step), whole[::step, ::step])
+    pixels = np.array([3, 15, 16, 159])
+    np.testing.assert_array_equal(frame.points_of(pixels), whole.reshape(-1, 3)[pixels])
+    np.testing.assert_array_equal(frame.z, whole[..., 2])
 
 
 def test_color_may_be_made_when_it_is_read_and_is_made_once() -> None:

@@ -20,8 +20,9 @@ def test_the_outer_points_have_the_footprint_of_all(seed: int, step: int) -> Non
     depth = rng.uniform(1, 1 + seed, (120, 160)).astype(np.float32)
     depth[rng.random(depth.shape) < 0.2] = np.nan
     points, valid = RgbdFrame(0.0, depth, CAMERA, POSE).points(), np.isfinite(depth)
-    outer = outer_points(points, valid, step, POSE, VOXEL)
-    every = points[::step, ::step][valid[::step, ::step]]
+    points, valid = points[::step, ::step], valid[::step, ::step]
+    outer = outer_points(points, valid, POSE, VOXEL)
+    every = points[valid]
     assert len(outer) < 0.8 * len(every)
     expected = footprint(transform_points(POSE, every), VOXEL)
     assert footprint(transform_points(POSE, outer), VOXEL).wkb == expected.wkb
@@ -32,4 +33,4 @@ def test_all_of_too_few_points_are_outer_ones(pixels: int) -> None:
     depth = np.full((120, 160), np.nan, np.float32)
     depth[60, 70 : 70 + pixels] = 2.0
     points = RgbdFrame(0.0, depth, CAMERA, POSE).points()
-    assert len(outer_points(points, np.isfinite(depth), 1, POSE, VOXEL)) == pixels
+    assert len(outer_points(points, np.isfinite(depth), POSE, VOXEL)) == pixels

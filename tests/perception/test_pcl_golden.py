@@ -99,7 +99,7 @@ def agreement(golden: Golden, method: Method) -> list[tuple[float, float]]:
     config = PerceptionConfig(method=method, max_depth=np.inf)
     frame = golden.frame
     valid = valid_pixels(frame, config)
-    found = segment(frame.points(), valid, frame.camera, golden.detections, config)
+    found = segment(frame, valid, golden.detections, config)
     assert [s.detection for s in found] == list(range(len(golden.detections)))
     ious = []
     for ours, pixels, shape in zip(found, golden.clusters, golden.footprints, strict=True):

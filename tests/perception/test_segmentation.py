@@ -37,7 +37,7 @@ def segment_frame(
     frame: RgbdFrame, detections: Detections, config: PerceptionConfig
 ) -> list[Segment]:
     valid = valid_pixels(frame, config)
-    return segment(frame.points(), valid, frame.camera, detections, config)
+    return segment(frame, valid, detections, config)
 
 
 def one_box(*xyxy: float) -> Detections:

@@ -37,9 +37,8 @@ class Rays:
         high over a cell says nothing of the table below it.
         """
         hits_xy, free_from_xy, free_to_xy = _rays_of_points(
-            frame.points(),
+            frame.points(config.pixel_step),
             np.ascontiguousarray(frame.map_T_camera),
-            config.pixel_step,
             (config.min_height, config.max_height, config.free_below),
             config.max_range,
             config.resolution,
@@ -96,28 +95,25 @@ class Rays:
 def _rays_of_points(
     points: NDArray[np.float32],
     map_T_camera: NDArray[np.float64],
-    step: int,
     heights: tuple[float, float, float],
     max_range: float,
     resolution: float,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Return what `Rays` holds, from every `step`-th row and column of an organised cloud.
+    """Return what `Rays` holds, from an organised cloud.
 
     Args:
         points: in the camera's frame [m], NaN for no return, shape (H, W, 3).
         map_T_camera: pose of the camera, shape (4, 4).
-        step: of rows and columns.
         heights: min_height, max_height and free_below above the floor [m].
         max_range: of a point over the floor [m].
         resolution: by how much a free stretch ends before a hit, as hits are never quite exact [m].
     """
     T, (min_height, max_height, free_below) = map_T_camera, heights
-    rows, cols = range(0, points.shape[0], step), range(0, points.shape[1], step)
-    hits = np.empty((len(rows) * len(cols), 2))
+    hits = np.empty((points.shape[0] * points.shape[1], 2))
     free_from, free_to = np.empty(hits.shape), np.empty(hits.shape)
     n_hits = n_free = 0
-    for row in rows:
-        for col in cols:
+    for row in range(points.shape[0]):
+        for col in range(points.shape[1]):
             x, y, z = points[row, col, 0], points[row, col, 1], points[row, col, 2]
             if not np.isfinite(z):
                 continue

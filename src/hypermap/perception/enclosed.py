@@ -24,7 +24,7 @@ FLAT_SHARE = 0.8  # of a box that shows nothing but one plane
 
 
 def cut_out(
-    points: NDArray[np.float32],
+    depth: NDArray[np.float32],
     valid: BoolArray,
     camera: Camera,
     objects: Sequence[IntArray],
@@ -34,7 +34,7 @@ def cut_out(
     """Return the pixels of each detected object, without those that only share its box.
 
     Args:
-        points: organised cloud in the optical frame [m], shape (H, W, 3).
+        depth: along the optical axis [m], shape (H, W).
         valid: which of its pixels hold a point, shape (H, W).
         camera: intrinsics.
         objects: row-major indices of the valid pixels in each detection's box or mask.
@@ -45,7 +45,7 @@ def cut_out(
         For each detection, increasing row-major indices out of its own; empty if none is left.
         And whether these are a piece of a surface that runs on past the box, shape (N,).
     """
-    surfaces = find_surfaces(points[..., 2], valid, camera, config)
+    surfaces = find_surfaces(depth, valid, camera, config)
     inside = [_Inside(surfaces, pixels) for pixels in objects]
     is_thing = (surfaces.own_border >= config.min_own_border) & (surfaces.sizes >= SPECK)
     is_enclosed = [

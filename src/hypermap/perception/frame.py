@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import copy
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hypermap.core.arrays import IntArray
 from hypermap.perception.detections import Detections
 from hypermap.perception.on_demand import OnDemand
 
@@ -90,24 +90,42 @@ class RgbdFrame:
         if self.cloud is not None and self.cloud.shape != (*shape, 3):
             raise ValueError(f"cloud must have shape {(*shape, 3)}, got {self.cloud.shape}")
 
-    def moved_to(self, map_T_camera: NDArray[np.float64]) -> RgbdFrame:
-        """Return the same images as taken from another pose, shape (4, 4)."""
-        moved = copy.copy(self)  # `dataclasses.replace` would decode the color
-        vars(moved)["map_T_camera"] = map_T_camera
-        return moved
-
-    def points(self) -> NDArray[np.float32]:
+    def points(self, step: int = 1) -> NDArray[np.float32]:
         """Return the organised cloud in the optical frame, float32, shape (H, W, 3).
 
         It is made once, and not to be written to.
+
+        Args:
+            step: every n-th row and column of the image is in it.
         """
-        return self._points if self.cloud is None else self.cloud
+        if self.cloud is not None:
+            return self.cloud[::step, ::step]
+        if step not in self._points:
+            # Imported here, as numba takes longer to load than frames need without their points.
+            from hypermap.perception.projection import project
+
+            points = project(self.depth, self.camera.K, step)
+            points.flags.writeable = False
+            self._points[step] = points
+        return self._points[step]
+
+    @property
+    def z(self) -> NDArray[np.float32]:
+        """How far along the optical axis the points are [m], shape (H, W)."""
+        return self.depth if self.cloud is None else self.cloud[..., 2]
+
+    def points_of(self, pixels: IntArray) -> NDArray[np.float32]:
+        """Return the points of some pixels, as they are in `points`, float32, shape (N, 3).
+
+        Args:
+            pixels: row-major indices, shape (N,).
+        """
+        if self.cloud is not None:
+            return self.cloud.reshape(-1, 3)[pixels]
+        from hypermap.perception.projection import project_pixels
+
+        return project_pixels(self.depth, self.camera.K, pixels)
 
     @cached_property
-    def _points(self) -> NDArray[np.float32]:
-        # Imported here, as numba takes longer to load than a recording's frames need without it.
-        from hypermap.perception.projection import project
-
-        points = project(self.depth, self.camera.K)
-        points.flags.writeable = False
-        return points
+    def _points(self) -> dict[int, NDArray[np.float32]]:
+        return {}

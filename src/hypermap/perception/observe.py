@@ -7,12 +7,12 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from hypermap.core.trajectory import transform_points
 from hypermap.perception.config import PerceptionConfig
 from hypermap.perception.detections import Detections
 from hypermap.perception.frame import RgbdFrame
 from hypermap.perception.observation import Observation, ObservedObject
 from hypermap.perception.outline import outer_points
+from hypermap.perception.projection import transform
 from hypermap.perception.segmentation import segment, valid_pixels
 from hypermap.perception.shapes import footprint
 from hypermap.perception.view import View
@@ -42,7 +42,6 @@ def observe(
 
     Source: section 3.4 of the thesis behind the first Hypermap program.
     """
-    points = frame.points()
     valid = valid_pixels(frame, config)
     detections = detections[detections.scores >= config.min_score]
 
@@ -57,8 +56,8 @@ def observe(
         return shapely.transform(shape, lambda xy: xy + offset) if offset.any() else shape
 
     objects = []
-    for found in segment(points, valid, frame.camera, detections, config):
-        points_near = transform_points(near_T_camera, found.points_xyz)
+    for found in segment(frame, valid, detections, config):
+        points_near = transform(near_T_camera, found.points_xyz)
         shape = on_floor(points_near)
         if shape.is_empty:
             continue
@@ -73,7 +72,9 @@ def observe(
                 segment=found if keep_segments else None,
             )
         )
-    outer = outer_points(points, valid, config.visible_step, near_T_camera, config.voxel_size)
-    visible_area = on_floor(transform_points(near_T_camera, outer))
+    step = config.visible_step
+    some, is_some = frame.points(step), valid[::step, ::step]
+    outer = outer_points(some, is_some, near_T_camera, config.voxel_size)
+    visible_area = on_floor(transform(near_T_camera, outer))
     view = View.of(frame, config.max_depth)
     return Observation(frame.stamp, frame.map_T_camera, tuple(objects), visible_area, view)

@@ -16,7 +16,6 @@ ROUNDING = 1e-3  # more than what float32 may be off, at a camera's distances [m
 def outer_points(
     points: NDArray[np.float32],
     valid: BoolArray,
-    step: int,
     map_T_camera: NDArray[np.float64],
     voxel_size: float,
 ) -> NDArray[np.float32]:
@@ -28,7 +27,6 @@ def outer_points(
     Args:
         points: organised cloud in the optical frame [m], shape (H, W, 3).
         valid: which of its pixels hold a point, shape (H, W).
-        step: every n-th row and column takes part.
         map_T_camera: pose of the optical frame, shape (4, 4).
         voxel_size: side of the footprint's cells [m].
 
@@ -36,22 +34,22 @@ def outer_points(
         Points in the optical frame [m], row by row, shape (M, 3).
     """
     to_floor = map_T_camera[:2, :3].astype(np.float32)
-    edges = _edges(_corners(points, valid, step, to_floor))
+    edges = _edges(_corners(points, valid, to_floor))
     # A centroid may lie a diagonal from a point of its cell: once for the polygon's corner, once
     # for the point in question.
     edges[:, 2] += 2 * np.sqrt(2) * voxel_size + ROUNDING
-    return np.asarray(_outside(points, valid, step, to_floor, edges.astype(np.float32)))
+    return np.asarray(_outside(points, valid, to_floor, edges.astype(np.float32)))
 
 
 @njit(cache=True)
-def _corners(points, valid, step, to_floor):  # type: ignore[no-untyped-def]
+def _corners(points, valid, to_floor):  # type: ignore[no-untyped-def]
     """Return which of some points are the farthest in some directions, counterclockwise."""
     height, width = valid.shape
     angles = np.arange(DIRECTIONS) * (2 * np.pi / DIRECTIONS)
     along, across = np.cos(angles), np.sin(angles)
     farthest = np.full(DIRECTIONS, -np.inf)
     corners = np.zeros((DIRECTIONS, 2))
-    sparse = step * max(int(np.sqrt(height * width / (step * step * SOME))), 1)
+    sparse = max(int(np.sqrt(height * width / SOME)), 1)
     for row in range(0, height, sparse):
         for column in range(0, width, sparse):
             if valid[row, column]:
@@ -81,32 +79,27 @@ def _edges(corners: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 @njit(cache=True, error_model="numpy")
-def _outside(points, valid, step, to_floor, edges):  # type: ignore[no-untyped-def]
+def _outside(points, valid, to_floor, edges):  # type: ignore[no-untyped-def]
     """Return the points that do not lie within all edges, shape (M, 3)."""
     height, width = valid.shape
-    columns = (width + step - 1) // step
-    outer = np.empty((((height + step - 1) // step) * columns, 3), np.float32)
-    farthest = np.empty(columns, np.float32)
+    outer = np.empty((height * width, 3), np.float32)
+    farthest = np.empty(width, np.float32)
     count = 0
-    x, y = np.empty(columns, np.float32), np.empty(columns, np.float32)
-    for row in range(0, height, step):
-        for i in range(uint64(columns)):
-            px, py, pz = (
-                points[row, i * step, 0],
-                points[row, i * step, 1],
-                points[row, i * step, 2],
-            )
+    x, y = np.empty(width, np.float32), np.empty(width, np.float32)
+    for row in range(height):
+        for i in range(uint64(width)):
+            px, py, pz = points[row, i, 0], points[row, i, 1], points[row, i, 2]
             x[i] = to_floor[0, 0] * px + to_floor[0, 1] * py + to_floor[0, 2] * pz
             y[i] = to_floor[1, 0] * px + to_floor[1, 1] * py + to_floor[1, 2] * pz
         farthest[:] = -np.inf
         for edge in range(len(edges)):
             a, b, c = edges[edge, 0], edges[edge, 1], edges[edge, 2]
-            for i in range(uint64(columns)):
+            for i in range(uint64(width)):
                 distance = a * x[i] + b * y[i] + c
                 farthest[i] = distance if distance > farthest[i] else farthest[i]
-        for i in range(columns):
-            if valid[row, i * step] and farthest[i] > 0:
+        for i in range(width):
+            if valid[row, i] and farthest[i] > 0:
                 for axis in range(3):
-                    outer[count, axis] = points[row, i * step, axis]
+                    outer[count, axis] = points[row, i, axis]
                 count += 1
     return outer[:count]

@@ -66,18 +66,17 @@ def _sum_blocks(disparity, center, side):  # type: ignore[no-untyped-def]
         for col in range(w):
             block = sums[row, col]
             for x in range(col * side, col * side + side):
-                u = x - center[0]
-                n, v, vv, d, vd, dd = columns[:, x]
+                u, n = x - center[0], columns[0, x]
                 block[0] += n
                 block[1] += u * n
-                block[2] += v
+                block[2] += columns[1, x]
                 block[3] += u * u * n
-                block[4] += u * v
-                block[5] += vv
-                block[6] += d
-                block[7] += u * d
-                block[8] += vd
-                block[9] += dd
+                block[4] += u * columns[1, x]
+                block[5] += columns[2, x]
+                block[6] += columns[3, x]
+                block[7] += u * columns[3, x]
+                block[8] += columns[4, x]
+                block[9] += columns[5, x]
     return sums
 
 

@@ -1,45 +1,72 @@
-"""The points of a depth image."""
+"""The points of a depth image, and where they are."""
 
 from __future__ import annotations
+
+from typing import TypeAlias
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from hypermap.core.arrays import IntArray
 
-def project(depth: NDArray[np.float32], K: NDArray[np.float64]) -> NDArray[np.float32]:
+_Rays: TypeAlias = tuple[NDArray[np.float32], NDArray[np.float32], np.float32, np.float32]
+
+
+def project(
+    depth: NDArray[np.float32], K: NDArray[np.float64], step: int = 1
+) -> NDArray[np.float32]:
     """Return the organised cloud of a depth image in the camera's optical frame.
 
     Args:
         depth: metres along the optical axis, float32, shape (H, W).
         K: intrinsic matrix [pixels], shape (3, 3).
+        step: every n-th row and column is projected.
 
     Returns:
-        Points [m], float32, shape (H, W, 3).
+        Points [m], float32, shape (H, W, 3), or of fewer rows and columns.
 
     Source: depth_image_proc's order of operations, so that the points are the same to the last
     bit; neighbours at equal distance, common on flat surfaces, then rank alike.
     """
-    height, width = depth.shape
-    right_of_axis = (np.arange(width) - K[0, 2]).astype(np.float32)
-    below_axis = (np.arange(height) - K[1, 2]).astype(np.float32)
-    return _project(
-        np.ascontiguousarray(depth),
-        right_of_axis,
-        below_axis,
-        np.float32(1 / K[0, 0]),
-        np.float32(1 / K[1, 1]),
-    )
+    rays = _rays(K, np.arange(0, depth.shape[0], step), np.arange(0, depth.shape[1], step))
+    return np.asarray(_project(np.ascontiguousarray(depth[::step, ::step]), *rays))
+
+
+def project_pixels(
+    depth: NDArray[np.float32], K: NDArray[np.float64], pixels: IntArray
+) -> NDArray[np.float32]:
+    """Return the points of some pixels, the same as in the cloud of the whole image.
+
+    Args:
+        depth: metres along the optical axis, float32, shape (H, W).
+        K: intrinsic matrix [pixels], shape (3, 3).
+        pixels: row-major indices, shape (N,).
+
+    Returns:
+        Points [m], float32, shape (N, 3).
+    """
+    rays = _rays(K, np.arange(depth.shape[0]), np.arange(depth.shape[1]))
+    return np.asarray(_project_pixels(np.ascontiguousarray(depth), pixels, *rays))
+
+
+def transform(a_T_b: NDArray[np.float64], points: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return points given in frame b, shape (N, 3), as points in frame a.
+
+    They are the same as those of `transform_points` to the last bit; many of them are faster.
+    """
+    return np.asarray(_transform(a_T_b.astype(np.float32), points))
+
+
+def _rays(K: NDArray[np.float64], rows: IntArray, columns: IntArray) -> _Rays:
+    """Return by how much columns and rows are off the axis [pixels], and per focal length."""
+    right_of_axis, below_axis = columns - K[0, 2], rows - K[1, 2]
+    per_fx, per_fy = np.float32(1 / K[0, 0]), np.float32(1 / K[1, 1])
+    return right_of_axis.astype(np.float32), below_axis.astype(np.float32), per_fx, per_fy
 
 
 @njit(cache=True)
-def _project(
-    depth: NDArray[np.float32],
-    right_of_axis: NDArray[np.float32],
-    below_axis: NDArray[np.float32],
-    per_fx: np.float32,
-    per_fy: np.float32,
-) -> NDArray[np.float32]:
+def _project(depth, right_of_axis, below_axis, per_fx, per_fy):  # type: ignore[no-untyped-def]
     height, width = depth.shape
     points = np.empty((height, width, 3), np.float32)
     for row in range(height):
@@ -49,3 +76,28 @@ def _project(
             points[row, column, 1] = below_axis[row] * z * per_fy
             points[row, column, 2] = z
     return points
+
+
+@njit(cache=True)
+def _project_pixels(depth, pixels, right_of_axis, below_axis, per_fx, per_fy):  # type: ignore[no-untyped-def]
+    width = depth.shape[1]
+    points = np.empty((len(pixels), 3), np.float32)
+    for i in range(len(pixels)):
+        row = pixels[i] // width
+        column = pixels[i] - row * width
+        z = depth[row, column]
+        points[i, 0] = right_of_axis[column] * z * per_fx
+        points[i, 1] = below_axis[row] * z * per_fy
+        points[i, 2] = z
+    return points
+
+
+@njit(cache=True)
+def _transform(a_T_b, points):  # type: ignore[no-untyped-def]
+    moved = np.empty(points.shape, np.float32)
+    for i in range(len(points)):
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        for axis in range(3):
+            to_x, to_y, to_z = a_T_b[axis, 0], a_T_b[axis, 1], a_T_b[axis, 2]
+            moved[i, axis] = x * to_x + y * to_y + z * to_z + a_T_b[axis, 3]
+    return moved

@@ -12,7 +12,7 @@ from hypermap.core.arrays import BoolArray, IntArray
 from hypermap.perception import enclosed, organised, unorganised
 from hypermap.perception.config import PerceptionConfig
 from hypermap.perception.detections import Detections
-from hypermap.perception.frame import Camera, RgbdFrame
+from hypermap.perception.frame import RgbdFrame
 
 FARTHEST = 1e4  # what is farther away than any camera sees is a broken number [m]
 
@@ -37,7 +37,7 @@ class Segment:
 
 def valid_pixels(frame: RgbdFrame, config: PerceptionConfig) -> BoolArray:
     """Return which pixels hold a point within the depths of the configuration, shape (H, W)."""
-    z = frame.points()[..., 2] if frame.cloud is not None else frame.depth
+    z = frame.z
     valid = (z > config.min_depth) & (z <= min(config.max_depth, FARTHEST))
     if frame.cloud is not None:
         valid &= (np.abs(frame.cloud[..., :2]) < FARTHEST).all(axis=-1)
@@ -45,18 +45,13 @@ def valid_pixels(frame: RgbdFrame, config: PerceptionConfig) -> BoolArray:
 
 
 def segment(
-    points: NDArray[np.float32],
-    valid: BoolArray,
-    camera: Camera,
-    detections: Detections,
-    config: PerceptionConfig,
+    frame: RgbdFrame, valid: BoolArray, detections: Detections, config: PerceptionConfig
 ) -> list[Segment]:
     """Return the object in each detection's box, or mask if it has one.
 
     Args:
-        points: organised cloud in the optical frame [m], shape (H, W, 3).
+        frame: depth or points, and intrinsics.
         valid: which of its pixels hold a point, shape (H, W).
-        camera: intrinsics.
         detections: what was found in the image.
         config: method and thresholds.
 
@@ -78,10 +73,11 @@ def segment(
     is_piece = np.zeros(len(objects), dtype=bool)
     if config.method == "enclosed":
         boxes = detections.xyxy[[number for number, _ in candidates]]
-        cut, is_piece = enclosed.cut_out(points, valid, camera, objects, boxes, config)
+        cut, is_piece = enclosed.cut_out(frame.z, valid, frame.camera, objects, boxes, config)
     else:
+        points = frame.points()
         if config.method == "organised":
-            regions = organised.grow_regions(points, valid, camera, objects, config)
+            regions = organised.grow_regions(points, valid, frame.camera, objects, config)
         else:
             regions = unorganised.grow_regions(points, valid, objects, config)
         cut = [
@@ -89,7 +85,7 @@ def segment(
             for pixels, region_of in zip(objects, regions, strict=True)
         ]
     return [
-        Segment(number, pixels, points.reshape(-1, 3)[pixels], bool(piece))
+        Segment(number, pixels, frame.points_of(pixels), bool(piece))
         for (number, _), pixels, piece in zip(candidates, cut, is_piece, strict=True)
         if config.min_cluster <= len(pixels) <= config.max_cluster
     ]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import shapely
+from numba import njit
 from numpy.typing import NDArray
 from shapely import Polygon
 
@@ -52,15 +53,38 @@ def voxel_centroids(points_xy: FloatArray, voxel_size: float) -> NDArray[np.floa
     """
     if len(points_xy) == 0:
         return np.empty((0, 2))
-    per_metre = points_xy.dtype.type(1 / voxel_size)
-    columns, rows = (np.floor(along * per_metre).astype(np.int64) for along in points_xy.T)
-    columns -= columns.min()
-    rows -= rows.min()
-    height = rows.max() + 1
-    cell = columns * height + rows
-    if (columns.max() + 1) * height > DENSE * len(cell):
-        cell = np.unique(cell, return_inverse=True)[1]
-    count = np.bincount(cell)
-    occupied = np.flatnonzero(count)
-    sums = [np.bincount(cell, along)[occupied] for along in points_xy.T]
-    return np.stack(sums, axis=1) / count[occupied, np.newaxis]
+    cell, count = _cells(points_xy, points_xy.dtype.type(1 / voxel_size))
+    if count > DENSE * len(cell):
+        occupied, cell = np.unique(cell, return_inverse=True)
+        count = len(occupied)
+    return np.asarray(_centroids(points_xy, cell, count))
+
+
+@njit(cache=True)
+def _cells(points_xy, per_metre):  # type: ignore[no-untyped-def]
+    """Return the number of each point's cell, column by column, and how many cells there are."""
+    columns, rows = np.empty(len(points_xy), np.int64), np.empty(len(points_xy), np.int64)
+    for i in range(len(points_xy)):
+        columns[i] = np.floor(points_xy[i, 0] * per_metre)
+        rows[i] = np.floor(points_xy[i, 1] * per_metre)
+    left, bottom, height = columns.min(), rows.min(), rows.max() - rows.min() + 1
+    count = (columns.max() - left + 1) * height
+    for i in range(len(columns)):
+        columns[i] = (columns[i] - left) * height + rows[i] - bottom
+    return columns, count
+
+
+@njit(cache=True)
+def _centroids(points_xy, cell, count):  # type: ignore[no-untyped-def]
+    """Return the centroid of the points in each occupied cell, in the order of the cells."""
+    points, sums = np.zeros(count, np.int64), np.zeros((count, 2))
+    for i in range(len(cell)):
+        points[cell[i]] += 1
+        sums[cell[i], 0] += points_xy[i, 0]
+        sums[cell[i], 1] += points_xy[i, 1]
+    found = 0
+    for i in range(count):
+        if points[i] > 0:
+            sums[found, 0], sums[found, 1] = sums[i, 0] / points[i], sums[i, 1] / points[i]
+            found += 1
+    return sums[:found].copy()
