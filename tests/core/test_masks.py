@@ -59,6 +59,15 @@ def test_a_cell_is_marked_if_and_only_if_its_centre_lies_within_the_margin(
     np.testing.assert_array_equal(mask.cells.ravel()[clear], expected[clear])
 
 
+def test_a_margin_of_next_to_nothing_fills_no_hole() -> None:
+    ring = shapely.box(0, 0, 4, 3) - shapely.box(1, 1, 3, 2)
+    desk = SemanticLayer("semantic", "map", [SemanticObject("desk", ring)])
+
+    mask = draw_mask(Hypermap([floor(), desk]), [Zone("desk", margin=1e-20)])
+
+    assert mask.value_at([[2.25, 1.25], [0.25, 0.25]]).tolist() == [-1, 100]
+
+
 def test_a_mask_looks_as_it_was_drawn_by_hand() -> None:
     desk = SemanticObject("desk", shapely.box(2, 2, 4, 3))
     hypermap = Hypermap(

@@ -98,7 +98,7 @@ def draw_mask(
     _check_size(grid)
     cells = np.full(grid.shape, outside, dtype=np.int8)
     for zone, of_zone in zip(chosen, shapes, strict=True):
-        for area in _within_margin(of_zone, zone.margin):
+        for area in _within_margin(of_zone, zone.margin, _EXACT * grid.resolution):
             window = grid.window_in(area)
             cells[window.slices][window.inside] = zone.value
     return OccupancyLayer(name, frame_id, grid, cells)
@@ -122,10 +122,10 @@ def _shapes(hypermap: Hypermap, name: str, frame_id: str) -> ObjectArray:
     return np.concatenate(found)
 
 
-def _within_margin(shapes: ObjectArray, margin: float) -> ObjectArray:
-    """Return the areas that the margins of shapes, (N,), reach."""
-    # Without a margin, buffering would take away what has no area.
-    return shapes if margin == 0 else shapely.buffer(shapes, margin, quad_segs=_ARC)
+def _within_margin(shapes: ObjectArray, margin: float, least: float) -> ObjectArray:
+    """Return the areas that the margins of shapes, (N,), reach; those below the least count not."""
+    # Buffering takes away what has no area, and by next to nothing it may fill holes.
+    return shapes if margin < least else shapely.buffer(shapes, margin, quad_segs=_ARC)
 
 
 def _upright(grid: GridGeometry) -> GridGeometry:
