@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -89,6 +90,12 @@ class RgbdFrame:
             raise ValueError(f"color must have shape {(*shape, 3)}, got {color.shape}")
         if self.cloud is not None and self.cloud.shape != (*shape, 3):
             raise ValueError(f"cloud must have shape {(*shape, 3)}, got {self.cloud.shape}")
+
+    def moved_to(self, map_T_camera: NDArray[np.float64]) -> RgbdFrame:
+        """Return the same images as taken from another pose, shape (4, 4)."""
+        moved = copy.copy(self)  # `dataclasses.replace` would decode the color
+        vars(moved)["map_T_camera"] = map_T_camera
+        return moved
 
     def points(self, step: int = 1) -> NDArray[np.float32]:
         """Return the organised cloud in the optical frame, float32, shape (H, W, 3).
