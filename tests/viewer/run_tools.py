@@ -8,7 +8,6 @@ import queue
 import re
 import signal
 import subprocess
-import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -17,7 +16,8 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-PATIENCE = 90.0  # s; the machine may be busy
+from .commands import PATIENCE, started
+
 SIZE = (160, 120)
 INTRINSICS = (131.25, 131.25, 79.5, 59.5)
 CHAIR, CUP, GHOST = (58, 38, 102, 82), (16, 44, 40, 76), (120, 90, 150, 110)
@@ -70,17 +70,10 @@ class Watching:
     """
 
     def __init__(self, recording: Path, output: Path, *options: str) -> None:
-        command = [sys.executable, "-m", "hypermap", "map", str(recording), "-o", str(output)]
         intrinsics = ["--intrinsics", ",".join(map(str, INTRINSICS))]
+        shown = [*intrinsics, "--view", "--no-browser", *options]
         self.output = output
-        self.process = subprocess.Popen(
-            [*command, *intrinsics, "--view", "--no-browser", *options],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            # Programs started in the background by some shells ignore Ctrl-C.
-            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
-        )
+        self.process = started("map", recording, "-o", output, *shown, stderr=subprocess.STDOUT)
         self._lines: queue.Queue[str] = queue.Queue()
         self.said = ""
         self._listener = threading.Thread(target=self._listen, daemon=True)

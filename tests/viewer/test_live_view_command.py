@@ -8,7 +8,6 @@ import select
 import signal
 import socket
 import subprocess
-import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -25,9 +24,8 @@ from hypermap.formats import save_map
 from hypermap.testing import square
 from hypermap.viewer.live.page import is_page_built
 
+from .commands import PATIENCE, hypermap, said_and_opened, started
 from .live_tools import pixels_of, saved
-
-PATIENCE = 60.0  # s; the machine may be busy
 
 
 @dataclass
@@ -62,17 +60,8 @@ class Server:
 
 @contextlib.contextmanager
 def viewing(*arguments: object) -> Iterator[Server]:
-    command = [sys.executable, "-m", "hypermap", "view", *map(str, arguments), "--no-browser"]
     environment = {k: v for k, v in os.environ.items() if k != "BROWSER"}
-    process = subprocess.Popen(
-        command,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        env=environment,
-        # Programs started in the background by some shells ignore Ctrl-C.
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
-    )
+    process = started("view", *arguments, "--no-browser", stderr=subprocess.PIPE, env=environment)
     try:
         assert process.stdout is not None
         assert select.select([process.stdout], [], [], PATIENCE)[0], "no address was printed"
@@ -183,14 +172,7 @@ def test_a_port_in_use_is_said_so_and_without_one_the_next_is_taken(tmp_path):
         ports = [int(server.url.rstrip("/").rpartition(":")[2]) for server in (one, other)]
         assert 8090 <= ports[0] < ports[1]
         assert other.get("api/map")["name"] == "room.hmap"
-        command = [sys.executable, "-m", "hypermap", "view", str(path), "--no-browser"]
-        done = subprocess.run(
-            [*command, "--port", str(ports[0])],
-            capture_output=True,
-            text=True,
-            timeout=PATIENCE,
-            check=False,
-        )
+        done = hypermap("view", path, "--no-browser", "--port", ports[0])
     assert done.returncode == 2
     assert done.stdout == ""
     (line,) = done.stderr.splitlines()
@@ -232,14 +214,7 @@ def test_whoever_lets_others_in_is_told_so(tmp_path):
 def test_what_cannot_be_shown_is_said_in_one_line(tmp_path, arguments, reason):
     saved(tmp_path)
     (tmp_path / "bad.hmap").write_bytes(b"no zip")
-    done = subprocess.run(
-        [sys.executable, "-m", "hypermap", "view", "--no-browser", *arguments],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE,
-        check=False,
-    )
+    done = hypermap("view", "--no-browser", *arguments, cwd=tmp_path)
     assert done.returncode == 2
     assert reason in done.stderr
     assert "Traceback" not in done.stderr
@@ -247,36 +222,11 @@ def test_what_cannot_be_shown_is_said_in_one_line(tmp_path, arguments, reason):
 
 @pytest.mark.skipif(not is_page_built(), reason="the page is not built: make page")
 def test_the_browser_is_opened_at_the_page(tmp_path):
-    opened = tmp_path / "opened"
-    fake = tmp_path / "browser.sh"
-    fake.write_text(f'#!/bin/sh\necho "$1" > {opened}.tmp && mv {opened}.tmp {opened}\n')
-    fake.chmod(0o755)
-    command = [sys.executable, "-m", "hypermap", "view", str(saved(tmp_path)), "--port", "0"]
-    process = subprocess.Popen(
-        command,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        text=True,
-        env={**os.environ, "BROWSER": str(fake)},
-    )
-    try:
-        assert process.stdout is not None
-        url = process.stdout.readline().strip()
-        end = time.monotonic() + PATIENCE
-        while not opened.exists() and time.monotonic() < end:
-            time.sleep(0.1)
-        assert opened.read_text().strip() == url
-    finally:
-        process.kill()
-        process.communicate()
+    said, opened = said_and_opened(tmp_path, "view", saved(tmp_path), "--port", 0)
+    assert opened == said
 
 
 def test_the_command_explains_itself():
-    done = subprocess.run(
-        [sys.executable, "-m", "hypermap", "view", "--help"],
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE,
-        check=True,
-    )
+    done = hypermap("view", "--help")
+    assert done.returncode == 0
     assert "--read-only" in done.stdout

@@ -19,9 +19,10 @@ from playwright.sync_api import Browser, Page
 
 from hypermap.colors import class_colors
 
+from .commands import PATIENCE
 from .page_tools import SIZE as WINDOW
 from .page_tools import chromium
-from .run_tools import BLUE, CHAIR, CUP, EVIL, GRAY, PATIENCE, RED, SIZE, watching, write_run
+from .run_tools import BLUE, CHAIR, CUP, EVIL, GRAY, RED, SIZE, watching, write_run
 
 pytestmark = pytest.mark.xdist_group("page")
 

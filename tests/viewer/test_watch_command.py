@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import json
-import os
 import signal
 import socket
 import subprocess
-import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -19,7 +17,8 @@ import pytest
 from hypermap.formats import open_map
 from hypermap.viewer.live.page import is_page_built
 
-from .run_tools import PATIENCE, Watching, watching, write_run
+from .commands import PATIENCE, hypermap, said_and_opened, started
+from .run_tools import Watching, watching, write_run
 
 
 @pytest.fixture(scope="module")
@@ -107,9 +106,8 @@ def test_a_whole_run_stays_until_ctrl_c_and_leaves_the_same_map(
             urlopen(watched.url, timeout=PATIENCE)
     assert list(scratch.glob("hypermap-run-*")) == []
     alone.parent.mkdir()
-    command = [sys.executable, "-m", "hypermap", "map", drive, "-o", alone]
-    intrinsics = ["--intrinsics", "131.25,131.25,79.5,59.5"]
-    subprocess.run([*command, *intrinsics], check=True, capture_output=True, timeout=PATIENCE)
+    done = hypermap("map", drive, "-o", alone, "--intrinsics", "131.25,131.25,79.5,59.5")
+    assert done.returncode == 0, done.stderr
     assert seen.read_bytes() == alone.read_bytes()
 
 
@@ -134,7 +132,7 @@ def test_a_port_in_use_is_said_before_anything_is_mapped(drive: Path, tmp_path: 
         taken.bind(("127.0.0.1", 0))
         taken.listen()
         port = taken.getsockname()[1]
-        done = _map(drive, tmp_path / "room.hmap", "--view", "--port", str(port))
+        done = hypermap("map", drive, "-o", tmp_path / "room.hmap", "--view", "--port", port)
     assert (done.returncode, done.stdout) == (2, "")
     assert f"port {port} of 127.0.0.1 is in use" in done.stderr.splitlines()[-1]
     assert "mapping" not in done.stderr
@@ -143,7 +141,7 @@ def test_a_port_in_use_is_said_before_anything_is_mapped(drive: Path, tmp_path: 
 
 @pytest.mark.parametrize("options", [["--port", "0"], ["--no-browser"]])
 def test_options_of_the_page_need_the_page(drive: Path, tmp_path: Path, options: list[str]) -> None:
-    done = _map(drive, tmp_path / "room.hmap", *options)
+    done = hypermap("map", drive, "-o", tmp_path / "room.hmap", *options)
     assert done.returncode == 2
     assert "--port and --no-browser go with --view" in done.stderr
 
@@ -151,7 +149,9 @@ def test_options_of_the_page_need_the_page(drive: Path, tmp_path: Path, options:
 def test_a_recording_that_fails_ends_the_page_and_says_why(tmp_path: Path, scratch: Path) -> None:
     drive = write_run(tmp_path / "drive", frames=5, cup_from=2)
     (drive / "detections.json").write_text('{"frames": 7}')
-    done = _map(drive, tmp_path / "room.hmap", "--view", "--no-browser", "--port", "0")
+    done = hypermap(
+        "map", drive, "-o", tmp_path / "room.hmap", "--view", "--no-browser", "--port", "0"
+    )
     assert done.returncode == 2
     assert "detections.json" in done.stderr.splitlines()[-1]
     assert "Traceback" not in done.stderr
@@ -160,49 +160,14 @@ def test_a_recording_that_fails_ends_the_page_and_says_why(tmp_path: Path, scrat
 
 @pytest.mark.skipif(not is_page_built(), reason="the page is not built: make page")
 def test_the_browser_is_opened_at_the_page(drive: Path, tmp_path: Path) -> None:
-    opened = tmp_path / "opened"
-    fake = tmp_path / "browser.sh"
-    fake.write_text(f'#!/bin/sh\necho "$1" > {opened}.tmp && mv {opened}.tmp {opened}\n')
-    fake.chmod(0o755)
-    command = [sys.executable, "-m", "hypermap", "map", str(drive), "-o", str(tmp_path / "r.hmap")]
-    process = subprocess.Popen(
-        [*command, "--view", "--port", "0"],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        text=True,
-        env={**os.environ, "BROWSER": str(fake)},
-    )
-    try:
-        assert process.stdout is not None
-        url = process.stdout.readline().strip()
-        end = time.monotonic() + PATIENCE
-        while not opened.exists() and time.monotonic() < end:
-            time.sleep(0.1)
-        assert opened.read_text().strip() == url
-    finally:
-        process.terminate()
-        process.communicate(timeout=PATIENCE)
-
-
-def _map(drive: Path, output: Path, *options: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "hypermap", "map", str(drive), "-o", str(output), *options],
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE,
-        check=False,
-    )
+    output = tmp_path / "r.hmap"
+    said, opened = said_and_opened(tmp_path, "map", drive, "-o", output, "--view", "--port", 0)
+    assert opened == said
 
 
 def test_the_demo_can_be_watched_too(tmp_path: Path, scratch: Path) -> None:
-    command = [sys.executable, "-m", "hypermap", "demo", "-o", str(tmp_path / "demo")]
-    process = subprocess.Popen(
-        [*command, "--view", "--no-browser", "--port", "0"],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        text=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
-    )
+    options = ["--view", "--no-browser", "--port", 0]
+    process = started("demo", "-o", tmp_path / "demo", *options, stderr=subprocess.DEVNULL)
     with process:
         assert process.stdout is not None
         url = process.stdout.readline().strip()
