@@ -1,6 +1,7 @@
 #!/bin/sh
 # Install Chromium for the tests of the page, on Debian as root; elsewhere say why not, and succeed.
 set -eu
+. "$(dirname "$0")/apt.sh"
 
 skip() {
   echo "Chromium is not installed, so the tests of the page are skipped: $1"
@@ -11,11 +12,4 @@ skip() {
 [ ! -x /usr/bin/chromium ] || exit 0
 grep -qsx 'ID=debian' /etc/os-release || skip "name yours, as HYPERMAP_CHROMIUM=/usr/bin/chromium-browser"
 [ "$(id -u)" = 0 ] || skip "to install it: sudo scripts/chromium.sh"
-
-log=$(mktemp)
-trap 'rm -f "$log"' EXIT
-export DEBIAN_FRONTEND=noninteractive
-if ! { apt-get update && apt-get install -y --no-install-recommends chromium; } >"$log" 2>&1; then
-  tail -n 3 "$log" >&2
-  skip "apt-get failed, see above"
-fi
+apt_install chromium

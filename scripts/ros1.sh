@@ -1,6 +1,7 @@
 #!/bin/sh
 # Install ROS 1 from Debian 12, as root; elsewhere say why not, and succeed.
 set -eu
+. "$(dirname "$0")/apt.sh"
 
 packages="
   catkin g++ libgeometry-msgs-dev libgl1-mesa-dri libstd-msgs-dev make python3-diagnostic-msgs
@@ -18,16 +19,8 @@ skip() {
 }
 
 # shellcheck disable=SC2086 # a list of words
-missing=$(dpkg-query -W -f '${db:Status-Status}\n' $packages 2>&1 | grep -vcx installed) || true
-[ "${missing:-1}" != 0 ] || exit 0
+apt_lacks $packages || exit 0
 grep -qsx 'VERSION_CODENAME=bookworm' /etc/os-release || skip "it comes from Debian 12"
 [ "$(id -u)" = 0 ] || skip "to install it: sudo scripts/ros1.sh"
-
-log=$(mktemp)
-trap 'rm -f "$log"' EXIT
-export DEBIAN_FRONTEND=noninteractive
-# shellcheck disable=SC2086 # a list of words
-if ! { apt-get update && apt-get install -y --no-install-recommends $packages; } >"$log" 2>&1; then
-  tail -n 3 "$log" >&2
-  skip "apt-get failed, see above"
-fi
+# shellcheck disable=SC2086
+apt_install $packages
