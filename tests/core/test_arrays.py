@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hypermap.core.arrays import as_objects, as_point_xy, as_points_xy
+from hypermap.core.arrays import as_objects, as_point_xy, as_points_xy, places
 
 
 @pytest.mark.parametrize(
@@ -58,3 +58,12 @@ def test_sequences_stay_single_elements_of_an_object_array() -> None:
     array = as_objects(iter([(1, 2), (), "text"]))
     assert array.shape == (3,)
     assert array.tolist() == [(1, 2), (), "text"]
+
+
+@pytest.mark.parametrize("share", [0, 0.001, 0.02, 0.1, 0.5, 0.99, 1])
+@pytest.mark.parametrize("shape", [(0, 0), (3, 0), (1, 1), (1, 7), (2, 4), (5, 13), (90, 101)])
+def test_what_is_true_is_found_by_rows(shape: tuple[int, int], share: float) -> None:
+    mask = np.random.default_rng(3).random(shape) < share
+    for looked_at in (mask, mask[::2, 1:], mask.T):
+        rows, cols = places(looked_at)
+        assert np.stack([rows, cols]).tolist() == np.stack(np.nonzero(looked_at)).tolist()

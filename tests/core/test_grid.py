@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import math
 from typing import Any
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from hypothesis import strategies as st
 from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.frames import Pose2D
-from hypermap.core.grid import GridGeometry
+from hypermap.core.grid import GridGeometry, Window
 from hypermap.testing.strategies import areas, grids, points
 
 TURNED = GridGeometry(width=4, height=3, resolution=0.5, origin=Pose2D(1.0, 2.0, math.pi / 2))
@@ -164,6 +165,28 @@ def test_the_window_masks_the_part_of_the_grid_around_the_area() -> None:
     expected = [r * 10 + c for r, c in cells_in(grid, shapely.Polygon([(2, 3), (6, 3), (2, 7)]))]
     assert cells[window.slices][window.inside].tolist() == expected
     assert window.inside.shape == (4, 4)
+
+
+@given(grids, st.none() | areas(), st.integers(1, 60))
+def test_windows_of_a_few_rows_show_what_one_of_all_does(grid, area, at_once) -> None:
+    whole = (
+        np.ones(grid.shape, dtype=bool) if area is None else mask_of([grid.window_in(area)], grid)
+    )
+
+    with mock.patch("hypermap.core.grid.AT_ONCE", at_once):
+        windows = list(grid.windows_in(area))
+
+    assert mask_of(windows, grid).tolist() == whole.tolist()
+    assert all(w.inside.size <= max(at_once, grid.width) for w in windows)
+    cells = [cell for w in windows for cell in zip(*w.cells(), strict=True)]
+    assert cells == list(zip(*np.nonzero(whole), strict=True))
+
+
+def mask_of(windows: list[Window], grid: GridGeometry) -> np.ndarray:
+    mask = np.zeros(grid.shape, dtype=bool)
+    for window in windows:
+        mask[window.slices] = window.inside
+    return mask
 
 
 @pytest.mark.parametrize(
