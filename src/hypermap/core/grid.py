@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import operator
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -164,10 +165,11 @@ class GridGeometry:
         )
         if local.is_empty:
             return 0, 0, (0, 0), np.empty(0, dtype=np.int64)
-        lowest, highest = np.reshape(local.bounds, (2, 2))
-        col, row = np.clip(np.ceil(lowest), 0, (self.width, self.height)).astype(int).tolist()
-        end = np.clip(np.floor(highest) + 1, (col, row), (self.width, self.height))
-        col_end, row_end = end.astype(int).tolist()
+        x0, y0, x1, y1 = local.bounds
+        col = min(max(0, math.ceil(x0)), self.width)
+        row = min(max(0, math.ceil(y0)), self.height)
+        col_end = min(max(col, math.floor(x1) + 1), self.width)
+        row_end = min(max(row, math.floor(y1) + 1), self.height)
         shape = (row_end - row, col_end - col)
         return row, col, shape, covered(local, shape, row, col)
 
