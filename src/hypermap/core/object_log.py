@@ -18,7 +18,7 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from hypermap.core.arrays import IntArray, ObjectArray, as_objects
+from hypermap.core.arrays import IntArray, ObjectArray, as_objects, as_view
 from hypermap.core.box_grid import BoxGrid
 from hypermap.core.objects import ObjectTable, SemanticObject
 from hypermap.core.outlines import Outlines, Rings
@@ -126,6 +126,11 @@ class ObjectLog:
         """Which change has ended each row, counted from 1; a very large number for none."""
         return np.full(self.first + self._capacity, _NEVER)
 
+    @cached_property
+    def all_ended(self) -> memoryview[int]:
+        """The same for single rows, of which it tells several times faster."""
+        return as_view(self.ended)
+
     # Questions
 
     @property
@@ -177,12 +182,13 @@ class ObjectLog:
             items: new objects, with ids.
             places: of each item in the order of the layer.
         """
+        all_ended = self.all_ended  # made before any reader needs it, so that there is one alone
         for item, place in zip(items, places, strict=True):
             self._write(len(self.written.objects), item, place)
         self._room -= len(ended) + len(items)
         self.changes += 1
         for row in ended:
-            self.ended[row] = self.changes
+            all_ended[row] = self.changes
         self.count += len(items)
 
     def _write(self, at: int, item: SemanticObject, place: int) -> None:

@@ -114,10 +114,12 @@ class Snapshot:
         """Return the row of an object; -1 if it is not there."""
         log = self.log
         for row in reversed(log.written_rows_of(object_id)):
-            if row < self.count and log.ended[row] > self.changes:
+            if row < self.count and log.all_ended[row] > self.changes:
                 return row
         row = log.table.row_of_id(object_id)
-        return row if self.changes == 0 or row < 0 or log.ended[row] > self.changes else _NOWHERE
+        return (
+            row if self.changes == 0 or row < 0 or log.all_ended[row] > self.changes else _NOWHERE
+        )
 
     # Questions
 
@@ -128,7 +130,7 @@ class Snapshot:
         for x0, y0, x1, y1, row in log.grid.near(x, y):
             if not (x0 <= x <= x1 and y0 <= y <= y1):
                 continue
-            if log.rings.cover(row, x, y) and (changes == 0 or log.ended[row] > changes):
+            if log.rings.cover(row, x, y) and (changes == 0 or log.all_ended[row] > changes):
                 best = row
                 break
         return best if self.count == log.first else self._or_written_at(best, x, y)
@@ -138,10 +140,10 @@ class Snapshot:
         log, written, first = self.log, self.log.written, self.log.first
         least = (math.inf, 0) if best < 0 else (log.table.areas[best], best)
         for at in written.index.at(x, y, self.count - first):
-            size = written.areas[at], written.places[at]
-            is_there = size < least and log.ended[first + at] > self.changes
-            if is_there and log.rings.cover(first + at, x, y):
-                best, least = first + at, size
+            if log.all_ended[first + at] > self.changes:
+                size = written.areas[at], written.places[at]
+                if size < least and log.rings.cover(first + at, x, y):
+                    best, least = first + at, size
         return best
 
     def rows_at(self, points_xy: NDArray[np.float64]) -> IntArray:
@@ -198,7 +200,7 @@ class Snapshot:
         """Return which of some rows are there, have a name's code, and meet an area."""
         log = self.log
         if self.changes:
-            rows = [row for row in rows if log.ended[row] > self.changes]
+            rows = [row for row in rows if log.all_ended[row] > self.changes]
         if code is not None:
             rows = [row for row in rows if log.code(row) == code]
         return [row for row in rows if area.intersects(log.shape(row))]
@@ -234,8 +236,9 @@ class Snapshot:
         if len(rows) > max(k, _MANY):
             rows = self._candidates(rows, point_xy, k)
         distances = self._distances(rows, point_xy)
-        to_centroids = np.hypot(*(self.column("centroids", rows) - point_xy).T)
-        order = np.lexsort((np.arange(len(rows)), to_centroids, distances))[:k]
+        away = self.column("centroids", rows) - point_xy
+        to_centroids = np.hypot(away[:, 0], away[:, 1])
+        order = np.lexsort((to_centroids, distances))[:k]
         return rows[order], distances[order]
 
     def _candidates(self, rows: IntArray, point_xy: NDArray[np.float64], k: int) -> IntArray:
@@ -253,7 +256,7 @@ class Snapshot:
         return np.asarray(rows[to_boxes <= farthest * _ROUNDING])
 
     def _distances(self, rows: IntArray, point_xy: NDArray[np.float64]) -> NDArray[np.float64]:
-        shapes, point = self.column("shapes", rows), shapely.Point(point_xy)
+        shapes, point = self.column("shapes", rows), shapely.points(point_xy)
         with np.errstate(all="ignore"):  # GEOS divides by the lengths of edges without length
             return np.asarray(shapely.distance(shapes, point))
 
