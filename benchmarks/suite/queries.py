@@ -266,7 +266,8 @@ def _figures(count: int, settings: Settings) -> Iterator[Figure]:
     )
     # So many that the log of changes is full once, and all objects are copied.
     rounds = count // 30
-    seconds, _ = seconds_of(partial(_add_move_remove, layer, world, rounds))
+    change = partial(_add_move_remove, layer, world, _boxes(world), rounds)
+    seconds, _ = seconds_of(change)
     note = f"{rounds:,} added, moved and removed, one by one, and {rounds:,} points asked between"
     yield Figure(
         f"a change of one object {size}",
@@ -278,9 +279,14 @@ def _figures(count: int, settings: Settings) -> Iterator[Figure]:
     )
 
 
-def _add_move_remove(layer: SemanticLayer, world: Floor, rounds: int) -> None:
+def _boxes(world: Floor) -> list[SemanticObject]:
     boxes = np.asarray(shapely.box(*world.points[:1000].T, *(world.points[:1000] + 0.5).T))
-    things = [SemanticObject("class 1", box) for box in boxes]
+    return [SemanticObject("class 1", box) for box in boxes]
+
+
+def _add_move_remove(
+    layer: SemanticLayer, world: Floor, things: list[SemanticObject], rounds: int
+) -> None:
     for number in range(rounds):
         (added,) = layer.add([things[number % 1000]])
         layer.update(number, things[(number + 1) % 1000])
@@ -303,7 +309,7 @@ def _growth(settings: Settings) -> Iterator[Growth]:
         layer.value_at(world.points)  # the index is built
         points.append(_median(partial(one_by_one, layer, world.points), settings) / ONE_BY_ONE)
         names.append(_median(partial(named, layer, name), settings))
-        change = partial(_add_move_remove, layer, world, rounds)
+        change = partial(_add_move_remove, layer, world, _boxes(world), rounds)
         changes.append(_median(change, settings) / (3 * rounds))
     yield Growth("one point", "objects", sizes, tuple(points), limit=ONE_OF_MANY)
     yield Growth("a change of one object", "objects", sizes, tuple(changes), limit=ONE_OF_MANY)
