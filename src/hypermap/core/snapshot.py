@@ -22,9 +22,9 @@ Box = tuple[float, float, float, float]  # x0, y0, x1, y1
 
 _NOWHERE = -1
 _NO_NAME = -1  # as a code
-_ONE_BY_ONE = 8  # points asked at once that are faster one by one
-_FEW = 12  # shapes that are not worth looking at their boxes first
-_MANY = 64  # shapes that are not all measured to find the nearest
+_ONE_BY_ONE = 16  # points asked at once that are faster one by one
+_FEW = 12  # shapes that are not worth preparing an area for
+_MANY = 64  # shapes that are worth looking at their boxes first
 _ROUNDING = 1 + 1e-9  # more than two distances can differ by rounding
 
 
@@ -117,9 +117,8 @@ class Snapshot:
             if row < self.count and log.all_ended[row] > self.changes:
                 return row
         row = log.table.row_of_id(object_id)
-        return (
-            row if self.changes == 0 or row < 0 or log.all_ended[row] > self.changes else _NOWHERE
-        )
+        is_gone = row >= 0 and self.changes > 0 and log.all_ended[row] <= self.changes
+        return _NOWHERE if is_gone else row
 
     # Questions
 
@@ -177,11 +176,8 @@ class Snapshot:
             code: only objects with this name's code; None for all.
         """
         log, box = self.log, box_of(area)
-        near = None if box is None else log.grid.meeting(*box)
-        if near is not None and box is not None:
-            if self.count > log.first:
-                behind = log.written.index.meeting(*box, self.count - log.first)
-                near += (behind + log.first).tolist()
+        near = None if box is None else self._near(box)
+        if near is not None:
             return self._in_order(np.array(self._few_in(area, near, code), dtype=np.int64))
         asked = as_area(area) if box is None else area
         if asked.is_empty:
@@ -195,6 +191,15 @@ class Snapshot:
             rows = rows[self.column("codes", rows) == code]
         rows = self._there(rows)
         return self._in_order(rows[self._meet(asked, box, rows)])
+
+    def _near(self, box: Box) -> list[int] | None:
+        """Return the ascending rows whose boxes meet a small one; None if it is not small."""
+        log = self.log
+        rows = log.grid.meeting(*box)
+        if rows is not None and self.count > log.first:
+            behind = log.written.index.meeting(*box, self.count - log.first)
+            rows += (behind + log.first).tolist()
+        return rows
 
     def _few_in(self, area: BaseGeometry, rows: list[int], code: int | None) -> list[int]:
         """Return which of some rows are there, have a name's code, and meet an area."""
