@@ -9,7 +9,8 @@ from typing import Any
 
 import pytest
 
-from .fake_rclpy import Graph, modules
+from .fake_rclpy import modules
+from .fake_rclpy_node import Graph
 from .strict_messages import StrictTypes, humble_store, jazzy_store
 
 STORES = {"humble": humble_store, "jazzy": jazzy_store}

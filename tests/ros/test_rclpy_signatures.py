@@ -7,8 +7,9 @@ from typing import Any
 
 import pytest
 
-from . import fake_rclpy, fake_rclpy_values
-from .fake_rclpy import Graph, modules
+from . import fake_rclpy_node, fake_rclpy_values
+from .fake_rclpy import modules
+from .fake_rclpy_node import Graph
 from .rclpy_signatures import OTHERS, SIGNATURES
 from .strict_messages import StrictTypes, jazzy_store
 
@@ -61,7 +62,7 @@ def test_a_call_of_the_fake_is_a_call_of_rclpy(fake: dict[str, Any], name: str) 
 @pytest.mark.parametrize("name", OTHERS)
 def test_a_call_of_what_rclpy_returns_is_one_of_rclpy(name: str) -> None:
     owner, _, method = name.partition(".")
-    module = fake_rclpy if hasattr(fake_rclpy, owner) else fake_rclpy_values
+    module = fake_rclpy_node if hasattr(fake_rclpy_node, owner) else fake_rclpy_values
     assert_accepts_no_more(getattr(getattr(module, owner), method), OTHERS[name][0])
 
 

@@ -12,7 +12,7 @@ import pytest
 from hypermap.core.errors import HypermapError
 
 from .conftest import wait_for
-from .fake_rclpy import Graph
+from .fake_rclpy_node import Graph
 from .ros2_fixtures import Idle, graph, make_port, port
 
 __all__ = ["graph", "make_port", "port"]

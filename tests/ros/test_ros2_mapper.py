@@ -23,7 +23,8 @@ from hypermap.ros.mapper.statistics import Fate
 from hypermap.simulation import SimulatedRecording, demo_world
 
 from .conftest import wait_for
-from .fake_rclpy import Graph, other_node
+from .fake_rclpy import other_node
+from .fake_rclpy_node import Graph
 from .fake_rclpy_values import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from .ros2_fixtures import graph, make_port
 

@@ -9,7 +9,7 @@ import pytest
 from hypermap.core.errors import HypermapError
 from hypermap.ros.port import Parameter
 
-from .fake_rclpy import Graph
+from .fake_rclpy_node import Graph
 from .ros2_fixtures import graph, make_port, port
 
 __all__ = ["graph", "make_port", "port"]

@@ -12,7 +12,8 @@ import pytest
 from hypermap.core.errors import FrameError, HypermapError
 
 from .conftest import wait_for
-from .fake_rclpy import Graph, other_node
+from .fake_rclpy import other_node
+from .fake_rclpy_node import Graph
 from .fake_rclpy_values import (
     DurabilityPolicy,
     MutuallyExclusiveCallbackGroup,

@@ -18,7 +18,8 @@ from hypermap.ros.nodes import run_map_server
 from hypermap.ros.server.map_server import MapServer
 
 from .conftest import wait_for
-from .fake_rclpy import Graph, other_node
+from .fake_rclpy import other_node
+from .fake_rclpy_node import Graph
 from .fake_rclpy_values import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from .map_server_tools import building, saved
 from .ros2_fixtures import graph, make_port
