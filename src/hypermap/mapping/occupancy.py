@@ -7,8 +7,10 @@ OctoMap, Autonomous Robots 2013.
 from __future__ import annotations
 
 import numpy as np
+from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from hypermap.core.arrays import BoolArray
 from hypermap.core.errors import HypermapError
 from hypermap.core.frames import Pose2D
 from hypermap.core.grid import GridGeometry
@@ -104,17 +106,11 @@ class OccupancyMapper:
         self._cover(first, last)
         shape = last - first + 1
         hits, is_free = rays.touch(self._grid(first, shape))
-        is_hit = hits >= min_points
-        is_free &= ~is_hit
         corner = first - self._first
         window = self._log_odds[corner[0] : corner[0] + shape[0], corner[1] : corner[1] + shape[1]]
-        touched = is_hit | is_free
-        change = np.where(is_hit, self.config.hit, -self.config.miss)[touched]
-        window[touched] = np.clip(
-            np.nan_to_num(window[touched]) + change,
-            self.config.min_log_odds,
-            self.config.max_log_odds,
-        )
+        changes = self.config.hit, -self.config.miss
+        clamps = self.config.min_log_odds, self.config.max_log_odds
+        _change(window, hits >= min_points, is_free, changes, clamps)
 
     def _cover(self, first: NDArray[np.int64], last: NDArray[np.int64]) -> None:
         """Let the grid grow until it holds the cells of the world from first to last."""
@@ -150,3 +146,21 @@ class OccupancyMapper:
             resolution=side,
             origin=Pose2D(x=int(first[1]) * side, y=int(first[0]) * side),
         )
+
+
+@njit(cache=True)
+def _change(
+    log_odds: NDArray[np.float32],
+    is_hit: BoolArray,
+    is_free: BoolArray,
+    changes: tuple[float, float],
+    clamps: tuple[float, float],
+) -> None:
+    """Change the log-odds, NaN for never seen, of cells that are hit or else free."""
+    for row in range(log_odds.shape[0]):
+        for col in range(log_odds.shape[1]):
+            if is_hit[row, col] or is_free[row, col]:
+                before = log_odds[row, col]
+                after = 0.0 if np.isnan(before) else np.float64(before)
+                after += changes[0] if is_hit[row, col] else changes[1]
+                log_odds[row, col] = min(max(after, clamps[0]), clamps[1])

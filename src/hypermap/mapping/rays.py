@@ -73,10 +73,11 @@ class Rays:
 
     def bounds(self) -> NDArray[np.float64] | None:
         """Return the lower left and upper right corner of all [m], shape (2, 2); None if empty."""
-        corners = np.array([[np.inf, np.inf], [-np.inf, -np.inf]])
-        for points in (self.hits_xy, self.free_from_xy, self.free_to_xy):
-            _widen(corners, points)
-        return corners if corners[0, 0] <= corners[1, 0] else None
+        every = (self.hits_xy, self.free_from_xy, self.free_to_xy)
+        boxes = np.array([_box(points) for points in every if len(points)])
+        if len(boxes) == 0:
+            return None
+        return np.array([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
 
     def touch(self, grid: GridGeometry) -> tuple[NDArray[np.int64], BoolArray]:
         """Return how often each cell is hit, and whether it is on a free stretch.
@@ -156,12 +157,13 @@ def _low_stretch(start: float, end: float, low: float, high: float) -> tuple[flo
 
 
 @njit(cache=True)
-def _widen(corners: NDArray[np.float64], points_xy: NDArray[np.float64]) -> None:
-    """Move the lower left and the upper right corner, so that the points lie between them."""
-    for i in range(len(points_xy)):
-        for axis in range(2):
-            corners[0, axis] = min(corners[0, axis], points_xy[i, axis])
-            corners[1, axis] = max(corners[1, axis], points_xy[i, axis])
+def _box(points_xy: NDArray[np.float64]) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Return the lower left and the upper right corner of some points."""
+    xmin, ymin = xmax, ymax = points_xy[0, 0], points_xy[0, 1]
+    for i in range(1, len(points_xy)):
+        x, y = points_xy[i, 0], points_xy[i, 1]
+        xmin, ymin, xmax, ymax = min(xmin, x), min(ymin, y), max(xmax, x), max(ymax, y)
+    return (xmin, ymin), (xmax, ymax)
 
 
 @njit(cache=True)

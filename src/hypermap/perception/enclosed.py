@@ -152,16 +152,21 @@ def _measure(labels, disparity, pixels, count):  # type: ignore[no-untyped-def]
     sizes = np.zeros(count, np.int64)
     sums = np.zeros(count)
     extents = np.zeros((count, 4), np.int64)
-    row, start = 0, 0  # of the image's row that the pixels have reached
-    for pixel in pixels:
-        while pixel >= start + width:
-            row, start = row + 1, start + width
-        label, col = flat_labels[pixel], pixel - start
+    row, end = -1, 0  # of the image's row that the pixels have reached
+    i = 0
+    while i < len(pixels):
+        first, label, total = i, flat_labels[pixels[i]], 0.0
+        while pixels[i] >= end:
+            row, end = row + 1, end + width
+        while i < len(pixels) and pixels[i] < end and flat_labels[pixels[i]] == label:
+            total += flat_disparity[pixels[i]]
+            i += 1
+        left, right = pixels[first] - row * width, pixels[i - 1] - row * width + 1
         if sizes[label] == 0:
-            extents[label, 0], extents[label, 1] = col, row
-        extents[label, 0] = min(extents[label, 0], col)
-        extents[label, 2] = max(extents[label, 2], col + 1)
+            extents[label, 0], extents[label, 1] = left, row
+        extents[label, 0] = min(extents[label, 0], left)
+        extents[label, 2] = max(extents[label, 2], right)
         extents[label, 3] = row + 1
-        sizes[label] += 1
-        sums[label] += flat_disparity[pixel]
+        sizes[label] += i - first
+        sums[label] += total
     return sizes, extents, sums

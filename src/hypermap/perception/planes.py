@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
+from numba import njit, uint64
 from numpy.typing import NDArray
 
 from hypermap.perception.config import PerceptionConfig
@@ -189,7 +189,7 @@ def _join_blocks(sums, planes, flatness, focal, cosine, tolerance):  # type: ign
 def _spread(disparity, blocks, planes, center, side, tolerance):  # type: ignore[no-untyped-def]
     """Return the plane of each pixel: those of its blocks, and on from there to all that touch."""
     height, width = disparity.shape
-    labels = np.full((height, width), UNFIT, np.int32)
+    labels = _label_blocks(disparity, blocks, planes, center, side, tolerance)
     queue = np.empty((height * width, 2), np.int32)
     head, tail = 0, 0
     for row in range(blocks.shape[0]):
@@ -197,17 +197,16 @@ def _spread(disparity, blocks, planes, center, side, tolerance):  # type: ignore
             k = blocks[row, col]
             if k == UNFIT:
                 continue
-            top, left = row * side, col * side
-            bottom, right = top + side, left + side
-            for y in range(top, bottom):
-                pixels, on = disparity[y, left:right], labels[y, left:right]
-                _label(on, pixels, k, planes[k], left - center[0], y - center[1], tolerance)
-            # Inside of the block its plane has been everywhere already.
-            for y in range(top, bottom):
-                inner = side - 1 if top < y < bottom - 1 else 1
-                for x in range(left, right, inner):
-                    if labels[y, x] == k:
-                        queue[tail, 0], queue[tail, 1] = y, x
+            # Inside of its blocks a plane has been everywhere already.
+            left, right = _is_border(blocks, row, col - 1, k), _is_border(blocks, row, col + 1, k)
+            above, below = _is_border(blocks, row - 1, col, k), _is_border(blocks, row + 1, col, k)
+            for y in range(side):
+                is_whole = (above and y == 0) or (below and y == side - 1)
+                for x in range(0, side, 1 if is_whole else side - 1):
+                    at_y, at_x = row * side + y, col * side + x
+                    is_end = is_whole or (left if x == 0 else right)
+                    if is_end and labels[at_y, at_x] == k:
+                        queue[tail, 0], queue[tail, 1] = at_y, at_x
                         tail += 1
     while head < tail:
         row, col = queue[head, 0], queue[head, 1]
@@ -217,7 +216,8 @@ def _spread(disparity, blocks, planes, center, side, tolerance):  # type: ignore
             y, x = row + (step == 0) - (step == 1), col + (step == 2) - (step == 3)
             if not (0 <= y < height and 0 <= x < width) or labels[y, x] != UNFIT:
                 continue
-            if _is_on(disparity[y, x], planes[k], x - center[0], y - center[1], tolerance):
+            u, v = x - center[0], y - center[1]
+            if _is_on(disparity[y, x], planes[k, 0], planes[k, 1], planes[k, 2], u, v, tolerance):
                 labels[y, x] = k
                 queue[tail, 0], queue[tail, 1] = y, x
                 tail += 1
@@ -225,14 +225,30 @@ def _spread(disparity, blocks, planes, center, side, tolerance):  # type: ignore
 
 
 @njit(cache=True)
-def _label(labels, disparity, k, plane, u, v, tolerance):  # type: ignore[no-untyped-def]
-    """Label those pixels of a block's row that lie on its plane, in a loop without branches."""
-    label, unfit = np.int32(k), np.int32(UNFIT)
-    for i in range(len(labels)):
-        labels[i] = label if _is_on(disparity[i], plane, i + u, v, tolerance) else unfit
+def _label_blocks(disparity, blocks, planes, center, side, tolerance):  # type: ignore[no-untyped-def]
+    """Return the plane of each pixel that lies on its block's one."""
+    labels = np.full(disparity.shape, UNFIT, np.int32)
+    unfit = np.int32(UNFIT)
+    for y in range(blocks.shape[0] * side):
+        v = y - center[1]
+        for col in range(blocks.shape[1]):
+            k = np.int32(blocks[y // side, col])
+            if k == unfit:
+                continue
+            a, b, c = planes[k, 0], planes[k, 1], planes[k, 2]
+            for x in range(uint64(col * side), uint64(col * side + side)):  # without branches
+                u = np.float64(x) - center[0]
+                labels[y, x] = k if _is_on(disparity[y, x], a, b, c, u, v, tolerance) else unfit
+    return labels
 
 
 @njit(cache=True)
-def _is_on(d, plane, u, v, tolerance):  # type: ignore[no-untyped-def]
-    expected = plane[0] * u + plane[1] * v + plane[2]
-    return (d > 0) & (abs(d - expected) < tolerance)
+def _is_border(blocks, row, col, k):  # type: ignore[no-untyped-def]
+    """Return whether a block is not one of a plane's, or outside the image."""
+    is_inside = 0 <= row < blocks.shape[0] and 0 <= col < blocks.shape[1]
+    return not is_inside or blocks[row, col] != k
+
+
+@njit(cache=True)
+def _is_on(d, a, b, c, u, v, tolerance):  # type: ignore[no-untyped-def]
+    return (d > 0) & (abs(d - (a * u + b * v + c)) < tolerance)

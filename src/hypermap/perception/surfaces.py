@@ -58,12 +58,12 @@ def find_surfaces(
     labels, planes = find_planes(disparity, camera, config)
     tolerance = SAME * config.depth_noise
     count = _label_rest(disparity, labels, planes, config.max_gap, tolerance)
-    near, far = _borders(disparity, labels, count, config.max_gap, tolerance)
+    sizes, near, far = _measure(disparity, labels, count, config.max_gap, tolerance)
     ends = near + far
     return Surfaces(
         labels=labels,
         disparity=disparity,
-        sizes=_sizes(labels, count),
+        sizes=sizes,
         own_border=np.divide(near, ends, out=np.ones(count), where=ends > 0),
         planes=planes,
     )
@@ -171,30 +171,17 @@ def _hang_together(pixels, run, other, above, max_gap, tolerance):  # type: igno
 
 
 @njit(cache=True)
-def _sizes(labels, count):  # type: ignore[no-untyped-def]
-    """Return how many pixels each surface has, shape (count,)."""
-    sizes = np.zeros(count + 1, np.int64)  # the last one of what is no surface, -1
-    flat_labels = labels.ravel()
-    start = 0
-    for pixel in range(1, flat_labels.size):
-        if flat_labels[pixel] != flat_labels[start]:
-            sizes[flat_labels[start]] += pixel - start
-            start = pixel
-    sizes[flat_labels[start]] += flat_labels.size - start
-    return sizes[:count]
-
-
-@njit(cache=True)
-def _borders(disparity, labels, count, max_gap, tolerance):  # type: ignore[no-untyped-def]
-    """Return how often each surface ends before something farther, and behind something nearer.
+def _measure(disparity, labels, count, max_gap, tolerance):  # type: ignore[no-untyped-def]
+    """Return sizes, and how often each surface ends before and behind another one.
 
     Where there is no depth for more than `LOST` pixels, things are too far away to be measured.
     """
+    sizes = np.zeros(count + 1, np.int64)  # the last one of what is no surface, -1
     near, far = np.zeros(count), np.zeros(count)
     height, width = disparity.shape
     for axis in range(2):
         for i in range(height if axis == 0 else width):
-            last, last_label, last_d = -1 - LOST, UNFIT, np.float32(0)
+            last, last_label, last_d, size = -1 - LOST, UNFIT, np.float32(0), 0
             for j in range(width if axis == 0 else height):
                 y, x = (i, j) if axis == 0 else (j, i)
                 d, label = disparity[y, x], labels[y, x]
@@ -208,5 +195,11 @@ def _borders(disparity, labels, count, max_gap, tolerance):  # type: ignore[no-u
                 elif label != last_label and not _is_near(d, last_d, max_gap, tolerance):
                     near[label if d > last_d else last_label] += 1
                     far[last_label if d > last_d else label] += 1
+                if axis == 0:
+                    if label != last_label:
+                        sizes[last_label] += size
+                        size = 0
+                    size += 1
                 last, last_label, last_d = j, label, d
-    return near, far
+            sizes[last_label] += size
+    return sizes[:count], near, far

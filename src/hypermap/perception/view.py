@@ -43,8 +43,8 @@ class View:
         some = (slice(None, None, _STEP),) * 2
         z = frame.depth[some]
         camera = frame.camera.every(_STEP)
-        rays = _horizontal_rays(camera, frame.map_T_camera, np.arange(camera.height))
-        reach = (z * np.hypot(rays[0], rays[1])).astype(np.float32)
+        x, y = _horizontal_rays(camera, frame.map_T_camera, np.arange(camera.height))
+        reach = (z * np.sqrt(x * x + y * y)).astype(np.float32)
         return cls(camera, frame.map_T_camera, reach, max_range)
 
     @property
