@@ -7,18 +7,12 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from hypermap.perception.frame import Camera, RgbdFrame
-from hypermap.perception.normals import (
-    MARGIN,
-    TOO_FEW,
-    TOO_MANY,
-    fit_planes,
-    planes_of,
-    planes_through,
-)
+from hypermap.perception.normals import TOO_FEW, TOO_MANY, fit_planes, planes_through
+from hypermap.perception.padded import MARGIN, planes_of
 from hypermap.perception.unorganised import normals_of
 
 CAMERA = Camera.from_intrinsics(60, 60, 19.5, 14.5, 40, 30)
-PITCH = 1 / 60
+FOCAL = 60.0, 60.0
 K = 50
 
 
@@ -47,11 +41,10 @@ def fit_all(
 ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
     """Return normals (N, 3), curvatures and squared radii of all valid pixels, row-major."""
     valid = np.isfinite(points[..., 2])
-    planes = planes_of(points, valid)
-    rows, columns = np.nonzero(valid)
-    places = (rows + MARGIN) * planes.shape[2] + columns + MARGIN
-    normals, curvatures, radii2 = fit_planes(planes, places, K, PITCH)
-    return normals.T, curvatures, radii2
+    planes = planes_of(points, valid, 0, 0, *valid.shape)
+    wanted = np.pad(valid, MARGIN)
+    normals, curvatures, radii2 = fit_planes(planes, wanted, K, FOCAL)
+    return normals[:, wanted].T, curvatures[wanted], radii2[wanted]
 
 
 @settings(deadline=None, max_examples=30)  # the first example compiles
@@ -64,7 +57,7 @@ def test_the_normals_of_a_plane_are_its_normal_everywhere(slope: tuple[float, fl
         normals_of(points.reshape(-1, 3), points.reshape(-1, 3), K),
     ):
         np.testing.assert_allclose(np.abs(normals @ normal), 1, atol=1e-5)
-        np.testing.assert_allclose(curvatures, 0, atol=1e-5)
+        np.testing.assert_allclose(curvatures, 0, atol=1e-3)  # depth is not quite affine
 
 
 @pytest.mark.parametrize("holes", [0.0, 0.4, 0.9])

@@ -1,8 +1,7 @@
-"""Compiled search for the nearest points around a pixel, and the plane through them.
+"""Planes through about the k points nearest to each pixel of an image.
 
-The cloud is held as three planes, x, y and z, of the image with a margin around it; a place is an
-index into a plane, counted row by row. A pixel without a point, and every pixel of the margin,
-holds `FAR`: so windows need no clipping, and such a pixel is never among the nearest.
+Where the surface is smooth they come from `smooth`; elsewhere the nearest points are looked for, in
+windows around the pixel.
 """
 
 from __future__ import annotations
@@ -11,91 +10,81 @@ import numpy as np
 from numba import njit, uint64
 from numpy.typing import NDArray
 
-from hypermap.core.arrays import BoolArray, IntArray
+from hypermap.core.arrays import BoolArray
+from hypermap.perception.smooth import fit_smooth
 
-FAR = np.float32(1e6)
-UNREACHED2 = np.float32(1e10)  # less than the squared distance to FAR, more than any real one
+UNREACHED2 = np.float32(1e10)  # less than the squared distance to `FAR`, more than any real one
 
-# Windows around a pixel, the first that is large enough counts: rows above and below the pixel,
-# and columns in blocks of 16, half of them to the left.
-WINDOWS = np.array([[4, 1], [7, 1], [10, 2], [16, 2], [31, 4]])
-MARGIN = 32
+# Windows around a pixel, the first that is large enough counts: the radius from which on it is too
+# small [pixels], its rows in chunks of 5 and its columns in blocks of 16, half of them to the left.
+WINDOWS = np.array([[5, 2, 1], [8, 3, 1], [13, 5, 2], [16, 7, 2], [32, 13, 4]])
 
-# The radius around a point is good if about k points lie within; on the way from one pixel to the
-# next it seldom has to change.
-TOO_FEW, TOO_MANY = np.float32(0.93), np.float32(1.09)  # times k
-# Of two pixels side by side on one surface, which share nearly all neighbours, the second has the
-# plane of the first: if their squared distance is at most this part of the squared radius.
-SAME_PLANE = np.float32(0.3)
+# The radius around a point is good if about k points lie within.
+TOO_FEW, TOO_MANY = np.float32(0.8), np.float32(1.25)  # times k
 TIE = np.float32(1e-5)  # squared radii that differ by a smaller part are one
 MAX_STEPS = 16  # enough to reach any point of the largest window
 
 # What lets sums be computed in vector registers; NaN and infinity keep their meaning.
 _VECTORS = {"reassoc", "contract", "nsz", "arcp"}
-_ROWS = 3  # at a time, so that their sums stay in registers; divides the rows of each window
-
-
-def planes_of(points: NDArray[np.float32], valid: BoolArray) -> NDArray[np.float32]:
-    """Return an organised cloud (H, W, 3) as planes with margins, (3, H + 64, W + 64)."""
-    height, width = valid.shape
-    planes = np.full((3, height + 2 * MARGIN, width + 2 * MARGIN), FAR)
-    inner = planes[:, MARGIN : MARGIN + height, MARGIN : MARGIN + width]
-    np.copyto(inner, np.moveaxis(points, -1, 0), where=valid)
-    return planes
+_ROWS, _COLUMNS = 5, 16  # of a window at a time, so that their sums stay in registers
 
 
 def fit_planes(
-    planes: NDArray[np.float32], places: IntArray, k: int, pitch: float
+    planes: NDArray[np.float32], wanted: BoolArray, k: int, focal: tuple[float, float]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
     """Fit a plane to about the k points nearest to each of some points.
 
     Args:
         planes: the cloud with its margins, shape (3, H, W).
-        places: where there is a point whose normal is wanted, increasing, shape (N,).
-        k: how many neighbours, the point itself included; up to 7 % fewer or 9 % more will do, and
-            those of the pixel to the left where both are on one surface.
-        pitch: least distance between the rays of neighbouring pixels, per metre of depth.
+        wanted: where there is a point whose normal is wanted, not in the margins, shape (H, W).
+        k: how many neighbours, the point itself included; a fifth fewer or a quarter more will do,
+            and where the surface is smooth the odd square number next to it.
+        focal: focal lengths along rows and columns [pixels].
 
     Returns:
-        Unit normals of either sign, zero where the points are no plane, shape (3, N); curvatures
-        from 0 (flat) to 1/3, shape (N,); and squared radii around the points, shape (N,).
+        Unit normals of either sign, zero where the points are no plane, shape (3, H, W); curvatures
+        from 0 (flat) to 1/3, shape (H, W); and squared radii around the points, shape (H, W). They
+        mean something where wanted only.
     """
-    covariances, radii2 = _covariances(planes, places, np.float32(k), np.float32(pitch))
-    normals, curvatures = planes_through(covariances)
+    fx, fy = map(np.float32, focal)
+    normals, curvatures, radii2, rough = fit_smooth(planes, wanted, np.float32(k), fx, fy)
+    covariances = _covariances(planes, rough, np.float32(k), 1 / max(fx, fy), radii2)
+    rough_normals, rough_curvatures = planes_through(covariances)
+    _put(rough, rough_normals, rough_curvatures, normals, curvatures)
     return normals, curvatures, radii2
 
 
-@njit(cache=True, error_model="numpy")
-def _covariances(planes, places, k, pitch):  # type: ignore[no-untyped-def]
-    """Return xx, xy, xz, yy, yz, zz of the nearest points, shape (6, N), and their radii2 (N,)."""
-    stride = planes.shape[2]
-    x, y, z = planes[0].ravel(), planes[1].ravel(), planes[2].ravel()
-    covariances = np.empty((6, len(places)), np.float32)
-    radii2 = np.empty(len(places), np.float32)
-    few, many = TOO_FEW * k, TOO_MANY * k
-    radius2, last, is_shared = np.float32(0), -1, True
+@njit(cache=True)
+def _put(places, some_normals, some_curvatures, normals, curvatures):  # type: ignore[no-untyped-def]
+    """Write the normals and curvatures of some places into those of all."""
+    at = curvatures.ravel()
+    x, y, z = normals[0].ravel(), normals[1].ravel(), normals[2].ravel()
     for i, place in enumerate(places):
-        is_shared = (
-            not is_shared
-            and place == last + 1
-            and (x[place] - x[last]) ** 2 + (y[place] - y[last]) ** 2 + (z[place] - z[last]) ** 2
-            <= SAME_PLANE * radius2
-        )
-        if is_shared:
-            covariances[:, i] = covariances[:, i - 1]
-            radii2[i] = radius2
-            last = place
-            continue
+        x[place], y[place], z[place] = some_normals[0, i], some_normals[1, i], some_normals[2, i]
+        at[place] = some_curvatures[i]
+
+
+@njit(cache=True, error_model="numpy")
+def _covariances(planes, places, k, pitch, radii2):  # type: ignore[no-untyped-def]
+    """Return xx, xy, xz, yy, yz, zz of the points nearest to some, shape (6, N).
+
+    Their squared radii are written into `radii2`, shape (H, W). The pitch is the least distance
+    between the rays of neighbouring pixels, per metre of depth.
+    """
+    stride = planes.shape[2]
+    x, y, z, radii2 = planes[0].ravel(), planes[1].ravel(), planes[2].ravel(), radii2.ravel()
+    covariances = np.empty((6, len(places)), np.float32)
+    few, many = TOO_FEW * k, TOO_MANY * k
+    spread = k / np.float32(np.pi)  # of the last point: on a surface that faces the camera
+    for i, place in enumerate(places):
         step2 = (pitch * z[place]) ** 2
-        if place != last + 1:
-            radius2 = np.float32(k / np.pi) * step2  # as on a surface that faces the camera
-        last = place
+        radius2 = spread * step2
         below, above = np.float32(0), UNREACHED2
         for _ in range(MAX_STEPS):
             window = 0
-            while window < len(WINDOWS) - 1 and radius2 >= (WINDOWS[window, 0] + 1) ** 2 * step2:
+            while window < len(WINDOWS) - 1 and radius2 >= WINDOWS[window, 0] ** 2 * step2:
                 window += 1
-            sums = _sums(x, y, z, stride, place, window, radius2)
+            sums = _sums(x, y, z, stride, place, WINDOWS[window, 1], WINDOWS[window, 2], radius2)
             if few <= sums[0] <= many:
                 break
             if sums[0] < k:
@@ -108,7 +97,8 @@ def _covariances(planes, places, k, pitch):  # type: ignore[no-untyped-def]
             radius2 *= min(k / sums[0], np.float32(4))
             if not below < radius2 < above:
                 radius2 = np.float32(0.5) * (below + above)
-        radii2[i] = radius2
+        radii2[place] = radius2
+        spread = radius2 / step2
         share = 1 / sums[0]
         mx, my, mz = sums[1] * share, sums[2] * share, sums[3] * share
         covariances[0, i] = sums[4] * share - mx * mx
@@ -117,25 +107,25 @@ def _covariances(planes, places, k, pitch):  # type: ignore[no-untyped-def]
         covariances[3, i] = sums[7] * share - my * my
         covariances[4, i] = sums[8] * share - my * mz
         covariances[5, i] = sums[9] * share - mz * mz
-    return covariances, radii2
+    return covariances
 
 
 @njit(cache=True, error_model="numpy", fastmath=_VECTORS)
-def _sums(x, y, z, stride, place, window, radius2):  # type: ignore[no-untyped-def]
+def _sums(x, y, z, stride, place, chunks, blocks, radius2):  # type: ignore[no-untyped-def]
     """Return the sums of 1, x, y, z, xx, xy, xz, yy, yz, zz over a window's points in a radius.
 
     They are counted from the point at the place.
     """
-    half, blocks = WINDOWS[window]
     x0, y0, z0 = x[place], y[place], z[place]
     n = sx = sy = sz = sxx = sxy = sxz = syy = syz = szz = np.float32(0)
-    for rows in range(-half, half + 1, _ROWS):
+    corner = place - (chunks * _ROWS // 2) * stride - blocks * _COLUMNS // 2
+    for chunk in range(chunks):
         for block in range(blocks):
-            first = place + rows * stride + 16 * block - 8 * blocks + 1
-            for column in range(uint64(16)):
+            first = uint64(corner + chunk * _ROWS * stride + block * _COLUMNS)
+            for column in range(uint64(_COLUMNS)):
                 for row in range(_ROWS):
                     # Unsigned: numba then knows that the index is not from the end.
-                    at = uint64(first + row * stride) + column
+                    at = first + uint64(row * stride) + column
                     dx, dy, dz = x[at] - x0, y[at] - y0, z[at] - z0
                     weight = np.float32(dx * dx + dy * dy + dz * dz <= radius2)
                     n += weight

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from hypermap.core.arrays import BoolArray, IntArray
 from hypermap.perception.config import PerceptionConfig
 from hypermap.perception.frame import Camera
-from hypermap.perception.normals import MARGIN, fit_planes, planes_of
+from hypermap.perception.normals import fit_planes
+from hypermap.perception.padded import MARGIN, planes_of
 
 # Neighbours are looked for in as many rows below a pixel, in twice as many columns around it.
 SEARCH = 4
@@ -19,7 +20,8 @@ SEARCH = 4
 # more brings in.
 MUTUAL = 4 / 3
 
-NOTHING = -1  # the parent of a place that is not of the object
+NOTHING = -1  # the label of a place that is not of the object
+TOGETHER = 2 * SEARCH  # so many pixels of a row are looked at together
 
 
 def grow_regions(
@@ -38,154 +40,195 @@ def grow_regions(
     """
     if not objects:
         return []
-    planes = planes_of(points, valid)
-    stride, size = planes.shape[2], planes[0].size
-    places = [_places(pixels, camera.width, stride) for pixels in objects]
-    wanted = _union(places, size)
-    fitted, curvatures, radii2 = fit_planes(planes, wanted, config.normal_neighbors, _pitch(camera))
-    share = np.float32(MUTUAL * config.region_neighbors / config.normal_neighbors)
-    normals, reach2 = _spread_out(wanted, size, fitted, radii2 * share)
-    reach2[wanted[curvatures > config.curvature_threshold]] *= -1
+    extents = np.array([_extent(pixels, camera.width) for pixels in objects])
+    top, left = extents[:, :2].min(axis=0)
+    bottom, right = extents[:, 2:].max(axis=0)
+    planes = planes_of(points, valid, top, left, bottom, right)
+    size, stride = planes[0].size, planes.shape[2]
+    places = [_places(pixels, camera.width, top, left, stride) for pixels in objects]
+    wanted = np.zeros(size, dtype=np.bool_)
+    for own in places:
+        wanted[own] = True
+    k = config.normal_neighbors
+    focal = camera.K[0, 0], camera.K[1, 1]
+    normals, curvatures, radii2 = fit_planes(planes, wanted.reshape(-1, stride), k, focal)
+    share = np.float32(MUTUAL * config.region_neighbors / k)
+    reach2 = _reach2(wanted, radii2.ravel(), curvatures.ravel(), share, config.curvature_threshold)
     cosine = np.float32(np.cos(np.radians(config.smoothness_deg)))
-    return [_join(planes, own, normals, reach2, cosine) for own in places]
-
-
-def _pitch(camera: Camera) -> float:
-    """Return the distance between neighbouring points of a surface that faces the camera at 1 m."""
-    return float(1 / max(camera.K[0, 0], camera.K[1, 1]))
+    labels = np.full(size, NOTHING, np.int32)
+    return [_join(planes, own, normals, reach2, cosine, labels) for own in places]
 
 
 @njit(cache=True)
-def _places(pixels, width, stride):  # type: ignore[no-untyped-def]
+def _extent(pixels, width):  # type: ignore[no-untyped-def]
+    """Return the first row and column of increasing pixels, and those behind the last."""
+    top = pixels[0] // width
+    left, right, row_start = width, 0, top * width
+    for pixel in pixels:
+        while pixel - row_start >= width:
+            row_start += width
+        left, right = min(left, pixel - row_start), max(right, pixel - row_start + 1)
+    return top, left, row_start // width + 1, right
+
+
+@njit(cache=True)
+def _places(pixels, width, top, left, stride):  # type: ignore[no-untyped-def]
     """Return where pixels lie in a plane with margins."""
     places = np.empty(len(pixels), np.int64)
+    row = pixels[0] // width
     for i, pixel in enumerate(pixels):
-        row = pixel // width
-        places[i] = (row + MARGIN) * stride + pixel - row * width + MARGIN
+        while pixel - row * width >= width:
+            row += 1
+        places[i] = (row - top + MARGIN) * stride + pixel - row * width - left + MARGIN
     return places
 
 
-def _union(parts: Sequence[IntArray], size: int) -> IntArray:
-    """Return the numbers below a size that are in any of some parts, increasing."""
-    if len(parts) == 1:
-        return parts[0]
-    is_in = np.zeros(size, dtype=np.bool_)
-    for part in parts:
-        is_in[part] = True
-    return np.flatnonzero(is_in)
+@njit(cache=True)
+def _reach2(wanted, radii2, curvatures, share, threshold):  # type: ignore[no-untyped-def]
+    """Return how far the points of some places reach, squared; negative where they are bent."""
+    reach2 = np.empty(len(wanted), np.float32)
+    for place in range(len(wanted)):
+        if wanted[place]:
+            reach2[place] = share * radii2[place]
+            if curvatures[place] > threshold:
+                reach2[place] *= -1
+    return reach2
 
 
 @njit(cache=True)
-def _spread_out(places, size, normals, reach2):  # type: ignore[no-untyped-def]
-    """Return the values of some places as planes; those of the others mean nothing."""
-    normal_planes, reach2_plane = np.empty((3, size), np.float32), np.empty(size, np.float32)
-    for i, place in enumerate(places):
-        for axis in range(3):
-            normal_planes[axis, place] = normals[axis, i]
-        reach2_plane[place] = reach2[i]
-    return normal_planes, reach2_plane
-
-
-@njit(cache=True)
-def _join(planes, places, normals, reach2, cosine):  # type: ignore[no-untyped-def]
+def _join(planes, places, normals, reach2, cosine, labels):  # type: ignore[no-untyped-def]
     """Return the region of each of some places: a number, the same for all that hang together.
 
-    Regions are trees: each place has a parent in the same region, and a root is its own parent.
-    First what lies side by side joins, which is nearly all; then, at the borders of these
-    regions only, what lies farther apart.
+    Each place gets a label, and labels are linked to a tree for each region: a label has a parent
+    in the same region, and a root is its own parent. First what lies side by side joins, which is
+    nearly all; then, where labels meet, what lies farther apart.
+
+    Args:
+        planes: the cloud with its margins, shape (3, H, W).
+        places: of the object, increasing, shape (N,).
+        normals: of the points there, shape (3, H, W).
+        reach2: squared distances, negative where a point is bent, shape (H * W,).
+        cosine: least cosine of the angle between normals that agree.
+        labels: `NOTHING` everywhere, and left so, shape (H * W,).
     """
     stride = planes.shape[2]
-    x, y, z = planes[0].ravel(), planes[1].ravel(), planes[2].ravel()
-    parent = np.full(len(x), NOTHING, np.int32)
-    for place in places:
-        parent[place] = place
-    for place in places:
-        for other in (place - 1, place - stride):
-            if parent[other] == parent[place]:
-                continue
-            if _joins(x, y, z, normals, reach2, parent, place, other, cosine):
-                _link(parent, place, other)
-    for place in places:
-        parent[place] = _root(parent, place)
-    for place in places:
-        for row in range(SEARCH + 1):
-            # In its own row what lies to the right, else twice as many columns around it.
-            start = place + 1 if row == 0 else place + row * stride - SEARCH
-            columns = SEARCH if row == 0 else 2 * SEARCH
-            if not _has_others(parent, place, start):
-                continue
-            for other in range(start, start + columns):
-                if _joins(x, y, z, normals, reach2, parent, place, other, cosine):
-                    _link(parent, place, other)
-    numbers = np.empty(len(x), np.int32)  # of the regions, at their roots
+    cloud = planes[0].ravel(), planes[1].ravel(), planes[2].ravel()
+    axes = normals[0].ravel(), normals[1].ravel(), normals[2].ravel()
+    parent = np.empty(len(places), np.int32)
     count = 0
     for place in places:
-        if parent[place] == place:
-            numbers[place] = count
+        label, above = labels[place - 1], labels[place - stride]
+        if label != NOTHING and not _joins(cloud, axes, reach2, place, place - 1, cosine):
+            label = NOTHING
+        is_new = above != NOTHING and above != label
+        if is_new and _joins(cloud, axes, reach2, place, place - stride, cosine):
+            if label == NOTHING:
+                label = above
+            else:
+                _link(parent, label, above)
+        if label == NOTHING:
+            label = count
+            parent[count] = count
             count += 1
+        labels[place] = label
+    for label in range(count):
+        parent[label] = parent[parent[label]]  # the root: parents have the smaller numbers
+    for place in places:
+        labels[place] = parent[labels[place]]
+
+    looked_to, is_border = -1, False
+    for place in places:
+        if place >= looked_to:
+            looked_to = place + TOGETHER
+            is_border = False
+            for row in range(SEARCH + 1):
+                start = place + row * stride - SEARCH
+                is_border |= _has_others(labels, place, start)
+                is_border |= _has_others(labels, place, start + TOGETHER)
+        if is_border and _any_joins(cloud, axes, reach2, place, stride, cosine, labels):
+            _join_far(cloud, axes, reach2, place, stride, cosine, labels, parent)
+
     regions = np.empty(len(places), np.int64)
     for i, place in enumerate(places):
         is_bent = reach2[place] < 0
-        home = _home(x, y, z, normals, reach2, parent, place, stride, cosine) if is_bent else place
-        regions[i] = numbers[_root(parent, home)]
+        home = _home(cloud, axes, reach2, place, stride, cosine, labels) if is_bent else place
+        regions[i] = _root(parent, labels[home])
+    labels[places] = NOTHING
     return regions
 
 
 @njit(cache=True)
-def _joins(x, y, z, normals, reach2, parent, one, other, cosine):  # type: ignore[no-untyped-def]
-    """Return whether a place joins one of another region: both are near, their normals agree."""
-    nx, ny, nz = normals[0], normals[1], normals[2]
+def _joins(cloud, axes, reach2, one, other, cosine):  # type: ignore[no-untyped-def]
+    """Return whether two places of an object join: both are near, and their normals agree."""
+    (x, y, z), (nx, ny, nz) = cloud, axes
     dx, dy, dz = x[other] - x[one], y[other] - y[one], z[other] - z[one]
     distance2 = dx * dx + dy * dy + dz * dz
     dot = nx[other] * nx[one] + ny[other] * ny[one] + nz[other] * nz[one]
-    return (
-        (parent[other] != NOTHING)
-        & (parent[other] != parent[one])
-        & (distance2 <= reach2[one])
-        & (distance2 <= reach2[other])
-        & (abs(dot) >= cosine)
-    )
+    return (distance2 <= reach2[one]) & (distance2 <= reach2[other]) & (abs(dot) >= cosine)
 
 
 @njit(cache=True)
-def _home(x, y, z, normals, reach2, parent, place, stride, cosine):  # type: ignore[no-untyped-def]
+def _has_others(labels, place, start):  # type: ignore[no-untyped-def]
+    """Return whether places of the object in a row have another label."""
+    own, found = labels[place], False
+    for column in range(uint64(TOGETHER)):
+        other = labels[uint64(start) + column]
+        found |= (other != own) & (other != NOTHING)
+    return found
+
+
+@njit(cache=True)
+def _any_joins(cloud, axes, reach2, place, stride, cosine, labels):  # type: ignore[no-untyped-def]
+    """Return whether a place joins any below or beside it that has another label.
+
+    It is the same question as in `_join_far`, without a branch, so that it is asked of eight
+    columns at once.
+    """
+    own, found = labels[place], False
+    for column in range(uint64(2 * SEARCH)):
+        for row in range(SEARCH + 1):
+            other = uint64(place + row * stride - SEARCH + 1) + column
+            is_other = (labels[other] != own) & (labels[other] != NOTHING)
+            found |= is_other & _joins(cloud, axes, reach2, place, other, cosine)
+    return found
+
+
+@njit(cache=True)
+def _join_far(cloud, axes, reach2, place, stride, cosine, labels, parent):  # type: ignore[no-untyped-def]
+    """Join a place with those below and beside it, as far as `SEARCH`."""
+    for row in range(SEARCH + 1):
+        for column in range(1 - SEARCH, SEARCH + 1):
+            other = place + row * stride + column
+            if labels[other] != NOTHING and _joins(cloud, axes, reach2, place, other, cosine):
+                _link(parent, labels[place], labels[other])
+
+
+@njit(cache=True)
+def _home(cloud, axes, reach2, place, stride, cosine, labels):  # type: ignore[no-untyped-def]
     """Return which of the pixels around takes a place that is bent too much to join by itself."""
     reach2[place] *= -1
     home = place
     for row in range(-1, 2):
         for other in range(place + row * stride - 1, place + row * stride + 2):
-            if reach2[other] >= 0 and _joins(
-                x, y, z, normals, reach2, parent, place, other, cosine
-            ):
+            if labels[other] != NOTHING and _joins(cloud, axes, reach2, place, other, cosine):
                 home = other
     reach2[place] *= -1
     return home
 
 
 @njit(cache=True)
-def _has_others(parent, place, start):  # type: ignore[no-untyped-def]
-    """Return whether some places in a row are of the object, but not known to be of a region."""
-    own, found = parent[place], False
-    for column in range(uint64(2 * SEARCH)):
-        other = parent[uint64(start) + column]
-        found |= (other != own) & (other != NOTHING)
-    return found
-
-
-@njit(cache=True)
-def _root(parent, place):  # type: ignore[no-untyped-def]
-    """Return the root of a place's region; the way there is half as long the next time."""
-    while parent[place] != place:
-        parent[place] = parent[parent[place]]
-        place = parent[place]
-    return place
+def _root(parent, label):  # type: ignore[no-untyped-def]
+    """Return the root of a label's region; the way there is half as long the next time."""
+    while parent[label] != label:
+        parent[label] = parent[parent[label]]
+        label = parent[label]
+    return label
 
 
 @njit(cache=True)
 def _link(parent, one, other):  # type: ignore[no-untyped-def]
-    """Make two regions one."""
+    """Make two regions one, and return its root."""
     root, other_root = _root(parent, one), _root(parent, other)
-    if root < other_root:
-        parent[other_root] = root
-    else:
-        parent[root] = other_root
+    first, second = min(root, other_root), max(root, other_root)
+    parent[second] = first
+    return first

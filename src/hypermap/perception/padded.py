@@ -1,0 +1,48 @@
+"""A part of an organised cloud as planes with margins, so that windows need no clipping.
+
+The planes are x, y and z; a place is an index into a plane, counted row by row. A pixel without a
+point, and every pixel outside the image, holds `FAR`, and so is near no other.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+FAR = np.float32(1e6)
+MARGIN = 32  # rows and columns on each side
+
+
+@njit(cache=True)
+def planes_of(points, valid, top, left, bottom, right):  # type: ignore[no-untyped-def]
+    """Return the points of a part of an image as planes with margins.
+
+    Args:
+        points: organised cloud in the optical frame [m], float32, shape (H, W, 3).
+        valid: which of its pixels hold a point, shape (H, W).
+        top: first row.
+        left: first column.
+        bottom: the row behind the last.
+        right: the column behind the last.
+
+    Returns:
+        Float32, shape (3, bottom - top + 64, right - left + 64).
+    """
+    height, width = bottom - top + 2 * MARGIN, right - left + 2 * MARGIN
+    first, last = max(left - MARGIN, 0), min(right + MARGIN, valid.shape[1])
+    planes = np.empty((3, height, width), np.float32)
+    for row in range(height):
+        from_row = row + top - MARGIN
+        if not 0 <= from_row < valid.shape[0]:
+            planes[:, row] = FAR
+            continue
+        some, is_valid = points[from_row, first:last], valid[from_row, first:last]
+        start = first - left + MARGIN
+        for axis in range(3):
+            plane = planes[axis, row]
+            plane[:start] = FAR
+            plane[start + len(some) :] = FAR
+            inner = plane[start:]
+            for column in range(len(some)):
+                inner[column] = some[column, axis] if is_valid[column] else FAR
+    return planes
