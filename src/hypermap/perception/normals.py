@@ -178,7 +178,7 @@ def planes_through(covariances):  # type: ignore[no-untyped-def]
         minors = xx * yy - xy * xy + xx * zz - xz * xz + yy * zz - yz * yz
         determinant = xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz)
         root = np.float32(0)
-        for _ in range(6):
+        for _ in range(10):  # enough for a triple root, which is found slowest
             value = ((root - one) * root + minors) * root - determinant
             slope = (three * root - two) * root + minors
             root -= value / (slope + tiny)
