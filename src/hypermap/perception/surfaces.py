@@ -177,29 +177,40 @@ def _measure(disparity, labels, count, max_gap, tolerance):  # type: ignore[no-u
     Where there is no depth for more than `LOST` pixels, things are too far away to be measured.
     """
     sizes = np.zeros(count + 1, np.int64)  # the last one of what is no surface, -1
-    near, far = np.zeros(count), np.zeros(count)
+    ends = np.zeros((2, count))  # before something farther, behind something nearer
     height, width = disparity.shape
-    for axis in range(2):
-        for i in range(height if axis == 0 else width):
-            last, last_label, last_d, size = -1 - LOST, UNFIT, np.float32(0), 0
-            for j in range(width if axis == 0 else height):
-                y, x = (i, j) if axis == 0 else (j, i)
-                d, label = disparity[y, x], labels[y, x]
-                if d == 0:
-                    if last_label != UNFIT and j - last == LOST + 1:
-                        near[last_label] += 1
-                    continue
-                if j - last > LOST:
-                    if j > LOST:
-                        near[label] += 1
-                elif label != last_label and not _is_near(d, last_d, max_gap, tolerance):
-                    near[label if d > last_d else last_label] += 1
-                    far[last_label if d > last_d else label] += 1
-                if axis == 0:
-                    if label != last_label:
-                        sizes[last_label] += size
-                        size = 0
-                    size += 1
-                last, last_label, last_d = j, label, d
-            sizes[last_label] += size
-    return sizes[:count], near, far
+    above = np.full(width, -1 - LOST, np.int32)  # the last row of each column that holds a point
+    for row in range(height):
+        left, left_label, size = -1 - LOST, UNFIT, 0  # the same of this row, and its run
+        for col in range(width):
+            d, label, up = disparity[row, col], labels[row, col], above[col]
+            if d == 0:
+                if left >= 0 and col - left == LOST + 1:
+                    ends[0, left_label] += 1
+                if up >= 0 and row - up == LOST + 1:
+                    ends[0, labels[up, col]] += 1
+                continue
+            if col - left <= LOST:
+                beside = disparity[row, left]
+                _end(ends, label, d, left_label, beside, max_gap, tolerance)
+            elif col > LOST:
+                ends[0, label] += 1
+            if row - up <= LOST:
+                _end(ends, label, d, labels[up, col], disparity[up, col], max_gap, tolerance)
+            elif row > LOST:
+                ends[0, label] += 1
+            if label != left_label:
+                sizes[left_label] += size
+                size = 0
+            size += 1
+            left, left_label, above[col] = col, label, row
+        sizes[left_label] += size
+    return sizes[:count], ends[0], ends[1]
+
+
+@njit(cache=True)
+def _end(ends, label, d, other_label, other_d, max_gap, tolerance):  # type: ignore[no-untyped-def]
+    """Count which surface ends before and which behind the other, if they do between two pixels."""
+    if label != other_label and not _is_near(d, other_d, max_gap, tolerance):
+        ends[0, label if d > other_d else other_label] += 1
+        ends[1, other_label if d > other_d else label] += 1
