@@ -48,8 +48,9 @@ def variants() -> dict[str, MappingConfig]:
         "best shape, no votes": replace(rules, fusion="best_shape"),
     }
     named = {name: replace(whole, evidence=changed) for name, changed in without.items()}
-    enclosed_only = replace(whole.perception, max_cut=0.0)
-    named["without cutting at the box"] = replace(whole, perception=enclosed_only)
+    seen = whole.perception
+    named["without cutting at the box"] = replace(whole, perception=replace(seen, max_cut=0.0))
+    named["without smoothing"] = replace(whole, perception=replace(seen, smoothing=0))
     as_given = replace(whole.alignment, enabled=False)
     named["without correcting poses"] = replace(whole, alignment=as_given)
     return {"default": whole, **named}

@@ -113,11 +113,11 @@ class EvidenceConfig:
     combine: Literal["overlapping", "matches"] = "overlapping"
     exclusive: bool = True
     fusion: Literal["votes", "best_shape", "convex_hull"] = "votes"
-    vote_share: float = 0.35
+    vote_share: float = 0.3
     abstain: Literal["hidden", "outside"] = "hidden"
     half_weight: float = 2.0
     align: float = 0.1
-    vote_resolution: float = 0.02
+    vote_resolution: float = 0.01
     renewal: float = 0.1
     max_evidence: int = 100
     gain: float = 1.5

@@ -29,6 +29,8 @@ class PerceptionConfig:
             multiple of the box's larger side, for "enclosed": things are about as deep as wide.
         max_cut: share of its outline at which a surface may run on past the box that cuts the
             object out of it, if the box encloses none, for "enclosed"; 0 cuts nothing out.
+        smoothing: pixels to each side over which the depth of an object's surfaces is averaged, for
+            "enclosed"; 0 leaves the points as they were measured.
         normal_neighbors: nearest points that a surface normal is fitted to, the point included.
         region_neighbors: nearest points of the same object to which a region may grow from a
             point, the point included; up to `normal_neighbors`.
@@ -51,6 +53,7 @@ class PerceptionConfig:
     min_own_border: float = 0.2
     max_offset: float = 0.4
     max_cut: float = 0.5
+    smoothing: int = 2
     normal_neighbors: int = 50
     region_neighbors: int = 30
     smoothness_deg: float = 20.0
@@ -73,6 +76,7 @@ class PerceptionConfig:
         _check("min_own_border", self.min_own_border, 0, 1)
         _check("max_offset", self.max_offset, 0, math.inf)
         _check("max_cut", self.max_cut, 0, 1)
+        _check("smoothing", self.smoothing, 0, 20)
         _check("normal_neighbors", self.normal_neighbors, 3, 1000)
         _check("region_neighbors", self.region_neighbors, 2, self.normal_neighbors)
         _check("smoothness_deg", self.smoothness_deg, 0, 90)

@@ -13,6 +13,7 @@ from hypermap.perception import enclosed, organised, unorganised
 from hypermap.perception.config import PerceptionConfig
 from hypermap.perception.detections import Detections
 from hypermap.perception.frame import RgbdFrame
+from hypermap.perception.smoothing import smoothed
 
 FARTHEST = 1e4  # what is farther away than any camera sees is a broken number [m]
 
@@ -24,7 +25,8 @@ class Segment:
     Attributes:
         detection: the number of its detection.
         pixels: row-major indices of its pixels, increasing, shape (N,).
-        points_xyz: its points in the camera's optical frame [m], shape (N, 3).
+        points_xyz: its points in the camera's optical frame [m], shape (N, 3); smoothed by the
+            method "enclosed".
         is_piece: whether its box cut it out of a surface that runs on, so that its border is known
             less well.
     """
@@ -85,10 +87,17 @@ def segment(
             for pixels, region_of in zip(objects, regions, strict=True)
         ]
     return [
-        Segment(number, pixels, frame.points_of(pixels), bool(piece))
+        Segment(number, pixels, _points_of(frame, pixels, config), bool(piece))
         for (number, _), pixels, piece in zip(candidates, cut, is_piece, strict=True)
         if config.min_cluster <= len(pixels) <= config.max_cluster
     ]
+
+
+def _points_of(frame: RgbdFrame, pixels: IntArray, config: PerceptionConfig) -> NDArray[np.float32]:
+    points_xyz = frame.points_of(pixels)
+    if config.method == "enclosed":
+        return smoothed(points_xyz, pixels, frame.camera.width, config)
+    return points_xyz
 
 
 def _largest(pixels: IntArray, region_of: IntArray, config: PerceptionConfig) -> IntArray:
