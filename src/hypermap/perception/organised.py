@@ -53,7 +53,8 @@ def grow_regions(
     focal = camera.K[0, 0], camera.K[1, 1]
     normals, curvatures, radii2 = fit_planes(planes, wanted.reshape(-1, stride), k, focal)
     share = np.float32(MUTUAL * config.region_neighbors / k)
-    reach2 = _reach2(wanted, radii2.ravel(), curvatures.ravel(), share, config.curvature_threshold)
+    reach2 = radii2.ravel()
+    _set_reach(reach2, wanted, curvatures.ravel(), share, config.curvature_threshold)
     cosine = np.float32(np.cos(np.radians(config.smoothness_deg)))
     labels = np.full(size, NOTHING, np.int32)
     return [_join(planes, own, normals, reach2, cosine, labels) for own in places]
@@ -84,15 +85,11 @@ def _places(pixels, width, top, left, stride):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _reach2(wanted, radii2, curvatures, share, threshold):  # type: ignore[no-untyped-def]
-    """Return how far the points of some places reach, squared; negative where they are bent."""
-    reach2 = np.empty(len(wanted), np.float32)
+def _set_reach(radii2, wanted, curvatures, share, threshold):  # type: ignore[no-untyped-def]
+    """Make squared radii the squared reach of the points, negative where they are bent."""
     for place in range(len(wanted)):
         if wanted[place]:
-            reach2[place] = share * radii2[place]
-            if curvatures[place] > threshold:
-                reach2[place] *= -1
-    return reach2
+            radii2[place] *= -share if curvatures[place] > threshold else share
 
 
 @njit(cache=True)

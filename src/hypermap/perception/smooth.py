@@ -36,7 +36,7 @@ def fit_smooth(planes, wanted, k, fx, fy):  # type: ignore[no-untyped-def]
     half = max(round((math.sqrt(k) - 1) / 2), 1)
     shape, stride = wanted.shape, wanted.shape[1]
     x, y, z, is_wanted = planes[0].ravel(), planes[1].ravel(), planes[2].ravel(), wanted.ravel()
-    normals = np.empty((3, *shape), np.float32)
+    normals = np.empty((3, len(z)), np.float32)
     curvatures, radii2 = np.empty(len(z), np.float32), np.empty(len(z), np.float32)
     rough = np.empty(len(z), np.int32)
     count = 0
@@ -44,18 +44,21 @@ def fit_smooth(planes, wanted, k, fx, fy):  # type: ignore[no-untyped-def]
     found = np.empty(6 * _BLOCK, np.float32)
     for row in range(MARGIN, shape[0] - MARGIN):
         for start in range(row * stride + MARGIN, (row + 1) * stride - MARGIN, _BLOCK):
-            if not is_wanted[start : start + _BLOCK].any():
+            is_any = False  # `any` would not look at many at once
+            for i in range(uint64(_BLOCK)):
+                is_any |= is_wanted[uint64(start) + i]
+            if not is_any:
                 continue
             _fit_windows(x, y, z, stride, start, k, half, fx, fy, columns, sums, found)
             end = start + _BLOCK
             for axis in range(3):
-                normal = normals[axis].ravel()
-                normal[start:end] = found[axis * _BLOCK : (axis + 1) * _BLOCK]
+                normals[axis, start:end] = found[axis * _BLOCK : (axis + 1) * _BLOCK]
             curvatures[start:end] = found[3 * _BLOCK : 4 * _BLOCK]
             radii2[start:end] = found[4 * _BLOCK : 5 * _BLOCK]
             for i in range(_BLOCK):
                 rough[count] = start + i
-                count += is_wanted[start + i] and found[i + 5 * _BLOCK] == 0
+                count += is_wanted[start + i] & (found[i + 5 * _BLOCK] == 0)
+    normals = normals.reshape((3, *shape))
     return normals, curvatures.reshape(shape), radii2.reshape(shape), rough[:count].copy()
 
 
