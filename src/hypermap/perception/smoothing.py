@@ -7,7 +7,7 @@ points some lie three standard deviations off.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+from numba import njit, uint64
 from numpy.typing import NDArray
 
 from hypermap.core.arrays import IntArray
@@ -35,29 +35,45 @@ def smoothed(
     """
     if len(pixels) == 0 or config.smoothing == 0:
         return points_xyz
-    rows, columns = np.divmod(pixels, width)
-    rows -= rows.min()
-    columns -= columns.min()
-    disparity = np.zeros((rows.max() + 1, columns.max() + 1), np.float32)
-    disparity[rows, columns] = 1 / points_xyz[:, 2]
-    means = _means(disparity, rows, columns, config.smoothing, SAME * config.depth_noise)
-    return np.asarray(points_xyz * (disparity[rows, columns] / means)[:, np.newaxis])
+    tolerance = SAME * config.depth_noise
+    return np.asarray(_smoothed(points_xyz, pixels, width, config.smoothing, tolerance))
 
 
-@njit(cache=True)
-def _means(disparity, rows, columns, radius, tolerance):  # type: ignore[no-untyped-def]
-    """Return the mean about each pixel of what differs by less than the tolerance, shape (N,)."""
-    height, width = disparity.shape
-    means = np.empty(len(rows), np.float32)
-    for i in range(len(rows)):
-        row, col = rows[i], columns[i]
-        own = disparity[row, col]
-        total, count = 0.0, 0
-        for y in range(max(row - radius, 0), min(row + radius + 1, height)):
-            for x in range(max(col - radius, 0), min(col + radius + 1, width)):
-                d = disparity[y, x]
-                if d > 0 and abs(d - own) <= tolerance:
-                    total += d
-                    count += 1
-        means[i] = total / count
-    return means
+@njit(cache=True, error_model="numpy")
+def _smoothed(points_xyz, pixels, width, radius, tolerance):  # type: ignore[no-untyped-def]
+    """Do what `smoothed` says, row by row of the part of the image that holds the object."""
+    rows, columns = pixels // width, pixels % width
+    top, left = rows.min() - radius, columns.min() - radius
+    height, width = rows.max() - top + 1 + radius, columns.max() - left + 1 + radius
+    disparity = np.zeros((height, width), np.float32)
+    for i in range(len(pixels)):
+        disparity[rows[i] - top, columns[i] - left] = np.float32(1) / points_xyz[i, 2]
+    means = np.empty((height, width), np.float32)
+    for row in range(radius, height - radius):
+        _average(disparity, means, row, radius, tolerance)
+    moved = np.empty(points_xyz.shape, np.float32)
+    for i in range(len(pixels)):
+        row, col = rows[i] - top, columns[i] - left
+        share = disparity[row, col] / means[row, col]
+        for axis in range(3):
+            moved[i, axis] = points_xyz[i, axis] * share
+    return moved
+
+
+@njit(cache=True, error_model="numpy")
+def _average(disparity, means, row, radius, tolerance):  # type: ignore[no-untyped-def]
+    """Fill a row with the means about its pixels of what differs by no more than the tolerance."""
+    width = disparity.shape[1]
+    totals, counts = np.zeros(width, np.float32), np.zeros(width, np.float32)
+    begin, end, middle = uint64(radius), uint64(width - radius), uint64(row)
+    most, none, one = np.float32(tolerance), np.float32(0), np.float32(1)
+    for y in range(uint64(row - radius), uint64(row + radius + 1)):
+        for shift in range(uint64(2 * radius + 1)):
+            for col in range(begin, end):  # without branches
+                d = disparity[y, col + shift - begin]
+                more = d - disparity[middle, col]  # so that float32 loses no digits
+                is_same = (d > 0) & (abs(more) <= most)
+                totals[col] += more if is_same else none
+                counts[col] += one if is_same else none
+    for col in range(begin, end):
+        means[middle, col] = disparity[middle, col] + totals[col] / counts[col]
