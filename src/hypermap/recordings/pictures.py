@@ -68,6 +68,11 @@ def decode_integers(content: bytes) -> NDArray[np.uint16]:
     Raises:
         FormatError: If it is no picture, damaged, or of another depth.
     """
+    from hypermap.recordings.grey_png import decode_grey_png  # numba takes its time to import
+
+    values = decode_grey_png(content, MAX_PIXELS)
+    if values is not None:
+        return values
     with _opened(content) as image:
         if not image.mode.startswith("I"):
             raise FormatError(
@@ -80,9 +85,9 @@ def depth_in_metres(
     integers: NDArray[np.uint16], units_per_metre: float, invalid: tuple[int, ...] = (0,)
 ) -> NDArray[np.float32]:
     """Return integer depth as metres, float32, with NaN for the invalid values."""
-    depth = integers.astype(np.float32) / np.float32(units_per_metre)
+    depth = np.divide(integers, np.float32(units_per_metre), dtype=np.float32)
     for value in invalid:
-        depth[integers == value] = np.nan
+        np.copyto(depth, np.nan, where=integers == value)
     return depth
 
 
