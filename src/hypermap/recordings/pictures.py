@@ -68,11 +68,6 @@ def decode_integers(content: bytes) -> NDArray[np.uint16]:
     Raises:
         FormatError: If it is no picture, damaged, or of another depth.
     """
-    from hypermap.recordings.grey_png import decode_grey_png  # numba takes its time to import
-
-    values = decode_grey_png(content, MAX_PIXELS)
-    if values is not None:
-        return values
     with _opened(content) as image:
         if not image.mode.startswith("I"):
             raise FormatError(

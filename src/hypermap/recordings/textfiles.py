@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -54,7 +55,7 @@ def finite_numbers(words: Sequence[str], path: Path, key: str) -> list[float]:
         FormatError: If a word is no number, or one that is not finite.
     """
     numbers = parse_numbers(words, path, key)
-    if not np.isfinite(numbers).all():
+    if not all(map(math.isfinite, numbers)):
         raise FormatError("there is a number that is not finite", path=path, key=key)
     return numbers
 
@@ -78,4 +79,4 @@ def read_matrix(path: Path, size: int) -> NDArray[np.float64]:
 
 def _is_windows_nan(word: str) -> bool:
     """Return whether a word is one that Microsoft's C library prints for NaN or infinity."""
-    return re.fullmatch(r"[+-]?1\.#\w+", word) is not None
+    return "#" in word and re.fullmatch(r"[+-]?1\.#\w+", word) is not None
