@@ -41,7 +41,8 @@ def command(
     """Repeat the 2019 thesis' experiment in simulation, with its four methods and ours.
 
     A laboratory and a floor like those of the thesis are driven through several times, each with
-    other errors; every method maps the same drives. The tables have the thesis' form; beside the
+    other errors; every method maps the same drives. The occupancy map is known, and the profile
+    `default` corrects its poses by it, the thesis' methods do not. The tables have the thesis' form; beside the
     report lies a JSON file with all figures.
 
     Examples:

@@ -74,7 +74,9 @@ def _why() -> str:
 published, so worlds made after its maps stand in for the places, and models of errors for its
 camera, its localisation and its detector. Its first program took the newest shape for the best one
 and never bounded what it kept; the rules here are those that it describes. It looked at one drive;
-here each figure is a mean over several, which differ in all that chance decides.</p>"""
+here each figure is a mean over several, which differ in all that chance decides.</p>
+<p>The occupancy map of each world is known, as that of the thesis' robot was. The profile default
+corrects poses by it; the thesis' methods take them as they are.</p>"""
 
 
 def _overall(world: Data) -> str:
