@@ -16,6 +16,7 @@ import shlex
 import signal
 import sys
 from collections.abc import Iterator, Mapping, Sequence
+from operator import methodcaller
 from pathlib import Path
 
 from suite import machine, report
@@ -74,7 +75,8 @@ def _run(
         was_interrupted = True
     if options.json is not None:
         data = report.as_json(described, command, results)
-        options.json.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
+        text = json.dumps(data, indent=1, default=methodcaller("item"))  # numpy's numbers
+        options.json.write_text(text + "\n", encoding="utf-8")
     if options.markdown is not None:
         page = report.as_markdown(described, command, results)
         options.markdown.write_text(page, encoding="utf-8")
