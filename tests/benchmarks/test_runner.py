@@ -38,7 +38,8 @@ def sums(settings):
     numbers = np.arange(10000)
     yield race("10,000 numbers", "Python", lambda: int(numbers.sum()), lambda: sum(range(10000)),
                agree, settings, asked=1e-9)
-    yield Figure("numbers", tuple(np.array([1.0, 2.0, 4.0])), "numbers", asked=1.0, less_is_better=True, note="n")
+    values = tuple(np.array([1.0, 2.0, 4.0]))
+    yield Figure("numbers", values, "numbers", asked=1.0, less_is_better=True, note="n")
 
 def growths(settings):
     sizes = (10, 100, 1000)

@@ -42,8 +42,8 @@ def command(
 
     A laboratory and a floor like those of the thesis are driven through several times, each with
     other errors; every method maps the same drives. The occupancy map is known, and the profile
-    `default` corrects its poses by it, the thesis' methods do not. The tables have the thesis' form; beside the
-    report lies a JSON file with all figures.
+    `default` corrects its poses by it; the thesis' methods do not. The tables have the thesis'
+    form; beside the report lies a JSON file with all figures.
 
     Examples:
         hypermap experiment thesis
