@@ -27,6 +27,7 @@ from hypermap.core.errors import HypermapError, MissingExtra
 from hypermap.core.frames import FrameTree, Pose2D, Transform
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.semantic import SemanticLayer
+from hypermap.mapping.alignment import Aligner
 from hypermap.mapping.config import profile
 from hypermap.mapping.mapper import map_recording
 from hypermap.perception.detectors import sources
@@ -66,6 +67,11 @@ class FirstFrames:
 
     def frames(self) -> Iterator[Any]:
         return itertools.islice(self.drive.frames(), FRAMES)
+
+    def mapped_frames(self) -> list[Any]:
+        """The frames with their poses as they are corrected by the map."""
+        aligner = Aligner(self.drive.occupancy(), profile("default").alignment)
+        return [aligner.align(frame) for frame in self.frames()]
 
 
 def log_mapping(path: Path) -> Hypermap:
@@ -159,7 +165,7 @@ def test_objects_lie_in_foxglove_where_they_lie_in_the_map(tmp_path: Path) -> No
 
 def test_foxglove_gets_what_each_frame_showed(mcap_of_mapping: tuple[Any, Hypermap]) -> None:
     found, _ = mcap_of_mapping
-    frames = list(FirstFrames().frames())
+    frames = FirstFrames().mapped_frames()
     assert [time for time, _ in found["/camera/color"]] == [round(1e9 * f.stamp) for f in frames]
     for i, frame in enumerate(frames):
         color = np.asarray(Image.open(io.BytesIO(found["/camera/color"][i][1].data)))
@@ -247,7 +253,7 @@ def test_objects_lie_in_rerun_where_they_lie_in_the_map(tmp_path: Path) -> None:
 
 
 def test_rerun_gets_what_each_frame_showed(rrd_of_mapping: Path) -> None:
-    frames = list(FirstFrames().frames())
+    frames = FirstFrames().mapped_frames()
     detections = columns(rrd_of_mapping, "/camera/image/detections")
     assert [len(labels) for labels in detections["labels"]] == [len(f.detections) for f in frames]
     poses = columns(rrd_of_mapping, "/camera")["translation"]

@@ -234,7 +234,7 @@ def test_without_the_plug_in_a_map_keeps_the_layers_files(
 ) -> None:
     save_map(Hypermap([occupancy_from_text("#."), warmth()]), tmp_path / "first.hmap")
     with monkeypatch.context() as elsewhere:
-        elsewhere.setattr("hypermap.formats.plugins.entry_points", lambda **_: [])
+        elsewhere.setattr("importlib.metadata.entry_points", lambda **_: [])
         opaque = open_map(tmp_path / "first.hmap")
         assert not isinstance(opaque["warmth"], ValueLayer)
         save_map(opaque, tmp_path / "second.hmap")

@@ -63,7 +63,9 @@ class LayerMarkers:
         """
         with self._lock:
             self._hypermap = hypermap
-            layers = {item.name: item for item in hypermap if isinstance(item, SemanticLayer)}
+            # Copies, which cost nothing, so that a change in between is not seen by halves.
+            semantic = [item.copy() for item in hypermap if isinstance(item, SemanticLayer)]
+            layers = {item.name: item for item in semantic}
             for name in [*self._publishers.keys() - layers.keys()]:
                 self._remove(name)
             colors = class_colors(name for item in layers.values() for name in _classes(item))
