@@ -23,7 +23,6 @@ from scipy import ndimage
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.mapping.stages import AlignmentConfig
 from hypermap.perception.frame import RgbdFrame
-from hypermap.perception.projection import project
 
 _STEP = 0.015  # between the pixels used, as a share of the focal length: 4 for a 320 x 240 Kinect
 _APART = 2  # steps between two pixels of a column that are on an upright surface or not
@@ -188,11 +187,7 @@ def upright_points(
     """
     K = frame.camera.K
     step = max(1, round(_STEP * min(K[0, 0], K[1, 1])))
-    some = (slice(None, None, step),) * 2
-    if frame.cloud is None:
-        points = project(frame.depth[some], frame.camera.every(step).K)
-    else:
-        points = frame.cloud[some]
+    points = frame.points(step)
     turned = points @ frame.map_T_camera[:3, :3].T
     upper, lower = turned[:-_APART], turned[_APART:]
     depths, heights = points[:-_APART, :, 2], upper[..., 2] + frame.map_T_camera[2, 3]

@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit, uint64
 from numpy.typing import NDArray
 
-from hypermap.core.arrays import BoolArray
+from hypermap.core.arrays import BoolArray, IntArray
 from hypermap.perception.smooth import fit_smooth
 
 UNREACHED2 = np.float32(1e10)  # less than the squared distance to `FAR`, more than any real one
@@ -55,7 +55,13 @@ def fit_planes(
 
 
 @njit(cache=True)
-def _put(places, some_normals, some_curvatures, normals, curvatures):  # type: ignore[no-untyped-def]
+def _put(
+    places: IntArray,
+    some_normals: NDArray[np.float32],
+    some_curvatures: NDArray[np.float32],
+    normals: NDArray[np.float32],
+    curvatures: NDArray[np.float32],
+) -> None:
     """Write the normals and curvatures of some places into those of all."""
     at = curvatures.ravel()
     x, y, z = normals[0].ravel(), normals[1].ravel(), normals[2].ravel()
@@ -65,7 +71,13 @@ def _put(places, some_normals, some_curvatures, normals, curvatures):  # type: i
 
 
 @njit(cache=True, error_model="numpy")
-def _covariances(planes, places, k, pitch, radii2):  # type: ignore[no-untyped-def]
+def _covariances(
+    planes: NDArray[np.float32],
+    places: IntArray,
+    k: np.float32,
+    pitch: np.float32,
+    radii2: NDArray[np.float32],
+) -> NDArray[np.float32]:
     """Return xx, xy, xz, yy, yz, zz of the points nearest to some, shape (6, N).
 
     Their squared radii are written into `radii2`, shape (H, W). The pitch is the least distance

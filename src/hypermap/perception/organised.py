@@ -23,6 +23,8 @@ MUTUAL = 4 / 3
 NOTHING = -1  # the label of a place that is not of the object
 TOGETHER = 2 * SEARCH  # so many pixels of a row are looked at together
 
+Planes = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]  # x, y, z
+
 
 def grow_regions(
     points: NDArray[np.float32],
@@ -61,7 +63,7 @@ def grow_regions(
 
 
 @njit(cache=True)
-def _extent(pixels, width):  # type: ignore[no-untyped-def]
+def _extent(pixels: IntArray, width: int) -> tuple[int, int, int, int]:
     """Return the first row and column of increasing pixels, and those behind the last."""
     top = pixels[0] // width
     left, right, row_start = width, 0, top * width
@@ -73,7 +75,7 @@ def _extent(pixels, width):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _places(pixels, width, top, left, stride):  # type: ignore[no-untyped-def]
+def _places(pixels: IntArray, width: int, top: int, left: int, stride: int) -> IntArray:
     """Return where pixels lie in a plane with margins."""
     places = np.empty(len(pixels), np.int64)
     row = pixels[0] // width
@@ -85,7 +87,13 @@ def _places(pixels, width, top, left, stride):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _set_reach(radii2, wanted, curvatures, share, threshold):  # type: ignore[no-untyped-def]
+def _set_reach(
+    radii2: NDArray[np.float32],
+    wanted: BoolArray,
+    curvatures: NDArray[np.float32],
+    share: np.float32,
+    threshold: float,
+) -> None:
     """Make squared radii the squared reach of the points, negative where they are bent."""
     for place in range(len(wanted)):
         if wanted[place]:
@@ -93,7 +101,14 @@ def _set_reach(radii2, wanted, curvatures, share, threshold):  # type: ignore[no
 
 
 @njit(cache=True)
-def _join(planes, places, normals, reach2, cosine, labels):  # type: ignore[no-untyped-def]
+def _join(
+    planes: NDArray[np.float32],
+    places: IntArray,
+    normals: NDArray[np.float32],
+    reach2: NDArray[np.float32],
+    cosine: np.float32,
+    labels: NDArray[np.int32],
+) -> IntArray:
     """Return the region of each of some places: a number, the same for all that hang together.
 
     Each place gets a label, and labels are linked to a tree for each region: a label has a parent
@@ -155,13 +170,21 @@ def _join(planes, places, normals, reach2, cosine, labels):  # type: ignore[no-u
 
 
 @njit(cache=True)
-def _joins(cloud, axes, reach2, one, other, cosine):  # type: ignore[no-untyped-def]
+def _joins(
+    cloud: Planes,
+    axes: Planes,
+    reach2: NDArray[np.float32],
+    one: int,
+    other: int,
+    cosine: np.float32,
+) -> bool:
     """Return whether two places of an object join: both are near, and their normals agree."""
     (x, y, z), (nx, ny, nz) = cloud, axes
     dx, dy, dz = x[other] - x[one], y[other] - y[one], z[other] - z[one]
     distance2 = dx * dx + dy * dy + dz * dz
     dot = nx[other] * nx[one] + ny[other] * ny[one] + nz[other] * nz[one]
-    return (distance2 <= reach2[one]) & (distance2 <= reach2[other]) & (abs(dot) >= cosine)
+    near = (distance2 <= reach2[one]) & (distance2 <= reach2[other])
+    return bool(near & (abs(dot) >= cosine))
 
 
 @njit(cache=True)
@@ -191,7 +214,16 @@ def _any_joins(cloud, axes, reach2, place, stride, cosine, labels):  # type: ign
 
 
 @njit(cache=True)
-def _join_far(cloud, axes, reach2, place, stride, cosine, labels, parent):  # type: ignore[no-untyped-def]
+def _join_far(
+    cloud: Planes,
+    axes: Planes,
+    reach2: NDArray[np.float32],
+    place: int,
+    stride: int,
+    cosine: np.float32,
+    labels: NDArray[np.int32],
+    parent: NDArray[np.int32],
+) -> None:
     """Join a place with those below and beside it, as far as `SEARCH`."""
     for row in range(SEARCH + 1):
         for column in range(1 - SEARCH, SEARCH + 1):
@@ -201,7 +233,15 @@ def _join_far(cloud, axes, reach2, place, stride, cosine, labels, parent):  # ty
 
 
 @njit(cache=True)
-def _home(cloud, axes, reach2, place, stride, cosine, labels):  # type: ignore[no-untyped-def]
+def _home(
+    cloud: Planes,
+    axes: Planes,
+    reach2: NDArray[np.float32],
+    place: int,
+    stride: int,
+    cosine: np.float32,
+    labels: NDArray[np.int32],
+) -> int:
     """Return which of the pixels around takes a place that is bent too much to join by itself."""
     reach2[place] *= -1
     home = place
@@ -214,7 +254,7 @@ def _home(cloud, axes, reach2, place, stride, cosine, labels):  # type: ignore[n
 
 
 @njit(cache=True)
-def _root(parent, label):  # type: ignore[no-untyped-def]
+def _root(parent: NDArray[np.int32], label: int) -> int:
     """Return the root of a label's region; the way there is half as long the next time."""
     while parent[label] != label:
         parent[label] = parent[parent[label]]
@@ -223,9 +263,7 @@ def _root(parent, label):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _link(parent, one, other):  # type: ignore[no-untyped-def]
-    """Make two regions one, and return its root."""
+def _link(parent: NDArray[np.int32], one: int, other: int) -> None:
+    """Make two regions one."""
     root, other_root = _root(parent, one), _root(parent, other)
-    first, second = min(root, other_root), max(root, other_root)
-    parent[second] = first
-    return first
+    parent[max(root, other_root)] = min(root, other_root)

@@ -42,7 +42,9 @@ def outer_points(
 
 
 @njit(cache=True)
-def _corners(points, valid, to_floor):  # type: ignore[no-untyped-def]
+def _corners(
+    points: NDArray[np.float32], valid: BoolArray, to_floor: NDArray[np.float32]
+) -> NDArray[np.float64]:
     """Return which of some points are the farthest in some directions, counterclockwise."""
     height, width = valid.shape
     angles = np.arange(DIRECTIONS) * (2 * np.pi / DIRECTIONS)

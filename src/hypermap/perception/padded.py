@@ -8,13 +8,18 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
+
+from hypermap.core.arrays import BoolArray
 
 FAR = np.float32(1e6)
 MARGIN = 32  # rows and columns on each side
 
 
 @njit(cache=True)
-def planes_of(points, valid, top, left, bottom, right):  # type: ignore[no-untyped-def]
+def planes_of(
+    points: NDArray[np.float32], valid: BoolArray, top: int, left: int, bottom: int, right: int
+) -> NDArray[np.float32]:
     """Return the points of a part of an image as planes with margins.
 
     Args:

@@ -54,7 +54,9 @@ def find_planes(
 
 
 @njit(cache=True)
-def _sum_blocks(disparity, center, side):  # type: ignore[no-untyped-def]
+def _sum_blocks(
+    disparity: NDArray[np.float32], center: tuple[float, float], side: int
+) -> NDArray[np.float64]:
     """Return the sums over each block of pixels, shape (h, w, 10)."""
     h, w = disparity.shape[0] // side, disparity.shape[1] // side
     sums = np.zeros((h, w, 10))
@@ -81,7 +83,7 @@ def _sum_blocks(disparity, center, side):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _add_row(columns, disparity, v):  # type: ignore[no-untyped-def]
+def _add_row(columns: NDArray[np.float64], disparity: NDArray[np.float32], v: float) -> None:
     """Add a row of the image to the sums of its columns, in a loop without branches."""
     for x in range(columns.shape[1]):
         d = np.float64(disparity[x])
@@ -95,7 +97,9 @@ def _add_row(columns, disparity, v):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _fit_blocks(sums, fewest, tolerance):  # type: ignore[no-untyped-def]
+def _fit_blocks(
+    sums: NDArray[np.float64], fewest: float, tolerance: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Fit a plane to each block that has enough points.
 
     Returns:
@@ -115,7 +119,7 @@ def _fit_blocks(sums, fewest, tolerance):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _fit(sums, plane):  # type: ignore[no-untyped-def]
+def _fit(sums: NDArray[np.float64], plane: NDArray[np.float64]) -> float:
     """Write the a, b, c of d = a u + b v + c; return the root mean square distance from it."""
     n = sums[0]
     u, v, d = sums[1] / n, sums[2] / n, sums[6] / n
@@ -130,13 +134,15 @@ def _fit(sums, plane):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _cosine(one, other, focal):  # type: ignore[no-untyped-def]
+def _cosine(
+    one: NDArray[np.float64], other: NDArray[np.float64], focal: tuple[float, float]
+) -> float:
     """Return the cosine between the normals of two planes, (a fx, b fy, c) each."""
     fx2, fy2 = focal[0] ** 2, focal[1] ** 2
     dot = one[0] * other[0] * fx2 + one[1] * other[1] * fy2 + one[2] * other[2]
     length2 = one[0] ** 2 * fx2 + one[1] ** 2 * fy2 + one[2] ** 2
     other2 = other[0] ** 2 * fx2 + other[1] ** 2 * fy2 + other[2] ** 2
-    return dot / math.sqrt(max(length2 * other2, 1e-30))
+    return float(dot / math.sqrt(max(length2 * other2, 1e-30)))
 
 
 @njit(cache=True)
