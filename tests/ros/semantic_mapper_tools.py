@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.semantic import SemanticLayer, SemanticObject
 from hypermap.evaluation.metrics import evaluate
 from hypermap.mapping import map_recording, profile
@@ -174,10 +175,12 @@ class Frames:
         return None
 
 
-def mapped(frames: list[RgbdFrame], source: Any = None) -> list[SemanticObject]:
+def mapped(
+    frames: list[RgbdFrame], source: Any = None, occupancy: OccupancyLayer | None = None
+) -> list[SemanticObject]:
     """What `map_recording` finds in frames."""
     source = source or detections_from_recording()
-    layer = map_recording(Frames(frames), source, profile("default"))["semantic"]  # type: ignore[arg-type]
+    layer = map_recording(Frames(frames), source, profile("default"), occupancy)["semantic"]  # type: ignore[arg-type]
     assert isinstance(layer, SemanticLayer)
     return layer.objects()
 

@@ -20,6 +20,8 @@ from hypermap.recordings import open_recording
 from hypermap.ros.mapper.semantic_mapper import SemanticMapper
 from hypermap.ros.mapper.statistics import Fate
 from hypermap.ros.ros1.messages import message_class, service_class
+from hypermap.simulation import demo_world
+from hypermap.simulation.truth import true_occupancy
 
 from . import live_camera as camera
 from .conftest import wait_for
@@ -87,6 +89,39 @@ def test_compressed_depth_and_vision_msgs(
         for frame in frames
     ]
     assert_same(found, mapped(in_millimetres))
+
+
+def test_poses_are_corrected_by_the_map_of_another_node(
+    room: Callable[..., Room], rospy: Any, drive: list[RgbdFrame]
+) -> None:
+    truth = true_occupancy(demo_world())
+    grid = message_class("nav_msgs/OccupancyGrid")()
+    grid.header.frame_id = "map"
+    grid.info.resolution = truth.grid.resolution
+    grid.info.width, grid.info.height = truth.grid.width, truth.grid.height
+    origin = grid.info.origin
+    origin.position.x, origin.position.y = truth.grid.origin.x, truth.grid.origin.y
+    origin.orientation.w = 1.0
+    grid.data = truth.cells.ravel().tolist()
+    publisher = rospy.Publisher("/floor", type(grid), queue_size=1, latch=True)
+    publisher.publish(grid)
+    frames = [off_by_centimetres(frame) for frame in drive[:25]]
+    node = room(camera.INFO, camera.DARKNET, camera.DEPTH, **RAW, map_topic="/floor")
+    node.show_camera_info(frames[0])
+    wait_for(lambda: "occupancy" in node.node.hypermap(), "the map")
+    layer = node.map(frames)
+    publisher.unregister()
+    whole_pixels = [with_whole_pixels(frame) for frame in frames]
+    assert_same(layer.objects(), mapped(whole_pixels, occupancy=truth))
+    exact = mapped(drive[:25])
+    as_given = evaluate(mapped(frames), exact).overall
+    assert evaluate(layer.objects(), exact).overall.iou > as_given.iou + 0.1
+
+
+def off_by_centimetres(frame: RgbdFrame) -> RgbdFrame:
+    pose = frame.map_T_camera.copy()
+    pose[:2, 3] += 0.05, -0.04
+    return frame.moved_to(pose)
 
 
 def test_a_file_of_detections_goes_by_the_stamps_of_color(

@@ -71,7 +71,7 @@ def command(
         ),
     ] = DetectionsType.darknet,
     map_topic: Annotated[
-        str | None, _topic("Occupancy map of a SLAM node, in place of one made from depth.")
+        str | None, _topic("Occupancy map in place of one made from depth; corrects poses.")
     ] = None,
     detector: Annotated[
         str | None,

@@ -154,6 +154,13 @@ class Mapper:
             self.watch(MappedFrame(frame, detections, observation), self)
         return observation
 
+    def correct_poses_by(self, occupancy: OccupancyLayer) -> None:
+        """Correct the poses of all frames from now on by a map that is in their frame.
+
+        The map's first layer stays what it was.
+        """
+        self._aligner = Aligner(occupancy, self.config.alignment)
+
     def hypermap(self) -> Hypermap:
         """Return the map so far: the layers "occupancy" and "semantic", in one frame."""
         occupancy = self.occupancy()

@@ -82,9 +82,10 @@ class LiveMap:
         return Fate.UNUSABLE, "it lies too far off", None
 
     def give_occupancy(self, layer: OccupancyLayer) -> None:
-        """Take the occupancy layer of another node."""
+        """Take the occupancy layer of another node, and correct poses by it from now on."""
         with self._lock:
             self._given = layer
+            self._mapper.correct_poses_by(layer)
 
     def clear(self) -> None:
         """Forget all frames."""
@@ -118,7 +119,10 @@ class LiveMap:
 
     def _new_mapper(self) -> Mapper:
         none = None if self._makes_occupancy else OccupancyLayer("occupancy", self._frame_id)
-        return Mapper(self.config, self._source, none, self._frame_id)
+        mapper = Mapper(self.config, self._source, none, self._frame_id)
+        if self._given is not None:
+            mapper.correct_poses_by(self._given)
+        return mapper
 
 
 def _config(settings: LiveSettings) -> MappingConfig:

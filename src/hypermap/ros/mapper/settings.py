@@ -66,7 +66,9 @@ class LiveSettings:
     )
     config: str = _setting("", "YAML file with settings of mapping that differ.")
     occupancy: bool = _setting(True, "Whether to make an occupancy layer from depth.")
-    map_topic: str = _setting("", "Occupancy map of another node to save, in place of our own.")
+    map_topic: str = _setting(
+        "", "Occupancy map of another node, to save in place of our own; poses are corrected by it."
+    )
     slop: float = _setting(
         0.02, "Seconds by which stamps of messages that go together may differ.", 0, 1
     )
