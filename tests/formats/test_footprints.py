@@ -11,7 +11,6 @@ from hypermap.core.arrays import as_objects
 from hypermap.formats.footprints import (
     footprint_from_wkt,
     footprint_to_wkt,
-    footprints_from_wkt,
     footprints_to_wkt,
 )
 
@@ -81,36 +80,10 @@ def test_a_curve_is_said_to_be_none_of_ours() -> None:
         footprint_from_wkt("CURVEPOLYGON(CIRCULARSTRING(0 0, 2 0, 2 2, 0 2, 0 0))")
 
 
-def test_many_texts_are_read_as_each_alone() -> None:
-    texts = [
-        "POLYGON((0 0, 1 0, 1 1, 0 1, 0 0))",
-        "POLYGON((0 0,2 0,2 1))",  # open
-        "POLYGON((1e-3 -0.5, 2.5E1 0, 12345678901234567890 1, 1e-3 -0.5))",
-    ]
-    alone = [footprint_from_wkt(text) for text in texts]
-    assert [g.wkb for g in footprints_from_wkt(texts)] == [g.wkb for g in alone]
-    texts.append("POLYGON((0 0, 9 0, 9 9, 0 0), (1 1, 2 1, 2 2, 1 1))")
-    alone = [footprint_from_wkt(text) for text in texts]
-    assert [g.wkb for g in footprints_from_wkt(texts)] == [g.wkb for g in alone]
-    assert len(footprints_from_wkt([])) == 0
-
-
-@pytest.mark.parametrize(
-    "wrong",
-    ["POLYGON((G0 0, 1 0, 1 1))", "POLYGON((0 0 1, 0 1, 1))", "POLYGON((0 0, 1 0))", "POINT(0 0)x"],
-)
-def test_one_wrong_text_among_many_is_an_error(wrong: str) -> None:
-    right = "POLYGON((0 0, 1 0, 1 1))"
-    for texts in ([wrong, right], [right, wrong], [right, wrong, right]):
-        with pytest.raises(ValueError, match="its shape"):
-            footprints_from_wkt(texts)
-
-
 @given(st.lists(footprints, max_size=4))
 def test_many_footprints_are_written_as_each_alone(shapes: list[BaseGeometry]) -> None:
     written = footprints_to_wkt(as_objects(shapes))
     assert written == [footprint_to_wkt(shape) for shape in shapes]
-    assert [exact(g) for g in footprints_from_wkt(written)] == [exact(g) for g in shapes]
 
 
 def test_usual_outlines_are_written_as_each_alone() -> None:

@@ -61,10 +61,14 @@ def with_filters(picture: NDArray[np.uint8], filters: list[int]) -> bytes:
     return header + chunk + struct.pack(">I", zlib.crc32(b"IDAT" + packed)) + intact[-12:]
 
 
-@given(st.lists(st.sampled_from([0, 2]), min_size=1, max_size=9), st.sampled_from([8, 1 << 20]))
-def test_rows_may_be_filtered_or_not(filters: list[int], band_bytes: int) -> None:
+@given(
+    st.lists(st.sampled_from([0, 2]), min_size=1, max_size=9),
+    st.sampled_from([8, 1 << 20]),
+    st.sampled_from([3, 600]),
+)
+def test_rows_may_be_filtered_or_not(filters: list[int], band_bytes: int, width: int) -> None:
     rng = np.random.default_rng(len(filters))
-    picture = rng.integers(0, 256, (len(filters), 3, 2), dtype=np.uint8)
+    picture = rng.integers(0, 256, (len(filters), width, 2), dtype=np.uint8)
     with pytest.MonkeyPatch.context() as patch:
         content = with_filters(picture, filters)
         patch.setattr(png, "_BAND_BYTES", band_bytes)

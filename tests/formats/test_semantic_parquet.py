@@ -66,6 +66,20 @@ def test_rows_come_in_several_groups(monkeypatch: pytest.MonkeyPatch) -> None:
     assert [object_facts(item) for item in loaded] == [object_facts(item) for item in OBJECTS]
 
 
+def test_many_objects_of_all_kinds_come_back_in_their_order() -> None:
+    kinds = [
+        SemanticObject("cup", shapely.box(0, 0, 1, 1), tags=("cup",), confidence=(0.5,)),
+        SemanticObject("ring", HOLE, tags=("cup", "ring"), confidence=(0.5, 0.25)),
+        SemanticObject("table", shapely.Point(3, 3).buffer(1), tags=(), confidence=(0.125,)),
+    ]
+    rare = np.arange(10_000) % 7000 == 6999  # some thousands of rows have one ring, some have not
+    objects = [kinds[1 if rare[row] else row % 5 % 2 * 2].with_id(row) for row in range(10_000)]
+    table, _ = parse_parquet(dump_parquet(ObjectTable.of(objects), "map"), "t")
+    loaded = [table.object(row) for row in range(len(table))]
+    assert [object_facts(item) for item in loaded] == [object_facts(item) for item in objects]
+    assert len({id(tags) for tags in table.tags}) == 3  # equal ones are the same
+
+
 def test_entries_that_could_not_be_read_are_kept() -> None:
     rejected = [Rejected(4, "cup", "its shape is missing", {"name": "cup", "mass": 3})]
     layer = SemanticLayer("semantic", "map", OBJECTS, rejected=rejected)

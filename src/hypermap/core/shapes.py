@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.arrays import BoolArray, ObjectArray
@@ -97,12 +98,18 @@ def check_footprint(footprint: Any) -> None:
         raise ValueError(f"a footprint must be finite and within {_FAR:g} m, got {farthest}")
 
 
+def can_be_corners(points: NDArray[np.float64]) -> bool:
+    """Return whether all points, shape (N, 2), are such as a footprint may have."""
+    # A NaN is no less than another number.
+    return bool(points.min(initial=0) >= -_FAR and points.max(initial=0) <= _FAR)
+
+
 def can_be_footprints(shapes: ObjectArray) -> BoolArray:
     """Return which geometries, shape (N,), `check_footprint` would let pass."""
     kinds = shapely.get_type_id(shapes)
     good = (kinds == shapely.GeometryType.POLYGON) | (kinds == shapely.GeometryType.MULTIPOLYGON)
     good &= ~shapely.is_empty(shapes) & ~shapely.has_z(shapes)
-    if not np.abs(shapely.get_coordinates(shapes)).max(initial=0) <= _FAR:  # or NaN
+    if not can_be_corners(shapely.get_coordinates(shapes)):
         points, owners = shapely.get_coordinates(shapes, return_index=True)
         good[owners[~(np.abs(points) <= _FAR).all(axis=1)]] = False
     return np.asarray(good)

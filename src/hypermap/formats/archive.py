@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import shutil
 import stat
 import struct
 import zipfile
@@ -19,6 +20,7 @@ _NO_TIME = (1980, 1, 1, 0, 0, 0)  # the zip format's zero
 _ENCRYPTED = 0x1
 _LEVEL, _FAST_LEVEL = 6, 1  # large files: a third of the time, an eighth more
 _COMPRESSED_ALREADY = (b"\x89PNG", b"\xff\xd8\xff", b"PAR1")
+_PIECE = 1 << 20  # bytes
 _END_OF_DIRECTORY = b"PK\x05\x06"
 
 
@@ -40,7 +42,7 @@ def read_archive(path: str | Path) -> MemoryStore:
         with zipfile.ZipFile(io.BytesIO(packed)) as archive:
             members = [info for info in archive.infolist() if not info.is_dir()]
             _check_members(members)
-            files = {safe_name(info.filename): archive.read(info) for info in members}
+            files = {safe_name(info.filename): _unpacked(archive, info) for info in members}
     except FormatError as error:
         raise FormatError(str(error), path=path) from error
     except _BROKEN as error:
@@ -124,6 +126,14 @@ def _check_members(members: list[zipfile.ZipInfo]) -> None:
         raise FormatError(
             f"unpacks to {total} bytes, more than the {limits.MAX_ARCHIVE_BYTES} that are allowed"
         )
+
+
+def _unpacked(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> bytes:
+    """Return a member's content, piece by piece: `ZipFile.read` would hold it twice meanwhile."""
+    content = io.BytesIO()
+    with archive.open(info) as member:
+        shutil.copyfileobj(member, content, _PIECE)
+    return content.getvalue()
 
 
 def _pack(

@@ -4,19 +4,15 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
 
 import numpy as np
 import pydantic_core
 import shapely
-from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from hypermap.core.arrays import BoolArray, ObjectArray, as_objects
+from hypermap.core.arrays import BoolArray, ObjectArray
 
 _RING = re.compile(r"\(([^()]*)\)")
-_NUMBER = b"-+0123456789.eE"
-_TO_COMMAS = bytes.maketrans(b" \n", b",,")
 _AT_ONCE = 4096  # footprints
 _EXPONENTS = 1e-4, 1e15  # between them, no number is written with an exponent
 
@@ -55,18 +51,6 @@ def footprint_to_wkt(footprint: BaseGeometry) -> str:
     raise TypeError(f"a footprint is a polygon or multipolygon, not a {footprint.geom_type}")
 
 
-def footprints_from_wkt(texts: Sequence[str]) -> ObjectArray:
-    """Return `footprint_from_wkt` of each text, shape (N,); polygons of one ring take far less.
-
-    Raises:
-        ValueError: As there, of one of the texts.
-    """
-    simple = _single_rings("\n".join(texts).encode()) if texts else None
-    if simple is None or len(simple) != len(texts):
-        return as_objects(map(footprint_from_wkt, texts))
-    return simple
-
-
 def footprints_to_wkt(footprints: ObjectArray) -> list[str]:
     """Return `footprint_to_wkt` of each footprint; polygons of one ring take far less."""
     texts: list[str] = []
@@ -103,46 +87,6 @@ def _outlines_to_wkt(polygons: ObjectArray) -> list[str]:
     text = pydantic_core.to_json(outlines).decode()[3:-3].replace(".0,", ",").replace(".0]", "]")
     text = text.removesuffix(".0").replace("]],[[", ";").replace("],[", "|").replace(",", " ")
     return [f"POLYGON(({ring}))" for ring in text.replace("|", ", ").split(";")]
-
-
-def _single_rings(text: bytes) -> ObjectArray | None:
-    """Return the polygons of lines of well-known text; None where one has not just one ring."""
-    lines = text.count(b"\n") + 1
-    if text.startswith(b"POLYGON (("):
-        text = text.replace(b"POLYGON ((", b"POLYGON((")
-    if not (text.startswith(b"POLYGON((") and text.count(b"\nPOLYGON((") == lines - 1):
-        return None
-    if not (text.endswith(b"))") and text.count(b"))\n") == lines - 1):
-        return None
-    numbers = text.translate(None, b"POLYGN()")
-    if len(numbers) != len(text) - lines * len(b"POLYGON(())"):  # such letters elsewhere
-        return None
-    numbers = numbers.replace(b", ", b",")
-    between = numbers.translate(None, _NUMBER) + b"\n"
-    # x and y are parted by a blank, points by a comma, and rings by the end of the line.
-    if between[0::2].strip(b" ") or between[1::2].translate(None, b",\n"):
-        return None
-    try:
-        values = pydantic_core.from_json(b"[" + numbers.translate(_TO_COMMAS) + b"]")
-        points = np.array(values, dtype=np.float64).reshape(-1, 2)
-    except (ValueError, OverflowError):  # a number that JSON does not know
-        return None
-    ends = np.flatnonzero(np.frombuffer(between[1::2], np.uint8) == ord("\n")) + 1
-    return _polygons(points, ends) if len(ends) == lines else None
-
-
-def _polygons(points: NDArray[np.float64], ends: NDArray[np.int64]) -> ObjectArray | None:
-    """Return polygons of one ring each, closing those that are open; None if one is too short."""
-    starts = np.append(0, ends[:-1])
-    is_open = (points[starts] != points[ends - 1]).any(axis=1)
-    if (ends - starts + is_open).min() < 4:
-        return None
-    points = np.insert(points, ends[is_open], points[starts[is_open]], axis=0)
-    offsets = np.append(0, ends + np.cumsum(is_open))
-    polygons: ObjectArray = shapely.from_ragged_array(
-        shapely.GeometryType.POLYGON, points, (offsets, np.arange(len(offsets)))
-    )
-    return polygons
 
 
 def _close_ring(match: re.Match[str]) -> str:

@@ -17,7 +17,9 @@ from numpy.typing import NDArray
 
 from hypermap.core.arrays import BoolArray, ObjectArray, as_objects
 from hypermap.core.errors import FormatError, HypermapError, MissingExtra
+from hypermap.core.shapes import can_be_footprints, check_footprint
 from hypermap.formats import limits
+from hypermap.formats.outlines import outlines_from_wkb
 
 if TYPE_CHECKING:
     import pyarrow
@@ -25,6 +27,7 @@ if TYPE_CHECKING:
 MAGIC = b"PAR1"
 GEOMETRY = "geometry"
 _ROW_GROUP = 1 << 17  # rows; they are read one group after the other
+_AT_ONCE = 4096  # footprints, which should fit into the processor's cache
 _ENCODINGS = {"PLAIN", "RLE", "BIT_PACKED", "RLE_DICTIONARY", "PLAIN_DICTIONARY"}
 
 
@@ -76,6 +79,26 @@ class Lists:
 Column: TypeAlias = Words | Numbers | Lists
 
 
+def kinds_of(lists: Lists) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+    """Return which lists of words or numbers are the same.
+
+    Returns:
+        The kind of each list, from 0, shape (N,), and a list of each kind, shape (K,).
+
+    Raises:
+        MissingExtra: If pyarrow is not installed.
+    """
+    pa, _ = _pyarrow()
+    items = lists.items.codes if isinstance(lists.items, Words) else lists.items.values
+    bounds = lists.offsets * items.itemsize
+    buffers = [None, pa.py_buffer(bounds), pa.py_buffer(np.ascontiguousarray(items))]
+    rows = pa.Array.from_buffers(pa.large_binary(), len(bounds) - 1, buffers)
+    kinds = rows.dictionary_encode().indices.to_numpy()
+    firsts = np.empty(kinds.max(initial=-1) + 1, dtype=np.int64)
+    firsts[kinds] = np.arange(len(kinds))
+    return kinds, firsts
+
+
 def has_pyarrow() -> bool:
     """Return whether GeoParquet can be written and read."""
     try:
@@ -124,7 +147,7 @@ class GeoParquet:
 
     Attributes:
         columns: all but the geometry.
-        footprints: geometries, of any kind, shape (N,).
+        footprints: geometries that objects can have, shape (N,).
         notes: texts that go with it.
     """
 
@@ -142,8 +165,8 @@ def read_geoparquet(content: bytes, path: str) -> GeoParquet:
 
     Raises:
         MissingExtra: If pyarrow is not installed.
-        FormatError: If it is damaged, goes beyond the limits, or has a column that is no plain
-            one of texts, numbers or lists of such.
+        FormatError: If it is damaged, goes beyond the limits, has a geometry that no object can
+            have, or a column that is no plain one of texts, numbers or lists of such.
     """
     pa, parquet = _pyarrow()
     try:
@@ -251,20 +274,38 @@ def _footprints(pa: Any, table: pyarrow.Table, path: str) -> ObjectArray:
         raise FormatError("is missing in a row", path=path, key=GEOMETRY)
     if pa.types.is_dictionary(column.type):
         words = _whole(pa, column)
-        shapes = _shapes(words.dictionary.to_numpy(zero_copy_only=False), path)[
-            words.indices.to_numpy()
-        ]
+        shapes = _shapes(pa, words.dictionary, path)[words.indices.to_numpy()]
         if shapely.get_num_coordinates(shapes).sum() * 16 > limits.MAX_TABLE_BYTES:
             raise FormatError("has too many points", path=path, key=GEOMETRY)
         return as_objects(shapes)
-    return _shapes(column.to_numpy(), path)
+    footprints: ObjectArray = np.empty(len(column), dtype=object)
+    at = 0
+    for chunk in column.chunks:
+        for start in range(0, len(chunk), _AT_ONCE):
+            some = chunk.slice(start, _AT_ONCE)
+            footprints[at : at + len(some)] = _shapes(pa, some, path)
+            at += len(some)
+    return footprints
 
 
-def _shapes(wkb: ObjectArray, path: str) -> ObjectArray:
+def _shapes(pa: Any, wkb: Any, path: str) -> ObjectArray:
+    """Return the geometries of an Arrow array, which objects can have."""
+    is_large = pa.types.is_large_binary(wkb.type)
+    if len(wkb) and (is_large or pa.types.is_binary(wkb.type)):
+        _, offsets, data = wkb.buffers()
+        places = np.frombuffer(offsets, np.int64 if is_large else np.int32)
+        bounds = places[wkb.offset : wkb.offset + len(wkb) + 1].astype(np.int64)
+        outlines = outlines_from_wkb(np.frombuffer(data or b"", np.uint8), bounds)
+        if outlines is not None:
+            return outlines
     try:
-        shapes: ObjectArray = shapely.from_wkb(wkb)
+        shapes: ObjectArray = shapely.from_wkb(wkb.to_numpy(zero_copy_only=False))
+        for wrong in shapes[~can_be_footprints(shapes)][:1]:
+            check_footprint(wrong)
     except shapely.errors.ShapelyError as error:
         raise FormatError(f"is not well-known binary: {error}", path=path, key=GEOMETRY) from None
+    except (ValueError, TypeError) as error:
+        raise FormatError(str(error), path=path) from None
     return shapes
 
 

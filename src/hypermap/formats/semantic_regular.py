@@ -11,18 +11,19 @@ from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Iterator, Sequence
-from typing import Any
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
-import pydantic_core
 from numpy.typing import NDArray
 
 from hypermap.core.arrays import ObjectArray, as_objects
 from hypermap.core.objects import MAX_ID, ObjectTable
 from hypermap.core.shapes import can_be_footprints
 from hypermap.formats import limits
-from hypermap.formats.footprints import footprints_from_wkt
+from hypermap.formats.footprints import footprint_from_wkt
+from hypermap.formats.numbers import numbers_from_json
+from hypermap.formats.outlines import outlines_from_wkt
 from hypermap.formats.ragged import as_tuples
 from hypermap.formats.records import KNOWN_KEYS
 from hypermap.formats.yaml_text import plain_scalar
@@ -30,17 +31,16 @@ from hypermap.formats.yaml_text import plain_scalar
 _CHUNK = 1 << 18  # bytes; what is taken apart at a time should fit into the processor's cache
 
 _ENTRY = re.compile(
-    "- name: (.+)\n"
-    "  shape: (.+)\n"
-    r"(?:  tags: \[(.*)\]" + "\n)?"
-    r"(?:  confidence: \[(.*)\]" + "\n)?"
-    "(?:  existence: (.+)\n)?"
-    "(?:  first_seen: (.+)\n)?"
-    "(?:  last_seen: (.+)\n)?"
-    "((?:  (?!id:)[a-z][a-z0-9_]{0,99}: .+\n)*)"
-    "(?:  id: (0|[1-9][0-9]{0,9})\n)?"
+    b"- name: (.+)\n"
+    b"  shape: (.+)\n"
+    rb"(?:  tags: \[(.*)\]" + b"\n)?"
+    rb"(?:  confidence: \[(.*)\]" + b"\n)?"
+    b"(?:  existence: (.+)\n)?"
+    b"(?:  first_seen: (.+)\n)?"
+    b"(?:  last_seen: (.+)\n)?"
+    b"((?:  (?!id:)[a-z][a-z0-9_]{0,99}: .+\n)*)"
+    b"(?:  id: (0|[1-9][0-9]{0,9})\n)?"
 )
-_NAME, _SHAPE, _TAGS, _CONFIDENCE, _EXISTENCE, _FIRST_SEEN, _LAST_SEEN, _OTHERS, _ID = range(9)
 _GROUPS = _ENTRY.groups + 1
 
 _PLAIN = r"\w+(?:[ ./-]\w+)*"
@@ -49,6 +49,9 @@ _WORD_LIST = re.compile(rf"(?:(?:{_WORDS.pattern})(?:, (?:{_WORDS.pattern}))*)?"
 _ATTRIBUTE = re.compile(r"[+-]?\w+(?:[ ./+-]\w+)*")
 _LETTERS = b"ABCDEFGHIJKLMNOPQRSTUVWXYZ(),-+0123456789.e \n"  # of well-known text
 _NUMBERS = b"-+0123456789.eE, "
+
+_Text: TypeAlias = bytes | None
+T = TypeVar("T")
 
 
 class _Irregular(Exception):
@@ -72,13 +75,29 @@ def read_regular(content: bytes) -> ObjectTable | None:
         return None
 
 
-def _chunks(content: bytes) -> Iterator[str]:
+def _chunks(content: bytes) -> Iterator[bytes]:
     """Yield whole entries, some at a time."""
     start = 0
     while start < len(content):
         end = content.find(b"\n- ", start + _CHUNK) + 1 or len(content)
-        yield content[start:end].decode().removesuffix("\n") + "\n"
+        chunk = content[start:end]
+        yield chunk if chunk.endswith(b"\n") else chunk + b"\n"
         start = end
+
+
+class _Known(dict[_Text, T]):
+    """What texts mean, each of which is looked at once."""
+
+    def __init__(self, meaning: Callable[[_Text], T]) -> None:
+        self._meaning = meaning
+
+    def __missing__(self, text: _Text) -> T:
+        value = self[text] = self._meaning(text)
+        return value
+
+    def all(self, texts: Iterable[_Text]) -> Iterator[T]:
+        """Return the meaning of each."""
+        return map(self.__getitem__, texts)
 
 
 class _Columns:
@@ -87,77 +106,64 @@ class _Columns:
     def __init__(self) -> None:
         self._vocabulary: dict[str, int] = {}
         self._codes: list[int] = []
-        self._claims: list[str | None] = []
+        self._claims: list[_Text] = []
         self._footprints: list[ObjectArray] = []
         self._tags: list[tuple[str, ...]] = []
         self._confidence: list[tuple[float, ...]] = []
-        self._numbers: dict[int, list[NDArray[np.float64]]] = {
-            _EXISTENCE: [],
-            _FIRST_SEEN: [],
-            _LAST_SEEN: [],
-        }
+        self._stamps: tuple[list[NDArray[np.float64]], ...] = ([], [], [])
         self._attributes: list[dict[str, Any]] = []
-        self._known_names: dict[str, int] = {}
-        self._known_tags: dict[str | None, tuple[str, ...]] = {None: ()}
+        self._known_names = _Known(self._code)
+        self._known_tags = _Known(_words)
         self._count = 1  # the list itself
 
-    def add(self, text: str) -> None:
+    def add(self, chunk: bytes) -> None:
         """Take the objects of some lines."""
-        parts = _ENTRY.split(text)
+        parts = _ENTRY.split(chunk)
         if any(parts[0::_GROUPS]):
             raise _Irregular
-        groups = [parts[1 + group :: _GROUPS] for group in range(_ENTRY.groups)]
-        if "\n".join(groups[_SHAPE]).encode().translate(None, _LETTERS):
-            raise _Irregular
-        tags = [self._known_tags.get(words) or self._words(words) for words in groups[_TAGS]]
-        confidence = _number_lists(groups[_CONFIDENCE])
-        self._count += len(tags) + text.count("\n")
-        self._count += sum(map(len, tags)) + sum(map(len, confidence))
+        groups: list[list[Any]] = [parts[1 + group :: _GROUPS] for group in range(_GROUPS - 1)]
+        names, shapes, tag_lists, confidence_lists, *stamps, others, claims = groups
+        tags = list(self._known_tags.all(tag_lists))
+        confidence = _number_lists(confidence_lists)
+        lines = np.count_nonzero(np.frombuffer(chunk, np.uint8) == ord("\n"))
+        self._count += len(tags) + int(lines) + sum(map(len, tags)) + sum(map(len, confidence))
         if self._count > limits.MAX_YAML_VALUES:
             raise _Irregular
-        known = self._known_names
-        self._codes += [known[n] if n in known else self._code(n) for n in groups[_NAME]]
-        self._footprints.append(footprints_from_wkt(groups[_SHAPE]))
+        self._codes += self._known_names.all(names)
+        self._footprints.append(_footprints(shapes))
         self._tags += tags
         self._confidence += confidence
-        for group, column in self._numbers.items():
-            column.append(_numbers(groups[group]))
-        self._attributes += [_attributes(lines) if lines else {} for lines in groups[_OTHERS]]
-        self._claims += groups[_ID]
+        for column, texts in zip(self._stamps, stamps, strict=True):
+            column.append(_numbers(texts))
+        self._attributes += [_attributes(lines) if lines else {} for lines in others]
+        self._claims += claims
 
     def table(self) -> ObjectTable:
         """Return all objects."""
-        table = ObjectTable(
+        existence, first_seen, last_seen = map(np.concatenate, self._stamps)
+        return ObjectTable(
             ids=_ids(self._claims),
             codes=np.array(self._codes, dtype=np.int32),
             footprints=np.concatenate(self._footprints),
             tags=as_objects(self._tags),
             confidence=as_objects(self._confidence),
-            existence=np.concatenate(self._numbers[_EXISTENCE]),
-            first_seen=np.concatenate(self._numbers[_FIRST_SEEN]),
-            last_seen=np.concatenate(self._numbers[_LAST_SEEN]),
+            existence=existence,
+            first_seen=first_seen,
+            last_seen=last_seen,
             attributes=as_objects(self._attributes),
             vocabulary=self._vocabulary,
         )
-        if not can_be_footprints(table.footprints).all():
-            raise _Irregular
-        return table
 
-    def _code(self, text: str) -> int:
-        """Return the code of a name that was not met before."""
-        code = self._vocabulary.setdefault(_word(text), len(self._vocabulary))
-        self._known_names[text] = code
-        return code
+    def _code(self, text: _Text) -> int:
+        return self._vocabulary.setdefault(_word((text or b"").decode()), len(self._vocabulary))
 
-    def _words(self, text: str | None) -> tuple[str, ...]:
-        """Return the words of a list, as the same tuple for the same text."""
-        words = self._known_tags.get(text)
-        if words is None:
-            if text is None or not _WORD_LIST.fullmatch(text):
-                raise _Irregular
-            words = tuple(_word(part) for part in text.split(", ")) if text else ()
-            self._known_tags[text] = words
-        return words
+
+def _words(text: _Text) -> tuple[str, ...]:
+    """Return the words of a list."""
+    words = (text or b"").decode()
+    if not _WORD_LIST.fullmatch(words):
+        raise _Irregular
+    return tuple(map(_word, words.split(", "))) if words else ()
 
 
 def _word(text: str) -> str:
@@ -167,37 +173,50 @@ def _word(text: str) -> str:
     return text.strip("'")
 
 
-def _numbers(texts: Sequence[str | None]) -> NDArray[np.float64]:
+def _footprints(texts: Sequence[bytes]) -> ObjectArray:
+    lines = b"\n".join(texts)
+    outlines = outlines_from_wkt(lines)
+    if outlines is not None:
+        return outlines
+    if lines.translate(None, _LETTERS):
+        raise _Irregular
+    footprints = as_objects(footprint_from_wkt(text.decode()) for text in texts)
+    if not can_be_footprints(footprints).all():
+        raise _Irregular
+    return footprints
+
+
+def _numbers(texts: Sequence[_Text]) -> NDArray[np.float64]:
     """Return the numbers, NaN where there is none."""
     there = [text for text in texts if text is not None]
+    values = _parsed(b",".join(there), len(there))
+    if len(there) == len(texts):
+        return values
     column = np.full(len(texts), np.nan)
-    if there:
-        values = _parsed(",".join(there), len(there))
-        column[[text is not None for text in texts]] = values
+    column[[text is not None for text in texts]] = values
     return column
 
 
-def _number_lists(texts: Sequence[str | None]) -> list[tuple[float, ...]]:
-    counts = [text.count(",") + 1 if text else 0 for text in texts]
-    values: list[float] = _parsed(",".join(filter(None, texts)), sum(counts)).tolist()
+def _number_lists(texts: Sequence[_Text]) -> list[tuple[float, ...]]:
+    counts = [text.count(b",") + 1 if text else 0 for text in texts]
+    values: list[float] = _parsed(b",".join(filter(None, texts)), sum(counts)).tolist()
     return as_tuples(values, counts)
 
 
-def _parsed(text: str, count: int) -> NDArray[np.float64]:
+def _parsed(text: bytes, count: int) -> NDArray[np.float64]:
     """Return numbers between commas; what JSON takes for a number of these letters, YAML does."""
-    encoded = text.encode()
-    if encoded.translate(None, _NUMBERS):
+    if text.translate(None, _NUMBERS):
         raise _Irregular
-    values = np.array(pydantic_core.from_json(b"[" + encoded + b"]"), dtype=np.float64)
+    values = numbers_from_json(text)
     if len(values) != count or not np.isfinite(values).all():
         raise _Irregular
     return values
 
 
-def _attributes(lines: str) -> dict[str, Any]:
+def _attributes(lines: bytes) -> dict[str, Any]:
     """Return keys of other programs, and their numbers and words."""
     attributes: dict[str, Any] = {}
-    for line in lines[2:-1].split("\n  "):
+    for line in lines[2:-1].decode().split("\n  "):
         key, _, text = line.partition(": ")
         if key in KNOWN_KEYS or key in attributes or plain_scalar(key) != key:
             raise _Irregular
@@ -211,7 +230,7 @@ def _plain(text: str) -> Any:
     return plain_scalar(text)
 
 
-def _ids(claims: Sequence[str | None]) -> NDArray[np.int64]:
+def _ids(claims: Sequence[_Text]) -> NDArray[np.int64]:
     """Return the ids: where no key claims one, the position, or the next free number."""
     positions = np.arange(len(claims))
     if not any(claims):
