@@ -11,7 +11,6 @@ import pytest
 from PIL import Image
 
 from hypermap.core.errors import FormatError
-from hypermap.recordings import RecordingOptions, open_recording
 
 from .bag_builder import (
     CAMERA_INFO,
@@ -193,9 +192,7 @@ def test_a_damaged_image_is_named_by_topic_and_time(tmp_path: Path) -> None:
             bag.add(
                 "/rgb/compressed", COMPRESSED, shot.stamp, compressed(content, "png", shot.stamp)
             )
-    frames = open_recording(bag.path, RecordingOptions(intrinsics=INTRINSICS)).frames()
-    next(frames), next(frames)
-    third = next(frames)
+    _, _, third, *_ = frames_of(bag.path, intrinsics=INTRINSICS)
     with pytest.raises(FormatError) as caught:
         _ = third.color
     where = f"{bag.path}: /depth/image and /rgb/compressed at 1600000000.450 s: "
