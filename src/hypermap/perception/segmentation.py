@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,11 +40,22 @@ class Segment:
 
 def valid_pixels(frame: RgbdFrame, config: PerceptionConfig) -> BoolArray:
     """Return which pixels hold a point within the depths of the configuration, shape (H, W)."""
-    z = frame.z
-    valid = (z > config.min_depth) & (z <= min(config.max_depth, FARTHEST))
+    valid = _between(
+        frame.z, np.float32(config.min_depth), np.float32(min(config.max_depth, FARTHEST))
+    )
     if frame.cloud is not None:
         valid &= (np.abs(frame.cloud[..., :2]) < FARTHEST).all(axis=-1)
-    return np.asarray(valid)
+    return valid
+
+
+@njit(cache=True)
+def _between(z: NDArray[np.float32], min_depth: np.float32, max_depth: np.float32) -> BoolArray:
+    """Return which depths are above the least and not above the most, shape (H, W)."""
+    valid = np.empty(z.shape, np.bool_)
+    for row in range(z.shape[0]):
+        for column in range(z.shape[1]):
+            valid[row, column] = (z[row, column] > min_depth) & (z[row, column] <= max_depth)
+    return valid
 
 
 def segment(
@@ -83,7 +95,7 @@ def segment(
         else:
             regions = unorganised.grow_regions(points, valid, objects, config)
         cut = [
-            _largest(pixels, region_of, config)
+            _largest(pixels, region_of, config.min_cluster, config.max_cluster)
             for pixels, region_of in zip(objects, regions, strict=True)
         ]
     return [
@@ -100,11 +112,19 @@ def _points_of(frame: RgbdFrame, pixels: IntArray, config: PerceptionConfig) -> 
     return points_xyz
 
 
-def _largest(pixels: IntArray, region_of: IntArray, config: PerceptionConfig) -> IntArray:
+@njit(cache=True)
+def _largest(pixels: IntArray, region_of: IntArray, fewest: int, most: int) -> IntArray:
     """Return the pixels of the largest region that may be an object; none if there is none."""
     sizes = np.bincount(region_of)
-    sizes[(sizes < config.min_cluster) | (sizes > config.max_cluster)] = 0
-    return pixels[region_of == sizes.argmax()] if sizes.any() else pixels[:0]
+    sizes[(sizes < fewest) | (sizes > most)] = 0
+    largest = sizes.argmax()
+    found = np.empty(sizes[largest], pixels.dtype)
+    count = 0
+    for i in range(len(pixels) if len(found) else 0):
+        if region_of[i] == largest:
+            found[count] = pixels[i]
+            count += 1
+    return found
 
 
 def _pixels_of(detections: Detections, number: int, valid: BoolArray) -> IntArray:
@@ -114,22 +134,27 @@ def _pixels_of(detections: Detections, number: int, valid: BoolArray) -> IntArra
         if mask.shape != valid.shape:
             raise ValueError(f"masks must have the image's shape {valid.shape}, got {mask.shape}")
         return np.flatnonzero(mask & valid)
-    height, width = valid.shape
-    box = detections.xyxy[number]
-    if np.isnan(box).any():
-        return np.empty(0, dtype=np.int64)
-    # The box holds the pixels from xmin up to, but without, xmax.
-    left, top, right, bottom = np.ceil(np.clip(box, 0, [width, height] * 2)).astype(int)
-    return np.asarray(_valid_in(valid, left, top, right, bottom))
+    return _valid_in(valid, detections.xyxy[number])
 
 
 @njit(cache=True)
-def _valid_in(valid, left, top, right, bottom):  # type: ignore[no-untyped-def]
-    """Return the valid pixels of a box within the image as row-major indices."""
-    found = np.empty(max(bottom - top, 0) * max(right - left, 0), np.int64)
+def _valid_in(valid: BoolArray, box: NDArray[np.float32]) -> IntArray:
+    """Return the valid pixels of a box as row-major indices."""
+    height, width = valid.shape
+    if np.isnan(box).any():
+        return np.empty(0, np.int64)
+    # The box holds the pixels from xmin up to, but without, xmax.
+    left, right = math.ceil(min(max(box[0], 0), width)), math.ceil(min(max(box[2], 0), width))
+    top, bottom = math.ceil(min(max(box[1], 0), height)), math.ceil(min(max(box[3], 0), height))
     count = 0
     for row in range(top, bottom):
         for column in range(left, right):
-            found[count] = row * valid.shape[1] + column
             count += valid[row, column]
-    return found[:count].copy()
+    found = np.empty(count, np.int64)
+    count = 0
+    for row in range(top, bottom):
+        for column in range(left, right):
+            if valid[row, column]:
+                found[count] = row * valid.shape[1] + column
+                count += 1
+    return found

@@ -1,0 +1,232 @@
+"""Compiled search for what hangs together in an image of points with normals."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit, uint64
+from numpy.typing import NDArray
+
+from hypermap.core.arrays import IntArray
+
+# Neighbours are looked for in as many rows below a pixel, in twice as many columns around it.
+SEARCH = 4
+
+NOTHING = -1  # the label of a place that is not of the object
+TOGETHER = 8  # so many places of a row are looked at together
+
+Planes = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]  # x, y, z
+
+
+@njit(cache=True)
+def join(
+    planes: NDArray[np.float32],
+    places: NDArray[np.int32],
+    part: IntArray,
+    normals: NDArray[np.float32],
+    reach2: NDArray[np.float32],
+    cosine: np.float32,
+    labels: NDArray[np.int32],
+) -> NDArray[np.int32]:
+    """Return the region of each of some places: a number, the same for all that hang together.
+
+    Each place gets a label, and labels are linked to a tree for each region: a label has a parent
+    in the same region, and a root is its own parent. First what lies side by side joins, which is
+    nearly all; then, where labels meet, what lies farther apart.
+
+    Args:
+        planes: the cloud with its margins, shape (3, H, W).
+        places: of the object, increasing, shape (N,).
+        part: the first row and column of the object, and those behind the last, shape (4,).
+        normals: of the points there, shape (3, H, W).
+        reach2: squared distances, negative where a point is bent or none, shape (H * W,).
+        cosine: least cosine of the angle between normals that agree.
+        labels: `NOTHING` everywhere, and left so, shape (H * W,).
+    """
+    stride = planes.shape[2]
+    cloud = planes[0].ravel(), planes[1].ravel(), planes[2].ravel()
+    axes = normals[0].ravel(), normals[1].ravel(), normals[2].ravel()
+    top, left, bottom, right = part
+    first, last, width = top * stride + left, (bottom - 1) * stride + left, right - left
+    parent = np.empty(len(places), np.int32)
+    for place in places:
+        labels[place] = 0
+    count = 0
+    for row in range(first, last + 1, stride):
+        count = _join_row(cloud, axes, reach2, row, width, stride, cosine, labels, parent, count)
+    for label in range(count):
+        parent[label] = parent[parent[label]]  # the root: parents have the smaller numbers
+    for place in places:
+        labels[place] = parent[labels[place]]
+
+    for row in range(first, last + 1, stride):
+        for place in range(row, row + width, TOGETHER):
+            if _is_border(labels, place, stride):
+                _join_far(cloud, axes, reach2, place, stride, cosine, labels, parent)
+
+    regions = np.empty(len(places), np.int32)
+    for i, place in enumerate(places):
+        is_bent = reach2[place] < 0
+        home = _home(cloud, axes, reach2, place, stride, cosine, labels) if is_bent else place
+        regions[i] = _root(parent, labels[home])
+    for place in places:
+        labels[place] = NOTHING
+    return regions
+
+
+@njit(cache=True)
+def _join_row(
+    cloud: Planes,
+    axes: Planes,
+    reach2: NDArray[np.float32],
+    row: int,
+    width: int,
+    stride: int,
+    cosine: np.float32,
+    labels: NDArray[np.int32],
+    parent: NDArray[np.int32],
+    count: int,
+) -> int:
+    """Label a row's places of the object: what joins those on the left or above has their label.
+
+    Returns:
+        How many labels there are then.
+    """
+    with_left = _all_joins(cloud, axes, reach2, row, row - 1, width, cosine)
+    with_above = _all_joins(cloud, axes, reach2, row, row - stride, width, cosine)
+    label = NOTHING
+    for i in range(width):
+        place = row + i
+        if labels[place] == NOTHING:
+            label = NOTHING
+            continue
+        if not with_left[i]:
+            label = NOTHING
+        above = labels[place - stride]
+        if with_above[i] and above != NOTHING and above != label:
+            if label == NOTHING:
+                label = above
+            else:
+                _link(parent, label, above)
+        if label == NOTHING:
+            label = count
+            parent[count] = count
+            count += 1
+        labels[place] = label
+    return count
+
+
+@njit(cache=True)
+def _joins(
+    cloud: Planes,
+    axes: Planes,
+    reach2: NDArray[np.float32],
+    one: int,
+    other: int,
+    cosine: np.float32,
+) -> bool:
+    """Return whether two places of an object join: both are near, and their normals agree."""
+    (x, y, z), (nx, ny, nz) = cloud, axes
+    dx, dy, dz = x[other] - x[one], y[other] - y[one], z[other] - z[one]
+    distance2 = dx * dx + dy * dy + dz * dz
+    dot = nx[other] * nx[one] + ny[other] * ny[one] + nz[other] * nz[one]
+    near = (distance2 <= reach2[one]) & (distance2 <= reach2[other])
+    return bool(near & (abs(dot) >= cosine))
+
+
+@njit(cache=True)
+def _all_joins(cloud, axes, reach2, start, other, width, cosine):  # type: ignore[no-untyped-def]
+    """Return which of the places of a row join those that another row holds, shape (width,)."""
+    joins = np.empty(width, np.bool_)
+    for i in range(uint64(width)):
+        joins[i] = _joins(cloud, axes, reach2, uint64(start) + i, uint64(other) + i, cosine)
+    return joins
+
+
+@njit(cache=True)
+def _is_border(labels, place, stride):  # type: ignore[no-untyped-def]
+    """Return whether there are several labels where some places of a row may join others."""
+    largest, smallest = np.int32(NOTHING), np.uint32(NOTHING)  # which is the largest of all
+    for column in range(uint64(TOGETHER + 2 * SEARCH)):
+        for row in range(uint64(SEARCH + 1)):
+            label = labels[uint64(place - SEARCH) + row * uint64(stride) + column]
+            largest = max(largest, label)
+            smallest = min(smallest, np.uint32(label))
+    return largest > np.int64(smallest)
+
+
+@njit(cache=True)
+def _join_far(
+    cloud: Planes,
+    axes: Planes,
+    reach2: NDArray[np.float32],
+    start: int,
+    stride: int,
+    cosine: np.float32,
+    labels: NDArray[np.int32],
+    parent: NDArray[np.int32],
+) -> None:
+    """Join some places of a row with those below and on the right, as far as `SEARCH`."""
+    for row in range(SEARCH + 1):
+        for column in range(1 if row == 0 else 1 - SEARCH, SEARCH + 1):
+            apart = row * stride + column
+            if not _any_joins(cloud, axes, reach2, start, apart, cosine, labels):
+                continue
+            for place in range(start, start + TOGETHER):
+                other = place + apart
+                if labels[place] != NOTHING and labels[other] != NOTHING:
+                    is_new = _root(parent, labels[place]) != _root(parent, labels[other])
+                    if is_new and _joins(cloud, axes, reach2, place, other, cosine):
+                        _link(parent, labels[place], labels[other])
+
+
+@njit(cache=True)
+def _any_joins(cloud, axes, reach2, start, apart, cosine, labels):  # type: ignore[no-untyped-def]
+    """Return whether any of some places of a row joins the one so far away, with another label.
+
+    It is the same question as in `_join_far`, without a branch, so that it is asked of all of them
+    at once.
+    """
+    found = False
+    for i in range(uint64(TOGETHER)):
+        one, other = uint64(start) + i, uint64(start + apart) + i
+        label, other_label = labels[one], labels[other]
+        is_other = (label != other_label) & (label != NOTHING) & (other_label != NOTHING)
+        found |= is_other & _joins(cloud, axes, reach2, one, other, cosine)
+    return found
+
+
+@njit(cache=True)
+def _home(
+    cloud: Planes,
+    axes: Planes,
+    reach2: NDArray[np.float32],
+    place: int,
+    stride: int,
+    cosine: np.float32,
+    labels: NDArray[np.int32],
+) -> int:
+    """Return which of the pixels around takes a place that is bent too much to join by itself."""
+    reach2[place] *= -1
+    home = place
+    for row in range(-1, 2):
+        for other in range(place + row * stride - 1, place + row * stride + 2):
+            if labels[other] != NOTHING and _joins(cloud, axes, reach2, place, other, cosine):
+                home = other
+    reach2[place] *= -1
+    return home
+
+
+@njit(cache=True)
+def _root(parent: NDArray[np.int32], label: int) -> int:
+    """Return the root of a label's region; the way there is half as long the next time."""
+    while parent[label] != label:
+        parent[label] = parent[parent[label]]
+        label = parent[label]
+    return label
+
+
+@njit(cache=True)
+def _link(parent: NDArray[np.int32], one: int, other: int) -> None:
+    """Make two regions one."""
+    root, other_root = _root(parent, one), _root(parent, other)
+    parent[max(root, other_root)] = min(root, other_root)
