@@ -216,9 +216,9 @@ def _growth(settings: Settings) -> Iterator[Growth]:
         grid, side = layer.grid, layer.grid.width * RESOLUTION
         ring = shapely.Point(side / 2, side / 2).buffer(0.45 * side)
         searches.append(_median(partial(layer.find, "Occupied"), settings))
-        masks.append(_median(partial(grid.window_in, ring), settings))
+        masks.append(_median(partial(_inside, grid, ring), settings))
         of_grids.append(layer.cells.nbytes)
-        of_masks.append(grid.window_in(ring).inside.nbytes)
+        of_masks.append(_inside(grid, ring).nbytes)
     for work, seconds, held, what in (
         ("find a value", searches, of_grids, "the grid"),
         ("the mask of a circle", masks, of_masks, "the mask"),

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hypermap.core.arrays import as_objects, as_point_xy, as_points_xy, places
+from hypermap.core.arrays import as_objects, as_point_xy, as_points_xy, true_in
 
 
 @pytest.mark.parametrize(
@@ -61,9 +61,8 @@ def test_sequences_stay_single_elements_of_an_object_array() -> None:
 
 
 @pytest.mark.parametrize("share", [0, 0.001, 0.02, 0.1, 0.5, 0.99, 1])
-@pytest.mark.parametrize("shape", [(0, 0), (3, 0), (1, 1), (1, 7), (2, 4), (5, 13), (90, 101)])
-def test_what_is_true_is_found_by_rows(shape: tuple[int, int], share: float) -> None:
-    mask = np.random.default_rng(3).random(shape) < share
-    for looked_at in (mask, mask[::2, 1:], mask.T):
-        rows, cols = places(looked_at)
-        assert np.stack([rows, cols]).tolist() == np.stack(np.nonzero(looked_at)).tolist()
+@pytest.mark.parametrize("count", [0, 1, 7, 8, 65, 9090])
+def test_what_is_true_is_found(count: int, share: float) -> None:
+    mask = np.random.default_rng(3).random(2 * count) < share
+    for looked_at in (mask[:count], mask[1 : count + 1], mask[::2]):
+        assert true_in(looked_at).tolist() == np.flatnonzero(looked_at).tolist()

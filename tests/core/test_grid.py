@@ -182,6 +182,30 @@ def test_windows_of_a_few_rows_show_what_one_of_all_does(grid, area, at_once) ->
     assert cells == list(zip(*np.nonzero(whole), strict=True))
 
 
+@given(grids, areas(), st.integers(1, 60), st.data())
+def test_a_window_sifts_the_cells_that_are_chosen(grid, area, at_once, data) -> None:
+    whole = mask_of([grid.window_in(area)], grid)
+    seed, share = data.draw(st.integers(0, 99)), data.draw(st.sampled_from([0.02, 0.5, 1]))
+    wanted = np.random.default_rng(seed).random(grid.shape) < share
+    with mock.patch("hypermap.core.grid.AT_ONCE", at_once):
+        windows = list(grid.windows_in(area))
+
+    cells = [
+        cell
+        for window in windows
+        for cell in zip(*window.cells(window.positions(wanted[window.slices])), strict=True)
+    ]
+    assert cells == list(zip(*np.nonzero(whole & wanted), strict=True))
+
+
+@given(st.integers(1, 200), areas())
+def test_rows_are_crossed_in_parts_where_there_are_many(at_once: int, area: BaseGeometry) -> None:
+    grid = GridGeometry(40, 30, 0.25, Pose2D(-5.0, -4.0))
+    expected = grid.window_in(area)
+    with mock.patch("hypermap.core.spans._AT_ONCE", at_once):
+        assert grid.window_in(area).spans.tolist() == expected.spans.tolist()
+
+
 def mask_of(windows: list[Window], grid: GridGeometry) -> np.ndarray:
     mask = np.zeros(grid.shape, dtype=bool)
     for window in windows:

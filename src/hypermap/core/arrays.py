@@ -81,22 +81,15 @@ def as_view(array: NDArray[Any]) -> memoryview[Any]:
     return memoryview(np.ascontiguousarray(array))  # type: ignore[arg-type]  # numpy's stubs
 
 
-def places(mask: BoolArray) -> tuple[IntArray, IntArray]:
-    """Return rows and columns of what is true, by rows; much faster than `numpy.nonzero`.
+def true_in(flat: BoolArray) -> IntArray:
+    """Return what `numpy.flatnonzero` does; of masks with little in them, in half the time.
 
     Args:
-        mask: shape (rows, columns).
+        flat: shape (N,).
 
-    >>> places(np.array([[False, True], [True, False]]))
-    (array([0, 1]), array([1, 0]))
+    >>> true_in(np.array([False, True, True]))
+    array([1, 2])
     """
-    flat, width = _true_in(np.ravel(mask)), max(1, mask.shape[1])
-    rows = flat // width
-    return rows, flat - rows * width
-
-
-def _true_in(flat: BoolArray) -> IntArray:
-    """Return what `numpy.flatnonzero` does; of masks with little in them, in half the time."""
     whole = len(flat) - len(flat) % 8
     words = np.ascontiguousarray(flat[:whole]).view(np.uint64)
     places = np.flatnonzero(words != 0)

@@ -5,17 +5,17 @@ from __future__ import annotations
 import math
 import operator
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
 from shapely.geometry.base import BaseGeometry
 
-from hypermap.core.arrays import BoolArray, IntArray, as_points_xy, places
+from hypermap.core.arrays import BoolArray, IntArray, as_points_xy, true_in
 from hypermap.core.frames import Pose2D
 from hypermap.core.shapes import as_area
-from hypermap.core.spans import covered, filled
+from hypermap.core.spans import covered, filled, outlines
 
 _DECIMALS = 6  # of a cell
 _FAR = 1e12  # metres; no grid reaches there
@@ -101,9 +101,9 @@ class GridGeometry:
 
     def centers(self, rows: ArrayLike, cols: ArrayLike) -> NDArray[np.float64]:
         """Return the centres of cells in the layer's frame, metres, shape (N, 2)."""
-        centers = np.column_stack([np.asarray(cols), np.asarray(rows)]) + 0.5
+        centers = np.column_stack([np.add(cols, 0.5), np.add(rows, 0.5)])
         centers *= self.resolution
-        return self.origin.apply(centers)
+        return centers if self.origin.is_identity else self.origin.apply(centers)
 
     def corners(self) -> NDArray[np.float64]:
         """Return the grid's corners, counter-clockwise from the origin, metres, shape (4, 2)."""
@@ -129,49 +129,36 @@ class GridGeometry:
 
     def window_in(self, area: BaseGeometry) -> Window:
         """Return the cells that `cells_in` returns, as a mask over the part around them."""
-        row, col, (height, width), spans = self._covered(area)
-        inside = filled(spans, 0, height * width)
-        return Window(row, col, inside.reshape(height, width))
-
-    def windows_in(self, area: BaseGeometry | None) -> Iterator[Window]:
-        """Yield what `window_in` returns in parts of whole rows, some `AT_ONCE` cells each.
-
-        Args:
-            area: as there; None for all of the grid.
-        """
-        if area is None:
-            yield from self._windows()
-            return
-        row, col, (height, width), spans = self._covered(area)
-        for first, last in _bands(height, width):
-            inside = filled(spans, first * width, last * width)
-            yield Window(row + first, col, inside.reshape(last - first, width))
-
-    def _windows(self) -> Iterator[Window]:
-        """Yield all of the grid in parts of whole rows."""
-        bands = list(_bands(*self.shape))
-        everywhere = np.ones((bands[0][1], self.width), dtype=bool)
-        for first, last in bands:
-            yield Window(first, 0, everywhere[: last - first])
-
-    def _covered(self, area: BaseGeometry) -> tuple[int, int, tuple[int, int], IntArray]:
-        """Return row, column and shape of the part around an area, and the spans covered there."""
         # In units of cells, shifted so that the centre of cell (row, col) is the point (col, row).
         # Rounding puts corners that are meant to lie on a centre exactly there.
         to_cells = self.origin.inverse()
-        local = shapely.transform(
-            as_area(area),
-            lambda xy: np.round(to_cells.apply(xy) / self.resolution - 0.5, _DECIMALS),
-        )
-        if local.is_empty:
-            return 0, 0, (0, 0), np.empty(0, dtype=np.int64)
-        x0, y0, x1, y1 = local.bounds
+        local = []
+        for part in outlines(as_area(area)):
+            places = np.round(to_cells.apply(part.points) / self.resolution - 0.5, _DECIMALS)
+            local.append(replace(part, points=places))
+        if not local:
+            return Window(0, 0, (0, 0), np.empty(0, dtype=np.int32))
+        points = np.concatenate([part.points for part in local])
+        (x0, y0), (x1, y1) = points.min(axis=0).tolist(), points.max(axis=0).tolist()
         col = min(max(0, math.ceil(x0)), self.width)
         row = min(max(0, math.ceil(y0)), self.height)
         col_end = min(max(col, math.floor(x1) + 1), self.width)
         row_end = min(max(row, math.floor(y1) + 1), self.height)
         shape = (row_end - row, col_end - col)
-        return row, col, shape, covered(local, shape, row, col)
+        return Window(row, col, shape, covered(local, shape, row, col))
+
+    def windows_in(self, area: BaseGeometry | None) -> Iterator[Window]:
+        """Yield what `window_in` returns in parts of some `AT_ONCE` cells each, by rows.
+
+        Args:
+            area: as there; None for all of the grid.
+        """
+        if area is not None:
+            yield from self.window_in(area).parts()
+            return
+        for first, last in _bands(*self.shape):
+            shape = (last - first, self.width)
+            yield Window(first, 0, shape, np.array([0, math.prod(shape)]))
 
 
 def _bands(height: int, width: int) -> Iterator[tuple[int, int]]:
@@ -187,24 +174,69 @@ class Window:
     Attributes:
         row: first row.
         col: first column.
-        inside: shape (rows, columns) of the part.
+        shape: rows and columns of the part.
+        spans: where runs of cells that lie in the area begin and end, in turns and never
+            descending, as positions in the flattened part; no run is in two rows.
     """
 
     row: int
     col: int
-    inside: BoolArray
+    shape: tuple[int, int]
+    spans: IntArray
 
     @property
     def slices(self) -> tuple[slice, slice]:
         """What cuts the part out of an array of the whole grid."""
-        rows, cols = self.inside.shape
+        rows, cols = self.shape
         return slice(self.row, self.row + rows), slice(self.col, self.col + cols)
 
-    def cells(self, chosen: BoolArray | None = None) -> tuple[IntArray, IntArray]:
-        """Return rows and columns, in the grid, of the cells that lie in the area.
+    @property
+    def inside(self) -> BoolArray:
+        """Whether each cell of the part lies in the area, of its shape; made anew each time."""
+        return filled(self.spans, math.prod(self.shape)).reshape(self.shape)
+
+    def positions(self, chosen: BoolArray | None = None) -> IntArray:
+        """Return which cells lie in the area, as positions in the flattened part, shape (N,).
 
         Args:
             chosen: which cells of the part are wanted, of its shape; None for all.
         """
-        rows, cols = places(self.inside if chosen is None else self.inside & chosen)
-        return rows + self.row, cols + self.col
+        counts = self.spans[1::2] - self.spans[::2]
+        if chosen is None:
+            positions = np.repeat(self.spans[::2] - (np.cumsum(counts) - counts), counts)
+            return positions + np.arange(len(positions))
+        if 2 * counts.sum() < chosen.size:
+            return true_in((self.inside & chosen).ravel())
+        # Most often there are far fewer cells chosen than cells, and so it is them that we sift.
+        found = true_in(chosen.ravel())
+        ends = np.searchsorted(found, self.spans)
+        return found[slice(*ends)] if len(ends) == 2 else found[filled(ends, len(found))]
+
+    def cells(self, positions: IntArray | None = None) -> tuple[IntArray, IntArray]:
+        """Return rows and columns, in the grid, of cells.
+
+        Args:
+            positions: as `positions` returns them; None for those of all that lie in the area.
+        """
+        chosen = self.positions() if positions is None else positions
+        rows = chosen // max(1, self.shape[1])
+        return rows + self.row, chosen - rows * self.shape[1] + self.col
+
+    def parts(self) -> Iterator[Window]:
+        """Yield the cells that lie in the area as windows of some `AT_ONCE` cells each, by rows."""
+        begins, ends = self.spans[::2], self.spans[1::2]
+        height, width = self.shape
+        if height * width <= AT_ONCE:
+            yield self
+            return
+        some = begins < ends
+        rows = begins[some] // max(1, width)
+        begins, ends = begins[some] - rows * width, ends[some] - rows * width
+        for first, last in _bands(height, width):
+            here = slice(*np.searchsorted(rows, [first, last]).tolist())
+            if here.start == here.stop:
+                continue
+            left, right = begins[here].min().item(), ends[here].max().item()
+            offsets = (rows[here] - first) * (right - left) - left
+            spans = np.column_stack([begins[here] + offsets, ends[here] + offsets]).ravel()
+            yield Window(self.row + first, self.col + left, (last - first, right - left), spans)

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.arrays import BoolArray, IntArray, ObjectArray, as_points_xy
-from hypermap.core.grid import GridGeometry
+from hypermap.core.grid import GridGeometry, Window
 from hypermap.core.layer import Hits, Layer, RasterPicture
 
 UNKNOWN, FREE, OCCUPIED = -1, 0, 100
@@ -87,21 +87,21 @@ class OccupancyLayer(Layer):
         """Return the value and centre of each cell whose centre the area covers, by rows."""
         if self.grid is None or self.cells is None:
             return Hits(np.empty(0, np.int32), np.empty((0, 2)))
-        values, points = [np.empty(0, np.int32)], [np.empty((0, 2))]
+        values, found = [np.empty(0, np.int32)], []
         for window in self.grid.windows_in(area):
             values.append(self.cells[window.slices][window.inside].astype(np.int32))
-            points.append(self.grid.centers(*window.cells()))
-        return Hits(np.concatenate(values), np.concatenate(points))
+            found.append((window, window.positions()))
+        return Hits(np.concatenate(values), _centers(self.grid, found))
 
     def find(self, what: str | float, area: BaseGeometry | None = None) -> NDArray[np.float64]:
         """Return the centres of the cells with a label or value, shape (M, 2), by rows."""
         if self.grid is None or self.cells is None:
             return np.empty((0, 2))
-        points = [np.empty((0, 2))]
-        for window in self.grid.windows_in(area):
-            matches = _matches(self.cells[window.slices], what)
-            points.append(self.grid.centers(*window.cells(matches)))
-        return np.concatenate(points)
+        found = [
+            (window, window.positions(_matches(self.cells[window.slices], what)))
+            for window in self.grid.windows_in(area)
+        ]
+        return _centers(self.grid, found)
 
     def counts(self) -> dict[str, int]:
         """Return how many cells have each label; nothing for an empty layer."""
@@ -136,6 +136,16 @@ def _checked(cells: NDArray[np.integer[Any]], grid: GridGeometry) -> NDArray[Any
     view = np.ascontiguousarray(array).view()
     view.flags.writeable = False
     return view
+
+
+def _centers(grid: GridGeometry, found: list[tuple[Window, IntArray]]) -> NDArray[np.float64]:
+    """Return the centres of cells, at positions in windows, shape (M, 2)."""
+    points = np.empty((sum(len(positions) for _, positions in found), 2))
+    end = 0
+    for window, positions in found:
+        begin, end = end, end + len(positions)
+        points[begin:end] = grid.centers(*window.cells(positions))
+    return points
 
 
 def _labels(values: IntArray) -> ObjectArray:

@@ -267,9 +267,9 @@ def _count_cells(layer: OccupancyLayer, area: BaseGeometry) -> dict[str, int]:
     if layer.grid is None or layer.cells is None:
         return {}
     window = layer.grid.window_in(area)
-    if not window.inside.any():
-        return {}
     inside = layer.cells[window.slices][window.inside]
+    if not len(inside):
+        return {}
     free = int(np.count_nonzero(inside == FREE))
     occupied = int(np.count_nonzero(inside == OCCUPIED))
     return dict(zip(LABELS, (free, occupied, len(inside) - free - occupied), strict=True))
