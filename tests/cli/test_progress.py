@@ -26,3 +26,10 @@ def test_elsewhere_a_plain_line_comes_now_and_then(capsys):
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith("mapping: 1 of 40 frames, ")
     assert "3 objects" in line
+
+
+def test_a_pace_leaves_out_the_first_frame_which_loads_code(monkeypatch):
+    clock = iter([10.0, 10.5, 12.0])
+    monkeypatch.setattr(progress.time, "monotonic", lambda: next(clock))
+    pace = progress.Pace()
+    assert [pace.after(done) for done in (1, 2, 5)] == [0.0, 2.0, 2.0]

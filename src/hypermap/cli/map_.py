@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from hypermap.core.hypermap import Hypermap
     from hypermap.core.occupancy import OccupancyLayer
     from hypermap.mapping.config import MappingConfig
-    from hypermap.mapping.mapper import MappedFrame, Mapper
+    from hypermap.mapping.mapper import MappedFrame, Mapper, Progress
     from hypermap.perception.detections import DetectionSource
     from hypermap.perception.recording import Recording
     from hypermap.recordings import RecordingOptions
@@ -217,11 +217,11 @@ def _make_map(
     watchers: list[Callable[[MappedFrame, Mapper], None]],
 ) -> tuple[Hypermap, bool]:
     """Return the map, and whether it is that of the whole recording."""
-    from hypermap.cli.progress import mapping_progress
+    from hypermap.cli.progress import Pace, mapping_progress
     from hypermap.cli.stopping import StoppableRecording
     from hypermap.mapping.mapper import map_recording
 
-    started = time.monotonic()
+    started, pace, rate = time.monotonic(), Pace(), 0.0
     with mapping_progress(frames) as report:
         stoppable = StoppableRecording(recording, stop)
 
@@ -229,13 +229,18 @@ def _make_map(
             for watcher in watchers:
                 watcher(mapped, mapper)
 
+        def tell(progress: Progress) -> None:
+            nonlocal rate
+            rate = pace.after(progress.done)
+            report(progress)
+
         try:
             hypermap = map_recording(
                 stoppable,
                 source,
                 settings,
                 occupancy,
-                watched.beside(report),
+                watched.beside(tell),
                 watch if watchers else None,
             )
         except HypermapError:
@@ -245,8 +250,9 @@ def _make_map(
     seconds = time.monotonic() - started
     counts = hypermap.metadata["frames"]
     total = sum(counts.values())
+    pace_told = f" ({rate:.1f}/s after the first, which loads compiled code)" if rate else ""
     note(
-        f"{total} frames in {seconds:.1f} s ({total / seconds:.1f}/s): {counts['used']} used, "
+        f"{total} frames in {seconds:.1f} s{pace_told}: {counts['used']} used, "
         f"{counts['skipped']} skipped because the camera had hardly moved, "
         f"{counts['unusable']} unusable"
     )

@@ -17,6 +17,21 @@ _EVERY = 5.0  # seconds between two plain lines
 Report: TypeAlias = "Callable[[Progress], None]"
 
 
+class Pace:
+    """Frames per second from the end of the first frame on, which also loads compiled code."""
+
+    def __init__(self) -> None:
+        self._first: tuple[float, int] | None = None
+
+    def after(self, done: int) -> float:
+        """Return the rate, now that so many frames are done; 0 after the first one."""
+        now = time.monotonic()
+        if self._first is None:
+            self._first = now, done
+        began, before = self._first
+        return (done - before) / (now - began) if done > before else 0.0
+
+
 @contextmanager
 def mapping_progress(total: int) -> Iterator[Report]:
     """Show the progress of mapping `total` frames while the caller reports it."""
@@ -68,7 +83,7 @@ def _count_lines(what: str, total: int, units: str) -> Callable[[], None]:
 def _bar(total: int) -> Iterator[Report]:
     from rich import progress as rich
 
-    started = time.monotonic()
+    pace = Pace()
     with rich.Progress(
         rich.TextColumn("mapping"),
         rich.BarColumn(),
@@ -81,28 +96,25 @@ def _bar(total: int) -> Iterator[Report]:
         task = bar.add_task("mapping", total=total, rate=0.0, objects=0)
 
         def report(progress: Progress) -> None:
-            rate = progress.done / (time.monotonic() - started)
+            rate = pace.after(progress.done)
             bar.update(task, completed=progress.done, rate=rate, objects=progress.objects)
 
         yield report
 
 
 def _lines(total: int) -> Report:
-    started = last = 0.0
-    before = 0  # frames; the first one is slow, as what it needs is loaded
+    pace, told = Pace(), 0.0
 
     def report(progress: Progress) -> None:
-        nonlocal started, last, before
+        nonlocal told
         now = time.monotonic()
+        rate = pace.after(progress.done)
         text = f"mapping: {progress.done} of {total} frames, {progress.objects} objects"
-        if before == 0:
-            started, before = now, progress.done
-        elif now - last < _EVERY:
+        if rate and now - told < _EVERY:
             return
-        else:
-            rate = (progress.done - before) / (now - started)
+        if rate:
             text += f", {rate:.1f}/s, {(total - progress.done) / rate:.0f} s left"
-        last = now
+        told = now
         note(text)
 
     return report
