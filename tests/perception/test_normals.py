@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from hypermap.perception.frame import Camera, RgbdFrame
 from hypermap.perception.normals import TOO_FEW, TOO_MANY, fit_planes, planes_through
 from hypermap.perception.padded import MARGIN, planes_of
+from hypermap.perception.smooth import fit_smooth
 from hypermap.perception.unorganised import normals_of
 
 CAMERA = Camera.from_intrinsics(60, 60, 19.5, 14.5, 40, 30)
@@ -58,6 +59,22 @@ def test_the_normals_of_a_plane_are_its_normal_everywhere(slope: tuple[float, fl
     ):
         np.testing.assert_allclose(np.abs(normals @ normal), 1, atol=1e-5)
         np.testing.assert_allclose(curvatures, 0, atol=1e-3)  # depth is not quite affine
+
+
+@pytest.mark.parametrize("k", [5, 200])
+def test_the_windows_of_a_plane_are_as_large_as_k(k: int) -> None:
+    normal = np.array([0.3, 0.2, 1.0]) / np.linalg.norm([0.3, 0.2, 1.0])
+    points = tilted_plane(tuple(normal))
+    valid = np.isfinite(points[..., 2])
+    planes, wanted = planes_of(points, valid, 0, 0, *valid.shape), np.pad(valid, MARGIN)
+    half = round((np.sqrt(k) - 1) / 2)
+    fx, fy = np.float32(FOCAL)
+    normals, _, _, rough = fit_smooth(planes, wanted, np.float32(k), (0,) * half, fx, fy)
+    is_smooth = wanted.copy()
+    is_smooth.ravel()[rough] = False
+    # All but those whose windows reach past the image.
+    np.testing.assert_array_equal(is_smooth, np.pad(valid[half:-half, half:-half], MARGIN + half))
+    np.testing.assert_allclose(np.abs(normals[:, is_smooth].T @ normal), 1, atol=1e-5)
 
 
 @pytest.mark.parametrize("holes", [0.0, 0.4, 0.9])

@@ -6,6 +6,8 @@ windows around the pixel.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numba import njit, uint64
 from numpy.typing import NDArray
@@ -47,7 +49,8 @@ def fit_planes(
         mean something where wanted only.
     """
     fx, fy = map(np.float32, focal)
-    normals, curvatures, radii2, rough = fit_smooth(planes, wanted, np.float32(k), fx, fy)
+    half = (0,) * max(round((math.sqrt(k) - 1) / 2), 1)
+    normals, curvatures, radii2, rough = fit_smooth(planes, wanted, np.float32(k), half, fx, fy)
     covariances = _covariances(planes, rough, np.float32(k), 1 / max(fx, fy), radii2)
     rough_normals, rough_curvatures = planes_through(covariances)
     _put(rough, rough_normals, rough_curvatures, normals, curvatures)

@@ -6,8 +6,6 @@ the pixel but for what is far below the noise. So a few sums over the window giv
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numba import njit, uint64
 
@@ -18,128 +16,186 @@ from hypermap.perception.padded import FAR, MARGIN
 SMOOTH = 0.3
 FACING = 0.4  # least cosine between the plane's normal and the ray; else the window is too wide
 
-_BLOCK = 64  # pixels of a row that are done together
-# What lets loops use vector registers; NaN and infinity keep their meaning.
+# Unsigned: numba then knows that an index is not from the end, and loops use vector registers.
+_BLOCK = uint64(64)  # pixels of a row that are done together
+_SIDE = uint64(16)  # pixels to each side of these that their windows may reach
+_WIDTH = _BLOCK + 2 * _SIDE
+_STEP = uint64(16)  # pixels of a row in which the next block is looked for
+_TWO, _THREE, _FOUR = uint64(2), uint64(3), uint64(4)
+# NaN and infinity keep their meaning.
 _VECTORS = {"reassoc", "contract", "nsz", "arcp"}
 
 
 @njit(cache=True, error_model="numpy")
-def fit_smooth(planes, wanted, k, fx, fy):  # type: ignore[no-untyped-def]
+def fit_smooth(planes, wanted, k, half, fx, fy):  # type: ignore[no-untyped-def]
     """Do what `normals.fit_planes` does, but only where the surface is smooth.
 
-    Its windows hold the odd square number of points next to k.
+    Args:
+        planes: the cloud with its margins, shape (3, H, W).
+        wanted: where there is a point whose normal is wanted, not in the margins, shape (H, W).
+        k: how many points the radius is meant to hold.
+        half: as many items, up to 16, as windows have rows above their middle, and below, and
+            columns to each side; loops over a tuple, whose length is known, are unrolled.
+        fx: focal length along rows [pixels].
+        fy: focal length along columns [pixels].
 
     Returns:
         What `fit_planes` returns, without a meaning where the surface is not smooth, and the places
         where it is not, int32, increasing, shape (N,).
     """
-    half = max(round((math.sqrt(k) - 1) / 2), 1)
     shape, stride = wanted.shape, wanted.shape[1]
     x, y, z, is_wanted = planes[0].ravel(), planes[1].ravel(), planes[2].ravel(), wanted.ravel()
     normals = np.empty((3, len(z)), np.float32)
     curvatures, radii2 = np.empty(len(z), np.float32), np.empty(len(z), np.float32)
     rough = np.empty(len(z), np.int32)
-    count = 0
-    columns, sums = np.empty(6 * _BLOCK, np.float32), np.empty(4 * _BLOCK, np.float32)
-    found = np.empty(6 * _BLOCK, np.float32)
+    count = uint64(0)
+    columns, sums = np.empty(_THREE * _WIDTH, np.float32), np.empty(_FOUR * _BLOCK, np.float32)
+    found, is_rough = np.empty((5, _BLOCK), np.float32), np.empty(_BLOCK, np.bool_)
     for row in range(MARGIN, shape[0] - MARGIN):
-        for start in range(row * stride + MARGIN, (row + 1) * stride - MARGIN, _BLOCK):
-            is_any = False  # `any` would not look at many at once
-            for i in range(uint64(_BLOCK)):
-                is_any |= is_wanted[uint64(start) + i]
-            if not is_any:
+        start, end = uint64(row * stride + MARGIN), uint64((row + 1) * stride - MARGIN)
+        while start < end:
+            if not _any(is_wanted, start):
+                start += _STEP
                 continue
-            _fit_windows(x, y, z, stride, start, k, half, fx, fy, columns, sums, found)
-            end = start + _BLOCK
+            middle = _depth_of(z, start)
+            _sum_columns(z, middle, start - _SIDE, uint64(stride), half, columns)
+            _sum_windows(columns, half, sums)
+            _fit_windows(x, y, z, start, k, half, fx, fy, middle, sums, found.ravel(), is_rough)
             for axis in range(3):
-                normals[axis, start:end] = found[axis * _BLOCK : (axis + 1) * _BLOCK]
-            curvatures[start:end] = found[3 * _BLOCK : 4 * _BLOCK]
-            radii2[start:end] = found[4 * _BLOCK : 5 * _BLOCK]
+                _copy(found[axis], normals[axis], start)
+            _copy(found[3], curvatures, start)
+            _copy(found[4], radii2, start)
+            is_any = False
             for i in range(_BLOCK):
-                rough[count] = start + i
-                count += is_wanted[start + i] & (found[i + 5 * _BLOCK] == 0)
+                is_rough[i] &= is_wanted[start + i]
+                is_any |= is_rough[i]
+            if is_any:
+                for i in range(_BLOCK):
+                    rough[count] = start + i
+                    count += uint64(is_rough[i])
+            start += _BLOCK
     normals = normals.reshape((3, *shape))
     return normals, curvatures.reshape(shape), radii2.reshape(shape), rough[:count].copy()
 
 
+@njit(cache=True)
+def _any(is_wanted, start):  # type: ignore[no-untyped-def]
+    """Return whether any of some pixels is wanted; `any` would not look at many at once."""
+    found = False
+    for i in range(_STEP):
+        found |= is_wanted[start + i]
+    return found
+
+
+@njit(cache=True)
+def _depth_of(z, start):  # type: ignore[no-untyped-def]
+    """Return the depth of some point of a block; 0 if there is none."""
+    for i in range(_BLOCK):
+        if z[start + i] < FAR:
+            return z[start + i]
+    return np.float32(0)
+
+
+@njit(cache=True)
+def _copy(found, out, start):  # type: ignore[no-untyped-def]
+    """Write the values of a block into those of all pixels."""
+    for i in range(uint64(len(found))):
+        out[start + i] = found[i]
+
+
 @njit(cache=True, error_model="numpy", fastmath=_VECTORS)
-def _fit_windows(x, y, z, stride, start, k, half, fx, fy, columns, sums, found):  # type: ignore[no-untyped-def]
+def _sum_columns(z, middle, first, stride, half, columns):  # type: ignore[no-untyped-def]
+    """Sum up z, v z and zz over the columns of windows, with v and z counted from the middle.
+
+    Args:
+        z: of the cloud, with its margins.
+        middle: a depth near those of the points, so that the squares stay precise.
+        first: place of the first column's middle.
+        stride: places from row to row.
+        half: as in `fit_smooth`.
+        columns: receives the sums, shape (3 * _WIDTH,).
+    """
+    for i in range(_WIDTH):
+        at = first + i
+        depth = z[at] - middle
+        sum_z, sum_vz, sum_zz = depth, np.float32(0), depth * depth
+        for row in range(len(half)):
+            step = uint64(row + 1) * stride
+            upper, lower = z[at - step] - middle, z[at + step] - middle
+            sum_z += upper + lower
+            sum_vz += np.float32(row + 1) * (lower - upper)
+            sum_zz += upper * upper + lower * lower
+        columns[i] = sum_z
+        columns[i + _WIDTH] = sum_vz
+        columns[i + _TWO * _WIDTH] = sum_zz
+
+
+@njit(cache=True, error_model="numpy", fastmath=_VECTORS)
+def _sum_windows(columns, half, sums):  # type: ignore[no-untyped-def]
+    """Sum up z, u z, v z and zz over the windows around a block, with u from the middle.
+
+    Args:
+        columns: z, v z and zz of columns, shape (3 * _WIDTH,).
+        half: as in `fit_smooth`.
+        sums: receives the sums, shape (4 * _BLOCK,).
+    """
+    for i in range(_BLOCK):
+        z, vz, zz = i + _SIDE, i + _SIDE + _WIDTH, i + _SIDE + _TWO * _WIDTH
+        sum_z, sum_uz, sum_vz, sum_zz = columns[z], np.float32(0), columns[vz], columns[zz]
+        for column in range(len(half)):
+            step = uint64(column + 1)
+            left, right = columns[z - step], columns[z + step]
+            sum_z += left + right
+            sum_uz += np.float32(column + 1) * (right - left)
+            sum_vz += columns[vz - step] + columns[vz + step]
+            sum_zz += columns[zz - step] + columns[zz + step]
+        sums[i] = sum_z
+        sums[i + _BLOCK] = sum_uz
+        sums[i + _TWO * _BLOCK] = sum_vz
+        sums[i + _THREE * _BLOCK] = sum_zz
+
+
+@njit(cache=True, error_model="numpy", fastmath=_VECTORS)
+def _fit_windows(x, y, z, start, k, half, fx, fy, middle, sums, found, is_rough):  # type: ignore[no-untyped-def]
     """Fit planes z = a u + b v + c to the square windows around a block of pixels.
 
     Args:
         x: of the cloud, with its margins.
         y: of the same.
         z: of the same.
-        stride: places from row to row.
         start: the first pixel's place.
         k: how many points the radius is meant to hold.
-        half: rows and columns of a window above, below and beside its middle.
+        half: as in `fit_smooth`.
         fx: focal length along rows [pixels].
         fy: focal length along columns [pixels].
-        columns: room for sums of columns, shape (6 * _BLOCK,).
-        sums: room for sums of windows, shape (4 * _BLOCK,).
-        found: receives the normals, the curvature, the squared radius, and 1 where the surface is
-            smooth, else 0, shape (6 * _BLOCK,).
+        middle: the depth that others are counted from.
+        sums: of z, u z, v z and zz over the windows, shape (4 * _BLOCK,).
+        found: receives normals, curvatures and squared radii, shape (5 * _BLOCK,).
+        is_rough: receives whether the surface is not smooth, shape (_BLOCK,).
     """
-    one, n = np.float32(1), np.float32((2 * half + 1) ** 2)
-    middle = np.float32(0)  # depths are counted from there, so that their squares stay precise
-    for i in range(_BLOCK):
-        if z[start + i] < FAR:
-            middle = z[start + i]
-            break
-    # Of the windows' columns: z, v z and zz, from the middle outwards.
-    first = uint64(start - half)
-    width = uint64(_BLOCK + 2 * half)
-    for i in range(width):
-        depth = z[first + i] - middle
-        columns[i] = depth
-        columns[i + 2 * _BLOCK] = 0
-        columns[i + 4 * _BLOCK] = depth * depth
-    for row in range(1, half + 1):
-        above, below = first - uint64(row * stride), first + uint64(row * stride)
-        v = np.float32(row)
-        for i in range(width):
-            upper, lower = z[above + i] - middle, z[below + i] - middle
-            columns[i] += upper + lower
-            columns[i + 2 * _BLOCK] += v * (lower - upper)
-            columns[i + 4 * _BLOCK] += upper * upper + lower * lower
-    # Of the windows: z, u z, v z and zz.
-    for i in range(uint64(_BLOCK)):
-        column = i + uint64(half)
-        sums[i] = columns[column]
-        sums[i + _BLOCK] = 0
-        sums[i + 2 * _BLOCK] = columns[column + 2 * _BLOCK]
-        sums[i + 3 * _BLOCK] = columns[column + 4 * _BLOCK]
-    for step in range(1, half + 1):
-        u = np.float32(step)
-        for i in range(uint64(_BLOCK)):
-            left, right = i + uint64(half - step), i + uint64(half + step)
-            sums[i] += columns[left] + columns[right]
-            sums[i + _BLOCK] += u * (columns[right] - columns[left])
-            sums[i + 2 * _BLOCK] += columns[left + 2 * _BLOCK] + columns[right + 2 * _BLOCK]
-            sums[i + 3 * _BLOCK] += columns[left + 4 * _BLOCK] + columns[right + 4 * _BLOCK]
-    squares = n * np.float32(half * (half + 1) / 3)  # of u, or of v
+    one, n = np.float32(1), np.float32((2 * len(half) + 1) ** 2)
+    squares = n * np.float32(len(half) * (len(half) + 1) / 3)  # of u, or of v
     reach = k / (np.float32(np.pi) * fx * fy)
-    for i in range(uint64(_BLOCK)):
-        place = uint64(start) + i
+    for i in range(_BLOCK):
+        place = start + i
         mean = sums[i] / n
-        a, b = sums[i + _BLOCK] / squares, sums[i + 2 * _BLOCK] / squares
-        error = sums[i + 3 * _BLOCK] / n - mean * mean - (a * a + b * b) * (squares / n)
+        a, b = sums[i + _BLOCK] / squares, sums[i + _TWO * _BLOCK] / squares
+        error = sums[i + _THREE * _BLOCK] / n - mean * mean - (a * a + b * b) * (squares / n)
         depth, nx, ny = mean + middle, a * fx, b * fy
         nz = -depth - (nx * x[place] + ny * y[place]) / z[place]
         length2 = nx * nx + ny * ny + nz * nz
         length = np.sqrt(length2)
+        scale = one / length
         radius2 = reach * depth * length
-        error = max(error, np.float32(0)) * depth * depth / length2  # at right angles to the plane
-        is_smooth = (
+        across = depth * scale  # cosine between the normal and the ray
+        error = max(error, np.float32(0)) * across * across  # at right angles to the plane
+        is_rough[i] = not (
             (error <= np.float32(SMOOTH**2) * radius2)
-            & (depth >= np.float32(FACING) * length)
+            & (across >= np.float32(FACING))
             & (depth * n < FAR)  # no pixel without a point
         )
-        scale = one / length
         found[i] = nx * scale
         found[i + _BLOCK] = ny * scale
-        found[i + 2 * _BLOCK] = nz * scale
-        found[i + 3 * _BLOCK] = error / (error + np.float32(0.5) * radius2)
-        found[i + 4 * _BLOCK] = radius2
-        found[i + 5 * _BLOCK] = one if is_smooth else np.float32(0)
+        found[i + _TWO * _BLOCK] = nz * scale
+        found[i + _THREE * _BLOCK] = error / (error + np.float32(0.5) * radius2)
+        found[i + _FOUR * _BLOCK] = radius2
