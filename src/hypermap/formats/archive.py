@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import os
 import shutil
 import stat
 import struct
@@ -10,11 +11,12 @@ import zipfile
 import zlib
 from collections.abc import Container, Mapping
 from pathlib import Path
+from typing import BinaryIO
 
 from hypermap.core.errors import FormatError, HypermapError
 from hypermap.formats import limits
 from hypermap.formats.atomic import write_file
-from hypermap.formats.store import MemoryStore, read_file, safe_name
+from hypermap.formats.store import MemoryStore, open_file, safe_name
 
 _NO_TIME = (1980, 1, 1, 0, 0, 0)  # the zip format's zero
 _ENCRYPTED = 0x1
@@ -22,6 +24,7 @@ _LEVEL, _FAST_LEVEL = 6, 1  # large files: a third of the time, an eighth more
 _COMPRESSED_ALREADY = (b"\x89PNG", b"\xff\xd8\xff", b"PAR1")
 _PIECE = 1 << 20  # bytes
 _END_OF_DIRECTORY = b"PK\x05\x06"
+_LONGEST_END = 22 + 0xFFFF  # bytes, with a comment
 
 
 def read_archive(path: str | Path) -> MemoryStore:
@@ -33,22 +36,26 @@ def read_archive(path: str | Path) -> MemoryStore:
             leads out of it.
     """
     path = Path(path)
-    packed = read_file(path, limits.MAX_ARCHIVE_BYTES)
-    if not packed.startswith(b"PK"):
-        problem = "is not a zip archive" if packed else "is empty"
-        raise FormatError(problem, path=path)
+    with open_file(path, limits.MAX_ARCHIVE_BYTES) as file:
+        files = _files_in(file, path)
+    return MemoryStore(files, where=str(path))
+
+
+def _files_in(file: BinaryIO, path: Path) -> dict[str, bytes]:
     try:
-        _check_member_count(packed)
-        with zipfile.ZipFile(io.BytesIO(packed)) as archive:
+        start = file.read(2)
+        if start != b"PK":
+            raise FormatError("is not a zip archive" if start else "is empty")
+        _check_member_count(file)
+        with zipfile.ZipFile(file) as archive:
             members = [info for info in archive.infolist() if not info.is_dir()]
             _check_members(members)
-            files = {safe_name(info.filename): _unpacked(archive, info) for info in members}
+            return {safe_name(info.filename): _unpacked(archive, info) for info in members}
     except FormatError as error:
         raise FormatError(str(error), path=path) from error
     except _BROKEN as error:
         reason = str(error) or type(error).__name__
         raise FormatError(f"is not an intact zip archive: {reason}", path=path) from error
-    return MemoryStore(files, where=str(path))
 
 
 def write_archive(path: str | Path, files: Mapping[str, bytes]) -> None:
@@ -87,8 +94,10 @@ _BROKEN = (
 )
 
 
-def _check_member_count(packed: bytes) -> None:
+def _check_member_count(file: BinaryIO) -> None:
     """Bound the directory before zipfile makes an object of each of its entries."""
+    file.seek(max(0, file.seek(0, os.SEEK_END) - _LONGEST_END))
+    packed = file.read()
     end = packed.rfind(_END_OF_DIRECTORY)
     if end < 0 or len(packed) < end + 22:
         raise zipfile.BadZipFile("its end is missing")

@@ -7,6 +7,7 @@ import re
 import stat
 from collections.abc import Mapping
 from pathlib import Path
+from typing import BinaryIO
 
 from hypermap.core.errors import FileMissing, FormatError, HypermapError
 from hypermap.formats import limits
@@ -103,23 +104,27 @@ def read_file(path: Path, max_bytes: int | None = None) -> bytes:
     """Return the content of a regular file of bounded size.
 
     Raises:
+        As `open_file` does.
+    """
+    bound = limits.MAX_FILE_BYTES if max_bytes is None else max_bytes
+    with open_file(path, bound) as file:
+        try:
+            return file.read(bound)
+        except OSError as error:
+            raise HypermapError(f"{path}: cannot be read: {error.strerror}") from error
+
+
+def open_file(path: Path, max_bytes: int) -> BinaryIO:
+    """Return a regular file of bounded size, open for reading.
+
+    Raises:
         FileMissing: If there is no such file.
         FormatError: If it is a folder, a device or too large.
         HypermapError: If it cannot be read.
     """
-    bound = limits.MAX_FILE_BYTES if max_bytes is None else max_bytes
     try:
         # Without O_NONBLOCK, opening a pipe would wait for a writer.
-        with os.fdopen(os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0)), "rb") as file:
-            status = os.fstat(file.fileno())
-            if not stat.S_ISREG(status.st_mode):
-                raise FormatError("is not a regular file", path=path)
-            if status.st_size > bound:
-                raise FormatError(
-                    f"holds {status.st_size} bytes, more than the {bound} that are allowed",
-                    path=path,
-                )
-            return file.read(bound)
+        file = os.fdopen(os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0)), "rb")
     except (FileNotFoundError, NotADirectoryError):
         raise FileMissing(f"{path}: there is no such file") from None
     except IsADirectoryError:
@@ -128,6 +133,15 @@ def read_file(path: Path, max_bytes: int | None = None) -> bytes:
         raise HypermapError(f"{path}: cannot be read: {error.strerror}") from error
     except ValueError:  # a NUL character
         raise FileMissing(f"{str(path)!r}: there is no such file") from None
+    status = os.fstat(file.fileno())
+    if stat.S_ISREG(status.st_mode) and status.st_size <= max_bytes:
+        return file
+    file.close()
+    if not stat.S_ISREG(status.st_mode):
+        raise FormatError("is not a regular file", path=path)
+    raise FormatError(
+        f"holds {status.st_size} bytes, more than the {max_bytes} that are allowed", path=path
+    )
 
 
 def safe_name(name: str, where: str = "") -> str:
