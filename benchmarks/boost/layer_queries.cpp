@@ -1,13 +1,15 @@
 // Questions to many named polygons by an R-tree of boost::geometry, timed.
 //
-//     layer_queries FOLDER REPEAT
+//     layer_queries FOLDER
 //
 // The folder holds the inputs, as plain arrays: corners.i32 and names.i32 (one number per object),
 // xy.f64 (all corners, rings open), points.f64 and starts.f64 (x y), areas0.f64 to areas3.f64
-// (x0 y0 x1 y1 of each, small ones to large ones), and moves.f64 (x y by which one object after the
-// other is moved). Printed are the seconds of each repetition as JSON; answers go to WORK.answer as
-// int32, in the same folder, with -1 between those of several questions. Objects are numbered from
-// 0. The tree is packed when built, and an R*-tree of at most 16 boxes per node.
+// (x0 y0 x1 y1 of each, small ones to large ones), and moves.f64 (x y by which the first objects
+// are moved, and then back again). The first line printed is the version of Boost. Then it reads
+// the names of works, one per line: each is done once, its answers go to WORK.answer as int32, in
+// the same folder, with -1 after that to each question, and then again and again for 20 ms, and
+// the mean seconds are printed. Objects are numbered from 0. The tree is packed when built, and an
+// R*-tree of at most 16 boxes per node.
 
 #include <algorithm>
 #include <chrono>
@@ -41,6 +43,8 @@ using Answer = std::vector<std::int32_t>;
 
 constexpr int area_sizes = 4;
 constexpr int nearest_count = 10;
+constexpr std::size_t single_points = 1000;  // that are asked for one by one
+constexpr double long_enough = 0.02;         // seconds of a measured run
 
 template <typename Number>
 std::vector<Number> read(const std::string& path) {
@@ -152,90 +156,113 @@ Polygon moved_by(const Polygon& shape, double dx, double dy) {
   return moved;
 }
 
-// One object after the other is taken out, put back elsewhere, and asked for at its new centroid.
-void move_and_ask(Layer& layer, const std::vector<double>& moves, Answer& found) {
+struct Change {
+  std::int32_t object;
+  Polygon shape;
+};
+
+// The first objects moved one after the other, and then back.
+std::vector<Change> read_changes(const Layer& layer, const std::string& folder) {
+  const auto moves = read<double>(folder + "/moves.f64");
+  std::vector<Change> there, back;
   for (std::size_t i = 0; i < moves.size() / 2; ++i) {
-    const auto object = static_cast<std::int32_t>(i % layer.shapes.size());
+    const auto object = static_cast<std::int32_t>(i);
+    there.push_back({object, moved_by(layer.shapes[i], moves[2 * i], moves[2 * i + 1])});
+    back.push_back({object, layer.shapes[i]});
+  }
+  there.insert(there.end(), back.begin(), back.end());
+  return there;
+}
+
+// One object after the other is taken out, put back elsewhere, and asked for at its new centroid.
+void move_and_ask(Layer& layer, const std::vector<Change>& changes, Answer& found) {
+  for (const auto& [object, shape] : changes) {
     layer.tree.remove(layer.entry(object));
-    layer.put(object, moved_by(layer.shapes[object], moves[2 * i], moves[2 * i + 1]));
+    layer.put(object, shape);
     layer.tree.insert(layer.entry(object));
     found.push_back(layer.at(layer.centroids[object]));
+    found.push_back(-1);
   }
 }
 
+double seconds_of(const std::function<void(Answer&)>& ask, const std::string& path) {
+  Answer answer;
+  ask(answer);
+  std::ofstream file(path, std::ios::binary);
+  file.write(reinterpret_cast<const char*>(answer.data()), answer.size() * sizeof(answer[0]));
+  file.close();
+  const auto start = std::chrono::steady_clock::now();
+  std::chrono::duration<double> passed{};
+  int calls = 0;
+  while (passed.count() < long_enough) {
+    answer.clear();
+    ask(answer);
+    ++calls;
+    passed = std::chrono::steady_clock::now() - start;
+  }
+  return passed.count() / calls;
+}
+
 int main(int count, char** words) {
-  if (count != 3) {
-    std::cerr << "usage: layer_queries FOLDER REPEAT\n";
+  if (count != 2) {
+    std::cerr << "usage: layer_queries FOLDER\n";
     return 2;
   }
   const std::string folder = words[1];
-  const int repeat = std::atoi(words[2]);
   Layer layer = read_layer(folder);
+  layer.tree = packed(layer);
   const auto points = read<double>(folder + "/points.f64");
   const auto starts = read<double>(folder + "/starts.f64");
-  const auto moves = read<double>(folder + "/moves.f64");
+  const auto changes = read_changes(layer, folder);
   const std::int32_t name = layer.names.front();
 
-  std::map<std::string, std::vector<double>> seconds;
-  const auto time = [&](const std::string& work, const std::function<void(Answer&)>& ask) {
-    Answer answer;
-    for (int run = 0; run < repeat; ++run) {
-      answer.clear();
-      const auto start = std::chrono::steady_clock::now();
-      ask(answer);
-      const std::chrono::duration<double> passed = std::chrono::steady_clock::now() - start;
-      seconds[work].push_back(passed.count());
-    }
-    std::ofstream file(folder + "/" + work + ".answer", std::ios::binary);
-    file.write(reinterpret_cast<const char*>(answer.data()), answer.size() * sizeof(answer[0]));
-  };
-
-  time("build", [&](Answer&) { layer.tree = packed(layer); });
-  time("points", [&](Answer& found) {
-    found.reserve(points.size() / 2);
+  std::map<std::string, std::function<void(Answer&)>> works;
+  works["points"] = [&](Answer& found) {
+    found.reserve(points.size() / 2 + 1);
     for (std::size_t i = 0; i < points.size(); i += 2) {
       found.push_back(layer.at({points[i], points[i + 1]}));
     }
-  });
+    found.push_back(-1);
+  };
+  works["point"] = [&](Answer& found) {
+    for (std::size_t i = 0; i < std::min(points.size(), 2 * single_points); i += 2) {
+      found.push_back(layer.at({points[i], points[i + 1]}));
+      found.push_back(-1);
+    }
+  };
   for (int size = 0; size < area_sizes; ++size) {
     const std::string number = std::to_string(size);
     const auto areas = read<double>(folder + "/areas" + number + ".f64");
-    const auto ask_all = [&](std::int32_t asked_name, Answer& found) {
+    const auto ask_all = [&layer, areas](std::int32_t asked_name, Answer& found) {
       for (std::size_t i = 0; i < areas.size(); i += 4) {
         layer.in(Box({areas[i], areas[i + 1]}, {areas[i + 2], areas[i + 3]}), asked_name, found);
         found.push_back(-1);
       }
     };
-    time("area" + number, [&](Answer& found) { ask_all(-1, found); });
-    time("named" + number, [&](Answer& found) { ask_all(name, found); });
+    works["area" + number] = [=](Answer& found) { ask_all(-1, found); };
+    works["named" + number] = [=](Answer& found) { ask_all(name, found); };
   }
   // As ours: the centroids are the answer; the numbers tell them apart.
-  time("name", [&](Answer& found) {
+  works["name"] = [&](Answer& found) {
     std::vector<Point> places;
     for (const std::int32_t object : layer.of_name[name]) {
       places.push_back(layer.centroids[object]);
       found.push_back(object);
     }
-  });
-  time("nearest", [&](Answer& found) {
+    found.push_back(-1);
+  };
+  works["nearest"] = [&](Answer& found) {
     for (std::size_t i = 0; i < starts.size(); i += 2) {
       layer.nearest({starts[i], starts[i + 1]}, name, found);
       found.push_back(-1);
     }
-  });
-  time("moves", [&](Answer& found) { move_and_ask(layer, moves, found); });
+  };
+  works["moved"] = [&](Answer& found) { move_and_ask(layer, changes, found); };
 
-  std::cout << "{\"version\": \"" << BOOST_VERSION / 100000 << "." << BOOST_VERSION / 100 % 1000
-            << "\", \"seconds\": {";
-  const char* comma = "";
-  for (const auto& [work, runs] : seconds) {
-    std::cout << comma << "\"" << work << "\": [";
-    for (std::size_t run = 0; run < runs.size(); ++run) {
-      std::cout << (run ? ", " : "") << runs[run];
-    }
-    std::cout << "]";
-    comma = ", ";
+  std::cout << BOOST_VERSION / 100000 << "." << BOOST_VERSION / 100 % 1000 << std::endl;
+  std::string work;
+  while (std::getline(std::cin, work)) {
+    std::cout << seconds_of(works.at(work), folder + "/" + work + ".answer") << std::endl;
   }
-  std::cout << "}}\n";
   return 0;
 }

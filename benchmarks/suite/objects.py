@@ -19,6 +19,10 @@ SPACING = 1.5  # metres; as many times the number of objects' root, the floor is
 AREA_SIDES = (1.0, 10.0, 0.25, 1.0)  # metres of the first two, parts of the floor of the others
 
 
+# The number of an object, its new shape, and the centroid of that.
+Change = tuple[int, shapely.Polygon, list[float]]
+
+
 @dataclass(frozen=True, eq=False)
 class Floor:
     """Objects on a square floor, and what is asked about them.
@@ -30,7 +34,7 @@ class Floor:
         points: shape (P, 2).
         starts: from where the nearest are asked for, shape (100, 2).
         areas: boxes (x0, y0, x1, y1) of four sizes: 1 m wide, 10 m, a quarter and all of the floor.
-        moves: by how much one object after the other is moved [m], shape (M, 2).
+        moves: by how much the first objects are moved, and back again [m], shape (M, 2).
     """
 
     xy: NDArray[np.float64]
@@ -45,6 +49,14 @@ class Floor:
     def names(self) -> NDArray[np.object_]:
         """The objects' names, shape (N,)."""
         return as_objects(f"class {code}" for code in self.codes.tolist())
+
+    def changes(self, count: int) -> list[Change]:
+        """Return the moves of the first objects, so many at most, and then those back."""
+        moves = self.moves[:count, np.newaxis]
+        numbers = range(len(moves))
+        shapes = [*shapely.polygons(self.xy[: len(moves)] + moves), *self.shapes[: len(moves)]]
+        at = shapely.get_coordinates(shapely.centroid(shapes)).tolist()
+        return list(zip([*numbers, *numbers], shapes, at, strict=True))
 
     def layer(self) -> SemanticLayer:
         """Return the objects as a layer; their ids are their places."""
@@ -97,5 +109,5 @@ def floor(count: int, points: int, moves: int = 1000) -> Floor:
         points=rng.uniform(0, side, (points, 2)),
         starts=rng.uniform(0, side, (100, 2)),
         areas=tuple(areas),
-        moves=rng.normal(0, 1, (moves, 2)),
+        moves=rng.normal(0, 1, (min(moves, count), 2)),
     )

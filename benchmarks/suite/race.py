@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import gc
 import importlib
+import math
 import statistics
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -19,6 +20,7 @@ from typing import Any, ClassVar, Literal, TypeVar
 from suite.growth import exponent, n_log_n
 
 Answer = TypeVar("Answer")
+LONG_ENOUGH = 0.02  # seconds of a measured run at least, so that clocks and cold caches hardly show
 
 
 class Disagreement(Exception):
@@ -211,6 +213,31 @@ def seconds_of(work: Callable[[], Answer]) -> tuple[float, Answer]:
             gc.enable()
 
 
+def run_of(work: Callable[[], object]) -> Callable[[], float]:
+    """Return what measures one run, in mean seconds of a call.
+
+    A run of short work is many calls, so that all but its first find the caches warm.
+    """
+    calls, passed = 1, seconds_of(work)[0]
+
+    def all_calls() -> None:
+        for _ in range(calls):
+            work()
+
+    while passed < LONG_ENOUGH:
+        calls = math.ceil(1.2 * calls * LONG_ENOUGH / passed)
+        passed = seconds_of(all_calls)[0]
+    return lambda: seconds_of(all_calls)[0] / calls
+
+
+def in_turns(
+    ours: Callable[[], float], theirs: Callable[[], float], settings: Settings
+) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Return the seconds of both sides' runs, one of ours and one of theirs after the other."""
+    mine, others = zip(*((ours(), theirs()) for _ in range(settings.repeat)), strict=True)
+    return mine, others
+
+
 def race(
     work: str,
     peer: str,
@@ -219,7 +246,7 @@ def race(
     agree: Callable[[Answer, Answer], str],
     settings: Settings,
     asked: float | None = None,
-    calls: int = 1,
+    each: int = 1,
 ) -> Race:
     """Return the times of two functions in this process, which take turns.
 
@@ -233,19 +260,15 @@ def race(
         agree: returns how far the answers agree; raises Disagreement if they do not.
         settings: how often.
         asked: the ratio to reach.
-        calls: calls per measured run, for what takes microseconds; the times are those of one call.
+        each: questions in one call; the times are those of one question.
     """
     agreement = agree(ours(), theirs())
-    mine, other = [], []
-    for _ in range(settings.repeat):
-        mine.append(_mean_seconds(ours, calls))
-        other.append(_mean_seconds(theirs, calls))
-    return Race(work, peer, tuple(mine), tuple(other), agreement, asked)
-
-
-def _mean_seconds(work: Callable[[], object], calls: int) -> float:
-    def all_calls() -> None:
-        for _ in range(calls):
-            work()
-
-    return seconds_of(all_calls)[0] / calls
+    mine, others = in_turns(run_of(ours), run_of(theirs), settings)
+    return Race(
+        work,
+        peer,
+        tuple(seconds / each for seconds in mine),
+        tuple(seconds / each for seconds in others),
+        agreement,
+        asked,
+    )
