@@ -54,7 +54,8 @@ class Floor:
         """Return the moves of the first objects, so many at most, and then those back."""
         moves = self.moves[:count, np.newaxis]
         numbers = range(len(moves))
-        shapes = [*shapely.polygons(self.xy[: len(moves)] + moves), *self.shapes[: len(moves)]]
+        moved = np.asarray(shapely.polygons(self.xy[: len(moves)] + moves))
+        shapes = [*moved, *self.shapes[: len(moves)]]
         at = shapely.get_coordinates(shapely.centroid(shapes)).tolist()
         return list(zip([*numbers, *numbers], shapes, at, strict=True))
 

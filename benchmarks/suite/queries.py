@@ -82,10 +82,10 @@ def _against(
             agree = mostly_same_ids if mine.work == "moved" else same_ids
             agreement = agree(ours.answer(mine), theirs.answer(other))
             times = in_turns(ours.run(mine), theirs.run(other), settings)
-            seconds = [tuple(passed / mine.each for passed in side) for side in times]
+            one, another = (tuple(passed / mine.each for passed in side) for side in times)
             work = f"{mine.what} among {len(world.shapes):,} objects"
             asked = _asked(mine.work) if peer is BoostLayer else FASTER
-            yield Race(work, theirs.version, *seconds, agreement, asked)
+            yield Race(work, theirs.version, one, another, agreement, asked)
     finally:
         theirs.close()
 
@@ -103,7 +103,7 @@ def _questions(world: Floor, peer: Peer) -> Iterator[Question]:
     few = world.points[:ONE_BY_ONE].tolist()
     yield Question("one point", "point", (few,), len(few))
     for size, (boxes, what) in enumerate(zip(world.areas, AREAS, strict=True)):
-        areas = shapely.box(*boxes.T).tolist()
+        areas = list(np.asarray(shapely.box(*boxes.T)))
         yield Question(f"an area of {what}", "area", (areas,), len(areas), str(size))
         yield Question(f"a name in {what}", "named", (areas, name), len(areas), str(size))
     yield Question("all of a name", "name", (name,), 1)

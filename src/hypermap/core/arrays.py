@@ -14,6 +14,8 @@ IntArray: TypeAlias = NDArray[np.signedinteger[Any]]
 BoolArray: TypeAlias = NDArray[np.bool_]
 ObjectArray: TypeAlias = NDArray[np.object_]
 
+_SEQUENCES = list, tuple
+
 
 def as_points_xy(points: ArrayLike) -> NDArray[np.float64]:
     """Return points as a float64 array of shape (N, 2); a single point becomes (1, 2).
@@ -52,14 +54,20 @@ def as_point_xy(point: ArrayLike) -> NDArray[np.float64]:
 def single_xy(points: ArrayLike) -> tuple[float, float] | None:
     """Return x and y if points are a single good one, in a part of the time of `as_points_xy`.
 
-    >>> single_xy([1, 2])
+    Only for what is asked most, two floats or an array of them; None says nothing.
+
+    >>> single_xy([1.0, 2.0])
     (1.0, 2.0)
     """
-    given = np.asarray(points, dtype=np.float64)
-    if given.shape != (2,) and given.shape != (1, 2):
+    given = points.tolist() if isinstance(points, np.ndarray) and points.size == 2 else points
+    if not isinstance(given, _SEQUENCES):
         return None
-    x, y = given.item(0), given.item(1)
-    return (x, y) if isfinite(x) and isfinite(y) else None
+    pair = given[0] if len(given) == 1 else given
+    if not isinstance(pair, _SEQUENCES) or len(pair) != 2:
+        return None
+    x, y = pair
+    is_good = isinstance(x, float) and isinstance(y, float) and isfinite(x) and isfinite(y)
+    return (x, y) if is_good else None
 
 
 def as_objects(items: Iterable[Any]) -> ObjectArray:

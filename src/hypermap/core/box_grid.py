@@ -133,7 +133,11 @@ class BoxGrid:
         column, line = (x - west) * per_metre, (y - south) * per_metre
         if not (0 <= column < width and 0 <= line < height):
             column, line = min(max(column, 0), width - 1), min(max(line, 0), height - 1)
-        return self._near_cell(int(line) * width + int(column))
+        cell = int(line) * width + int(column)
+        try:
+            return self._near[cell]
+        except KeyError:
+            return self._look_up(cell)
 
     def meeting(self, x0: float, y0: float, x1: float, y1: float) -> list[int] | None:
         """Return the rows of the boxes that meet a small box, in ascending order.

@@ -9,7 +9,7 @@ little on the average, however many objects there are.
 from __future__ import annotations
 
 import threading
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -173,7 +173,7 @@ class ObjectLog:
         return rows <= self._room
 
     def write(
-        self, ended: Sequence[int], items: Sequence[SemanticObject], places: Sequence[int]
+        self, ended: Collection[int], items: Sequence[SemanticObject], places: Sequence[int]
     ) -> None:
         """End rows and write others, as one change.
 

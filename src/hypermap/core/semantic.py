@@ -156,7 +156,7 @@ class SemanticLayer(Layer):
             ObjectNotFound: If there is none.
         """
         now = self._now
-        self._check_there(now, [object_id])
+        self._rows_there(now, [object_id])
         return now.object(now.row_of_id(object_id))
 
     # The evidence behind them
@@ -177,7 +177,7 @@ class SemanticLayer(Layer):
             ObjectNotFound: If there is no such object.
             FormatError: If the evidence is kept in a file that cannot be read.
         """
-        self._check_there(self._now, [object_id])
+        self._rows_there(self._now, [object_id])
         kept = self.kept_evidence() if callable(self.kept_evidence) else self.kept_evidence
         return EvidenceTable.empty() if kept is None else kept.of([object_id])
 
@@ -201,7 +201,7 @@ class SemanticLayer(Layer):
                 if item.id is None:
                     item, free = item.with_id(free), free + 1
                 numbered.append(item)
-            self._now = now.changed([], numbered, free)
+            self._now = now.changed({}, numbered, free)
         return [int(item.id) for item in numbered if item.id is not None]
 
     def update(self, object_id: int, item: SemanticObject) -> None:
@@ -225,9 +225,9 @@ class SemanticLayer(Layer):
                 raise ValueError(f"an object keeps its id: {object_id} cannot become {item.id}")
         with self._writing:
             now = self._now
-            ids = self._check_there(now, changes)
-            new = [changes[number].with_id(number) for number in ids]
-            self._now = now.changed(ids, new, now.next_id)
+            gone = self._rows_there(now, changes)
+            new = [changes[number].with_id(number) for number in gone]
+            self._now = now.changed(gone, new, now.next_id)
 
     def remove(self, ids: Iterable[int]) -> None:
         """Remove objects; the others keep their ids.
@@ -237,7 +237,7 @@ class SemanticLayer(Layer):
         """
         with self._writing:
             now = self._now
-            self._now = now.changed(self._check_there(now, ids), [], now.next_id)
+            self._now = now.changed(self._rows_there(now, ids), [], now.next_id)
 
     # Questions
 
@@ -321,17 +321,17 @@ class SemanticLayer(Layer):
         table = self._now.table
         return ShapesPicture(table.names, table.footprints)
 
-    def _check_there(self, now: Snapshot, ids: Iterable[int]) -> list[int]:
-        """Return ids in ascending order, each once.
+    def _rows_there(self, now: Snapshot, ids: Iterable[int]) -> dict[int, int]:
+        """Return the row of each id, by ascending ids.
 
         Raises:
             ObjectNotFound: If there is no object with one of them.
         """
-        wanted = sorted({int(number) for number in ids})
-        for number in wanted:
-            if now.row_of_id(number) < 0:
+        rows = {number: now.row_of_id(number) for number in sorted({int(n) for n in ids})}
+        for number, row in rows.items():
+            if row < 0:
                 raise ObjectNotFound(f"layer {self.name!r} has no object with id {number}")
-        return wanted
+        return rows
 
 
 def _check_unused(ids: list[int], now: Snapshot, layer: str) -> None:

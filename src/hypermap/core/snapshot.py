@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -23,8 +23,9 @@ Box = tuple[float, float, float, float]  # x0, y0, x1, y1
 _NOWHERE = -1
 _NO_NAME = -1  # as a code
 _ONE_BY_ONE = 16  # points asked at once that are faster one by one
-_FEW = 12  # shapes that are not worth preparing an area for
-_MANY = 64  # shapes that are worth looking at their boxes first
+_FEW = 12  # shapes that are faster one by one
+_MANY = 64  # shapes that are worth looking at their boxes first, for the nearest
+_MANY_IN = 96  # the same, for those in an area
 _ROUNDING = 1 + 1e-9  # more than two distances can differ by rounding
 
 
@@ -267,18 +268,22 @@ class Snapshot:
 
     def _meet(self, area: BaseGeometry, box: Box | None, rows: IntArray) -> BoolArray:
         """Return which rows' shapes meet an area, which their boxes do."""
-        if len(rows) < (_FEW if box is None else _MANY):
+        if len(rows) <= _FEW:
+            shapes = self.column("shapes", rows).tolist()
+            return np.array([area.intersects(shape) for shape in shapes], dtype=bool)
+        if box is not None and len(rows) < _MANY_IN:
             return np.asarray(shapely.intersects(area, self.column("shapes", rows)))
-        shapely.prepare(area)
         if box is not None:
             x0, y0, x1, y1 = self.column("boxes", rows).T
             left, low, right, high = box
             meets = (left <= x0) & (x1 <= right) & (low <= y0) & (y1 <= high)
         else:
+            shapely.prepare(area)
             meets = rows < self.log.first
             corners = self.log.outlines.first_corners(rows[meets])
             meets[meets] = shapely.intersects_xy(area, corners)
-        meets[~meets] = shapely.intersects(area, self.column("shapes", rows[~meets]))
+        others = np.flatnonzero(~meets)
+        meets[others] = shapely.intersects(area, self.column("shapes", rows[others]))
         return np.asarray(meets)
 
     # Rows
@@ -318,11 +323,13 @@ class Snapshot:
 
     # Changes
 
-    def changed(self, gone: Sequence[int], new: Sequence[SemanticObject], next_id: int) -> Snapshot:
+    def changed(
+        self, gone: Mapping[int, int], new: Sequence[SemanticObject], next_id: int
+    ) -> Snapshot:
         """Return what is there after a change; this snapshot stays as it is.
 
         Args:
-            gone: ids of objects that are there.
+            gone: id -> row, of objects that are there.
             new: objects with ids. One with an id that is gone takes that object's place;
                 the others come last.
             next_id: as of the snapshot afterwards.
@@ -331,22 +338,21 @@ class Snapshot:
         with self.log.writing:
             is_newest = (self.count, self.changes) == (self.log.count, self.log.changes)
             if is_newest and self.log.has_room(len(gone) + len(new)):
-                rows = [self.row_of_id(number) for number in gone]
-                place_of = {
-                    number: self._place(row) for number, row in zip(gone, rows, strict=True)
-                }
+                place_of = {number: self._place(row) for number, row in gone.items()}
                 places = [place_of.get(x.id or 0, self.count + i) for i, x in enumerate(new)]
-                self.log.write(rows, new, places)
+                self.log.write(gone.values(), new, places)
                 return Snapshot(self.log, self.log.count, self.log.changes, size, next_id)
         return self._merged(gone, new, next_id)
 
-    def _merged(self, gone: Sequence[int], new: Sequence[SemanticObject], next_id: int) -> Snapshot:
+    def _merged(
+        self, gone: Mapping[int, int], new: Sequence[SemanticObject], next_id: int
+    ) -> Snapshot:
         """Return what is there after a change, in a new log."""
         new_rows = {item.id or 0: self.count + i for i, item in enumerate(new)}
         place_of = np.empty(self.count, dtype=np.int64)
         place_of[self.rows] = np.arange(self.size)
         rows = self.rows.copy()
-        for number in gone:
-            rows[place_of[self.row_of_id(number)]] = new_rows.pop(number, _NOWHERE)
+        for number, row in gone.items():
+            rows[place_of[row]] = new_rows.pop(number, _NOWHERE)
         rows = np.concatenate([rows[rows >= 0], np.array([*new_rows.values()], dtype=np.int64)])
         return Snapshot.of(self.take(rows, new), next_id)
