@@ -185,8 +185,7 @@ def _cells_from_bands(
     cells: Cells = np.empty((height, width), of_grey.dtype)
     top = height
     for band in bands:
-        pairs = band.view("<u2")[::-1, :, 0]
-        np.take(of_pair, pairs, out=cells[top - len(band) : top], mode="clip")  # all are in range
+        cells[top - len(band) : top] = of_pair[band.view("<u2")[::-1, :, 0]]
         top -= len(band)
     return _narrowed(cells)
 
