@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -15,14 +17,17 @@ VOXEL = 0.01
 
 @pytest.mark.parametrize("step", [1, 3])
 @pytest.mark.parametrize("seed", range(4))
-def test_the_outer_points_have_the_footprint_of_all(seed: int, step: int) -> None:
+@pytest.mark.parametrize("is_cloud", [False, True])
+def test_the_outer_points_have_the_footprint_of_all(seed: int, step: int, is_cloud: bool) -> None:
     rng = np.random.default_rng(seed)
     depth = rng.uniform(1, 1 + seed, (120, 160)).astype(np.float32)
     depth[rng.random(depth.shape) < 0.2] = np.nan
-    points, valid = RgbdFrame(0.0, depth, CAMERA, POSE).points(), np.isfinite(depth)
-    points, valid = points[::step, ::step], valid[::step, ::step]
-    outer = outer_points(points, valid, POSE, VOXEL)
-    every = points[valid]
+    frame, valid = RgbdFrame(0.0, depth, CAMERA, POSE), np.isfinite(depth)
+    if is_cloud:
+        cloud = frame.points() * rng.uniform(0.99, 1.01, (120, 160, 3)).astype(np.float32)
+        frame = replace(frame, cloud=cloud)
+    outer = outer_points(frame, valid, POSE, VOXEL, step)
+    every = frame.points(step)[valid[::step, ::step]]
     assert len(outer) < 0.8 * len(every)
     expected = footprint(transform_points(POSE, every), VOXEL)
     assert footprint(transform_points(POSE, outer), VOXEL).wkb == expected.wkb
@@ -32,5 +37,5 @@ def test_the_outer_points_have_the_footprint_of_all(seed: int, step: int) -> Non
 def test_all_of_too_few_points_are_outer_ones(pixels: int) -> None:
     depth = np.full((120, 160), np.nan, np.float32)
     depth[60, 70 : 70 + pixels] = 2.0
-    points = RgbdFrame(0.0, depth, CAMERA, POSE).points()
-    assert len(outer_points(points, np.isfinite(depth), POSE, VOXEL)) == pixels
+    frame = RgbdFrame(0.0, depth, CAMERA, POSE)
+    assert len(outer_points(frame, np.isfinite(depth), POSE, VOXEL)) == pixels

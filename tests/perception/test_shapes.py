@@ -79,3 +79,13 @@ def test_the_centroids_are_those_of_a_dictionary_of_cells(spread: float) -> None
 )
 def test_points_without_an_area_have_an_empty_footprint(points: NDArray[np.float64]) -> None:
     assert footprint(points, VOXEL).is_empty
+
+
+@pytest.mark.parametrize("count", [30, 3000, 30_000])
+@pytest.mark.parametrize("seed", range(4))
+def test_a_footprint_is_the_hull_of_all_centroids(count: int, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    points = (rng.normal(0, 1, (count, 3)) * rng.uniform(0.1, 2, 3)).astype(np.float32)
+    centroids = voxel_centroids(points[:, :2], 0.05)
+    expected = shapely.convex_hull(shapely.multipoints(centroids))
+    assert footprint(points, 0.05).normalize().wkb == expected.normalize().wkb

@@ -72,9 +72,7 @@ def observe(
                 segment=found if keep_segments else None,
             )
         )
-    step = config.visible_step
-    some, is_some = frame.points(step), valid[::step, ::step]
-    outer = outer_points(some, is_some, near_T_camera, config.voxel_size)
+    outer = outer_points(frame, valid, near_T_camera, config.voxel_size, config.visible_step)
     visible_area = on_floor(transform(near_T_camera, outer))
     view = View.of(frame, config.max_depth)
     return Observation(frame.stamp, frame.map_T_camera, tuple(objects), visible_area, view)

@@ -1,107 +1,168 @@
-"""Compiled search for the few points of a cloud that can lie on its outline, seen from above."""
+"""Compiled search for the few of many points that can lie on their outline, seen from above."""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 from numba import njit, uint64
 from numpy.typing import NDArray
 
-from hypermap.core.arrays import BoolArray
+from hypermap.core.arrays import BoolArray, FloatArray
+from hypermap.perception.frame import RgbdFrame
+from hypermap.perception.projection import Rows, fill_row, rows_of
 
 DIRECTIONS = 16  # in which the farthest of some points are looked for
-SOME = 4000  # of the points are looked at for these
+SOME = 1000  # of the points are looked at for these
+TINY = 1e-6  # more than what float64 may be off, at these distances [m]
 ROUNDING = 1e-3  # more than what float32 may be off, at a camera's distances [m]
 
 
 def outer_points(
-    points: NDArray[np.float32],
+    frame: RgbdFrame,
     valid: BoolArray,
     map_T_camera: NDArray[np.float64],
     voxel_size: float,
+    step: int = 1,
 ) -> NDArray[np.float32]:
-    """Return the points of an image that can make a difference to their footprint.
+    """Return the points of a frame that can make a difference to their footprint.
 
     Left out is what lies so deep within a polygon of points that its whole cell of the floor's grid
     lies within the hull of the other cells' centroids.
 
     Args:
-        points: organised cloud in the optical frame [m], shape (H, W, 3).
+        frame: depth or points, and intrinsics.
         valid: which of its pixels hold a point, shape (H, W).
         map_T_camera: pose of the optical frame, shape (4, 4).
         voxel_size: side of the footprint's cells [m].
+        step: every n-th row and column of the image counts.
 
     Returns:
         Points in the optical frame [m], row by row, shape (M, 3).
     """
+    rows, some = rows_of(frame, step), np.ascontiguousarray(valid[::step, ::step])
     to_floor = map_T_camera[:2, :3].astype(np.float32)
-    edges = _edges(_corners(points, valid, to_floor))
+    corners = _farthest(*_sample(rows, some, to_floor))
     # A centroid may lie a diagonal from a point of its cell: once for the polygon's corner, once
     # for the point in question.
-    edges[:, 2] += 2 * np.sqrt(2) * voxel_size + ROUNDING
-    return np.asarray(_outside(points, valid, to_floor, edges.astype(np.float32)))
+    margin = 2 * math.sqrt(2) * voxel_size + ROUNDING
+    return _outside(rows, some, to_floor, _edges(corners, margin))
 
 
 @njit(cache=True)
-def _corners(
-    points: NDArray[np.float32], valid: BoolArray, to_floor: NDArray[np.float32]
-) -> NDArray[np.float64]:
-    """Return which of some points are the farthest in some directions, counterclockwise."""
+def outer_xy(points_xy: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the points in the plane that can be corners of their hull [m], shape (M, 2)."""
+    x, y = points_xy[:, 0].copy(), points_xy[:, 1].copy()
+    distances = _far_out(x, y, _edges(_farthest(x, y), TINY))
+    outer: NDArray[np.float64] = points_xy[distances > 0]
+    return outer
+
+
+@njit(cache=True)
+def _sample(
+    rows: Rows, valid: BoolArray, to_floor: NDArray[np.float32]
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Return x and y on the floor of some of the points, shape (N,) each."""
     height, width = valid.shape
-    angles = np.arange(DIRECTIONS) * (2 * np.pi / DIRECTIONS)
-    along, across = np.cos(angles), np.sin(angles)
-    farthest = np.full(DIRECTIONS, -np.inf)
-    corners = np.zeros((DIRECTIONS, 2))
     sparse = max(int(np.sqrt(height * width / SOME)), 1)
+    some_x, some_y = np.empty(valid.size, np.float32), np.empty(valid.size, np.float32)
+    points = np.empty((3, width), np.float32)
+    count = 0
     for row in range(0, height, sparse):
+        fill_row(rows, row, points)
+        x, y = _on_floor(points, to_floor)
         for column in range(0, width, sparse):
             if valid[row, column]:
-                x = y = np.float32(0)
-                for axis in range(3):
-                    x += to_floor[0, axis] * points[row, column, axis]
-                    y += to_floor[1, axis] * points[row, column, axis]
-                for k in range(DIRECTIONS):
-                    distance = along[k] * x + across[k] * y
-                    if distance > farthest[k]:
-                        farthest[k] = distance
-                        corners[k, 0], corners[k, 1] = x, y
-    return corners
+                some_x[count], some_y[count] = x[column], y[column]
+                count += 1
+    return some_x[:count].copy(), some_y[:count].copy()
 
 
-def _edges(corners: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return a, b, c of a x + b y + c, which is the distance outwards from each edge [m]."""
-    following = np.roll(corners, -1, axis=0)
-    sides = following - corners
-    lengths = np.hypot(*sides.T)
-    is_edge = lengths > 0
-    if np.count_nonzero(is_edge) < 3:
-        return np.array([[0.0, 0.0, np.inf]])  # nothing lies within
-    normals = np.stack([sides[:, 1], -sides[:, 0]], axis=1)[is_edge] / lengths[is_edge, np.newaxis]
-    distances = -np.sum(normals * corners[is_edge], axis=1)
-    return np.column_stack([normals, distances])
-
-
-@njit(cache=True, error_model="numpy")
-def _outside(points, valid, to_floor, edges):  # type: ignore[no-untyped-def]
+@njit(cache=True)
+def _outside(
+    rows: Rows, valid: BoolArray, to_floor: NDArray[np.float32], edges: NDArray[np.float32]
+) -> NDArray[np.float32]:
     """Return the points that do not lie within all edges, shape (M, 3)."""
     height, width = valid.shape
     outer = np.empty((height * width, 3), np.float32)
-    farthest = np.empty(width, np.float32)
+    points = np.empty((3, width), np.float32)
     count = 0
-    x, y = np.empty(width, np.float32), np.empty(width, np.float32)
     for row in range(height):
-        for i in range(uint64(width)):
-            px, py, pz = points[row, i, 0], points[row, i, 1], points[row, i, 2]
-            x[i] = to_floor[0, 0] * px + to_floor[0, 1] * py + to_floor[0, 2] * pz
-            y[i] = to_floor[1, 0] * px + to_floor[1, 1] * py + to_floor[1, 2] * pz
-        farthest[:] = -np.inf
-        for edge in range(len(edges)):
-            a, b, c = edges[edge, 0], edges[edge, 1], edges[edge, 2]
-            for i in range(uint64(width)):
-                distance = a * x[i] + b * y[i] + c
-                farthest[i] = distance if distance > farthest[i] else farthest[i]
-        for i in range(width):
-            if valid[row, i] and farthest[i] > 0:
+        fill_row(rows, row, points)
+        x, y = _on_floor(points, to_floor)
+        distances = _far_out(x, y, edges)
+        for column in range(width):
+            if valid[row, column] and distances[column] > 0:
                 for axis in range(3):
-                    outer[count, axis] = points[row, i, axis]
+                    outer[count, axis] = points[axis, column]
                 count += 1
     return outer[:count]
+
+
+@njit(cache=True)
+def _on_floor(points, to_floor):  # type: ignore[no-untyped-def]
+    """Return x and y on the floor of points, shape (3, N)."""
+    x, y = np.empty(points.shape[1], np.float32), np.empty(points.shape[1], np.float32)
+    for i in range(uint64(len(x))):
+        px, py, pz = points[0, i], points[1, i], points[2, i]
+        x[i] = to_floor[0, 0] * px + to_floor[0, 1] * py + to_floor[0, 2] * pz
+        y[i] = to_floor[1, 0] * px + to_floor[1, 1] * py + to_floor[1, 2] * pz
+    return x, y
+
+
+@njit(cache=True)
+def _farthest(x: FloatArray, y: FloatArray) -> FloatArray:
+    """Return which points are the farthest in some directions, counterclockwise, shape (K, 2)."""
+    angles = np.arange(DIRECTIONS) * (2 * np.pi / DIRECTIONS)
+    along, across = np.cos(angles).astype(x.dtype), np.sin(angles).astype(x.dtype)
+    corners = np.zeros((DIRECTIONS, 2), x.dtype)
+    farthest = np.full(DIRECTIONS, -np.inf, x.dtype)
+    for i in range(len(x)):
+        for k in range(DIRECTIONS):
+            distance = along[k] * x[i] + across[k] * y[i]
+            if distance > farthest[k]:
+                farthest[k] = distance
+                corners[k, 0], corners[k, 1] = x[i], y[i]
+    return corners
+
+
+@njit(cache=True)
+def _edges(corners: FloatArray, margin: float) -> FloatArray:
+    """Return a, b, c of a x + b y + c, which is the distance outwards from each edge [m].
+
+    Args:
+        corners: of a polygon, counterclockwise, shape (K, 2).
+        margin: by how much each edge is moved inwards [m].
+
+    Returns:
+        Shape (K, 3); such that nothing lies within if the corners are no polygon.
+    """
+    edges = np.zeros((DIRECTIONS, 3), corners.dtype)
+    count = 0
+    for k in range(DIRECTIONS):
+        x, y = np.float64(corners[k, 0]), np.float64(corners[k, 1])
+        dx, dy = corners[(k + 1) % DIRECTIONS, 0] - x, corners[(k + 1) % DIRECTIONS, 1] - y
+        length = np.hypot(dx, dy)
+        edges[k, 2] = -np.inf
+        if length > 0:
+            a, b = dy / length, -dx / length
+            edges[k, 0], edges[k, 1], edges[k, 2] = a, b, margin - a * x - b * y
+            count += 1
+    if count < 3:
+        edges[:] = 0
+        edges[:, 2] = np.inf
+    return edges
+
+
+@njit(cache=True, error_model="numpy")
+def _far_out(x, y, edges):  # type: ignore[no-untyped-def]
+    """Return how far points are outside of the edge that they are farthest from, shape (N,)."""
+    farthest = np.empty_like(x)
+    for i in range(uint64(len(x))):
+        farthest[i] = -np.inf
+    for k in range(DIRECTIONS):
+        a, b, c = edges[k, 0], edges[k, 1], edges[k, 2]
+        for i in range(uint64(len(x))):
+            distance = a * x[i] + b * y[i] + c
+            farthest[i] = distance if distance > farthest[i] else farthest[i]
+    return farthest

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
-from numba import njit
+from numba import njit, uint64
 from numpy.typing import NDArray
 
 from hypermap.core.arrays import IntArray
 
+if TYPE_CHECKING:
+    from hypermap.perception.frame import RgbdFrame
+
 _Rays: TypeAlias = tuple[NDArray[np.float32], NDArray[np.float32], np.float32, np.float32]
+
+# What `fill_row` needs to know of a frame: the cloud, empty unless recorded, depth and rays.
+Rows: TypeAlias = tuple[NDArray[np.float32], NDArray[np.float32], _Rays]
 
 
 def project(
@@ -30,7 +36,7 @@ def project(
     bit; neighbours at equal distance, common on flat surfaces, then rank alike.
     """
     rays = _rays(K, np.arange(0, depth.shape[0], step), np.arange(0, depth.shape[1], step))
-    return np.asarray(_project(np.ascontiguousarray(depth[::step, ::step]), *rays))
+    return _project(np.ascontiguousarray(depth[::step, ::step]), *rays)
 
 
 def project_pixels(
@@ -47,7 +53,46 @@ def project_pixels(
         Points [m], float32, shape (N, 3).
     """
     rays = _rays(K, np.arange(depth.shape[0]), np.arange(depth.shape[1]))
-    return np.asarray(_project_pixels(np.ascontiguousarray(depth), pixels, *rays))
+    return _project_pixels(np.ascontiguousarray(depth), pixels, *rays)
+
+
+def rows_of(frame: RgbdFrame, step: int = 1) -> Rows:
+    """Return what `fill_row` needs to give a frame's points row by row.
+
+    Args:
+        frame: depth or points, and intrinsics.
+        step: every n-th row and column of the image counts.
+    """
+    depth = frame.depth[::step, ::step]
+    cloud = depth[:0, :0, np.newaxis] if frame.cloud is None else frame.cloud[::step, ::step]
+    height, width = frame.depth.shape
+    rays = _rays(frame.camera.K, np.arange(0, height, step), np.arange(0, width, step))
+    return np.ascontiguousarray(cloud), np.ascontiguousarray(depth), rays
+
+
+@njit(cache=True)
+def fill_row(rows: Rows, row: int, points: NDArray[np.float32]) -> None:
+    """Write the points of a row of the image, the same as in the cloud of the whole one.
+
+    Args:
+        rows: as `rows_of` returns it.
+        row: of those that count.
+        points: where x, y and z are written to, shape (3, W).
+    """
+    cloud, depth, rays = rows
+    if len(cloud) > 0:
+        for axis in range(3):
+            points[axis] = cloud[row, :, axis]
+    else:
+        _fill(points[0], points[1], points[2], depth[row], rays[0], rays[1][row], rays[2], rays[3])
+
+
+@njit(cache=True)
+def _fill(x, y, z, depth, right_of_axis, below_axis, per_fx, per_fy):  # type: ignore[no-untyped-def]
+    for i in range(uint64(len(depth))):
+        z[i] = depth[i]
+        x[i] = right_of_axis[i] * depth[i] * per_fx
+        y[i] = below_axis * depth[i] * per_fy
 
 
 def transform(a_T_b: NDArray[np.float64], points: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -55,7 +100,7 @@ def transform(a_T_b: NDArray[np.float64], points: NDArray[np.float32]) -> NDArra
 
     They are the same as those of `transform_points` to the last bit; many of them are faster.
     """
-    return np.asarray(_transform(a_T_b.astype(np.float32), points))
+    return _transform(a_T_b.astype(np.float32), points)
 
 
 def _rays(K: NDArray[np.float64], rows: IntArray, columns: IntArray) -> _Rays:
@@ -66,7 +111,13 @@ def _rays(K: NDArray[np.float64], rows: IntArray, columns: IntArray) -> _Rays:
 
 
 @njit(cache=True)
-def _project(depth, right_of_axis, below_axis, per_fx, per_fy):  # type: ignore[no-untyped-def]
+def _project(
+    depth: NDArray[np.float32],
+    right_of_axis: NDArray[np.float32],
+    below_axis: NDArray[np.float32],
+    per_fx: np.float32,
+    per_fy: np.float32,
+) -> NDArray[np.float32]:
     height, width = depth.shape
     points = np.empty((height, width, 3), np.float32)
     for row in range(height):
@@ -79,12 +130,21 @@ def _project(depth, right_of_axis, below_axis, per_fx, per_fy):  # type: ignore[
 
 
 @njit(cache=True)
-def _project_pixels(depth, pixels, right_of_axis, below_axis, per_fx, per_fy):  # type: ignore[no-untyped-def]
+def _project_pixels(
+    depth: NDArray[np.float32],
+    pixels: IntArray,
+    right_of_axis: NDArray[np.float32],
+    below_axis: NDArray[np.float32],
+    per_fx: np.float32,
+    per_fy: np.float32,
+) -> NDArray[np.float32]:
     width = depth.shape[1]
     points = np.empty((len(pixels), 3), np.float32)
-    for i in range(len(pixels)):
-        row = pixels[i] // width
-        column = pixels[i] - row * width
+    row = 0
+    for i, pixel in enumerate(pixels):
+        if not 0 <= pixel - row * width < width:  # seldom: pixels come row by row
+            row = pixel // width
+        column = pixel - row * width
         z = depth[row, column]
         points[i, 0] = right_of_axis[column] * z * per_fx
         points[i, 1] = below_axis[row] * z * per_fy
@@ -93,11 +153,11 @@ def _project_pixels(depth, pixels, right_of_axis, below_axis, per_fx, per_fy):  
 
 
 @njit(cache=True)
-def _transform(a_T_b, points):  # type: ignore[no-untyped-def]
-    moved = np.empty(points.shape, np.float32)
+def _transform(a_T_b: NDArray[np.float32], points: NDArray[np.float32]) -> NDArray[np.float32]:
+    moved = np.empty((3, len(points)), np.float32)  # so that each axis is read fast
     for i in range(len(points)):
         x, y, z = points[i, 0], points[i, 1], points[i, 2]
         for axis in range(3):
             to_x, to_y, to_z = a_T_b[axis, 0], a_T_b[axis, 1], a_T_b[axis, 2]
-            moved[i, axis] = x * to_x + y * to_y + z * to_z + a_T_b[axis, 3]
-    return moved
+            moved[axis, i] = x * to_x + y * to_y + z * to_z + a_T_b[axis, 3]
+    return moved.T

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import shapely
 from numba import njit
 from numpy.typing import NDArray
 from shapely import Polygon
 
-from hypermap.core.arrays import FloatArray
+from hypermap.core.arrays import FloatArray, IntArray
+from hypermap.perception.outline import outer_xy
 
 DENSE = 16  # cells per point up to which a whole grid is faster than sorting the points
 
@@ -29,7 +32,7 @@ def footprint(points_xyz: FloatArray, voxel_size: float) -> Polygon:
     >>> footprint(corners, voxel_size=0.01).area
     2.0
     """
-    centroids = voxel_centroids(points_xyz[:, :2], voxel_size)
+    centroids = outer_xy(voxel_centroids(points_xyz[:, :2], voxel_size))
     if len(centroids) < 3:
         return Polygon()
     # A line through the points is built faster than the points one by one.
@@ -57,11 +60,11 @@ def voxel_centroids(points_xy: FloatArray, voxel_size: float) -> NDArray[np.floa
     if count > DENSE * len(cell):
         occupied, cell = np.unique(cell, return_inverse=True)
         count = len(occupied)
-    return np.asarray(_centroids(points_xy, cell, count))
+    return _centroids(points_xy, cell, count)
 
 
 @njit(cache=True)
-def _cells(points_xy, per_metre):  # type: ignore[no-untyped-def]
+def _cells(points_xy: FloatArray, per_metre: np.floating[Any]) -> tuple[IntArray, int]:
     """Return the number of each point's cell, column by column, and how many cells there are."""
     columns, rows = np.empty(len(points_xy), np.int64), np.empty(len(points_xy), np.int64)
     for i in range(len(points_xy)):
@@ -75,16 +78,20 @@ def _cells(points_xy, per_metre):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _centroids(points_xy, cell, count):  # type: ignore[no-untyped-def]
+def _centroids(points_xy: FloatArray, cell: IntArray, count: int) -> NDArray[np.float64]:
     """Return the centroid of the points in each occupied cell, in the order of the cells."""
-    points, sums = np.zeros(count, np.int64), np.zeros((count, 2))
+    slots = np.zeros(count, np.int32)
     for i in range(len(cell)):
-        points[cell[i]] += 1
-        sums[cell[i], 0] += points_xy[i, 0]
-        sums[cell[i], 1] += points_xy[i, 1]
+        slots[cell[i]] = 1
     found = 0
     for i in range(count):
-        if points[i] > 0:
-            sums[found, 0], sums[found, 1] = sums[i, 0] / points[i], sums[i, 1] / points[i]
+        if slots[i] > 0:
+            slots[i] = found
             found += 1
-    return sums[:found].copy()
+    points, centroids = np.zeros((found, 1)), np.zeros((found, 2))
+    for i in range(len(cell)):
+        slot = slots[cell[i]]
+        points[slot, 0] += 1
+        centroids[slot, 0] += points_xy[i, 0]
+        centroids[slot, 1] += points_xy[i, 1]
+    return centroids / points
