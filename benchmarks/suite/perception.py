@@ -25,6 +25,7 @@ from hypermap.perception.normals import fit_planes
 from hypermap.perception.observation import Observation
 from hypermap.perception.observe import observe
 from hypermap.perception.padded import MARGIN, planes_of
+from hypermap.perception.projection import rows_of
 from hypermap.perception.segmentation import segment, valid_pixels
 from suite.programs import build, run
 from suite.race import (
@@ -289,20 +290,19 @@ def _open3d(settings: Settings) -> Iterator[Row]:
         scene = next(scene for scene in scenes if scene.depth.shape[0] == height)
         made_up, true_normals = noisy_desk(scene.camera)
         valid = np.isfinite(made_up.depth)
-        points = made_up.points()
         off = [
             angles(normals, true_normals[valid])
             for normals in (
-                all_normals(points, valid, scene.camera),
-                theirs(cloud_of(points[valid])),
+                all_normals(made_up, valid),
+                theirs(cloud_of(made_up.points()[valid])),
             )
         ]
-        points = scene.frame().points()
-        valid = np.isfinite(points[..., 2])
+        frame = scene.frame()
+        points, valid = frame.points(), np.isfinite(frame.depth)
         yield race(
             f"normals of all points of a frame of {size}",
             f"Open3D {o3d.__version__} (C++)",
-            partial(all_normals, points, valid, scene.camera),
+            partial(all_normals, frame, valid),
             partial(theirs, cloud_of(points[valid])),
             partial(as_near, *off),
             settings,
@@ -345,12 +345,11 @@ def noisy_desk(camera: Camera) -> tuple[RgbdFrame, NDArray[np.float64]]:
     return RgbdFrame(0.0, (1 / disparity).astype(np.float32), camera, np.eye(4)), normals
 
 
-def all_normals(
-    points: NDArray[np.float32], valid: NDArray[np.bool_], camera: Camera
-) -> NDArray[np.float64]:
+def all_normals(frame: RgbdFrame, valid: NDArray[np.bool_]) -> NDArray[np.float64]:
     """Return the normals of all points of a frame, shape (N, 3)."""
-    planes = planes_of(points, valid, 0, 0, *valid.shape)
-    normals, *_ = fit_planes(planes, np.pad(valid, MARGIN), 50, (camera.K[0, 0], camera.K[1, 1]))
+    planes = planes_of(rows_of(frame), valid, 0, 0, *valid.shape)
+    K = frame.camera.K
+    normals, *_ = fit_planes(planes, np.pad(valid, MARGIN), 50, (K[0, 0], K[1, 1]))
     inner = normals[:, MARGIN:-MARGIN, MARGIN:-MARGIN]
     return inner[:, valid].T.astype(float)
 

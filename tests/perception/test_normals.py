@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from hypermap.perception.frame import Camera, RgbdFrame
 from hypermap.perception.normals import TOO_FEW, TOO_MANY, fit_planes, planes_through
 from hypermap.perception.padded import MARGIN, planes_of
+from hypermap.perception.projection import rows_of
 from hypermap.perception.smooth import fit_smooth
 from hypermap.perception.unorganised import normals_of
 
@@ -37,12 +38,17 @@ def rough_cloud(seed: int, holes: float = 0.0) -> NDArray[np.float32]:
     return cloud_of(depth)
 
 
+def padded(points: NDArray[np.float32], valid: NDArray[np.bool_]) -> NDArray[np.float32]:
+    frame = RgbdFrame(0.0, points[..., 2], CAMERA, np.eye(4), cloud=points)
+    return planes_of(rows_of(frame), valid, 0, 0, *valid.shape)
+
+
 def fit_all(
     points: NDArray[np.float32],
 ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
     """Return normals (N, 3), curvatures and squared radii of all valid pixels, row-major."""
     valid = np.isfinite(points[..., 2])
-    planes = planes_of(points, valid, 0, 0, *valid.shape)
+    planes = padded(points, valid)
     wanted = np.pad(valid, MARGIN)
     normals, curvatures, radii2 = fit_planes(planes, wanted, K, FOCAL)
     return normals[:, wanted].T, curvatures[wanted], radii2[wanted]
@@ -66,7 +72,7 @@ def test_the_windows_of_a_plane_are_as_large_as_k(k: int) -> None:
     normal = np.array([0.3, 0.2, 1.0]) / np.linalg.norm([0.3, 0.2, 1.0])
     points = tilted_plane(tuple(normal))
     valid = np.isfinite(points[..., 2])
-    planes, wanted = planes_of(points, valid, 0, 0, *valid.shape), np.pad(valid, MARGIN)
+    planes, wanted = padded(points, valid), np.pad(valid, MARGIN)
     half = round((np.sqrt(k) - 1) / 2)
     fx, fy = np.float32(FOCAL)
     normals, _, _, rough = fit_smooth(planes, wanted, np.float32(k), (0,) * half, fx, fy)

@@ -52,9 +52,8 @@ def test_both_methods_grow_about_the_same_regions(seed: int) -> None:
     mask = np.zeros_like(valid)
     mask[5:50, 10:70] = True
     objects = [np.flatnonzero(mask & valid), np.flatnonzero(valid)]
-    points = frame.points()
-    fast = organised.grow_regions(points, valid, CAMERA, objects, config)
-    reference = unorganised.grow_regions(points, valid, objects, config)
+    fast = organised.grow_regions(frame, valid, objects, config)
+    reference = unorganised.grow_regions(frame.points(), valid, objects, config)
     for ours, theirs in zip(fast, reference, strict=True):
         for region, size in zip(*np.unique(theirs, return_counts=True), strict=True):
             if size < config.min_cluster:
@@ -73,11 +72,11 @@ def test_a_region_does_not_grow_on_from_bent_points(
     frame = frame_of(1.5 + 0.006 * np.abs(u - 40) + 0.0005 * v)  # a roof, not very steep
     config = PerceptionConfig(method=method, curvature_threshold=curvature_threshold)
     valid = valid_pixels(frame, config)
-    arguments = frame.points(), valid, [np.flatnonzero(valid)], config
+    arguments = valid, [np.flatnonzero(valid)], config
     if method == "organised":
-        (found,) = organised.grow_regions(*arguments[:2], CAMERA, *arguments[2:])
+        (found,) = organised.grow_regions(frame, *arguments)
     else:
-        (found,) = unorganised.grow_regions(*arguments)
+        (found,) = unorganised.grow_regions(frame.points(), *arguments)
     sizes = np.sort(np.unique(found, return_counts=True)[1])[::-1]
     assert np.count_nonzero(sizes > 0.3 * len(found)) == regions
     assert sizes[:regions].sum() > 0.9 * len(found)

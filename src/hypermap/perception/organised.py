@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from hypermap.core.arrays import BoolArray, IntArray
 from hypermap.perception.config import PerceptionConfig
-from hypermap.perception.frame import Camera
+from hypermap.perception.frame import RgbdFrame
 from hypermap.perception.normals import fit_planes
 from hypermap.perception.padded import MARGIN, planes_of
+from hypermap.perception.projection import rows_of
 from hypermap.perception.regions import NOTHING, join
 
 # In an image neighbourhood is mutual, in PCL it is not: that loses about as many neighbours as a
@@ -21,27 +22,23 @@ MUTUAL = 4 / 3
 
 
 def grow_regions(
-    points: NDArray[np.float32],
-    valid: BoolArray,
-    camera: Camera,
-    objects: Sequence[IntArray],
-    config: PerceptionConfig,
+    frame: RgbdFrame, valid: BoolArray, objects: Sequence[IntArray], config: PerceptionConfig
 ) -> list[IntArray]:
     """Return the region of each pixel of each object.
 
-    Does about the same as `unorganised.grow_regions`, whose arguments it shares. Two points join
-    if each is among the other's neighbours and their normals agree, and regions are what hangs
-    together so. A point above the curvature threshold joins one region, but not two with each
-    other.
+    Does about the same as `unorganised.grow_regions`, with a frame in place of its points. Two
+    points join if each is among the other's neighbours and their normals agree, and regions are
+    what hangs together so. A point above the curvature threshold joins one region, but not two with
+    each other.
     """
     if not objects:
         return []
-    width = camera.width
+    camera, width = frame.camera, frame.camera.width
     starts = [_row_starts(pixels, width) for pixels in objects]
     parts = np.array([_part(*each, width) for each in zip(objects, starts, strict=True)])
     top, left = parts[:, :2].min(axis=0)
     bottom, right = parts[:, 2:].max(axis=0)
-    planes = planes_of(points, valid, top, left, bottom, right)
+    planes = planes_of(rows_of(frame), valid, top, left, bottom, right)
     size, stride = planes[0].size, planes.shape[2]
     shift = (MARGIN - top) * stride + MARGIN - left  # where the image's first pixel would lie
     places = [_places(*each, width, stride, shift) for each in zip(objects, starts, strict=True)]

@@ -11,6 +11,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from hypermap.core.arrays import BoolArray
+from hypermap.perception.projection import Rows, fill_row
 
 FAR = np.float32(1e6)
 MARGIN = 32  # rows and columns on each side
@@ -18,12 +19,12 @@ MARGIN = 32  # rows and columns on each side
 
 @njit(cache=True)
 def planes_of(
-    points: NDArray[np.float32], valid: BoolArray, top: int, left: int, bottom: int, right: int
+    rows: Rows, valid: BoolArray, top: int, left: int, bottom: int, right: int
 ) -> NDArray[np.float32]:
     """Return the points of a part of an image as planes with margins.
 
     Args:
-        points: organised cloud in the optical frame [m], float32, shape (H, W, 3).
+        rows: the image's points, as `rows_of` returns them.
         valid: which of its pixels hold a point, shape (H, W).
         top: first row.
         left: first column.
@@ -35,19 +36,21 @@ def planes_of(
     """
     height, width = bottom - top + 2 * MARGIN, right - left + 2 * MARGIN
     first, last = max(left - MARGIN, 0), min(right + MARGIN, valid.shape[1])
+    start, end = first - left + MARGIN, last - left + MARGIN
     planes = np.empty((3, height, width), np.float32)
+    points = np.empty((3, valid.shape[1]), np.float32)
     for row in range(height):
         from_row = row + top - MARGIN
         if not 0 <= from_row < valid.shape[0]:
             planes[:, row] = FAR
             continue
-        some, is_valid = points[from_row, first:last], valid[from_row, first:last]
-        start = first - left + MARGIN
+        fill_row(rows, from_row, points)
+        is_valid = valid[from_row, first:last]
         for axis in range(3):
-            plane = planes[axis, row]
+            plane, some = planes[axis, row], points[axis, first:last]
             plane[:start] = FAR
-            plane[start + len(some) :] = FAR
-            inner = plane[start:]
+            plane[end:] = FAR
+            inner = plane[start:end]
             for column in range(len(some)):
-                inner[column] = some[column, axis] if is_valid[column] else FAR
+                inner[column] = some[column] if is_valid[column] else FAR
     return planes

@@ -89,11 +89,10 @@ def segment(
         boxes = detections.xyxy[[number for number, _ in candidates]]
         cut, is_piece = enclosed.cut_out(frame.z, valid, frame.camera, objects, boxes, config)
     else:
-        points = frame.points()
         if config.method == "organised":
-            regions = organised.grow_regions(points, valid, frame.camera, objects, config)
+            regions = organised.grow_regions(frame, valid, objects, config)
         else:
-            regions = unorganised.grow_regions(points, valid, objects, config)
+            regions = unorganised.grow_regions(frame.points(), valid, objects, config)
         cut = [
             _largest(pixels, region_of, config.min_cluster, config.max_cluster)
             for pixels, region_of in zip(objects, regions, strict=True)
