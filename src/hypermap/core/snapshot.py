@@ -23,9 +23,8 @@ Box = tuple[float, float, float, float]  # x0, y0, x1, y1
 _NOWHERE = -1
 _NO_NAME = -1  # as a code
 _ONE_BY_ONE = 16  # points asked at once that are faster one by one
-_FEW = 12  # shapes that are faster one by one
-_MANY = 64  # shapes that are worth looking at their boxes first, for the nearest
-_MANY_IN = 96  # the same, for those in an area
+_FEW = 12  # shapes that are not worth preparing an area for
+_MANY = 64  # shapes that are worth looking at their boxes first
 _ROUNDING = 1 + 1e-9  # more than two distances can differ by rounding
 
 
@@ -268,22 +267,18 @@ class Snapshot:
 
     def _meet(self, area: BaseGeometry, box: Box | None, rows: IntArray) -> BoolArray:
         """Return which rows' shapes meet an area, which their boxes do."""
-        if len(rows) <= _FEW:
-            shapes = self.column("shapes", rows).tolist()
-            return np.array([area.intersects(shape) for shape in shapes], dtype=bool)
-        if box is not None and len(rows) < _MANY_IN:
+        if len(rows) < (_FEW if box is None else _MANY):
             return np.asarray(shapely.intersects(area, self.column("shapes", rows)))
+        shapely.prepare(area)
         if box is not None:
             x0, y0, x1, y1 = self.column("boxes", rows).T
             left, low, right, high = box
             meets = (left <= x0) & (x1 <= right) & (low <= y0) & (y1 <= high)
         else:
-            shapely.prepare(area)
             meets = rows < self.log.first
             corners = self.log.outlines.first_corners(rows[meets])
             meets[meets] = shapely.intersects_xy(area, corners)
-        others = np.flatnonzero(~meets)
-        meets[others] = shapely.intersects(area, self.column("shapes", rows[others]))
+        meets[~meets] = shapely.intersects(area, self.column("shapes", rows[~meets]))
         return np.asarray(meets)
 
     # Rows
