@@ -134,7 +134,7 @@ def _iou(extents: IntArray, box: NDArray[np.float32]) -> NDArray[np.float64]:
 
 
 @njit(cache=True)
-def _on(labels, pixels, is_chosen):  # type: ignore[no-untyped-def]
+def _on(labels: NDArray[np.int32], pixels: IntArray, is_chosen: BoolArray) -> IntArray:
     """Return those of some pixels that are on a chosen surface."""
     found = np.empty_like(pixels)
     count = 0
@@ -145,7 +145,9 @@ def _on(labels, pixels, is_chosen):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _measure(labels, disparity, pixels, count):  # type: ignore[no-untyped-def]
+def _measure(
+    labels: NDArray[np.int32], disparity: NDArray[np.float32], pixels: IntArray, count: int
+) -> tuple[IntArray, IntArray, NDArray[np.float64]]:
     """Return size, extent and sum of disparities of each surface among some pixels."""
     width = labels.shape[1]
     flat_labels, flat_disparity = labels.ravel(), disparity.ravel()

@@ -66,7 +66,7 @@ def _mask(pixels: IntArray, shape: tuple[int, ...]) -> BoolArray:
 
 
 @njit(cache=True)
-def _cut_edges(labels, piece, inside):  # type: ignore[no-untyped-def]
+def _cut_edges(labels: NDArray[np.int32], piece: IntArray, inside: BoolArray) -> tuple[int, int]:
     """Return at how many edges of its pixels a piece was cut off, and how long its outline is.
 
     It was cut off where the same surface goes on outside. The outline is that of its extent.

@@ -15,6 +15,7 @@ import numpy as np
 from numba import njit, uint64
 from numpy.typing import NDArray
 
+from hypermap.core.arrays import IntArray
 from hypermap.perception.config import PerceptionConfig
 from hypermap.perception.frame import Camera
 
@@ -146,7 +147,14 @@ def _cosine(
 
 
 @njit(cache=True)
-def _join_blocks(sums, planes, flatness, focal, cosine, tolerance):  # type: ignore[no-untyped-def]
+def _join_blocks(
+    sums: NDArray[np.float64],
+    planes: NDArray[np.float64],
+    flatness: NDArray[np.float64],
+    focal: tuple[float, float],
+    cosine: float,
+    tolerance: float,
+) -> tuple[IntArray, NDArray[np.float64]]:
     """Grow planes over neighbouring blocks, from the flattest on; each block refines its plane.
 
     Returns:
@@ -192,10 +200,17 @@ def _join_blocks(sums, planes, flatness, focal, cosine, tolerance):  # type: ign
 
 
 @njit(cache=True)
-def _spread(disparity, blocks, planes, center, side, tolerance):  # type: ignore[no-untyped-def]
+def _spread(
+    disparity: NDArray[np.float32],
+    blocks: IntArray,
+    planes: NDArray[np.float64],
+    center: tuple[float, float],
+    side: int,
+    tolerance: float,
+) -> NDArray[np.int32]:
     """Return the plane of each pixel: those of its blocks, and on from there to all that touch."""
     height, width = disparity.shape
-    labels = _label_blocks(disparity, blocks, planes, center, side, tolerance)
+    labels: NDArray[np.int32] = _label_blocks(disparity, blocks, planes, center, side, tolerance)
     queue = np.empty((height * width, 2), np.int32)
     head, tail = 0, 0
     for row in range(blocks.shape[0]):
@@ -249,12 +264,12 @@ def _label_blocks(disparity, blocks, planes, center, side, tolerance):  # type: 
 
 
 @njit(cache=True)
-def _is_border(blocks, row, col, k):  # type: ignore[no-untyped-def]
+def _is_border(blocks: IntArray, row: int, col: int, k: int) -> bool:
     """Return whether a block is not one of a plane's, or outside the image."""
     is_inside = 0 <= row < blocks.shape[0] and 0 <= col < blocks.shape[1]
     return not is_inside or blocks[row, col] != k
 
 
 @njit(cache=True)
-def _is_on(d, a, b, c, u, v, tolerance):  # type: ignore[no-untyped-def]
+def _is_on(d: float, a: float, b: float, c: float, u: float, v: float, tolerance: float) -> bool:
     return (d > 0) & (abs(d - (a * u + b * v + c)) < tolerance)

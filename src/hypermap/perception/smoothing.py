@@ -40,7 +40,9 @@ def smoothed(
 
 
 @njit(cache=True, error_model="numpy")
-def _smoothed(points_xyz, pixels, width, radius, tolerance):  # type: ignore[no-untyped-def]
+def _smoothed(
+    points_xyz: NDArray[np.float32], pixels: IntArray, width: int, radius: int, tolerance: float
+) -> NDArray[np.float32]:
     """Do what `smoothed` says, row by row of the part of the image that holds the object."""
     rows, columns = pixels // width, pixels % width
     top, left = rows.min() - radius, columns.min() - radius

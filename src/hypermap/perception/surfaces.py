@@ -70,7 +70,7 @@ def find_surfaces(
 
 
 @njit(cache=True, error_model="numpy")
-def _disparity(depth, valid):  # type: ignore[no-untyped-def]
+def _disparity(depth: NDArray[np.float32], valid: BoolArray) -> NDArray[np.float32]:
     disparity = np.empty(valid.shape, np.float32)
     for row in range(valid.shape[0]):
         z, is_valid, inverse = depth[row], valid[row], disparity[row]
@@ -80,13 +80,19 @@ def _disparity(depth, valid):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _is_near(one, other, max_gap, tolerance):  # type: ignore[no-untyped-def]
+def _is_near(one: float, other: float, max_gap: float, tolerance: float) -> bool:
     """Return whether two depths, given as disparities, differ by less than gap and noise."""
     return abs(one - other) < max_gap * one * other + tolerance
 
 
 @njit(cache=True)
-def _label_rest(disparity, labels, first, max_gap, tolerance):  # type: ignore[no-untyped-def]
+def _label_rest(
+    disparity: NDArray[np.float32],
+    labels: NDArray[np.int32],
+    first: int,
+    max_gap: float,
+    tolerance: float,
+) -> int:
     """Label what lies on no plane by what hangs together, from `first` on; return the next label.
 
     Pixels of a row that follow each other and are near make a run. Runs that hang together get one
@@ -140,7 +146,7 @@ def _label_rest(disparity, labels, first, max_gap, tolerance):  # type: ignore[n
 
 
 @njit(cache=True)
-def _root(roots, run):  # type: ignore[no-untyped-def]
+def _root(roots: NDArray[np.int32], run: int) -> int:
     """Return the root of a run, and shorten the way there."""
     while roots[run] != run:
         roots[run] = roots[roots[run]]
@@ -149,7 +155,14 @@ def _root(roots, run):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _hang_together(pixels, run, other, above, max_gap, tolerance):  # type: ignore[no-untyped-def]
+def _hang_together(
+    pixels: NDArray[np.float32],
+    run: tuple[int, int],
+    other: tuple[int, int],
+    above: int,
+    max_gap: float,
+    tolerance: float,
+) -> bool:
     """Return whether a pixel of a run is near one of another run, up to `REACH` columns apart.
 
     Args:
@@ -171,7 +184,13 @@ def _hang_together(pixels, run, other, above, max_gap, tolerance):  # type: igno
 
 
 @njit(cache=True)
-def _measure(disparity, labels, count, max_gap, tolerance):  # type: ignore[no-untyped-def]
+def _measure(
+    disparity: NDArray[np.float32],
+    labels: NDArray[np.int32],
+    count: int,
+    max_gap: float,
+    tolerance: float,
+) -> tuple[IntArray, NDArray[np.float64], NDArray[np.float64]]:
     """Return sizes, and how often each surface ends before and behind another one.
 
     Where there is no depth for more than `LOST` pixels, things are too far away to be measured.
@@ -209,7 +228,15 @@ def _measure(disparity, labels, count, max_gap, tolerance):  # type: ignore[no-u
 
 
 @njit(cache=True)
-def _end(ends, label, d, other_label, other_d, max_gap, tolerance):  # type: ignore[no-untyped-def]
+def _end(
+    ends: NDArray[np.float64],
+    label: int,
+    d: float,
+    other_label: int,
+    other_d: float,
+    max_gap: float,
+    tolerance: float,
+) -> None:
     """Count which surface ends before and which behind the other, if they do between two pixels."""
     if label != other_label and not _is_near(d, other_d, max_gap, tolerance):
         ends[0, label if d > other_d else other_label] += 1
