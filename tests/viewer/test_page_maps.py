@@ -116,7 +116,8 @@ def check_area(shown: Shown) -> None:
     )
     counts = shown.window.cell_counts()
     assert counts.keys() == most.keys()
-    assert all(least[label] <= count <= most[label] for label, count in counts.items())
+    off = {k: (least[k], c, most[k]) for k, c in counts.items() if not least[k] <= c <= most[k]}
+    assert not off
 
 
 def check_names(shown: Shown) -> None:
