@@ -40,7 +40,7 @@ core-tests: .venv-core/.core  ## the core's tests with nothing but numpy and sha
 package: .venv/.dev $(PAGE)  ## build the wheel, and run the command from it
 	scripts/check_wheel.sh
 
-bench: .venv/.bench  ## ours and its peers, measured side by side: 15 minutes
+bench: .venv/.bench  ## ours and its peers, measured side by side: 18 minutes
 	scripts/peers.sh
 	$(BIN)/hypermap bench --json benchmarks/races.json --markdown benchmarks/races.md \
 	  --plots docs/images

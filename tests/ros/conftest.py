@@ -108,6 +108,7 @@ def start(tmp_path: Path) -> Iterator[Callable[..., Process]]:
     for process in reversed(running):
         if process.popen.poll() is None:
             process.stop(signal.SIGTERM)
+        print(f"{process.popen.args}:\n{process.output[-3000:]}")  # noqa: T201 - shown if it failed
 
 
 @pytest.fixture(scope="session")
