@@ -109,8 +109,11 @@ export class Editor {
     if (!now) {
       this.letGo();
       this.panel.close();
-    } else if (JSON.stringify(now) !== JSON.stringify(before)) {
+    } else if (now.name !== before.name || now.tags.join() !== before.tags.join()) {
       this.choose(now);
+    } else if (JSON.stringify(now) !== JSON.stringify(before)) {
+      this.chosen = now; // only its shape is another: what is being typed stays
+      this.outline(new MultiPolygon(now.polygons));
     }
   }
 

@@ -150,7 +150,21 @@ def test_changes_from_many_threads_are_all_kept(tmp_path):
         ),
         ({"op": "add", "layer": "things", "name": "x"}, 400, "needs a name and a polygon"),
         ({"op": "add", "polygon": BED, "name": "x"}, 400, "layer: the operation must name one"),
-        (add(polygon=[[0, 0], [2, 2], [2, 0], [0, 2]]), 400, "the outline crosses itself"),
+        (
+            add(polygon=[[0, 0], [2, 2], [2, 0], [0, 2]]),
+            400,
+            "polygon: the outline crosses itself, near (1.00, 1.00)",
+        ),
+        (
+            add(polygon=[[1, 1], [1, 1], [1, 1], [1, 1]]),
+            400,
+            "polygon: fewer than three corners differ, near (1.00, 1.00)",
+        ),
+        (
+            {**add(), "polygon": None, "polygons": [[BED, [[5, 5], [6, 5], [6, 6]]]]},
+            400,
+            "a hole does not lie within the outline, or meets another, near (5.00, 5.00)",
+        ),
         (
             add(polygon=[[0, 0], [1e8, 0], [0, 1]]),
             400,

@@ -248,6 +248,23 @@ def test_what_is_typed_stays_while_another_window_changes_something_else(
     expect(other.page.locator('[data-class="throne"]')).to_be_attached()
 
 
+def test_what_is_typed_stays_while_the_shape_is_changed(edited: Edited) -> None:
+    window = edited.window
+    start_editing(window)
+    take(window, CHAIR, "chair")
+    window.page.locator("#object-name").fill("throne")
+    window.drag((7.5, 5.5), (8.1, 6.1))  # its upper right corner
+    expect(window.page.locator("#edit-undo")).to_be_enabled()
+    window.wait_until_drawn()
+    expect(window.page.locator("#object-name")).to_have_value("throne")
+    window.page.locator("#object-apply").click()
+    expect(window.page.locator('[data-class="throne"]')).to_be_attached()
+    save(window)
+    chair = edited.objects()[CHAIR]
+    assert chair.name == "throne"
+    assert chair.footprint.bounds[2:] == pytest.approx((8.1, 6.1), abs=2 * METRES_PER_PIXEL)
+
+
 def test_a_file_that_changed_on_disk_is_not_overwritten_unasked(edited: Edited) -> None:
     window = edited.window
     start_editing(window)

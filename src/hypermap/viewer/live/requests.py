@@ -172,10 +172,23 @@ def _polygon(rings: list[list[list[float]]], key: str) -> shapely.Polygon:
         raise Refused(f"{key}: a polygon needs an outline")
     polygon = shapely.Polygon(rings[0], rings[1:])
     if not polygon.is_valid:
-        raise Refused(f"{key}: the outline crosses itself ({shapely.is_valid_reason(polygon)})")
+        raise Refused(f"{key}: {_fault(polygon)}")
     if polygon.area == 0:
         raise Refused(f"{key}: the polygon has no area")
     return polygon
+
+
+def _fault(polygon: shapely.Polygon) -> str:
+    """Return what is wrong with an invalid polygon, and where, as GEOS finds it."""
+    reason, _, place = shapely.is_valid_reason(polygon).rstrip("]").partition("[")
+    if "Self-intersection" in reason:
+        what = "the outline crosses itself"
+    elif "Too few points" in reason:
+        what = "fewer than three corners differ"
+    else:
+        what = "a hole does not lie within the outline, or meets another"
+    x, y = map(float, place.split()[:2])
+    return f"{what}, near ({x:.2f}, {y:.2f})"
 
 
 def _number(value: Any, key: str) -> float:
