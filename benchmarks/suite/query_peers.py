@@ -105,8 +105,16 @@ class BoostLayer:
         return float(self._line())
 
     def _line(self) -> str:
+        """Return the next line that the program prints.
+
+        Raises:
+            subprocess.CalledProcessError: If it has ended instead.
+        """
         assert self._program.stdout is not None
-        return self._program.stdout.readline().strip()
+        line = self._program.stdout.readline()
+        if not line:
+            raise subprocess.CalledProcessError(self._program.wait(), self._program.args)
+        return line.strip()
 
 
 class _InPython:
