@@ -1,5 +1,8 @@
 from __future__ import annotations
 
+import platform
+import subprocess
+import sys
 from typing import Any
 
 import numpy as np
@@ -66,3 +69,24 @@ def test_what_is_true_is_found(count: int, share: float) -> None:
     mask = np.random.default_rng(3).random(2 * count) < share
     for looked_at in (mask[:count], mask[1 : count + 1], mask[::2]):
         assert true_in(looked_at).tolist() == np.flatnonzero(looked_at).tolist()
+
+
+MEMORY_AGAIN = """
+import resource
+import numpy as np
+import hypermap.core.arrays
+
+def pages_given():
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+    np.ones(10**6)
+    return resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before
+
+pages_given()
+print(pages_given())
+"""
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="other C libraries keep other rules")
+def test_memory_that_was_freed_is_not_given_page_by_page_again() -> None:
+    done = subprocess.run([sys.executable, "-c", MEMORY_AGAIN], capture_output=True, check=True)
+    assert int(done.stdout) < 10

@@ -17,6 +17,21 @@ ObjectArray: TypeAlias = NDArray[np.object_]
 _SEQUENCES = list, tuple
 
 
+def _keep_memory() -> None:
+    """Let the C library keep the memory of one question, or one frame, for the next.
+
+    On Linux it gives large blocks back when they are freed, and would get them page by page again
+    each time, a tenth of the time of a frame or of a question with many answers. Once a block of
+    32 MB was freed it keeps as much.
+
+    Source: mallopt(3), M_MMAP_THRESHOLD, which "is dynamic by default".
+    """
+    np.empty(2**25 - 2**13, np.uint8)  # never written to, so it takes no memory itself
+
+
+_keep_memory()
+
+
 def as_points_xy(points: ArrayLike) -> NDArray[np.float64]:
     """Return points as a float64 array of shape (N, 2); a single point becomes (1, 2).
 

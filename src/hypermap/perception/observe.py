@@ -20,20 +20,6 @@ from hypermap.perception.view import View
 PIECE_WEIGHT = 0.5  # of the score of what its box cut out of a surface that runs on
 
 
-def _keep_memory() -> None:
-    """Let the C library keep the memory of one frame for the next.
-
-    On Linux it gives blocks of megabytes back when they are freed, and each new frame would get
-    them page by page again, a tenth of its time. Once a block of 32 MB was freed it keeps as much.
-
-    Source: mallopt(3), M_MMAP_THRESHOLD, which "is dynamic by default".
-    """
-    np.empty(2**25 - 2**13, np.uint8)  # never written to, so it takes no memory itself
-
-
-_keep_memory()
-
-
 def observe(
     frame: RgbdFrame,
     detections: Detections,
