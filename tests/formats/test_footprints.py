@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import struct
+
 import numpy as np
 import pytest
 import shapely
@@ -11,6 +13,7 @@ from hypermap.core.arrays import as_objects
 from hypermap.formats.footprints import (
     footprint_from_wkt,
     footprint_to_wkt,
+    footprints_from_wkb,
     footprints_to_wkt,
 )
 
@@ -56,6 +59,14 @@ def test_rings_are_closed_and_keep_their_winding(text: str, expected: BaseGeomet
         ("POLYGON((0 0, 1 1))", "its shape has an outline of 2 points; three are needed"),
         ("POLYGON((0 0, 1 0, 1 1, 0 0)", "its shape is not well-known text: Expected word but "),
         ("POLYGON((0 0, 1 0, x 1))", "its shape is not well-known text: Expected number but "),
+        (
+            "GeometryCollection(POLYGON((0 0, 1 0, 1 1, 0 0)))",
+            "its shape must be a polygon or multipolygon, not a collection",
+        ),
+        (
+            "GEOMETRYCOLLECTION(" * 200_000,  # GEOS would end the program
+            "its shape must be a polygon or multipolygon, not a collection",
+        ),
         ("POLYGON((0 0, 1 0, 1 1)) or so", "its shape is not well-known text: Unexpected text"),
     ],
 )
@@ -68,6 +79,43 @@ def test_broken_text_is_refused_with_a_reason(text: str, message: str) -> None:
 @given(footprints)
 def test_text_gives_every_coordinate_again(footprint: BaseGeometry) -> None:
     assert exact(footprint_from_wkt(footprint_to_wkt(footprint))) == exact(footprint)
+
+
+CIRCLE = shapely.Point(0, 0).buffer(1, quad_segs=200)  # more than what passes unseen
+RING = CIRCLE.difference(shapely.Point(0, 0).buffer(0.5, quad_segs=100))
+PAIR = shapely.MultiPolygon([RING, shapely.box(9, 9, 10, 10)])
+
+
+@pytest.mark.parametrize("byte_order", [0, 1])
+@pytest.mark.parametrize("srid", [0, 4326])
+def test_large_polygons_are_read_from_binary(byte_order: int, srid: int) -> None:
+    shapes = as_objects([CIRCLE, RING, PAIR, shapely.box(0, 0, 1, 1)])
+    binaries = shapely.to_wkb(
+        shapely.set_srid(shapes, srid), byte_order=byte_order, include_srid=bool(srid)
+    )
+    assert len(binaries[2]) > 4096
+    assert [exact(shape) for shape in footprints_from_wkb(binaries)] == [
+        exact(shape) for shape in shapes
+    ]
+
+
+@pytest.mark.parametrize("letter", ["<", ">"])
+@pytest.mark.parametrize("kind", [4, 6, 7, 1007, 12])
+@pytest.mark.parametrize("before", [b"", PAIR.wkb.replace(b"\2\0\0\0", b"\3\0\0\0", 1)])
+def test_collections_of_collections_are_no_binary_of_ours(
+    letter: str, kind: int, before: bytes
+) -> None:
+    level = struct.pack(f"{letter}BII", letter == "<", kind, 1)  # GEOS would end the program
+    with pytest.raises(ValueError, match="a footprint must be a polygon or multipolygon in the"):
+        footprints_from_wkb(as_objects([before + level * 200_000]))
+
+
+def test_large_binary_that_is_cut_off_or_none_is_refused() -> None:
+    for end in (5000, len(PAIR.wkb) - 1):
+        with pytest.raises(ValueError, match="is not well-known binary"):
+            footprints_from_wkb(as_objects([PAIR.wkb[:end]]))
+    with pytest.raises(TypeError, match="well-known binary is of bytes, got str"):
+        footprints_from_wkb(as_objects([CIRCLE.wkb_hex]))
 
 
 def test_only_polygons_have_text() -> None:

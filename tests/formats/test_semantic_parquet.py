@@ -4,6 +4,7 @@ import contextlib
 import datetime
 import io
 import math
+import struct
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ from hypermap.core.errors import FormatError, HypermapError, MissingExtra
 from hypermap.core.objects import ObjectTable, SemanticObject
 from hypermap.core.semantic import Rejected, SemanticLayer
 from hypermap.formats import geoparquet, limits
-from hypermap.formats.geoparquet import Numbers, write_geoparquet
+from hypermap.formats.geoparquet import Lists, Numbers, Words, write_geoparquet
 from hypermap.formats.semantic_parquet import dump_parquet, parse_parquet
 
 from .strategies import exact, layer_facts, object_facts, semantic_layers
@@ -157,7 +158,7 @@ POINTS = pa.array(shapely.to_wkb(shapely.points([[0, 0]] * 5)))
         ({"name": pa.array(["a", None, "c", "d", "e"])}, "t: name: is missing in row 1"),
         ({"name": pa.array([1, 2, 3, 4, 5])}, "t: name: expected texts"),
         ({"geometry": None}, "t: geometry: is missing"),
-        ({"geometry": POINTS}, "t: a footprint must be a polygon or multipolygon, got Point"),
+        ({"geometry": POINTS}, "t: geometry: a footprint must be a polygon or multipolygon, got"),
         ({"geometry": pa.array([b"x"] * 5)}, "t: geometry: is not well-known binary: "),
         ({"geometry": pa.array([None] * 5, pa.binary())}, "t: geometry: is missing in a row"),
         ({"id": pa.array([1, 1, 2, 3, 4])}, "t: two objects have the id 1"),
@@ -178,6 +179,31 @@ def test_a_wrong_column_is_one_clear_error(columns: dict[str, Any], message: str
     with pytest.raises(FormatError) as error:
         parse_parquet(edited(**columns), "t")
     assert str(error.value).startswith(message)
+
+
+def test_a_geometry_of_several_columns_is_told_from_none() -> None:
+    points = pa.array([{"x": 0.0, "y": 0.0}] * 5)
+    with pytest.raises(FormatError, match="t: geometry: is not well-known binary, but of several"):
+        parse_parquet(edited(geometry=points), "t")
+
+
+def test_a_column_that_is_there_twice_is_refused() -> None:
+    file = parquet.read_table(pa.BufferReader(INTACT)).append_column("color", pa.array(["red"] * 5))
+    sink = io.BytesIO()
+    parquet.write_table(file, sink)
+    with pytest.raises(FormatError, match="t: color: is there twice"):
+        parse_parquet(sink.getvalue(), "t")
+
+
+def test_degrees_are_refused(tmp_path: Path) -> None:
+    geopandas = pytest.importorskip("geopandas")
+    path = tmp_path / "t.parquet"
+    frame = geopandas.GeoDataFrame({"name": ["cup"]}, geometry=[shapely.box(0, 0, 1, 1)])
+    frame.to_parquet(path)
+    assert len(parse_parquet(path.read_bytes(), "t")[0]) == 1
+    frame.set_crs("EPSG:4326").to_parquet(path)
+    with pytest.raises(FormatError, match=r"t: geometry: is in degrees \(WGS 84\), not in metres"):
+        parse_parquet(path.read_bytes(), "t")
 
 
 def test_columns_that_are_missing_are_those_of_objects_without() -> None:
@@ -215,6 +241,42 @@ def test_one_large_shape_in_many_rows_is_not_unpacked(monkeypatch: pytest.Monkey
     monkeypatch.setattr(limits, "MAX_TABLE_BYTES", 10_000_000)
     with pytest.raises(FormatError, match="t: geometry: has too many points"):
         parse_parquet(sink.getvalue(), "t")
+
+
+@pytest.mark.parametrize("kind", ["items", "columns", "letters", "binary"])
+def test_what_is_the_same_all_over_is_not_unpacked(
+    monkeypatch: pytest.MonkeyPatch, kind: str
+) -> None:
+    table = pa.table({"name": ["a"] * 2000, "geometry": [shapely.box(0, 0, 1, 1).wkb] * 2000})
+    if kind == "items":
+        table = table.append_column("x", pa.array([[]] * 1999 + [[True] * 200_000]))
+    elif kind == "columns":
+        for number in range(100):
+            table = table.append_column(f"x{number}", pa.array([1] * 2000))
+    elif kind == "letters":
+        table = table.append_column("x", pa.array([b"x" * 1000] * 2000, pa.binary(1000)))
+    else:
+        nested = struct.pack("<BII", 1, 7, 1) * 200_000  # GEOS would end the program
+        table = pa.table({"name": ["a"], "geometry": [nested]})
+    sink = io.BytesIO()
+    parquet.write_table(table, sink)
+    monkeypatch.setattr(limits, "MAX_TABLE_BYTES", 1_000_000 if kind != "binary" else 1 << 30)
+    assert len(sink.getvalue()) < 100_000
+    message = "unpacks to more than" if kind != "binary" else "must be a polygon or multipolygon"
+    with pytest.raises(FormatError, match=message):
+        parse_parquet(sink.getvalue(), "t")
+
+
+def test_what_is_the_same_all_over_is_not_written(monkeypatch: pytest.MonkeyPatch) -> None:
+    shapes = np.array([shapely.box(0, 0, 1, 1)] * 100)
+    column = Words(np.zeros(100, np.int32), ["cup"])
+    lists = Lists(np.arange(101), column)
+    monkeypatch.setattr(limits, "MAX_TABLE_BYTES", 100 * 200)
+    content = write_geoparquet({"name": column}, shapes, "map", {})
+    assert len(geoparquet.read_geoparquet(content, "t").footprints) == 100
+    many = {f"x{number}": lists for number in range(20)}
+    with pytest.raises(HypermapError, match="100 objects are too many to be read again"):
+        write_geoparquet(many, shapes, "map", {})
 
 
 def test_unusual_encodings_are_refused() -> None:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import re
+import struct
 
 import numpy as np
 import pydantic_core
@@ -15,6 +17,8 @@ from hypermap.core.arrays import BoolArray, ObjectArray
 _RING = re.compile(r"\(([^()]*)\)")
 _AT_ONCE = 4096  # footprints
 _EXPONENTS = 1e-4, 1e15  # between them, no number is written with an exponent
+_SMALL_WKB = 4096  # bytes, in which nothing is nested so deeply that it does harm
+_WITH_SRID = 0x20000000
 
 
 def footprint_from_wkt(text: str) -> BaseGeometry:
@@ -27,6 +31,8 @@ def footprint_from_wkt(text: str) -> BaseGeometry:
     >>> print(footprint_from_wkt("POLYGON((0 0, 2 0, 2 1))"))
     POLYGON ((0 0, 2 0, 2 1, 0 0))
     """
+    if "COLLECTION" in text.upper():  # of collections: GEOS overflows the stack on deep nesting
+        raise ValueError("its shape must be a polygon or multipolygon, not a collection")
     try:
         return shapely.from_wkt(text)
     except (shapely.errors.GEOSException, NotImplementedError):  # the latter for curves
@@ -36,6 +42,26 @@ def footprint_from_wkt(text: str) -> BaseGeometry:
     except (shapely.errors.GEOSException, NotImplementedError) as error:
         reason = str(error).partition("Exception: ")[2] or str(error)
         raise ValueError(f"its shape is not well-known text: {reason}") from None
+
+
+def footprints_from_wkb(binaries: ObjectArray) -> ObjectArray:
+    """Return the geometries of well-known binary, shape (N,).
+
+    Raises:
+        ValueError: If one is none, or large and no polygon or multipolygon in the plane. Whether
+            objects can have the others is not looked at.
+        TypeError: If one is not of bytes.
+    """
+    for binary in binaries:
+        if not isinstance(binary, bytes):
+            raise TypeError(f"well-known binary is of bytes, got {type(binary).__name__}")
+        if len(binary) > _SMALL_WKB and not _is_flat(binary):
+            raise ValueError("a footprint must be a polygon or multipolygon in the plane")
+    try:
+        shapes: ObjectArray = shapely.from_wkb(binaries)
+    except shapely.errors.ShapelyError as error:
+        raise ValueError(f"is not well-known binary: {error}") from None
+    return shapes
 
 
 def footprint_to_wkt(footprint: BaseGeometry) -> str:
@@ -87,6 +113,38 @@ def _outlines_to_wkt(polygons: ObjectArray) -> list[str]:
     text = pydantic_core.to_json(outlines).decode()[3:-3].replace(".0,", ",").replace(".0]", "]")
     text = text.removesuffix(".0").replace("]],[[", ";").replace("],[", "|").replace(",", " ")
     return [f"POLYGON(({ring}))" for ring in text.replace("|", ", ").split(";")]
+
+
+def _is_flat(wkb: bytes) -> bool:
+    """Return whether binary says that it is a polygon, or a collection of polygons alone.
+
+    Of collections within collections, many deep, GEOS would overflow the stack.
+    """
+    with contextlib.suppress(struct.error):  # cut off, about which GEOS complains
+        kind, order, at = _wkb_head(wkb, 0)
+        if kind == shapely.GeometryType.POLYGON:
+            return True
+        if kind != shapely.GeometryType.MULTIPOLYGON:
+            return False
+        (parts,) = struct.unpack_from(f"{order}I", wkb, at)
+        at += 4
+        for _ in range(parts):
+            kind, order, at = _wkb_head(wkb, at)
+            if kind != shapely.GeometryType.POLYGON:
+                return False
+            (rings,) = struct.unpack_from(f"{order}I", wkb, at)
+            at += 4
+            for _ in range(rings):
+                (points,) = struct.unpack_from(f"{order}I", wkb, at)
+                at += 4 + 16 * points
+    return True
+
+
+def _wkb_head(wkb: bytes, at: int) -> tuple[int, str, int]:
+    """Return a geometry's kind, the order of its bytes, and where what it holds begins."""
+    order = "<" if struct.unpack_from("B", wkb, at)[0] else ">"
+    (kind,) = struct.unpack_from(f"{order}I", wkb, at + 1)
+    return kind & ~_WITH_SRID, order, at + (9 if kind & _WITH_SRID else 5)
 
 
 def _close_ring(match: re.Match[str]) -> str:

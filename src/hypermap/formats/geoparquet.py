@@ -19,6 +19,7 @@ from hypermap.core.arrays import BoolArray, ObjectArray, as_objects
 from hypermap.core.errors import FormatError, HypermapError, MissingExtra
 from hypermap.core.shapes import can_be_footprints, check_footprint
 from hypermap.formats import limits
+from hypermap.formats.footprints import footprints_from_wkb
 from hypermap.formats.outlines import outlines_from_wkb
 
 if TYPE_CHECKING:
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 MAGIC = b"PAR1"
 GEOMETRY = "geometry"
 _ROW_GROUP = 1 << 17  # rows; they are read one group after the other
+_WIDTH = 8  # bytes, of numbers
 _AT_ONCE = 4096  # footprints, which should fit into the processor's cache
 _ENCODINGS = {"PLAIN", "RLE", "BIT_PACKED", "RLE_DICTIONARY", "PLAIN_DICTIONARY"}
 
@@ -128,7 +130,8 @@ def write_geoparquet(
     arrays[GEOMETRY] = pa.array(shapely.to_wkb(footprints), pa.binary())
     metadata = {"geo": json.dumps(_geo(footprints, frame_id)), **notes}
     table = pa.table(arrays).replace_schema_metadata(metadata)
-    if len(table) > limits.MAX_ROWS or table.nbytes > limits.MAX_TABLE_BYTES:
+    unpacked = _WIDTH * sum(_most_values(column) for column in [*columns.values(), footprints])
+    if len(table) > limits.MAX_ROWS or max(unpacked, table.nbytes) > limits.MAX_TABLE_BYTES:
         raise HypermapError(f"{len(table)} objects are too many to be read again")
     sink = pa.BufferOutputStream()
     parquet.write_table(
@@ -171,9 +174,9 @@ def read_geoparquet(content: bytes, path: str) -> GeoParquet:
     pa, parquet = _pyarrow()
     try:
         file = parquet.ParquetFile(pa.BufferReader(content))
-        described = _checked(file.metadata, path)
-        texts = [name for name, kind in described.items() if kind == "BYTE_ARRAY"]
-        has_plain_shapes = not any("DICT" in e for e in _encodings(file.metadata, GEOMETRY))
+        leaves = _leaves(file.metadata, path)
+        has_plain_shapes = not any("DICT" in e for e in leaves[GEOMETRY].encodings)
+        texts = [name for name, leaf in leaves.items() if leaf.kind == "BYTE_ARRAY"]
         in_words = [t for t in texts if t != GEOMETRY or not has_plain_shapes]
         file = parquet.ParquetFile(pa.BufferReader(content), read_dictionary=in_words)
         groups = range(file.num_row_groups)  # one by one: Arrow cannot join lists of words itself
@@ -236,36 +239,55 @@ def _engineering_crs(frame_id: str) -> dict[str, Any]:
     }
 
 
-def _checked(metadata: Any, path: str) -> dict[str, str]:
-    """Return the physical type of each leaf column, of a file within the limits."""
+@dataclass
+class _Leaf:
+    """A column of plain values, as the file describes it.
+
+    Attributes:
+        kind: the physical type.
+        width: bytes of a value; of texts, those of its place among the words.
+        encodings: of its chunks.
+    """
+
+    kind: str
+    width: int
+    encodings: set[str]
+
+
+def _leaves(metadata: Any, path: str) -> dict[str, _Leaf]:
+    """Return the leaf columns by their paths, of a file within the limits."""
     if metadata.num_rows > limits.MAX_ROWS or metadata.num_columns > limits.MAX_COLUMNS:
         raise FormatError(
             f"has {metadata.num_rows} rows and {metadata.num_columns} columns, more than the "
             f"{limits.MAX_ROWS} and {limits.MAX_COLUMNS} that are allowed",
             path=path,
         )
-    groups = [metadata.row_group(i) for i in range(metadata.num_row_groups)]
-    if sum(group.total_byte_size for group in groups) > limits.MAX_TABLE_BYTES:
-        raise FormatError(f"unpacks to more than {limits.MAX_TABLE_BYTES} bytes", path=path)
-    kinds = {}
+    leaves: dict[str, _Leaf] = {}
     for column in range(metadata.num_columns):
         described = metadata.schema.column(column)
-        kinds[described.path] = described.physical_type
-        unusual = _encodings(metadata, described.path) - _ENCODINGS
-        if unusual:
-            key = described.path
-            raise FormatError(f"has the encoding {unusual.pop()}", path=path, key=key)
-    if GEOMETRY not in kinds:
-        raise FormatError("is missing", path=path, key=GEOMETRY)
-    return kinds
-
-
-def _encodings(metadata: Any, leaf: str) -> set[str]:
+        kind = described.physical_type
+        width = described.length if kind == "FIXED_LEN_BYTE_ARRAY" else _WIDTH
+        if described.path in leaves:
+            raise FormatError("is there twice", path=path, key=described.path)
+        leaves[described.path] = _Leaf(kind, width, set())
     groups = [metadata.row_group(i) for i in range(metadata.num_row_groups)]
-    columns = (group.column(i) for group in groups for i in range(group.num_columns))
-    return {
-        name for column in columns if column.path_in_schema == leaf for name in column.encodings
-    }
+    unpacked = 0  # bytes; of values that are all the same, the file itself holds next to nothing
+    for group in groups:
+        for chunk, leaf in zip(
+            map(group.column, range(group.num_columns)), leaves.values(), strict=False
+        ):
+            leaf.encodings.update(chunk.encodings)
+            unpacked += max(0, chunk.num_values) * leaf.width
+    if max(unpacked, sum(group.total_byte_size for group in groups)) > limits.MAX_TABLE_BYTES:
+        raise FormatError(f"unpacks to more than {limits.MAX_TABLE_BYTES} bytes", path=path)
+    for name, leaf in leaves.items():
+        for unusual in sorted(leaf.encodings - _ENCODINGS)[:1]:
+            raise FormatError(f"has the encoding {unusual}", path=path, key=name)
+    if GEOMETRY not in leaves:
+        is_nested = any(name.startswith(f"{GEOMETRY}.") for name in leaves)
+        problem = "is not well-known binary, but of several columns" if is_nested else "is missing"
+        raise FormatError(problem, path=path, key=GEOMETRY)
+    return leaves
 
 
 def _footprints(pa: Any, table: pyarrow.Table, path: str) -> ObjectArray:
@@ -299,13 +321,11 @@ def _shapes(pa: Any, wkb: Any, path: str) -> ObjectArray:
         if outlines is not None:
             return outlines
     try:
-        shapes: ObjectArray = shapely.from_wkb(wkb.to_numpy(zero_copy_only=False))
+        shapes = footprints_from_wkb(wkb.to_numpy(zero_copy_only=False))
         for wrong in shapes[~can_be_footprints(shapes)][:1]:
             check_footprint(wrong)
-    except shapely.errors.ShapelyError as error:
-        raise FormatError(f"is not well-known binary: {error}", path=path, key=GEOMETRY) from None
     except (ValueError, TypeError) as error:
-        raise FormatError(str(error), path=path) from None
+        raise FormatError(str(error), path=path, key=GEOMETRY) from None
     return shapes
 
 
@@ -316,6 +336,15 @@ def _leaf(name: str, column: Column) -> str:
 def _words_in(column: Column) -> Words | None:
     items = column.items if isinstance(column, Lists) else column
     return items if isinstance(items, Words) else None
+
+
+def _most_values(column: Column | ObjectArray) -> int:
+    """Return how many values a file will say that a column has; lists that are empty have one."""
+    if isinstance(column, Lists):
+        return len(column.offsets) + _most_values(column.items)
+    if isinstance(column, Words):
+        return len(column.codes)
+    return len(column.values if isinstance(column, Numbers) else column)
 
 
 def _to_arrow(pa: Any, column: Column) -> Any:

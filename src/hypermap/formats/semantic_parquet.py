@@ -88,6 +88,7 @@ def parse_parquet(content: bytes, path: str) -> tuple[ObjectTable, list[Rejected
         FormatError: If it is damaged, or a column or value is none of an object.
     """
     file = read_geoparquet(content, path)
+    _check_unit(file.notes.get("geo", ""), path)
     columns, count = file.columns, len(file.footprints)
     names = _column(columns, "name", Words, path)
     if names is None:
@@ -210,6 +211,21 @@ def _column(columns: Mapping[str, Column], name: str, kind: type, path: str) -> 
         expected = {Words: "texts", Numbers: "numbers", Lists: "lists"}[kind]
         raise FormatError(f"expected {expected}", path=path, key=name)
     return column
+
+
+def _check_unit(geo: str, path: str) -> None:
+    """Refuse degrees on the globe, which other programs write and no frame of a map has."""
+    try:
+        crs = json.loads(geo)["columns"][GEOMETRY]["crs"]
+        is_global = crs["type"] == "GeographicCRS"
+    except (ValueError, LookupError, TypeError, RecursionError):  # it does not say
+        return
+    if is_global:
+        raise FormatError(
+            f"is in degrees ({crs.get('name')}), not in metres; move it to the layer's frame first",
+            path=path,
+            key=GEOMETRY,
+        )
 
 
 def _ids(column: Numbers | None, count: int, path: str) -> NDArray[np.int64]:

@@ -31,7 +31,7 @@ from hypermap.formats.yaml_text import plain_scalar
 _CHUNK = 1 << 18  # bytes; what is taken apart at a time should fit into the processor's cache
 
 _ENTRY = re.compile(
-    b"- name: (.+)\n"
+    b"(?m:^)- name: (.+)\n"  # of a line alone: many in one would be tried to its end each
     b"  shape: (.+)\n"
     rb"(?:  tags: \[(.*)\]" + b"\n)?"
     rb"(?:  confidence: \[(.*)\]" + b"\n)?"
