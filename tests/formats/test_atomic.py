@@ -54,6 +54,10 @@ def test_where_it_cannot_be_written_the_message_says_why(tmp_path: Path) -> None
     with pytest.raises(HypermapError) as error:
         write_file(long, b"")
     assert str(error.value) == f"{long}: cannot be saved: File name too long"
+    with pytest.raises(HypermapError, match="cannot be saved: it is no name of a file"):
+        write_file(tmp_path / "a\0b", b"")
+    with pytest.raises(FileMissing, match="there is no such folder to save in"):
+        write_file(long / "map.hmap", b"")
     assert names(tmp_path) == ["folder"]
 
 

@@ -157,9 +157,16 @@ def test_what_is_wrong_is_named_with_its_place(text: str, message: str) -> None:
     assert str(error.value).startswith(f"t.geojson: {message}")
 
 
-def test_an_id_that_is_there_twice_is_an_error() -> None:
+def test_coordinates_that_lie_too_deep_are_an_error() -> None:
+    deep = "[" * 700 + "]" * 700  # once, this ended in an error of Python
+    with pytest.raises(FormatError, match="is not"):
+        from_geojson(changed(geometry=polygon("here")).replace('"here"', deep))
+
+
+@pytest.mark.parametrize("times", [2, 20_000])  # once, many took minutes
+def test_an_id_that_is_there_twice_is_an_error(times: int) -> None:
     document = json.loads(to_geojson(LAYER))
-    document["features"] *= 2
+    document["features"] *= times
     with pytest.raises(FormatError, match="features: the id 7 is there twice"):
         from_geojson(json.dumps(document))
 

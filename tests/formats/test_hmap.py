@@ -17,7 +17,7 @@ from hypermap.core.grid import GridGeometry
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.semantic import SemanticLayer, SemanticObject
-from hypermap.formats import open_map, save_map, semantic_yaml
+from hypermap.formats import limits, open_map, save_map, semantic_yaml
 from hypermap.formats.config import CONFIG_NAME
 from hypermap.formats.yaml_text import read_yaml
 
@@ -263,3 +263,31 @@ def test_many_objects_are_kept_as_parquet_by_themselves(
     with pytest.raises(MissingExtra):
         save_map(small_map(), tmp_path / "t.hmap", semantic="parquet")
     assert not (tmp_path / "t.hmap").exists()
+
+
+def test_few_objects_that_are_too_much_for_yaml_are_kept_as_parquet_too(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("pyarrow")
+    circle = shapely.Point(0, 0).buffer(1, quad_segs=100)
+    layer = SemanticLayer("objects", "map", [SemanticObject("table", circle)] * 3)
+    monkeypatch.setattr(limits, "MAX_YAML_BYTES", 10_000)
+    save_map(Hypermap([layer]), tmp_path / "t.hmap")
+    assert any(name.endswith(".parquet") for name in files_of(tmp_path / "t.hmap"))
+    assert map_facts(open_map(tmp_path / "t.hmap")) == map_facts(Hypermap([layer]))
+    message = "too large to be read again; save the semantic layers as GeoParquet"
+    with pytest.raises(HypermapError, match=message):
+        save_map(Hypermap([layer]), tmp_path / "yaml.hmap", semantic="yaml")
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    with pytest.raises(HypermapError, match=message):
+        save_map(Hypermap([layer]), tmp_path / "without.hmap")
+    assert [path.name for path in tmp_path.iterdir()] == ["t.hmap"]
+
+
+@pytest.mark.parametrize("name", ["x" * 300, "x/" * 3000, "x\0y", "x" * 300 + ".yaml"])
+def test_a_name_that_no_file_can_have_is_one_clear_error(tmp_path: Path, name: str) -> None:
+    with pytest.raises(HypermapError, match=r"xx|x/x|x.*y"):
+        open_map(tmp_path / name)
+    with pytest.raises(HypermapError, match=r"xx|x/x|x.*y"):
+        save_map(small_map(), tmp_path / name)
+    assert list(tmp_path.iterdir()) == []

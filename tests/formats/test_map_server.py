@@ -355,6 +355,9 @@ def test_a_bare_map_that_is_missing_or_lacks_its_picture_says_so(tmp_path: Path)
     with pytest.raises(FormatError) as error:
         load_occupancy(yaml)
     assert str(error.value) == f"{yaml}: image: there is no picture {tmp_path / 'map.png'}"
+    yaml.write_text(YAML.replace("map.png", "x" * 300))  # a name that no file can have
+    with pytest.raises(HypermapError, match="xx: cannot be read: File name too long"):
+        load_occupancy(yaml)
     with pytest.raises(FormatError) as folder:
         load_occupancy(tmp_path)
     assert str(folder.value) == f"{tmp_path}: is a folder, not a file"

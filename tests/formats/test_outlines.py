@@ -75,6 +75,14 @@ def test_what_is_not_one_plain_ring_is_left_to_the_other_reader(other: str) -> N
             assert outlines[0].wkb == footprint_from_wkt(other).wkb
 
 
+def test_zeros_keep_their_sign() -> None:
+    shape = shapely.Polygon([(-0.0, 0.0), (1, -0.0), (-0.0, -0.0), (2, 2)])
+    for text in (footprint_to_wkt(shape), footprint_to_wkt(shape).replace(", ", ",")):
+        outlines = outlines_from_wkt(text.encode())
+        assert outlines is not None
+        assert exact(outlines[0]) == exact(footprint_from_wkt(text)) == exact(shape)
+
+
 @given(st.lists(footprints, min_size=1, max_size=4))
 def test_written_outlines_are_the_same_again(shapes: list[BaseGeometry]) -> None:
     outlines = outlines_from_wkt("\n".join(map(footprint_to_wkt, shapes)).encode())

@@ -73,6 +73,20 @@ def test_what_the_first_program_could_not_hold_stands_under_keys_of_its_own() ->
     assert object_facts(again) == object_facts(item)
 
 
+def test_an_entry_that_claims_the_id_of_an_object_does_not_take_it_when_saved() -> None:
+    text = f"""
+- {{name: cup, shape: "{SQUARE}"}}
+- {{name: mug, shape: "{SQUARE}", id: 1}}
+- {{name: jug, shape: "{SQUARE}", id: 1}}
+- {{name: bowl, shape: "{SQUARE}", id: 2}}
+"""
+    objects, rejected = parse(text)
+    assert [(item.id, item.name) for item in objects] == [(0, "cup"), (1, "mug"), (2, "bowl")]
+    again, rejected_again = parse(dump_objects(objects, rejected).decode())
+    assert [object_facts(item) for item in again] == [object_facts(item) for item in objects]
+    assert [entry.entry for entry in rejected_again] == [entry.entry for entry in rejected]
+
+
 @given(semantic_layers())
 def test_saving_and_loading_gives_exactly_the_same_objects(layer: SemanticLayer) -> None:
     store = MemoryStore()

@@ -69,6 +69,9 @@ LAUGHS = b"a: &a [x,x,x,x,x,x,x,x,x,x]\n" + b"".join(
         (b"a: &a [*a]", "f: line 1: the alias *a has no finished anchor"),
         (b"a: 2019-13-45", "f: line 1: '2019-13-45' is not a valid timestamp"),
         (b"a: !!int x", "f: line 1: 'x' is not a valid int"),
+        (b"a: !!int ''", "f: line 1: '' is not a valid int"),
+        (b"a: !!int '-'", "f: line 1: '-' is not a valid int"),
+        (b"a: !!float _", "f: line 1: '_' is not a valid float"),
         (b"a: " + b"1" * 5000, f"f: line 1: '{'1' * 40}' is not a valid int"),
         (b"a: !!set {b}", "f: line 1: the tag tag:yaml.org,2002:set is not allowed"),
         (

@@ -38,7 +38,7 @@ def write_files(folder: str | Path, files: Mapping[str, bytes]) -> None:
         HypermapError: If a file cannot be written.
     """
     root = Path(folder)
-    if not root.is_dir():
+    if not is_folder(root):
         raise FileMissing(f"{root}: there is no such folder to save in")
     staged: list[tuple[Path, Path]] = []
     target = root
@@ -57,10 +57,20 @@ def write_files(folder: str | Path, files: Mapping[str, bytes]) -> None:
             _flush_folder(parent)
     except OSError as error:
         raise HypermapError(f"{target}: cannot be saved: {error.strerror}") from error
+    except ValueError:  # a NUL character
+        raise HypermapError(f"{str(target)!r}: cannot be saved: it is no name of a file") from None
     finally:
         for temporary, _ in staged:
             with contextlib.suppress(OSError):
                 temporary.unlink(missing_ok=True)
+
+
+def is_folder(path: Path) -> bool:
+    """Return whether it is a folder; what cannot be looked at, as a name too long, is none."""
+    try:
+        return path.is_dir()
+    except OSError:
+        return False
 
 
 def _write_beside(target: Path, content: bytes) -> Path:

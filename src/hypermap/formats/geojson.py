@@ -7,6 +7,7 @@ QGIS and geopandas: an engineering system with metres, which lies nowhere on the
 
 from __future__ import annotations
 
+import collections
 import json
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
@@ -23,6 +24,15 @@ from hypermap.core.shapes import check_footprint
 from hypermap.formats.checked import Checked, Text, check
 from hypermap.formats.records import object_from_record, record_from_object
 from hypermap.formats.yaml_text import plain_value
+
+_WRONG = (
+    ValueError,
+    TypeError,
+    LookupError,
+    AttributeError,
+    RecursionError,
+    shapely.errors.ShapelyError,
+)
 
 
 class _Collection(Checked):
@@ -89,10 +99,10 @@ def from_geojson(
             "is missing: say in which frame the coordinates are", path=path, key="frame_id"
         )
     objects = [_object(item, path, i) for i, item in enumerate(collection.features)]
-    ids = [item.id for item in objects if item.id is not None]
-    if len(set(ids)) < len(ids):
-        twice = next(number for number in ids if ids.count(number) > 1)
-        raise FormatError(f"the id {twice} is there twice", path=path, key="features")
+    ids = collections.Counter(item.id for item in objects if item.id is not None)
+    for number, count in ids.most_common(1):
+        if count > 1:
+            raise FormatError(f"the id {number} is there twice", path=path, key="features")
     return SemanticLayer(name or collection.name or "semantic", frame, objects)
 
 
@@ -134,7 +144,7 @@ def _footprint(raw: Mapping[str, Any], path: str | None, place: str) -> BaseGeom
         with np.errstate(invalid="ignore"):  # of infinite coordinates, which are refused below
             footprint: BaseGeometry = shapely.geometry.shape(geometry.model_dump())
         check_footprint(footprint)
-    except (ValueError, TypeError, LookupError, AttributeError, shapely.errors.ShapelyError) as e:
+    except _WRONG as e:
         raise FormatError(f"is not a valid {geometry.type}: {e}", path=path, key=place) from None
     return footprint
 

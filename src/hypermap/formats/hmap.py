@@ -12,12 +12,12 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from hypermap.core.errors import FormatError, HypermapError
+from hypermap.core.errors import FileMissing, FormatError, HypermapError
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.layer import Layer, Store
 from hypermap.core.opaque import OpaqueLayer
 from hypermap.formats.archive import read_archive, write_archive
-from hypermap.formats.atomic import write_files
+from hypermap.formats.atomic import is_folder, write_files
 from hypermap.formats.config import (
     BINARY_FILE,
     CONFIG_NAME,
@@ -53,10 +53,11 @@ def open_map(path: str | Path) -> Hypermap:
         HypermapError: If a plug-in for one of its layers does not work.
     """
     path = Path(path)
-    if path.is_dir():
-        if not (path / CONFIG_NAME).is_file():
-            raise FormatError(f"is a folder without {CONFIG_NAME}", path=path)
-        return _open_yaml(path / CONFIG_NAME)
+    if is_folder(path):
+        try:
+            return _open_yaml(path / CONFIG_NAME)
+        except FileMissing:
+            raise FormatError(f"is a folder without {CONFIG_NAME}", path=path) from None
     if path.suffix.lower() in _YAML_ENDINGS:
         return _open_yaml(path)
     store = read_archive(path)
@@ -77,7 +78,7 @@ def save_map(hypermap: Hypermap, path: str | Path, semantic: SemanticForm = "aut
             path becomes an archive.
         semantic: how semantic layers are kept: `yaml`, which all programs read, `parquet`, which
             is several times faster but not for the first program, or `auto`: Parquet from
-            100,000 objects on, where pyarrow is installed.
+            100,000 objects on and for what is too large for YAML, where pyarrow is installed.
 
     Raises:
         MissingExtra: If Parquet is asked for, and pyarrow is not installed.
@@ -85,7 +86,7 @@ def save_map(hypermap: Hypermap, path: str | Path, semantic: SemanticForm = "aut
         HypermapError: If it cannot be written, or there is no plug-in for one of its layers.
     """
     path = Path(path)
-    if path.is_dir():
+    if is_folder(path):
         path = path / CONFIG_NAME
     if path.suffix.lower() in _YAML_ENDINGS:
         files = _write_map(hypermap, path.name, semantic)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from hypermap.core.errors import FormatError, HypermapError
+from hypermap.core.errors import FileMissing, FormatError, HypermapError
 from hypermap.core.frames import Pose2D
 from hypermap.core.grid import RESOLUTIONS, GridGeometry
 from hypermap.core.layer import Store
@@ -127,9 +127,11 @@ def load_occupancy(
     path = Path(path)
     described = parse_map_yaml(read_file(path), str(path))
     image = path.parent / described.image
-    if not image.is_file():
-        raise FormatError(f"there is no picture {image}", path=path, key="image")
-    cells = cells_from_file(read_file(image), str(image), described)
+    try:
+        content = read_file(image)
+    except FileMissing:
+        raise FormatError(f"there is no picture {image}", path=path, key="image") from None
+    cells = cells_from_file(content, str(image), described)
     return _layer(described, cells, name, frame_id, {"file": path.stem})
 
 

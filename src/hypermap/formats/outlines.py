@@ -35,6 +35,8 @@ def outlines_from_wkt(lines: bytes) -> ObjectArray | None:
     None as well where a polygon is none that an object can have, or the text is not plain.
     """
     lines = lines.replace(b"POLYGON ((", b"POLYGON((") if b" ((" in lines[:10] else lines
+    for end in (b" ", b",", b")"):  # as whole numbers, these would lose their sign
+        lines = lines.replace(b"-0" + end, b"-0.0" + end)
     is_spaced = b", " in lines
     skeletons = lines.translate(None, _NUMBER).split(b"\n")
     pattern, to_json = (_SPACED, _SPACED_TO_JSON) if is_spaced else (_DENSE, _DENSE_TO_JSON)

@@ -23,6 +23,10 @@ _WORDS = re.compile(r"\w+(?:[ ./-]\w+)*", re.ASCII)
 _MAX_KEY = 100  # letters; longer keys are written in another way
 
 
+class TooLarge(HypermapError):
+    """A layer has so much in it that YAML of it would not be read again."""
+
+
 class _Elaborate(Exception):
     """A value is more than a plain word or number."""
 
@@ -36,7 +40,8 @@ def dump_table(table: ObjectTable, rejected: Iterable[Rejected] = ()) -> bytes:
 
     Raises:
         TypeError: If an attribute is of a type that YAML does not have.
-        HypermapError: If it is too large to be read again.
+        TooLarge: If it would be too large to be read again.
+        HypermapError: If something is nested too deeply to be read again.
     """
     writer = _Writer()
     shapes = footprints_to_wkt(table.footprints)
@@ -45,8 +50,11 @@ def dump_table(table: ObjectTable, rejected: Iterable[Rejected] = ()) -> bytes:
         table.existence.tolist(), table.first_seen.tolist(), table.last_seen.tolist(), strict=True
     )
     columns = zip(names, shapes, table.tags, table.confidence, table.attributes, strict=True)
+    rejected = list(rejected)
+    claimed = {_id_in(left_out.entry) for left_out in rejected}
     for row, (columns_of_row, known) in enumerate(zip(columns, numbers, strict=True)):
-        number = None if ids[row] == row else ids[row]
+        # Where an entry that is no object claims the position, too, the object's id is said first.
+        number = None if ids[row] == row and row not in claimed else ids[row]
         try:
             writer.add_line_by_line(*columns_of_row, known, number)
         except _Elaborate:
@@ -129,11 +137,14 @@ class _Writer:
         """Return all entries as a file.
 
         Raises:
-            HypermapError: If it is too large to be read again.
+            TooLarge: If it would be too large to be read again.
         """
         content = ("".join(self._texts) or "[]\n").encode()
         if len(content) > limits.MAX_YAML_BYTES or self._values > limits.MAX_YAML_VALUES:
-            raise HypermapError(f"{len(content)} bytes of YAML are too large to be read again")
+            raise TooLarge(
+                f"{len(content)} bytes of YAML are too large to be read again; save the semantic "
+                "layers as GeoParquet (pip install 'hypermap[parquet]')"
+            )
         return content
 
     def _word(self, text: str) -> str:
@@ -155,6 +166,11 @@ class _Writer:
 
     def _scalar(self, value: Any) -> str:
         return self._word(value) if type(value) is str else _number(value)
+
+
+def _id_in(entry: Any) -> Any:
+    claim = entry.get("id") if isinstance(entry, Mapping) else None
+    return claim if type(claim) is int else None
 
 
 def _number(value: Any) -> str:

@@ -26,7 +26,7 @@ from hypermap.formats.geoparquet import MAGIC, has_pyarrow
 from hypermap.formats.records import object_from_record
 from hypermap.formats.semantic_parquet import dump_parquet, parse_parquet
 from hypermap.formats.semantic_regular import read_regular
-from hypermap.formats.semantic_writing import dump_table
+from hypermap.formats.semantic_writing import TooLarge, dump_table
 from hypermap.formats.yaml_text import read_yaml
 
 logger = logging.getLogger(__name__)
@@ -34,7 +34,8 @@ logger = logging.getLogger(__name__)
 SemanticForm: TypeAlias = Literal["auto", "yaml", "parquet"]
 
 MANY_OBJECTS = 100_000
-"""From how many objects on a layer is kept as GeoParquet, where nothing else is said."""
+"""From how many objects on a layer is kept as GeoParquet, where nothing else is said; one that is
+too large for YAML is so with fewer objects, too."""
 
 _TEXT = {("*", "name"), ("*", "shape"), ("*", "tags", "*")}
 
@@ -46,8 +47,8 @@ class SemanticFiles:
     What the objects were made of lies beside it, in the file that the key `evidence` names.
 
     Attributes:
-        form: `yaml`, `parquet`, or `auto`, which is Parquet for layers of many objects where
-            pyarrow is installed, and otherwise YAML.
+        form: `yaml`, `parquet`, or `auto`, which is Parquet for layers of many objects, or too
+            large for YAML, where pyarrow is installed, and otherwise YAML.
     """
 
     form: SemanticForm = "auto"
@@ -79,17 +80,22 @@ class SemanticFiles:
 
         Raises:
             MissingExtra: If GeoParquet is asked for, and pyarrow is not installed.
+            TypeError: If an attribute is of a type that YAML does not have.
+            HypermapError: If the layer is too large to be read again.
         """
         if not len(layer) and not layer.rejected:
             return {}
-        if self.form == "parquet" or (
-            self.form == "auto" and len(layer) >= MANY_OBJECTS and has_pyarrow()
-        ):
-            binary = f"{file}.parquet"
-            store.write(binary, dump_parquet(layer.table, layer.frame_id, layer.rejected))
-            return {BINARY_FILE: binary, **save_evidence(layer, store, file)}
-        store.write(file, dump_table(layer.table, layer.rejected))
-        return save_evidence(layer, store, file)
+        may_be_parquet = self.form == "parquet" or (self.form == "auto" and has_pyarrow())
+        if self.form != "parquet" and not (may_be_parquet and len(layer) >= MANY_OBJECTS):
+            try:
+                store.write(file, dump_table(layer.table, layer.rejected))
+                return save_evidence(layer, store, file)
+            except TooLarge:
+                if not may_be_parquet:
+                    raise
+        binary = f"{file}.parquet"
+        store.write(binary, dump_parquet(layer.table, layer.frame_id, layer.rejected))
+        return {BINARY_FILE: binary, **save_evidence(layer, store, file)}
 
 
 PLUGIN = SemanticFiles()

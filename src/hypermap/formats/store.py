@@ -11,7 +11,7 @@ from typing import BinaryIO
 
 from hypermap.core.errors import FileMissing, FormatError, HypermapError
 from hypermap.formats import limits
-from hypermap.formats.atomic import write_files
+from hypermap.formats.atomic import is_folder, write_files
 
 _UNSAFE = re.compile(r"[\x00-\x1f\\]|^/|^[A-Za-z]:")
 
@@ -90,7 +90,7 @@ class FolderStore:
     def names_of(self, file: str) -> list[str]:
         """Return the names that belong to `file`: itself, `file.*` and all in a folder `file`."""
         base = self.folder / safe_name(file, str(self.folder))
-        if not base.parent.is_dir():
+        if not is_folder(base.parent):
             return []
         found = [path for path in base.parent.iterdir() if _belongs(path.name, base.name)]
         if base.is_dir():

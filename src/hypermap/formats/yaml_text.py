@@ -260,7 +260,7 @@ def _scalar_value(text: str, tag: str) -> Any:
         if tag == f"{_TAG}int" and len(text) > limits.MAX_INTEGER_LETTERS:
             raise ValueError("too long to be written again")
         return _SCALARS[tag](yaml.ScalarNode(tag, text))
-    except (ValueError, OverflowError, KeyError, AttributeError, yaml.YAMLError):
+    except (ValueError, OverflowError, LookupError, AttributeError, yaml.YAMLError):
         raise ValueError(f"{text[:40]!r} is not a valid {tag.removeprefix(_TAG)}") from None
 
 
