@@ -142,3 +142,34 @@ def test_a_layer_without_objects_has_nothing_anywhere() -> None:
         assert layer.values_in(area).values.shape == (0,)
         assert layer.labels_in(area).points_xy.shape == (0, 2)
     assert as_objects([]).shape == layer.names.shape
+
+
+def test_neither_shapes_nor_areas_of_others_are_prepared() -> None:
+    """GEOS prepares a shape while it answers; two threads that share one end the program."""
+    rings = [shapely.Point(i % 10, i // 10).buffer(1) - shapely.box(0, 0, 1, 1) for i in range(100)]
+    layer = SemanticLayer("s", "map", [SemanticObject("a", shape) for shape in rings])
+    asked = [shapely.box(0, 0, 9, 9), shapely.Point(5, 5).buffer(4)]
+    for area in asked:
+        assert layer.values_in(area).values.tolist() == expected_in(layer, area)
+    for x, y in [(2.5, 0.0), (1.0, 0.5), (0.5, 0.5)]:
+        assert layer.value_at([x, y]).tolist() == [expected_at(layer, x, y)]
+    assert not shapely.is_prepared([*rings, *asked]).any()
+
+
+def test_a_shape_too_small_to_compute_with_does_no_harm() -> None:
+    """GEOS raises an error where it is asked whether the first is valid, and to repair it."""
+    tiny = [
+        "POLYGON ((-2e-100 0, -1e-310 0, 3e-310 0, 0 2e-100, -2e-100 0), (-2e-320 1e-165, -1e-310 "
+        "1e-310, 2e-320 2e-320, -2e-320 1e-165))",
+        "POLYGON ((-3.455465665045885e-240 -4.814646484771862e-163, 3.780068949868091e-162 "
+        "5.533130070571995e-183, 6.682429073782668e-225 -3.657606209172671e-213, "
+        "-3.455465665045885e-240 -4.814646484771862e-163))",
+    ]
+    small = [SemanticObject("small", shapely.from_wkt(text)) for text in tiny]
+    large = [SemanticObject("large", shapely.box(i, 0, i + 1, 1)) for i in range(2000)]
+    for objects in (small + large[:3], small + large):
+        layer = SemanticLayer("s", "map", objects)
+        assert layer.values_in(shapely.box(-1, -1, 0.5, 0.5)).values.tolist() == [0, 1, 2]
+        assert layer.nearest("small", [3.0, 4.0], k=2)[1].tolist() == [5.0, 5.0]
+        assert layer.add(small) == [len(objects), len(objects) + 1]
+        assert layer.label_at([[0.5, 0.5]]).tolist() == ["large"]

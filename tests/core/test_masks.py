@@ -187,9 +187,34 @@ def test_what_a_mask_cannot_be_is_refused() -> None:
         draw_mask(Hypermap([far]), [Zone("desk")])
     with pytest.raises(ValueError, match="resolution"):
         draw_mask(Hypermap([layer]), [Zone("desk")], resolution=-1)
-    with pytest.raises(ValueError, match="margin must be 0 m or more, got -1"):
+    with pytest.raises(ValueError, match="margin must be from 0 to 1e\\+09 m, got -1"):
         Zone("desk", -1)
     with pytest.raises(ValueError, match="margin"):
         Zone("desk", math.nan)
     with pytest.raises(ValueError, match="between 0 and 100, got 101"):
         Zone("desk", 1, 101)
+
+
+@pytest.mark.parametrize("resolution", [0, 0.0, math.nan, math.inf, 1e-300])
+def test_a_resolution_that_is_none_is_not_replaced_by_another(resolution) -> None:
+    layer = SemanticLayer("semantic", "map", [square("desk", 2, 4)])
+    for layers in ([layer], [floor(), layer], []):
+        with pytest.raises(ValueError, match="resolution must be from 1e-06 to 1e\\+06 m, got"):
+            draw_mask(Hypermap(layers), [Zone("desk")], resolution=resolution)
+
+
+@pytest.mark.parametrize("outside", [-2, 101, 300])
+def test_other_cells_hold_what_a_mask_can_hold(outside: int) -> None:
+    with pytest.raises(ValueError, match=f"outside must lie between -1 and 100, got {outside}"):
+        draw_mask(Hypermap([floor()]), [], outside=outside)
+
+
+def test_values_and_margins_are_not_rounded_or_without_end() -> None:
+    with pytest.raises(TypeError, match="cannot be interpreted as an integer"):
+        Zone("desk", 1, 50.5)  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match="cannot be interpreted as an integer"):
+        draw_mask(Hypermap([floor()]), [], outside=0.5)  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match=r"margin must be from 0 to 1e\+09 m, got 1e\+300"):
+        Zone("desk", 1e300)
+    layer = SemanticLayer("semantic", "map", [square("desk", 1e6, 1e6)])
+    assert np.all(draw_mask(Hypermap([floor(), layer]), [Zone("desk", 1e9)]).cells == 100)

@@ -251,6 +251,22 @@ def test_many_updates_are_made_at_once_or_not_at_all() -> None:
         assert_same_objects(many.objects(), one.objects())
 
 
+@pytest.mark.parametrize("number", [0.7, "0", None, 1.0])
+def test_what_is_no_id_is_not_rounded_to_one(number: Any) -> None:
+    layer = SemanticLayer("s", "map", [square("a", 0, 0), square("b", 5, 0)])
+    for wrong in (
+        lambda: layer.get(number),
+        lambda: layer.evidence_of(number),
+        lambda: layer.remove([1, number]),
+        lambda: layer.update(number, square("c", 9, 9)),
+    ):
+        with pytest.raises(TypeError, match="cannot be interpreted as an integer"):
+            wrong()
+    assert layer.names.tolist() == ["a", "b"]
+    layer.remove(np.array([0]))
+    assert layer.names.tolist() == ["b"]
+
+
 def test_removing_nothing_and_everything() -> None:
     layer = desk()
     layer.remove([])

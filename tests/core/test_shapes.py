@@ -67,6 +67,18 @@ def test_what_of_an_area_lies_beyond_all_maps_is_cut_off() -> None:
     assert as_area(shapely.box(-1e300, 0, 5, 1e300)).bounds == (-1e9, 0, 5, 1e9)
 
 
+def test_an_area_without_area_that_reaches_beyond_all_maps_is_a_line() -> None:
+    area = as_area(shapely.Polygon([(-1e20, 0), (2e20, 0), (1e20, 0)]))
+    assert area.bounds == (-1e9, 0, 1e9, 0)
+    assert shapely.get_dimensions(area) == 1
+
+
+def test_an_area_that_cannot_be_repaired_is_refused() -> None:
+    rings = [[(0, 0), (0, -1e100), (-2e100, 2e100)], [(0, 0), (2e250, -1e250), (-3e250, 0)]]
+    with pytest.raises(ValueError, match="an area's outline must not cross itself like this"):
+        as_area(shapely.Polygon(rings[0], rings[1:]))
+
+
 def polygon(*corners: Any) -> shapely.Polygon:
     with np.errstate(invalid="ignore"):
         return shapely.Polygon(corners)

@@ -138,3 +138,12 @@ def test_the_nearest_are_the_same_as_by_measuring_all() -> None:
         distances = np.sort([item.footprint.distance(shapely.Point(point)) for item in objects])
         for k in (1, 7, 600):
             np.testing.assert_array_equal(layer.nearest("a", point, k)[1], distances[:k])
+
+
+def test_a_large_change_makes_no_room_in_the_log_that_it_leaves() -> None:
+    """Another layer with the same log may be making it, for what it writes."""
+    layer = SemanticLayer("s", "map", [square("a", 3 * i, 0) for i in range(2000)])
+    other = layer.copy()
+    other.add([square("b", 3 * i, 9) for i in range(2000)])
+    assert "written" not in vars(layer.snapshot.log)
+    assert other.names.tolist() == ["a"] * 2000 + ["b"] * 2000

@@ -18,7 +18,7 @@ from hypermap.core.shapes import as_area
 from hypermap.core.spans import covered, filled, outlines
 
 _DECIMALS = 6  # of a cell
-_FAR = 1e12  # metres; no grid reaches there
+_FAR = 1e12  # metres; no grid reaches beyond
 RESOLUTIONS = (1e-6, 1e6)
 """The smallest and the largest side of a cell [m]."""
 
@@ -40,7 +40,8 @@ class GridGeometry:
         origin: pose of the lower left corner of cell (0, 0) in the layer's frame.
 
     Raises:
-        ValueError: If a side has no cells, or the resolution is no sensible number.
+        ValueError: If a side has no cells, the resolution is not within `RESOLUTIONS`, or a cell
+            may lie more than 1e12 m from where the layer's frame is.
         TypeError: If a side is no integer.
 
     >>> grid = GridGeometry(width=4, height=3, resolution=0.5, origin=Pose2D(x=1.0))
@@ -59,11 +60,11 @@ class GridGeometry:
         operator.index(self.width), operator.index(self.height)  # a TypeError for others
         if self.width < 1 or self.height < 1:
             raise ValueError(f"a grid needs at least one cell, got {self.width} x {self.height}")
-        smallest, largest = RESOLUTIONS
-        if not smallest <= self.resolution <= largest:
-            raise ValueError(
-                f"resolution must be from {smallest:g} to {largest:g} m, got {self.resolution}"
-            )
+        check_resolution(self.resolution)
+        reach = (self.width + self.height) * self.resolution
+        reach += max(abs(self.origin.x), abs(self.origin.y))
+        if not reach <= _FAR:
+            raise ValueError(f"a grid must lie within {_FAR:g} m, this one reaches {reach:g} m")
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -159,6 +160,13 @@ class GridGeometry:
         for first, last in _bands(*self.shape):
             shape = (last - first, self.width)
             yield Window(first, 0, shape, np.array([0, math.prod(shape)]))
+
+
+def check_resolution(resolution: float) -> None:
+    """Raise a ValueError if a length [m] is no side of a cell."""
+    smallest, largest = RESOLUTIONS
+    if not smallest <= resolution <= largest:
+        raise ValueError(f"resolution must be from {smallest:g} to {largest:g} m, got {resolution}")
 
 
 def _bands(height: int, width: int) -> Iterator[tuple[int, int]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+import operator
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from hypermap.core.arrays import ObjectArray, as_objects
 from hypermap.core.errors import HypermapError
 from hypermap.core.frames import Pose2D
-from hypermap.core.grid import GridGeometry
+from hypermap.core.grid import GridGeometry, check_resolution
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.occupancy import OCCUPIED, UNKNOWN, OccupancyLayer
 from hypermap.core.semantic import SemanticLayer
@@ -22,6 +22,7 @@ DEFAULT_RESOLUTION = 0.05
 """Side of a cell [m] where the map has no occupancy layer to take it from."""
 
 MAX_CELLS = 1 << 28
+MAX_MARGIN = 1e9  # metres; as far as objects may lie
 
 _EXACT = 1e-6  # of a cell; shorter lengths do not count, as in GridGeometry
 _ARC = 64  # corners of a quarter circle: it lies at most 0.01 % of the margin within the true one
@@ -37,7 +38,8 @@ class Zone:
         value: what its cells hold, 0 .. 100.
 
     Raises:
-        ValueError: If the margin is negative or not finite, or the value out of range.
+        ValueError: If the margin is negative or above 1e9 m, or the value out of range.
+        TypeError: If the value is no integer.
     """
 
     name: str
@@ -45,9 +47,9 @@ class Zone:
     value: int = OCCUPIED
 
     def __post_init__(self) -> None:
-        if not 0 <= self.margin < math.inf:
-            raise ValueError(f"a margin must be 0 m or more, got {self.margin}")
-        if not 0 <= self.value <= OCCUPIED:
+        if not 0 <= self.margin <= MAX_MARGIN:
+            raise ValueError(f"a margin must be from 0 to {MAX_MARGIN:g} m, got {self.margin}")
+        if not 0 <= operator.index(self.value) <= OCCUPIED:
             raise ValueError(f"a mask's value must lie between 0 and {OCCUPIED}, got {self.value}")
 
 
@@ -70,7 +72,7 @@ def draw_mask(
     Args:
         hypermap: the map; it is not changed.
         zones: what to mark.
-        outside: value of all other cells; -1 leaves a costmap as it is there.
+        outside: value of all other cells, 0 .. 100; -1 leaves a costmap as it is there.
         resolution: side of a cell [m] of a grid of its own over the zones; None for the grid of
             the occupancy layer, and, where there is none, for 0.05 m.
         name: name of the returned layer.
@@ -78,7 +80,8 @@ def draw_mask(
     Raises:
         FrameError: If a layer with such objects is not connected with the occupancy layer.
         HypermapError: If the mask would have more than 2^28 cells.
-        ValueError: If the resolution is no sensible number.
+        ValueError: If the resolution is not within `RESOLUTIONS`, or `outside` out of range.
+        TypeError: If `outside` is no integer.
 
     >>> from hypermap.core.semantic import SemanticObject
     >>> desk = SemanticObject("desk", shapely.box(1, 1, 2, 2))
@@ -87,6 +90,10 @@ def draw_mask(
     >>> mask.value_at([[1.5, 1.5], [0.6, 1.5], [0.6, 0.6]])
     array([100, 100, -1], dtype=int32)
     """
+    if resolution is not None:
+        check_resolution(resolution)
+    if not UNKNOWN <= operator.index(outside) <= OCCUPIED:
+        raise ValueError(f"outside must lie between {UNKNOWN} and {OCCUPIED}, got {outside}")
     chosen = list(zones)
     floor = _occupancy_with_cells(hypermap)
     frame_id = hypermap.base_frame if floor is None else floor.frame_id
@@ -94,7 +101,8 @@ def draw_mask(
     if floor is not None and floor.grid is not None and resolution is None:
         grid = _upright(floor.grid)
     else:
-        grid = _grid_around(chosen, shapes, resolution or DEFAULT_RESOLUTION)
+        side = DEFAULT_RESOLUTION if resolution is None else resolution
+        grid = _grid_around(chosen, shapes, side)
     _check_size(grid)
     cells = np.full(grid.shape, outside, dtype=np.int8)
     for zone, of_zone in zip(chosen, shapes, strict=True):

@@ -23,7 +23,7 @@ from hypermap.core.box_grid import BoxGrid
 from hypermap.core.objects import ObjectTable, SemanticObject
 from hypermap.core.outlines import Outlines, Rings
 from hypermap.core.recent_boxes import RecentBoxes
-from hypermap.core.shapes import valid_copies
+from hypermap.core.shapes import is_sound, valid_copies
 
 _FEWEST = 1024  # rows written or ended before a new log begins
 _SHARE = 8  # or this part of the table's rows, if that is more
@@ -141,9 +141,10 @@ class ObjectLog:
     @property
     def names(self) -> ObjectArray:
         """The names by their codes, shape (V,)."""
-        if len(self._names) != len(self._codes):
-            self._names = as_objects(list(self._codes))
-        return self._names
+        names = self._names  # another thread may put an older array there meanwhile
+        if len(names) != len(self._codes):
+            names = self._names = as_objects(list(self._codes))
+        return names
 
     def table_rows_of(self, code: int) -> IntArray:
         """Return the rows of the table that have a name."""
@@ -182,19 +183,18 @@ class ObjectLog:
             items: new objects, with ids.
             places: of each item in the order of the layer.
         """
+        shapes = [_valid(item.footprint) for item in items]  # should it fail, nothing is changed
         all_ended = self.all_ended  # made before any reader needs it, so that there is one alone
-        for item, place in zip(items, places, strict=True):
-            self._write(len(self.written.objects), item, place)
+        for item, shape, place in zip(items, shapes, places, strict=True):
+            self._write(len(self.written.objects), item, shape, place)
         self._room -= len(ended) + len(items)
         self.changes += 1
         for row in ended:
             all_ended[row] = self.changes
         self.count += len(items)
 
-    def _write(self, at: int, item: SemanticObject, place: int) -> None:
-        written, shape = self.written, item.footprint
-        if not shape.is_valid:
-            (shape,) = valid_copies(as_objects([shape]))
+    def _write(self, at: int, item: SemanticObject, shape: BaseGeometry, place: int) -> None:
+        written = self.written
         assert item.id is not None  # the layer has numbered it
         centroid = shape.centroid
         written.places[at] = place
@@ -206,3 +206,11 @@ class ObjectLog:
         written.index.put(at, shape.bounds)
         written.objects.append(item)
         self._of_id.setdefault(item.id, []).append(self.first + at)
+
+
+def _valid(footprint: BaseGeometry) -> BaseGeometry:
+    """Return what `valid_copies` does for one."""
+    if is_sound(footprint):
+        return footprint
+    shape: BaseGeometry = valid_copies(as_objects([footprint]))[0]
+    return shape

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 
 import numpy as np
@@ -97,13 +98,16 @@ class Rings:
     """The outlines of single shapes in plain Python, which is faster there than arrays are.
 
     What was asked for is kept for the next question, up to a bound. Points are judged as in
-    `Outlines`.
+    `Outlines`. GEOS is asked about copies, one thread at a time: it prepares a shape for more
+    questions while it answers the first ones, and two threads that do so at once end the program.
     """
 
     def __init__(self, shape_of: Callable[[int], BaseGeometry]) -> None:
         """Take outlines from the shapes of rows."""
         self._shape_of = shape_of
         self._kept: dict[int, Ring] = {}
+        self._copies: dict[int, BaseGeometry] = {}
+        self._asking = threading.Lock()
 
     def cover(self, row: int, x: float, y: float) -> bool:
         """Return whether the shape of a row has a point."""
@@ -112,9 +116,16 @@ class Rings:
         except KeyError:
             ring = self._keep(row)
         is_inside = _is_around(ring, x, y) if ring else None
-        if is_inside is None:
-            return bool(shapely.intersects_xy(self._shape_of(row), x, y))
-        return is_inside
+        return self._ask(row, x, y) if is_inside is None else is_inside
+
+    def _ask(self, row: int, x: float, y: float) -> bool:
+        """Return what GEOS says."""
+        with self._asking:
+            if row not in self._copies:
+                if len(self._copies) >= _MOST_KEPT:
+                    self._copies = {}
+                self._copies[row] = shapely.force_2d(self._shape_of(row))
+            return bool(shapely.intersects_xy(self._copies[row], x, y))
 
     def _keep(self, row: int) -> Ring:
         if len(self._kept) >= _MOST_KEPT:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 import threading
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
@@ -154,10 +155,11 @@ class SemanticLayer(Layer):
 
         Raises:
             ObjectNotFound: If there is none.
+            TypeError: If the id is no integer.
         """
         now = self._now
-        self._rows_there(now, [object_id])
-        return now.object(now.row_of_id(object_id))
+        (row,) = self._rows_there(now, [object_id]).values()
+        return now.object(row)
 
     # The evidence behind them
 
@@ -234,6 +236,7 @@ class SemanticLayer(Layer):
 
         Raises:
             ObjectNotFound: If one is not there; nothing is removed then.
+            TypeError: If one is no integer; nothing is removed then.
         """
         with self._writing:
             now = self._now
@@ -326,8 +329,10 @@ class SemanticLayer(Layer):
 
         Raises:
             ObjectNotFound: If there is no object with one of them.
+            TypeError: If one is no integer.
         """
-        rows = {number: now.row_of_id(number) for number in sorted({int(n) for n in ids})}
+        numbers = sorted({operator.index(number) for number in ids})
+        rows = {number: now.row_of_id(number) for number in numbers}
         for number, row in rows.items():
             if row < 0:
                 raise ObjectNotFound(f"layer {self.name!r} has no object with id {number}")

@@ -9,10 +9,11 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from hypermap.core.arrays import BoolArray, ObjectArray
+from hypermap.core.arrays import BoolArray, ObjectArray, as_objects
 
 _FAR = 1e9  # metres; what of an area lies beyond is cut off
 _FARTHEST = 1e100  # metres; products of two such lengths do not overflow
+_NANOMETRES = 9  # decimals
 
 
 def box_of(area: Any) -> tuple[float, float, float, float] | None:
@@ -39,35 +40,62 @@ def as_area(area: Any) -> BaseGeometry:
 
     Raises:
         TypeError: If it is no shapely geometry.
-        ValueError: If a coordinate is not finite.
+        ValueError: If a coordinate is not finite, or GEOS cannot repair its outline.
     """
     if not isinstance(area, BaseGeometry):
         raise TypeError(f"an area must be a shapely geometry, got {type(area).__name__}")
-    if area.is_valid and all(abs(side) <= _FAR for side in area.bounds):
+    if is_sound(area) and all(abs(side) <= _FAR for side in area.bounds):
         return area
     farthest = np.abs(shapely.get_coordinates(area)).max(initial=0)
     if not np.isfinite(farthest):
         raise ValueError("an area must be finite; there is a NaN or infinite coordinate")
-    if farthest > _FAR:
-        area = shapely.transform(area, lambda xy: np.clip(xy, -_FARTHEST, _FARTHEST))
-        area = shapely.clip_by_rect(area, -_FAR, -_FAR, _FAR, _FAR)
-    checked: BaseGeometry = area if area.is_valid else repaired(area)
-    return checked
+    try:
+        if farthest > _FAR:
+            area = shapely.transform(area, lambda xy: np.clip(xy, -_FARTHEST, _FARTHEST))
+            area = shapely.clip_by_rect(_valid(area), -_FAR, -_FAR, _FAR, _FAR)
+        return _valid(area)
+    except shapely.GEOSException as error:
+        raise ValueError(f"an area's outline must not cross itself like this: {error}") from error
+
+
+def _valid(area: BaseGeometry) -> BaseGeometry:
+    valid: BaseGeometry = area if is_sound(area) else repaired(area)
+    return valid
+
+
+def is_sound(shape: Any) -> Any:
+    """Return whether a geometry is valid; also for an array of them.
+
+    One whose outline GEOS cannot follow, as that of lengths below 1e-100 m, is not.
+    """
+    try:
+        return shapely.is_valid(shape)
+    except shapely.GEOSException:
+        if isinstance(shape, BaseGeometry):
+            return False
+        return np.fromiter((is_sound(one) for one in shape), dtype=bool)
 
 
 def repaired(shape: Any) -> Any:
     """Return a valid geometry for one whose outline crosses itself; also for an array of them.
 
     Whatever the outline winds around belongs to it: both halves of a bow tie, and what it winds
-    around twice. A polygon without area becomes the line or point that it is.
+    around twice. A polygon without area becomes the line or point that it is. Where lengths are so
+    small that GEOS cannot compute with them, those below a nanometre do not count.
     """
     with np.errstate(all="ignore"):  # GEOS divides by the lengths of edges without length
-        return shapely.make_valid(shape, method="structure", keep_collapsed=True)
+        try:
+            return shapely.make_valid(shape, method="structure", keep_collapsed=True)
+        except shapely.GEOSException:
+            if not isinstance(shape, BaseGeometry):
+                return as_objects(repaired(one) for one in shape)
+            coarse = shapely.transform(shape, lambda xy: np.round(xy, _NANOMETRES))
+            return shapely.make_valid(coarse, method="structure", keep_collapsed=True)
 
 
 def valid_copies(shapes: ObjectArray) -> ObjectArray:
     """Return the shapes, (N,), with the invalid ones repaired."""
-    bad = ~shapely.is_valid(shapes)
+    bad = ~is_sound(shapes)
     if not bad.any():
         return shapes
     valid = shapes.copy()

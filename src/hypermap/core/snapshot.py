@@ -74,7 +74,7 @@ class Snapshot:
         behind = rows[rows >= first].tolist()
         if not behind:
             return self.log.table.take(rows)
-        written = self.log.written.objects
+        written = self.log.written.objects if self.count > first else []
         objects = [
             written[row - first] if row < self.count else more[row - self.count] for row in behind
         ]
@@ -269,6 +269,7 @@ class Snapshot:
         """Return which rows' shapes meet an area, which their boxes do."""
         if len(rows) < (_FEW if box is None else _MANY):
             return np.asarray(shapely.intersects(area, self.column("shapes", rows)))
+        area = shapely.force_2d(area)  # a copy: other threads may be asking about the same area
         shapely.prepare(area)
         if box is not None:
             x0, y0, x1, y1 = self.column("boxes", rows).T
