@@ -81,7 +81,8 @@ def test_recent_boxes_are_found_among_the_first_so_many(drawn, asked, area, data
     recent = RecentBoxes(len(drawn), cell=1.0)
     for i, box in enumerate(drawn):
         recent.put(i, box)
-    for count in (data.draw(st.integers(0, len(drawn))), len(drawn)):
+    some = data.draw(st.integers(0, len(drawn)))
+    for count in (some, len(drawn), some):  # that asks again after more were asked for
         grid = grid_of(drawn[:count])
         for x, y in asked:
             assert sorted(recent.at(x, y, count)) == expected_at(drawn[:count], x, y)
@@ -89,6 +90,21 @@ def test_recent_boxes_are_found_among_the_first_so_many(drawn, asked, area, data
         for mine, other in zip(recent.at_all(xy, count), grid.at_all(xy), strict=True):
             assert sorted(mine) == sorted(other)
         assert recent.meeting(*area, count).tolist() == meeting(drawn[:count], area)
+
+
+@pytest.mark.parametrize("points", [0, 20, 400])
+def test_few_and_many_points_are_found_in_recent_boxes(points: int) -> None:
+    rng = np.random.default_rng(2)
+    corners = rng.uniform(0, 20, (600, 2))
+    drawn = np.concatenate([corners, corners + rng.choice([0.5, 2, 9], (600, 1))], axis=1)
+    recent = RecentBoxes(len(drawn), cell=1.0)
+    for i, box in enumerate(drawn.tolist()):
+        recent.put(i, tuple(box))
+    xy = rng.uniform(-1, 30, (points, 2))
+    for count in (600, 250, 599):
+        pairs = list(zip(*map(np.ndarray.tolist, recent.at_all(xy, count)), strict=True))
+        here = [(i, at) for i, (x, y) in enumerate(xy) for at in expected_at(drawn[:count], x, y)]
+        assert sorted(pairs) == here
 
 
 @pytest.mark.parametrize("far", [(1e9, 1e9), (-1e300, 0.0), (1e308, -1e308)])

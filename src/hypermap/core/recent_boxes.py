@@ -12,6 +12,7 @@ from hypermap.core.box_grid import BoxGrid
 
 _FINER = 4  # as in a BoxGrid
 _FEW_CELLS = 9  # that are looked at one by one
+_FEWER = 6  # so many times fewer points than boxes are not worth a grid of all boxes
 _FAR = 1e12  # metres; what lies beyond is found there
 
 Cells = dict[tuple[int, int], list[int]]
@@ -67,10 +68,18 @@ class RecentBoxes:
     def at_all(self, points_xy: NDArray[np.float64], count: int) -> tuple[IntArray, IntArray]:
         """Return which of the points, (N, 2), lies in which box: places among them, positions."""
         known, grid = self._grid
-        if known != count:
-            grid = BoxGrid(self.boxes[:count], np.zeros(count))
-            self._grid = count, grid
-        return grid.at_all(points_xy)
+        if known < count:
+            if _FEWER * len(points_xy) < count:
+                found = [self.at(x, y, count) for x, y in points_xy.tolist()]
+                pairs = [(place, at) for place, each in enumerate(found) for at in each]
+                places, positions = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
+                return places, positions
+            known, grid = self._grid = count, BoxGrid(self.boxes[:count], np.zeros(count))
+        places, positions = grid.at_all(points_xy)
+        if known == count:
+            return places, positions
+        was_there = positions < count
+        return places[was_there], positions[was_there]
 
     def meeting(self, x0: float, y0: float, x1: float, y1: float, count: int) -> IntArray:
         """Return the positions below `count` of the boxes that meet a box, in ascending order."""
