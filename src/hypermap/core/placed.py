@@ -79,16 +79,27 @@ class Placed:
         Returns:
             Metres, shape (N,); infinite where there is none within the limit.
         """
-        if np.isfinite(limit):
-            tree = shapely.STRtree(others.shapes)
-            here, there = tree.query(self.shapes, predicate="dwithin", distance=limit)
-        else:
-            here, there = np.indices((len(self), len(others))).reshape(2, -1)
+        tree = shapely.STRtree(others.shapes)
+        nearest = np.full(len(self), np.inf)
+        with np.errstate(all="ignore"):  # GEOS divides by the lengths of edges without length
+            if np.isfinite(limit):
+                pairs = tree.query(self.shapes, predicate="dwithin", distance=limit)
+                self._measure(nearest, others, *pairs)
+                return nearest
+            self._measure(nearest, others, *tree.query_nearest(self.shapes))
+            # What meets nothing but itself is the only one with its shape.
+            alone = np.flatnonzero(np.isinf(nearest))
+            here, there = tree.query_nearest(self.shapes[alone], exclusive=True)
+            self._measure(nearest, others, alone[here], there)
+        return nearest
+
+    def _measure(
+        self, nearest: NDArray[np.float64], others: Placed, here: IntArray, there: IntArray
+    ) -> None:
+        """Make distances, (N,), smaller where pairs of a shape and another, (M,), are nearer."""
         other = ~self._same(here, others, there)
         here, there = here[other], there[other]
-        nearest = np.full(len(self), np.inf)
         np.minimum.at(nearest, here, shapely.distance(self.shapes[here], others.shapes[there]))
-        return nearest
 
     def centroid_distances_to(self, others: Placed) -> NDArray[np.float64]:
         """Return the distance from each centroid to the other shape, shape (N,).
