@@ -147,3 +147,12 @@ def test_a_large_change_makes_no_room_in_the_log_that_it_leaves() -> None:
     other.add([square("b", 3 * i, 9) for i in range(2000)])
     assert "written" not in vars(layer.snapshot.log)
     assert other.names.tolist() == ["a"] * 2000 + ["b"] * 2000
+
+
+def test_a_change_of_nothing_changes_nothing() -> None:
+    layer = SemanticLayer("s", "map", [square("a", 3 * i, 0) for i in range(2000)])
+    before = layer.snapshot
+    layer.update_many({})
+    layer.remove([])
+    assert layer.add([]) == []
+    assert layer.snapshot is before

@@ -121,7 +121,7 @@ class GridGeometry:
         A centre on the area's boundary counts; lengths below a millionth of a cell do not.
 
         Args:
-            area: polygon or multipolygon in the layer's frame.
+            area: any geometry in the layer's frame; of a line or point, the centres on it count.
 
         Raises:
             TypeError, ValueError: If it is no geometry, or not finite.

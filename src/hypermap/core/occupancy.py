@@ -31,7 +31,7 @@ class OccupancyLayer(Layer):
         grid: where the cells lie; None while the layer is empty.
         cells: read-only, shape (height, width); int8 with -1 unknown, 0 free .. 100 occupied, or
             int16 where a raw map holds values up to 255. None while the layer is empty. It is a
-            view: an int8 or int16 array that was handed in is not copied.
+            view: a contiguous int8 or int16 array that was handed in is not copied.
 
     Raises:
         ValueError: If only one of `grid` and `cells` is given, their shapes differ, or a value

@@ -330,6 +330,8 @@ class Snapshot:
                 the others come last.
             next_id: as of the snapshot afterwards.
         """
+        if not (gone or new):
+            return self
         size = self.size + len(new) - len(gone)
         with self.log.writing:
             is_newest = (self.count, self.changes) == (self.log.count, self.log.changes)
