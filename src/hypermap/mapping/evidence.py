@@ -65,7 +65,12 @@ class EvidenceMap:
         if len(found) < len(observation.objects):
             self.ignored += len(observation.objects) - len(found)
             _log.info("frame %.6f: shapes without area left out", observation.stamp)
-        seen = {self._learn(name, evidence) for name, evidence in found}
+        # All are judged by what was known before the frame: their order must not matter.
+        mistaken = [self._mistaken_for(name, evidence) for name, evidence in found]
+        seen = {
+            self._add(name, evidence) if true is None else true
+            for (name, evidence), true in zip(found, mistaken, strict=True)
+        }
         if self.config.exclusive:
             self._note_neighbors()
         lose(self._known, observation, seen, self.config)
@@ -115,16 +120,11 @@ class EvidenceMap:
             raise KeyError(object_id)
         return tuple(self._known.objects[rows[0]].pile.items)
 
-    def _learn(self, name: str, evidence: Evidence) -> int:
-        """Return the id of the object that was seen; it gains, unless its name was a slip."""
-        class_ = self._classes.setdefault(name, len(self._classes))
-        if self.config.slip < 1 and (true := self._mistaken_for(class_, evidence)) is not None:
-            return true
-        return self._add(name, evidence)
-
-    def _mistaken_for(self, class_: int, evidence: Evidence) -> int | None:
+    def _mistaken_for(self, name: str, evidence: Evidence) -> int | None:
         """Return the id of the well-known object of another class that was really seen, if any."""
-        shapes, objects = self._known.shapes, self._known.objects
+        if self.config.slip >= 1:
+            return None
+        class_, shapes, objects = self._classes.get(name), self._known.shapes, self._known.objects
         rows = shapes.near(None, evidence.outline.box)
         alike = likeness(evidence.outline, (evidence.z_min, evidence.z_max), shapes, rows)
         true, most = None, 0.0
