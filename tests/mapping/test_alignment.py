@@ -139,6 +139,42 @@ def test_a_frame_that_shows_nothing_of_the_map_keeps_its_pose(frames: list[RgbdF
         np.testing.assert_array_equal(found.map_T_camera, frame.map_T_camera)
 
 
+@pytest.mark.parametrize("shape", [(1, 200), (200, 1)])
+def test_one_row_or_column_of_a_map_moves_no_pose(
+    frames: list[RgbdFrame], shape: tuple[int, int]
+) -> None:
+    cells = np.zeros(shape, np.int8)
+    cells.ravel()[::3] = OCCUPIED
+    grid = GridGeometry(shape[1], shape[0], 0.05)
+    found = Aligner(OccupancyLayer("occupancy", "map", grid, cells), CONFIG).align(frames[0])
+    np.testing.assert_array_equal(found.map_T_camera, frames[0].map_T_camera)
+
+
+def test_a_camera_that_is_about_to_leave_the_map_keeps_its_pose(frames: list[RgbdFrame]) -> None:
+    """Of the map only its last column is near enough."""
+    known = true_occupancy(ROOM)
+    assert known.grid is not None
+    resolution, edge = known.grid.resolution, known.grid.origin.x
+    for cells in range(-3, 4):
+        x = edge - 2 * CONFIG.max_range + (cells + 0.5) * resolution
+        frame = moved(frames[0], x - frames[0].map_T_camera[0, 3])
+        found = Aligner(known, CONFIG).align(frame)
+        np.testing.assert_array_equal(found.map_T_camera, frame.map_T_camera)
+
+
+def test_infinite_depth_is_no_depth(frames: list[RgbdFrame]) -> None:
+    lost, infinite = frames[0].depth.copy(), frames[0].depth.copy()
+    lost[::3], infinite[::3] = np.nan, np.inf
+    poses = [
+        Aligner(true_occupancy(ROOM), CONFIG)
+        .align(dataclasses.replace(frames[0], depth=depth))
+        .map_T_camera
+        for depth in (lost, infinite)
+    ]
+    assert not np.array_equal(poses[0], frames[0].map_T_camera)
+    np.testing.assert_array_equal(*poses)
+
+
 def test_what_is_not_in_the_map_does_not_move_the_pose(frames: list[RgbdFrame]) -> None:
     """Someone stands in front of the robot."""
     depth = frames[0].depth.copy()

@@ -131,7 +131,10 @@ class _Borders:
     def of(
         cls, occupancy: OccupancyLayer, center: NDArray[np.float64], reach: float
     ) -> _Borders | None:
-        """Return the borders in a square about a place; None if nothing is free or all is."""
+        """Return the borders in a square about a place.
+
+        None if nothing is free there or all is, or if only one row or column of the map is there.
+        """
         grid, values = occupancy.grid, occupancy.cells
         if grid is None or values is None:
             return None
@@ -141,7 +144,7 @@ class _Borders:
         cols = slice(*np.clip([col - cells, col + cells + 1], 0, grid.width))
         part = values[rows, cols]
         is_free = (part >= 0) & (part < _MOST_OCCUPIED)
-        if is_free.all() or not is_free.any():
+        if is_free.all() or not is_free.any() or min(part.shape) < 2:
             return None
         free_side = ndimage.distance_transform_edt(is_free)
         far_side = ndimage.distance_transform_edt(~is_free)
@@ -188,12 +191,13 @@ def upright_points(
     K = frame.camera.K
     step = max(1, round(_STEP * min(K[0, 0], K[1, 1])))
     points = frame.points(step)
-    turned = points @ frame.map_T_camera[:3, :3].T
-    upper, lower = turned[:-_APART], turned[_APART:]
-    depths, heights = points[:-_APART, :, 2], upper[..., 2] + frame.map_T_camera[2, 3]
-    shift = np.hypot(upper[..., 0] - lower[..., 0], upper[..., 1] - lower[..., 1])
-    rise = np.abs(upper[..., 2] - lower[..., 2])
-    chosen = shift <= _LEAN * rise + 2 * _NOISE * depths**2  # False for NaN
+    with np.errstate(invalid="ignore", over="ignore"):  # depth may be infinite
+        turned = points @ frame.map_T_camera[:3, :3].T
+        upper, lower = turned[:-_APART], turned[_APART:]
+        depths, heights = points[:-_APART, :, 2], upper[..., 2] + frame.map_T_camera[2, 3]
+        shift = np.hypot(upper[..., 0] - lower[..., 0], upper[..., 1] - lower[..., 1])
+        rise = np.abs(upper[..., 2] - lower[..., 2])
+        chosen = shift <= _LEAN * rise + 2 * _NOISE * depths**2  # False for NaN
     chosen &= (heights >= config.min_height) & (heights <= config.max_height)
     chosen &= (depths > 0) & (depths <= config.max_range)
     return upper[chosen][:, :2], depths[chosen].astype(float)
