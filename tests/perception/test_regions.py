@@ -67,3 +67,42 @@ def test_regions_are_what_hangs_together_by_any_pair_that_joins(seed: int) -> No
     pairs = np.unique(np.stack([found, expected]), axis=1)
     assert 10 < pairs.shape[1] < len(places) / 2  # else the test says little
     assert pairs.shape[1] == len(np.unique(found)) == len(np.unique(expected))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_bent_place_goes_to_a_region_beside_it_and_joins_no_two(seed: int) -> None:
+    planes, normals, reach2 = scene(seed)
+    rng = np.random.default_rng(seed)
+    reach2[rng.random(reach2.shape) < 0.2] *= -1  # what is no point becomes a far one
+    some = np.pad(np.ones((HEIGHT, WIDTH), bool), MARGIN)
+    places = np.flatnonzero(some).astype(np.int32)
+    part = np.array([MARGIN, MARGIN, MARGIN + HEIGHT, MARGIN + WIDTH])
+    labels = np.full(reach2.size, NOTHING, np.int32)
+    before = reach2.copy()
+    found = join(planes, places, part, normals, reach2.ravel(), COSINE, labels)
+    np.testing.assert_array_equal(reach2, before)
+    is_bent = reach2[some] < 0
+    unbent = hang_together(planes, normals, reach2, places[~is_bent])
+    assert np.unique(np.stack([found[~is_bent], unbent]), axis=1).shape[1] == unbent.max() + 1
+
+    region_at = dict(zip(places.tolist(), found.tolist(), strict=True))
+    points, axes = planes.reshape(3, -1), normals.reshape(3, -1)
+    reaches, stride = np.abs(reach2.ravel()), planes.shape[2]
+    homeless = 0
+    for place in places[is_bent].tolist():
+        around = [place + down * stride + right for down in (-1, 0, 1) for right in (-1, 0, 1)]
+        near = [
+            other
+            for other in around
+            if other in region_at
+            and reach2.ravel()[other] > 0
+            and ((points[:, place] - points[:, other]) ** 2).sum()
+            <= min(reaches[place], reaches[other])
+            and abs(axes[:, place] @ axes[:, other]) >= COSINE
+        ]
+        if near:
+            assert region_at[place] in [region_at[other] for other in near]
+        else:
+            homeless += 1
+            assert np.count_nonzero(found == region_at[place]) == 1
+    assert 0 < homeless < np.count_nonzero(is_bent)  # else the test says little

@@ -205,12 +205,16 @@ def _home(
     cosine: np.float32,
     labels: NDArray[np.int32],
 ) -> int:
-    """Return which of the pixels around takes a place that is bent too much to join by itself."""
+    """Return which of the pixels around takes a place that is bent too much to join by itself.
+
+    It is the place itself if none does.
+    """
     reach2[place] *= -1
     home = place
     for row in range(-1, 2):
         for other in range(place + row * stride - 1, place + row * stride + 2):
-            if labels[other] != NOTHING and _joins(cloud, axes, reach2, place, other, cosine):
+            is_other = other != place and labels[other] != NOTHING
+            if is_other and _joins(cloud, axes, reach2, place, other, cosine):
                 home = other
     reach2[place] *= -1
     return home
