@@ -10,8 +10,11 @@ import numpy as np
 import pytest
 
 from hypermap.core.errors import HypermapError
+from hypermap.core.grid import GridGeometry
+from hypermap.core.occupancy import OccupancyLayer
 from hypermap.ros.mapper.diagnostics import diagnostic_array
 from hypermap.ros.mapper.inputs import Work
+from hypermap.ros.mapper.live_map import LiveMap
 from hypermap.ros.mapper.mailbox import Mailbox
 from hypermap.ros.mapper.semantic_mapper import SemanticMapper
 from hypermap.ros.mapper.settings import PARAMETERS, LiveSettings
@@ -202,3 +205,14 @@ def test_a_frame_from_before_a_jump_of_the_clock_does_not_make_those_after_it_ol
     wait_for(lambda: sum(statistics.totals.values()) == 2, "the second frame")
     worker.close()
     assert statistics.totals == {Fate.NO_CAMERA_INFO: 2}
+
+
+def test_a_map_of_another_node_is_a_change_and_outlives_what_was_seen() -> None:
+    live = LiveMap(LiveSettings(depth_topic="/depth", detections_topic="/boxes", map_topic="/map"))
+    assert "occupancy" not in live.hypermap()
+    given = OccupancyLayer("occupancy", "map", GridGeometry(2, 2, 1.0), np.zeros((2, 2), np.int8))
+    before = live.revision
+    live.give_occupancy(given)
+    assert live.revision > before  # else it would not be saved at the end
+    live.clear()
+    assert live.hypermap()["occupancy"] is given

@@ -86,6 +86,7 @@ class LiveMap:
         with self._lock:
             self._given = layer
             self._mapper.correct_poses_by(layer)
+            self.revision += 1
 
     def clear(self) -> None:
         """Forget all frames."""
