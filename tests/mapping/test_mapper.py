@@ -141,6 +141,7 @@ def _with_pose(pose: NDArray[np.float64]) -> RgbdFrame:
         ),
         (_with_pose(np.full((4, 4), np.nan)), "its pose is not finite"),
         (_with_pose(np.diag([2.0, 2.0, 2.0, 1.0])), "its pose is no rigid motion"),
+        (_with_pose(np.diag([1.0, 1.0, -1.0, 1.0])), "its pose is no rigid motion"),
         (
             dataclasses.replace(frame(0, x=0), map_T_camera=frame(0, x=1e7).map_T_camera),
             "the occupancy map would grow to",
@@ -150,7 +151,7 @@ def _with_pose(pose: NDArray[np.float64]) -> RgbdFrame:
             "its pose lies more than 1e+09 m away",
         ),
     ],
-    ids=["no depth", "no pose", "not rigid", "far away", "absurdly far away"],
+    ids=["no depth", "no pose", "not rigid", "mirrored", "far away", "absurdly far away"],
 )
 def test_an_unusable_frame_is_counted_and_logged_and_the_rest_is_mapped(
     bad: RgbdFrame, reason: str, caplog: pytest.LogCaptureFixture

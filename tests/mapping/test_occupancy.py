@@ -51,6 +51,17 @@ def mapped(*frames: RgbdFrame, times: int = 4, config: OccupancyConfig = CONFIG)
     return mapper.layer()
 
 
+@pytest.mark.parametrize("fill", [0.0, -1.0, np.inf, -np.inf])
+def test_what_is_no_depth_is_not_mapped(fill: float) -> None:
+    frame = corridor(3.02, pose())
+    frame.depth[:, ::2] = np.nan
+    expected = mapped(frame)
+    frame.depth[:, ::2] = fill
+    found = mapped(dataclasses.replace(frame))
+    assert found.grid == expected.grid
+    np.testing.assert_array_equal(found.cells, expected.cells)
+
+
 def test_a_wall_is_occupied_free_before_it_and_unknown_behind() -> None:
     layer = mapped(corridor(3.02, pose()))
     # The camera, 0.5 m high, sees the floor from 1.0 m on (its lowest ray falls by 1 in 2).

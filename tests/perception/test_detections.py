@@ -52,8 +52,12 @@ def test_a_mask_a_slice_or_indices_select_all_columns(index: Any) -> None:
             (BOXES, ["cup", "chair"], None, np.ones((1, 4, 4), bool)),
             r"expected masks \(2, H, W\), got \(1, 4, 4\)",
         ),
+        (
+            (BOXES, ["cup", "chair"], None, np.full((2, 4, 4), 2, np.uint8)),
+            r"expected masks of bool, got uint8",
+        ),
     ],
 )
-def test_columns_of_different_length_are_refused(arguments: Any, expected: str) -> None:
+def test_columns_that_do_not_fit_are_refused(arguments: Any, expected: str) -> None:
     with pytest.raises(ValueError, match=expected):
         Detections.of(*arguments)

@@ -57,8 +57,10 @@ def test_color_may_be_made_when_it_is_read_and_is_made_once() -> None:
 
 
 @pytest.mark.parametrize("step", [1, 2, 3])
-def test_the_camera_of_every_nth_pixel_sees_the_same_points(step: int) -> None:
-    camera = Camera.from_intrinsics(90, 80, 7.5, 4.5, width=16, height=10)
+@pytest.mark.parametrize("type_", [float, int])
+def test_the_camera_of_every_nth_pixel_sees_the_same_points(step: int, type_: type) -> None:
+    K = np.array([[90, 0, 7], [0, 80, 4], [0, 0, 1]], type_)
+    camera = Camera(K, width=16, height=10)
     depth = np.random.default_rng(1).uniform(1, 2, (10, 16)).astype(np.float32)
     whole = RgbdFrame(0.0, depth, camera, np.eye(4)).points()[::step, ::step]
     thinned = RgbdFrame(0.0, depth[::step, ::step], camera.every(step), np.eye(4)).points()
@@ -91,6 +93,15 @@ def test_an_impossible_camera_is_refused(change: dict[str, Any], message: str) -
         (
             {"cloud": np.zeros((8, 3), np.float32)},
             "cloud must have shape (2, 4, 3), got (8, 3)",
+        ),
+        (
+            {"depth": np.full((2, 4), 1000, np.uint16)},
+            "depth must be metres as float32, got uint16",
+        ),
+        ({"depth": np.ones((2, 4), ">f4")}, "depth must be metres as float32, got >f4"),
+        (
+            {"cloud": np.ones((2, 4, 3), np.float16)},
+            "cloud must be metres as float32, got float16",
         ),
     ],
 )

@@ -70,6 +70,22 @@ def test_without_returns_there_is_no_ground() -> None:
     assert ground_of(np.full((60, 80), np.inf), max_range=np.inf).is_empty
 
 
+@pytest.mark.parametrize("fill", [0.0, -1.0, -np.inf])
+def test_what_is_no_depth_shows_no_ground(fill: float) -> None:
+    depth = np.full((60, 80), fill)
+    assert ground_of(depth).is_empty
+    depth[:, 20:60] = 2.0
+    seen = np.full((60, 80), np.nan)
+    seen[:, 20:60] = 2.0
+    assert ground_of(depth).equals(ground_of(seen))
+
+
+def test_rays_that_all_end_equally_far_away_show_no_ground() -> None:
+    pose = pose_from_rpy(3.0, -2.0, 1.2, -np.pi / 2, 0.0, 0.0)  # looks level
+    view = View(CAMERA, pose, np.full((60, 80), 2.0, np.float32))
+    assert view.ground.is_empty
+
+
 def test_columns_that_all_look_the_same_way_show_no_ground() -> None:
     pose = np.eye(4)
     pose[:3, :3] = [[0, 0, 1], [0, 1, 0], [-1, 0, 0]]  # on its side: columns look up and down

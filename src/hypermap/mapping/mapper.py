@@ -240,7 +240,8 @@ def why_unusable(frame: RgbdFrame) -> str | None:
     if np.abs(frame.map_T_camera[:3, 3]).max() > _FARTHEST:
         return f"its pose lies more than {_FARTHEST:g} m away"
     rotation = frame.map_T_camera[:3, :3]
-    if not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-3):
+    is_rotation = np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-3)
+    if not is_rotation or np.linalg.det(rotation) < 0:  # mirrored
         return "its pose is no rigid motion"
     if not np.isfinite(frame.depth).any():
         return "its depth image is empty"

@@ -116,7 +116,7 @@ def _rays_of_points(
     for row in range(points.shape[0]):
         for col in range(points.shape[1]):
             x, y, z = points[row, col, 0], points[row, col, 1], points[row, col, 2]
-            if not np.isfinite(z):
+            if not (z > 0 and np.isfinite(z)):
                 continue
             dx = T[0, 0] * x + T[0, 1] * y + T[0, 2] * z
             dy = T[1, 0] * x + T[1, 1] * y + T[1, 2] * z

@@ -41,6 +41,8 @@ class Detections:
             )
         if self.masks is not None and (self.masks.ndim != 3 or len(self.masks) != n):
             raise ValueError(f"expected masks ({n}, H, W), got {self.masks.shape}")
+        if self.masks is not None and self.masks.dtype != np.bool_:
+            raise ValueError(f"expected masks of bool, got {self.masks.dtype}")
 
     @classmethod
     def of(

@@ -13,6 +13,8 @@ from hypermap.core.arrays import IntArray
 from hypermap.perception.detections import Detections
 from hypermap.perception.on_demand import OnDemand
 
+_FLOATS = (np.dtype(np.float32), np.dtype(np.float64))  # which compiled loops can read
+
 
 @dataclass(frozen=True, eq=False)
 class Camera:
@@ -45,8 +47,7 @@ class Camera:
 
     def every(self, step: int) -> Camera:
         """Return the camera of the image that keeps every `step`-th row and column."""
-        K = self.K.copy()
-        K[:2] /= step
+        K = self.K / [[step], [step], [1]]
         return Camera(K, -(-self.width // step), -(-self.height // step))
 
 
@@ -83,6 +84,8 @@ class RgbdFrame:
         shape = (self.camera.height, self.camera.width)
         if self.depth.shape != shape:
             raise ValueError(f"depth must have shape {shape}, got {self.depth.shape}")
+        if self.depth.dtype not in _FLOATS:  # integers are hardly metres
+            raise ValueError(f"depth must be metres as float32, got {self.depth.dtype}")
         if self.map_T_camera.shape != (4, 4):
             raise ValueError(f"map_T_camera must be 4 x 4, got {self.map_T_camera.shape}")
         color = vars(self)["color"]  # as it was given: reading it would decode it
@@ -90,6 +93,8 @@ class RgbdFrame:
             raise ValueError(f"color must have shape {(*shape, 3)}, got {color.shape}")
         if self.cloud is not None and self.cloud.shape != (*shape, 3):
             raise ValueError(f"cloud must have shape {(*shape, 3)}, got {self.cloud.shape}")
+        if self.cloud is not None and self.cloud.dtype not in _FLOATS:
+            raise ValueError(f"cloud must be metres as float32, got {self.cloud.dtype}")
 
     def moved_to(self, map_T_camera: NDArray[np.float64]) -> RgbdFrame:
         """Return the same images as taken from another pose, shape (4, 4)."""

@@ -86,7 +86,7 @@ class View:
         the points seen, it does not reach behind walls. It begins where the nearest ray of all
         ended, and in columns without any return it is what lies before.
         """
-        is_return = (self.reach <= self.max_range) & (self.reach < np.inf)
+        is_return = (self.reach > 0) & (self.reach <= self.max_range) & (self.reach < np.inf)
         reach = np.where(is_return, self.reach, 0.0)
         farthest = reach.max(axis=0)
         if np.count_nonzero(farthest) < 2:
@@ -129,6 +129,8 @@ def _ground(
             pieces.append(np.vstack([begins[columns], position]))
         elif (farthest[columns] > nearest).any():
             pieces.append(np.vstack([ends[columns], begins[columns][::-1]]))
+    if not pieces:
+        return shapely.Polygon()
     polygons = [shapely.Polygon(piece) for piece in pieces]
     ground: BaseGeometry = polygons[0] if len(polygons) == 1 else shapely.multipolygons(polygons)
     return ground
