@@ -79,6 +79,11 @@ def test_a_point_very_far_away_lies_off_the_grid(far: float) -> None:
         assert not grid.contains(rows, cols).any()
 
 
+def test_sides_may_be_any_integers() -> None:
+    grid = GridGeometry(np.int16(30000), np.int16(30000), 0.5)  # whose sum is no int16
+    assert grid.contains([29999, 30000], [29999, 0]).tolist() == [True, False]
+
+
 def test_the_grid_contains_its_own_cells_alone() -> None:
     rows, cols = np.mgrid[-1:4, -1:5].reshape(2, -1)
     assert TURNED.contains(rows, cols).sum() == 12

@@ -57,12 +57,11 @@ class GridGeometry:
     origin: Pose2D = field(default_factory=Pose2D)
 
     def __post_init__(self) -> None:
-        operator.index(self.width), operator.index(self.height)  # a TypeError for others
+        sides = operator.index(self.width) + operator.index(self.height)  # a TypeError for others
         if self.width < 1 or self.height < 1:
             raise ValueError(f"a grid needs at least one cell, got {self.width} x {self.height}")
         check_resolution(self.resolution)
-        reach = (self.width + self.height) * self.resolution
-        reach += max(abs(self.origin.x), abs(self.origin.y))
+        reach = sides * self.resolution + max(abs(self.origin.x), abs(self.origin.y))
         if not reach <= _FAR:
             raise ValueError(f"a grid must lie within {_FAR:g} m, this one reaches {reach:g} m")
 
