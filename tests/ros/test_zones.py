@@ -87,6 +87,13 @@ def test_what_is_no_speed_limit_is_named(entries, message) -> None:
     assert message in str(error.value)
 
 
+@pytest.mark.parametrize("margin", ["1000000001", "9" * 400])
+def test_a_margin_larger_than_any_map_is_named(margin: str) -> None:
+    for read, entry in ((keepout_filter, f"a {margin}"), (speed_filter, f"a {margin} 50%")):
+        with pytest.raises(HypermapError, match=f"'{entry}': a margin must be at most 1e"):
+            read([entry])
+
+
 def test_no_entries_are_no_zones() -> None:
     assert keepout_filter([]).zones == ()
     assert speed_filter([]).zones == ()

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from hypermap.core.errors import HypermapError
-from hypermap.core.masks import Zone
+from hypermap.core.masks import MAX_MARGIN, Zone
 
 KEEPOUT, SPEED_IN_PERCENT, SPEED_IN_METRES = 0, 1, 2
 """Types of nav2's costmap filters, as in nav2_msgs/CostmapFilterInfo."""
@@ -61,7 +61,7 @@ def keepout_filter(entries: Iterable[object]) -> Filter:
                 "as 'desk 0.2'"
             )
         name, margin = match.groups()
-        zones.append(Zone(name, float(margin)))
+        zones.append(Zone(name, _margin("keepout", entry, margin)))
     return Filter(KEEPOUT, tuple(zones), outside=-1)
 
 
@@ -97,7 +97,7 @@ def speed_filter(entries: Iterable[object]) -> Filter:
         if float(limit) <= 0 or (unit == "%" and float(limit) > 100):
             allowed = "above 0 and at most 100 %" if unit == "%" else "above 0 m/s"
             raise HypermapError(f"speed: {entry!r}: a limit must be {allowed}")
-        found.append((float(limit), name, float(margin)))
+        found.append((float(limit), name, _margin("speed", entry, margin)))
     found.sort(key=lambda zone: -zone[0])  # the lowest last, which counts
     in_metres = first_unit == "m/s"
     multiplier = found[0][0] / _LARGEST if in_metres else 1.0
@@ -107,3 +107,11 @@ def speed_filter(entries: Iterable[object]) -> Filter:
     ]
     kind = SPEED_IN_METRES if in_metres else SPEED_IN_PERCENT
     return Filter(kind, tuple(zones), outside=0, multiplier=multiplier)
+
+
+def _margin(what: str, entry: object, text: str) -> float:
+    """Return an entry's margin [m]; raise a HypermapError if it is too large."""
+    margin = float(text)
+    if margin > MAX_MARGIN:
+        raise HypermapError(f"{what}: {entry!r}: a margin must be at most {MAX_MARGIN:g} m")
+    return margin
