@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from hypermap.core.errors import FormatError
 from hypermap.core.semantic import Rejected, SemanticLayer, SemanticObject
-from hypermap.formats.semantic_yaml import PLUGIN, dump_objects, parse_objects
+from hypermap.formats.semantic_yaml import PLUGIN, dump_objects, parse_objects, parse_table
 from hypermap.formats.store import MemoryStore
 
 from .strategies import layer_facts, object_facts, semantic_layers
@@ -71,6 +71,14 @@ def test_what_the_first_program_could_not_hold_stands_under_keys_of_its_own() ->
     ((again,), rejected) = parse_objects(text, "t")
     assert rejected == []
     assert object_facts(again) == object_facts(item)
+
+
+@pytest.mark.parametrize("number", ["nan", "1e999", "-inf"])
+def test_a_coordinate_that_is_not_finite_is_said_once_and_by_us(number: str) -> None:
+    text = f"- name: cup\n  shape: POLYGON((0 0, {number} 0, 1 1, 0 0))\n"
+    table, (rejected,) = parse_table(text.encode(), "t")  # without a warning of numpy's
+    assert len(table) == 0
+    assert rejected.reason.startswith("a footprint must be finite and within 1e+09 m")
 
 
 def test_an_entry_that_claims_the_id_of_an_object_does_not_take_it_when_saved() -> None:

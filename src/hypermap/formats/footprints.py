@@ -34,11 +34,11 @@ def footprint_from_wkt(text: str) -> BaseGeometry:
     if "COLLECTION" in text.upper():  # of collections: GEOS overflows the stack on deep nesting
         raise ValueError("its shape must be a polygon or multipolygon, not a collection")
     try:
-        return shapely.from_wkt(text)
+        return _from_wkt(text)
     except (shapely.errors.GEOSException, NotImplementedError):  # the latter for curves
         closed = _RING.sub(_close_ring, text)
     try:
-        return shapely.from_wkt(closed)
+        return _from_wkt(closed)
     except (shapely.errors.GEOSException, NotImplementedError) as error:
         reason = str(error).partition("Exception: ")[2] or str(error)
         raise ValueError(f"its shape is not well-known text: {reason}") from None
@@ -58,7 +58,8 @@ def footprints_from_wkb(binaries: ObjectArray) -> ObjectArray:
         if len(binary) > _SMALL_WKB and not _is_flat(binary):
             raise ValueError("a footprint must be a polygon or multipolygon in the plane")
     try:
-        shapes: ObjectArray = shapely.from_wkb(binaries)
+        with np.errstate(invalid="ignore", over="ignore"):  # of coordinates that are not finite
+            shapes: ObjectArray = shapely.from_wkb(binaries)
     except shapely.errors.ShapelyError as error:
         raise ValueError(f"is not well-known binary: {error}") from None
     return shapes
@@ -113,6 +114,11 @@ def _outlines_to_wkt(polygons: ObjectArray) -> list[str]:
     text = pydantic_core.to_json(outlines).decode()[3:-3].replace(".0,", ",").replace(".0]", "]")
     text = text.removesuffix(".0").replace("]],[[", ";").replace("],[", "|").replace(",", " ")
     return [f"POLYGON(({ring}))" for ring in text.replace("|", ", ").split(";")]
+
+
+def _from_wkt(text: str) -> BaseGeometry:
+    with np.errstate(invalid="ignore", over="ignore"):  # of coordinates that are not finite
+        return shapely.from_wkt(text)
 
 
 def _is_flat(wkb: bytes) -> bool:
