@@ -135,6 +135,20 @@ def test_damage_never_gives_another_error(data: Any) -> None:
         parse_parquet(bytes(content[: len(content) - cut]), "t")
 
 
+def test_damage_to_the_description_of_columns_never_ends_the_program() -> None:
+    start = len(INTACT) - 8 - int.from_bytes(INTACT[-8:-4], "little")
+    refused = 0
+    for at in range(start, start + 400):
+        for bits in (1, 2, 4):  # Arrow would call `terminate` for some
+            content = bytearray(INTACT)
+            content[at] ^= bits
+            try:
+                parse_parquet(bytes(content), "t")
+            except FormatError:
+                refused += 1
+    assert refused > 100
+
+
 def edited(**columns: Any) -> bytes:
     """The file with other columns; None takes one away."""
     file = parquet.read_table(pa.BufferReader(INTACT))

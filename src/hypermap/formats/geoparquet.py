@@ -6,6 +6,8 @@ columns give the same bytes each time.
 
 from __future__ import annotations
 
+import contextlib
+import io
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -173,8 +175,7 @@ def read_geoparquet(content: bytes, path: str) -> GeoParquet:
     """
     pa, parquet = _pyarrow()
     try:
-        file = parquet.ParquetFile(pa.BufferReader(content))
-        leaves = _leaves(file.metadata, path)
+        leaves = _leaves(_metadata(parquet, content, path), path)
         has_plain_shapes = not any("DICT" in e for e in leaves[GEOMETRY].encodings)
         texts = [name for name, leaf in leaves.items() if leaf.kind == "BYTE_ARRAY"]
         in_words = [t for t in texts if t != GEOMETRY or not has_plain_shapes]
@@ -239,6 +240,43 @@ def _engineering_crs(frame_id: str) -> dict[str, Any]:
     }
 
 
+class _Sealed(Exception):
+    """Something was read that should not be."""
+
+
+class _Sealable(io.BytesIO):
+    """A file of which no more is read from some time on."""
+
+    is_sealed = False
+
+    def read(self, size: int | None = -1) -> bytes:
+        if self.is_sealed:
+            raise _Sealed
+        return super().read(size)
+
+
+def _metadata(parquet: Any, content: bytes, path: str) -> Any:
+    """Return how a file describes itself, after Arrow has looked at that.
+
+    What is wrong with a chunk's description is an error when Arrow is about to read the chunk, but
+    ends the program when it is asked about it first. So it is told to read what it does not get.
+    """
+    source = _Sealable(content)
+    file = parquet.ParquetFile(source, buffer_size=1)
+    metadata = file.metadata
+    if metadata.num_rows > limits.MAX_ROWS or metadata.num_columns > limits.MAX_COLUMNS:
+        raise FormatError(
+            f"has {metadata.num_rows} rows and {metadata.num_columns} columns, more than the "
+            f"{limits.MAX_ROWS} and {limits.MAX_COLUMNS} that are allowed",
+            path=path,
+        )
+    source.is_sealed = True
+    for group in range(file.num_row_groups):
+        with contextlib.suppress(_Sealed):
+            file.read_row_group(group, use_threads=False)
+    return metadata
+
+
 @dataclass
 class _Leaf:
     """A column of plain values, as the file describes it.
@@ -256,12 +294,6 @@ class _Leaf:
 
 def _leaves(metadata: Any, path: str) -> dict[str, _Leaf]:
     """Return the leaf columns by their paths, of a file within the limits."""
-    if metadata.num_rows > limits.MAX_ROWS or metadata.num_columns > limits.MAX_COLUMNS:
-        raise FormatError(
-            f"has {metadata.num_rows} rows and {metadata.num_columns} columns, more than the "
-            f"{limits.MAX_ROWS} and {limits.MAX_COLUMNS} that are allowed",
-            path=path,
-        )
     leaves: dict[str, _Leaf] = {}
     for column in range(metadata.num_columns):
         described = metadata.schema.column(column)
