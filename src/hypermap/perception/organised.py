@@ -30,6 +30,12 @@ def grow_regions(
     points join if each is among the other's neighbours and their normals agree, and regions are
     what hangs together so. A point above the curvature threshold joins one region, but not two with
     each other.
+
+    Args:
+        frame: depth or points, and intrinsics.
+        valid: which of its pixels hold a point, shape (H, W).
+        objects: increasing row-major indices of the valid pixels of each object, none empty.
+        config: neighbours and thresholds.
     """
     if not objects:
         return []
