@@ -18,8 +18,9 @@ from shapely.geometry.base import BaseGeometry
 from hypermap.core.errors import FormatError, HypermapError, MissingExtra
 from hypermap.core.objects import ObjectTable, SemanticObject
 from hypermap.core.semantic import Rejected, SemanticLayer
-from hypermap.formats import geoparquet, limits
-from hypermap.formats.geoparquet import Lists, Numbers, Words, write_geoparquet
+from hypermap.formats import arrow, geoparquet, limits
+from hypermap.formats.arrow import Lists, Numbers, Words
+from hypermap.formats.geoparquet import write_geoparquet
 from hypermap.formats.semantic_parquet import dump_parquet, parse_parquet
 
 from .strategies import exact, layer_facts, object_facts, semantic_layers
@@ -305,7 +306,7 @@ def test_unusual_encodings_are_refused() -> None:
 
 def test_without_pyarrow_the_error_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(__import__("sys").modules, "pyarrow", None)
-    assert not geoparquet.has_pyarrow()
+    assert not arrow.has_pyarrow()
     with pytest.raises(MissingExtra, match=r"pip install 'hypermap\[parquet\]'"):
         parse_parquet(INTACT, "t")
 

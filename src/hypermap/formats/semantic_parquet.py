@@ -21,17 +21,9 @@ from hypermap.core.arrays import ObjectArray, as_objects
 from hypermap.core.errors import FormatError
 from hypermap.core.objects import ObjectTable
 from hypermap.core.semantic import Rejected
+from hypermap.formats.arrow import Column, Lists, Numbers, Words, kinds_of
 from hypermap.formats.checked import Checked, check
-from hypermap.formats.geoparquet import (
-    GEOMETRY,
-    Column,
-    Lists,
-    Numbers,
-    Words,
-    kinds_of,
-    read_geoparquet,
-    write_geoparquet,
-)
+from hypermap.formats.geoparquet import GEOMETRY, read_geoparquet, write_geoparquet
 from hypermap.formats.ragged import as_tuples
 from hypermap.formats.records import KNOWN_KEYS
 from hypermap.formats.yaml_text import plain_value, read_yaml, write_yaml

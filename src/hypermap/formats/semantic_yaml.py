@@ -17,12 +17,13 @@ from hypermap.core.errors import FormatError
 from hypermap.core.layer import Store
 from hypermap.core.objects import MAX_ID, ObjectTable
 from hypermap.core.semantic import Rejected, SemanticLayer, SemanticObject
+from hypermap.formats.arrow import has_pyarrow
 from hypermap.formats.checked import found
 from hypermap.formats.collector import paused_collector
 from hypermap.formats.config import BINARY_FILE
 from hypermap.formats.evidence_file import load_evidence, save_evidence, without_evidence
 from hypermap.formats.footprints import footprint_from_wkt
-from hypermap.formats.geoparquet import MAGIC, has_pyarrow
+from hypermap.formats.geoparquet import MAGIC
 from hypermap.formats.records import object_from_record
 from hypermap.formats.semantic_parquet import dump_parquet, parse_parquet
 from hypermap.formats.semantic_regular import read_regular
