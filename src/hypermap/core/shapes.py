@@ -68,12 +68,11 @@ def is_sound(shape: Any) -> Any:
 
     One whose outline GEOS cannot follow, as that of lengths below 1e-100 m, is not.
     """
+    is_single = isinstance(shape, BaseGeometry)  # whose property is several times faster
     try:
-        return shapely.is_valid(shape)
+        return shape.is_valid if is_single else shapely.is_valid(shape)
     except shapely.GEOSException:
-        if isinstance(shape, BaseGeometry):
-            return False
-        return np.fromiter((is_sound(one) for one in shape), dtype=bool)
+        return False if is_single else np.fromiter(map(is_sound, shape), dtype=bool)
 
 
 def repaired(shape: Any) -> Any:
