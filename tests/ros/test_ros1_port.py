@@ -340,15 +340,16 @@ import time
 from hypermap.ros.ros1.port import Ros1Port
 port = Ros1Port("swallows_{number}")
 try:
-    print("asleep", flush=True)
-    time.sleep(60)
+    print("busy", flush=True)
+    while True:
+        time.sleep(0.01)  # a signal just before a long sleep would be seen after it
 except BaseException as error:
     print("lost a", type(error).__name__, flush=True)
 port.spin()
 port.shut_down()
 """
     node = start(sys.executable, "-c", script)
-    node.expect("asleep")
+    node.expect("busy")
     assert node.stop(number) == 0
     assert "lost a KeyboardInterrupt" in node.output
 
@@ -370,6 +371,25 @@ def test_a_second_node_of_that_name_takes_over(roscore: str, start: Callable[...
     first.expect("ended")
     assert second.popen.poll() is None
     assert not is_missing("/twin/ask")
+
+
+def test_a_node_that_is_replaced_while_it_logs_leaves_its_name_to_the_other(
+    roscore: str, start: Callable[..., Process]
+) -> None:
+    script = """
+from hypermap.ros.ros1.port import Ros1Port
+port = Ros1Port("talker")
+port.timer(0.001, lambda: port.log("info", "still here"))
+port.spin()
+port.shut_down()
+"""
+    first = start(sys.executable, "-c", script)
+    first.expect("still here")
+    second = start(*NODE, "talker")
+    second.expect("ready")
+    assert first.popen.wait(30) == 0
+    assert second.popen.poll() is None
+    assert not is_missing("/talker/ask")
 
 
 @pytest.mark.parametrize(

@@ -32,7 +32,8 @@ _find()
 
 import rosgraph  # noqa: E402
 import rospy  # noqa: E402
+import rospy.impl.paramserver as paramserver  # noqa: E402
 import rospy.impl.registration as registration  # noqa: E402
 import tf2_ros  # noqa: E402
 
-__all__ = ["registration", "rosgraph", "rospy", "tf2_ros"]
+__all__ = ["paramserver", "registration", "rosgraph", "rospy", "tf2_ros"]

@@ -6,6 +6,9 @@ import logging
 from collections.abc import Callable
 
 from hypermap.ros.port import Level
+from hypermap.ros.ros1.libraries import paramserver, rospy
+
+_TOPICS_OFF = "/rosout_disable_topics_generation"
 
 
 def forward_logs(log: Callable[[Level, str], None]) -> None:
@@ -17,6 +20,15 @@ def forward_logs(log: Callable[[Level, str], None]) -> None:
     logger = logging.getLogger("hypermap")
     logger.handlers = [_Forward(log)]
     logger.setLevel(logging.INFO)
+
+
+def keep_rosout_settings() -> None:
+    """Have rospy ask once how lines for /rosout are written, not with each line.
+
+    Each question registers the node, also one that another has replaced; that one would end.
+    """
+    value = rospy.get_param_cached(_TOPICS_OFF, False)
+    paramserver.get_param_server_cache().set(_TOPICS_OFF, value)
 
 
 class _Forward(logging.Handler):

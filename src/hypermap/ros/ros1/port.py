@@ -19,7 +19,7 @@ from hypermap.ros.parameters import ParameterSet
 from hypermap.ros.port import Closable, Level, Message, Parameter, Publisher, Value
 from hypermap.ros.ros1.arrays import reading_arrays
 from hypermap.ros.ros1.libraries import rospy, tf2_ros
-from hypermap.ros.ros1.logs import forward_logs
+from hypermap.ros.ros1.logs import forward_logs, keep_rosout_settings
 from hypermap.ros.ros1.master import MasterWatch, require_master
 from hypermap.ros.ros1.messages import message_class, service_class
 
@@ -54,6 +54,7 @@ class Ros1Port:
                 # A script's background process inherits that Ctrl-C is ignored; roslaunch sends it.
                 for number in (signal.SIGINT, signal.SIGTERM):
                     signal.signal(number, self._interrupt)
+        keep_rosout_settings()
         forward_logs(self.log)
         self._passing = tuple(passing)
         self._lock = threading.Lock()
