@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import signal
 import time
 from collections.abc import Callable, Iterator
@@ -136,6 +137,37 @@ def test_a_configuration_shows_the_map(
     rospy.set_param("/shown/hidden_classes", [])
     wait_until_it_shows(screen, hypermap, "occupancy", view, hidden=("table",))
     assert "Failed" not in rviz.output
+
+
+def children(process: Process) -> list[int]:
+    pid = process.popen.pid
+    return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+
+
+def test_a_window_that_crashes_comes_again(screen: Screen, serve: Any, start: Any) -> None:
+    serve("crashing")
+    window = start("hypermap", "rviz", "--server", "crashing", env=screen.environment)
+    hypermap = room()
+    view = view_of(hypermap)
+    wait_until_it_shows(screen, hypermap, "occupancy", view)
+    crashed: set[int] = set()
+
+    def crash() -> bool:
+        found = [child for child in children(window) if child not in crashed]
+        for child in found:
+            os.kill(child, signal.SIGSEGV)
+        crashed.update(found)
+        return bool(found)
+
+    assert crash()
+    wait_for(lambda: not Seen(screen.pixels(), view).is_drawn, "the end of the first window")
+    wait_until_it_shows(screen, hypermap, "occupancy", view)
+    while window.popen.poll() is None:
+        crash()
+        time.sleep(0.05)
+    assert window.popen.returncode != 0
+    assert "rviz has crashed (SIGSEGV); starting it again" in window.output
+    assert "hypermap: error: rviz has crashed 4 times (SIGSEGV)" in window.output.splitlines()[-1]
 
 
 def test_the_window_follows_the_server(screen: Screen, serve: Any, start: Any, rospy: Any) -> None:

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
+import logging
+import signal
 import subprocess
 import sys
 import threading
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Protocol
+from typing import IO, Any, Protocol
 
 import yaml
 
@@ -32,6 +35,9 @@ _NEEDED = "from rviz import bindings; import python_qt_binding"
 # Run by its path, so that its folder, which has modules of common names, is no place for imports.
 _RUN = "import runpy, sys; runpy.run_path(sys.argv[1], run_name='__main__')"
 _END_TIMEOUT = 10.0  # s
+_CRASHES = (-signal.SIGSEGV, -signal.SIGBUS)  # exit codes; graphics drivers are not free of faults
+_MOST_RESTARTS = 3
+_log = logging.getLogger(__name__)
 
 
 class Displays(Protocol):
@@ -43,35 +49,49 @@ class Displays(Protocol):
 
 
 class RvizWindow:
-    """A window of rviz in a process of its own.
+    """A window of rviz in a process of its own; one that crashes comes again as it was told to be.
 
     Raises:
         HypermapError: If no Python here has rviz's bindings.
     """
 
     def __init__(self) -> None:
-        command = [_python_with_rviz(), "-c", _RUN, str(_SCRIPT)]
-        self._process = subprocess.Popen(command, stdin=subprocess.PIPE, text=True)
+        self._command = [_python_with_rviz(), "-c", _RUN, str(_SCRIPT)]
         self._lock = threading.Lock()
+        self._orders: dict[tuple[str, str], str] = {}  # those that still count, in their order
+        self._crashes = 0
+        self._process = self._started()
 
     def tell(self, do: str, **order: Any) -> None:
         """Give an order; one to a window that is closed is lost."""
-        assert self._process.stdin is not None
+        line = json.dumps({"do": do, **order})
         with self._lock:
-            try:
-                print(json.dumps({"do": do, **order}), file=self._process.stdin, flush=True)
-            except (BrokenPipeError, ValueError):
-                return
+            if do == "load":
+                self._orders.clear()
+            key = ("display", order["name"]) if "name" in order else (do, "")
+            self._orders.pop(key, None)
+            self._orders[key] = line
+            self._write(line)
 
     def wait(self, timeout: float) -> bool:
         """Wait for the user to close the window, and return whether they did.
 
         Raises:
-            HypermapError: If it has ended by an error.
+            HypermapError: If it has ended by an error, or has crashed more than three times.
         """
         try:
             code = self._process.wait(timeout)
         except subprocess.TimeoutExpired:
+            return False
+        if code in _CRASHES:
+            self._crashes += 1
+            name = signal.Signals(-code).name
+            if self._crashes > _MOST_RESTARTS:
+                raise HypermapError(
+                    f"rviz has crashed {self._crashes} times ({name}); try it alone, with: rviz"
+                )
+            _log.warning("rviz has crashed (%s); starting it again", name)
+            self._restart()
             return False
         if code:
             raise HypermapError(f"rviz has ended with exit code {code}; is there a display?")
@@ -79,14 +99,33 @@ class RvizWindow:
 
     def close(self) -> None:
         """Close the window."""
-        assert self._process.stdin is not None
-        with self._lock:
-            self._process.stdin.close()
+        with self._lock, contextlib.suppress(BrokenPipeError):
+            self._input.close()
         try:
             self._process.wait(_END_TIMEOUT)
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
+
+    def _started(self) -> subprocess.Popen[str]:
+        return subprocess.Popen(self._command, stdin=subprocess.PIPE, text=True)
+
+    def _restart(self) -> None:
+        with self._lock:
+            with contextlib.suppress(BrokenPipeError):  # of an order that was not read
+                self._input.close()
+            self._process = self._started()
+            for line in self._orders.values():
+                self._write(line)
+
+    def _write(self, line: str) -> None:
+        with contextlib.suppress(BrokenPipeError, ValueError):  # it is closed
+            print(line, file=self._input, flush=True)
+
+    @property
+    def _input(self) -> IO[str]:
+        assert self._process.stdin is not None
+        return self._process.stdin
 
 
 class LayerDisplays:
