@@ -21,7 +21,7 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
 from PIL import Image
-from playwright.sync_api import Browser, BrowserContext, Page, sync_playwright
+from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_playwright
 
 import hypermap.viewer
 
@@ -175,6 +175,7 @@ class Window:
 
     def pixel_of(self, x: float, y: float) -> tuple[float, float]:
         """Return where a point of the base frame lies in the window."""
+        self.wait_until_at_rest()
         column, row = self.page.evaluate(
             """([x, y]) => {
                 const {map} = window.hypermapPage;
@@ -204,6 +205,10 @@ class Window:
         """Click on a point of the base frame."""
         self.page.mouse.click(*self.pixel_of(x, y), **options)
 
+    def wait_until_at_rest(self) -> None:
+        """Wait until the view moves no more, as it does to bring an answer's place into sight."""
+        self.wait_for("() => !window.hypermapPage.map.getView().getAnimating()")
+
     def drag(self, start: tuple[float, float], end: tuple[float, float]) -> None:
         """Press at one point of the base frame, and let go at another."""
         self.page.mouse.move(*self.pixel_of(*start))
@@ -213,6 +218,7 @@ class Window:
 
     def points_at(self, pixels: ArrayLike) -> NDArray[np.float64]:
         """Return the points of the base frame under pixels of the window, shape (N, 2)."""
+        self.wait_until_at_rest()
         (x, y), metres_per_pixel = self.page.evaluate(
             """() => {
                 const {map} = window.hypermapPage;
@@ -242,9 +248,11 @@ class Window:
 
     def ask_at(self, x: float, y: float) -> NDArray[np.float64]:
         """Click on a point of the base frame, and return the one that was clicked, shape (2,)."""
+        # What follows the end of a drawing within 0.3 s counts as its double click.
+        expect(self.page.locator(".drawing")).to_have_count(0)
         pixel = np.round(self.pixel_of(x, y))
-        self.page.mouse.click(*pixel.tolist())
         clicked: NDArray[np.float64] = self.points_at([pixel])[0]
+        self.page.mouse.click(*pixel.tolist())
         self.wait_for(
             """([x, y]) => {
                 const said = document.querySelector("#panel .head p")?.textContent ?? "";
