@@ -6,11 +6,11 @@ import contextlib
 import io
 import os
 import re
-import select
 import shutil
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -95,16 +95,15 @@ def a_server(path: Path, *options: str) -> Iterator[str]:
 def _address(process: subprocess.Popen[str]) -> str:
     assert process.stdout is not None
     said = ""
-    end = time.monotonic() + 2 * PATIENCE
-    while time.monotonic() < end:
-        if not select.select([process.stdout], [], [], 1.0)[0]:
-            continue
-        line = process.stdout.readline()
-        said += line
-        if found := re.search(r"http://127\.0\.0\.1:\d+/\S*", line):
-            return found.group()
-        if not line:
-            break
+    too_late = threading.Timer(2 * PATIENCE, process.kill)
+    too_late.start()
+    try:
+        for line in process.stdout:
+            said += line
+            if found := re.search(r"http://127\.0\.0\.1:\d+/\S*", line):
+                return found.group()
+    finally:
+        too_late.cancel()
     raise AssertionError(f"no address was printed:\n{said}")
 
 
