@@ -10,7 +10,7 @@ import json
 import struct
 import time
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from typing import Any
 
 from websockets.sync.client import connect
@@ -47,16 +47,13 @@ class Client:
         self._stack.close()
 
     def wait(self, condition: Callable[[], Any], what: str, timeout: float = 30.0) -> Any:
-        """Receive until a condition holds, and return what it returned."""
+        """Receive until a condition holds, be it of the server, and return what it returned."""
         end = time.monotonic() + timeout
         while not (answer := condition()):
-            left = end - time.monotonic()
-            try:
-                self._receive(left)
-            except TimeoutError:
-                raise AssertionError(
-                    f"waited {timeout:g} s in vain for {what}: {self.texts}"
-                ) from None
+            if time.monotonic() > end:
+                raise AssertionError(f"waited {timeout:g} s in vain for {what}: {self.texts}")
+            with suppress(TimeoutError):
+                self._receive(0.05)
         return answer
 
     def settle(self, seconds: float = 0.3) -> None:

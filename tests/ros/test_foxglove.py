@@ -4,6 +4,7 @@ import contextlib
 import signal
 import threading
 
+import foxglove
 import pytest
 
 from hypermap.core.errors import FrameError, HypermapError
@@ -77,7 +78,7 @@ def test_late_subscribers_get_what_is_latched_and_the_newest_alone(port, client)
     with Client(port.url) as late:
         topic = late.subscribe("/map")
         assert late.next(topic) == grid(port, 100, -1)
-        wait_for(lambda: publisher.listeners == 2, "both subscribers")
+        late.wait(lambda: publisher.listeners == 2, "both subscribers")
         publisher.publish(grid(port, 7))
         assert late.next(topic, 2).data.tolist() == [7]
     wait_for(lambda: publisher.listeners == 1, "the end of one")
@@ -100,12 +101,39 @@ def test_who_comes_while_messages_are_published_ends_with_the_newest(port):
             wait_for_last(client, topic, newest)
 
 
+def test_who_subscribes_before_there_is_a_publisher_is_counted_and_gets_what_is_latched(
+    port, client, monkeypatch
+):
+    came = threading.Event()
+    make, count = foxglove.Channel, port._listener.on_subscribe
+
+    def counted(*subscriber):
+        count(*subscriber)
+        came.set()
+
+    def make_and_wait_for_a_subscriber(*args, **options):
+        channel = make(*args, **options)
+        topics.append(client.subscribe("/map"))
+        client.wait(came.is_set, "the subscriber")
+        return channel
+
+    topics = []
+    monkeypatch.setattr(port._listener, "on_subscribe", counted)
+    monkeypatch.setattr("foxglove.Channel", make_and_wait_for_a_subscriber)
+    publisher = port.publisher("/map", "nav_msgs/OccupancyGrid", latched=True)
+    assert publisher.listeners == 1
+    publisher.publish(grid(port, 5))
+    assert client.next(topics[0]).data.tolist() == [5]
+    client.unsubscribe(topics[0])
+    client.wait(lambda: publisher.listeners == 0, "its end")
+
+
 def test_what_is_not_latched_is_gone(port, client):
     publisher = port.publisher("/detections", "std_msgs/String")
     text = port.message("std_msgs/String")
     publisher.publish(text(data="early"))
     topic = client.subscribe("/detections")
-    wait_for(lambda: publisher.listeners == 1, "the subscriber")
+    client.wait(lambda: publisher.listeners == 1, "the subscriber")
     publisher.publish(text(data="late"))
     assert client.next(topic).data == "late"
     assert len(client.received(topic)) == 1
@@ -323,7 +351,7 @@ def test_frames_are_known_to_late_clients_and_to_the_node(port, client):
 
 def test_the_log_goes_to_rosout(port, client, capfd):
     topic = client.subscribe("/rosout")
-    wait_for(lambda: port._rosout.listeners, "the subscriber")
+    client.wait(lambda: port._rosout.listeners, "the subscriber")
     port.log("warning", "the map is old")
     line = client.next(topic)
     assert (line.level, line.name, line.msg) == (line.WARN, "/server", "the map is old")
@@ -383,15 +411,28 @@ def test_a_signal_ends_the_node_and_leaves_the_handlers_as_they_were(number):
         signal.raise_signal(number)
     port.shut_down()
     port = FoxglovePort("server", port=0)
-    threading.Timer(0.2, signal.raise_signal, [number]).start()
+    while_it_spins(port, lambda: signal.raise_signal(number))
     port.spin()
     assert port.is_shut_down
     port.shut_down()
     assert signal.getsignal(number) is before
 
 
-def test_shut_down_ends_the_node(port):
-    threading.Timer(0.2, port.shut_down).start()
+def while_it_spins(port, act):
+    """Do something in another thread, but not before the node waits for its end."""
+
+    def work():
+        wait_for(lambda: port._is_spinning, "the node to wait for its end")
+        act()
+
+    threading.Thread(target=work).start()
+
+
+def test_shut_down_by_another_thread_ends_the_node_and_leaves_the_handlers_as_they_were():
+    before = signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)
+    port = FoxglovePort("server", port=0)
+    while_it_spins(port, port.shut_down)
     port.spin()
     assert port.is_shut_down
     port.shut_down()
+    assert (signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)) == before

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -60,26 +61,46 @@ class Listener(ServerListener):
     Attributes:
         settings: the node's parameters.
         inboxes: who takes messages that clients publish.
-        watched: by the id of a channel, who is told of its subscribers: +1 or -1.
     """
 
     def __init__(self, prefix: str, log: Log) -> None:
         self.settings = Settings({}, {})
         self.inboxes: list[Inbox] = []
-        self.watched: dict[int, Callable[[int], None]] = {}
+        self._watched: dict[int, Callable[[int], None]] = {}
+        self._early: dict[int, int] = {}
+        self._lock = threading.Lock()
         self._prefix = prefix
         self._log = log
         self._channels: dict[tuple[int, int], ClientChannel] = {}
 
     # Topics of the node
 
+    def watch(self, channel: int, told: Callable[[int], None]) -> None:
+        """Tell someone how many subscribers of a channel come or go, from its beginning on.
+
+        Clients may subscribe as soon as there is a channel, so before it has a publisher.
+        """
+        with self._lock:
+            self._watched[channel] = told
+            early = self._early.pop(channel, 0)
+        if early:
+            told(early)
+
     def on_subscribe(self, client: Client, channel: ChannelView) -> None:  # noqa: ARG002
         """Tell a channel's publisher of one more subscriber."""
-        self.watched.get(channel.id, _nobody)(+1)
+        self._count(channel.id, +1)
 
     def on_unsubscribe(self, client: Client, channel: ChannelView) -> None:  # noqa: ARG002
         """Tell a channel's publisher of one less."""
-        self.watched.get(channel.id, _nobody)(-1)
+        self._count(channel.id, -1)
+
+    def _count(self, channel: int, change: int) -> None:
+        with self._lock:
+            told = self._watched.get(channel)
+            if told is None:
+                self._early[channel] = self._early.get(channel, 0) + change
+                return
+        told(change)
 
     # Topics of clients
 
@@ -113,7 +134,7 @@ class Listener(ServerListener):
         channel = self._channels.get((client.id, client_channel_id))
         if channel is None:
             return
-        for box in self.inboxes:
+        for box in tuple(self.inboxes):  # one of them may be closed meanwhile
             if box.topic == channel.topic:
                 box.put(data)
 
@@ -162,7 +183,3 @@ class Listener(ServerListener):
             for name, value in found
             if value is not None
         ]
-
-
-def _nobody(_change: int) -> None:
-    """Take notice of nothing: the channel is closed already."""

@@ -145,7 +145,7 @@ class FoxglovePort:
             self._resolved(topic), schema=schema, message_encoding=CDR, context=self._context
         )
         publisher = ChannelPublisher(channel, latched, self._sender)
-        self._listener.watched[channel.id()] = publisher.count
+        self._listener.watch(channel.id(), publisher.count)
         return publisher
 
     def subscribe(
@@ -298,13 +298,12 @@ class FoxglovePort:
         self._end.set()
         with self._lock:
             was_stopped, self._is_stopped = self._is_stopped, True
-        if was_stopped:
-            return
-        self._server.stop()
-        self._sender.shutdown(wait=False, cancel_futures=True)
+        if not was_stopped:
+            self._server.stop()
+            self._sender.shutdown(wait=False, cancel_futures=True)
         if threading.current_thread() is threading.main_thread():
-            for number, handler in self._handlers.items():
-                signal.signal(number, handler)
+            while self._handlers:
+                signal.signal(*self._handlers.popitem())
 
     def _handle_signals(self) -> None:
         """Let Ctrl-C and SIGTERM end the node, also while it still starts."""
