@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -66,7 +67,8 @@ def test_other_ids_are_a_disagreement(ours: list[int], theirs: list[int]) -> Non
 def test_a_question_about_one_object_hardly_grows_with_the_layer(settings) -> None:
     from suite import queries
 
-    rows = list(queries._growth(settings))
+    often = replace(settings, repeat=5)  # others may have the processor in one of the runs
+    rows = list(queries._growth(often))
     assert [row.work for row in rows][:2] == ["one point", "a change of one object"]
     assert all(row.sizes == (100, 1000, 10_000) for row in rows)
     assert all(row.exponents["time"] < row.asked == queries.ONE_OF_MANY for row in rows[:2])

@@ -237,12 +237,14 @@ def test_the_ros_that_was_sourced_is_taken(monkeypatch, version, expected):
 
 def test_no_roscore_is_one_line(room_map):
     pytest.importorskip("hypermap.ros.ros1.port", exc_type=HypermapError)
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        uri = f"http://127.0.0.1:{free.getsockname()[1]}"
     command = [sys.executable, "-m", "hypermap", "serve", str(room_map), "--ros1"]
-    environment = {**os.environ, "ROS_MASTER_URI": uri}
-    ended = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120)
+    with socket.socket() as closed:  # it has a port, so that nobody else has, but does not listen
+        closed.bind(("127.0.0.1", 0))
+        uri = f"http://127.0.0.1:{closed.getsockname()[1]}"
+        environment = {**os.environ, "ROS_MASTER_URI": uri}
+        ended = subprocess.run(
+            command, env=environment, capture_output=True, text=True, timeout=120
+        )
     assert_one_error(Result(ended.returncode, ended.stdout, ended.stderr), uri)
 
 

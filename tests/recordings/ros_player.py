@@ -66,7 +66,7 @@ def main(folder: Path, count: int, recorders: int) -> None:
     }
     fixed = rospy.Publisher("/tf_static", TFMessage, queue_size=1, latch=True)
     fixed.publish(transform(1.0, "/kinect", FRAME, [0, 0, 0, 0, 0, 0, 1]))
-    for publisher in publishers.values():
+    for publisher in (*publishers.values(), fixed):
         while publisher.get_num_connections() < recorders:
             time.sleep(0.05)
     depths, colors = (read_list(folder / name)[:count] for name in ("depth.txt", "rgb.txt"))

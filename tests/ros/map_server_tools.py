@@ -77,7 +77,11 @@ class Client:
         raise AssertionError(f"answered {answer}")
 
     def heard(
-        self, topic: str, type_name: str, until: Callable[[Any], Any] = lambda _: True
+        self,
+        topic: str,
+        type_name: str,
+        until: Callable[[Any], Any] = lambda _: True,
+        timeout: float = 30.0,
     ) -> Any:
         """Return the first message of a topic, latched or new, that is as it should be."""
         name = topic if topic.startswith("/") else f"/{self.node}/{topic}"
@@ -89,7 +93,7 @@ class Client:
 
         subscriber = self.rospy.Subscriber(name, self.messages.message_class(type_name), take)
         try:
-            return wait_for(lambda: found, f"a message on {name}")[0]
+            return wait_for(lambda: found, f"a message on {name}", timeout)[0]
         finally:
             subscriber.unregister()
 
@@ -157,6 +161,17 @@ class Robot:
         self._end = threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
+
+    def wait_until_known_to(self, client: Client) -> None:
+        """Wait until a server that has a grid listens to tf and has heard of the frames."""
+
+        def is_known() -> bool:
+            try:
+                return bool(client.string("occupancy", 0.0, 0.0, "robot"))
+            except client.rospy.ServiceException:
+                return False
+
+        wait_for(is_known, "the robot's frame at the server")
 
     def close(self) -> None:
         self._end.set()

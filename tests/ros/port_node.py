@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import sys
 
 from hypermap.ros.port import Parameter
@@ -28,8 +29,9 @@ def main() -> None:
         lambda request: answer(name=f"you said {request.layer}"),
         lambda text: answer(name=text),
     )
-    say(f"ready, height {values['height']}")
-    port.spin()
+    with contextlib.suppress(KeyboardInterrupt):  # which may come before spin() takes it
+        say(f"ready, height {values['height']}")
+        port.spin()
     say("ending")
     greeting.close()
     port.shut_down()

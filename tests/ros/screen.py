@@ -103,6 +103,8 @@ class Seen:
 
     def has_ink(self, x: float, y: float, height: float) -> bool:
         """Whether letters of that height stand around a point [m]."""
+        if not self.is_drawn:
+            return False
         near = np.stack(np.meshgrid(*[np.linspace(-height, height, 40)] * 2), axis=-1)
         return bool((self.colors(near.reshape(-1, 2) + np.array([x, y])).max(axis=1) < 60).any())
 

@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from hypermap.core.errors import FrameError
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.semantic import SemanticLayer, SemanticObject
 from hypermap.evaluation.metrics import evaluate
@@ -84,6 +85,7 @@ class Room:
 
     def __init__(self, rospy: Any, port: Any, topics: tuple[str, ...], values: Any) -> None:
         self.lines: list[tuple[str, str]] = []
+        self._port = port
         given = Given(port, values)
         given.log = lambda level, text: self.lines.append((level, text))  # type: ignore[attr-defined]
         self.node = SemanticMapper(given)  # type: ignore[arg-type]
@@ -97,6 +99,19 @@ class Room:
         self.camera.show(frame, camera.INFO)
         frames = self.node._life._frames  # type: ignore[union-attr]
         wait_for(lambda: not frames.lacks_camera_info, "the camera info")
+
+    def show_tf(self, frame: RgbdFrame) -> None:
+        """Publish where the camera is, and wait for the node to know it before its images."""
+        self.camera.show(frame, camera.TF)
+
+        def is_known() -> bool:
+            try:
+                self._port.lookup("map", camera.FRAME, round(frame.stamp * 1e9))
+            except FrameError:
+                return False
+            return True
+
+        wait_for(is_known, "the pose of the camera")
 
     @property
     def totals(self) -> dict[Fate, int]:

@@ -51,6 +51,7 @@ def server(rospy: Any, directory: Path) -> Iterator[Process]:
 def client(rospy: Any, server: Process) -> Iterator[Client]:
     made = Client(rospy, "asked_server")
     made.robot = Robot(made)
+    made.robot.wait_until_known_to(made)
     yield made
     made.robot.close()
 

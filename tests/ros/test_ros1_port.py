@@ -5,6 +5,8 @@ from __future__ import annotations
 import gc
 import os
 import signal
+import socket
+import socketserver
 import sys
 import threading
 import time
@@ -226,16 +228,21 @@ def test_static_transforms_reach_late_listeners_and_each_call_replaces_the_set(
     subscriber.unregister()
 
 
-def test_lookup_finds_what_others_publish(rospy: Any, port: Any) -> None:
+def test_lookup_finds_what_others_publish(
+    rospy: Any, port: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
     import tf2_ros
 
     port.static_transforms([transform(port, "map", "lab", 3.0)])
     # The first lookup of a process has to wait for tf; an old-style slash does no harm.
-    np.testing.assert_allclose(
-        port.lookup("map", "/lab"), [[1, 0, 0, 3], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
-    )
+    with monkeypatch.context() as patience:  # this machine may have much to do
+        patience.setattr("hypermap.ros.ros1.port._TF_START", 30.0)
+        np.testing.assert_allclose(
+            port.lookup("map", "/lab"), [[1, 0, 0, 3], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
+        )
     np.testing.assert_allclose(port.lookup("lab", "map")[:3, 3], [-3, 0, 0])
     broadcaster = tf2_ros.TransformBroadcaster()
+    wait_for(lambda: broadcaster.pub_tf.get_num_connections() > 0, "a listener of /tf")
     moving = transform(port, "lab", "robot", 1.0)
     moving.header.stamp = rospy.Time(100)
     late = threading.Timer(0.3, lambda: broadcaster.sendTransform(moving))
@@ -403,15 +410,17 @@ port.shut_down()
 def test_without_a_roscore_a_node_ends_at_once(
     start: Callable[..., Process], needs_ros1: None, uri: str, problem: str
 ) -> None:
-    import socketserver
-
     class Deaf(socketserver.StreamRequestHandler):
         def handle(self) -> None:
             self.wfile.write(b"SSH-2.0-none\r\n")
 
-    with socketserver.TCPServer(("127.0.0.1", 0), Deaf) as server:
+    with (
+        socketserver.TCPServer(("127.0.0.1", 0), Deaf) as server,
+        socket.socket() as closed,  # it has a port, so that nobody else has, but does not listen
+    ):
+        closed.bind(("127.0.0.1", 0))
         threading.Thread(target=server.serve_forever, daemon=True).start()
-        uri = uri.format(closed=free_port(), deaf=server.server_address[1])
+        uri = uri.format(closed=closed.getsockname()[1], deaf=server.server_address[1])
         node = start(*NODE, "lonely", env={**os.environ, "ROS_MASTER_URI": uri})
         assert node.popen.wait(30) != 0
         server.shutdown()

@@ -92,7 +92,12 @@ def test_signals_end_it_while_it_can_still_publish(
     node.deactivate = lambda: last.publish(port.message("std_msgs/String")(data="bye"))  # type: ignore[method-assign]
     port.manage(node)
     before = signal.getsignal(number)
-    threading.Timer(0.2, os.kill, (os.getpid(), number)).start()
+
+    def send() -> None:
+        wait_for(lambda: signal.getsignal(number) is not before, "the node to take signals")
+        os.kill(os.getpid(), number)
+
+    threading.Thread(target=send).start()
     port.spin()
     assert graph.latest("/hypermap_server/goodbye").data == "bye"
     assert signal.getsignal(number) is before

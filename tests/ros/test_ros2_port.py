@@ -244,10 +244,10 @@ def test_a_lookup_chains_transforms(graph: Graph, port: Any) -> None:
 
 
 def test_a_lookup_waits_for_what_comes(graph: Graph, port: Any) -> None:
-    later = [transform(port, "map", "late", 1.0)]
-    threading.Timer(0.2, port.static_transforms, (later,)).start()
     with pytest.raises(FrameError, match="'late'"):
         port.lookup("map", "late")
+    later = [transform(port, "map", "late", 1.0)]
+    threading.Timer(0.2, port.static_transforms, (later,)).start()
     assert port.lookup("map", "late", timeout=10.0)[0, 3] == 1.0
 
 

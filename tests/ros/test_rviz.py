@@ -98,21 +98,19 @@ def serve(roscore: str, start: Callable[..., Process], tmp_path: Path) -> Callab
 
 def wait_until_it_shows(
     screen: Screen, hypermap: Hypermap, grid: str, view: View, hidden: tuple[str, ...] = ()
-) -> Seen:
+) -> None:
     points, colors = expected(hypermap, grid, hidden)
     shares: list[float] = []
 
-    def shows() -> Seen | None:
+    def shows() -> bool:
         time.sleep(0.2)
-        seen = Seen(screen.pixels(), view)
-        shares.append(seen.share(points, colors))
-        return seen if shares[-1] >= ENOUGH else None
+        shares.append(Seen(screen.pixels(), view).share(points, colors))
+        return shares[-1] >= ENOUGH
 
     try:
-        seen: Seen = wait_for(shows, "the map on the screen", PATIENCE)
+        wait_for(shows, "the map on the screen", PATIENCE)
     except pytest.fail.Exception:
         pytest.fail(f"of the worst color, at best {max(shares):.1%} of the points have it")
-    return seen
 
 
 def test_a_configuration_shows_the_map(
@@ -128,8 +126,9 @@ def test_a_configuration_shows_the_map(
     serve("shown")
     rviz = start("rviz", "-d", file, env=screen.environment)
 
-    seen = wait_until_it_shows(screen, hypermap, "occupancy", view, hidden=("table",))
-    assert seen.has_ink(*shapely.box(15, 2.8, 17, 4.8).centroid.coords[0], 0.2)  # the word "bed"
+    wait_until_it_shows(screen, hypermap, "occupancy", view, hidden=("table",))
+    word = *shapely.box(15, 2.8, 17, 4.8).centroid.coords[0], 0.2
+    wait_for(lambda: Seen(screen.pixels(), view).has_ink(*word), "the word 'bed'")
 
     # A class goes at the server and comes again; the one that is off in rviz stays off.
     rospy.set_param("/shown/hidden_classes", ["tray"])
@@ -152,15 +151,18 @@ def test_a_window_that_crashes_comes_again(screen: Screen, serve: Any, start: An
     wait_until_it_shows(screen, hypermap, "occupancy", view)
     crashed: set[int] = set()
 
+    def running() -> list[int]:
+        return [child for child in children(window) if child not in crashed]
+
     def crash() -> bool:
-        found = [child for child in children(window) if child not in crashed]
+        found = running()
         for child in found:
             os.kill(child, signal.SIGSEGV)
         crashed.update(found)
         return bool(found)
 
     assert crash()
-    wait_for(lambda: not Seen(screen.pixels(), view).is_drawn, "the end of the first window")
+    wait_for(running, "the next window, which is there when the first one has ended")
     wait_until_it_shows(screen, hypermap, "occupancy", view)
     while window.popen.poll() is None:
         crash()
@@ -188,4 +190,4 @@ def test_the_window_follows_the_server(screen: Screen, serve: Any, start: Any, r
 
     assert window.stop(signal.SIGINT) == 130
     assert "Traceback" not in window.output
-    assert not Seen(screen.pixels(), view).is_drawn
+    wait_for(lambda: not Seen(screen.pixels(), view).is_drawn, "the end of the window")

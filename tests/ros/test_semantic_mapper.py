@@ -190,8 +190,8 @@ def test_what_is_published(room: Callable[..., Room], rospy: Any, drive: list[Rg
     assert last("/semantic_map").header.frame_id == "map"
     wait_for(lambda: last(f"{name}/map") and 100 in last(f"{name}/map").data, "obstacles")
     wait_for(lambda: last(f"{name}/semantic_markers"), "markers")
-    assert len(got[f"{name}/detected_shape"]) > 20
-    assert len(got[f"{name}/observed_area"]) == 20
+    wait_for(lambda: len(got[f"{name}/detected_shape"]) > 20, "shapes")
+    wait_for(lambda: len(got[f"{name}/observed_area"]) == 20, "an area for each frame")
     area = last(f"{name}/observed_area")
     assert area.header.stamp.to_sec() == pytest.approx(drive[19].stamp)
     wait_for(lambda: last("/diagnostics") and "20" in diagnosed(last("/diagnostics")), "a report")
