@@ -113,7 +113,7 @@ def _covariances(
             if not below < radius2 < above:
                 radius2 = np.float32(0.5) * (below + above)
         radii2[place] = radius2
-        spread = radius2 / step2
+        spread = radius2 / step2 * (k / sums[0])
         share = 1 / sums[0]
         mx, my, mz = sums[1] * share, sums[2] * share, sums[3] * share
         covariances[0, i] = sums[4] * share - mx * mx

@@ -154,15 +154,14 @@ def _edges(corners: FloatArray, margin: float) -> FloatArray:
     return edges
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
 def _far_out(x, y, edges):  # type: ignore[no-untyped-def]
     """Return how far points are outside of the edge that they are farthest from, shape (N,)."""
-    farthest = np.empty_like(x)
+    distances = np.empty_like(x)
     for i in range(uint64(len(x))):
-        farthest[i] = -np.inf
-    for k in range(DIRECTIONS):
-        a, b, c = edges[k, 0], edges[k, 1], edges[k, 2]
-        for i in range(uint64(len(x))):
-            distance = a * x[i] + b * y[i] + c
-            farthest[i] = distance if distance > farthest[i] else farthest[i]
-    return farthest
+        farthest = edges[0, 0] * x[i] + edges[0, 1] * y[i] + edges[0, 2]
+        for k in range(1, DIRECTIONS):
+            distance = edges[k, 0] * x[i] + edges[k, 1] * y[i] + edges[k, 2]
+            farthest = distance if distance > farthest else farthest
+        distances[i] = farthest
+    return distances

@@ -138,14 +138,15 @@ def _project_pixels(
     per_fx: np.float32,
     per_fy: np.float32,
 ) -> NDArray[np.float32]:
-    width = depth.shape[1]
+    width, flat = depth.shape[1], depth.ravel()
     points = np.empty((len(pixels), 3), np.float32)
-    row = 0
+    row = first = 0
     for i, pixel in enumerate(pixels):
-        if not 0 <= pixel - row * width < width:  # seldom: pixels come row by row
+        if not 0 <= pixel - first < width:  # seldom: pixels come row by row
             row = pixel // width
-        column = pixel - row * width
-        z = depth[row, column]
+            first = row * width
+        column = pixel - first
+        z = flat[pixel]
         points[i, 0] = right_of_axis[column] * z * per_fx
         points[i, 1] = below_axis[row] * z * per_fy
         points[i, 2] = z

@@ -145,15 +145,10 @@ def _valid_in(valid: BoolArray, box: NDArray[np.float32]) -> IntArray:
     # The box holds the pixels from xmin up to, but without, xmax.
     left, right = math.ceil(min(max(box[0], 0), width)), math.ceil(min(max(box[2], 0), width))
     top, bottom = math.ceil(min(max(box[1], 0), height)), math.ceil(min(max(box[3], 0), height))
+    found = np.empty(max(bottom - top, 0) * max(right - left, 0) + 1, np.int64)
     count = 0
     for row in range(top, bottom):
         for column in range(left, right):
+            found[count] = row * width + column  # without a branch; the next one may overwrite it
             count += valid[row, column]
-    found = np.empty(count, np.int64)
-    count = 0
-    for row in range(top, bottom):
-        for column in range(left, right):
-            if valid[row, column]:
-                found[count] = row * valid.shape[1] + column
-                count += 1
-    return found
+    return found[:count]

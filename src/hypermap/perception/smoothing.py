@@ -35,15 +35,26 @@ def smoothed(
     """
     if len(pixels) == 0 or config.smoothing == 0:
         return points_xyz
+    across = (0,) * (2 * config.smoothing + 1)
     tolerance = SAME * config.depth_noise
-    return np.asarray(_smoothed(points_xyz, pixels, width, config.smoothing, tolerance))
+    return np.asarray(_smoothed(points_xyz, pixels, width, across, tolerance))
 
 
 @njit(cache=True, error_model="numpy")
-def _smoothed(
-    points_xyz: NDArray[np.float32], pixels: IntArray, width: int, radius: int, tolerance: float
+def _smoothed(  # type: ignore[no-untyped-def]
+    points_xyz: NDArray[np.float32], pixels: IntArray, width: int, across, tolerance: float
 ) -> NDArray[np.float32]:
-    """Do what `smoothed` says, row by row of the part of the image that holds the object."""
+    """Do what `smoothed` says, row by row of the part of the image that holds the object.
+
+    Args:
+        points_xyz: as there.
+        pixels: as there.
+        width: as there.
+        across: as many items as pixels of a row are averaged; loops over a tuple, whose length is
+            known, are unrolled.
+        tolerance: by which disparities of one surface differ at most [1/m].
+    """
+    radius = len(across) // 2
     rows, columns = pixels // width, pixels % width
     top, left = rows.min() - radius, columns.min() - radius
     height, width = rows.max() - top + 1 + radius, columns.max() - left + 1 + radius
@@ -52,7 +63,7 @@ def _smoothed(
         disparity[rows[i] - top, columns[i] - left] = np.float32(1) / points_xyz[i, 2]
     means = np.empty((height, width), np.float32)
     for row in range(radius, height - radius):
-        _average(disparity, means, row, radius, tolerance)
+        _average(disparity, means, row, across, tolerance)
     moved = np.empty(points_xyz.shape, np.float32)
     for i in range(len(pixels)):
         row, col = rows[i] - top, columns[i] - left
@@ -63,19 +74,21 @@ def _smoothed(
 
 
 @njit(cache=True, error_model="numpy")
-def _average(disparity, means, row, radius, tolerance):  # type: ignore[no-untyped-def]
+def _average(disparity, means, row, across, tolerance):  # type: ignore[no-untyped-def]
     """Fill a row with the means about its pixels of what differs by no more than the tolerance."""
-    width = disparity.shape[1]
+    width, radius = disparity.shape[1], len(across) // 2
     totals, counts = np.zeros(width, np.float32), np.zeros(width, np.float32)
     begin, end, middle = uint64(radius), uint64(width - radius), uint64(row)
     most, none, one = np.float32(tolerance), np.float32(0), np.float32(1)
     for y in range(uint64(row - radius), uint64(row + radius + 1)):
-        for shift in range(uint64(2 * radius + 1)):
-            for col in range(begin, end):  # without branches
-                d = disparity[y, col + shift - begin]
-                more = d - disparity[middle, col]  # so that float32 loses no digits
+        for col in range(begin, end):  # without branches
+            total, count, own = totals[col], counts[col], disparity[middle, col]
+            for shift in range(len(across)):
+                d = disparity[y, col + uint64(shift) - begin]
+                more = d - own  # so that float32 loses no digits
                 is_same = (d > 0) & (abs(more) <= most)
-                totals[col] += more if is_same else none
-                counts[col] += one if is_same else none
+                total += more if is_same else none
+                count += one if is_same else none
+            totals[col], counts[col] = total, count
     for col in range(begin, end):
         means[middle, col] = disparity[middle, col] + totals[col] / counts[col]
