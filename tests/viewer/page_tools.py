@@ -27,6 +27,7 @@ import hypermap.viewer
 
 SHADE = 30  # pixels around a panel that its shadow darkens
 PATIENCE = 30.0  # s; the machine may be busy
+expect.set_options(timeout=1000 * PATIENCE)
 SIZE: Any = {"width": 1200, "height": 800}
 PAGE_FOLDER = Path(hypermap.viewer.__file__).parent / "page"
 ARGUMENTS = [
@@ -141,10 +142,15 @@ class Window:
             """async () => {
                 await window.hypermapPage.ready;
                 const {map, view} = window.hypermapPage;
-                do {  // questions that the page has put off for a moment come first
-                    await new Promise((later) => setTimeout(later, 200));
+                const known = () => [...view.layers.values()].flatMap(
+                    ({shapes}) => (shapes ? [shapes.asking, shapes.loaded] : []));
+                // Questions that the page has put off for a moment come first.
+                await new Promise((later) => setTimeout(later, 200));
+                let before;
+                do {  // until nothing is left to be asked; a question may call off another
+                    before = known();
                     await view.showShapes();
-                } while ([...view.layers.values()].some(({shapes}) => shapes && !shapes.loaded));
+                } while (known().some((one, i) => !one || one !== before[i]));
                 await new Promise((done) => {
                     map.once("rendercomplete", done);
                     map.render();
@@ -205,8 +211,22 @@ class Window:
         self.page.mouse.click(*self.pixel_of(x, y), **options)
 
     def wait_until_at_rest(self) -> None:
-        """Wait until the view moves no more, as it does to bring an answer's place into sight."""
-        self.wait_for("() => !window.hypermapPage.map.getView().getAnimating()")
+        """Wait until the view moves no more, as it does to bring an answer's place into sight.
+
+        Places on the screen are those of the picture that was drawn last, so it is drawn then.
+        """
+        self.wait_for(
+            """() => {
+                const {map} = window.hypermapPage;
+                if (map.getView().getAnimating()) return false;
+                map.renderSync();
+                return true;
+            }"""
+        )
+
+    def wait_until_nothing_is_drawn(self) -> None:
+        """Wait for the end of a drawing: what follows within 0.3 s counts as its double click."""
+        expect(self.page.locator(".drawing")).to_have_count(0)
 
     def drag(self, start: tuple[float, float], end: tuple[float, float]) -> None:
         """Press at one point of the base frame, and let go at another."""
@@ -247,8 +267,7 @@ class Window:
 
     def ask_at(self, x: float, y: float) -> NDArray[np.float64]:
         """Click on a point of the base frame, and return the one that was clicked, shape (2,)."""
-        # What follows the end of a drawing within 0.3 s counts as its double click.
-        expect(self.page.locator(".drawing")).to_have_count(0)
+        self.wait_until_nothing_is_drawn()
         pixel = np.round(self.pixel_of(x, y))
         clicked: NDArray[np.float64] = self.points_at([pixel])[0]
         self.page.mouse.click(*pixel.tolist())
@@ -307,6 +326,6 @@ class Window:
 
     def colors_at(self, points_xy: ArrayLike) -> NDArray[np.uint8]:
         """Return the colors on the screen at points of the base frame, shape (N, 3)."""
-        picture = self.picture()
         places = [self.pixel_of(*point) for point in np.asarray(points_xy).reshape(-1, 2).tolist()]
+        picture = self.picture()
         return np.array([picture[int(row), int(column)] for column, row in places])

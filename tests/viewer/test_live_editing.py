@@ -140,6 +140,31 @@ def test_changes_from_many_threads_are_all_kept(tmp_path):
     assert len(a_map()["things"]) == 3
 
 
+def test_who_hears_of_a_change_at_once_hears_all_of_it(tmp_path):
+    class Listened(MapDocument):
+        def __setattr__(self, name, value):
+            super().__setattr__(name, value)
+            if name == "beat" and value:
+                heard.append(self.status())
+
+    heard = []
+    document = Listened(saved(tmp_path))
+
+    def now():
+        return document.snapshot.version
+
+    for change in (
+        lambda: document.edit(now(), lambda draft: draft.remove("things", 0)),
+        lambda: document.undo(now()),
+        lambda: document.redo(now()),
+        document.save,
+        document.reload,
+    ):
+        change()
+        assert heard.pop() == document.status()
+        assert heard == []
+
+
 @pytest.mark.parametrize(
     ("operation", "status", "reason"),
     [

@@ -144,9 +144,15 @@ def test_coordinates_and_scale_are_those_of_the_map(window: Window) -> None:
     page.mouse.move(column - 1, row)
     page.mouse.move(column, row)
     x, y = window.points_at([[column, row]])[0]
-    said = page.locator("#coordinates").inner_text().replace("\u2212", "-")
-    numbers = [float(text) for text in re.findall(r"-?\d+\.\d+", said)]
-    assert numbers == pytest.approx([x, y], abs=0.01)
+    window.wait_for(
+        """(wanted) => {
+            const said = document.querySelector("#coordinates").textContent;
+            const numbers = said.replaceAll("\u2212", "-").match(/-?\\d+\\.\\d+/g) ?? [];
+            return numbers.length === 2 &&
+                numbers.every((number, i) => Math.abs(number - wanted[i]) < 0.01);
+        }""",
+        [x, y],
+    )
 
     length, unit = re.fullmatch(
         r"([\d.]+) (\w+)", page.locator("#scale-text").inner_text()
@@ -204,7 +210,7 @@ def test_found_things_come_into_view_if_none_of_them_is(window: Window) -> None:
 
     window.look_at(200, -100, 0.002)
     window.find("desk")
-    window.wait_for("() => !window.hypermapPage.map.getView().getAnimating()")
+    window.wait_until_at_rest()
     window.wait_until_drawn()
     pixel = window.pixel_of(*PLACES[DESK])
     assert place()[2] == pytest.approx(0.01)  # near enough, and not nearer

@@ -16,7 +16,7 @@ from hypermap.core.hypermap import Hypermap
 from hypermap.core.semantic import SemanticLayer, SemanticObject
 from hypermap.formats import open_map, save_map
 
-from .page_tools import PATIENCE, Window, a_server, a_window
+from .page_tools import Window, a_server, a_window
 from .screen_colors import Expected
 from .small_map import (
     CHAIR,
@@ -28,7 +28,6 @@ from .small_map import (
     saved_small_map,
 )
 
-expect.set_options(timeout=1000 * PATIENCE)
 pytestmark = pytest.mark.xdist_group("page")
 
 
@@ -74,14 +73,22 @@ def start_editing(window: Window) -> None:
 
 def take(window: Window, thing: int, name: str) -> None:
     """Click on an object in edit mode."""
+    window.wait_until_nothing_is_drawn()
     window.click_at(*PLACES[thing])
     expect(window.page.locator("#object-name")).to_have_value(name)
 
 
 def rename(window: Window, name: str) -> None:
     window.page.locator("#object-name").fill(name)
-    window.page.locator("#object-apply").click()
+    apply(window)
     expect(window.page.locator("#panel h2")).to_have_text(name)
+
+
+def apply(window: Window) -> None:
+    """Change what an object is called or tagged, and wait until it is shown as it is then."""
+    button = window.page.locator("#object-apply").element_handle()
+    button.click()
+    window.wait_for("(button) => !button.isConnected", button)
 
 
 def save(window: Window) -> None:
@@ -144,8 +151,7 @@ def test_renaming_reshaping_and_deleting_can_be_undone_and_redone(edited: Edited
     take(window, CHAIR, "chair")
     rename(window, "armchair")
     window.page.locator("#object-tags").fill("soft, red")
-    window.page.locator("#object-apply").click()
-    expect(window.page.locator("#edit-undo")).to_be_enabled()
+    apply(window)
     window.wait_until_drawn()
     window.drag((7.5, 5.5), (8.1, 6.1))  # its upper right corner
     take(window, CUP, "cup")
@@ -349,6 +355,7 @@ def test_a_drawing_that_is_refused_stays_to_be_corrected(edited: Edited) -> None
     window.page.locator("#object-name").fill("carpet")
     window.page.locator("#object-add").click()
     expect(window.page.get_by_role("alert").filter(has_text="crosses itself")).to_be_visible()
+    window.wait_until_nothing_is_drawn()
     window.click_at(2.5, 2.5)  # a click beside it is not the end of it
     window.drag((6.2, 6.2), (5.3, 3.4))
     expect(window.page.locator("#object-name")).to_have_value("carpet")

@@ -10,13 +10,12 @@ import pytest
 from numpy.typing import NDArray
 from playwright.sync_api import Browser, Locator, expect
 
-from .page_tools import PATIENCE, Window, a_server, a_window
+from .page_tools import Window, a_server, a_window
 from .seen_map import HAS_NONE, saved_seen_map
 from .small_map import CHAIR, DESK, METRES_PER_PIXEL, PLACES, saved_small_map
 from .test_page_file import assert_nothing_was_fetched, export
 
 pytestmark = pytest.mark.xdist_group("page")
-expect.set_options(timeout=1000 * PATIENCE)
 
 HULL_EDGE = (8.0, 4.9)  # where only the hull of all looks has its outline
 HULL_ONLY = (7.75, 5.2)  # what the last look alone shows
@@ -53,7 +52,7 @@ def look_behind(window: Window, thing: int) -> Locator:
 
 def wait_until_still(window: Window) -> None:
     """Wait for the end of the flight to the object, and for the drawing."""
-    window.wait_for("() => !window.hypermapPage.map.getView().getAnimating()")
+    window.wait_until_at_rest()
     window.wait_until_drawn()
 
 
@@ -181,6 +180,7 @@ def test_closing_puts_everything_away(window: Window) -> None:
     assert np.abs(window.colors_at(places).astype(int) - before).max() <= 2
 
     opener.click()
+    expect(window.page.locator("#panel .timeline")).to_be_visible()
     wait_until_still(window)
     window.page.get_by_role("button", name="Close the answer (Esc)").click()
     window.look_at(5, 4, METRES_PER_PIXEL)

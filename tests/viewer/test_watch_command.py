@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import io
 import json
 import signal
 import socket
 import subprocess
+import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -14,10 +16,12 @@ from urllib.request import Request, urlopen
 
 import pytest
 
+from hypermap.cli.watching import watching as served
 from hypermap.formats import open_map
 from hypermap.viewer.live.page import is_page_built
 
 from .commands import PATIENCE, hypermap, said_and_opened, started
+from .live_tools import saved
 from .run_tools import Watching, watching, write_run
 
 
@@ -111,6 +115,29 @@ def test_a_whole_run_stays_until_ctrl_c_and_leaves_the_same_map(
     assert seen.read_bytes() == alone.read_bytes()
 
 
+def test_ctrl_c_may_come_as_soon_as_it_is_offered(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Terminal(io.StringIO):
+        is_pressed = False
+
+        def write(self, text: str) -> int:
+            length = super().write(text)
+            if "until Ctrl-C" in text and not self.is_pressed:
+                self.is_pressed = True
+                signal.raise_signal(signal.SIGINT)
+            return length
+
+    terminal = Terminal()
+    monkeypatch.setattr(sys, "stderr", terminal)
+    try:
+        with served(True, "drive", saved(tmp_path), 1, 0, False) as watched:
+            watched.finish("saved")
+    except KeyboardInterrupt:
+        pytest.fail("the page was not ended in order")
+    assert terminal.is_pressed
+
+
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_who_gives_up_leaves_nothing_behind(
     long_drive: Path, tmp_path: Path, scratch: Path, number: int
@@ -119,7 +146,7 @@ def test_who_gives_up_leaves_nothing_behind(
         wait_for_steps(watched, 2)
         watched.process.send_signal(number)
         if number == signal.SIGINT:  # the second one does not wait for the map
-            time.sleep(0.05)
+            watched.wait_for("stopping")  # or both might count as one
             watched.process.send_signal(number)
         # The second Ctrl-C may find nothing left but Python itself, which it kills then.
         assert watched.end() in (130, 143, -signal.SIGINT)

@@ -107,8 +107,8 @@ class _Page:
         with listen("127.0.0.1", None) as listening, serving(MapApp(document), listening):
             url = url_of(listening)
             self._run.finish(message, url)
-            note(f"\nthe run stays at {self._url}\nand the map at {url} until Ctrl-C")
             try:
+                note(f"\nthe run stays at {self._url}\nand the map at {url} until Ctrl-C")
                 while not self._sigterm.has_come:
                     time.sleep(_LOOK_PERIOD)
             except KeyboardInterrupt:

@@ -89,13 +89,14 @@ class MapDocument:
 
     def status(self) -> dict[str, Any]:
         """Return what windows show of the state of the editing."""
+        state = self.file.state
         status = {
             "version": self._snapshot.version,
             "can_undo": self.is_editable and bool(self._done),
             "can_redo": self.is_editable and bool(self._undone),
             "unsaved": self.is_unsaved,
         }
-        return status if self.file.state == "same" else {**status, "disk": self.file.state}
+        return status if state == "same" else {**status, "disk": state}
 
     def edit(self, version: int, change: Callable[[Draft], None]) -> Draft:
         """Make changes together, or none of them.
@@ -119,9 +120,9 @@ class MapDocument:
             change(draft)
             if draft.changes:
                 step = _Step(tuple(draft.changes), self._content, self._next_content())
-                self._take(draft.hypermap, draft.changes, step.after)
                 self._done.append(step)
                 self._undone.clear()
+                self._take(draft.hypermap, draft.changes, step.after)  # windows hear of all that
             return draft
 
     def undo(self, version: int) -> Sequence[AnyChange]:

@@ -112,16 +112,17 @@ def serving(app: Served, listening: socket.socket) -> Iterator[None]:
             started.set()
 
     thread = threading.Thread(target=run, name="page", daemon=True)
-    thread.start()
-    started.wait()
-    if not server.started:
-        raise HypermapError("the server of the page did not start")
     try:
+        thread.start()
+        started.wait()
+        if not server.started:
+            raise HypermapError("the server of the page did not start")
         yield
     finally:
         app.is_closing = True
         server.should_exit = True
-        thread.join(timeout=_LONGEST_END)
+        if thread.is_alive():
+            thread.join(timeout=_LONGEST_END)
 
 
 def _config(app: Served) -> uvicorn.Config:
