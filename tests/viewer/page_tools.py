@@ -180,17 +180,24 @@ class Window:
 
     def pixel_of(self, x: float, y: float) -> tuple[float, float]:
         """Return where a point of the base frame lies in the window."""
+        ((column, row),) = self.pixels_of([[x, y]]).tolist()
+        return column, row
+
+    def pixels_of(self, points_xy: ArrayLike) -> NDArray[np.float64]:
+        """Return where points of the base frame lie in the window, shape (N, 2)."""
         self.wait_until_at_rest()
-        column, row = self.page.evaluate(
-            """([x, y]) => {
+        places = self.page.evaluate(
+            """(points) => {
                 const {map} = window.hypermapPage;
                 const box = map.getTargetElement().getBoundingClientRect();
-                const [column, row] = map.getPixelFromCoordinate([x, y]);
-                return [box.left + column, box.top + row];
+                return points.map((point) => {
+                    const [column, row] = map.getPixelFromCoordinate(point);
+                    return [box.left + column, box.top + row];
+                });
             }""",
-            [x, y],
+            np.asarray(points_xy, dtype=float).reshape(-1, 2).tolist(),
         )
-        return float(column), float(row)
+        return np.array(places, dtype=float)
 
     def look_at(self, x: float, y: float, metres_per_pixel: float) -> None:
         """Put a point into the middle of the map, and wait until all is drawn."""
@@ -326,6 +333,5 @@ class Window:
 
     def colors_at(self, points_xy: ArrayLike) -> NDArray[np.uint8]:
         """Return the colors on the screen at points of the base frame, shape (N, 3)."""
-        places = [self.pixel_of(*point) for point in np.asarray(points_xy).reshape(-1, 2).tolist()]
-        picture = self.picture()
-        return np.array([picture[int(row), int(column)] for column, row in places])
+        columns, rows = self.pixels_of(points_xy).astype(int).T
+        return self.picture()[rows, columns]
