@@ -1,8 +1,9 @@
 """Plays a TUM folder as a live robot would, through rospy: run by a Python that has ROS.
 
 Usage: ros_player.py FOLDER COUNT RECORDERS, which plays the first COUNT pairs of images once so
-many recorders listen. The intrinsics are those of the benchmark, depth has 5000 units to the metre,
-and frames are called as in the benchmark's own bags, with leading slashes.
+many recorders listen. Then it says "played" and stays until its standard input ends: who loses a
+publisher does not read what is left of it. The intrinsics are those of the benchmark, depth has
+5000 units to the metre, and frames are called as in the benchmark's own bags, with leading slashes.
 """
 
 import sys
@@ -85,7 +86,8 @@ def main(folder: Path, count: int, recorders: int) -> None:
             image(color[..., ::-1], "bgr8", float(color_stamp))
         )
         time.sleep(0.1)
-    time.sleep(1)
+    print("played", flush=True)  # noqa: T201 - for the test
+    sys.stdin.read()
 
 
 main(Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3]))

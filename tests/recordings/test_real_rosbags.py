@@ -8,8 +8,8 @@ import signal
 import socket
 import subprocess
 import time
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -48,8 +48,8 @@ def has_ros() -> bool:
 
 
 @contextmanager
-def running(command: list[str], environment: dict[str, str], stop: int) -> Iterator[None]:
-    """Run a command in a process group of its own, which gets a signal at the end."""
+def running(command: list[str], environment: dict[str, str], stop: int) -> Iterator[int]:
+    """Run a command in a process group of its own, which gets a signal at the end; yield its id."""
     process = subprocess.Popen(
         command,
         env=environment,
@@ -58,10 +58,12 @@ def running(command: list[str], environment: dict[str, str], stop: int) -> Itera
         start_new_session=True,
     )
     try:
-        yield
+        yield process.pid
     finally:
         os.killpg(process.pid, stop)
         process.wait(timeout=30)
+        # `rosbag record` is done before its child, which still compresses and renames the bag.
+        wait_for(lambda: states_of([process.pid]) <= {"Z"}, f"the end of {command}")
 
 
 @pytest.fixture(scope="module")
@@ -83,19 +85,52 @@ def bags(tmp_path_factory: pytest.TempPathFactory, shared_data: Path) -> Path:
     with ExitStack() as stack:
         stack.enter_context(running(["roscore", "-p", str(port)], environment, signal.SIGINT))
         wait_for_port(port)
+        recorders = []
         for name, stop, *options in RECORDERS:
             flag = "-o" if name.startswith("parts") else "-O"
             command = ["rosbag", "record", *options, flag, str(folder / name), *TOPICS]
-            stack.enter_context(running(command, environment, stop))
-        played = [str(shared_data / "desk"), str(COUNT), str(len(RECORDERS))]
-        subprocess.run([*player, *played], env=environment, check=True, timeout=60)
-    wait_for_file(folder / "bz2.bag")  # its recorder's child goes on compressing
+            recorders.append(stack.enter_context(running(command, environment, stop)))
+        player += [str(shared_data / "desk"), str(COUNT), str(len(RECORDERS))]
+        with subprocess.Popen(
+            player,
+            env=environment,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            start_new_session=True,
+        ) as playing:
+            assert playing.stdout is not None
+            assert playing.stdout.readline() == b"played\n"
+            wait_until_idle([playing.pid, *recorders])
+        assert playing.returncode == 0
     return folder
 
 
-def wait_for_file(path: Path) -> None:
+def wait_until_idle(groups: list[int]) -> None:
+    """Wait until all threads of some process groups are asleep, in five looks in a row."""
+    looks: list[bool] = []
+
+    def is_idle() -> bool:
+        looks.append(states_of(groups) == {"S"})
+        return looks[-5:] == [True] * 5
+
+    wait_for(is_idle, "the player to have sent all, and the recorders to have written it")
+
+
+def states_of(groups: list[int]) -> set[str]:
+    """Return the states of all threads of some process groups: "S" is asleep, "Z" has ended."""
+    found = set()
+    for file in Path("/proc").glob("[0-9]*/task/*/stat"):
+        with suppress(OSError):  # it has ended
+            state, _, group = file.read_text().rpartition(")")[2].split()[:3]
+            if int(group) in groups:
+                found.add(state)
+    return found
+
+
+def wait_for(condition: Callable[[], bool], what: str) -> None:
     end = time.monotonic() + 60
-    while not path.exists() and time.monotonic() < end:
+    while not condition():
+        assert time.monotonic() < end, f"waited in vain for {what}"
         time.sleep(0.1)
 
 
