@@ -139,3 +139,22 @@ def test_a_reader_that_stops_early_ends_the_command_quietly(room_map):
     done = subprocess.run(["bash", "-c", program], capture_output=True, text=True, check=False)
     assert done.stdout == '{\n  "map":'
     assert done.stderr == ""
+
+
+def test_ctrl_c_in_a_compiled_loop_ends_the_command_as_any_other(hypermap, monkeypatch, room_map):
+    def interrupted(*_arguments, **_options):
+        # What Python makes of an interrupt that a compiled function returns with.
+        raise SystemError("returned a result with an exception set") from KeyboardInterrupt()
+
+    monkeypatch.setattr("hypermap.formats.open_map", interrupted)
+    result = hypermap("info", room_map)
+    assert (result.code, result.err) == (130, "")
+
+
+def test_other_errors_of_python_itself_are_not_hidden(hypermap, monkeypatch, room_map):
+    def broken(*_arguments, **_options):
+        raise SystemError("bad argument to internal function")
+
+    monkeypatch.setattr("hypermap.formats.open_map", broken)
+    with pytest.raises(SystemError, match="bad argument"):
+        hypermap("info", room_map)

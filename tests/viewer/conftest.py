@@ -11,8 +11,9 @@ from hypermap.formats import save_map
 from hypermap.simulation import demo_world, ground_truth
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def browser() -> Iterator[object]:
+    """A browser that ends with its module: no event loop may run here while others need one."""
     from .page_tools import a_browser
 
     with a_browser() as browser:

@@ -126,4 +126,8 @@ def main(args: Sequence[str] | None = None) -> NoReturn:
         complain(describe(error))
     except KeyboardInterrupt:
         sys.exit(INTERRUPTED)
+    except SystemError as error:
+        if not isinstance(error.__cause__, KeyboardInterrupt):
+            raise
+        sys.exit(INTERRUPTED)  # it came when a compiled loop was just about to return
     sys.exit(BAD_INPUT)
