@@ -143,7 +143,10 @@ def children(process: Process) -> list[int]:
     return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
 
 
-def test_a_window_that_crashes_comes_again(screen: Screen, serve: Any, start: Any) -> None:
+@pytest.mark.parametrize("number", [signal.SIGSEGV, signal.SIGABRT])
+def test_a_window_that_crashes_comes_again(
+    screen: Screen, serve: Any, start: Any, number: signal.Signals
+) -> None:
     serve("crashing")
     window = start("hypermap", "rviz", "--server", "crashing", env=screen.environment)
     hypermap = room()
@@ -157,7 +160,7 @@ def test_a_window_that_crashes_comes_again(screen: Screen, serve: Any, start: An
     def crash() -> bool:
         found = running()
         for child in found:
-            os.kill(child, signal.SIGSEGV)
+            os.kill(child, number)
         crashed.update(found)
         return bool(found)
 
@@ -168,8 +171,17 @@ def test_a_window_that_crashes_comes_again(screen: Screen, serve: Any, start: An
         crash()
         time.sleep(0.05)
     assert window.popen.returncode != 0
-    assert "rviz has crashed (SIGSEGV); starting it again" in window.output
-    assert "hypermap: error: rviz has crashed 4 times (SIGSEGV)" in window.output.splitlines()[-1]
+    assert f"rviz has crashed ({number.name}); starting it again" in window.output
+    last = window.output.splitlines()[-1]
+    assert f"hypermap: error: rviz has crashed 4 times ({number.name})" in last
+
+
+def test_without_a_display_the_window_asks_for_one(screen: Screen, start: Any, rospy: Any) -> None:
+    nowhere = {**screen.environment, "DISPLAY": ":no-such-display"}
+    window = start("hypermap", "rviz", env=nowhere)
+    wait_for(lambda: window.popen.poll() is not None, "the end", PATIENCE)
+    assert window.popen.returncode == 2
+    assert "is there a display?" in window.output.splitlines()[-1]
 
 
 def test_the_window_follows_the_server(screen: Screen, serve: Any, start: Any, rospy: Any) -> None:

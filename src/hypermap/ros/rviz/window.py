@@ -35,7 +35,10 @@ _NEEDED = "from rviz import bindings; import python_qt_binding"
 # Run by its path, so that its folder, which has modules of common names, is no place for imports.
 _RUN = "import runpy, sys; runpy.run_path(sys.argv[1], run_name='__main__')"
 _END_TIMEOUT = 10.0  # s
-_CRASHES = (-signal.SIGSEGV, -signal.SIGBUS)  # exit codes; graphics drivers are not free of faults
+
+# Exit codes: graphics drivers are not free of faults, and the C library aborts where it finds that
+# they have overwritten memory. Qt aborts, too, where it cannot open a display.
+_CRASHES = (-signal.SIGSEGV, -signal.SIGBUS, -signal.SIGABRT)
 _MOST_RESTARTS = 3
 _log = logging.getLogger(__name__)
 
@@ -88,13 +91,14 @@ class RvizWindow:
             name = signal.Signals(-code).name
             if self._crashes > _MOST_RESTARTS:
                 raise HypermapError(
-                    f"rviz has crashed {self._crashes} times ({name}); try it alone, with: rviz"
+                    f"rviz has crashed {self._crashes} times ({name}); is there a display? Try it "
+                    "alone, with: rviz"
                 )
             _log.warning("rviz has crashed (%s); starting it again", name)
             self._restart()
             return False
         if code:
-            raise HypermapError(f"rviz has ended with exit code {code}; is there a display?")
+            raise HypermapError(f"rviz has ended with exit code {code}")
         return True
 
     def close(self) -> None:
