@@ -7,7 +7,13 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from hypermap.perception.frame import Camera, RgbdFrame
-from hypermap.perception.normals import TOO_FEW, TOO_MANY, fit_planes, planes_through
+from hypermap.perception.normals import (
+    TOO_FEW,
+    TOO_MANY,
+    UNREACHED2,
+    fit_planes,
+    planes_through,
+)
 from hypermap.perception.padded import MARGIN, planes_of
 from hypermap.perception.projection import rows_of
 from hypermap.perception.smooth import fit_smooth
@@ -158,3 +164,12 @@ def test_fewer_points_than_neighbours_are_all_neighbours() -> None:
     np.testing.assert_allclose(curvatures, 0, atol=1e-6)
     cloud = cloud_of(depth)[np.isfinite(depth)]
     np.testing.assert_allclose(np.abs(normals_of(cloud, cloud, K)[0]), [[0, 0, 1]] * 4, atol=1e-6)
+
+
+def test_points_far_apart_have_the_plane_of_those_around() -> None:
+    depth = np.full((30, 40), np.nan)
+    depth[::6, ::6] = 2.0
+    normals, curvatures, radii2 = fit_all(cloud_of(depth))
+    np.testing.assert_allclose(np.abs(normals), [[0, 0, 1]] * len(normals), atol=1e-3)
+    np.testing.assert_allclose(curvatures, 0, atol=1e-6)
+    assert radii2.max() <= UNREACHED2  # no place without a point is among the neighbours

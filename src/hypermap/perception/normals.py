@@ -90,10 +90,10 @@ def _covariances(
     x, y, z, radii2 = planes[0].ravel(), planes[1].ravel(), planes[2].ravel(), radii2.ravel()
     covariances = np.empty((6, len(places)), np.float32)
     few, many = TOO_FEW * k, TOO_MANY * k
-    spread = k / np.float32(np.pi)  # of the last point: on a surface that faces the camera
+    spread = k / np.float32(np.pi)  # of k points: on a surface that faces the camera
     for i, place in enumerate(places):
         step2 = (pitch * z[place]) ** 2
-        radius2 = spread * step2
+        radius2 = min(spread * step2, UNREACHED2)
         below, above = np.float32(0), UNREACHED2
         for _ in range(MAX_STEPS):
             window = 0
