@@ -1,7 +1,69 @@
-"""What is not collected: modules that need the Python libraries of ROS already to be imported."""
+"""The surroundings of all tests: none of the user's, but what is set here.
 
+Whatever a test needs beyond this, it sets itself. So the suite says the same on every machine,
+from every shell, and as a background job.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+# Modules that need the Python libraries of ROS already to be imported.
 collect_ignore_glob = [
     "src/hypermap/ros/ros1/*",
     "src/hypermap/ros/ros2/*",
     "src/hypermap/ros/rviz/bindings.py",
 ]
+
+KEPT = ("PATH", "TMPDIR", "CI", "HYPERMAP_CHROMIUM", "HOME")
+SET = {
+    "LANG": "C.UTF-8",
+    # Local time is never UTC, so that a test shows who takes one for the other. Needs no tzdata.
+    "TZ": "IST-5:30",
+}
+
+
+def _leave_the_surroundings() -> None:
+    """Clear the environment, and what else a process inherits; workers inherit what is left."""
+    kept = {
+        name: value
+        for name, value in os.environ.items()
+        if name in KEPT or name.startswith(("PYTEST_", "COVERAGE_"))
+    }
+    os.environ.clear()
+    os.environ.update(kept | SET)
+    time.tzset()
+    os.umask(0o022)
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as in the background jobs of a script
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+_leave_the_surroundings()
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_configure(config: pytest.Config) -> None:
+    """Give the run a home folder of its own; the workers of pytest-xdist share it."""
+    if not hasattr(config, "workerinput"):
+        home = Path(tempfile.mkdtemp(prefix="hypermap-home-"))
+        config.add_cleanup(lambda: shutil.rmtree(home, ignore_errors=True))
+        os.environ["HOME"] = str(home)
+
+
+@pytest.fixture(autouse=True)
+def _what_a_test_changes_ends_with_it() -> Iterator[None]:
+    """Restore the environment and the working folder after each test."""
+    environment, folder = dict(os.environ), Path.cwd()
+    yield
+    os.chdir(folder)
+    if dict(os.environ) != environment:
+        os.environ.clear()
+        os.environ.update(environment)

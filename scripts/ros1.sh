@@ -9,8 +9,8 @@ packages="
   python3-rosbag python3-roslaunch
   python3-rosmsg python3-rosnode python3-rosparam python3-rospy python3-rosservice
   python3-rostopic python3-rviz python3-sensor-msgs python3-std-msgs python3-std-srvs
-  python3-tf2-geometry-msgs python3-tf2-ros python3-visualization-msgs ros-message-generation
-  rviz xvfb
+  python3-tf2-geometry-msgs python3-tf2-ros python3-visualization-msgs
+  ros-geometry-msgs ros-message-generation ros-std-msgs rviz xvfb
 "
 
 skip() {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 import shutil
 import subprocess
 import sys
@@ -147,7 +148,8 @@ def test_a_message_is_not_longer_than_a_screen(hypermap: Callable[..., Result]) 
 
 
 def run(shell_line: str, room_map: Path) -> subprocess.CompletedProcess[str]:
-    command = shell_line.format(hypermap=f"{sys.executable} -m hypermap", map=room_map)
+    python, path = shlex.quote(sys.executable), shlex.quote(str(room_map))
+    command = shell_line.format(hypermap=f"{python} -m hypermap", map=path)
     return subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=False)
 
 
@@ -159,6 +161,9 @@ def run(shell_line: str, room_map: Path) -> subprocess.CompletedProcess[str]:
         ("{hypermap} info gone.hmap 2>&-", 2, ""),
         ("{hypermap} shell {map} <&-", 0, ""),
         ("{hypermap} info {map} >/dev/full", 2, "hypermap: error: No space left on device\n"),
+        ("{hypermap} --help >/dev/full", 2, "hypermap: error: No space left on device\n"),
+        ("{hypermap} info gone.hmap 2>/dev/full", 2, ""),
+        ("{hypermap} info {map} | true", 0, ""),
     ],
 )
 def test_closed_and_full_streams_are_no_surprise(

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import shlex
 import subprocess
 import sys
 
@@ -135,7 +136,8 @@ def test_what_the_library_warns_of_is_one_line_on_standard_error(hypermap, share
 
 
 def test_a_reader_that_stops_early_ends_the_command_quietly(room_map):
-    program = f"{sys.executable} -m hypermap query {room_map} --in 0,0,15,10 --json | head -c 10"
+    python, path = shlex.quote(sys.executable), shlex.quote(str(room_map))
+    program = f"{python} -m hypermap query {path} --in 0,0,15,10 --json | head -c 10"
     done = subprocess.run(["bash", "-c", program], capture_output=True, text=True, check=False)
     assert done.stdout == '{\n  "map":'
     assert done.stderr == ""

@@ -13,13 +13,15 @@ import subprocess
 import sys
 import time
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from hypermap.core.errors import HypermapError
+
+collect_ignore = ["port_node.py"]  # a program, which doctest would import
 
 # rospy leaves the sockets of its calls of the roscore to the garbage collector.
 ROSPY_SOCKETS = pytest.mark.filterwarnings("ignore:unclosed <socket:ResourceWarning")
@@ -57,18 +59,28 @@ def wait_for(condition: Callable[[], Any], what: str, timeout: float = 30.0) -> 
 
 
 class Process:
-    """A program with its output in a file."""
+    """A program with its output in a file; what ROS writes gets there at once, too."""
 
-    def __init__(self, command: list[str], log: Path, **options: Any) -> None:
+    def __init__(
+        self,
+        command: list[str],
+        log: Path,
+        *,
+        stdin: int = subprocess.DEVNULL,
+        env: Mapping[str, str] | None = None,
+    ) -> None:
         self.log = log
+        environment = dict(os.environ if env is None else env)
+        if command[0] != sys.executable:  # ours must show by themselves what they say
+            environment["PYTHONUNBUFFERED"] = "1"
         with log.open("wb") as output:
             self.popen = subprocess.Popen(
                 command,
                 stdout=output,
                 stderr=subprocess.STDOUT,
-                stdin=options.pop("stdin", subprocess.DEVNULL),
+                stdin=stdin,
                 start_new_session=True,
-                **options,
+                env=environment,
             )
 
     @property

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -199,7 +200,7 @@ print(len(environment()))
 @pytest.fixture(scope="module")
 def tools_environment(needs_ros1: None) -> dict[str, str]:
     """The environment after `eval "$(hypermap ros1-env)"`."""
-    script = f'eval "$({sys.executable} -m hypermap ros1-env)" && env -0'
+    script = f'eval "$({shlex.quote(sys.executable)} -m hypermap ros1-env)" && env -0'
     clean = {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "ROS_PACKAGE_PATH")}
     run = subprocess.run(["sh", "-c", script], env=clean, capture_output=True, check=True)
     pairs = (pair.split("=", 1) for pair in run.stdout.decode().split("\0") if "=" in pair)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 import signal
 import subprocess
 import sys
@@ -44,7 +45,8 @@ def said_and_opened(folder: Path, *arguments: object) -> tuple[str, str]:
         arguments: of a command that serves a page until it is ended.
     """
     opened, browser = folder / "opened", folder / "browser.sh"
-    browser.write_text(f'#!/bin/sh\necho "$1" > {opened}.tmp && mv {opened}.tmp {opened}\n')
+    at = shlex.quote(str(opened))
+    browser.write_text(f'#!/bin/sh\necho "$1" > {at}.tmp && mv {at}.tmp {at}\n')
     browser.chmod(0o755)
     environment = {**os.environ, "BROWSER": str(browser)}
     process = started(*arguments, stderr=subprocess.DEVNULL, env=environment)

@@ -19,6 +19,7 @@ from hypermap.cli.terminal import (
     INTERRUPTED,
     complain,
     describe,
+    finish_writing,
     log_to_standard_error,
     prepare_streams,
 )
@@ -121,7 +122,12 @@ def main(args: Sequence[str] | None = None) -> NoReturn:
     """Run the command line and exit: 0 done, 2 bad input or usage, 130 stopped by Ctrl-C."""
     prepare_streams()
     try:
-        app(args, prog_name="hypermap")
+        try:
+            app(args, prog_name="hypermap")
+        finally:
+            finish_writing()
+    except BrokenPipeError:
+        sys.exit(1)  # the reader has seen enough, as `head` has; typer says so, too
     except (HypermapError, OSError) as error:
         complain(describe(error))
     except KeyboardInterrupt:

@@ -11,7 +11,7 @@ import os
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TextIO
 
 from hypermap.core.errors import HypermapError
 
@@ -58,7 +58,10 @@ def complain(text: str) -> None:
     """Print what is wrong, in one line."""
     lines = (line.strip() for line in text.splitlines())
     message = visible("; ".join(filter(None, lines)))
-    print("hypermap: error:", message, file=sys.stderr, flush=True)  # noqa: T201
+    try:
+        print("hypermap: error:", message, file=sys.stderr, flush=True)  # noqa: T201
+    except OSError:
+        _drop_what_is_held_back(sys.stderr)  # the exit code still tells
 
 
 def visible(text: str) -> str:
@@ -80,6 +83,26 @@ def prepare_streams() -> None:
     for stream in (sys.stdin, sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
+
+
+def finish_writing() -> None:
+    """Write what standard output still holds back, while it can be said that this has failed.
+
+    Raises:
+        OSError: if it cannot be written, as on a full disk.
+    """
+    try:
+        sys.stdout.flush()
+    except OSError:
+        _drop_what_is_held_back(sys.stdout)
+        raise
+
+
+def _drop_what_is_held_back(stream: TextIO) -> None:
+    """Have Python not try again at its end, and complain in its own way."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, stream.fileno())
+    os.close(nowhere)
 
 
 def describe(error: HypermapError | OSError) -> str:
