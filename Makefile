@@ -1,6 +1,9 @@
 # `make demo` and `make test` do all the set-up themselves, on a fresh machine too.
 
-BIN := .venv/bin
+# Another Python gets an environment of its own: make test PYTHON=python3.12
+VERSION := $(if $(PYTHON),$(shell $(PYTHON) -c 'import sys; print("-%d.%d" % sys.version_info[:2])'))
+export VENV := .venv$(VERSION)
+BIN := $(VENV)/bin
 PAGE := src/hypermap/viewer/page/app.js
 
 .PHONY: demo test bench ros1 chromium lint types tests core-tests package format lock clean help
@@ -8,7 +11,7 @@ PAGE := src/hypermap/viewer/page/app.js
 help:  ## list what can be made
 	@grep -hE '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
 
-demo: .venv/.hypermap  ## see a map being made: a simulated room, mapped and drawn
+demo: $(VENV)/.hypermap  ## see a map being made: a simulated room, mapped and drawn
 	$(BIN)/hypermap demo
 
 test: ros1 chromium lint types tests core-tests package  ## everything that CI checks
@@ -21,31 +24,30 @@ chromium:  ## install the browser for the tests of the page, where that is possi
 
 page: $(PAGE)  ## build the page that `hypermap view` opens
 
-lint: .venv/.dev  ## style, and which room may import which
+lint: $(VENV)/.dev  ## style, and which room may import which
 	scripts/page.sh check
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/lint-imports
 
-types: .venv/.dev  ## strict type check
-	$(BIN)/mypy
-	$(BIN)/mypy --strict examples/value_layer/src
+types: $(VENV)/.dev  ## strict type check, with Python 3.11
+	scripts/types.sh
 
-tests: .venv/.dev $(PAGE)  ## all tests and the examples in the documents, with a coverage report
+tests: $(VENV)/.dev $(PAGE)  ## all tests and the examples in the documents, with a coverage report
 	$(BIN)/pytest -n auto --dist loadgroup --cov --cov-report=term --cov-report=xml
 
-core-tests: .venv-core/.core  ## the core's tests with nothing but numpy and shapely installed
-	.venv-core/bin/pytest -q tests/core src/hypermap/core
+core-tests: .venv-core$(VERSION)/.core  ## the core's tests with nothing but numpy and shapely installed
+	.venv-core$(VERSION)/bin/pytest -q tests/core src/hypermap/core
 
-package: .venv/.dev $(PAGE)  ## build the wheel, and run the command from it
+package: $(VENV)/.dev $(PAGE)  ## build the wheel, and run the command from it
 	scripts/check_wheel.sh
 
-bench: .venv/.bench  ## ours and its peers, measured side by side: 18 minutes
+bench: $(VENV)/.bench  ## ours and its peers, measured side by side: 18 minutes
 	scripts/peers.sh
 	$(BIN)/hypermap bench --json benchmarks/races.json --markdown benchmarks/races.md \
 	  --plots docs/images
 
-format: .venv/.dev  ## format the code
+format: $(VENV)/.dev  ## format the code
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
@@ -53,24 +55,24 @@ lock:  ## pin all requirements anew
 	scripts/lock.sh
 
 clean:  ## remove what was made
-	rm -rf .venv .venv-core .venv-node build dist .coverage coverage.xml page/node_modules src/hypermap/viewer/page
+	rm -rf .venv .venv-* build dist .coverage coverage.xml page/node_modules src/hypermap/viewer/page
 
 $(PAGE): scripts/page.sh scripts/build_page.py page/build.mjs page/package-lock.json page/tsconfig.json $(wildcard page/src/* page/src/*/*)
 	scripts/page.sh
 	touch $@
 
-.venv/.hypermap: requirements/hypermap.txt pyproject.toml scripts/venv.sh
+$(VENV)/.hypermap: requirements/hypermap.txt pyproject.toml scripts/venv.sh
 	scripts/venv.sh requirements/hypermap.txt
 	touch $@
 
-.venv/.dev: requirements/hypermap.txt requirements/dev.txt pyproject.toml scripts/venv.sh
+$(VENV)/.dev: requirements/hypermap.txt requirements/dev.txt pyproject.toml scripts/venv.sh
 	scripts/venv.sh requirements/dev.txt
-	touch .venv/.hypermap $@
+	touch $(VENV)/.hypermap $@
 
-.venv/.bench: requirements/hypermap.txt requirements/bench.txt pyproject.toml scripts/venv.sh
+$(VENV)/.bench: requirements/hypermap.txt requirements/bench.txt pyproject.toml scripts/venv.sh
 	scripts/venv.sh requirements/bench.txt
-	touch .venv/.hypermap $@
+	touch $(VENV)/.hypermap $@
 
-.venv-core/.core: requirements/core.txt scripts/venv.sh
-	VENV=.venv-core scripts/venv.sh requirements/core.txt
+.venv-core$(VERSION)/.core: requirements/core.txt scripts/venv.sh
+	VENV=.venv-core$(VERSION) scripts/venv.sh requirements/core.txt
 	touch $@

@@ -7,8 +7,9 @@ apt_lacks() {
   [ "${missing:-1}" != 0 ]
 }
 
-# Install packages, as root.
+# Install packages, as root, and say so first.
 apt_install() {
+  echo "Installing from Debian:" "$@"
   log=$(mktemp)
   trap 'rm -f "$log"' EXIT
   export DEBIAN_FRONTEND=noninteractive

@@ -3,7 +3,7 @@
 # backend's own requirements. Run the command from that, away from the checkout.
 set -eu
 cd "$(dirname "$0")/.."
-python=$PWD/.venv/bin/python
+python=$PWD/${VENV:-.venv}/bin/python
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 mkdir "$work/clone"

@@ -236,7 +236,11 @@ def test_the_ros_that_was_sourced_is_taken(monkeypatch, version, expected):
 
 
 def test_no_roscore_is_one_line(room_map):
-    pytest.importorskip("hypermap.ros.ros1.port", exc_type=HypermapError)
+    pytest.importorskip(
+        "hypermap.ros.ros1.port",
+        reason="ROS 1 is not here (on Debian 12, as root: make ros1)",
+        exc_type=HypermapError,
+    )
     command = [sys.executable, "-m", "hypermap", "serve", str(room_map), "--ros1"]
     with socket.socket() as closed:  # it has a port, so that nobody else has, but does not listen
         closed.bind(("127.0.0.1", 0))

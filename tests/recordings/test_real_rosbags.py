@@ -70,7 +70,7 @@ def running(command: list[str], environment: dict[str, str], stop: int) -> Itera
 def bags(tmp_path_factory: pytest.TempPathFactory, shared_data: Path) -> Path:
     """A folder of bags recorded at the same time, in several ways."""
     if not has_ros():
-        pytest.skip(f"ROS 1 is not here: roscore, rosbag, and {ROS_PYTHON} with {NEEDS}")
+        pytest.skip("ROS 1 is not here (on Debian 12, as root: make ros1)")
     folder = tmp_path_factory.mktemp("bags")
     (folder / "parts").mkdir()
     with socket.socket() as probe:

@@ -26,7 +26,7 @@ collect_ignore = ["port_node.py"]  # a program, which doctest would import
 # rospy leaves the sockets of its calls of the roscore to the garbage collector.
 ROSPY_SOCKETS = pytest.mark.filterwarnings("ignore:unclosed <socket:ResourceWarning")
 
-NEEDS_ROS1 = "ROS 1 is not here: make ros1 installs it on Debian 12"
+NEEDS_ROS1 = "ROS 1 is not here (on Debian 12, as root: make ros1)"
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -131,7 +131,7 @@ def needs_ros1() -> None:
     try:
         import hypermap.ros.ros1.libraries  # noqa: F401 - whether they are there
     except HypermapError as error:
-        pytest.skip(f"ROS 1 is not for this Python: {error}")
+        pytest.skip(f"ROS 1 is for another Python: {str(error).splitlines()[0]}")
 
 
 @pytest.fixture(scope="session")

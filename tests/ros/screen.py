@@ -31,7 +31,7 @@ class Screen:
 
     def __init__(self, folder: Path, size: tuple[int, int] = (1400, 1000)) -> None:
         if shutil.which("Xvfb") is None or shutil.which("rviz") is None:
-            pytest.skip("rviz or Xvfb is not here: make ros1 installs them on Debian 12")
+            pytest.skip("ROS 1 is not here (on Debian 12, as root: make ros1)")
         self._file = folder / "Xvfb_screen0"
         reader, writer = os.pipe()
         self._process = subprocess.Popen(

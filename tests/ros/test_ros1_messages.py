@@ -270,7 +270,7 @@ def test_the_definitions_are_those_of_ros_2_as_well() -> None:
 def test_catkin_builds_the_package(needs_ros1: None, tmp_path: Path) -> None:
     needed = ("/usr/bin/cmake", "/usr/bin/catkin_init_workspace", "/usr/bin/g++")
     if any(shutil.which(tool) is None for tool in needed):
-        pytest.skip("catkin, cmake or a compiler is missing: make ros1 installs them on Debian 12")
+        pytest.skip("ROS 1 is not here (on Debian 12, as root: make ros1)")
     source = Path(__file__).resolve().parents[2] / "ros/hypermap_msgs"
     environment = {"PATH": "/usr/bin:/bin", "ROS_VERSION": "1"}
     options = {

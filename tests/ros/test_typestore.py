@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import array
-import shutil
 
 import numpy as np
 import pytest
@@ -159,9 +158,7 @@ def test_a_definition_is_complete(name):
     }
 
 
-@pytest.mark.skipif(shutil.which("roscore") is None, reason="ROS 1 is not here")
-def test_fields_are_those_of_ros_1():
-    import hypermap.ros.ros1.libraries  # noqa: F401 - makes ROS 1 importable
+def test_fields_are_those_of_ros_1(needs_ros1):
     from hypermap.ros.ros1.messages import message_class as ros1_class
     from hypermap.ros.ros1.messages import service_class
 

@@ -46,9 +46,9 @@ def chromium() -> str:
     """Return the browser's path, or skip the test with a reason."""
     found = os.environ.get("HYPERMAP_CHROMIUM") or shutil.which("chromium")
     if found is None:
-        pytest.skip("Chromium is not installed: scripts/chromium.sh")
+        pytest.skip("Chromium is not here (on Debian, as root: make chromium)")
     if not (PAGE_FOLDER / "app.js").is_file():
-        pytest.skip("the page is not built: make page")
+        pytest.skip("the page is not built (make page)")
     return found
 
 
