@@ -4,6 +4,9 @@
 VERSION := $(if $(PYTHON),$(shell $(PYTHON) -c 'import sys; print("-%d.%d" % sys.version_info[:2])'))
 export VENV := .venv$(VERSION)
 BIN := $(VENV)/bin
+# Should the tests as a whole hang: they end after so many seconds (none: make test LIMIT=0).
+LIMIT := 3600
+ENDING := $(if $(shell command -v timeout),timeout --foreground --kill-after=60 $(LIMIT))
 PAGE := src/hypermap/viewer/page/app.js
 
 .PHONY: demo test bench ros1 chromium lint types tests core-tests package format lock clean help
@@ -34,7 +37,7 @@ types: $(VENV)/.dev  ## strict type check, with Python 3.11
 	scripts/types.sh
 
 tests: $(VENV)/.dev $(PAGE)  ## all tests and the examples in the documents, with a coverage report
-	$(BIN)/pytest -n auto --dist loadgroup --cov --cov-report=term --cov-report=xml
+	$(ENDING) $(BIN)/pytest -n auto --dist loadgroup --cov --cov-report=term --cov-report=xml
 
 core-tests: .venv-core$(VERSION)/.core  ## the core's tests with nothing but numpy and shapely installed
 	.venv-core$(VERSION)/bin/pytest -q tests/core src/hypermap/core

@@ -16,6 +16,7 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
+from xmlrpc.client import ServerProxy
 
 import pytest
 
@@ -40,6 +41,24 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 def _no_socket_left_for_others() -> Iterator[None]:
     yield
     gc.collect()
+
+
+@pytest.fixture(autouse=True)
+def _no_parameter_left_for_others() -> Iterator[None]:
+    """Take away what a test, or a node that it started, has left on the roscore of the worker."""
+    if "ROS_MASTER_URI" not in os.environ:
+        yield
+        return
+    with ServerProxy(os.environ["ROS_MASTER_URI"], allow_none=True) as master:
+        before = _parameters(master)
+        yield
+        for name in _parameters(master) - before:
+            master.deleteParam("/tests", name)
+
+
+def _parameters(master: ServerProxy) -> set[str]:
+    answer: Any = master.getParamNames("/tests")
+    return set(answer[2])
 
 
 def free_port() -> int:
