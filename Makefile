@@ -2,6 +2,9 @@
 
 # Another Python gets an environment of its own: make test PYTHON=python3.12
 VERSION := $(if $(PYTHON),$(shell $(PYTHON) -c 'import sys; print("-%d.%d" % sys.version_info[:2])'))
+ifeq ($(if $(PYTHON),$(VERSION),-),)
+$(error PYTHON=$(PYTHON) does not run; name a Python 3.10 or newer)
+endif
 export VENV := .venv$(VERSION)
 BIN := $(VENV)/bin
 # Should the tests as a whole hang: they end after so many seconds (none: make test LIMIT=0).
