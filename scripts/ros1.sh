@@ -4,7 +4,7 @@ set -eu
 . "$(dirname "$0")/apt.sh"
 
 packages="
-  catkin g++ libgeometry-msgs-dev libgl1-mesa-dri libstd-msgs-dev make python3-diagnostic-msgs
+  ament-cmake catkin g++ libgeometry-msgs-dev libgl1-mesa-dri libstd-msgs-dev make python3-diagnostic-msgs
   python3-geometry-msgs python3-map-msgs python3-nav-msgs python3-numpy python3-pil
   python3-rosbag python3-roslaunch
   python3-rosmsg python3-rosnode python3-rosparam python3-rospy python3-rosservice

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import logging
+import sys
 from collections.abc import Callable
 
 from hypermap.ros.port import Level
@@ -20,6 +22,15 @@ def forward_logs(log: Callable[[Level, str], None]) -> None:
     logger = logging.getLogger("hypermap")
     logger.handlers = [_Forward(log)]
     logger.setLevel(logging.INFO)
+
+
+def show_lines_at_once() -> None:
+    """Have each line of the log, which rospy writes on standard output, leave the process at once.
+
+    In a file or a journal, Python would keep the last 8 KiB until the node ends.
+    """
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(line_buffering=True)
 
 
 def keep_rosout_settings() -> None:

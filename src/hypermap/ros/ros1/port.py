@@ -19,7 +19,7 @@ from hypermap.ros.parameters import ParameterSet
 from hypermap.ros.port import Closable, Level, Message, Parameter, Publisher, Value
 from hypermap.ros.ros1.arrays import reading_arrays
 from hypermap.ros.ros1.libraries import rospy, tf2_ros
-from hypermap.ros.ros1.logs import forward_logs, keep_rosout_settings
+from hypermap.ros.ros1.logs import forward_logs, keep_rosout_settings, show_lines_at_once
 from hypermap.ros.ros1.master import MasterWatch, require_master
 from hypermap.ros.ros1.messages import message_class, service_class
 
@@ -49,6 +49,7 @@ class Ros1Port:
         self._is_ending = False
         if not rospy.core.is_initialized():
             require_master()
+            show_lines_at_once()
             rospy.init_node(name, argv=None if argv is None else list(argv), disable_signals=True)
             if threading.current_thread() is threading.main_thread():
                 # A script's background process inherits that Ctrl-C is ignored; roslaunch sends it.
