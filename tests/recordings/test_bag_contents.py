@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sqlite3
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -62,7 +63,7 @@ def test_recorded_detections_go_with_the_image_they_were_made_from(
         bag.add("/boxes", type_name, late, make(bag.kind, SHOTS[2]))
     if is_without:  # as ROS 2 wrote them before Iron
         [file] = bag.path.glob("*.db3")
-        with sqlite3.connect(file) as database:
+        with closing(sqlite3.connect(file)) as database, database:
             database.execute("DELETE FROM message_definitions")
     recording = open_recording(bag.path)
     found = [frame.detections for frame in recording.frames()]
