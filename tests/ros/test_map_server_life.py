@@ -37,12 +37,21 @@ def test_without_a_directory_no_file_is_touched_and_ctrl_c_ends_it_clean(start, 
 
 
 def test_what_a_command_was_given_is_not_held_against_the_next_one(start, rospy):
-    rospy.set_param("/passing/marker_height", 0.5)  # the operator's own
+    rospy.set_param("/passing/speed_of_another_node", 0.5)
     process = start("hypermap", "serve", "--ros1", "--param", "label_height=0.3", "__name:=passing")
     process.expect("starting without a map")
     assert rospy.get_param("/passing/label_height") == 0.3
     assert process.stop(signal.SIGINT) == 0
-    assert rospy.get_param("/passing") == {"marker_height": 0.5}
+    assert rospy.get_param("/passing") == {"speed_of_another_node": 0.5}
+
+
+def test_a_misspelled_parameter_on_the_parameter_server_is_a_warning(start, rospy):
+    rospy.set_param("/misspelled/keepuot", ["desk 0.2"])
+    process = start("hypermap", "serve", "--ros1", "__name:=misspelled")
+    process.expect("nobody heeds the parameter 'keepuot'; did you mean 'keepout'?")
+    rospy.set_param("/misspelled/sped", ["desk 0.2 50%"])
+    process.expect("nobody heeds the parameter 'sped'; did you mean 'speed'?")
+    assert process.output.count("keepuot") == 1
 
 
 @pytest.mark.parametrize(
@@ -52,6 +61,8 @@ def test_what_a_command_was_given_is_not_held_against_the_next_one(start, rospy)
         (["_load_map:=true"], "load_map is true, but the parameter file names no file"),
         (["_load_map:=true", "_file:=/nowhere.hmap"], "/nowhere.hmap"),
         (["_tf_timeout:=soon"], "parameter 'tf_timeout' must be a number, got 'soon'"),
+        (["_keepuot:=['desk']"], "there is no parameter 'keepuot'; did you mean 'keepout'?"),
+        (["--param", "keepuot=['desk']"], "no parameter 'keepuot'; did you mean 'keepout'?"),
     ],
 )
 def test_a_wrong_start_is_one_line_and_an_exit_code(start, roscore, parameters, error):

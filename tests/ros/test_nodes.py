@@ -54,6 +54,8 @@ class Port:
 class Node:
     def configure(self): pass
     def activate(self): exec("raise KeyboardInterrupt")  # as amid the import of a dataclass
+    def deactivate(self): pass
+    def cleanup(self): print("saved")
 
 run_node(Port(), Node())
 """
@@ -63,4 +65,4 @@ def test_ctrl_c_amid_an_import_is_a_clean_end(tmp_path: Path) -> None:
     (tmp_path / "interrupted.py").write_text(INTERRUPTED, encoding="utf-8")
     command = [sys.executable, "-m", "interrupted"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stdout) == (0, "down\n"), done.stderr
+    assert (done.returncode, done.stdout) == (0, "saved\ndown\n"), done.stderr

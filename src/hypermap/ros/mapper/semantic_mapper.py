@@ -46,7 +46,7 @@ class SemanticMapper:
             HypermapError: If a parameter or a file is wrong.
         """
         self._values = self._port.parameters(self.PARAMETERS, self._change)
-        settings = LiveSettings.of(self._values)
+        settings = LiveSettings.of(self._values, self._port.origins())
         if settings.save_to:
             _check_folder(Path(settings.save_to).absolute().parent, "save_to")
         if settings.map_directory:
@@ -60,6 +60,8 @@ class SemanticMapper:
         if self._settings is None or self._map is None:
             raise HypermapError("the node is not configured")
         self._life = _Life(self._port, self._settings, self._map, self._values)
+        if self._settings.save_to:
+            self._port.log("info", f"the map is saved in {self._settings.save_to} at the end")
 
     def deactivate(self) -> None:
         """Stop to map and save the map, if `save_to` is given.

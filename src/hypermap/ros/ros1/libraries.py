@@ -35,5 +35,13 @@ import rospy  # noqa: E402
 import rospy.impl.paramserver as paramserver  # noqa: E402
 import rospy.impl.registration as registration  # noqa: E402
 import tf2_ros  # noqa: E402
+from rospy.client import load_command_line_node_params  # noqa: E402
 
-__all__ = ["paramserver", "registration", "rosgraph", "rospy", "tf2_ros"]
+__all__ = [
+    "load_command_line_node_params",
+    "paramserver",
+    "registration",
+    "rosgraph",
+    "rospy",
+    "tf2_ros",
+]

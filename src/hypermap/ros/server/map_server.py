@@ -16,7 +16,7 @@ from hypermap.ros.server.map_files import MAP_DIRECTORY, MapFiles
 from hypermap.ros.server.markers import LayerMarkers
 from hypermap.ros.server.masks import CostmapMasks
 from hypermap.ros.server.requests import Requests
-from hypermap.ros.server.save_at_end import SAVE_TO, archive_to_save, save_at_end
+from hypermap.ros.server.save_at_end import SAVE_TO, announce_end, archive_to_save, save_at_end
 from hypermap.ros.server.services import Services
 from hypermap.ros.server.terminal_console import TerminalConsole
 from hypermap.ros.server.updates import LayerUpdates
@@ -59,11 +59,11 @@ class MapServer:
             HypermapError: If a parameter or the file is wrong; no map is loaded then.
         """
         values = self._port.parameters(self.PARAMETERS, self._set)
-        archive_to_save(values)
+        save_to = archive_to_save(values)
         file = self._file or _file_to_load(values)
         hypermap = Hypermap() if file is None else open_map(file)
         self._values = dict(values)
-        self._current.replace(hypermap)
+        self._current.replace(hypermap, None if file is None else Path(file).absolute())
         if file is not None:
             self._announce(hypermap, str(file))
         elif values["file"]:
@@ -74,6 +74,8 @@ class MapServer:
             )
         else:
             self._port.log("info", "starting without a map: load one by load_map or the console")
+        if save_to is not None:
+            announce_end(save_to, self._current.files, self._port)
 
     def activate(self) -> None:
         """Publish, serve and listen."""
@@ -106,7 +108,7 @@ class MapServer:
     def cleanup(self) -> None:
         """Forget the map, but store it first where the operator wants that."""
         if (path := archive_to_save(self._values)) is not None:
-            save_at_end(self._current.hypermap, path, self._port)
+            save_at_end(self._current.hypermap, path, self._current.files, self._port)
         self._current.replace(Hypermap())
 
     def _set(self, values: Mapping[str, Value]) -> None:
