@@ -92,6 +92,17 @@ def run_semantic_mapper(
     run_node(port, SemanticMapper(port))
 
 
+def run_first_mapper(argv: Sequence[str] = ()) -> None:
+    """Run the semantic mapper with the parameters of 2019; see `run_semantic_mapper`."""
+    from hypermap.ros.mapper.first_mapper import FirstMapper
+
+    own, ros = split_arguments(argv)
+    if own:
+        raise HypermapError(f"the semantic mapper does not know the argument {own[0]!r}")
+    port = make_port(FirstMapper, ros, "ros1", {})
+    run_node(port, FirstMapper(port))
+
+
 def split_arguments(argv: Sequence[str]) -> tuple[list[str], list[str]]:
     """Return our own arguments and those that are meant for ROS.
 

@@ -21,7 +21,7 @@ from hypermap.ros.mapper.outputs import LiveOutputs
 from hypermap.ros.mapper.settings import OCCUPANCY, PARAMETERS, LiveSettings
 from hypermap.ros.mapper.statistics import Report, State, Statistics
 from hypermap.ros.mapper.worker import Worker
-from hypermap.ros.port import Closable, Message, Port, Value
+from hypermap.ros.port import Closable, Message, Parameter, Port, Value
 from hypermap.ros.server.map_directory import archive_within
 from hypermap.ros.throttle import Throttle
 
@@ -30,7 +30,7 @@ class SemanticMapper:
     """The node; see docs/live.md for its topics, services and parameters."""
 
     NAME = "semantic_mapper"
-    PARAMETERS = (*PARAMETERS, *LiveOutputs.PARAMETERS)
+    PARAMETERS: tuple[Parameter, ...] = (*PARAMETERS, *LiveOutputs.PARAMETERS)
 
     def __init__(self, port: Port) -> None:
         self._port = port
@@ -45,7 +45,7 @@ class SemanticMapper:
         Raises:
             HypermapError: If a parameter or a file is wrong.
         """
-        self._values = self._port.parameters(self.PARAMETERS, self._change)
+        self._values = self._read()
         settings = LiveSettings.of(self._values, self._port.origins())
         if settings.save_to:
             _check_folder(Path(settings.save_to).absolute().parent, "save_to")
@@ -91,6 +91,9 @@ class SemanticMapper:
         """Return how many objects are in the map."""
         live_map = self._map
         return 0 if live_map is None else len(live_map)
+
+    def _read(self) -> dict[str, Value]:
+        return self._port.parameters(self.PARAMETERS, self._change)
 
     def _change(self, values: Mapping[str, Value]) -> None:
         self._values.update(values)

@@ -8,7 +8,7 @@ from pathlib import Path
 from hypermap.core.errors import HypermapError
 from hypermap.core.hypermap import Hypermap
 from hypermap.formats import open_map
-from hypermap.ros.port import Parameter, Port, Value
+from hypermap.ros.port import Level, Parameter, Port, Value
 from hypermap.ros.server.current_map import CurrentMap, Part
 from hypermap.ros.server.floor_frames import FloorFrames
 from hypermap.ros.server.layer_topics import LayerTopics
@@ -51,6 +51,7 @@ class MapServer:
         self._current = CurrentMap(port)
         self._values: dict[str, Value] = {}
         self._parts: tuple[Part, ...] = ()
+        self._greeting: tuple[Level, str] = "info", ""
 
     def configure(self) -> None:
         """Read the parameters and load the map that they name.
@@ -64,16 +65,7 @@ class MapServer:
         hypermap = Hypermap() if file is None else open_map(file)
         self._values = dict(values)
         self._current.replace(hypermap, None if file is None else Path(file).absolute())
-        if file is not None:
-            self._announce(hypermap, str(file))
-        elif values["file"]:
-            self._port.log(
-                "warning",
-                f"the parameter file is {values['file']!r}, but neither load_map nor "
-                "load_map_config is true: starting without a map",
-            )
-        else:
-            self._port.log("info", "starting without a map: load one by load_map or the console")
+        self._greeting = _greeting(hypermap, file, str(values["file"]))
         if save_to is not None:
             announce_end(save_to, self._current.files, self._port)
 
@@ -97,6 +89,7 @@ class MapServer:
             part.set(self._values)
         self._parts = tuple(parts)
         current.show_on(self._parts)
+        port.log(*self._greeting)  # last: who hears of it finds the topics and services
 
     def deactivate(self) -> None:
         """Stop all that; the map stays."""
@@ -118,8 +111,30 @@ class MapServer:
             part.set(values)
 
     def _announce(self, hypermap: Hypermap, file: str) -> None:
-        layers = ", ".join(f"{layer.name} ({layer.class_name})" for layer in hypermap) or "none"
-        self._port.log("info", f"loaded {file}; base frame {hypermap.base_frame}, layers: {layers}")
+        self._port.log("info", _loaded(hypermap, file))
+
+
+def _loaded(hypermap: Hypermap, file: str) -> str:
+    layers = ", ".join(f"{layer.name} ({layer.class_name})" for layer in hypermap) or "none"
+    return f"loaded {file}; base frame {hypermap.base_frame}, layers: {layers}"
+
+
+def _greeting(hypermap: Hypermap, loaded: str | Path | None, file: str) -> tuple[Level, str]:
+    """Return what the log says once all is there.
+
+    Args:
+        hypermap: the map.
+        loaded: where it comes from; None if it was not loaded.
+        file: the parameter of that name.
+    """
+    if loaded is not None:
+        return "info", _loaded(hypermap, str(loaded))
+    if file:
+        return "warning", (
+            f"the parameter file is {file!r}, but neither load_map nor load_map_config is true: "
+            "starting without a map"
+        )
+    return "info", "starting without a map: load one by load_map or the console"
 
 
 def _file_to_load(values: Mapping[str, Value]) -> Path | None:
