@@ -25,6 +25,17 @@ def test_a_server_without_a_map_says_so(start, rospy):
     assert (heard.layer_cnt, heard.layers) == (0, [])
 
 
+def test_who_hears_of_the_map_finds_all_services(start, rospy, tmp_path):
+    from hypermap.ros.ros1.libraries import rosgraph
+
+    path = saved(building(), tmp_path / "building.hmap")
+    process = start("hypermap", "serve", path, "--ros1", "__name:=announced")
+    process.expect("loaded")
+    names = ("get_string_at_point", "clear", "find_objects", "occupancy_static_map")
+    for name in names:
+        assert rosgraph.Master("/tests").lookupService(f"/announced/{name}")
+
+
 def test_without_a_directory_no_file_is_touched_and_ctrl_c_ends_it_clean(start, rospy, tmp_path):
     path = saved(building(), tmp_path / "building.hmap")
     process = start("hypermap", "serve", path, "--ros1", "__name:=no_directory")

@@ -77,8 +77,8 @@ class MapServer:
         directory = str(self._values["map_directory"])
         files.directory = Path(directory).expanduser() if directory else None
         parts: list[Part] = [
-            LayerTopics(port),
             Services(port, current, Requests(frames), files),
+            LayerTopics(port),
             LayerUpdates(port, current, frames),
             LayerMarkers(port),
             CostmapMasks(port),
