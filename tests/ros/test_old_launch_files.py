@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -117,3 +119,41 @@ def test_a_program_that_another_python_runs_says_what_to_do(program) -> None:
     assert "Traceback" not in done.stderr
     for word in (sys.executable, "bin/activate", "systemd", "robot_upstart"):
         assert word in done.stderr
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("package", "programs"),
+    [
+        ("hypermap", {"hypermap_server", "map_server", "semantic_mapper"}),
+        ("semmapping", {"mapping"}),
+    ],
+)
+def test_catkin_installs_the_programs(needs_ros1: None, package, programs, tmp_path) -> None:
+    if any(
+        shutil.which(tool, path="/usr/bin") is None for tool in ("cmake", "catkin_init_workspace")
+    ):
+        pytest.skip("catkin or cmake is missing: make ros1 installs them on Debian 12")
+    build, install = tmp_path / "build", tmp_path / "install"
+    options = {
+        "CMAKE_INSTALL_PREFIX": install,
+        "CATKIN_DEVEL_PREFIX": tmp_path / "devel",
+        "CATKIN_ENABLE_TESTING": "OFF",
+        "PYTHON_EXECUTABLE": "/usr/bin/python3",
+    }
+    words = [f"-D{name}={value}" for name, value in options.items()]
+    for command in (
+        ["cmake", "-S", ROS / package, "-B", build, *words],
+        ["cmake", "--build", build, "--target", "install"],
+    ):
+        done = subprocess.run(
+            command,
+            env={"PATH": "/usr/bin:/bin", "ROS_VERSION": "1"},
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == 0, done.stdout + done.stderr
+    folder = install / "lib" / package
+    assert {file.name for file in folder.iterdir()} == programs
+    assert all(os.access(file, os.X_OK) for file in folder.iterdir())
