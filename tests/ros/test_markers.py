@@ -230,8 +230,8 @@ def building(layers: Mapping[str, Iterable[str]]) -> Hypermap:
 def test_a_topic_per_semantic_layer_and_none_for_grids(types: Any) -> None:
     port = Listening(types)
     LayerMarkers(port).show(building({"things": ["cup"], "2nd floor": ["bed", "cup"]}))
-    assert port.open == {"things_markers", "_2nd_floor_markers"}
-    assert port.classes("_2nd_floor_markers") == {"bed", "cup"}
+    assert port.open == {"things_markers", "layer_2nd_floor_markers"}
+    assert port.classes("layer_2nd_floor_markers") == {"bed", "cup"}
 
 
 def test_only_changed_layers_are_published_again(types: Any) -> None:

@@ -121,15 +121,7 @@ def test_a_program_that_another_python_runs_says_what_to_do(program) -> None:
         assert word in done.stderr
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("package", "programs"),
-    [
-        ("hypermap", {"hypermap_server", "map_server", "semantic_mapper"}),
-        ("semmapping", {"mapping"}),
-    ],
-)
-def test_catkin_installs_the_programs(needs_ros1: None, package, programs, tmp_path) -> None:
+def test_catkin_installs_the_program_of_semmapping(needs_ros1: None, tmp_path: Path) -> None:
     if any(
         shutil.which(tool, path="/usr/bin") is None for tool in ("cmake", "catkin_init_workspace")
     ):
@@ -143,7 +135,7 @@ def test_catkin_installs_the_programs(needs_ros1: None, package, programs, tmp_p
     }
     words = [f"-D{name}={value}" for name, value in options.items()]
     for command in (
-        ["cmake", "-S", ROS / package, "-B", build, *words],
+        ["cmake", "-S", ROS / "semmapping", "-B", build, *words],
         ["cmake", "--build", build, "--target", "install"],
     ):
         done = subprocess.run(
@@ -154,6 +146,4 @@ def test_catkin_installs_the_programs(needs_ros1: None, package, programs, tmp_p
             check=False,
         )
         assert done.returncode == 0, done.stdout + done.stderr
-    folder = install / "lib" / package
-    assert {file.name for file in folder.iterdir()} == programs
-    assert all(os.access(file, os.X_OK) for file in folder.iterdir())
+    assert os.access(install / "lib" / "semmapping" / "mapping", os.X_OK)

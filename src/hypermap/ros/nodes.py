@@ -187,7 +187,8 @@ def run_node(port: Port, node: Node) -> None:
     """Let a node live: from its configuration until the middleware ends it.
 
     A port that manages the life of its node, as that of ROS 2 does, has a method `manage`, which
-    takes the node and brings it to life as the middleware's users expect it.
+    takes the node and brings it to life as the middleware's users expect it. Where a callback of it
+    does not end (`is_stuck`), the program ends all the same.
     """
     manage = getattr(port, "manage", None)
     try:
@@ -208,6 +209,10 @@ def run_node(port: Port, node: Node) -> None:
         exec("")
     finally:
         port.shut_down()
+        if getattr(port, "is_stuck", False):
+            from hypermap.ros.ros2.ending import end_program_soon
+
+            end_program_soon()
 
 
 def private_texts(arguments: Sequence[str], parameters: Sequence[Parameter]) -> list[str]:

@@ -27,6 +27,7 @@ except ImportError as missing:
         "version that it is for (a virtual environment with --system-site-packages)"
     ) from None
 
+from hypermap.ros.ros2.ending import end_executor
 from hypermap.ros.ros2.entities import Closing, RclpyPublisher, resolved, valid
 from hypermap.ros.ros2.life import LifecycleNode
 from hypermap.ros.ros2.messages import message_class, service_class
@@ -54,9 +55,13 @@ class Ros2Port:
 
     Raises:
         HypermapError: If ROS does not take the arguments.
+
+    Attributes:
+        is_stuck: whether the node has ended, but a callback of it has not.
     """
 
     def __init__(self, name: str, argv: Sequence[str] | None = None) -> None:
+        self.is_stuck = False
         self._end = threading.Event()
         self._closed = False
         self._static: Publisher | None = None
@@ -271,10 +276,11 @@ class Ros2Port:
             return
         self._closed = True
         self._node.finish()
-        self._transforms.close()
-        self._executor.shutdown()
-        if self._thread.is_alive():
-            self._thread.join(5.0)
+        ended = self._transforms.close()
+        self.is_stuck = not (end_executor(self._executor, self._thread) and ended)
+        if self.is_stuck:  # what it uses must stay; all that is to be saved is
+            self.log("error", "a callback does not end; the node ends without it")
+            return
         self._node.destroy_node()
         _shut_down_rclpy()
 
