@@ -21,7 +21,7 @@ from hypermap.ros.mapper.outputs import LiveOutputs
 from hypermap.ros.mapper.settings import OCCUPANCY, PARAMETERS, LiveSettings
 from hypermap.ros.mapper.statistics import Report, State, Statistics
 from hypermap.ros.mapper.worker import Worker
-from hypermap.ros.port import Closable, Message, Parameter, Port, Value
+from hypermap.ros.port import Closable, Message, Port, Value
 from hypermap.ros.server.map_directory import archive_within
 from hypermap.ros.throttle import Throttle
 
@@ -30,7 +30,7 @@ class SemanticMapper:
     """The node; see docs/live.md for its topics, services and parameters."""
 
     NAME = "semantic_mapper"
-    PARAMETERS: tuple[Parameter, ...] = (*PARAMETERS, *LiveOutputs.PARAMETERS)
+    PARAMETERS = (*PARAMETERS, *LiveOutputs.PARAMETERS)
 
     def __init__(self, port: Port) -> None:
         self._port = port
@@ -60,8 +60,6 @@ class SemanticMapper:
         if self._settings is None or self._map is None:
             raise HypermapError("the node is not configured")
         self._life = _Life(self._port, self._settings, self._map, self._values)
-        if self._settings.save_to:
-            self._port.log("info", f"the map is saved in {self._settings.save_to} at the end")
 
     def deactivate(self) -> None:
         """Stop to map and save the map, if `save_to` is given.

@@ -42,6 +42,8 @@ class LiveSettings:
         HypermapError: If the topics and sources of detections do not go together.
     """
 
+    origins: Mapping[str, str] = field(default_factory=dict, repr=False)  # where values come from
+
     depth_topic: str = _setting(
         "", "Depth images, registered to color; compressed if the name ends in /compressedDepth."
     )
@@ -85,7 +87,6 @@ class LiveSettings:
     semantic_map_topic: str = _setting("/semantic_map", "Topic of the objects.")
     save_to: str = _setting("", "File (.hmap) in which the map is saved at the end.", once=True)
     map_directory: str = _setting("", "Directory in which the service save_map saves.")
-    origins: Mapping[str, str] = field(default_factory=dict, repr=False)  # where values come from
 
     def __post_init__(self) -> None:
         if bool(self.depth_topic) == bool(self.cloud_topic):
