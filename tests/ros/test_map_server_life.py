@@ -36,6 +36,37 @@ def test_who_hears_of_the_map_finds_all_services(start, rospy, tmp_path):
         assert rosgraph.Master("/tests").lookupService(f"/announced/{name}")
 
 
+def test_diagnostics_tell_how_the_server_fares(start, rospy, tmp_path):
+    path, out = saved(building(), tmp_path / "building.hmap"), tmp_path / "out.hmap"
+    start("hypermap", "serve", path, "--ros1", f"_save_to:={out}", "__name:=healthy")
+    client = Client(rospy, "healthy")
+    client.string("occupancy", 0.5, 0.5)
+    client.refused("get_string_at_point", "GetStringAtPoint", layer="moon")
+
+    def told(message: Any) -> dict[str, str]:
+        (status,) = message.status
+        return {"name": status.name, "level": status.level, "message": status.message} | {
+            pair.key: pair.value for pair in status.values
+        }
+
+    kind = "diagnostic_msgs/DiagnosticArray"
+    heard = client.heard("/diagnostics", kind, lambda m: m.status[0].name == "healthy: map")
+    assert told(heard) == {
+        "name": "healthy: map",
+        "level": 0,
+        "message": "serving 2 layers",
+        "map": str(path),
+        "layer occupancy": "OccupancyGridLayer, 3 x 2 cells",
+        "layer semantic": "SemanticLayer, 4 objects",
+        "questions answered": "1",
+        "questions refused": "1",
+        "stored at the end in": str(out),
+    }
+    client.call("clear", "std_srvs/Trigger")
+    heard = client.heard("/diagnostics", kind, lambda m: m.status[0].level == 1)
+    assert told(heard)["message"] == "there is no map"
+
+
 def test_without_a_directory_no_file_is_touched_and_ctrl_c_ends_it_clean(start, rospy, tmp_path):
     path = saved(building(), tmp_path / "building.hmap")
     process = start("hypermap", "serve", path, "--ros1", "__name:=no_directory")

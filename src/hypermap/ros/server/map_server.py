@@ -11,6 +11,7 @@ from hypermap.formats import open_map
 from hypermap.ros.port import Level, Parameter, Port, Value
 from hypermap.ros.server.current_map import CurrentMap, Part
 from hypermap.ros.server.floor_frames import FloorFrames
+from hypermap.ros.server.health import Health, Tally
 from hypermap.ros.server.layer_topics import LayerTopics
 from hypermap.ros.server.map_files import MAP_DIRECTORY, MapFiles
 from hypermap.ros.server.markers import LayerMarkers
@@ -76,12 +77,14 @@ class MapServer:
         files = MapFiles(port, current, self._announce)
         directory = str(self._values["map_directory"])
         files.directory = Path(directory).expanduser() if directory else None
+        tally = Tally()
         parts: list[Part] = [
-            Services(port, current, Requests(frames), files),
+            Services(port, current, Requests(frames), files, tally),
             LayerTopics(port),
             LayerUpdates(port, current, frames),
             LayerMarkers(port),
             CostmapMasks(port),
+            Health(port, current, tally, archive_to_save(self._values)),
         ]
         if self._values["console"]:
             parts.append(TerminalConsole(port, current))

@@ -47,7 +47,7 @@ def announce_end(path: Path, own: Collection[Path], port: Port) -> None:
         own: files that hold the map, as it was loaded or stored.
         port: takes the line.
     """
-    target = _target(path, own)
+    target = place_at_end(path, own)
     if target == path:
         port.log("info", f"the map will be stored in {path} at the end")
     else:
@@ -66,7 +66,7 @@ def save_at_end(hypermap: Hypermap, path: Path, own: Collection[Path], port: Por
     if all(layer.extent().is_empty for layer in hypermap):
         port.log("warning", f"{path} is not written: nothing has arrived in any layer")
         return
-    target = _target(path, own)
+    target = place_at_end(path, own)
     if target != path:
         port.log("warning", _foreign(path))
     try:
@@ -77,8 +77,13 @@ def save_at_end(hypermap: Hypermap, path: Path, own: Collection[Path], port: Por
     port.log("info", f"stored the map in {target}")
 
 
-def _target(path: Path, own: Collection[Path]) -> Path:
-    """Return the path, or a free one beside it if there is a file that is none of ours."""
+def place_at_end(path: Path, own: Collection[Path]) -> Path:
+    """Return where a map is stored: the path, or a free name beside it if another map lies there.
+
+    Args:
+        path: where the operator wants it.
+        own: files that hold the map, as it was loaded or stored.
+    """
     if not path.exists() or path.resolve() in {file.resolve() for file in own}:
         return path
     beside = (path.with_stem(f"{path.stem}-{number}") for number in itertools.count(1))
