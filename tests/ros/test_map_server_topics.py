@@ -143,7 +143,7 @@ def test_layers_with_names_that_ros_does_not_allow_are_served(serve):
         ]
     )
     client, log = serve(hypermap)
-    assert list(client.heard("_2nd_floor_map", "nav_msgs/OccupancyGrid").data) == [0]
+    assert list(client.heard("layer_2nd_floor_map", "nav_msgs/OccupancyGrid").data) == [0]
     assert client.heard("b_ro_semmap", "hypermap_msgs/SemanticMap").objects[0].name == "desk"
     assert client.string("2nd floor", 0.5, 0.5) == "Free"
     assert client.string("büro", 0, 0) == "desk"
