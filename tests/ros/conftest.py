@@ -162,7 +162,7 @@ def launch(
     monkeypatch.setenv("ROS_PACKAGE_PATH", os.pathsep.join([str(ROS), *([path] if path else [])]))
     monkeypatch.setenv("PATH", f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}")
 
-    def run(file: str | Path, **arguments: object) -> Process:
+    def run(file: str | Path, /, **arguments: object) -> Process:
         words = [f"{key}:={value}" for key, value in arguments.items()]
         place = [file] if Path(file).is_absolute() else ["hypermap", file]
         return start("roslaunch", *place, *words)
