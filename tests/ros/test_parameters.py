@@ -94,7 +94,7 @@ def test_changes_are_told_once_and_wrong_ones_keep_the_old_value(
 
 def test_names_that_nobody_heeds_are_a_warning_each(caplog: pytest.LogCaptureFixture) -> None:
     with caplog.at_level(logging.WARNING, "hypermap"):
-        parameters = ParameterSet([RATE, MODE], {"rates": 4})
+        parameters = ParameterSet([RATE, MODE], {"rates": 4, "other_node": {"rat": 1}})
         for given in ({"rates": 4, "rate": 5}, {"rates": 5, "zzz": 1}, {"zzz": 1}):
             parameters.update(given)
     assert [record.getMessage() for record in caplog.records] == [

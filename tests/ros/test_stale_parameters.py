@@ -155,3 +155,11 @@ def test_a_node_that_is_replaced_leaves_its_parameters_to_the_other(start, rospy
     assert rospy.get_param("/heir") == {"label_height": 0.3}
     assert second.stop() == 0
     assert not rospy.get_param("/heir", {})
+
+
+def test_a_node_that_roslaunch_may_start_again_finds_its_parameters(start, rospy) -> None:
+    node = start("hypermap", "serve", "--ros1", "__name:=reborn", "_label_height:=0.3")
+    node.expect("starting without a map")
+    start("rosnode", "kill", "/reborn").expect("killed")
+    assert node.popen.wait(60) == 0
+    assert rospy.get_param("/reborn") == {"label_height": 0.3}

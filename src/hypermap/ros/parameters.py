@@ -143,6 +143,8 @@ class ParameterSet:
         if not self._parameters:  # they are not declared yet
             return
         for name in sorted(given.keys() - self._parameters.keys() - self._unknown):
+            if isinstance(given[name], Mapping):  # a namespace, perhaps of another node
+                continue
             self._unknown.add(name)
             _log.warning(
                 "nobody heeds the parameter %r; %s", name, did_you_mean(name, self._parameters)

@@ -50,7 +50,7 @@ def points(points_xy: NDArray[np.float64], types: Types) -> list[Message]:
     return list(points_of_rows(types.message("geometry_msgs/Point"), rows))
 
 
-def points_of_rows(point_class: type[Any], points_xyz: NDArray[np.float64]) -> Iterator[Message]:
+def points_of_rows(point_class: Any, points_xyz: NDArray[np.float64]) -> Iterator[Message]:
     """Yield points of shape (N, 3) as objects of the class of `geometry_msgs/Point`.
 
     The classes that rosidl generates for rclpy keep a field `x` in the slot `_x`, and check what is
@@ -63,9 +63,8 @@ def points_of_rows(point_class: type[Any], points_xyz: NDArray[np.float64]) -> I
         for x, y, z in points_xyz.tolist():
             yield point_class(x=x, y=y, z=z)
         return
-    new = point_class.__new__
     for x, y, z in points_xyz.tolist():
-        made = new(point_class)
+        made: Any = object.__new__(point_class)
         made._x, made._y, made._z = x, y, z
         for name, value in others:
             setattr(made, name, value)
@@ -73,7 +72,7 @@ def points_of_rows(point_class: type[Any], points_xyz: NDArray[np.float64]) -> I
 
 
 @cache
-def _slots_besides(point_class: type[Any]) -> tuple[tuple[str, Any], ...] | None:
+def _slots_besides(point_class: Any) -> tuple[tuple[str, Any], ...] | None:
     """Return what a new point holds besides its coordinates; None where it has no such slots."""
     slots = set(getattr(point_class, "__slots__", ()))
     if not slots >= _COORDINATES:
