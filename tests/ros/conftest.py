@@ -27,6 +27,7 @@ collect_ignore = ["port_node.py"]  # a program, which doctest would import
 # rospy leaves the sockets of its calls of the roscore to the garbage collector.
 ROSPY_SOCKETS = pytest.mark.filterwarnings("ignore:unclosed <socket:ResourceWarning")
 
+ROS = Path(__file__).resolve().parents[2] / "ros"
 NEEDS_ROS1 = "ROS 1 is not here (on Debian 12, as root: make ros1)"
 
 
@@ -181,6 +182,25 @@ def rospy(roscore: str) -> Iterator[Any]:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ResourceWarning)
         gc.collect()
+
+
+@pytest.fixture
+def launch(
+    rospy: Any, start: Callable[..., Process], monkeypatch: pytest.MonkeyPatch
+) -> Iterator[Callable[..., Process]]:
+    """Start a launch file of the checkout, or any other; the nodes run with this Python."""
+    path = os.environ.get("ROS_PACKAGE_PATH")
+    monkeypatch.setenv("ROS_PACKAGE_PATH", os.pathsep.join([str(ROS), *([path] if path else [])]))
+    monkeypatch.setenv("PATH", f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}")
+
+    def run(file: str | Path, /, **arguments: object) -> Process:
+        words = [f"{key}:={value}" for key, value in arguments.items()]
+        place = [file] if Path(file).is_absolute() else ["hypermap", file]
+        return start("roslaunch", *place, *words)
+
+    yield run
+    if rospy.has_param("/use_sim_time"):
+        rospy.delete_param("/use_sim_time")
 
 
 class Ros1Types:

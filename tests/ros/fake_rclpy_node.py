@@ -151,7 +151,9 @@ class Node:
         rules = dict(reversed(remaps))
         self._name, self._namespace = rules.get("__node", node_name), rules.get("__ns", "/")
         self._rules = rules
-        self._overrides = {name: yaml.safe_load(text) for name, text in values}
+        self._parameter_overrides = {
+            name: Parameter(name, value=yaml.safe_load(text)) for name, text in values
+        }
         self._publishers: list[Publisher] = []
         self._subscriptions: list[Subscription] = []
         self._services: list[Service] = []
@@ -291,7 +293,8 @@ class Node:
         descriptor.name = name
         if not descriptor.dynamic_typing:
             descriptor.type = ParameterType.from_parameter_value(value).value
-        parameter = Parameter(name, value=self._overrides.get(name, value))
+        given = self._parameter_overrides.get(name)
+        parameter = Parameter(name, value=value if given is None else given.value)
         reason = self._refusal(parameter, descriptor, read_only=False)
         if reason:
             raise ParameterException(reason)

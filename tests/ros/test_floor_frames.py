@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -51,6 +52,21 @@ def test_tf_is_asked_without_the_slash() -> None:
     pose = FloorFrames(tf, timeout=0.25).pose(old_map(), "/map", "odom", stamp=7)
     assert pose == Pose2D(3, 4)
     assert tf.asked == [("map", "odom", 7, 0.25)]
+
+
+def test_a_turned_frame_of_tf_turns_the_same_way() -> None:
+    class Turned(Tf):
+        """`odom` lies at (3, 4) and looks along the map's y axis: to the left, not to the right."""
+
+        def lookup(self, *asked: Any) -> Any:
+            matrix = super().lookup(*asked)
+            matrix[:2, :2] = [[0, -1], [1, 0]]
+            return matrix
+
+    tf: Any = Turned()
+    pose = FloorFrames(tf).pose(old_map(), "/map", "odom")
+    assert pose.yaw == pytest.approx(math.pi / 2)
+    np.testing.assert_allclose(pose.apply([[1.0, 0.0]]), [[3.0, 5.0]])
 
 
 def test_what_nobody_knows_is_an_error_that_names_both() -> None:

@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-import os
-import sys
-from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -21,12 +17,11 @@ from hypermap.evaluation.metrics import evaluate
 from hypermap.simulation import SimulatedRecording, demo_world, ground_truth, write_bag
 from hypermap.testing import square
 
-from .conftest import Process, wait_for
+from .conftest import wait_for
 from .map_server_tools import Client
 
 pytestmark = pytest.mark.xdist_group("ros")
 
-ROS = Path(__file__).resolve().parents[2] / "ros"
 CAMERA = {
     "depth_topic": "/camera/depth_registered/image_raw",
     "camera_info_topic": "/camera/depth_registered/camera_info",
@@ -34,26 +29,6 @@ CAMERA = {
     "map_topic": "/map",
 }
 RATE = 4  # of a bag; at a higher one, a machine with other work drops too many frames
-Launch = Callable[..., Process]
-
-
-@pytest.fixture
-def launch(
-    rospy: Any, start: Callable[..., Process], monkeypatch: pytest.MonkeyPatch
-) -> Iterator[Launch]:
-    """Start a launch file of the checkout, whose nodes run with this Python."""
-    path = os.environ.get("ROS_PACKAGE_PATH")
-    monkeypatch.setenv("ROS_PACKAGE_PATH", os.pathsep.join([str(ROS), *([path] if path else [])]))
-    monkeypatch.setenv("PATH", f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}")
-
-    def run(name: str, **arguments: object) -> Process:
-        words = [f"{key}:={value}" for key, value in arguments.items()]
-        return start("roslaunch", "hypermap", name, *words)
-
-    yield run
-    for name in ("/use_sim_time", "/hypermap_server", "/semantic_mapper"):
-        if rospy.has_param(name):
-            rospy.delete_param(name)
 
 
 @pytest.fixture(scope="module")

@@ -34,6 +34,7 @@ ATTRIBUTES = {
     "remap": {"from", "to"},
     "group": {"if"},
     "include": {"file"},
+    "let": {"name", "value", "if"},
     "executable": {"cmd", "output", "on_exit"},
 }
 
@@ -45,7 +46,8 @@ def elements(file: Path) -> list[ElementTree.Element]:
 
 
 def declared(file: Path) -> set[str]:
-    return {item.get("name", "") for item in ElementTree.parse(file).getroot().findall("arg")}
+    root = ElementTree.parse(file).getroot()
+    return {item.get("name", "") for kind in ("arg", "let") for item in root.findall(kind)}
 
 
 def test_the_four_tasks_have_a_file() -> None:
@@ -89,6 +91,23 @@ def test_parameters_exist_and_have_their_type(file: Path) -> None:
             for argument, default in defaults.items():
                 value = value.replace(f"$(var {argument})", default)
             checked(known[name], yaml.safe_load(re.sub(r"\$\([^)]*\)", "", value)))
+
+
+def test_without_the_map_of_another_node_one_is_made_from_depth() -> None:
+    """The mapper is given no topic then; the server listens on /map, as it must somewhere."""
+    (file,) = (file for file in FILES if file.name.startswith("semantic_mapping"))
+    root = ElementTree.parse(file).getroot()
+    defaults = {item.get("name"): item.get("default") for item in root.findall("arg")}
+    assert defaults["map_topic"] == ""
+    (remap,) = root.iter("remap")
+    assert remap.attrib == {"from": "/map", "to": "$(var served_map)"}
+    for given, served in (("", "/map"), ("/slam/map", "/slam/map")):
+        found = ""
+        for item in root.findall("let"):
+            condition = item.get("if", "").replace("$(var map_topic)", given)
+            if not condition or eval(condition.removeprefix('$(eval "').removesuffix('")')):
+                found = item.get("value", "").replace("$(var map_topic)", given)
+        assert found == served
 
 
 @files
@@ -166,4 +185,6 @@ def test_the_package_builds(tmp_path: Path, version: int, system: str, suffix: s
     assert launch == {"show_map", "record_map", "semantic_mapping", "map_bag"}
     assert (share / "maps" / "subscribe.yaml").is_file()
     assert (share / "rviz").is_dir()
-    assert all(os.access(tmp_path / "out" / "lib" / "hypermap" / name, os.X_OK) for name in NODES)
+    programs = tmp_path / "out" / "lib" / "hypermap"
+    assert {path.name for path in programs.iterdir()} == {*NODES, "map_server"}
+    assert all(os.access(path, os.X_OK) for path in programs.iterdir())

@@ -25,6 +25,48 @@ def test_a_server_without_a_map_says_so(start, rospy):
     assert (heard.layer_cnt, heard.layers) == (0, [])
 
 
+def test_who_hears_of_the_map_finds_all_services(start, rospy, tmp_path):
+    from hypermap.ros.ros1.libraries import rosgraph
+
+    path = saved(building(), tmp_path / "building.hmap")
+    process = start("hypermap", "serve", path, "--ros1", "__name:=announced")
+    process.expect("loaded")
+    names = ("get_string_at_point", "clear", "find_objects", "occupancy_static_map")
+    for name in names:
+        assert rosgraph.Master("/tests").lookupService(f"/announced/{name}")
+
+
+def test_diagnostics_tell_how_the_server_fares(start, rospy, tmp_path):
+    path, out = saved(building(), tmp_path / "building.hmap"), tmp_path / "out.hmap"
+    start("hypermap", "serve", path, "--ros1", f"_save_to:={out}", "__name:=healthy")
+    client = Client(rospy, "healthy")
+    client.string("occupancy", 0.5, 0.5)
+    client.refused("get_string_at_point", "GetStringAtPoint", layer="moon")
+
+    def told(message: Any) -> dict[str, str]:
+        (status,) = message.status
+        return {"name": status.name, "level": status.level, "message": status.message} | {
+            pair.key: pair.value for pair in status.values
+        }
+
+    kind = "diagnostic_msgs/DiagnosticArray"
+    heard = client.heard("/diagnostics", kind, lambda m: m.status[0].name == "healthy: map")
+    assert told(heard) == {
+        "name": "healthy: map",
+        "level": 0,
+        "message": "serving 2 layers",
+        "map": str(path),
+        "layer occupancy": "OccupancyGridLayer, 3 x 2 cells",
+        "layer semantic": "SemanticLayer, 4 objects",
+        "questions answered": "1",
+        "questions refused": "1",
+        "stored at the end in": str(out),
+    }
+    client.call("clear", "std_srvs/Trigger")
+    heard = client.heard("/diagnostics", kind, lambda m: m.status[0].level == 1)
+    assert told(heard)["message"] == "there is no map"
+
+
 def test_without_a_directory_no_file_is_touched_and_ctrl_c_ends_it_clean(start, rospy, tmp_path):
     path = saved(building(), tmp_path / "building.hmap")
     process = start("hypermap", "serve", path, "--ros1", "__name:=no_directory")
@@ -37,12 +79,21 @@ def test_without_a_directory_no_file_is_touched_and_ctrl_c_ends_it_clean(start, 
 
 
 def test_what_a_command_was_given_is_not_held_against_the_next_one(start, rospy):
-    rospy.set_param("/passing/marker_height", 0.5)  # the operator's own
+    rospy.set_param("/passing/speed_of_another_node", 0.5)
     process = start("hypermap", "serve", "--ros1", "--param", "label_height=0.3", "__name:=passing")
     process.expect("starting without a map")
     assert rospy.get_param("/passing/label_height") == 0.3
     assert process.stop(signal.SIGINT) == 0
-    assert rospy.get_param("/passing") == {"marker_height": 0.5}
+    assert rospy.get_param("/passing") == {"speed_of_another_node": 0.5}
+
+
+def test_a_misspelled_parameter_on_the_parameter_server_is_a_warning(start, rospy):
+    rospy.set_param("/misspelled/keepuot", ["desk 0.2"])
+    process = start("hypermap", "serve", "--ros1", "__name:=misspelled")
+    process.expect("nobody heeds the parameter 'keepuot'; did you mean 'keepout'?")
+    rospy.set_param("/misspelled/sped", ["desk 0.2 50%"])
+    process.expect("nobody heeds the parameter 'sped'; did you mean 'speed'?")
+    assert process.output.count("keepuot") == 1
 
 
 @pytest.mark.parametrize(
@@ -52,6 +103,8 @@ def test_what_a_command_was_given_is_not_held_against_the_next_one(start, rospy)
         (["_load_map:=true"], "load_map is true, but the parameter file names no file"),
         (["_load_map:=true", "_file:=/nowhere.hmap"], "/nowhere.hmap"),
         (["_tf_timeout:=soon"], "parameter 'tf_timeout' must be a number, got 'soon'"),
+        (["_keepuot:=['desk']"], "there is no parameter 'keepuot'; did you mean 'keepout'?"),
+        (["--param", "keepuot=['desk']"], "no parameter 'keepuot'; did you mean 'keepout'?"),
     ],
 )
 def test_a_wrong_start_is_one_line_and_an_exit_code(start, roscore, parameters, error):

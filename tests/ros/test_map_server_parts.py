@@ -17,6 +17,7 @@ from hypermap.core.trajectory import pose_from_rpy
 from hypermap.ros.server.current_map import CurrentMap, KeptOpen
 from hypermap.ros.server.floor_frames import FloorFrames, floor_pose
 from hypermap.ros.server.services import failed_response
+from hypermap.ros.server.updates import LayerUpdates
 from hypermap.ros.typestore import response_class
 from hypermap.testing import square
 
@@ -197,6 +198,25 @@ def test_a_frame_that_hardly_leans_is_seen_from_above(roll):
 def test_a_frame_that_leans_is_refused(turn):
     with pytest.raises(FrameError, match="'camera' is tilted by"):
         floor_pose(pose_from_rpy(0, 0, 0, *turn, 1.0), "camera")
+
+
+# Updates
+
+
+def test_a_flood_of_different_reasons_is_told_of_once():
+    port = Notes()
+    current = CurrentMap(port)
+    updates = LayerUpdates(port, current, FloorFrames(port))
+    for number in range(1000):
+        letters = "".join(chr(97 + int(digit)) for digit in str(number))
+        updates._complain("/map", "hall", [f"a {letters} at {number} m"])
+        updates._complain("/map", "hall", [f"a {letters} at -1.5 m"])
+    updates._complain("/map", "lab", [f"object {number} is wrong" for number in range(1000)])
+    assert len([text for _, text in port.lines if "'lab'" in text]) < 30
+    port.lines = [line for line in port.lines if "'hall'" in line[1]]
+    assert len(port.lines) < 30
+    assert port.lines[0] == ("warning", "/map: layer 'hall': a a at 0 m")
+    assert port.lines[-1][1].endswith("further reasons are not logged")
 
 
 # Where services cannot fail

@@ -143,7 +143,7 @@ def test_layers_with_names_that_ros_does_not_allow_are_served(serve):
         ]
     )
     client, log = serve(hypermap)
-    assert list(client.heard("_2nd_floor_map", "nav_msgs/OccupancyGrid").data) == [0]
+    assert list(client.heard("layer_2nd_floor_map", "nav_msgs/OccupancyGrid").data) == [0]
     assert client.heard("b_ro_semmap", "hypermap_msgs/SemanticMap").objects[0].name == "desk"
     assert client.string("2nd floor", 0.5, 0.5) == "Free"
     assert client.string("büro", 0, 0) == "desk"
@@ -303,14 +303,17 @@ def test_messages_that_are_wrong_are_ignored_with_one_line_in_the_log(serve):
     objects.publish(foreign)
     log.expect("/map: layer 'occupancy': frame 'mars' is unknown to the map")
     log.expect("/semantic_map: layer 'semantic': frame 'mars' is unknown to the map")
-    maps.publish(broken)
+    maps.publish(broken)  # for another reason
+    log.expect("/map: layer 'occupancy': the map of 7 x 1 cells holds 2 numbers")
     objects.publish(foreign)
+    broken.info.width = 8  # for the same one
+    maps.publish(broken)
     maps.publish(grid(client, [0, 0, 0], 3))
     client.heard("occupancy_map", "nav_msgs/OccupancyGrid", lambda m: m.info.width == 3)
-    assert log.output.count("/map: layer 'occupancy'") == 1
+    assert log.output.count("/map: layer 'occupancy'") == 2
     assert log.output.count("/semantic_map: layer 'semantic'") == 1
     maps.publish(broken)
-    log.expect("the map of 7 x 1 cells holds 2 numbers")
+    log.expect("the map of 8 x 1 cells holds 2 numbers")
     assert client.string("occupancy", 2.5, 0.5) == "Free"
     maps.unregister()
     objects.unregister()

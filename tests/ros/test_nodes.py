@@ -54,6 +54,8 @@ class Port:
 class Node:
     def configure(self): pass
     def activate(self): exec("raise KeyboardInterrupt")  # as amid the import of a dataclass
+    def deactivate(self): pass
+    def cleanup(self): print("saved")
 
 run_node(Port(), Node())
 """
@@ -63,4 +65,21 @@ def test_ctrl_c_amid_an_import_is_a_clean_end(tmp_path: Path) -> None:
     (tmp_path / "interrupted.py").write_text(INTERRUPTED, encoding="utf-8")
     command = [sys.executable, "-m", "interrupted"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stdout) == (0, "down\n"), done.stderr
+    assert (done.returncode, done.stdout) == (0, "saved\ndown\n"), done.stderr
+
+
+WITHOUT_TF = """
+import sys
+sys.modules["tf2_ros"] = None
+from hypermap.core.errors import HypermapError
+try:
+    import hypermap.ros.ros1.libraries
+except HypermapError as error:
+    print(error)
+"""
+
+
+def test_without_tf2_ros_the_error_says_what_to_install(needs_ros1: None) -> None:
+    command = [sys.executable, "-c", WITHOUT_TF]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert "apt-get install python3-tf2-ros" in done.stdout, done.stderr

@@ -70,7 +70,7 @@ def test_changes_are_told_once_and_wrong_ones_keep_the_old_value(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     told: list[Any] = []
-    parameters = ParameterSet([RATE, SHOWN, MODE], {"rate": 4, "other": 1}, told.append)
+    parameters = ParameterSet([RATE, SHOWN, MODE], {"rate": 4}, told.append)
     assert parameters.values == {"rate": 4.0, "shown": True, "mode": "raw"}
     assert parameters.given == {"rate": 4}
     with caplog.at_level(logging.WARNING, "hypermap"):
@@ -90,3 +90,21 @@ def test_changes_are_told_once_and_wrong_ones_keep_the_old_value(
         "parameter 'rate' must be at most 10.0, got 40.0; it stays at 4.0",
         "parameter 'mode' counts from the next start of the node on",
     ]
+
+
+def test_names_that_nobody_heeds_are_a_warning_each(caplog: pytest.LogCaptureFixture) -> None:
+    with caplog.at_level(logging.WARNING, "hypermap"):
+        parameters = ParameterSet([RATE, MODE], {"rates": 4, "other_node": {"rat": 1}})
+        for given in ({"rates": 4, "rate": 5}, {"rates": 5, "zzz": 1}, {"zzz": 1}):
+            parameters.update(given)
+    assert [record.getMessage() for record in caplog.records] == [
+        "nobody heeds the parameter 'rates'; did you mean 'rate'?",
+        "nobody heeds the parameter 'zzz'; known: rate, mode",
+    ]
+
+
+def test_what_holds_for_one_run_is_not_told_to_another_roscore() -> None:
+    place = Parameter("place", "", "A file.", once=True)
+    parameters = ParameterSet([RATE, place], {"rate": 4, "place": "x.hmap"})
+    assert parameters.values == {"rate": 4.0, "place": "x.hmap"}
+    assert parameters.given == {"rate": 4}

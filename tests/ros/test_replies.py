@@ -17,6 +17,7 @@ from hypermap.core.grid import GridGeometry
 from hypermap.core.layer import Hits
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.semantic import SemanticLayer
+from hypermap.ros.messages.geometry_messages import points_of_rows
 from hypermap.ros.messages.replies import (
     area_hits,
     as_int32,
@@ -30,6 +31,8 @@ from hypermap.ros.messages.to_messages import occupancy_grid, semantic_map
 from hypermap.ros.ros1.arrays import writing_arrays
 from hypermap.testing.builders import square
 from hypermap.testing.strategies import occupancy_layers
+
+from .strict_messages import StrictTypes, humble_store, jazzy_store
 
 SHARED = settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=40)
 
@@ -218,3 +221,25 @@ def test_numbers_are_rounded_and_cut_to_32_bits(given_values: Any, expected: lis
     got = as_int32(given_values)
     assert got.dtype == np.int32
     assert got.tolist() == expected
+
+
+class Checked:
+    """A point as rosidl generates it for Jazzy: one more slot, which setters look at."""
+
+    __slots__ = ("_check_fields", "_x", "_y", "_z")
+
+    def __init__(self, **fields: float) -> None:
+        self._check_fields = True
+        self._x, self._y, self._z = (fields.get(name, 0.0) for name in "xyz")
+
+
+@pytest.mark.parametrize("store", [humble_store, jazzy_store])
+def test_points_that_are_filled_are_those_that_are_made(store: Any) -> None:
+    kind = StrictTypes(store()).message("geometry_msgs/Point")
+    rows = np.array([[1.5, -2.0, 0.25], [np.nan, np.inf, 1e300]])
+    for point, (x, y, z) in zip(points_of_rows(kind, rows), rows.tolist(), strict=True):
+        made = kind(x=x, y=y, z=z)
+        assert type(point) is kind
+        assert repr((point.x, point.y, point.z)) == repr((made.x, made.y, made.z))
+    (checked,) = points_of_rows(Checked, rows[:1])
+    assert (checked._check_fields, checked._x, checked._y, checked._z) == (True, 1.5, -2.0, 0.25)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
+import sys
 import threading
 from typing import Any
 
@@ -101,6 +103,44 @@ def test_signals_end_it_while_it_can_still_publish(
     port.spin()
     assert graph.latest("/hypermap_server/goodbye").data == "bye"
     assert signal.getsignal(number) is before
+
+
+def test_a_callback_that_does_not_end_keeps_no_node_from_ending(
+    graph: Graph, make_port: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    port, node = make_port(), Idle()
+    port.manage(node)
+    may_end = threading.Event()
+    # rclpy waits so for callbacks that run, whatever it is given as a limit.
+    monkeypatch.setattr(port._executor, "shutdown", lambda: may_end.wait(60))
+    threading.Timer(0.2, port.shut_down).start()
+    port.spin()
+    may_end.set()
+    assert port.is_stuck
+    assert node.calls[-1] == "cleanup"
+    assert ("error", "a callback does not end; the node ends without it") in graph.logged
+
+
+STUCK = """
+import threading
+from concurrent.futures import ThreadPoolExecutor
+from hypermap.ros.nodes import run_node
+
+class Port:
+    is_stuck = True
+    def manage(self, node): ThreadPoolExecutor(1).submit(threading.Event().wait)
+    def spin(self): print("saved", flush=True)
+    def shut_down(self): pass
+
+run_node(Port(), None)
+"""
+
+
+def test_a_program_with_a_stuck_thread_ends() -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", STUCK], capture_output=True, text=True, timeout=60, check=False
+    )
+    assert (done.returncode, done.stdout) == (1, "saved\n"), done.stderr
 
 
 def test_a_context_that_others_shut_down_ends_the_node(graph: Graph, make_port: Any) -> None:

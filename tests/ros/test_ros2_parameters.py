@@ -107,3 +107,13 @@ def test_a_node_that_is_configured_again_reads_parameters_again(graph: Graph, po
     assert port.parameters(PARAMETERS, second.append)["height"] == 1.0
     graph.node("/hypermap_server").set_parameter("height", 2.0)
     assert (len(first), len(second)) == (1, 1)
+
+
+def test_a_misspelled_parameter_is_a_warning(graph: Graph, make_port: Any) -> None:
+    given = ("hieght:=1.5", "count:=4", "use_sim_time:=false", "qos_overrides./map.depth:=3")
+    words = [word for value in (*given, "autostart:=true") for word in ("-p", value)]
+    port = make_port("hypermap_server", "--ros-args", *words)
+    assert port.parameters(PARAMETERS)["count"] == 4
+    warned = [text for level, text in graph.logged if level == "warning"]
+    assert warned == ["nobody heeds the parameter 'hieght'; did you mean 'height'?"]
+    assert port.origins()["count"] == "as an argument or in a file of parameters"

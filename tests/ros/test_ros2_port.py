@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import array
+import importlib
+import sys
 import threading
 from typing import Any
 
@@ -269,3 +271,12 @@ def test_a_clock_that_jumps_back_forgets_what_moved(graph: Graph, port: Any) -> 
     with pytest.raises(FrameError):
         port.lookup("map", "robot")
     assert port.lookup("map", "lab")[0, 3] == 1.0
+
+
+def test_without_tf2_ros_the_error_says_what_to_install(
+    graph: Graph, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "tf2_ros", None)
+    monkeypatch.setenv("ROS_DISTRO", "jazzy")
+    with pytest.raises(HypermapError, match=r"tf2_ros is missing .*ros-jazzy-tf2-ros-py"):
+        importlib.import_module("hypermap.ros.ros2.port")

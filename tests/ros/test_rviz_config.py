@@ -50,7 +50,7 @@ def test_each_layer_has_a_display_with_its_topic() -> None:
     assert shown["occupancy"]["Class"] == "rviz/Map"
     assert shown["occupancy"]["Topic"] == "/robot/server/occupancy_map"
     assert shown["2nd floor"]["Class"] == "rviz/MarkerArray"
-    assert shown["2nd floor"]["Marker Topic"] == "/robot/server/_2nd_floor_markers"
+    assert shown["2nd floor"]["Marker Topic"] == "/robot/server/layer_2nd_floor_markers"
     assert shown["2nd floor"]["Namespaces"] == {"bed": True, "cup": True}
     assert manager(text)["Global Options"]["Fixed Frame"] == "map"
 
@@ -63,7 +63,7 @@ def test_rviz2_receives_what_was_published_before_it_came() -> None:
         assert topic["Durability Policy"] == "Transient Local"
         assert topic["Reliability Policy"] == "Reliable"
     assert shown["occupancy"]["Update Topic"]["Durability Policy"] == "Volatile"
-    assert shown["2nd floor"]["Topic"]["Value"] == "/hypermap_server/_2nd_floor_markers"
+    assert shown["2nd floor"]["Topic"]["Value"] == "/hypermap_server/layer_2nd_floor_markers"
     assert "rviz/" not in text
 
 

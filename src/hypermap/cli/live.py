@@ -149,7 +149,7 @@ def command(
     from hypermap.ros.mapper.semantic_mapper import SemanticMapper
     from hypermap.ros.nodes import make_port, run_node
 
-    port = make_port(SemanticMapper.NAME, arguments, middleware, {**given, **parse_params(param)})
+    port = make_port(SemanticMapper, arguments, middleware, {**given, **parse_params(param)})
     node = SemanticMapper(port)
     with status_line(node.report, node.__len__):
         run_node(port, node)

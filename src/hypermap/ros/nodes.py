@@ -15,9 +15,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 from hypermap.core.errors import HypermapError
+from hypermap.ros.parameters import check_names
+from hypermap.ros.port import Parameter
 
 if TYPE_CHECKING:
+    from hypermap.ros.mapper.semantic_mapper import SemanticMapper
     from hypermap.ros.port import Node, Port, Value
+    from hypermap.ros.server.map_server import MapServer
 
 Middleware = Literal["auto", "ros1", "ros2", "foxglove"]
 _NO_ROS = (
@@ -64,7 +68,7 @@ def run_map_server(
     own, ros = split_arguments(argv)
     if len(own) > 1:
         raise HypermapError(f"the map server takes one map, not {len(own)}: {' '.join(own)}")
-    port = make_port(MapServer.NAME, ros, middleware, dict(values or {}), address)
+    port = make_port(MapServer, ros, middleware, dict(values or {}), address)
     run_node(port, MapServer(port, own[0] if own else None))
 
 
@@ -84,8 +88,19 @@ def run_semantic_mapper(
     own, ros = split_arguments(argv)
     if own:
         raise HypermapError(f"the semantic mapper does not know the argument {own[0]!r}")
-    port = make_port(SemanticMapper.NAME, ros, middleware, dict(values or {}), address)
+    port = make_port(SemanticMapper, ros, middleware, dict(values or {}), address)
     run_node(port, SemanticMapper(port))
+
+
+def run_first_mapper(argv: Sequence[str] = ()) -> None:
+    """Run the semantic mapper with the parameters of 2019; see `run_semantic_mapper`."""
+    from hypermap.ros.mapper.first_mapper import FirstMapper
+
+    own, ros = split_arguments(argv)
+    if own:
+        raise HypermapError(f"the semantic mapper does not know the argument {own[0]!r}")
+    port = make_port(FirstMapper, ros, "ros1", {})
+    run_node(port, FirstMapper(port))
 
 
 def split_arguments(argv: Sequence[str]) -> tuple[list[str], list[str]]:
@@ -125,30 +140,33 @@ def found_middleware() -> Literal["ros1", "ros2"]:
 
 
 def make_port(
-    name: str,
+    node: type[MapServer] | type[SemanticMapper],
     ros_arguments: Sequence[str],
     middleware: Middleware,
     values: Mapping[str, Value],
     address: Address | None = None,
 ) -> Port:
-    """Return the middleware for a node of that name.
+    """Return the middleware for a node.
 
     Args:
-        name: the node's name, unless the ROS arguments give it another.
+        node: the node's class: its name, unless the ROS arguments give it another, and parameters.
         ros_arguments: what `split_arguments` gave for ROS.
         middleware: what to run on.
         values: parameters of the node that come before others.
         address: where to listen with Foxglove.
 
     Raises:
-        HypermapError: If the middleware is missing or does not answer.
+        HypermapError: If the middleware is missing or does not answer, or the node has no such
+            parameter.
     """
+    name = node.NAME
+    check_names(values, node.PARAMETERS)
     chosen = found_middleware() if middleware == "auto" else middleware
     if chosen == "ros1":
         from hypermap.ros.ros1.port import Ros1Port
 
         private = [f"_{key}:={_yaml(value)}" for key, value in values.items()]
-        return Ros1Port(name, [name, *ros_arguments, *private], passing=tuple(values))
+        return Ros1Port(name, [name, *private_texts(ros_arguments, node.PARAMETERS), *private])
     if chosen == "ros2":
         from hypermap.ros.ros2.port import Ros2Port
 
@@ -169,7 +187,8 @@ def run_node(port: Port, node: Node) -> None:
     """Let a node live: from its configuration until the middleware ends it.
 
     A port that manages the life of its node, as that of ROS 2 does, has a method `manage`, which
-    takes the node and brings it to life as the middleware's users expect it.
+    takes the node and brings it to life as the middleware's users expect it. Where a callback of it
+    does not end (`is_stuck`), the program ends all the same.
     """
     manage = getattr(port, "manage", None)
     try:
@@ -178,8 +197,8 @@ def run_node(port: Port, node: Node) -> None:
             port.spin()
             return
         node.configure()
-        node.activate()
         try:
+            node.activate()
             port.spin()
         finally:
             node.deactivate()
@@ -190,6 +209,32 @@ def run_node(port: Port, node: Node) -> None:
         exec("")
     finally:
         port.shut_down()
+        if getattr(port, "is_stuck", False):
+            from hypermap.ros.ros2.ending import end_program_soon
+
+            end_program_soon()
+
+
+def private_texts(arguments: Sequence[str], parameters: Sequence[Parameter]) -> list[str]:
+    """Return arguments of ROS 1 in which texts stay as they are: rospy reads them as YAML.
+
+    Raises:
+        HypermapError: If one of them is a private parameter that the node has not.
+
+    >>> file = Parameter("file", "", "A map.")
+    >>> private_texts(["__name:=a", "_file:=room #2: x.hmap", "b:=c"], [file])
+    ['__name:=a', '_file:="room #2: x.hmap"', 'b:=c']
+    """
+    texts = {parameter.name for parameter in parameters if isinstance(parameter.default, str)}
+    found = []
+    for word in arguments:
+        key, _, value = word.partition(":=")
+        if key.startswith("_") and not key.startswith("__"):
+            check_names([key[1:]], parameters)
+            if key[1:] in texts and value and value[0] not in "\"'":
+                word = f"{key}:={_yaml(value)}"
+        found.append(word)
+    return found
 
 
 def _yaml(value: Value) -> str:

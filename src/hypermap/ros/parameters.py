@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 from hypermap.core.errors import HypermapError, did_you_mean
@@ -59,17 +59,32 @@ def _check_range(parameter: Parameter, value: float) -> None:
         raise HypermapError(f"parameter {parameter.name!r} must be at most {high}, got {value}")
 
 
+def check_names(names: Iterable[str], parameters: Iterable[Parameter]) -> None:
+    """Return if a node has parameters of these names.
+
+    Raises:
+        HypermapError: If it has not; the error names the nearest.
+
+    >>> check_names(["keepout"], [Parameter("keepout", (), "Zones.")])
+    """
+    known = [parameter.name for parameter in parameters]
+    for name in names:
+        if name not in known:
+            raise HypermapError(f"there is no parameter {name!r}; {did_you_mean(name, known)}")
+
+
 class ParameterSet:
     """The parameters of a node with their values, and what its operator has given of them.
 
     Args:
         parameters: all of the node.
-        given: what the operator has given, as the middleware read it; other names are ignored.
+        given: what the operator has given, as the middleware read it; other names are logged, each
+            once, and ignored.
         on_change: called with the new values of those that changed while the node runs.
 
     Attributes:
         values: the value of each parameter.
-        given: those that the operator has given, as given.
+        given: those that the operator has given, as given, and that hold for more than one run.
 
     Raises:
         HypermapError: If a value is of another type, or not allowed.
@@ -83,18 +98,25 @@ class ParameterSet:
     ) -> None:
         self._parameters = {parameter.name: parameter for parameter in parameters}
         self._on_change = on_change
-        self.given = {name: given[name] for name in self._parameters if name in given}
-        self._seen = dict(self.given)
+        self._seen = {name: given[name] for name in self._parameters if name in given}
+        self.given = {name: self._seen[name] for name in self._seen if not self.is_once(name)}
+        self._unknown: set[str] = set()
+        self._complain(given)
         self.values = {
             name: checked(parameter, given.get(name, parameter.default))
             for name, parameter in self._parameters.items()
         }
+
+    def is_once(self, name: str) -> bool:
+        """Return whether a parameter's value holds for one run alone."""
+        return name in self._parameters and self._parameters[name].once
 
     def update(self, given: Mapping[str, Any]) -> None:
         """Take what is given now; a wrong value is logged and the old one stays.
 
         A parameter that is no longer given keeps its value.
         """
+        self._complain(given)
         changed: dict[str, Value] = {}
         for name, parameter in self._parameters.items():
             if name not in given or (name in self._seen and self._seen[name] == given[name]):
@@ -115,3 +137,15 @@ class ParameterSet:
         self.values.update(changed)
         if changed and self._on_change is not None:
             self._on_change(changed)
+
+    def _complain(self, given: Mapping[str, Any]) -> None:
+        """Log the names that are not parameters of the node, each once."""
+        if not self._parameters:  # they are not declared yet
+            return
+        for name in sorted(given.keys() - self._parameters.keys() - self._unknown):
+            if isinstance(given[name], Mapping):  # a namespace, perhaps of another node
+                continue
+            self._unknown.add(name)
+            _log.warning(
+                "nobody heeds the parameter %r; %s", name, did_you_mean(name, self._parameters)
+            )

@@ -30,6 +30,8 @@ class Parameter:
         maximum: largest number allowed.
         choices: the texts allowed; empty for any.
         changes: whether it may be changed while the node runs.
+        once: whether a value holds for one run alone. The parameter server of ROS 1, which outlives
+            nodes, forgets it as soon as it is read.
     """
 
     name: str
@@ -39,6 +41,7 @@ class Parameter:
     maximum: float | None = None
     choices: tuple[str, ...] = ()
     changes: bool = False
+    once: bool = False
 
 
 class Closable(Protocol):
@@ -193,6 +196,10 @@ class Port(Protocol):
         Raises:
             HypermapError: If a value is of another type, or not allowed.
         """
+        ...
+
+    def origins(self) -> Mapping[str, str]:
+        """Return where the values of parameters were given, in words, for those that were."""
         ...
 
     def log(self, level: Level, text: str) -> None:

@@ -8,11 +8,18 @@ import re
 def topic_name(layer: str, suffix: str) -> str:
     """Return the name of a layer's topic or service, private to the node.
 
-    Signs that ROS does not allow in names become `_`, and a name that starts with a digit gets one
-    in front, which ROS 2 wants.
+    Signs that ROS does not allow in names become `_`. A name that would then begin with a digit,
+    which ROS 2 refuses, or with `_`, by which it hides topics, begins with "layer"; a layer whose
+    own name begins with `_` stays hidden.
 
     >>> topic_name("occupancy", "map"), topic_name("2nd floor", "semmap")
-    ('occupancy_map', '_2nd_floor_semmap')
+    ('occupancy_map', 'layer_2nd_floor_semmap')
+    >>> topic_name("Äpfel", "semmap"), topic_name("_mine", "map")
+    ('layer_pfel_semmap', '_mine_map')
     """
     name = re.sub(r"[^A-Za-z0-9_]", "_", layer)
-    return f"_{name}_{suffix}" if name[0].isdigit() else f"{name}_{suffix}"
+    if name[0].isdigit():
+        name = f"layer_{name}"
+    elif name[0] == "_" and layer[0] != "_":
+        name = f"layer{name}"
+    return f"{name}_{suffix}"

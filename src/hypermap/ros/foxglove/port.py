@@ -20,11 +20,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hypermap.core.errors import FrameError, HypermapError, MissingExtra, did_you_mean
+from hypermap.core.errors import FrameError, HypermapError, MissingExtra
 from hypermap.recordings.messages.transforms import TransformLog
 from hypermap.ros import typestore
-from hypermap.ros.parameters import checked
+from hypermap.ros.parameters import check_names, checked
 from hypermap.ros.port import Closable, Level, Message, Parameter, Publisher, Value
+from hypermap.ros.signals import end_signals
 
 try:
     import foxglove
@@ -261,15 +262,17 @@ class FoxglovePort:
     ) -> dict[str, Value]:
         """Declare parameters and return their values."""
         known = {parameter.name: parameter for parameter in parameters}
-        for name in self._given:
-            if name not in known:
-                raise HypermapError(f"there is no parameter {name!r}; {did_you_mean(name, known)}")
+        check_names(self._given, parameters)
         values = {
             name: checked(parameter, self._given.get(name, parameter.default))
             for name, parameter in known.items()
         }
         self._listener.settings = Settings(known, values, on_change)
         return dict(values)
+
+    def origins(self) -> Mapping[str, str]:
+        """Return where the values of parameters were given, in words."""
+        return dict.fromkeys(self._given, "as an argument")
 
     def log(self, level: Level, text: str) -> None:
         """Write a line to the node's log and to /rosout."""
@@ -306,7 +309,7 @@ class FoxglovePort:
                 signal.signal(*self._handlers.popitem())
 
     def _handle_signals(self) -> None:
-        """Let Ctrl-C and SIGTERM end the node, also while it still starts."""
+        """Let signals end the node, also while it still starts."""
 
         def end(_number: int, _frame: FrameType | None) -> None:
             self._end.set()
@@ -314,7 +317,7 @@ class FoxglovePort:
                 raise KeyboardInterrupt
 
         if threading.current_thread() is threading.main_thread():
-            for number in (signal.SIGINT, signal.SIGTERM):
+            for number in end_signals():
                 self._handlers[number] = signal.signal(number, end)
 
     def _while_it_runs(self, change: Callable[[], None]) -> None:

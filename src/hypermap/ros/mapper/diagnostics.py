@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 
 from hypermap.ros.mapper.statistics import Fate, Report
-from hypermap.ros.messages.to_messages import Types
-from hypermap.ros.port import Message
+from hypermap.ros.messages.diagnostics import TYPE, status_array
+from hypermap.ros.messages.geometry_messages import Message, Types
 
-TYPE = "diagnostic_msgs/DiagnosticArray"
+__all__ = ["TYPE", "diagnostic_array"]
 
 
 def diagnostic_array(
@@ -23,19 +23,14 @@ def diagnostic_array(
         types: makes messages and their stamps.
         stamp: time of the report [ns].
     """
-    kind = types.message("diagnostic_msgs/DiagnosticStatus")
-    pair = types.message("diagnostic_msgs/KeyValue")
-    status = kind()
-    # Its constants are numbers in ROS 1 and bytes in ROS 2, and so is the field.
-    status.level = getattr(kind, report.state.value)
-    status.name = f"{node_name.lstrip('/')}: mapping"
-    status.message = report.message
-    status.hardware_id = "none"
-    status.values = [pair(key=key, value=value) for key, value in _values(report, objects)]
-    message = types.message(TYPE)()
-    message.header.stamp = types.stamp(stamp)
-    message.status = [status]
-    return message
+    return status_array(
+        report.state.value,
+        f"{node_name}: mapping",
+        report.message,
+        _values(report, objects),
+        types,
+        stamp,
+    )
 
 
 def _values(report: Report, objects: int) -> list[tuple[str, str]]:

@@ -45,8 +45,8 @@ class SemanticMapper:
         Raises:
             HypermapError: If a parameter or a file is wrong.
         """
-        self._values = self._port.parameters(self.PARAMETERS, self._change)
-        settings = LiveSettings.of(self._values)
+        self._values = self._read()
+        settings = LiveSettings.of(self._values, self._port.origins())
         if settings.save_to:
             _check_folder(Path(settings.save_to).absolute().parent, "save_to")
         if settings.map_directory:
@@ -89,6 +89,9 @@ class SemanticMapper:
         """Return how many objects are in the map."""
         live_map = self._map
         return 0 if live_map is None else len(live_map)
+
+    def _read(self) -> dict[str, Value]:
+        return self._port.parameters(self.PARAMETERS, self._change)
 
     def _change(self, values: Mapping[str, Value]) -> None:
         self._values.update(values)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any, cast
 
@@ -17,6 +17,8 @@ OCCUPANCY = "nav_msgs/OccupancyGrid"
 DARKNET = "darknet_ros_msgs/BoundingBoxes"
 VISION = "vision_msgs/Detection2DArray"
 
+_GEOMETRY = ("depth_topic", "cloud_topic")
+_DETECTIONS = ("detector", "detections_topic", "detections_file")
 _TRANSPORTS = ("/compressedDepth", "/compressed")  # of image_transport
 
 
@@ -26,9 +28,10 @@ def _setting(
     minimum: float | None = None,
     maximum: float | None = None,
     choices: tuple[str, ...] = (),
+    once: bool = False,
 ) -> Any:
-    limits = {"minimum": minimum, "maximum": maximum, "choices": choices}
-    return field(default=default, metadata={"description": description, **limits})
+    others = {"minimum": minimum, "maximum": maximum, "choices": choices, "once": once}
+    return field(default=default, metadata={"description": description, **others})
 
 
 @dataclass(frozen=True)
@@ -38,6 +41,8 @@ class LiveSettings:
     Raises:
         HypermapError: If the topics and sources of detections do not go together.
     """
+
+    origins: Mapping[str, str] = field(default_factory=dict, repr=False)  # where values come from
 
     depth_topic: str = _setting(
         "", "Depth images, registered to color; compressed if the name ends in /compressedDepth."
@@ -80,22 +85,19 @@ class LiveSettings:
     max_rate: float = _setting(0.0, "Frames per second to take at most; 0 is any.", 0, 1000)
     publish_rate: float = _setting(1.0, "How often per second the map is published.", 0.01, 50)
     semantic_map_topic: str = _setting("/semantic_map", "Topic of the objects.")
-    save_to: str = _setting("", "File (.hmap) in which the map is saved at the end.")
+    save_to: str = _setting("", "File (.hmap) in which the map is saved at the end.", once=True)
     map_directory: str = _setting("", "Directory in which the service save_map saves.")
 
     def __post_init__(self) -> None:
         if bool(self.depth_topic) == bool(self.cloud_topic):
             raise HypermapError(
                 "give either depth_topic, as /camera/aligned_depth_to_color/image_raw, or "
-                "cloud_topic, as /camera/depth_registered/points"
+                f"cloud_topic, as /camera/depth_registered/points; {self._found(_GEOMETRY)}"
             )
-        sources = ("detector", "detections_topic", "detections_file")
-        given = [name for name in sources if getattr(self, name)]
-        if len(given) != 1:
-            found = f"found {' and '.join(given)}" if given else "found none"
+        if sum(bool(getattr(self, name)) for name in _DETECTIONS) != 1:
             raise HypermapError(
-                f"something must say what the camera sees: give one of {', '.join(sources)}; "
-                f"{found}"
+                f"something must say what the camera sees: give one of {', '.join(_DETECTIONS)}; "
+                f"{self._found(_DETECTIONS)}"
             )
         if self.detector and not (self.color_topic or self.cloud_topic):
             raise HypermapError("the detector needs color images: give color_topic")
@@ -106,11 +108,24 @@ class LiveSettings:
         if self.save_to and not self.save_to.lower().endswith(".hmap"):
             raise HypermapError(f"save_to: {self.save_to}: a map is saved as .hmap")
 
+    def _found(self, names: Sequence[str]) -> str:
+        """Say which of some settings were given, and where."""
+        given = [name for name in names if getattr(self, name)]
+        said = [
+            f"{name} ({self.origins[name]})" if name in self.origins else name for name in given
+        ]
+        return f"found {' and '.join(said) or 'none'}"
+
     @classmethod
-    def of(cls, values: Mapping[str, Value]) -> LiveSettings:
-        """Return the settings among a node's parameters; raises as the class does."""
+    def of(cls, values: Mapping[str, Value], origins: Mapping[str, str]) -> LiveSettings:
+        """Return the settings among a node's parameters; raises as the class does.
+
+        Args:
+            values: of the parameters.
+            origins: where those that were given come from, in words.
+        """
         known: dict[str, Any] = {f.name: values[f.name] for f in fields(cls) if f.name in values}
-        return cls(**known)
+        return cls(**known, origins=origins)
 
     @property
     def geometry_topic(self) -> str:
@@ -157,4 +172,5 @@ def image_name(topic: str) -> str:
 PARAMETERS: tuple[Parameter, ...] = tuple(
     Parameter(setting.name, cast("Value", setting.default), **setting.metadata)
     for setting in fields(LiveSettings)
+    if setting.metadata
 )

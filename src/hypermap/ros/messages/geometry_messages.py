@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import array
 import math
+from collections.abc import Iterator
+from functools import cache
 from typing import Any, Protocol
 
 import numpy as np
@@ -15,6 +17,7 @@ from hypermap.core.arrays import ObjectArray
 from hypermap.recordings.messages.header import clean_frame
 
 Message = Any  # of the middleware's own class
+_COORDINATES = {"_x", "_y", "_z"}  # slots of points in rclpy
 
 
 class Types(Protocol):
@@ -43,8 +46,39 @@ def point(x: float, y: float, types: Types) -> Message:
 
 def points(points_xy: NDArray[np.float64], types: Types) -> list[Message]:
     """Return points of shape (N, 2) as a list of `geometry_msgs/Point`."""
-    point_class = types.message("geometry_msgs/Point")
-    return [point_class(x=x, y=y, z=0.0) for x, y in points_xy.tolist()]
+    rows = np.column_stack([points_xy, np.zeros(len(points_xy))])
+    return list(points_of_rows(types.message("geometry_msgs/Point"), rows))
+
+
+def points_of_rows(point_class: Any, points_xyz: NDArray[np.float64]) -> Iterator[Message]:
+    """Yield points of shape (N, 3) as objects of the class of `geometry_msgs/Point`.
+
+    The classes that rosidl generates for rclpy keep a field `x` in the slot `_x`, and check what is
+    assigned to it, for which numbers out of an array give no reason: their slots are filled.
+
+    Source: rosidl_generator_py, resource/_msg.py.em.
+    """
+    others = _slots_besides(point_class)
+    if others is None:
+        for x, y, z in points_xyz.tolist():
+            yield point_class(x=x, y=y, z=z)
+        return
+    for x, y, z in points_xyz.tolist():
+        made: Any = object.__new__(point_class)
+        made._x, made._y, made._z = x, y, z
+        for name, value in others:
+            setattr(made, name, value)
+        yield made
+
+
+@cache
+def _slots_besides(point_class: Any) -> tuple[tuple[str, Any], ...] | None:
+    """Return what a new point holds besides its coordinates; None where it has no such slots."""
+    slots = set(getattr(point_class, "__slots__", ()))
+    if not slots >= _COORDINATES:
+        return None
+    blank = point_class()
+    return tuple((name, getattr(blank, name)) for name in sorted(slots - _COORDINATES))
 
 
 def quaternion(yaw: float, types: Types) -> Message:

@@ -14,6 +14,7 @@ from hypermap.core.objects import ObjectTable
 from hypermap.core.semantic import SemanticLayer
 from hypermap.recordings.messages.header import clean_frame
 from hypermap.ros.messages.geometry_messages import Types
+from hypermap.ros.messages.label_places import places_apart
 from hypermap.ros.messages.points import is_ros1, many_points
 from hypermap.ros.port import Message
 from hypermap.ros.ros1.arrays import writing_arrays
@@ -79,7 +80,7 @@ def marker_array(
     if style.show_outlines:
         outlined = _Drawn(outlines(table.footprints), table, heights + _STEP)
     labels = _labels(table, style)
-    places = label_points(table.shapes[labels], table.centroids[labels])
+    places = _label_places(table, labels, style.label_height)
     for name, code in sorted(table.vocabulary.items()):
         color = colors.get(name, (0.0, 0.0, 0.0))
         if fills is not None and len(points := fills.of(code)):
@@ -128,6 +129,16 @@ def _labels(table: ObjectTable, style: MarkerStyle) -> IntArray:
     if not style.show_labels:
         return np.empty(0, dtype=np.int64)
     return np.sort(np.argsort(-table.areas, kind="stable")[: style.max_labels])
+
+
+def _label_places(table: ObjectTable, rows: IntArray, height: float) -> NDArray[np.float64]:
+    """Return where the labels of some objects stand; that of a larger one has the first choice."""
+    rank = np.argsort(-table.areas[rows], kind="stable")
+    lengths = np.array([len(name) for name in table.vocabulary], dtype=int)
+    places = np.empty((len(rows), 2))
+    belong = label_points(table.shapes[rows], table.centroids[rows])
+    places[rank] = places_apart(belong[rank], lengths[table.codes[rows[rank]]], height)
+    return places
 
 
 class _Drawn:

@@ -8,7 +8,7 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from hypermap.ros.messages.geometry_messages import Types
+from hypermap.ros.messages.geometry_messages import Types, points_of_rows
 
 
 def many_points(points_xyz: NDArray[np.float64], types: Types) -> Any:
@@ -47,9 +47,7 @@ class Points(Sequence[Any]):
         return len(self.points_xyz)
 
     def __iter__(self) -> Iterator[Any]:
-        make = self._point
-        for x, y, z in self.points_xyz.tolist():
-            yield make(x=x, y=y, z=z)
+        return points_of_rows(self._point, self.points_xyz)
 
     @overload
     def __getitem__(self, place: int) -> Any: ...

@@ -8,6 +8,7 @@ Source: the generators of genpy, which catkin runs too, so the md5 sums are the 
 
 from __future__ import annotations
 
+import compileall
 import hashlib
 import importlib
 import os
@@ -19,7 +20,7 @@ from pathlib import Path
 from hypermap.core.errors import HypermapError
 from hypermap.ros.ros1.definitions import definitions
 
-_LAYOUT = 1  # counts up when what is generated changes for the same definitions
+_LAYOUT = 2  # counts up when what is generated changes for the same definitions
 _USED_PACKAGES = ("std_msgs", "geometry_msgs", "sensor_msgs")
 _NEXT_TYPE = "\n" + "=" * 80 + "\n"  # separates the types in the full text of a message class
 
@@ -47,6 +48,8 @@ def generate(package: str) -> Path:
         ) from None
     try:
         _write(package, texts, work)
+        # Who may not write into the cache later would compile at each start, for 0.2 s.
+        compileall.compile_dir(work, quiet=2, stripdir=str(work), prependdir=str(target))
         work.rename(target)
     except OSError:
         if not target.is_dir():  # otherwise another node was faster

@@ -34,6 +34,20 @@ import rosgraph  # noqa: E402
 import rospy  # noqa: E402
 import rospy.impl.paramserver as paramserver  # noqa: E402
 import rospy.impl.registration as registration  # noqa: E402
-import tf2_ros  # noqa: E402
 
-__all__ = ["paramserver", "registration", "rosgraph", "rospy", "tf2_ros"]
+try:
+    import tf2_ros
+except ImportError as missing:
+    raise HypermapError(
+        f"tf2_ros is missing ({missing}): install it, on Debian: apt-get install python3-tf2-ros"
+    ) from None
+from rospy.client import load_command_line_node_params  # noqa: E402
+
+__all__ = [
+    "load_command_line_node_params",
+    "paramserver",
+    "registration",
+    "rosgraph",
+    "rospy",
+    "tf2_ros",
+]

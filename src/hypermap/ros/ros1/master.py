@@ -44,6 +44,15 @@ def require_master() -> None:
     )
 
 
+def owns_its_name() -> bool:
+    """Return whether the roscore knows no other node under this node's name."""
+    try:
+        uri = rosgraph.Master(rospy.get_name()).lookupNode(rospy.get_name())
+    except rosgraph.MasterError:
+        return True
+    return bool(uri == rospy.get_node_uri())
+
+
 class MasterWatch:
     """Looks at the roscore every now and then, in a thread of its own.
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import contextlib
 import signal
+import sys
 import threading
 import time
 import traceback
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -18,10 +19,11 @@ from hypermap.core.trajectory import pose_matrix
 from hypermap.ros.parameters import ParameterSet
 from hypermap.ros.port import Closable, Level, Message, Parameter, Publisher, Value
 from hypermap.ros.ros1.arrays import reading_arrays
-from hypermap.ros.ros1.libraries import rospy, tf2_ros
+from hypermap.ros.ros1.libraries import load_command_line_node_params, rospy, tf2_ros
 from hypermap.ros.ros1.logs import forward_logs, keep_rosout_settings, show_lines_at_once
-from hypermap.ros.ros1.master import MasterWatch, require_master
+from hypermap.ros.ros1.master import MasterWatch, owns_its_name, require_master
 from hypermap.ros.ros1.messages import message_class, service_class
+from hypermap.ros.signals import end_signals
 
 _TF_START = 1.0  # s until a new listener has heard what is known
 _BUFFER_SIZE = 1 << 24  # bytes read at once; with less, large messages arrive late
@@ -31,21 +33,20 @@ _QUEUE = 100  # messages that wait for a slow subscriber
 class Ros1Port:
     """A ROS 1 node; there is one in a process, and one that runs already is used.
 
-    Ctrl-C and SIGTERM are a KeyboardInterrupt, and the end of `spin` also where that got lost.
+    Ctrl-C, SIGTERM and the end of its terminal are a KeyboardInterrupt, and the end of `spin` also
+    where that got lost. The node's parameters end with it: the roscore would hold them against the
+    next one of that name. They stay if it was ended by another node of that name or by `rosnode
+    kill`, after which roslaunch may start it again.
 
     Args:
         name: the node's name, unless an argument gives it another.
         argv: the program's name and the arguments of ROS; None for those of the process.
-        passing: names of private parameters that end with the node. The roscore would hold them
-            against the next one of that name.
 
     Raises:
         HypermapError: If no roscore answers.
     """
 
-    def __init__(
-        self, name: str, argv: Sequence[str] | None = None, passing: Sequence[str] = ()
-    ) -> None:
+    def __init__(self, name: str, argv: Sequence[str] | None = None) -> None:
         self._is_ending = False
         if not rospy.core.is_initialized():
             require_master()
@@ -53,20 +54,22 @@ class Ros1Port:
             rospy.init_node(name, argv=None if argv is None else list(argv), disable_signals=True)
             if threading.current_thread() is threading.main_thread():
                 # A script's background process inherits that Ctrl-C is ignored; roslaunch sends it.
-                for number in (signal.SIGINT, signal.SIGTERM):
+                for number in end_signals():
                     signal.signal(number, self._interrupt)
         keep_rosout_settings()
         forward_logs(self.log)
-        self._passing = tuple(passing)
+        words = sys.argv if argv is None else argv
+        self._arguments = frozenset(load_command_line_node_params(words))
         self._lock = threading.Lock()
         self._buffer: Any = None
         self._tf_began = 0.0
         self._static: Any = None
         self._parameters = ParameterSet((), {})
+        self._names: tuple[str, ...] = ()  # of the parameters
         self._watch = MasterWatch(
             lambda given: self._parameters.update(given),
             lambda: self._parameters.given,
-            self.shut_down,
+            self._end,
         )
 
     @property
@@ -192,13 +195,24 @@ class Ros1Port:
         on_change: Callable[[Mapping[str, Value]], None] | None = None,
     ) -> dict[str, Value]:
         """Declare parameters and return their values."""
+        self._names = tuple(parameter.name for parameter in parameters)
         given = rospy.get_param(rospy.get_name(), {})
+        self._forget(parameter.name for parameter in parameters if parameter.once)
         self._parameters = ParameterSet(
             parameters,
             given,
             on_change and (lambda changed: self._guarded("parameters", lambda: on_change(changed))),
         )
         return dict(self._parameters.values)
+
+    def origins(self) -> Mapping[str, str]:
+        """Return where the values of parameters were given, in words."""
+        return {
+            name: "as an argument"
+            if name in self._arguments
+            else f"on the parameter server, as {self.node_name}/{name}"
+            for name in self._parameters.given
+        }
 
     def log(self, level: Level, text: str) -> None:
         """Write a line to the node's log."""
@@ -225,13 +239,22 @@ class Ros1Port:
 
     def shut_down(self) -> None:
         """End the node."""
+        if not rospy.is_shutdown():
+            with contextlib.suppress(Exception):  # of a roscore that is gone
+                if owns_its_name():
+                    self._forget(self._names)
+        self._end()
+
+    def _end(self) -> None:
         self._is_ending = True
         self._watch.close()
-        passing, self._passing = self._passing, ()
-        for name in passing:
-            with contextlib.suppress(Exception):  # of a roscore that has forgotten it, or is gone
-                rospy.delete_param(f"~{name}")
         rospy.signal_shutdown("asked to")
+
+    def _forget(self, names: Iterable[str]) -> None:
+        """Take private parameters from the parameter server."""
+        for name in rospy.get_param(rospy.get_name(), {}).keys() & set(names):
+            with contextlib.suppress(KeyError):  # somebody else was faster
+                rospy.delete_param(f"~{name}")
 
     def _interrupt(self, *_: object) -> None:
         self._is_ending = True

@@ -14,10 +14,11 @@ from rcl_interfaces.msg import (
 )
 from rclpy.exceptions import ParameterException
 
-from hypermap.core.errors import HypermapError
+from hypermap.core.errors import HypermapError, did_you_mean
 from hypermap.ros.parameters import checked
-from hypermap.ros.port import Parameter, Value
+from hypermap.ros.port import Level, Parameter, Value
 
+_OF_RCLPY = ("use_sim_time", "qos_overrides.", "start_type_description_service")
 _INT64 = 2**63 - 1
 
 
@@ -69,6 +70,23 @@ def descriptor(parameter: Parameter) -> Any:
             )
         ]
     return found
+
+
+def overrides(node: Any) -> Mapping[str, Any]:
+    """Return what its operator has given a node, known or not; rclpy keeps it to itself."""
+    given: Mapping[str, Any] = getattr(node, "_parameter_overrides", {})
+    return given
+
+
+def warn_of_others(
+    node: Any, parameters: Sequence[Parameter], log: Callable[[Level, str], None]
+) -> None:
+    """Log the names that were given to a node, but that neither it nor rclpy knows."""
+    for name in sorted(overrides(node)):
+        is_known = node.has_parameter(name) or name.startswith(_OF_RCLPY)
+        if not is_known and name not in {parameter.name for parameter in parameters}:
+            hint = did_you_mean(name, [parameter.name for parameter in parameters])
+            log("warning", f"nobody heeds the parameter {name!r}; {hint}")
 
 
 class Changes:

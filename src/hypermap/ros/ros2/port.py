@@ -27,12 +27,14 @@ except ImportError as missing:
         "version that it is for (a virtual environment with --system-site-packages)"
     ) from None
 
+from hypermap.ros.ros2.ending import end_executor
 from hypermap.ros.ros2.entities import Closing, RclpyPublisher, resolved, valid
 from hypermap.ros.ros2.life import LifecycleNode
 from hypermap.ros.ros2.messages import message_class, service_class
-from hypermap.ros.ros2.parameters import Changes, declared
+from hypermap.ros.ros2.parameters import Changes, declared, overrides, warn_of_others
 from hypermap.ros.ros2.qos import publisher_qos, subscription_qos
 from hypermap.ros.ros2.tf import Transforms
+from hypermap.ros.signals import end_signals
 
 _THREADS = 4
 _AUTOSTART = Parameter(
@@ -53,9 +55,13 @@ class Ros2Port:
 
     Raises:
         HypermapError: If ROS does not take the arguments.
+
+    Attributes:
+        is_stuck: whether the node has ended, but a callback of it has not.
     """
 
     def __init__(self, name: str, argv: Sequence[str] | None = None) -> None:
+        self.is_stuck = False
         self._end = threading.Event()
         self._closed = False
         self._static: Publisher | None = None
@@ -196,10 +202,15 @@ class Ros2Port:
             self._node.remove_on_set_parameters_callback(self._changes)
             self._changes = None
         values = {parameter.name: declared(self._node, parameter) for parameter in parameters}
+        warn_of_others(self._node, (*parameters, _AUTOSTART), self.log)
         if on_change is not None:
             self._changes = Changes(parameters, on_change, self._log_bug)
             self._node.add_on_set_parameters_callback(self._changes)
         return values
+
+    def origins(self) -> Mapping[str, str]:
+        """Return where the values of parameters were given, in words."""
+        return dict.fromkeys(overrides(self._node), "as an argument or in a file of parameters")
 
     def log(self, level: Level, text: str) -> None:
         """Write a line to the node's log."""
@@ -239,7 +250,7 @@ class Ros2Port:
     def spin(self) -> None:
         """Return when the node is to end, and has ended."""
         in_main = threading.current_thread() is threading.main_thread()
-        numbers = (signal.SIGINT, signal.SIGTERM) if in_main else ()
+        numbers = end_signals() if in_main else ()
         before = [signal.signal(number, lambda *_: self.shut_down()) for number in numbers]
         try:
             while not self.is_shut_down:
@@ -265,10 +276,11 @@ class Ros2Port:
             return
         self._closed = True
         self._node.finish()
-        self._transforms.close()
-        self._executor.shutdown()
-        if self._thread.is_alive():
-            self._thread.join(5.0)
+        ended = self._transforms.close()
+        self.is_stuck = not (end_executor(self._executor, self._thread) and ended)
+        if self.is_stuck:  # what it uses must stay; all that is to be saved is
+            self.log("error", "a callback does not end; the node ends without it")
+            return
         self._node.destroy_node()
         _shut_down_rclpy()
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import threading
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-import tf2_ros
 from numpy.typing import NDArray
 from rclpy.clock import JumpThreshold
 from rclpy.duration import Duration
@@ -15,8 +15,18 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.time import Time
 
-from hypermap.core.errors import FrameError
+from hypermap.core.errors import FrameError, HypermapError
 from hypermap.core.trajectory import pose_matrix
+from hypermap.ros.ros2.ending import end_executor
+
+try:
+    import tf2_ros
+except ImportError as missing:
+    distribution = os.environ.get("ROS_DISTRO", "DISTRO")
+    raise HypermapError(
+        f"tf2_ros is missing ({missing}): apt-get install ros-{distribution}-tf2-ros-py, and use "
+        "the Python version that it is for"
+    ) from None
 
 
 class Transforms:
@@ -70,9 +80,10 @@ class Transforms:
         """Forget where moving frames were."""
         self._buffer.clear()
 
-    def close(self) -> None:
-        """Listen no more."""
+    def close(self) -> bool:
+        """Listen no more; return whether that has ended in time."""
         self._jumps.unregister()
-        self._executor.shutdown()
-        self._thread.join(5.0)
-        self._node.destroy_node()
+        ended = end_executor(self._executor, self._thread)
+        if ended:
+            self._node.destroy_node()
+        return ended

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import traceback
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
 from typing import Generic, Protocol, TypeVar
 
 from hypermap.core.errors import HypermapError
@@ -47,6 +48,7 @@ class CurrentMap:
     def __init__(self, port: Port) -> None:
         self._port = port
         self._hypermap = Hypermap()
+        self._files: frozenset[Path] = frozenset()
         self._parts: tuple[Part, ...] = ()
         self._changed: set[str] = set()  # layers that are not shown as they are
         self._showing = threading.RLock()  # taken before the next, if both are
@@ -58,12 +60,23 @@ class CurrentMap:
         """The map now; it is not to be changed."""
         return self._hypermap
 
-    def replace(self, hypermap: Hypermap) -> None:
-        """Put another map in its place."""
+    @property
+    def files(self) -> frozenset[Path]:
+        """The files that hold this map, as it was loaded or stored."""
+        return self._files
+
+    def replace(self, hypermap: Hypermap, file: Path | None = None) -> None:
+        """Put another map in its place, which was loaded from a file."""
         with self._showing:
             with self._writing:
                 self._hypermap = hypermap
+                self._files = frozenset() if file is None else frozenset([file])
             self.show_again()
+
+    def stored(self, file: Path) -> None:
+        """Note that the map was stored in a file."""
+        with self._writing:
+            self._files |= {file}
 
     def change(self, name: str, make: Callable[[Hypermap, Layer], Layer]) -> None:
         """Replace one layer.

@@ -41,8 +41,9 @@ class MapFiles:
         Raises:
             HypermapError: If the name leads out of the directory, or the file is no map.
         """
-        hypermap = open_map(path_within(self._named_directory(), request.filename))
-        self._current.replace(hypermap)
+        path = path_within(self._named_directory(), request.filename)
+        hypermap = open_map(path)
+        self._current.replace(hypermap, path)
         self._announce(hypermap, request.filename)
         return self._port.response("hypermap_msgs/LoadMap")(success=True)
 
@@ -55,6 +56,7 @@ class MapFiles:
         """
         path = archive_within(self._named_directory(), request.filename)
         save_map(self._current.hypermap, path)
+        self._current.stored(path)
         self._port.log("info", f"stored the map in {request.filename}")
         return self._port.response("hypermap_msgs/StoreMap")(success=True)
 

@@ -8,15 +8,16 @@ from pathlib import Path
 from hypermap.core.errors import HypermapError
 from hypermap.core.hypermap import Hypermap
 from hypermap.formats import open_map
-from hypermap.ros.port import Parameter, Port, Value
+from hypermap.ros.port import Level, Parameter, Port, Value
 from hypermap.ros.server.current_map import CurrentMap, Part
 from hypermap.ros.server.floor_frames import FloorFrames
+from hypermap.ros.server.health import Health, Tally
 from hypermap.ros.server.layer_topics import LayerTopics
 from hypermap.ros.server.map_files import MAP_DIRECTORY, MapFiles
 from hypermap.ros.server.markers import LayerMarkers
 from hypermap.ros.server.masks import CostmapMasks
 from hypermap.ros.server.requests import Requests
-from hypermap.ros.server.save_at_end import SAVE_TO, archive_to_save, save_at_end
+from hypermap.ros.server.save_at_end import SAVE_TO, announce_end, archive_to_save, save_at_end
 from hypermap.ros.server.services import Services
 from hypermap.ros.server.terminal_console import TerminalConsole
 from hypermap.ros.server.updates import LayerUpdates
@@ -51,6 +52,7 @@ class MapServer:
         self._current = CurrentMap(port)
         self._values: dict[str, Value] = {}
         self._parts: tuple[Part, ...] = ()
+        self._greeting: tuple[Level, str] = "info", ""
 
     def configure(self) -> None:
         """Read the parameters and load the map that they name.
@@ -59,21 +61,14 @@ class MapServer:
             HypermapError: If a parameter or the file is wrong; no map is loaded then.
         """
         values = self._port.parameters(self.PARAMETERS, self._set)
-        archive_to_save(values)
+        save_to = archive_to_save(values)
         file = self._file or _file_to_load(values)
         hypermap = Hypermap() if file is None else open_map(file)
         self._values = dict(values)
-        self._current.replace(hypermap)
-        if file is not None:
-            self._announce(hypermap, str(file))
-        elif values["file"]:
-            self._port.log(
-                "warning",
-                f"the parameter file is {values['file']!r}, but neither load_map nor "
-                "load_map_config is true: starting without a map",
-            )
-        else:
-            self._port.log("info", "starting without a map: load one by load_map or the console")
+        self._current.replace(hypermap, None if file is None else Path(file).absolute())
+        self._greeting = _greeting(hypermap, file, str(values["file"]))
+        if save_to is not None:
+            announce_end(save_to, self._current.files, self._port)
 
     def activate(self) -> None:
         """Publish, serve and listen."""
@@ -82,12 +77,14 @@ class MapServer:
         files = MapFiles(port, current, self._announce)
         directory = str(self._values["map_directory"])
         files.directory = Path(directory).expanduser() if directory else None
+        tally = Tally()
         parts: list[Part] = [
+            Services(port, current, Requests(frames), files, tally),
             LayerTopics(port),
-            Services(port, current, Requests(frames), files),
             LayerUpdates(port, current, frames),
             LayerMarkers(port),
             CostmapMasks(port),
+            Health(port, current, tally, archive_to_save(self._values)),
         ]
         if self._values["console"]:
             parts.append(TerminalConsole(port, current))
@@ -95,6 +92,7 @@ class MapServer:
             part.set(self._values)
         self._parts = tuple(parts)
         current.show_on(self._parts)
+        port.log(*self._greeting)  # last: who hears of it finds the topics and services
 
     def deactivate(self) -> None:
         """Stop all that; the map stays."""
@@ -106,7 +104,7 @@ class MapServer:
     def cleanup(self) -> None:
         """Forget the map, but store it first where the operator wants that."""
         if (path := archive_to_save(self._values)) is not None:
-            save_at_end(self._current.hypermap, path, self._port)
+            save_at_end(self._current.hypermap, path, self._current.files, self._port)
         self._current.replace(Hypermap())
 
     def _set(self, values: Mapping[str, Value]) -> None:
@@ -116,8 +114,30 @@ class MapServer:
             part.set(values)
 
     def _announce(self, hypermap: Hypermap, file: str) -> None:
-        layers = ", ".join(f"{layer.name} ({layer.class_name})" for layer in hypermap) or "none"
-        self._port.log("info", f"loaded {file}; base frame {hypermap.base_frame}, layers: {layers}")
+        self._port.log("info", _loaded(hypermap, file))
+
+
+def _loaded(hypermap: Hypermap, file: str) -> str:
+    layers = ", ".join(f"{layer.name} ({layer.class_name})" for layer in hypermap) or "none"
+    return f"loaded {file}; base frame {hypermap.base_frame}, layers: {layers}"
+
+
+def _greeting(hypermap: Hypermap, loaded: str | Path | None, file: str) -> tuple[Level, str]:
+    """Return what the log says once all is there.
+
+    Args:
+        hypermap: the map.
+        loaded: where it comes from; None if it was not loaded.
+        file: the parameter of that name.
+    """
+    if loaded is not None:
+        return "info", _loaded(hypermap, str(loaded))
+    if file:
+        return "warning", (
+            f"the parameter file is {file!r}, but neither load_map nor load_map_config is true: "
+            "starting without a map"
+        )
+    return "info", "starting without a map: load one by load_map or the console"
 
 
 def _file_to_load(values: Mapping[str, Value]) -> Path | None:

@@ -1,8 +1,12 @@
-"""Saving the map when the node ends, so that what was recorded is not lost."""
+"""Saving the map when the node ends, so that what was recorded is not lost.
+
+A file that holds another map is never written over: the map is stored beside it then.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import itertools
+from collections.abc import Collection, Mapping
 from pathlib import Path
 
 from hypermap.core.errors import FileMissing, HypermapError
@@ -11,12 +15,15 @@ from hypermap.formats import save_map
 from hypermap.ros.port import Parameter, Port, Value
 
 SAVE_TO = Parameter(
-    "save_to", "", "Archive (.hmap) in which the map is stored when the node ends; empty for none."
+    "save_to",
+    "",
+    "Archive (.hmap) in which the map is stored when the node ends; empty for none.",
+    once=True,
 )
 
 
 def archive_to_save(values: Mapping[str, Value]) -> Path | None:
-    """Return where the map is stored at the end; None for nowhere.
+    """Return where the operator wants the map stored at the end; None for nowhere.
 
     Raises:
         HypermapError: If nothing could be stored there: better now than after an hour of mapping.
@@ -29,17 +36,59 @@ def archive_to_save(values: Mapping[str, Value]) -> Path | None:
         raise HypermapError(f"save_to: {given!r}: give a name that ends in .hmap")
     if not path.parent.is_dir():
         raise FileMissing(f"save_to: {given!r}: there is no folder {path.parent}")
-    return path
+    return path.absolute()
 
 
-def save_at_end(hypermap: Hypermap, path: Path, port: Port) -> None:
-    """Store a map, unless there is nothing in it: an older file is worth more than that."""
+def announce_end(path: Path, own: Collection[Path], port: Port) -> None:
+    """Say where the map will be stored.
+
+    Args:
+        path: where the operator wants it.
+        own: files that hold the map, as it was loaded or stored.
+        port: takes the line.
+    """
+    target = place_at_end(path, own)
+    if target == path:
+        port.log("info", f"the map will be stored in {path} at the end")
+    else:
+        port.log("warning", f"{_foreign(path)}, and the map will be stored in {target} at the end")
+
+
+def save_at_end(hypermap: Hypermap, path: Path, own: Collection[Path], port: Port) -> None:
+    """Store a map, unless there is nothing in it.
+
+    Args:
+        hypermap: the map.
+        path: where the operator wants it; a free name beside it if another map lies there.
+        own: files that hold the map, as it was loaded or stored: they may be written over.
+        port: says what was done.
+    """
     if all(layer.extent().is_empty for layer in hypermap):
         port.log("warning", f"{path} is not written: nothing has arrived in any layer")
         return
+    target = place_at_end(path, own)
+    if target != path:
+        port.log("warning", _foreign(path))
     try:
-        save_map(hypermap, path)
+        save_map(hypermap, target)
     except (HypermapError, OSError) as error:
         port.log("error", f"the map could not be stored: {error}")
         return
-    port.log("info", f"stored the map in {path}")
+    port.log("info", f"stored the map in {target}")
+
+
+def place_at_end(path: Path, own: Collection[Path]) -> Path:
+    """Return where a map is stored: the path, or a free name beside it if another map lies there.
+
+    Args:
+        path: where the operator wants it.
+        own: files that hold the map, as it was loaded or stored.
+    """
+    if not path.exists() or path.resolve() in {file.resolve() for file in own}:
+        return path
+    beside = (path.with_stem(f"{path.stem}-{number}") for number in itertools.count(1))
+    return next(free for free in beside if not free.exists())
+
+
+def _foreign(path: Path) -> str:
+    return f"{path} is there already, and this node has not loaded it: it stays as it is"

@@ -9,6 +9,7 @@ from hypermap.core.hypermap import Hypermap
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.ros.port import Closable, Message, Port, Value
 from hypermap.ros.server.current_map import CurrentMap, KeptOpen
+from hypermap.ros.server.health import Tally
 from hypermap.ros.server.layer_topics import global_layers
 from hypermap.ros.server.map_files import MapFiles
 from hypermap.ros.server.object_queries import ObjectQueries
@@ -24,9 +25,10 @@ class Services:
     """The part that offers all services; those of a layer come and go with it."""
 
     def __init__(
-        self, port: Port, current: CurrentMap, requests: Requests, files: MapFiles
+        self, port: Port, current: CurrentMap, requests: Requests, files: MapFiles, tally: Tally
     ) -> None:
         self._port = port
+        self._tally = tally
         self._open: KeptOpen[Closable] = KeptOpen()
         self._queries = queries = Queries(port, current, requests)
         new = ObjectQueries(port, current, requests)
@@ -74,7 +76,19 @@ class Services:
 
     def _opener(self, name: str, type_name: str, handler: Handler) -> Callable[[], Closable]:
         failed = partial(failed_response, self._port, type_name)
-        return partial(self._port.service, name, type_name, handler, failed)
+        return partial(self._port.service, name, type_name, self._counted(handler), failed)
+
+    def _counted(self, handler: Handler) -> Handler:
+        def handle(request: Message) -> Message:
+            try:
+                answer = handler(request)
+            except Exception:
+                self._tally.count(is_answered=False)
+                raise
+            self._tally.count(is_answered=True)
+            return answer
+
+        return handle
 
     def _static_map(self, service: str, request: Message) -> Message:  # noqa: ARG002 - it is empty
         return self._queries.static_map(self._layers.get(service, service))

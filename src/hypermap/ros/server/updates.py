@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -27,6 +28,8 @@ from hypermap.ros.server.layer_topics import global_layers, is_set
 from hypermap.ros.topic_names import topic_name
 
 _WAITING = 100  # updates in the queue; each of them counts
+_REASONS = 20  # for which messages of a topic may be wrong, each logged once
+_NUMBER = re.compile(r"-?\d[\d.]*(e[-+]?\d+)?")
 
 
 @dataclass(frozen=True)
@@ -95,7 +98,7 @@ class LayerUpdates:
     """The part that listens to the topics that fill or change layers.
 
     A message that is wrong leaves the layer as it was and is logged; those that follow it and are
-    wrong too are not.
+    wrong for the same reason are not, until a good one comes.
     """
 
     def __init__(self, port: Port, current: CurrentMap, frames: FloorFrames) -> None:
@@ -104,7 +107,7 @@ class LayerUpdates:
         self._frames = frames
         self._whole: KeptOpen[Closable] = KeptOpen()
         self._updates: KeptOpen[Closable] = KeptOpen()
-        self._failing: set[tuple[str, str]] = set()  # topics, and layers that take from them
+        self._said: dict[tuple[str, str], set[str]] = {}  # of topics and layers that take from them
 
     def set(self, values: Mapping[str, Value]) -> None:
         """Take parameters: there are none."""
@@ -113,7 +116,7 @@ class LayerUpdates:
         """Listen for the layers of a map."""
         if changed is not None:
             return
-        self._failing.clear()
+        self._said.clear()
         # Subscribing anew brings what was latched, which the layers of a new map have not heard.
         self._whole.close()
         self._whole.keep(
@@ -167,10 +170,28 @@ class LayerUpdates:
                 continue
             except HypermapError as error:
                 problems.append(f"{error}; the message is ignored")
-            if problems and (source.name, name) not in self._failing:
-                for problem in problems:
-                    self._port.log("warning", f"{source.name}: layer {name!r}: {problem}")
-            (self._failing.add if problems else self._failing.discard)((source.name, name))
+            if problems:
+                self._complain(source.name, name, problems)
+            else:
+                self._said.pop((source.name, name), None)
+
+    def _complain(self, topic: str, layer: str, problems: Sequence[str]) -> None:
+        """Log what was wrong with a message, but for reasons that were told already.
+
+        Reasons that differ in numbers alone are one.
+        """
+        said = self._said.setdefault((topic, layer), set())
+        fresh = [problem for problem in problems if _NUMBER.sub("#", problem) not in said]
+        if not fresh or len(said) > _REASONS:
+            return
+        said.update(_NUMBER.sub("#", problem) for problem in fresh)
+        for problem in fresh[:_REASONS]:
+            self._port.log("warning", f"{topic}: layer {layer!r}: {problem}")
+        if len(fresh) > _REASONS:
+            count = len(fresh) - _REASONS
+            self._port.log("warning", f"{topic}: layer {layer!r}: {count} more are wrong")
+        if len(said) > _REASONS:
+            self._port.log("warning", f"{topic}: layer {layer!r}: further reasons are not logged")
 
     def _changed(
         self,

@@ -1,0 +1,45 @@
+"""Ending what may not end: executors of rclpy, and a program whose threads are stuck."""
+
+from __future__ import annotations
+
+import os
+import sys
+import threading
+from typing import Any
+
+LIMIT = 2.0  # s; `ros2 launch` kills a node 10 s after Ctrl-C
+
+
+def end_executor(executor: Any, runner: threading.Thread, limit: float = LIMIT) -> bool:
+    """Shut an executor down, and wait for the thread that spins it.
+
+    rclpy waits without limit for callbacks that run, in some versions also against its argument
+    `timeout_sec`. So a thread waits in our place.
+
+    Args:
+        executor: the executor.
+        runner: the thread that spins it; it may not have started.
+        limit: seconds to wait at most, for each of both.
+
+    Returns:
+        Whether both have ended.
+    """
+    helper = threading.Thread(target=executor.shutdown, name="shutdown", daemon=True)
+    helper.start()
+    helper.join(limit)
+    if runner.is_alive():
+        runner.join(limit)
+    return not (helper.is_alive() or runner.is_alive())
+
+
+def end_program_soon(seconds: float = LIMIT) -> None:
+    """End the program, if it has not by then: Python would wait for threads that are stuck."""
+
+    def end() -> None:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(1)
+
+    timer = threading.Timer(seconds, end)
+    timer.daemon = True
+    timer.start()
