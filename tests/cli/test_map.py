@@ -130,11 +130,31 @@ def test_there_is_an_option_for_every_field_of_the_recording_options():
     assert set(OPTIONS) == fields
 
 
-def test_ctrl_c_saves_what_there_is(tmp_path):
+def as_from_a_terminal() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
+def as_a_job_of_a_script() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+@pytest.mark.parametrize(
+    ("before", "numbers", "name"),
+    [
+        (as_from_a_terminal, [signal.SIGINT], "Ctrl-C"),
+        # `timeout` sends it to its child and to the child's group.
+        (as_from_a_terminal, [signal.SIGTERM, signal.SIGTERM], "SIGTERM"),
+        (as_a_job_of_a_script, [signal.SIGINT, signal.SIGTERM], "SIGTERM"),
+    ],
+)
+def test_who_ends_it_early_gets_what_there_is(tmp_path, before, numbers, name):
     drive, out = write_drive(tmp_path / "drive", frames=3000), tmp_path / "out.hmap"
     command = [sys.executable, "-m", "hypermap", "map", drive, "-o", out]
     with subprocess.Popen(
-        [*command, "--intrinsics", INTRINSICS], stderr=subprocess.PIPE, text=True
+        [*command, "--intrinsics", INTRINSICS],
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=before,
     ) as process:
         assert process.stderr is not None
         said = ""
@@ -142,12 +162,14 @@ def test_ctrl_c_saves_what_there_is(tmp_path):
             line = process.stderr.readline()
             assert line, f"ended before the first frame: {said}"
             said += line
-        process.send_signal(signal.SIGINT)
+        for number in numbers:
+            process.send_signal(number)
         said += process.stderr.read()
-    assert process.returncode == 130
-    assert "stopping; what was seen so far is saved, Ctrl-C again gives up" in said
+    assert process.returncode == 128 + numbers[-1]
+    assert "stopping; what was seen so far is saved" in said
+    assert ("Ctrl-C again gives up" in said) == (name == "Ctrl-C")
     assert f"saved {out}" in said
-    assert "Ctrl-C ended it early" in said
+    assert f"{name} ended it early" in said
     assert "Traceback" not in said
     frames = open_map(out).metadata["frames"]
     assert 1 <= frames["used"] < 3000
