@@ -1,17 +1,24 @@
 from __future__ import annotations
 
+import contextlib
 import json
+import os
+import pty
 import signal
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from hypermap.cli.recording_options import OPTIONS
+from hypermap.core.hypermap import Hypermap
 from hypermap.core.semantic import SemanticLayer
-from hypermap.formats import open_map
+from hypermap.formats import open_map, save_map
 from hypermap.recordings import RecordingOptions
+from hypermap.testing import square
+from hypermap.viewer.live.document import MapDocument
 
 from .conftest import INTRINSICS, assert_one_error, write_drive
 
@@ -68,11 +75,80 @@ def test_a_given_occupancy_map_becomes_the_first_layer(hypermap, drive, room_map
     assert (first["name"], first["width"], first["height"]) == ("occupancy", 30, 20)
 
 
-def test_an_output_that_exists_is_replaced(hypermap, drive, tmp_path):
+def test_an_output_that_exists_is_replaced_and_stays_beside_it(hypermap, drive, tmp_path):
     out = tmp_path / "out.hmap"
     out.write_text("an older map")
-    assert hypermap("map", drive, "--intrinsics", INTRINSICS, "-o", out).code == 0
+    arguments = ["map", drive, "--intrinsics", INTRINSICS, "-o", out]
+    result = hypermap(*arguments)
+    assert result.code == 0
+    assert f"the map that was there stays as {out}.bak" in result.err
+    assert (tmp_path / "out.hmap.bak").read_text() == "an older map"
     assert len(objects_in(out)) == 1
+    made = out.read_bytes()
+    assert hypermap(*arguments, "--no-evidence").code == 0  # it can be made again: none asks
+    assert (tmp_path / "out.hmap.bak").read_bytes() == made
+
+
+def edited(path: Path) -> None:
+    """Rename an object, as someone does on the page, and save the map."""
+    document = MapDocument(path)
+    (item,) = document.snapshot.hypermap["semantic"].objects()  # type: ignore[attr-defined]
+    document.edit(
+        document.snapshot.version,
+        lambda draft: draft.update("semantic", item.id, replace(item, name="throne")),
+    )
+    document.save()
+
+
+def drawn(path: Path) -> None:
+    """Save a map that was never made of a recording."""
+    save_map(Hypermap([SemanticLayer("semantic", "map", [square("zone", 0, 0)])]), path)
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        (edited, "it was edited by hand, with hypermap view"),
+        (drawn, "it was not made by mapping"),
+    ],
+)
+def test_what_people_have_made_is_replaced_only_on_a_second_word(
+    hypermap, drive, tmp_path, monkeypatch, change, reason
+):
+    out, backup = tmp_path / "out.hmap", tmp_path / "out.hmap.bak"
+    arguments = ["map", drive, "--intrinsics", INTRINSICS, "-o", out]
+    assert hypermap(*arguments).code == 0
+    change(out)
+    precious = out.read_bytes()
+    told = f"{out} exists already, and {reason}"
+    assert_one_error(hypermap(*arguments), told, "give --force to replace it", "out.hmap.bak")
+    assert out.read_bytes() == precious
+    assert hypermap(*arguments, "--force").code == 0
+    assert backup.read_bytes() == precious
+    # A backup that no one could make again outlives a map that anyone can.
+    assert hypermap(*arguments).code == 0
+    assert backup.read_bytes() == precious
+
+
+@pytest.mark.parametrize("answer", ["n", "y"])
+def test_at_a_terminal_it_is_asked(drive, tmp_path, answer):
+    out = tmp_path / "out.hmap"
+    drawn(out)
+    command = [sys.executable, "-m", "hypermap", "map", drive, "--intrinsics", INTRINSICS]
+    ours, theirs = pty.openpty()
+    with subprocess.Popen([*command, "-o", out], stdin=theirs, stderr=theirs) as process:
+        os.close(theirs)
+        os.write(ours, f"{answer}\n".encode())
+        said = b""
+        with contextlib.suppress(OSError):  # the terminal is gone with its last program
+            while part := os.read(ours, 1 << 16):
+                said += part
+        os.close(ours)
+    is_yes = answer == "y"
+    assert process.returncode == (0 if is_yes else 2), said
+    assert b"it was not made by mapping. Replace it? It stays as out.hmap.bak." in said
+    assert (tmp_path / "out.hmap.bak").exists() == is_yes
+    assert [name for name, _, _ in objects_in(out)] == ["chair" if is_yes else "zone"]
 
 
 def test_a_failure_leaves_the_old_output(hypermap, drive, tmp_path):

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hypermap.cli.logs import Log, logging_to
-from hypermap.cli.options import check_output
+from hypermap.cli.options import ForceMap, check_map_output
 from hypermap.cli.recording_options import takes_recording_options
 from hypermap.cli.signals import Stop, stop_on_signal
 from hypermap.cli.terminal import note
@@ -105,6 +105,7 @@ def command(
         bool,
         typer.Option(help="Keep what was seen of each object, to look behind it in `view`."),
     ] = True,
+    force: ForceMap = False,
     log: Log = None,
     view: View = False,
     port: Port = None,
@@ -126,12 +127,11 @@ def command(
         hypermap map heads --world-transform 0,0,1.2,-1.9,0,0 -o heads.hmap
     """
     from hypermap.formats import save_map
+    from hypermap.formats.backup import keep_backup
     from hypermap.formats.map_server import load_occupancy
     from hypermap.recordings import open_recording
 
-    if output.suffix.lower() != ".hmap":
-        raise HypermapError(f"{output}: a map is saved as .hmap")
-    check_output(output, replace=True)
+    check_map_output(output, force)
     recording = open_recording(path, recording_options)
     settings = _settings(profile, config, score)
     occupancy = None
@@ -149,7 +149,10 @@ def command(
             )
             if not evidence:
                 _forget_evidence(hypermap)
+            backup = keep_backup(output, spare_edited=True)
             save_map(hypermap, output)
+        if backup is not None:
+            note(f"the map that was there stays as {backup}")
         _summarize(hypermap, output)
         part = "" if is_whole else f"the map of a part of the recording: {stop.name} ended it early"
         if part:
