@@ -122,6 +122,8 @@ def test_what_people_have_made_is_replaced_only_on_a_second_word(
     precious = out.read_bytes()
     told = f"{out} exists already, and {reason}"
     assert_one_error(hypermap(*arguments), told, "give --force to replace it", "out.hmap.bak")
+    topics = ["--depth-topic", "/depth", "--detections-topic", "/boxes"]
+    assert_one_error(hypermap("live", *topics, "-o", out), told)
     assert out.read_bytes() == precious
     assert hypermap(*arguments, "--force").code == 0
     assert backup.read_bytes() == precious

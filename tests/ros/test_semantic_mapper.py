@@ -250,6 +250,23 @@ def test_the_map_is_saved_by_itself_while_the_robot_drives(
     assert backup.read_text() == "an older map", "what the node made itself is no backup"
 
 
+def test_a_bag_that_waits_for_listeners_does_not_tell_its_map_too_early(port: Any) -> None:
+    given = Given(port, {**RAW, "map_topic": "/map"})
+    heard: list[str] = []
+
+    def subscribe(topic: str, *arguments: Any, **options: Any) -> Any:
+        heard.append(topic)
+        return port.subscribe(topic, *arguments, **options)
+
+    given.subscribe = subscribe  # type: ignore[attr-defined]
+    node = SemanticMapper(given)  # type: ignore[arg-type]
+    node.configure()
+    node.activate()
+    node.deactivate()
+    assert heard[0] == "/map"
+    assert camera.DEPTH in heard
+
+
 def test_a_disk_that_was_full_is_tried_again(
     room: Callable[..., Room], drive: list[RgbdFrame], tmp_path: Path
 ) -> None:

@@ -116,6 +116,13 @@ class _Life:
         self._worker = Worker(
             port, settings, live_map, self._frames, self.outputs, self._statistics, self._log
         )
+        self._saving = Saving(port, settings, live_map, self._log)
+        self._others: list[Closable] = [port.timer(1.0, self._diagnose), *self._serve()]
+        # Before the images, for which a player of bags waits: a bag tells its map but once.
+        if settings.map_topic:
+            self._others.append(
+                port.subscribe(settings.map_topic, OCCUPANCY, self._take_occupancy, latched=True)
+            )
         self._inputs = LiveInputs(
             port,
             settings,
@@ -125,12 +132,6 @@ class _Life:
             self._take_camera_info,
             self._worker.jump,
         )
-        self._saving = Saving(port, settings, live_map, self._log)
-        self._others: list[Closable] = [port.timer(1.0, self._diagnose), *self._serve()]
-        if settings.map_topic:
-            self._others.append(
-                port.subscribe(settings.map_topic, OCCUPANCY, self._take_occupancy, latched=True)
-            )
 
     def close(self) -> None:
         """End it, and save the map if that was asked for."""
