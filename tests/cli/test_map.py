@@ -132,25 +132,26 @@ def test_what_people_have_made_is_replaced_only_on_a_second_word(
     assert backup.read_bytes() == precious
 
 
-@pytest.mark.parametrize("answer", ["n", "y"])
-def test_at_a_terminal_it_is_asked(drive, tmp_path, answer):
+@pytest.mark.parametrize(
+    ("answer", "code", "name"), [("n\n", 2, "zone"), ("y\n", 0, "chair"), ("\x04", 130, "zone")]
+)
+def test_at_a_terminal_it_is_asked(drive, tmp_path, answer, code, name):
     out = tmp_path / "out.hmap"
     drawn(out)
     command = [sys.executable, "-m", "hypermap", "map", drive, "--intrinsics", INTRINSICS]
     ours, theirs = pty.openpty()
     with subprocess.Popen([*command, "-o", out], stdin=theirs, stderr=theirs) as process:
         os.close(theirs)
-        os.write(ours, f"{answer}\n".encode())
+        os.write(ours, answer.encode())
         said = b""
         with contextlib.suppress(OSError):  # the terminal is gone with its last program
             while part := os.read(ours, 1 << 16):
                 said += part
         os.close(ours)
-    is_yes = answer == "y"
-    assert process.returncode == (0 if is_yes else 2), said
+    assert process.returncode == code, said
     assert b"it was not made by mapping. Replace it? It stays as out.hmap.bak." in said
-    assert (tmp_path / "out.hmap.bak").exists() == is_yes
-    assert [name for name, _, _ in objects_in(out)] == ["chair" if is_yes else "zone"]
+    assert (tmp_path / "out.hmap.bak").exists() == (code == 0)
+    assert [each for each, _, _ in objects_in(out)] == [name]
 
 
 def test_a_failure_leaves_the_old_output(hypermap, drive, tmp_path):

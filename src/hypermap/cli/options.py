@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hypermap.cli.terminal import BAD_INPUT, visible
+from hypermap.cli.terminal import INTERRUPTED, visible
 from hypermap.core.errors import HypermapError
 
 if TYPE_CHECKING:
@@ -122,8 +122,8 @@ def check_map_output(path: Path, force: bool) -> None:
     terminal.
 
     Raises:
-        HypermapError: If it cannot, or must not without `--force`.
-        typer.Exit: If the user says no.
+        HypermapError: If it cannot, or must not.
+        typer.Exit: If Ctrl-C is the answer.
     """
     from hypermap.formats.backup import backup_of, why_precious
 
@@ -139,8 +139,12 @@ def check_map_output(path: Path, force: bool) -> None:
             f"{backup_of(path).name}), or another name"
         )
     asked = f"{path} exists already, and {reason}. Replace it? It stays as {backup_of(path).name}."
-    if not typer.confirm(visible(asked), err=True):
-        raise typer.Exit(BAD_INPUT)
+    try:
+        is_wanted = typer.confirm(visible(asked), err=True)
+    except typer.Abort:  # Ctrl-C or the end of input
+        raise typer.Exit(INTERRUPTED) from None
+    if not is_wanted:
+        raise HypermapError(f"{path} stays as it is")
 
 
 def check_picture(path: Path) -> None:
