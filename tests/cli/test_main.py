@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import shlex
+import signal
 import subprocess
 import sys
 
@@ -151,6 +152,27 @@ def test_ctrl_c_in_a_compiled_loop_ends_the_command_as_any_other(hypermap, monke
     monkeypatch.setattr("hypermap.formats.open_map", interrupted)
     result = hypermap("info", room_map)
     assert (result.code, result.err) == (130, "")
+
+
+@pytest.mark.parametrize("in_a_compiled_loop", [False, True])
+def test_sigterm_ends_a_command_in_order(hypermap, monkeypatch, room_map, in_a_compiled_loop):
+    undone = []
+
+    def terminated(*_arguments, **_options):
+        try:
+            signal.raise_signal(signal.SIGTERM)
+        except SystemExit as end:
+            if not in_a_compiled_loop:
+                raise
+            raise SystemError("returned a result with an exception set") from end
+        finally:
+            undone.append("what was half done")
+
+    monkeypatch.setattr("hypermap.formats.open_map", terminated)
+    before = signal.getsignal(signal.SIGTERM)
+    result = hypermap("info", room_map)
+    assert (result.code, result.err, len(undone)) == (143, "", 1)
+    assert signal.getsignal(signal.SIGTERM) == before
 
 
 def test_other_errors_of_python_itself_are_not_hidden(hypermap, monkeypatch, room_map):

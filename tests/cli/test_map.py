@@ -1,17 +1,24 @@
 from __future__ import annotations
 
+import contextlib
 import json
+import os
+import pty
 import signal
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from hypermap.cli.recording_options import OPTIONS
+from hypermap.core.hypermap import Hypermap
 from hypermap.core.semantic import SemanticLayer
-from hypermap.formats import open_map
+from hypermap.formats import open_map, save_map
 from hypermap.recordings import RecordingOptions
+from hypermap.testing import square
+from hypermap.viewer.live.document import MapDocument
 
 from .conftest import INTRINSICS, assert_one_error, write_drive
 
@@ -68,11 +75,83 @@ def test_a_given_occupancy_map_becomes_the_first_layer(hypermap, drive, room_map
     assert (first["name"], first["width"], first["height"]) == ("occupancy", 30, 20)
 
 
-def test_an_output_that_exists_is_replaced(hypermap, drive, tmp_path):
+def test_an_output_that_exists_is_replaced_and_stays_beside_it(hypermap, drive, tmp_path):
     out = tmp_path / "out.hmap"
     out.write_text("an older map")
-    assert hypermap("map", drive, "--intrinsics", INTRINSICS, "-o", out).code == 0
+    arguments = ["map", drive, "--intrinsics", INTRINSICS, "-o", out]
+    result = hypermap(*arguments)
+    assert result.code == 0
+    assert f"the map that was there stays as {out}.bak" in result.err
+    assert (tmp_path / "out.hmap.bak").read_text() == "an older map"
     assert len(objects_in(out)) == 1
+    made = out.read_bytes()
+    assert hypermap(*arguments, "--no-evidence").code == 0  # it can be made again: none asks
+    assert (tmp_path / "out.hmap.bak").read_bytes() == made
+
+
+def edited(path: Path) -> None:
+    """Rename an object, as someone does on the page, and save the map."""
+    document = MapDocument(path)
+    (item,) = document.snapshot.hypermap["semantic"].objects()  # type: ignore[attr-defined]
+    document.edit(
+        document.snapshot.version,
+        lambda draft: draft.update("semantic", item.id, replace(item, name="throne")),
+    )
+    document.save()
+
+
+def drawn(path: Path) -> None:
+    """Save a map that was never made of a recording."""
+    save_map(Hypermap([SemanticLayer("semantic", "map", [square("zone", 0, 0)])]), path)
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        (edited, "it was edited by hand, with hypermap view"),
+        (drawn, "it was not made by mapping"),
+    ],
+)
+def test_what_people_have_made_is_replaced_only_on_a_second_word(
+    hypermap, drive, tmp_path, monkeypatch, change, reason
+):
+    out, backup = tmp_path / "out.hmap", tmp_path / "out.hmap.bak"
+    arguments = ["map", drive, "--intrinsics", INTRINSICS, "-o", out]
+    assert hypermap(*arguments).code == 0
+    change(out)
+    precious = out.read_bytes()
+    told = f"{out} exists already, and {reason}"
+    assert_one_error(hypermap(*arguments), told, "give --force to replace it", "out.hmap.bak")
+    topics = ["--depth-topic", "/depth", "--detections-topic", "/boxes"]
+    assert_one_error(hypermap("live", *topics, "-o", out), told)
+    assert out.read_bytes() == precious
+    assert hypermap(*arguments, "--force").code == 0
+    assert backup.read_bytes() == precious
+    # A backup that no one could make again outlives a map that anyone can.
+    assert hypermap(*arguments).code == 0
+    assert backup.read_bytes() == precious
+
+
+@pytest.mark.parametrize(
+    ("answer", "code", "name"), [("n\n", 2, "zone"), ("y\n", 0, "chair"), ("\x04", 130, "zone")]
+)
+def test_at_a_terminal_it_is_asked(drive, tmp_path, answer, code, name):
+    out = tmp_path / "out.hmap"
+    drawn(out)
+    command = [sys.executable, "-m", "hypermap", "map", drive, "--intrinsics", INTRINSICS]
+    ours, theirs = pty.openpty()
+    with subprocess.Popen([*command, "-o", out], stdin=theirs, stderr=theirs) as process:
+        os.close(theirs)
+        os.write(ours, answer.encode())
+        said = b""
+        with contextlib.suppress(OSError):  # the terminal is gone with its last program
+            while part := os.read(ours, 1 << 16):
+                said += part
+        os.close(ours)
+    assert process.returncode == code, said
+    assert b"it was not made by mapping. Replace it? It stays as out.hmap.bak." in said
+    assert (tmp_path / "out.hmap.bak").exists() == (code == 0)
+    assert [each for each, _, _ in objects_in(out)] == [name]
 
 
 def test_a_failure_leaves_the_old_output(hypermap, drive, tmp_path):
@@ -130,11 +209,31 @@ def test_there_is_an_option_for_every_field_of_the_recording_options():
     assert set(OPTIONS) == fields
 
 
-def test_ctrl_c_saves_what_there_is(tmp_path):
+def as_from_a_terminal() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
+def as_a_job_of_a_script() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+@pytest.mark.parametrize(
+    ("before", "numbers", "name"),
+    [
+        (as_from_a_terminal, [signal.SIGINT], "Ctrl-C"),
+        # `timeout` sends it to its child and to the child's group.
+        (as_from_a_terminal, [signal.SIGTERM, signal.SIGTERM], "SIGTERM"),
+        (as_a_job_of_a_script, [signal.SIGINT, signal.SIGTERM], "SIGTERM"),
+    ],
+)
+def test_who_ends_it_early_gets_what_there_is(tmp_path, before, numbers, name):
     drive, out = write_drive(tmp_path / "drive", frames=3000), tmp_path / "out.hmap"
     command = [sys.executable, "-m", "hypermap", "map", drive, "-o", out]
     with subprocess.Popen(
-        [*command, "--intrinsics", INTRINSICS], stderr=subprocess.PIPE, text=True
+        [*command, "--intrinsics", INTRINSICS],
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=before,
     ) as process:
         assert process.stderr is not None
         said = ""
@@ -142,12 +241,14 @@ def test_ctrl_c_saves_what_there_is(tmp_path):
             line = process.stderr.readline()
             assert line, f"ended before the first frame: {said}"
             said += line
-        process.send_signal(signal.SIGINT)
+        for number in numbers:
+            process.send_signal(number)
         said += process.stderr.read()
-    assert process.returncode == 130
-    assert "stopping; what was seen so far is saved, Ctrl-C again gives up" in said
+    assert process.returncode == 128 + numbers[-1]
+    assert "stopping; what was seen so far is saved" in said
+    assert ("Ctrl-C again gives up" in said) == (name == "Ctrl-C")
     assert f"saved {out}" in said
-    assert "Ctrl-C ended it early" in said
+    assert f"{name} ended it early" in said
     assert "Traceback" not in said
     frames = open_map(out).metadata["frames"]
     assert 1 <= frames["used"] < 3000

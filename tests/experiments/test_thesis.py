@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -141,6 +142,39 @@ def test_methods_differ_as_they_are_named() -> None:
             assert config.evidence.fusion == shape.replace(" ", "_")
             assert config.evidence.association == {"overlap": "jaccard"}.get(association, "radius")
             assert config.perception.method == "organised"
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="children are listed in /proc")
+def test_sigterm_ends_all_its_processes(tmp_path: Path) -> None:
+    words = ["thesis", "--worlds", "lab", "--rate", "30", "--jobs", "2", "-o", tmp_path / "t.html"]
+    with subprocess.Popen(
+        [sys.executable, "-m", "hypermap", "experiment", *map(str, words)],
+        stderr=subprocess.DEVNULL,
+    ) as process:
+        listed = Path(f"/proc/{process.pid}/task/{process.pid}/children")
+        children: list[str] = []
+        while not [child for child in children if "spawn_main" in _command_line(child)]:
+            assert process.poll() is None
+            time.sleep(0.1)
+            children = listed.read_text().split()
+        process.terminate()
+        try:
+            assert process.wait(60) == 143
+        finally:
+            process.kill()
+        end = time.monotonic() + 60
+        while any("spawn_main" in _command_line(child) for child in children):
+            assert time.monotonic() < end, "a drive goes on without anyone who waits for it"
+            time.sleep(0.1)
+    assert list(tmp_path.iterdir()) == []
+
+
+def _command_line(process: str) -> str:
+    """Return the words of a process; nothing once it has ended."""
+    try:
+        return Path(f"/proc/{process}/cmdline").read_text().replace("\0", " ")
+    except OSError:
+        return ""
 
 
 @pytest.mark.parametrize(

@@ -61,6 +61,26 @@ def test_where_it_cannot_be_written_the_message_says_why(tmp_path: Path) -> None
     assert names(tmp_path) == ["folder"]
 
 
+def test_files_are_replaced_in_their_order_when_all_are_on_the_disk(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    order = ["z", "folder/b", "a"]
+    write_files(tmp_path, dict.fromkeys(order, b"old"))
+    seen = []
+    replace = Path.replace
+
+    def look_and_replace(temporary: Path, target: Path) -> Path:
+        news = [path.read_bytes() for path in tmp_path.rglob(".hypermap-*")]
+        seen.append([(tmp_path / name).read_bytes() for name in order])
+        assert set(news) == {b"new"}
+        assert len(news) == len(order) - len(seen) + 1
+        return replace(temporary, target)
+
+    monkeypatch.setattr(Path, "replace", look_and_replace)
+    write_files(tmp_path, dict.fromkeys(order, b"new"))
+    assert seen == [[b"old"] * 3, [b"new", b"old", b"old"], [b"new", b"new", b"old"]]
+
+
 # A limit on the size of files is the nearest thing to a full disk that needs no rights: the write
 # fails half way with an error of the operating system.
 FULL_DISK = """

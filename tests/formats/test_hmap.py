@@ -20,6 +20,7 @@ from hypermap.core.semantic import SemanticLayer, SemanticObject
 from hypermap.formats import limits, open_map, save_map, semantic_yaml
 from hypermap.formats.config import CONFIG_NAME
 from hypermap.formats.yaml_text import read_yaml
+from hypermap.testing import square
 
 from .maps import files_of, occupancy, semantic, small_map
 from .strategies import hypermaps, map_facts
@@ -211,6 +212,27 @@ def test_a_layer_without_plugin_is_not_saved_and_the_old_file_stays(tmp_path: Pa
         save_map(Hypermap(metadata={"a": object()}), path)
     assert path.read_bytes() == before
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_in_a_folder_the_old_map_stands_until_all_files_of_the_new_one_are_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    save_map(small_map(), tmp_path)
+    old = map_facts(small_map())
+    seen = []
+    replace = Path.replace
+
+    def look_and_replace(temporary: Path, target: Path) -> Path:
+        assert map_facts(open_map(tmp_path)) == old
+        seen.append(target.name)
+        return replace(temporary, target)
+
+    monkeypatch.setattr(Path, "replace", look_and_replace)
+    new = Hypermap([SemanticLayer("rooms", "map", [square("hall", 0, 0)])])
+    save_map(new, tmp_path)
+    assert len(seen) > 1
+    assert seen[-1] == CONFIG_NAME
+    assert map_facts(open_map(tmp_path)) == map_facts(new)
 
 
 def test_a_folder_to_save_in_must_exist(tmp_path: Path) -> None:

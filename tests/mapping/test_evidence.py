@@ -34,8 +34,9 @@ def test_an_object_is_published_above_two() -> None:
     counts = []
     for _ in range(3):
         evidence.update(seen(square(0)))
-        counts.append(len(evidence))
-    assert counts == [0, 0, 1]  # existence 1, 2, 3
+        published = evidence.objects(), evidence.standing(), evidence.layer()
+        counts.append((len(evidence), *map(len, published)))
+    assert counts == [(0, 0, 0, 0), (0, 0, 0, 0), (1, 1, 1, 1)]  # existence 1, 2, 3
 
 
 def test_an_object_is_forgotten_below_minus_five() -> None:

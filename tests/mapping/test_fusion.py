@@ -144,6 +144,14 @@ def test_merged_evidence_is_in_order_of_time() -> None:
     assert first.count == 4
 
 
+def test_of_merged_evidence_the_newest_is_kept_and_all_is_counted() -> None:
+    first, second = pile(square(0), square(1), square(2), limit=3), pile(square(5), square(6))
+    first.merge([second])  # their stamps are 0, 1, 2 and 0, 1
+    assert [evidence.stamp for evidence in first.items] == [1, 1, 2]
+    assert sorted(first.centroids[:, 0].tolist()) == [1, 2, 6]
+    assert (first.count, first.first_seen, first.last_seen) == (5, 0, 2)
+
+
 coordinates = st.integers(-30, 130).map(lambda n: n / 10 + 0.05)
 points = st.tuples(coordinates, coordinates)
 

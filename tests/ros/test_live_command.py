@@ -67,6 +67,7 @@ def test_the_command_maps_a_played_bag_and_saves_on_ctrl_c(
     frames = desk_bag(rosbag, shared_data / "desk", bag, 30)
     topics = ["--depth-topic", camera.DEPTH, "--detections-topic", camera.DARKNET]
     own = ["--param", "slop=0.05", "--param", "tf_timeout=1.0", "__name:=live_desk"]
+    own += ["--save-every", "0.5"]
     live = start("hypermap", "live", "--ros1", *topics, *own, "-o", output)
     live.expect("waiting for", timeout=60)
     reports: list[Any] = []
@@ -87,6 +88,7 @@ def test_the_command_maps_a_played_bag_and_saves_on_ctrl_c(
     wait_for(is_done, "all frames", 60)
     listener.unregister()
     counts = fates(reports[-1])
+    wait_for(output.exists, "the map, which a node that is killed has saved by itself")
     assert live.stop(signal.SIGINT) == 0, live.output
     saved = open_map(output)
     assert isinstance(saved["semantic"], SemanticLayer)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import islice
@@ -220,6 +221,98 @@ def test_services_save_and_clear_the_map(
     clear = rospy.ServiceProxy(f"{name}/clear", service_class("std_srvs/Trigger"))
     assert clear().message == f"{len(layer)} objects are forgotten"
     assert len(node.semantic) == 0
+
+
+def test_the_map_is_saved_by_itself_while_the_robot_drives(
+    room: Callable[..., Room], drive: list[RgbdFrame], tmp_path: Path
+) -> None:
+    output = tmp_path / "live.hmap"
+    output.write_text("an older map")
+    asked = {**RAW, "save_to": str(output), "save_every": 0.1}
+    node = room(camera.INFO, camera.DARKNET, camera.DEPTH, **asked)
+    assert node.logged(f"the map is saved in {output}, every 0.1 s and at the end")
+    node.show_camera_info(drive[0])
+
+    def is_saved() -> bool:
+        used = node.node.hypermap().metadata["frames"]["used"]
+        with contextlib.suppress(HypermapError):  # the older one still
+            return bool(open_map(output).metadata["frames"]["used"] == used)
+        return False
+
+    layer = node.map(drive[:5])
+    wait_for(is_saved, "the map of five frames")
+    assert_same(list(open_map(output)["semantic"].objects()), layer.objects())  # type: ignore[attr-defined]
+    backup = tmp_path / "live.hmap.bak"
+    assert node.logged(f"{output} was there before; it stays as {backup}")
+    node.camera.show(drive[5])
+    node.wait_for(MAPPED=6)
+    wait_for(is_saved, "the map of six frames")
+    assert backup.read_text() == "an older map", "what the node made itself is no backup"
+
+
+def test_a_bag_that_waits_for_listeners_does_not_tell_its_map_too_early(port: Any) -> None:
+    given = Given(port, {**RAW, "map_topic": "/map"})
+    heard: list[str] = []
+
+    def subscribe(topic: str, *arguments: Any, **options: Any) -> Any:
+        heard.append(topic)
+        return port.subscribe(topic, *arguments, **options)
+
+    given.subscribe = subscribe  # type: ignore[attr-defined]
+    node = SemanticMapper(given)  # type: ignore[arg-type]
+    node.configure()
+    node.activate()
+    node.deactivate()
+    assert heard[0] == "/map"
+    assert camera.DEPTH in heard
+
+
+def test_a_disk_that_was_full_is_tried_again(
+    room: Callable[..., Room], drive: list[RgbdFrame], tmp_path: Path
+) -> None:
+    folder = tmp_path / "disk"
+    folder.mkdir()
+    output = folder / "live.hmap"
+    node = room(
+        camera.INFO, camera.DARKNET, camera.DEPTH, **RAW, save_to=str(output), save_every=0.1
+    )
+    folder.rmdir()
+    node.show_camera_info(drive[0])
+    node.map(drive[:3])
+    wait_for(lambda: node.logged("the map is not saved"), "a word about it")
+    folder.mkdir()
+    wait_for(output.exists, "the map")
+
+
+def test_the_map_is_saved_when_one_asks_though_no_place_was_named(
+    room: Callable[..., Room],
+    rospy: Any,
+    drive: list[RgbdFrame],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    node = room(camera.INFO, camera.DARKNET, camera.DEPTH, **RAW)
+    node.show_camera_info(drive[0])
+    node.map(drive[:3])
+    save = rospy.ServiceProxy(
+        f"{rospy.get_name()}/save_map", service_class("hypermap_msgs/StoreMap")
+    )
+    (tmp_path / "others.hmap").write_text("of someone else")
+    for wrong in ("others.hmap", "../out.hmap", ""):
+        with pytest.raises(rospy.ServiceException):
+            save(wrong)
+    for _ in range(2):  # the node's own file is replaced
+        assert save("mine.hmap").success
+    assert "semantic" in open_map(tmp_path / "mine.hmap")
+    assert (tmp_path / "others.hmap").read_text() == "of someone else"
+    node.node.deactivate()
+    beside = tmp_path / "maps"
+    beside.mkdir()
+    node = room(camera.INFO, camera.DARKNET, camera.DEPTH, **RAW, save_to=str(beside / "a.hmap"))
+    assert save("b.hmap").success
+    assert save("").success
+    assert sorted(path.name for path in beside.iterdir()) == ["a.hmap", "b.hmap"]
 
 
 @pytest.mark.parametrize(

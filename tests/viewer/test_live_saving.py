@@ -29,6 +29,19 @@ def test_the_file_as_it_was_stays_beside_it(tmp_path):
     assert files_in(tmp_path) == ["room.hmap", "room.hmap.bak"]
 
 
+def test_a_map_that_was_edited_says_so_and_one_whose_edits_were_taken_back_does_not(tmp_path):
+    path = saved(tmp_path)
+    before = path.read_bytes()
+    with serving(path) as client:
+        window = Window(client)
+        window.edit(rename(0, "mug"))
+        window.post("/api/save")
+        assert open_map(path).metadata["edited_with"] == "hypermap view"
+        window.go("/api/undo")
+        window.post("/api/save")
+        assert path.read_bytes() == before
+
+
 def test_a_map_that_changed_on_disk_is_replaced_only_on_a_second_word(tmp_path):
     path = saved(tmp_path)
     with serving(path) as client:

@@ -41,15 +41,11 @@ class Interrupted:
         yield
 
 
-def test_a_server_that_is_interrupted_while_it_starts_ends() -> None:
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    try:
-        with (
-            pytest.raises(KeyboardInterrupt),
-            listen("127.0.0.1", 0) as listening,
-            serving(Interrupted(), listening),
-        ):
-            raise AssertionError("it has started")
-    finally:
-        signal.signal(signal.SIGINT, before)
+def test_a_server_that_is_interrupted_while_it_starts_ends(ctrl_c: None) -> None:
+    with (
+        pytest.raises(KeyboardInterrupt),
+        listen("127.0.0.1", 0) as listening,
+        serving(Interrupted(), listening),
+    ):
+        raise AssertionError("it has started")
     assert "page" not in {thread.name for thread in threading.enumerate()}

@@ -116,7 +116,7 @@ def test_a_whole_run_stays_until_ctrl_c_and_leaves_the_same_map(
 
 
 def test_ctrl_c_may_come_as_soon_as_it_is_offered(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ctrl_c: None
 ) -> None:
     class Terminal(io.StringIO):
         is_pressed = False

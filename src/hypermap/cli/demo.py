@@ -55,6 +55,7 @@ def command(
     from hypermap.cli.progress import mapping_progress
     from hypermap.evaluation import evaluate
     from hypermap.formats import save_map
+    from hypermap.formats.backup import keep_backup
     from hypermap.mapping.config import profile
     from hypermap.mapping.mapper import map_recording
     from hypermap.perception.detectors.sources import detections_from_recording
@@ -80,6 +81,7 @@ def command(
                 watch=watched.frame,
             )
         truth = ground_truth(world)
+        keep_backup(map_file, spare_edited=True)  # which someone may have tried to edit
         save_map(hypermap, map_file)
         save_map(truth, truth_file)
         render(hypermap, picture, title="A simulated room, mapped")

@@ -19,7 +19,7 @@ from hypermap.cli.node_options import (
     parse_params,
     ros_arguments,
 )
-from hypermap.cli.options import check_output
+from hypermap.cli.options import ForceMap, check_map_output
 
 if TYPE_CHECKING:
     from hypermap.ros.port import Value
@@ -53,9 +53,20 @@ def command(
             "--output",
             metavar="OUT",
             show_default=False,
-            help="Save the map here (.hmap) at the end.",
+            help="Save the map here (.hmap), now and then and at the end.",
         ),
     ] = None,
+    save_every: Annotated[
+        float | None,
+        typer.Option(
+            metavar="SECONDS",
+            min=0,
+            max=86400,
+            show_default="30",
+            help="How often the map is saved by itself; 0: at the end alone.",
+        ),
+    ] = None,
+    force: ForceMap = False,
     depth_topic: Annotated[str | None, _topic("Depth images, registered to color.")] = None,
     cloud_topic: Annotated[str | None, _topic("Organised clouds, in place of depth.")] = None,
     camera_info_topic: Annotated[
@@ -113,7 +124,8 @@ def command(
     """Map what a live robot sees: the node semantic_mapper, until Ctrl-C, which saves the map.
 
     Depth images or organised clouds, tf, and something that finds objects (--detector,
-    --detections-topic or --detections) become the topic /semantic_map and, at the end, the file -o.
+    --detections-topic or --detections) become the topic /semantic_map and the file -o, which is
+    saved every --save-every seconds and at the end; the service save_map saves it at once.
     Frames are dropped, not queued, where the machine is too slow. All parameters of the node can be
     given by --param; arguments of ROS (NAME:=VALUE, --ros-args ...) are handed on to it.
 
@@ -139,10 +151,11 @@ def command(
         "profile": profile.value,
         "config": _absolute(config),
         "save_to": _absolute(output),
+        "save_every": save_every,
     }
     given = {name: value for name, value in values.items() if value is not None}
     if output is not None:
-        check_output(output, replace=True)
+        check_map_output(output, force)
     middleware = chosen_middleware(ros1, ros2, False)
     arguments = ros_arguments(context)
 

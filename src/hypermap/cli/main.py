@@ -14,6 +14,7 @@ from typer.core import TyperCommand, TyperGroup
 from typer.main import get_command
 
 from hypermap import __version__
+from hypermap.cli.signals import ended_by_sigterm
 from hypermap.cli.terminal import (
     BAD_INPUT,
     INTERRUPTED,
@@ -119,11 +120,12 @@ def _command_of(name: str) -> Any:
 
 
 def main(args: Sequence[str] | None = None) -> NoReturn:
-    """Run the command line and exit: 0 done, 2 bad input or usage, 130 stopped by Ctrl-C."""
+    """Run the command line and exit: 0 done, 2 bad input or usage, 130 Ctrl-C, 143 SIGTERM."""
     prepare_streams()
     try:
         try:
-            app(args, prog_name="hypermap")
+            with ended_by_sigterm():
+                app(args, prog_name="hypermap")
         finally:
             finish_writing()
     except BrokenPipeError:
@@ -132,8 +134,10 @@ def main(args: Sequence[str] | None = None) -> NoReturn:
         complain(describe(error))
     except KeyboardInterrupt:
         sys.exit(INTERRUPTED)
-    except SystemError as error:
+    except SystemError as error:  # a signal came when a compiled loop was just about to return
+        if isinstance(error.__cause__, SystemExit):
+            raise error.__cause__ from None
         if not isinstance(error.__cause__, KeyboardInterrupt):
             raise
-        sys.exit(INTERRUPTED)  # it came when a compiled loop was just about to return
+        sys.exit(INTERRUPTED)
     sys.exit(BAD_INPUT)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import enum
+import signal
 import time
 from collections import Counter
 from collections.abc import Callable
@@ -13,15 +14,15 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hypermap.cli.logs import Log, logging_to
-from hypermap.cli.options import check_output
+from hypermap.cli.options import ForceMap, check_map_output
 from hypermap.cli.recording_options import takes_recording_options
-from hypermap.cli.terminal import INTERRUPTED, note
+from hypermap.cli.signals import Stop, stop_on_signal
+from hypermap.cli.terminal import note
 from hypermap.cli.watching import Browser, Port, View, watching
 from hypermap.core.errors import HypermapError
 from hypermap.viewer.text import counted, printable
 
 if TYPE_CHECKING:
-    from hypermap.cli.stopping import Stop
     from hypermap.cli.watching import Watched
     from hypermap.core.hypermap import Hypermap
     from hypermap.core.occupancy import OccupancyLayer
@@ -104,6 +105,7 @@ def command(
         bool,
         typer.Option(help="Keep what was seen of each object, to look behind it in `view`."),
     ] = True,
+    force: ForceMap = False,
     log: Log = None,
     view: View = False,
     port: Port = None,
@@ -115,8 +117,8 @@ def command(
     is given, from the detections in the recording itself or in its folder's detections.json.
     `hypermap info RECORDING` says what a recording holds and what it lacks.
 
-    Ctrl-C stops early and saves what was seen so far; the exit code is 130 then. With --view the
-    page of the run stays afterwards, until Ctrl-C.
+    Ctrl-C or SIGTERM stops early and saves what was seen so far; the exit code is 130 or 143 then.
+    With --view the page of the run stays afterwards, until Ctrl-C.
 
     Examples:
         hypermap map desk --detector yolox_nano.onnx -o desk.hmap
@@ -124,14 +126,12 @@ def command(
         hypermap map desk --log desk.rrd -o desk.hmap
         hypermap map heads --world-transform 0,0,1.2,-1.9,0,0 -o heads.hmap
     """
-    from hypermap.cli.stopping import stop_on_interrupt
     from hypermap.formats import save_map
+    from hypermap.formats.backup import keep_backup
     from hypermap.formats.map_server import load_occupancy
     from hypermap.recordings import open_recording
 
-    if output.suffix.lower() != ".hmap":
-        raise HypermapError(f"{output}: a map is saved as .hmap")
-    check_output(output, replace=True)
+    check_map_output(output, force)
     recording = open_recording(path, recording_options)
     settings = _settings(profile, config, score)
     occupancy = None
@@ -142,21 +142,25 @@ def command(
     frames = len(recording)  # which reads a bag through once
     name = recording.path.name
     with watching(view, name, output, frames, port, browser) as watched:
-        with stop_on_interrupt() as stop, logging_to(log, name, recording.frame_id) as logged:
+        with stop_on_signal() as stop, logging_to(log, name, recording.frame_id) as logged:
             watchers = [watch for watch in (watched.frame, logged) if watch is not None]
             hypermap, is_whole = _make_map(
                 recording, source, settings, occupancy, frames, stop, watched, watchers
             )
             if not evidence:
                 _forget_evidence(hypermap)
+            backup = keep_backup(output, spare_edited=True)
             save_map(hypermap, output)
+        if backup is not None:
+            note(f"the map that was there stays as {backup}")
         _summarize(hypermap, output)
-        part = "" if is_whole else "the map of a part of the recording: Ctrl-C ended it early"
+        part = "" if is_whole else f"the map of a part of the recording: {stop.name} ended it early"
         if part:
             note(f"This is {part}.")
-        watched.finish(f"saved {output.name}" + (f", {part}" if part else ""))
+        if stop.number != signal.SIGTERM:  # which is to end the page, too
+            watched.finish(f"saved {output.name}" + (f", {part}" if part else ""))
     if not is_whole:
-        raise typer.Exit(INTERRUPTED)
+        raise typer.Exit(stop.exit_code)
 
 
 def _settings(profile: Profile, path: Path | None, score: float | None) -> MappingConfig:
@@ -244,8 +248,9 @@ def _make_map(
                 watch if watchers else None,
             )
         except HypermapError:
-            if stoppable.ended_early:  # before anything was seen, and so there is nothing to save
-                raise KeyboardInterrupt from None
+            if stoppable.ended_early:
+                note("nothing was seen so far, so nothing is saved")
+                raise typer.Exit(stop.exit_code) from None
             raise
     seconds = time.monotonic() - started
     counts = hypermap.metadata["frames"]

@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 import os
 import re
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from hypermap.cli.terminal import INTERRUPTED, visible
 from hypermap.core.errors import HypermapError
 
 if TYPE_CHECKING:
@@ -28,6 +30,10 @@ _YAML_HEAD = 65536  # bytes of a YAML file beside a picture that are looked at
 
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON, for programs.")]
 Force = Annotated[bool, typer.Option("--force", "-f", help="Replace the output file if it exists.")]
+
+ForceMap = Annotated[
+    bool, typer.Option("--force", "-f", help="Replace OUT even where it was edited by hand.")
+]
 
 
 def parse_point(text: str, option: str) -> tuple[float, float]:
@@ -107,6 +113,38 @@ def check_output(path: Path, replace: bool) -> None:
         raise HypermapError(f"{path}: no permission to write in the folder {folder}")
     if path.exists() and not replace:
         raise HypermapError(f"{path} exists already; give --force to replace it")
+
+
+def check_map_output(path: Path, force: bool) -> None:
+    """Make sure before mapping that the map can be saved, and that this destroys no one's work.
+
+    A map that mapping could make again may be replaced; whether any other may is asked at a
+    terminal.
+
+    Raises:
+        HypermapError: If it cannot, or must not.
+        typer.Exit: If Ctrl-C is the answer.
+    """
+    from hypermap.formats.backup import backup_of, why_precious
+
+    if path.suffix.lower() != ".hmap":
+        raise HypermapError(f"{path}: a map is saved as .hmap")
+    check_output(path, replace=True)
+    reason = None if force else why_precious(path)
+    if reason is None:
+        return
+    if not (sys.stdin.isatty() and sys.stderr.isatty()):
+        raise HypermapError(
+            f"{path} exists already, and {reason}; give --force to replace it (it stays as "
+            f"{backup_of(path).name}), or another name"
+        )
+    asked = f"{path} exists already, and {reason}. Replace it? It stays as {backup_of(path).name}."
+    try:
+        is_wanted = typer.confirm(visible(asked), err=True)
+    except typer.Abort:  # Ctrl-C or the end of input
+        raise typer.Exit(INTERRUPTED) from None
+    if not is_wanted:
+        raise HypermapError(f"{path} stays as it is")
 
 
 def check_picture(path: Path) -> None:

@@ -1,44 +1,16 @@
-"""Ctrl-C as a wish: the first one ends a long work early, the second one ends the program."""
+"""A recording that ends early when the user wishes so."""
 
 from __future__ import annotations
 
 import signal
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from types import FrameType
 
+from hypermap.cli.signals import Stop
 from hypermap.cli.terminal import note
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.perception.frame import RgbdFrame
 from hypermap.perception.recording import Recording, RecordingInfo
-
-
-class Stop:
-    """Whether the user wants the work to end.
-
-    Attributes:
-        is_wanted: set by Ctrl-C.
-    """
-
-    def __init__(self) -> None:
-        self.is_wanted = False
-
-
-@contextmanager
-def stop_on_interrupt() -> Iterator[Stop]:
-    """Turn the first Ctrl-C into a wish while the caller works; the next one interrupts."""
-    stop = Stop()
-
-    def wish(_number: int, _frame: FrameType | None) -> None:
-        stop.is_wanted = True
-        signal.signal(signal.SIGINT, signal.default_int_handler)
-
-    before = signal.signal(signal.SIGINT, wish)
-    try:
-        yield stop
-    finally:
-        signal.signal(signal.SIGINT, before)
 
 
 class StoppableRecording:
@@ -71,7 +43,8 @@ class StoppableRecording:
         for frame in self._recording.frames():
             if self._stop.is_wanted:
                 self.ended_early = True
-                note("stopping; what was seen so far is saved, Ctrl-C again gives up")
+                way_out = ", Ctrl-C again gives up" if self._stop.number == signal.SIGINT else ""
+                note(f"stopping; what was seen so far is saved{way_out}")
                 return
             yield frame
 

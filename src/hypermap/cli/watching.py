@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 import tempfile
 import threading
 import time
@@ -10,11 +9,11 @@ import webbrowser
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
-from types import FrameType
 from typing import TYPE_CHECKING, Annotated, Protocol
 
 import typer
 
+from hypermap.cli.signals import stop_on_signal
 from hypermap.cli.terminal import note, say
 from hypermap.core.errors import HypermapError
 
@@ -84,9 +83,8 @@ class _Nobody:
 class _Page:
     """The page in the browser."""
 
-    def __init__(self, run: Run, url: str, output: Path, sigterm: _Sigterm) -> None:
+    def __init__(self, run: Run, url: str, output: Path) -> None:
         self._run = run
-        self._sigterm = sigterm
         self._url = url
         self._output = output
         self.frame: Callable[[MappedFrame, Mapper], None] = run.watch
@@ -107,12 +105,11 @@ class _Page:
         with listen("127.0.0.1", None) as listening, serving(MapApp(document), listening):
             url = url_of(listening)
             self._run.finish(message, url)
-            try:
+            with stop_on_signal() as stop:
                 note(f"\nthe run stays at {self._url}\nand the map at {url} until Ctrl-C")
-                while not self._sigterm.has_come:
+                while not stop.is_wanted:
                     time.sleep(_LOOK_PERIOD)
-            except KeyboardInterrupt:
-                note("")  # below the ^C
+            note("")  # below the ^C
         if document.is_unsaved:
             note(f"{document.file.path}: changes made in the browser were not saved and are lost")
 
@@ -147,7 +144,6 @@ def watching(
 
     require_page()
     with (
-        _ended_by_sigterm() as sigterm,  # so that the folder goes then, too
         tempfile.TemporaryDirectory(prefix="hypermap-run-") as folder,
         listen("127.0.0.1", port) as listening,
     ):
@@ -158,32 +154,7 @@ def watching(
             if browser:
                 threading.Thread(target=webbrowser.open, args=(url,), daemon=True).start()
             try:
-                yield _Page(run, url, output, sigterm)
+                yield _Page(run, url, output)
             except HypermapError as error:
                 run.fail(str(error))
                 raise
-
-
-class _Sigterm:
-    """Lets SIGTERM end the program as Ctrl-C does.
-
-    Attributes:
-        has_come: whether it has; Python may lose an exception that comes at a bad time.
-    """
-
-    has_come = False
-
-    def __call__(self, _number: int, _frame: FrameType | None) -> None:
-        """Take the signal."""
-        self.has_come = True
-        raise KeyboardInterrupt
-
-
-@contextmanager
-def _ended_by_sigterm() -> Iterator[_Sigterm]:
-    sigterm = _Sigterm()
-    before = signal.signal(signal.SIGTERM, sigterm)
-    try:
-        yield sigterm
-    finally:
-        signal.signal(signal.SIGTERM, before)

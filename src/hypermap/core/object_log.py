@@ -79,7 +79,7 @@ class ObjectLog:
         first: the first row behind it.
         writing: held while the log is changed.
         count: rows so far.
-        changes: changes so far.
+        changes: changes that were begun so far.
     """
 
     def __init__(self, table: ObjectTable) -> None:
@@ -178,6 +178,9 @@ class ObjectLog:
     ) -> None:
         """End rows and write others, as one change.
 
+        A change that is interrupted, as by Ctrl-C, leaves a log of which no snapshot is the newest:
+        what it has written is seen by none, and the next change begins a new log.
+
         Args:
             ended: rows that are there.
             items: new objects, with ids.
@@ -185,10 +188,10 @@ class ObjectLog:
         """
         shapes = [_valid(item.footprint) for item in items]  # should it fail, nothing is changed
         all_ended = self.all_ended  # made before any reader needs it, so that there is one alone
+        self.changes += 1  # first: from here on, no snapshot is the newest until one is made
+        self._room -= len(ended) + len(items)
         for item, shape, place in zip(items, shapes, places, strict=True):
             self._write(len(self.written.objects), item, shape, place)
-        self._room -= len(ended) + len(items)
-        self.changes += 1
         for row in ended:
             all_ended[row] = self.changes
         self.count += len(items)

@@ -111,6 +111,8 @@ def map_drives(
             running = [pool.submit(map_drive, drive, methods) for drive in drives]
             for done in as_completed(running):
                 yield done.result()
-        except BaseException:  # Ctrl-C: what has not begun shall not begin
+        except BaseException:  # Ctrl-C or SIGTERM, of which not all of them need hear
             pool.shutdown(wait=False, cancel_futures=True)
+            for child in multiprocessing.active_children():
+                child.terminate()
             raise

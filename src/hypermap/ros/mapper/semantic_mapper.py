@@ -10,7 +10,6 @@ from pathlib import Path
 
 from hypermap.core.errors import HypermapError
 from hypermap.core.hypermap import Hypermap
-from hypermap.formats import save_map
 from hypermap.recordings.messages.header import clean_frame
 from hypermap.recordings.messages.occupancy import occupancy_of_grid
 from hypermap.ros.mapper import diagnostics
@@ -18,11 +17,11 @@ from hypermap.ros.mapper.frames import FrameMaker
 from hypermap.ros.mapper.inputs import LiveInputs
 from hypermap.ros.mapper.live_map import LiveMap
 from hypermap.ros.mapper.outputs import LiveOutputs
+from hypermap.ros.mapper.saving import Saving
 from hypermap.ros.mapper.settings import OCCUPANCY, PARAMETERS, LiveSettings
 from hypermap.ros.mapper.statistics import Report, State, Statistics
 from hypermap.ros.mapper.worker import Worker
 from hypermap.ros.port import Closable, Message, Port, Value
-from hypermap.ros.server.map_directory import archive_within
 from hypermap.ros.throttle import Throttle
 
 
@@ -113,7 +112,6 @@ class _Life:
         self._statistics = Statistics()
         self._log = Throttle(port.log)
         self._frames = FrameMaker(settings)
-        self._saved_revision = live_map.revision
         self._said = ""
         self.outputs = LiveOutputs(port, settings, live_map)
         self.outputs.set(values)
@@ -121,6 +119,13 @@ class _Life:
         self._worker = Worker(
             port, settings, live_map, self._frames, self.outputs, self._statistics, self._log
         )
+        self._saving = Saving(port, settings, live_map, self._log)
+        self._others: list[Closable] = [port.timer(1.0, self._diagnose), *self._serve()]
+        # Before the images, for which a player of bags waits: a bag tells its map but once.
+        if settings.map_topic:
+            self._others.append(
+                port.subscribe(settings.map_topic, OCCUPANCY, self._take_occupancy, latched=True)
+            )
         self._inputs = LiveInputs(
             port,
             settings,
@@ -130,11 +135,6 @@ class _Life:
             self._take_camera_info,
             self._worker.jump,
         )
-        self._others: list[Closable] = [port.timer(1.0, self._diagnose), *self._serve()]
-        if settings.map_topic:
-            self._others.append(
-                port.subscribe(settings.map_topic, OCCUPANCY, self._take_occupancy, latched=True)
-            )
 
     def close(self) -> None:
         """End it, and save the map if that was asked for."""
@@ -144,12 +144,7 @@ class _Life:
         self._worker.close()
         self.outputs.close()
         self._diagnostics.close()
-        if not self._settings.save_to:
-            return
-        if self._map.frames == 0:
-            self._port.log("warning", "nothing was mapped, so nothing is saved")
-        elif self._map.revision != self._saved_revision:
-            self._save(Path(self._settings.save_to))
+        self._saving.close()
 
     def report(self) -> Report:
         """Return how the node fares."""
@@ -181,21 +176,14 @@ class _Life:
 
     def _serve(self) -> list[Closable]:
         trigger, store = "std_srvs/Trigger", "hypermap_msgs/StoreMap"
-        services = [
+        return [
             self._port.service(
                 "clear", trigger, self._clear, lambda text: self._answer(trigger, False, text)
-            )
+            ),
+            self._port.service(
+                "save_map", store, self._store, lambda _: self._port.response(store)(success=False)
+            ),
         ]
-        if self._settings.map_directory:
-            services.append(
-                self._port.service(
-                    "save_map",
-                    store,
-                    self._store,
-                    lambda _: self._port.response(store)(success=False),
-                )
-            )
-        return services
 
     def _answer(self, type_name: str, success: bool, text: str) -> Message:
         return self._port.response(type_name)(success=success, message=text)
@@ -207,17 +195,8 @@ class _Life:
         return self._answer("std_srvs/Trigger", True, f"{count} objects are forgotten")
 
     def _store(self, request: Message) -> Message:
-        self._save(archive_within(Path(self._settings.map_directory), request.filename))
+        self._saving.store(request.filename)
         return self._port.response("hypermap_msgs/StoreMap")(success=True)
-
-    def _save(self, path: Path) -> None:
-        revision = self._map.revision
-        hypermap = self._map.hypermap()
-        save_map(hypermap, path)
-        if path == Path(self._settings.save_to):
-            self._saved_revision = revision
-        objects = len(hypermap["semantic"])  # type: ignore[arg-type] # a semantic layer
-        self._port.log("info", f"saved {objects} objects to {path}")
 
     def _diagnose(self) -> None:
         report = self.report()

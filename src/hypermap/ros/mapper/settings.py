@@ -86,7 +86,12 @@ class LiveSettings:
     publish_rate: float = _setting(1.0, "How often per second the map is published.", 0.01, 50)
     semantic_map_topic: str = _setting("/semantic_map", "Topic of the objects.")
     save_to: str = _setting("", "File (.hmap) in which the map is saved at the end.", once=True)
-    map_directory: str = _setting("", "Directory in which the service save_map saves.")
+    save_every: float = _setting(
+        30.0, "Seconds after which it is saved there by itself; 0 is at the end alone.", 0, 86400
+    )
+    map_directory: str = _setting(
+        "", "Directory in which the service save_map saves; by default that of save_to."
+    )
 
     def __post_init__(self) -> None:
         if bool(self.depth_topic) == bool(self.cloud_topic):

@@ -15,11 +15,14 @@ from typing import Any
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.semantic import SemanticLayer
 from hypermap.formats import open_map, save_map
+from hypermap.formats.backup import EDITED_WITH, keep_backup
 from hypermap.viewer.live.changes import AnyChange, Change, Draft, applied, undoing
 from hypermap.viewer.live.files import MapFile
 from hypermap.viewer.live.refusals import Refused
 
 _MOST_STEPS = 1000  # that can be undone
+_US = "hypermap view"  # as a file says who has changed it
+_OPENED = 0  # the number of the content that was opened
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +76,7 @@ class MapDocument:
         self.beat = 0
         self.saves = 0
         self._changing = threading.Lock()
-        self._content = self._saved_content = 0
+        self._content = self._saved_content = _OPENED
         # Milliseconds, so that no version is given again when the server starts again.
         self._open(hypermap, time.time_ns() // 1_000_000)
 
@@ -140,7 +143,8 @@ class MapDocument:
     def save(self, name: str | None = None, overwrite: bool = False) -> None:
         """Save the map, to its own file or, from then on, to another of the same folder.
 
-        A map_server map stays as it is: without a name, it becomes NAME.hmap beside it.
+        What people have changed is marked, so that mapping does not replace it unasked. A
+        map_server map stays as it is: without a name, it becomes NAME.hmap beside it.
 
         Raises:
             Refused: If the map is read-only, the file has changed on disk since the map was opened
@@ -154,9 +158,13 @@ class MapDocument:
                 name = self.file.path.with_suffix(".hmap").name
             file = self.file if name is None else self.file.beside(name)
             file.check_before_saving(overwrite)
-            file.keep_backup()
-            save_map(self._snapshot.hypermap, file.path)
-            self.file = MapFile.of(file.path, self._snapshot.hypermap)
+            keep_backup(file.path)
+            hypermap = self._snapshot.hypermap
+            if self._content != _OPENED:
+                metadata = {**hypermap.metadata, EDITED_WITH: _US}
+                hypermap = Hypermap(hypermap, hypermap.frames, metadata)
+            save_map(hypermap, file.path)
+            self.file = MapFile.of(file.path, hypermap)
             self._saved_content = self._content
             self.saves += 1
             self.beat += 1
@@ -186,7 +194,7 @@ class MapDocument:
         self._touched: dict[tuple[str, int], int] = {}
         self._done: deque[_Step] = deque(maxlen=_MOST_STEPS)
         self._undone: deque[_Step] = deque(maxlen=_MOST_STEPS)
-        self._contents = self._content = self._saved_content = 0
+        self._contents = self._content = self._saved_content = _OPENED
 
     def _go(
         self, version: int, taken: deque[_Step], given: deque[_Step], is_undo: bool

@@ -9,10 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, TypeAlias
 
-from hypermap.core.errors import FileMissing, HypermapError
+from hypermap.core.errors import HypermapError
 from hypermap.core.hypermap import Hypermap
-from hypermap.formats import open_map, save_map
-from hypermap.formats.atomic import write_file
 from hypermap.formats.config import CONFIG_NAME
 from hypermap.formats.store import FolderStore, read_file, safe_name
 from hypermap.formats.yaml_text import read_yaml
@@ -97,23 +95,6 @@ class MapFile:
             )
         if not self.is_own and self.path.exists() and not overwrite:
             raise Refused(f"{name} exists already; saving would replace it", 409, "exists")
-
-    def keep_backup(self) -> None:
-        """Keep what lies on the disk beside it: NAME.bak; of a folder an archive, NAME.bak.hmap.
-
-        Raises:
-            HypermapError: If that is not possible; then the file should not be replaced.
-        """
-        try:
-            if self.path.suffix.lower() not in _YAML_ENDINGS:
-                content = self.path.read_bytes()
-                write_file(self.path.with_name(self.path.name + ".bak"), content)
-            elif self.path.exists():
-                save_map(open_map(self.path), self.path.with_name(self.path.name + ".bak.hmap"))
-        except (FileNotFoundError, FileMissing):
-            return  # there is nothing to keep
-        except (OSError, HypermapError) as error:
-            raise HypermapError(f"no backup can be kept, so nothing is saved: {error}") from error
 
 
 def _has_layers(path: Path) -> bool:

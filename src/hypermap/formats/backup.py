@@ -1,0 +1,66 @@
+"""What is there before a map is saved: whether people have worked on it, and a copy beside."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from hypermap.core.errors import FileMissing, HypermapError
+from hypermap.formats.archive import read_archive
+from hypermap.formats.atomic import write_file
+from hypermap.formats.config import CONFIG_NAME, parse_config
+from hypermap.formats.hmap import open_map, save_map
+
+EDITED_WITH = "edited_with"
+"""Where a map's metadata name the program in which people have changed it."""
+
+_OF_MAPPING = {"frames", "config"}  # what mapping writes into a map's metadata
+_YAML_ENDINGS = (".yaml", ".yml")
+
+
+def backup_of(path: Path) -> Path:
+    """Return where the copy of a map's file lies: NAME.bak; of a folder NAME.bak.hmap."""
+    is_folder = path.suffix.lower() in _YAML_ENDINGS
+    return path.with_name(path.name + (".bak.hmap" if is_folder else ".bak"))
+
+
+def keep_backup(path: Path, *, spare_edited: bool = False) -> Path | None:
+    """Keep what lies on the disk beside it, as `backup_of` says.
+
+    Args:
+        path: of a map.
+        spare_edited: whether a copy that could not be made again stays, where the file itself
+            could.
+
+    Returns:
+        The copy; None where there was nothing to keep.
+
+    Raises:
+        HypermapError: If that is not possible; then the file should not be replaced.
+    """
+    backup = backup_of(path)
+    try:
+        if spare_edited and why_precious(backup) and not why_precious(path):
+            return None
+        if path.suffix.lower() not in _YAML_ENDINGS:
+            write_file(backup, path.read_bytes())
+        elif path.exists():
+            save_map(open_map(path), backup)
+        else:
+            return None
+    except (FileNotFoundError, FileMissing):
+        return None
+    except (OSError, HypermapError) as error:
+        raise HypermapError(f"no backup can be kept, so nothing is saved: {error}") from error
+    return backup
+
+
+def why_precious(archive: Path) -> str | None:
+    """Return why mapping could not make an archive again; None if it could, or it is no map."""
+    try:
+        files = read_archive(archive).files
+        metadata = parse_config(files[CONFIG_NAME], str(archive)).metadata
+    except (HypermapError, OSError, KeyError):
+        return None
+    if EDITED_WITH in metadata:
+        return f"it was edited by hand, with {metadata[EDITED_WITH]}"
+    return None if metadata.keys() >= _OF_MAPPING else "it was not made by mapping"

@@ -1,0 +1,106 @@
+"""When the map of a live node is saved: now and then by itself, at the end, and when one asks."""
+
+from __future__ import annotations
+
+import threading
+from pathlib import Path
+
+from hypermap.core.errors import HypermapError
+from hypermap.formats import save_map
+from hypermap.formats.backup import keep_backup
+from hypermap.ros.mapper.live_map import LiveMap
+from hypermap.ros.mapper.settings import LiveSettings
+from hypermap.ros.port import Level, Port
+from hypermap.ros.server.map_directory import archive_within
+from hypermap.ros.throttle import Throttle
+
+
+class Saving:
+    """Saves a live map, so that a node that is killed has lost little.
+
+    What lay in a file before the node saved there for the first time stays beside it, as NAME.bak.
+    """
+
+    def __init__(
+        self, port: Port, settings: LiveSettings, live_map: LiveMap, log: Throttle
+    ) -> None:
+        """Begin to save by itself, if `save_to` says where; and say so."""
+        self._port = port
+        self._map = live_map
+        self._log = log
+        self._path = Path(settings.save_to).absolute() if settings.save_to else None
+        self._directory = settings.map_directory
+        self._every = settings.save_every
+        self._saved_revision = live_map.revision
+        self._own: set[Path] = set()  # files that this node has made
+        self._lock = threading.Lock()
+        self._ends = threading.Event()
+        # The wall's clock: that of a simulator or a bag may stand still.
+        self._thread = threading.Thread(target=self._work, name="saving", daemon=True)
+        if self._path is None:
+            port.log("info", "no save_to says where: the map is saved only when save_map is called")
+            return
+        often = f"every {self._every:g} s and " if self._every else ""
+        port.log("info", f"the map is saved in {self._path}, {often}at the end")
+        if self._every:
+            self._thread.start()
+
+    def store(self, filename: str) -> None:
+        """Save the map in a file that a client names; without a name, where it is saved anyway.
+
+        It lies in `map_directory`; without one, it is a new file beside `save_to`, or in the folder
+        in which the node was started.
+
+        Raises:
+            HypermapError: If the name leads elsewhere or to another's file, or it cannot be saved.
+        """
+        if not filename and self._path is not None:
+            self._save(self._path)
+            return
+        beside = Path.cwd() if self._path is None else self._path.parent
+        path = archive_within(Path(self._directory or beside).absolute(), filename)
+        if not self._directory and path.exists() and path not in {self._path, *self._own}:
+            raise HypermapError(
+                f"{path} exists already: choose another name, or name a folder of maps that may "
+                "be replaced, by map_directory"
+            )
+        self._save(path)
+
+    def close(self) -> None:
+        """End, and save what is new.
+
+        Raises:
+            HypermapError: If it cannot be saved.
+        """
+        self._ends.set()
+        if self._thread.is_alive():
+            self._thread.join()
+        if self._path is None:
+            return
+        if self._map.frames == 0:
+            self._port.log("warning", "nothing was mapped, so nothing is saved")
+        elif self._map.revision != self._saved_revision:
+            self._save(self._path)
+
+    def _work(self) -> None:
+        assert self._path is not None
+        while not self._ends.wait(self._every):
+            if self._map.frames == 0 or self._map.revision == self._saved_revision:
+                continue
+            try:
+                self._save(self._path, "debug" if self._path in self._own else "info")
+            except Exception as error:  # perhaps the disk has room again the next time
+                self._log.log("error", "saving", f"the map is not saved: {error}; trying again")
+
+    def _save(self, path: Path, level: Level = "info") -> None:
+        with self._lock:  # an older map must not replace a newer one
+            if path not in self._own and (backup := keep_backup(path, spare_edited=True)):
+                self._port.log("warning", f"{path} was there before; it stays as {backup}")
+            revision = self._map.revision
+            hypermap = self._map.hypermap()
+            save_map(hypermap, path)
+            self._own.add(path)
+            if path == self._path:
+                self._saved_revision = revision
+        objects = len(hypermap["semantic"])  # type: ignore[arg-type] # a semantic layer
+        self._port.log(level, f"saved {objects} objects to {path}")
