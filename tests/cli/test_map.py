@@ -195,6 +195,30 @@ def test_what_is_less_sure_than_the_score_is_left_out(hypermap, drive, tmp_path)
         assert metadata["config"]["perception"]["min_score"] == float(score)
 
 
+@pytest.mark.parametrize(
+    ("arguments", "in_file", "score", "objects"),
+    [
+        ([], "", 0.3, 0),
+        (["--score", "0"], "", 0.0, 1),
+        (["--score", "0.15"], "", 0.15, 1),
+        (["--score", "0.25"], "min_score: 0", 0.25, 0),
+        ([], "min_score: 0", 0.0, 1),
+        (["--profile", "thesis"], "", 0.3, 0),
+        (["--profile", "thesis"], "min_score: 0", 0.0, 1),
+    ],
+)
+def test_a_network_is_asked_from_the_score_on_that_is_saved(
+    hypermap, drive, unsure_network, tmp_path, arguments, in_file, score, objects
+):
+    config, out = tmp_path / "config.yaml", tmp_path / "out.hmap"
+    config.write_text(f"evidence: {{publish_above: 0}}\nperception: {{{in_file}}}\n")
+    common = ["--intrinsics", INTRINSICS, "--detector", unsure_network, "--config", config]
+    assert hypermap("map", drive, *common, *arguments, "-o", out).code == 0
+    assert len(objects_in(out)) == objects  # the network's own score is 0.2
+    metadata = hypermap("info", out, "--json").json["metadata"]
+    assert metadata["config"]["perception"]["min_score"] == score
+
+
 def test_a_given_map_lies_in_the_frame_of_the_recording(hypermap, drive, room_map, tmp_path):
     given, out = tmp_path / "given.yaml", tmp_path / "out.hmap"
     assert hypermap("convert", room_map, given, "--layer", "occupancy").code == 0

@@ -6,7 +6,6 @@ import enum
 import time
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -30,8 +29,6 @@ if TYPE_CHECKING:
     from hypermap.perception.detections import DetectionSource
     from hypermap.perception.recording import Recording
     from hypermap.recordings import RecordingOptions
-
-_LEAST_SCORE = 0.3  # for a network, where the profile takes all that is recorded
 
 
 class Profile(str, enum.Enum):
@@ -127,18 +124,20 @@ def command(
     from hypermap.cli.stopping import stop_on_interrupt
     from hypermap.formats import save_map
     from hypermap.formats.map_server import load_occupancy
+    from hypermap.mapping.config import chosen_config
     from hypermap.recordings import open_recording
 
     if output.suffix.lower() != ".hmap":
         raise HypermapError(f"{output}: a map is saved as .hmap")
     check_output(output, replace=True)
     recording = open_recording(path, recording_options)
-    settings = _settings(profile, config, score)
+    settings = chosen_config(profile.value, config, score, has_network=detector is not None)
     occupancy = None
     if map_file is not None:
         occupancy = load_occupancy(map_file, frame_id=recording.frame_id)
-    least = settings.perception.min_score or _LEAST_SCORE
-    source = _detection_source(recording, detector, labels, least, detections)
+    source = _detection_source(
+        recording, detector, labels, settings.perception.min_score, detections
+    )
     frames = len(recording)  # which reads a bag through once
     name = recording.path.name
     with watching(view, name, output, frames, port, browser) as watched:
@@ -157,17 +156,6 @@ def command(
         watched.finish(f"saved {output.name}" + (f", {part}" if part else ""))
     if not is_whole:
         raise typer.Exit(INTERRUPTED)
-
-
-def _settings(profile: Profile, path: Path | None, score: float | None) -> MappingConfig:
-    from hypermap.mapping import config
-
-    settings = config.profile(profile.value)
-    if path is not None:
-        settings = config.load_config(path, settings)
-    if score is not None:
-        settings = replace(settings, perception=replace(settings.perception, min_score=score))
-    return settings
 
 
 def _detection_source(
