@@ -12,6 +12,7 @@ from hypermap.cli.recording_options import OPTIONS
 from hypermap.core.semantic import SemanticLayer
 from hypermap.formats import open_map
 from hypermap.recordings import RecordingOptions
+from hypermap.simulation import SimulatedRecording, demo_world, write_tum
 
 from .conftest import INTRINSICS, assert_one_error, write_drive
 
@@ -226,3 +227,31 @@ def test_a_given_map_lies_in_the_frame_of_the_recording(hypermap, drive, room_ma
     assert hypermap("map", drive, *arguments).code == 0
     layers = hypermap("info", out, "--json").json["layers"]
     assert [layer["frame_id"] for layer in layers] == ["hall", "hall"]
+
+
+def test_a_world_that_is_not_level_is_told_with_the_option_that_levels_it(hypermap, tmp_path):
+    room = tmp_path / "room"
+    write_tum(SimulatedRecording(demo_world(), rate=0.5), room)
+    map_room = ["map", room, "-o", tmp_path / "room.hmap", "--no-evidence"]
+    level = hypermap(*map_room)
+    assert level.code == 0
+    assert "warning" not in level.err
+    tilted = hypermap(*map_room, "--world-transform", "1,0,-1,0.4,0.2,0.5")
+    assert tilted.code == 0
+    assert "the world of the recording is not level: its floor is tilted by 2" in tilted.err
+    option = tilted.err.splitlines()[-1].strip()
+    assert option.startswith("--world-transform=")
+    assert f"so give {option}" in tilted.err
+    mended = hypermap(*map_room, option)
+    assert mended.code == 0
+    assert "warning" not in mended.err
+
+
+def test_a_real_kitchen_with_a_tilted_world_is_told(hypermap, shared_data, tmp_path):
+    nothing = tmp_path / "nothing.json"
+    nothing.write_text('{"frames": {}}')
+    kitchen = ["map", shared_data / "kitchen", "--detections", nothing, "-o", tmp_path / "k.hmap"]
+    result = hypermap(*kitchen)
+    assert "tilted by 27 degrees" in result.err
+    assert "m below its origin" in result.err
+    assert "tilted" not in hypermap(*kitchen, result.err.splitlines()[-1].strip()).err

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from hypermap.core.hypermap import Hypermap
     from hypermap.core.occupancy import OccupancyLayer
     from hypermap.mapping.config import MappingConfig
+    from hypermap.mapping.floor import Floor
     from hypermap.mapping.mapper import MappedFrame, Mapper, Progress
     from hypermap.perception.detections import DetectionSource
     from hypermap.perception.recording import Recording
@@ -139,17 +140,18 @@ def command(
         recording, detector, labels, settings.perception.min_score, detections
     )
     frames = len(recording)  # which reads a bag through once
-    name = recording.path.name
+    name, floor = recording.path.name, _FloorNote(recording_options)
     with watching(view, name, output, frames, port, browser) as watched:
         with stop_on_interrupt() as stop, logging_to(log, name, recording.frame_id) as logged:
             watchers = [watch for watch in (watched.frame, logged) if watch is not None]
             hypermap, is_whole = _make_map(
-                recording, source, settings, occupancy, frames, stop, watched, watchers
+                recording, source, settings, occupancy, frames, stop, watched, watchers, floor
             )
             if not evidence:
                 _forget_evidence(hypermap)
             save_map(hypermap, output)
         _summarize(hypermap, output)
+        floor.remind()
         part = "" if is_whole else "the map of a part of the recording: Ctrl-C ended it early"
         if part:
             note(f"This is {part}.")
@@ -203,6 +205,7 @@ def _make_map(
     stop: Stop,
     watched: Watched,
     watchers: list[Callable[[MappedFrame, Mapper], None]],
+    on_wrong_floor: Callable[[Floor], None],
 ) -> tuple[Hypermap, bool]:
     """Return the map, and whether it is that of the whole recording."""
     from hypermap.cli.progress import Pace, mapping_progress
@@ -230,6 +233,7 @@ def _make_map(
                 occupancy,
                 watched.beside(tell),
                 watch if watchers else None,
+                on_wrong_floor,
             )
         except HypermapError:
             if stoppable.ended_early:  # before anything was seen, and so there is nothing to save
@@ -245,6 +249,29 @@ def _make_map(
         f"{counts['unusable']} unusable"
     )
     return hypermap, not stoppable.ended_early
+
+
+class _FloorNote:
+    """Tells that the floor is not where a map needs it, and the option that puts it there."""
+
+    def __init__(self, options: RecordingOptions) -> None:
+        self._options = options
+        self._remedy = ""
+
+    def __call__(self, floor: Floor) -> None:
+        from hypermap.core.trajectory import compose, rpy_from_pose
+
+        map_T_world = compose(floor.level_T_map(), self._options.world_pose())
+        *position, roll, pitch, yaw = rpy_from_pose(map_T_world)
+        numbers = [f"{x:.3f}" for x in position] + [f"{x:.4f}" for x in (roll, pitch, yaw)]
+        self._remedy = f"--world-transform={','.join(numbers)}"
+        note(f"warning: {floor}; a map needs a level floor at z = 0, so give {self._remedy}")
+
+    def remind(self) -> None:
+        """Say it again at the end, if there was something to say."""
+        if self._remedy:
+            note("\nwarning: the floor is not level at z = 0; map the recording again with")
+            note(f"  {self._remedy}")
 
 
 def _forget_evidence(hypermap: Hypermap) -> None:

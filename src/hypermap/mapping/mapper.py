@@ -12,9 +12,11 @@ from hypermap._version import __version__
 from hypermap.core.errors import HypermapError
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.occupancy import OccupancyLayer
+from hypermap.core.trajectory import rpy_from_pose
 from hypermap.mapping.alignment import Aligner
 from hypermap.mapping.config import MappingConfig, to_dict
 from hypermap.mapping.evidence import EvidenceMap
+from hypermap.mapping.floor import Floor, FloorCheck
 from hypermap.mapping.keyframes import KeyframeSelector
 from hypermap.mapping.occupancy import OccupancyMapper
 from hypermap.perception.detections import Detections, DetectionSource
@@ -196,6 +198,7 @@ def map_recording(
     occupancy: OccupancyLayer | None = None,
     on_progress: Callable[[Progress], None] | None = None,
     watch: Callable[[MappedFrame, Mapper], None] | None = None,
+    on_wrong_floor: Callable[[Floor], None] | None = None,
 ) -> Hypermap:
     """Return the map of a recording.
 
@@ -210,6 +213,8 @@ def map_recording(
             depth.
         on_progress: called after each frame.
         watch: called after each frame that was mapped.
+        on_wrong_floor: called once, as soon as the depth shows a floor that is not level or not
+            at z = 0, as of a recording whose world is not level; by default this is logged.
 
     Raises:
         HypermapError: If the recording or the source fails, or not one frame was usable.
@@ -218,8 +223,10 @@ def map_recording(
         occupancy = recording.occupancy()
     mapper = Mapper(config, source, occupancy, recording.frame_id)
     mapper.watch = watch
+    check = FloorCheck(on_wrong_floor or _log_wrong_floor)
     for frame in recording.frames():
-        mapper.add(frame)
+        if mapper.add(frame) is not None:
+            check.add(frame)
         if on_progress is not None:
             counts = mapper.counts
             on_progress(Progress(counts.frames, len(recording), len(mapper.evidence), counts))
@@ -228,9 +235,15 @@ def map_recording(
             f"{recording.path}: there is nothing to map: of {mapper.counts.frames} frames none "
             "has both depth and a proper pose"
         )
+    check.finish()
     hypermap = mapper.hypermap()
     hypermap.metadata["recording"] = recording.path.name
     return hypermap
+
+
+def _log_wrong_floor(floor: Floor) -> None:
+    turn = ", ".join(f"{number:.4f}" for number in rpy_from_pose(floor.level_T_map()))
+    _log.warning("%s; the pose that levels its world in the map is (%s)", floor, turn)
 
 
 def why_unusable(frame: RgbdFrame) -> str | None:
