@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from hypermap.cli.recording_options import OPTIONS
@@ -91,6 +92,7 @@ def test_a_failure_leaves_the_old_output(hypermap, drive, tmp_path):
         (["-o", "out.zip"], "out.zip: a map is saved as .hmap"),
         (["-o", "nowhere/out.hmap"], "does not exist; create it first"),
         (["--detector", "a.onnx", "--detections", "b.json"], "either --detector or --detections"),
+        (["--no-objects", "--detector", "a.onnx"], "--no-objects leaves no work for --detector"),
         (["--labels", "names.txt"], "--labels belongs to a --detector"),
         (["--detector", "a.onnx"], "a.onnx"),
         (["--detections", "b.json"], "b.json: there is no such file"),
@@ -113,7 +115,36 @@ def test_bad_options_are_said_so(hypermap, drive, tmp_path, monkeypatch, argumen
 def test_without_detections_the_three_choices_are_told(hypermap, tmp_path):
     drive = write_drive(tmp_path / "drive", frames=2, has_detections=False)
     result = hypermap("map", drive, "-o", tmp_path / "out.hmap")
-    assert_one_error(result, "--detector MODEL.onnx", "--detections FILE", "detections.json")
+    assert_one_error(
+        result,
+        "--detector MODEL.onnx",
+        "hypermap detectors get yolox-nano",
+        "--detections FILE",
+        "detections.json",
+        "--no-objects",
+    )
+
+
+def test_a_map_of_the_occupancy_alone_needs_no_detections(hypermap, tmp_path):
+    drive = write_drive(tmp_path / "drive", frames=4, has_detections=False)
+    out = tmp_path / "out.hmap"
+    result = hypermap("map", drive, "--no-objects", "--intrinsics", INTRINSICS, "-o", out)
+    assert result.code == 0
+    assert f"saved {out}" in result.err
+    assert "0 objects" not in result.err.partition("used")[2]
+    assert [layer["name"] for layer in hypermap("info", out, "--json").json["layers"]] == [
+        "occupancy"
+    ]
+    wall = hypermap("query", out, "--layer", "occupancy", "--in", "2.4,0.5,2.6,1").out
+    assert "Occupied" in wall
+
+
+def test_with_objects_the_occupancy_is_the_same_as_alone(hypermap, drive, tmp_path):
+    both, alone = tmp_path / "both.hmap", tmp_path / "alone.hmap"
+    assert hypermap("map", drive, "--intrinsics", INTRINSICS, "-o", both).code == 0
+    assert hypermap("map", drive, "--no-objects", "--intrinsics", INTRINSICS, "-o", alone).code == 0
+    one, other = (open_map(path)["occupancy"].cells for path in (both, alone))
+    np.testing.assert_array_equal(one, other)
 
 
 @pytest.mark.parametrize("kind", ["nothing", "a file", "an empty folder"])

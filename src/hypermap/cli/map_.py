@@ -59,7 +59,10 @@ def command(
     recording_options: RecordingOptions,
     detector: Annotated[
         str | None,
-        typer.Option(metavar="MODEL", help="Find objects with this neural network (.onnx)."),
+        typer.Option(
+            metavar="MODEL",
+            help="Find objects with this neural network: .onnx, or a name of `detectors`.",
+        ),
     ] = None,
     labels: Annotated[
         Path | None,
@@ -82,6 +85,12 @@ def command(
         Path | None,
         typer.Option(metavar="FILE", readable=False, help="Take detections from this JSON file."),
     ] = None,
+    objects: Annotated[
+        bool,
+        typer.Option(
+            "--objects/--no-objects", help="Find objects, or make the occupancy layer alone."
+        ),
+    ] = True,
     map_file: Annotated[
         Path | None,
         typer.Option(
@@ -111,17 +120,19 @@ def command(
 
     Objects come from a neural network (--detector), from a file (--detections), or, when neither
     is given, from the detections in the recording itself or in its folder's detections.json.
-    `hypermap info RECORDING` says what a recording holds and what it lacks.
+    `hypermap info RECORDING` says what a recording holds and what it lacks, `hypermap detectors`
+    which networks can be had, and --no-objects makes a map without objects.
 
     Ctrl-C stops early and saves what was seen so far; the exit code is 130 then. With --view the
     page of the run stays afterwards, until Ctrl-C.
 
     Examples:
-        hypermap map desk --detector yolox_nano.onnx -o desk.hmap
+        hypermap map desk --detector yolox-nano -o desk.hmap
         hypermap map drive.bag --map map.yaml -o office.hmap --view
         hypermap map desk --log desk.rrd -o desk.hmap
         hypermap map heads --world-transform 0,0,1.2,-1.9,0,0 -o heads.hmap
     """
+    from hypermap.cli.detection_source import detection_source
     from hypermap.cli.stopping import stop_on_interrupt
     from hypermap.formats import save_map
     from hypermap.formats.map_server import load_occupancy
@@ -136,8 +147,8 @@ def command(
     occupancy = None
     if map_file is not None:
         occupancy = load_occupancy(map_file, frame_id=recording.frame_id)
-    source = _detection_source(
-        recording, detector, labels, settings.perception.min_score, detections
+    source = detection_source(
+        recording, detector, labels, settings.perception.min_score, detections, objects
     )
     frames = len(recording)  # which reads a bag through once
     name, floor = recording.path.name, _FloorNote(recording_options)
@@ -160,45 +171,9 @@ def command(
         raise typer.Exit(INTERRUPTED)
 
 
-def _detection_source(
-    recording: Recording,
-    detector: str | None,
-    labels: Path | None,
-    score: float,
-    detections: Path | None,
-) -> DetectionSource:
-    """Return where the detections come from: as the user says, or else as the recording has them.
-
-    Raises:
-        HypermapError: If the user says two things, or there are none.
-    """
-    from hypermap.perception.detectors import load_detector, sources
-
-    if detector is not None and detections is not None:
-        raise HypermapError("give either --detector or --detections, not both")
-    if labels is not None and detector is None:
-        raise HypermapError("--labels belongs to a --detector, which is not given")
-    if detector is not None:
-        return sources.detections_from_detector(load_detector(detector, labels, score))
-    if detections is not None:
-        return sources.detections_from_file(detections)
-    beside = recording.path / "detections.json"
-    if beside.is_file():
-        note(f"taking detections from {beside}")
-        return sources.detections_from_file(beside)
-    if any(stream.use == "recorded detections" for stream in recording.info().streams):
-        note("taking the detections recorded in the bag")
-        return sources.detections_from_recording()
-    raise HypermapError(
-        f"{recording.path}: nothing says what is on the images; give --detector MODEL.onnx or "
-        "--detections FILE, or a recording that has detections (in a bag, or as detections.json "
-        "in its folder)"
-    )
-
-
 def _make_map(
     recording: Recording,
-    source: DetectionSource,
+    source: DetectionSource | None,
     settings: MappingConfig,
     occupancy: OccupancyLayer | None,
     frames: int,
@@ -292,8 +267,11 @@ def _summarize(hypermap: Hypermap, output: Path) -> None:
         for name in layer.names
     )
     listed = ", ".join(f"{count} {printable(name)}" for name, count in names.most_common())
-    note(counted(names.total(), "object") + (f": {listed}" if listed else ""))
+    has_objects = any(isinstance(layer, SemanticLayer) for layer in hypermap.layers)
+    if has_objects:
+        note(counted(names.total(), "object") + (f": {listed}" if listed else ""))
     note(f"saved {output}")
-    name = next(iter(names), "chair")
     note(f"\nnow try:  hypermap render {output} -o {output.with_suffix('.png')}")
-    note(f'          hypermap query {output} --name "{printable(name)}" --nearest')
+    if has_objects:
+        name = printable(next(iter(names), "chair"))
+        note(f'          hypermap query {output} --name "{name}" --nearest')

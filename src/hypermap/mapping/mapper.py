@@ -11,6 +11,7 @@ import numpy as np
 from hypermap._version import __version__
 from hypermap.core.errors import HypermapError
 from hypermap.core.hypermap import Hypermap
+from hypermap.core.layer import Layer
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.trajectory import rpy_from_pose
 from hypermap.mapping.alignment import Aligner
@@ -96,7 +97,7 @@ class Mapper:
     def __init__(
         self,
         config: MappingConfig,
-        source: DetectionSource,
+        source: DetectionSource | None,
         occupancy: OccupancyLayer | None = None,
         frame_id: str = "map",
     ) -> None:
@@ -104,7 +105,7 @@ class Mapper:
 
         Args:
             config: how it is done.
-            source: says what a frame shows.
+            source: says what a frame shows; None for a map without objects.
             occupancy: the first layer of the map, if it is known already; otherwise it is made
                 from the frames' depth. The frames' poses must be in its frame, and are corrected
                 by what it shows.
@@ -115,7 +116,8 @@ class Mapper:
         self.counts = Counts()
         self.evidence = EvidenceMap(config.evidence)
         self.watch: Callable[[MappedFrame, Mapper], None] | None = None
-        self._source = source
+        self._source = source or _see_nothing
+        self._has_objects = source is not None
         self._keyframes = KeyframeSelector(config.keyframes)
         self._given_occupancy = occupancy
         self._aligner = None if occupancy is None else Aligner(occupancy, config.alignment)
@@ -164,15 +166,19 @@ class Mapper:
         self._aligner = Aligner(occupancy, self.config.alignment)
 
     def hypermap(self) -> Hypermap:
-        """Return the map so far: the layers "occupancy" and "semantic", in one frame."""
-        occupancy = self.occupancy()
-        semantic = self.evidence.layer(frame_id=occupancy.frame_id)
+        """Return the map so far: the layers "occupancy" and "semantic", in one frame.
+
+        Without a source of detections there is no layer "semantic".
+        """
+        layers: list[Layer] = [self.occupancy()]
+        if self._has_objects:
+            layers.append(self.evidence.layer(frame_id=layers[0].frame_id))
         metadata = {
             "hypermap_version": __version__,
             "frames": asdict(self.counts),
             "config": to_dict(self.config),
         }
-        return Hypermap([occupancy, semantic], metadata=metadata)
+        return Hypermap(layers, metadata=metadata)
 
     def occupancy(self) -> OccupancyLayer:
         """Return the first layer of the map: the given one, or what depth has shown so far."""
@@ -193,7 +199,7 @@ class Mapper:
 
 def map_recording(
     recording: Recording,
-    source: DetectionSource,
+    source: DetectionSource | None,
     config: MappingConfig,
     occupancy: OccupancyLayer | None = None,
     on_progress: Callable[[Progress], None] | None = None,
@@ -207,7 +213,7 @@ def map_recording(
 
     Args:
         recording: where the frames come from.
-        source: says what a frame shows.
+        source: says what a frame shows; None for a map without objects.
         config: how it is done.
         occupancy: the map's first layer, instead of the recording's own map or one made from
             depth.
@@ -239,6 +245,10 @@ def map_recording(
     hypermap = mapper.hypermap()
     hypermap.metadata["recording"] = recording.path.name
     return hypermap
+
+
+def _see_nothing(_frame: RgbdFrame) -> Detections:
+    return Detections.of([], [])
 
 
 def _log_wrong_floor(floor: Floor) -> None:

@@ -52,7 +52,9 @@ class LiveSettings:
         DARKNET, "Type of the detections' messages.", choices=(DARKNET, VISION)
     )
     detections_file: str = _setting("", "Detections recorded in a JSON file.")
-    detector: str = _setting("", "Neural network (.onnx) that finds objects in the color images.")
+    detector: str = _setting(
+        "", "Neural network that finds objects in the color images: .onnx, or a known name."
+    )
     labels: str = _setting("", "File with the names of the network's classes, where it has none.")
     score: float = _setting(
         -1.0, "Leave out detections that are less sure; -1 leaves it to profile and config.", -1, 1
