@@ -70,6 +70,16 @@ def test_a_given_occupancy_map_becomes_the_first_layer(hypermap, drive, room_map
     assert (first["name"], first["width"], first["height"]) == ("occupancy", 30, 20)
 
 
+def test_it_is_told_that_poses_cannot_be_corrected(hypermap, drive, room_map, tmp_path):
+    given, out = tmp_path / "given.yaml", tmp_path / "out.hmap"
+    assert hypermap("convert", room_map, given, "--layer", "occupancy").code == 0
+    told = "poses were taken as recorded: there is no occupancy map to correct them by (--map)"
+    common = ["map", drive, "--intrinsics", INTRINSICS, "-o", out]
+    assert told in hypermap(*common).err
+    assert told not in hypermap(*common, "--map", given).err
+    assert told not in hypermap(*common, "--profile", "thesis").err  # which corrects none
+
+
 def test_an_output_that_exists_is_replaced(hypermap, drive, tmp_path):
     out = tmp_path / "out.hmap"
     out.write_text("an older map")

@@ -223,6 +223,8 @@ def _make_map(
         f"{counts['skipped']} skipped because the camera had hardly moved, "
         f"{counts['unusable']} unusable"
     )
+    if settings.alignment.enabled and hypermap.metadata["poses"] == "as recorded":
+        note("poses were taken as recorded: there is no occupancy map to correct them by (--map)")
     return hypermap, not stoppable.ended_early
 
 

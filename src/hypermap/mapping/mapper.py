@@ -163,7 +163,15 @@ class Mapper:
 
         The map's first layer stays what it was.
         """
-        self._aligner = Aligner(occupancy, self.config.alignment)
+        if self._aligner is None:
+            self._aligner = Aligner(occupancy, self.config.alignment)
+        else:
+            self._aligner.replace_map(occupancy)
+
+    @property
+    def corrects_poses(self) -> bool:
+        """Whether there is a map by which poses are corrected, where that makes them better."""
+        return self._aligner is not None and self.config.alignment.enabled
 
     def hypermap(self) -> Hypermap:
         """Return the map so far: the layers "occupancy" and "semantic", in one frame.
@@ -176,6 +184,7 @@ class Mapper:
         metadata = {
             "hypermap_version": __version__,
             "frames": asdict(self.counts),
+            "poses": "corrected by the occupancy map" if self.corrects_poses else "as recorded",
             "config": to_dict(self.config),
         }
         return Hypermap(layers, metadata=metadata)
