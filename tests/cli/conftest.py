@@ -99,6 +99,27 @@ def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
+def unsure_network(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A network that finds the chair of `write_drive` in every image, with a score of 0.2."""
+    import onnx
+    from onnx import helper, numpy_helper
+
+    chair = np.array([[[23.2, 23.2, 40.8, 40.8, 0.2, 0]]], np.float32)  # in 64 x 64 pixels
+    graph = helper.make_graph(
+        [helper.make_node("Identity", ["found"], ["output0"])],
+        "network",
+        [helper.make_tensor_value_info("images", onnx.TensorProto.FLOAT, (1, 3, 64, 64))],
+        [helper.make_tensor_value_info("output0", onnx.TensorProto.FLOAT, None)],
+        [numpy_helper.from_array(chair, "found")],
+    )
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
+    helper.set_model_props(model, {"names": "{0: 'chair'}", "task": "detect"})
+    path = tmp_path_factory.mktemp("models") / "unsure.onnx"
+    path.write_bytes(model.SerializeToString())
+    return path
+
+
+@pytest.fixture(scope="session")
 def room_map(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A map with a turned layer: two chairs and a potted plant in a frame that lies at (10, 0)."""
     things = [

@@ -2,6 +2,8 @@ from __future__ import annotations
 
 import pytest
 
+from .conftest import INTRINSICS, assert_one_error, write_drive
+
 
 def test_a_map_is_described_for_programs(hypermap, room_map):
     content = hypermap("info", room_map, "--json").json
@@ -44,3 +46,38 @@ def test_an_object_that_could_not_be_read_is_named(hypermap, shared_data):
 def test_a_map_in_a_folder_is_described_like_its_archive(hypermap, room_map, tmp_path):
     assert hypermap("convert", room_map, tmp_path / "room").code == 0
     assert hypermap("info", tmp_path / "room").out == hypermap("info", room_map).out
+
+
+def test_a_recording_of_which_a_map_can_be_made_lacks_nothing(hypermap, drive):
+    assert hypermap("info", drive, "--json").json["missing"] == []
+    assert "Nothing is missing" in hypermap("info", drive).out
+
+
+def test_a_recording_without_detections_lacks_a_detector(hypermap, tmp_path):
+    drive = write_drive(tmp_path / "drive", frames=2, has_detections=False)
+    (said,) = hypermap("info", drive, "--json").json["missing"]
+    for words in ("--detector MODEL.onnx", "hypermap detectors get yolox-nano", "--no-objects"):
+        assert words in said
+    text = hypermap("info", drive).out
+    assert f"missing: {said}" in text
+    assert "Nothing is missing" not in text
+    refused = hypermap("map", drive, "-o", tmp_path / "out.hmap")
+    assert_one_error(refused, said)
+
+
+def test_what_info_calls_complete_is_mapped_and_what_it_does_not_is_refused(hypermap, tmp_path):
+    for name, has_detections in (("whole", True), ("bare", False)):
+        drive = write_drive(tmp_path / name, frames=2, has_detections=has_detections)
+        is_complete = hypermap("info", drive, "--json").json["missing"] == []
+        made = hypermap("map", drive, "--intrinsics", INTRINSICS, "-o", tmp_path / "out.hmap")
+        assert (made.code == 0) == is_complete == has_detections
+
+
+def test_a_recording_without_color_is_told_what_can_be_made_of_it(hypermap, tmp_path):
+    drive = write_drive(tmp_path / "drive", frames=2, has_detections=False)
+    (drive / "rgb.txt").unlink()
+    assert "without color images no objects" in hypermap("info", drive).out
+    refused = hypermap("map", drive, "-o", tmp_path / "out.hmap")
+    assert_one_error(refused, "neither detections nor color images", "--no-objects")
+    arguments = ["--no-objects", "--intrinsics", INTRINSICS, "-o", tmp_path / "out.hmap"]
+    assert hypermap("map", drive, *arguments).code == 0

@@ -12,7 +12,7 @@ from hypermap.cli.terminal import BAD_INPUT
 
 from .conftest import assert_one_error
 
-COMMANDS = ["demo", "map", "info", "query", "render", "convert", "shell"]
+COMMANDS = ["demo", "map", "detectors", "info", "query", "render", "convert", "shell"]
 NEEDED = {"numpy", "shapely", "yaml"}  # by a question to a map
 FOREIGN = {"matplotlib", "mcap", "numba", "onnxruntime", "rosbags", "scipy", "starlette", "uvicorn"}
 

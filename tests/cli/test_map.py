@@ -10,6 +10,7 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from hypermap.cli.recording_options import OPTIONS
@@ -17,6 +18,7 @@ from hypermap.core.hypermap import Hypermap
 from hypermap.core.semantic import SemanticLayer
 from hypermap.formats import open_map, save_map
 from hypermap.recordings import RecordingOptions
+from hypermap.simulation import SimulatedRecording, demo_world, write_tum
 from hypermap.testing import square
 from hypermap.viewer.live.document import MapDocument
 
@@ -73,6 +75,16 @@ def test_a_given_occupancy_map_becomes_the_first_layer(hypermap, drive, room_map
     assert hypermap("map", drive, *arguments).code == 0
     first = hypermap("info", out, "--json").json["layers"][0]
     assert (first["name"], first["width"], first["height"]) == ("occupancy", 30, 20)
+
+
+def test_it_is_told_that_poses_cannot_be_corrected(hypermap, drive, room_map, tmp_path):
+    given, out = tmp_path / "given.yaml", tmp_path / "out.hmap"
+    assert hypermap("convert", room_map, given, "--layer", "occupancy").code == 0
+    told = "poses were taken as recorded: there is no occupancy map to correct them by (--map)"
+    common = ["map", drive, "--intrinsics", INTRINSICS, "-o", out]
+    assert told in hypermap(*common).err
+    assert told not in hypermap(*common, "--map", given).err
+    assert told not in hypermap(*common, "--profile", "thesis").err  # which corrects none
 
 
 def test_an_output_that_exists_is_replaced_and_stays_beside_it(hypermap, drive, tmp_path):
@@ -169,6 +181,7 @@ def test_a_failure_leaves_the_old_output(hypermap, drive, tmp_path):
         (["-o", "out.zip"], "out.zip: a map is saved as .hmap"),
         (["-o", "nowhere/out.hmap"], "does not exist; create it first"),
         (["--detector", "a.onnx", "--detections", "b.json"], "either --detector or --detections"),
+        (["--no-objects", "--detector", "a.onnx"], "--no-objects leaves no work for --detector"),
         (["--labels", "names.txt"], "--labels belongs to a --detector"),
         (["--detector", "a.onnx"], "a.onnx"),
         (["--detections", "b.json"], "b.json: there is no such file"),
@@ -191,7 +204,36 @@ def test_bad_options_are_said_so(hypermap, drive, tmp_path, monkeypatch, argumen
 def test_without_detections_the_three_choices_are_told(hypermap, tmp_path):
     drive = write_drive(tmp_path / "drive", frames=2, has_detections=False)
     result = hypermap("map", drive, "-o", tmp_path / "out.hmap")
-    assert_one_error(result, "--detector MODEL.onnx", "--detections FILE", "detections.json")
+    assert_one_error(
+        result,
+        "--detector MODEL.onnx",
+        "hypermap detectors get yolox-nano",
+        "--detections FILE",
+        "detections.json",
+        "--no-objects",
+    )
+
+
+def test_a_map_of_the_occupancy_alone_needs_no_detections(hypermap, tmp_path):
+    drive = write_drive(tmp_path / "drive", frames=4, has_detections=False)
+    out = tmp_path / "out.hmap"
+    result = hypermap("map", drive, "--no-objects", "--intrinsics", INTRINSICS, "-o", out)
+    assert result.code == 0
+    assert f"saved {out}" in result.err
+    assert "0 objects" not in result.err.partition("used")[2]
+    assert [layer["name"] for layer in hypermap("info", out, "--json").json["layers"]] == [
+        "occupancy"
+    ]
+    wall = hypermap("query", out, "--layer", "occupancy", "--in", "2.4,0.5,2.6,1").out
+    assert "Occupied" in wall
+
+
+def test_with_objects_the_occupancy_is_the_same_as_alone(hypermap, drive, tmp_path):
+    both, alone = tmp_path / "both.hmap", tmp_path / "alone.hmap"
+    assert hypermap("map", drive, "--intrinsics", INTRINSICS, "-o", both).code == 0
+    assert hypermap("map", drive, "--no-objects", "--intrinsics", INTRINSICS, "-o", alone).code == 0
+    one, other = (open_map(path)["occupancy"].cells for path in (both, alone))
+    np.testing.assert_array_equal(one, other)
 
 
 @pytest.mark.parametrize("kind", ["nothing", "a file", "an empty folder"])
@@ -296,6 +338,30 @@ def test_what_is_less_sure_than_the_score_is_left_out(hypermap, drive, tmp_path)
         assert metadata["config"]["perception"]["min_score"] == float(score)
 
 
+@pytest.mark.parametrize(
+    ("arguments", "in_file", "score", "objects"),
+    [
+        ([], "", 0.3, 0),
+        (["--score", "0"], "", 0.0, 1),
+        (["--score", "0.15"], "", 0.15, 1),
+        (["--score", "0.25"], "min_score: 0", 0.25, 0),
+        ([], "min_score: 0", 0.0, 1),
+        (["--profile", "thesis"], "", 0.3, 0),
+        (["--profile", "thesis"], "min_score: 0", 0.0, 1),
+    ],
+)
+def test_a_network_is_asked_from_the_score_on_that_is_saved(
+    hypermap, drive, unsure_network, tmp_path, arguments, in_file, score, objects
+):
+    config, out = tmp_path / "config.yaml", tmp_path / "out.hmap"
+    config.write_text(f"evidence: {{publish_above: 0}}\nperception: {{{in_file}}}\n")
+    common = ["--intrinsics", INTRINSICS, "--detector", unsure_network, "--config", config]
+    assert hypermap("map", drive, *common, *arguments, "-o", out).code == 0
+    assert len(objects_in(out)) == objects  # the network's own score is 0.2
+    metadata = hypermap("info", out, "--json").json["metadata"]
+    assert metadata["config"]["perception"]["min_score"] == score
+
+
 def test_a_given_map_lies_in_the_frame_of_the_recording(hypermap, drive, room_map, tmp_path):
     given, out = tmp_path / "given.yaml", tmp_path / "out.hmap"
     assert hypermap("convert", room_map, given, "--layer", "occupancy").code == 0
@@ -303,3 +369,31 @@ def test_a_given_map_lies_in_the_frame_of_the_recording(hypermap, drive, room_ma
     assert hypermap("map", drive, *arguments).code == 0
     layers = hypermap("info", out, "--json").json["layers"]
     assert [layer["frame_id"] for layer in layers] == ["hall", "hall"]
+
+
+def test_a_world_that_is_not_level_is_told_with_the_option_that_levels_it(hypermap, tmp_path):
+    room = tmp_path / "room"
+    write_tum(SimulatedRecording(demo_world(), rate=0.5), room)
+    map_room = ["map", room, "-o", tmp_path / "room.hmap", "--no-evidence"]
+    level = hypermap(*map_room)
+    assert level.code == 0
+    assert "warning" not in level.err
+    tilted = hypermap(*map_room, "--world-transform", "1,0,-1,0.4,0.2,0.5")
+    assert tilted.code == 0
+    assert "the world of the recording is not level: its floor is tilted by 2" in tilted.err
+    option = tilted.err.splitlines()[-1].strip()
+    assert option.startswith("--world-transform=")
+    assert f"so give {option}" in tilted.err
+    mended = hypermap(*map_room, option)
+    assert mended.code == 0
+    assert "warning" not in mended.err
+
+
+def test_a_real_kitchen_with_a_tilted_world_is_told(hypermap, shared_data, tmp_path):
+    nothing = tmp_path / "nothing.json"
+    nothing.write_text('{"frames": {}}')
+    kitchen = ["map", shared_data / "kitchen", "--detections", nothing, "-o", tmp_path / "k.hmap"]
+    result = hypermap(*kitchen)
+    assert "tilted by 27 degrees" in result.err
+    assert "m below its origin" in result.err
+    assert "tilted" not in hypermap(*kitchen, result.err.splitlines()[-1].strip()).err

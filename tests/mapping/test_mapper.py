@@ -266,3 +266,28 @@ def test_segments_are_kept_for_those_who_watch_alone() -> None:
     observation = Mapper(CONFIG, boxes).add(frame(0))
     assert observation is not None
     assert [found.segment for found in observation.objects] == [None]
+
+
+@pytest.mark.parametrize(
+    ("has_map", "enabled", "expected"),
+    [
+        (True, True, "corrected by the occupancy map"),
+        (True, False, "as recorded"),
+        (False, True, "as recorded"),
+    ],
+)
+def test_a_map_tells_whether_its_poses_were_corrected(
+    has_map: bool, enabled: bool, expected: str
+) -> None:
+    grid = GridGeometry(40, 40, 0.1)
+    given = OccupancyLayer("occupancy", "map", grid, np.zeros((40, 40), np.int8))
+    alignment = dataclasses.replace(CONFIG.alignment, enabled=enabled)
+    config = dataclasses.replace(CONFIG, alignment=alignment)
+    hypermap = map_recording(walk(2), boxes, config, given if has_map else None)
+    assert hypermap.metadata["poses"] == expected
+
+
+def test_without_a_source_of_detections_there_are_no_objects() -> None:
+    alone, both = map_recording(walk(), None, CONFIG), map_recording(walk(), boxes, CONFIG)
+    assert [layer.name for layer in alone.layers] == ["occupancy"]
+    np.testing.assert_array_equal(alone["occupancy"].cells, both["occupancy"].cells)

@@ -216,3 +216,20 @@ def test_a_map_of_another_node_is_a_change_and_outlives_what_was_seen() -> None:
     assert live.revision > before  # else it would not be saved at the end
     live.clear()
     assert live.hypermap()["occupancy"] is given
+
+
+@pytest.mark.parametrize(
+    ("profile", "score", "expected"),
+    [
+        ("default", -1.0, 0.3),
+        ("default", 0.0, 0.0),
+        ("default", 0.7, 0.7),
+        ("thesis", -1.0, 0.0),
+        ("thesis", 0.2, 0.2),
+    ],
+)
+def test_a_score_of_nought_is_one_too(profile: str, score: float, expected: float) -> None:
+    settings = LiveSettings(
+        depth_topic="/depth", detections_topic="/boxes", profile=profile, score=score
+    )
+    assert LiveMap(settings).config.perception.min_score == expected

@@ -36,7 +36,8 @@ def command(
     """Say what is inside a map, or inside a recording and what it lacks for mapping.
 
     The exit code is 0 even where mapping would lack something: the question was answered. With
-    --json, a recording from which a map can be made has an empty list under "missing".
+    --json, a recording of which `hypermap map` makes a map as it is has an empty list under
+    "missing".
 
     Examples:
         hypermap info lab.hmap
@@ -186,8 +187,12 @@ def _flat(values: dict[str, Any], prefix: str = "") -> list[tuple[str, str]]:
 
 def describe_recording(info: RecordingInfo) -> dict[str, Any]:
     """Return what `--json` prints of a recording."""
+    from hypermap.cli.detection_source import has_recorded_detections, no_detections
+
     content = asdict(info)
     content.pop("path")
+    if not info.missing and not has_recorded_detections(info):
+        content["missing"] = (no_detections(info),)
     return {"kind": "recording", **content}
 
 
@@ -212,4 +217,4 @@ def show_recording(content: dict[str, Any]) -> None:
     for text in content["missing"]:
         say(f"missing: {text}", style="bold")
     if not content["missing"]:
-        say("Nothing is missing: a map can be made of it.")
+        say("Nothing is missing: `hypermap map` can make a map of it.")

@@ -86,7 +86,10 @@ def command(
     ] = None,
     detector: Annotated[
         str | None,
-        typer.Option(metavar="MODEL", help="Find objects with this neural network (.onnx)."),
+        typer.Option(
+            metavar="MODEL",
+            help="Find objects with this neural network: .onnx, or a name of `detectors`.",
+        ),
     ] = None,
     labels: Annotated[
         Path | None,
@@ -131,7 +134,7 @@ def command(
 
     Examples:
         hypermap live --depth-topic /camera/aligned_depth_to_color/image_raw --color-topic
-            /camera/color/image_raw --detector yolox_nano.onnx -o office.hmap
+            /camera/color/image_raw --detector yolox-nano -o office.hmap
         hypermap live --cloud-topic /camera/depth_registered/points --detections-topic
             /darknet_ros/bounding_boxes -o office.hmap
     """

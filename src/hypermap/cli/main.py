@@ -29,6 +29,7 @@ from hypermap.core.errors import HypermapError
 _MODULES = {
     "demo": "demo",
     "map": "map_",
+    "detectors": "detectors",
     "info": "info",
     "query": "query",
     "view": "view",

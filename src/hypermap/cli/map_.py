@@ -7,7 +7,6 @@ import signal
 import time
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -27,12 +26,11 @@ if TYPE_CHECKING:
     from hypermap.core.hypermap import Hypermap
     from hypermap.core.occupancy import OccupancyLayer
     from hypermap.mapping.config import MappingConfig
+    from hypermap.mapping.floor import Floor
     from hypermap.mapping.mapper import MappedFrame, Mapper, Progress
     from hypermap.perception.detections import DetectionSource
     from hypermap.perception.recording import Recording
     from hypermap.recordings import RecordingOptions
-
-_LEAST_SCORE = 0.3  # for a network, where the profile takes all that is recorded
 
 
 class Profile(str, enum.Enum):
@@ -62,7 +60,10 @@ def command(
     recording_options: RecordingOptions,
     detector: Annotated[
         str | None,
-        typer.Option(metavar="MODEL", help="Find objects with this neural network (.onnx)."),
+        typer.Option(
+            metavar="MODEL",
+            help="Find objects with this neural network: .onnx, or a name of `detectors`.",
+        ),
     ] = None,
     labels: Annotated[
         Path | None,
@@ -85,6 +86,12 @@ def command(
         Path | None,
         typer.Option(metavar="FILE", readable=False, help="Take detections from this JSON file."),
     ] = None,
+    objects: Annotated[
+        bool,
+        typer.Option(
+            "--objects/--no-objects", help="Find objects, or make the occupancy layer alone."
+        ),
+    ] = True,
     map_file: Annotated[
         Path | None,
         typer.Option(
@@ -115,37 +122,41 @@ def command(
 
     Objects come from a neural network (--detector), from a file (--detections), or, when neither
     is given, from the detections in the recording itself or in its folder's detections.json.
-    `hypermap info RECORDING` says what a recording holds and what it lacks.
+    `hypermap info RECORDING` says what a recording holds and what it lacks, `hypermap detectors`
+    which networks can be had, and --no-objects makes a map without objects.
 
     Ctrl-C or SIGTERM stops early and saves what was seen so far; the exit code is 130 or 143 then.
     With --view the page of the run stays afterwards, until Ctrl-C.
 
     Examples:
-        hypermap map desk --detector yolox_nano.onnx -o desk.hmap
+        hypermap map desk --detector yolox-nano -o desk.hmap
         hypermap map drive.bag --map map.yaml -o office.hmap --view
         hypermap map desk --log desk.rrd -o desk.hmap
         hypermap map heads --world-transform 0,0,1.2,-1.9,0,0 -o heads.hmap
     """
+    from hypermap.cli.detection_source import detection_source
     from hypermap.formats import save_map
     from hypermap.formats.backup import keep_backup
     from hypermap.formats.map_server import load_occupancy
+    from hypermap.mapping.config import chosen_config
     from hypermap.recordings import open_recording
 
     check_map_output(output, force)
     recording = open_recording(path, recording_options)
-    settings = _settings(profile, config, score)
+    settings = chosen_config(profile.value, config, score, has_network=detector is not None)
     occupancy = None
     if map_file is not None:
         occupancy = load_occupancy(map_file, frame_id=recording.frame_id)
-    least = settings.perception.min_score or _LEAST_SCORE
-    source = _detection_source(recording, detector, labels, least, detections)
+    source = detection_source(
+        recording, detector, labels, settings.perception.min_score, detections, objects
+    )
     frames = len(recording)  # which reads a bag through once
-    name = recording.path.name
+    name, floor = recording.path.name, _FloorNote(recording_options)
     with watching(view, name, output, frames, port, browser) as watched:
         with stop_on_signal() as stop, logging_to(log, name, recording.frame_id) as logged:
             watchers = [watch for watch in (watched.frame, logged) if watch is not None]
             hypermap, is_whole = _make_map(
-                recording, source, settings, occupancy, frames, stop, watched, watchers
+                recording, source, settings, occupancy, frames, stop, watched, watchers, floor
             )
             if not evidence:
                 _forget_evidence(hypermap)
@@ -154,6 +165,7 @@ def command(
         if backup is not None:
             note(f"the map that was there stays as {backup}")
         _summarize(hypermap, output)
+        floor.remind()
         part = "" if is_whole else f"the map of a part of the recording: {stop.name} ended it early"
         if part:
             note(f"This is {part}.")
@@ -163,62 +175,16 @@ def command(
         raise typer.Exit(stop.exit_code)
 
 
-def _settings(profile: Profile, path: Path | None, score: float | None) -> MappingConfig:
-    from hypermap.mapping import config
-
-    settings = config.profile(profile.value)
-    if path is not None:
-        settings = config.load_config(path, settings)
-    if score is not None:
-        settings = replace(settings, perception=replace(settings.perception, min_score=score))
-    return settings
-
-
-def _detection_source(
-    recording: Recording,
-    detector: str | None,
-    labels: Path | None,
-    score: float,
-    detections: Path | None,
-) -> DetectionSource:
-    """Return where the detections come from: as the user says, or else as the recording has them.
-
-    Raises:
-        HypermapError: If the user says two things, or there are none.
-    """
-    from hypermap.perception.detectors import load_detector, sources
-
-    if detector is not None and detections is not None:
-        raise HypermapError("give either --detector or --detections, not both")
-    if labels is not None and detector is None:
-        raise HypermapError("--labels belongs to a --detector, which is not given")
-    if detector is not None:
-        return sources.detections_from_detector(load_detector(detector, labels, score))
-    if detections is not None:
-        return sources.detections_from_file(detections)
-    beside = recording.path / "detections.json"
-    if beside.is_file():
-        note(f"taking detections from {beside}")
-        return sources.detections_from_file(beside)
-    if any(stream.use == "recorded detections" for stream in recording.info().streams):
-        note("taking the detections recorded in the bag")
-        return sources.detections_from_recording()
-    raise HypermapError(
-        f"{recording.path}: nothing says what is on the images; give --detector MODEL.onnx or "
-        "--detections FILE, or a recording that has detections (in a bag, or as detections.json "
-        "in its folder)"
-    )
-
-
 def _make_map(
     recording: Recording,
-    source: DetectionSource,
+    source: DetectionSource | None,
     settings: MappingConfig,
     occupancy: OccupancyLayer | None,
     frames: int,
     stop: Stop,
     watched: Watched,
     watchers: list[Callable[[MappedFrame, Mapper], None]],
+    on_wrong_floor: Callable[[Floor], None],
 ) -> tuple[Hypermap, bool]:
     """Return the map, and whether it is that of the whole recording."""
     from hypermap.cli.progress import Pace, mapping_progress
@@ -246,6 +212,7 @@ def _make_map(
                 occupancy,
                 watched.beside(tell),
                 watch if watchers else None,
+                on_wrong_floor,
             )
         except HypermapError:
             if stoppable.ended_early:
@@ -261,7 +228,32 @@ def _make_map(
         f"{counts['skipped']} skipped because the camera had hardly moved, "
         f"{counts['unusable']} unusable"
     )
+    if settings.alignment.enabled and hypermap.metadata["poses"] == "as recorded":
+        note("poses were taken as recorded: there is no occupancy map to correct them by (--map)")
     return hypermap, not stoppable.ended_early
+
+
+class _FloorNote:
+    """Tells that the floor is not where a map needs it, and the option that puts it there."""
+
+    def __init__(self, options: RecordingOptions) -> None:
+        self._options = options
+        self._remedy = ""
+
+    def __call__(self, floor: Floor) -> None:
+        from hypermap.core.trajectory import compose, rpy_from_pose
+
+        map_T_world = compose(floor.level_T_map(), self._options.world_pose())
+        *position, roll, pitch, yaw = rpy_from_pose(map_T_world)
+        numbers = [f"{x:.3f}" for x in position] + [f"{x:.4f}" for x in (roll, pitch, yaw)]
+        self._remedy = f"--world-transform={','.join(numbers)}"
+        note(f"warning: {floor}; a map needs a level floor at z = 0, so give {self._remedy}")
+
+    def remind(self) -> None:
+        """Say it again at the end, if there was something to say."""
+        if self._remedy:
+            note("\nwarning: the floor is not level at z = 0; map the recording again with")
+            note(f"  {self._remedy}")
 
 
 def _forget_evidence(hypermap: Hypermap) -> None:
@@ -282,8 +274,11 @@ def _summarize(hypermap: Hypermap, output: Path) -> None:
         for name in layer.names
     )
     listed = ", ".join(f"{count} {printable(name)}" for name, count in names.most_common())
-    note(counted(names.total(), "object") + (f": {listed}" if listed else ""))
+    has_objects = any(isinstance(layer, SemanticLayer) for layer in hypermap.layers)
+    if has_objects:
+        note(counted(names.total(), "object") + (f": {listed}" if listed else ""))
     note(f"saved {output}")
-    name = next(iter(names), "chair")
     note(f"\nnow try:  hypermap render {output} -o {output.with_suffix('.png')}")
-    note(f'          hypermap query {output} --name "{printable(name)}" --nearest')
+    if has_objects:
+        name = printable(next(iter(names), "chair"))
+        note(f'          hypermap query {output} --name "{name}" --nearest')

@@ -80,6 +80,41 @@ def _count_lines(what: str, total: int, units: str) -> Callable[[], None]:
 
 
 @contextmanager
+def downloading(what: str, size: int) -> Iterator[Callable[[int], None]]:
+    """Show how many of a file's bytes are here while the caller reports them."""
+    if not err().is_terminal:
+        note(f"{what}: {size / 1e6:.1f} MB ...")
+        yield _byte_lines(what, size)
+        return
+    from rich import progress as rich
+
+    with rich.Progress(
+        rich.TextColumn(what),
+        rich.BarColumn(),
+        rich.DownloadColumn(),
+        rich.TransferSpeedColumn(),
+        rich.TimeRemainingColumn(),
+        console=err(),
+    ) as bar:
+        task = bar.add_task(what, total=size)
+        yield lambda have: bar.update(task, completed=have)
+
+
+def _byte_lines(what: str, size: int) -> Callable[[int], None]:
+    """Return what says now and then how many bytes are here."""
+    told = time.monotonic()
+
+    def report(have: int) -> None:
+        nonlocal told
+        now = time.monotonic()
+        if now - told >= _EVERY and have < size:
+            told = now
+            note(f"{what}: {have / 1e6:.1f} of {size / 1e6:.1f} MB")
+
+    return report
+
+
+@contextmanager
 def _bar(total: int) -> Iterator[Report]:
     from rich import progress as rich
 

@@ -66,6 +66,23 @@ def pose_from_rpy(
     return pose
 
 
+def rpy_from_pose(pose: NDArray[np.float64]) -> tuple[float, float, float, float, float, float]:
+    """Return x, y, z [m], roll, pitch and yaw [rad] of a rigid transform, shape (4, 4).
+
+    Where roll and yaw turn about one axis, at a pitch of 90 degrees, yaw is 0.
+
+    >>> [round(number, 3) for number in rpy_from_pose(pose_from_rpy(1, 2, 3, 0.1, -0.2, 3))]
+    [1.0, 2.0, 3.0, 0.1, -0.2, 3.0]
+    """
+    x, y, z = (float(number) for number in pose[:3, 3])
+    level = float(np.hypot(pose[0, 0], pose[1, 0]))
+    pitch = float(np.arctan2(-pose[2, 0], level))
+    if level < 1e-9:
+        return x, y, z, float(np.arctan2(-pose[1, 2], pose[1, 1])), pitch, 0.0
+    roll, yaw = np.arctan2(pose[2, 1], pose[2, 2]), np.arctan2(pose[1, 0], pose[0, 0])
+    return x, y, z, float(roll), pitch, float(yaw)
+
+
 def compose(*poses: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return `a_T_c` from `a_T_b` and `b_T_c`, and so on; shapes (..., 4, 4) broadcast."""
     result = np.eye(4)

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from hypermap.core.occupancy import OccupancyLayer
+from hypermap.mapping.shrinkage import Shrinkage
 from hypermap.mapping.stages import AlignmentConfig
 from hypermap.perception.frame import RgbdFrame
 
@@ -40,8 +41,9 @@ _SMALL = 1e-4  # metres or radians; a step below this is the last
 class Aligner:
     """Corrects x, y and the heading of poses by a known map.
 
-    Each pose is corrected by itself: an error of the map here does no harm there, and a
-    localisation that jumps is no matter.
+    Each pose is laid onto the map by itself: an error of the map here does no harm there, and a
+    localisation that jumps is no matter. How much of a correction is made depends on those before
+    it: none, where they are no larger than the errors of corrections, as those of exact poses are.
 
     Attributes:
         config: how far poses may be off, and what is compared.
@@ -52,9 +54,14 @@ class Aligner:
         self.config = config
         self._occupancy = occupancy
         self._borders: _Borders | None = None
+        self._shrinkage = Shrinkage()
+
+    def replace_map(self, occupancy: OccupancyLayer) -> None:
+        """Correct by another map of the same place from now on."""
+        self._occupancy, self._borders = occupancy, None
 
     def align(self, frame: RgbdFrame) -> RgbdFrame:
-        """Return the frame with the pose that fits the map best.
+        """Return the frame with a pose that fits the map better, as far as that can be told.
 
         It keeps its pose where its depth image shows too little that the map knows, or if poses
         are not to be corrected.
@@ -79,7 +86,10 @@ class Aligner:
         position: NDArray[np.float64],
         borders: _Borders,
     ) -> NDArray[np.float64]:
-        """Return the x, y [m] and turn about the camera [rad] that lay points onto borders."""
+        """Return the x, y [m] and turn about the camera [rad] that are to be made.
+
+        They are a share of those that lay the points onto borders.
+        """
         config = self.config
         expected = np.array([config.position, config.position, math.radians(config.yaw_deg)])
         prior = np.diag(expected**-2.0)
@@ -96,12 +106,17 @@ class Aligner:
             weight = share**2 / sigma**2 / _TOGETHER
             by_turn = slope[:, 1] * turned[:, 0] - slope[:, 0] * turned[:, 1]
             jacobian = np.column_stack([slope, by_turn])
-            information = jacobian.T @ (weight[:, np.newaxis] * jacobian) + prior
+            measured = jacobian.T @ (weight[:, np.newaxis] * jacobian)
+            information = measured + prior
             step = np.linalg.solve(information, -jacobian.T @ (weight * distance) - prior @ found)
             found += step
             if np.abs(step).max() < _SMALL:
                 break
-        return found
+        # If the pose was exact, `found` comes from errors of the measurement alone. Then the mean
+        # of the first number is the second, the number of directions in which the map holds.
+        size = float(found @ information @ found)
+        expected = float(np.trace(np.linalg.solve(information, measured)))
+        return found * self._shrinkage.share_of(size, expected)
 
     def _borders_around(self, position: NDArray[np.float64]) -> _Borders | None:
         """Return the borders of free space near the camera; None where the map has none."""

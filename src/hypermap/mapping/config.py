@@ -23,6 +23,8 @@ from hypermap.mapping.stages import (
 )
 from hypermap.perception.config import PerceptionConfig
 
+_LEAST_SCORE = 0.3  # for a network, where the profile takes all that is recorded
+
 
 @dataclass(frozen=True)
 class MappingConfig:
@@ -64,6 +66,39 @@ def load_config(path: str | Path, base: MappingConfig | None = None) -> MappingC
         FormatError: If it is not YAML, or a key is unknown, or a value has the wrong type or range.
     """
     return override(base or profile("default"), read_overrides(Path(path)), path=Path(path))
+
+
+def chosen_config(
+    name: str,
+    path: str | Path | None = None,
+    score: float | None = None,
+    has_network: bool = False,
+) -> MappingConfig:
+    """Return the configuration that a user asks for.
+
+    Args:
+        name: the profile.
+        path: a YAML file with values that differ (see `load_config`).
+        score: detections below it are left out; None leaves that to the file, and then to the
+            profile.
+        has_network: whether the detections come from a network. It is asked from 0.3 on where a
+            profile takes all that is recorded, unless the file or `score` says another number.
+
+    Raises:
+        ValueError: If there is no such profile, or the score is none.
+        HypermapError: As `load_config` does.
+    """
+    config = profile(name)
+    if has_network:
+        config = _with_score(config, max(config.perception.min_score, _LEAST_SCORE))
+    if path is not None:
+        config = load_config(path, config)
+    return config if score is None else _with_score(config, score)
+
+
+def _with_score(config: MappingConfig, score: float) -> MappingConfig:
+    perception = dataclasses.replace(config.perception, min_score=score)
+    return dataclasses.replace(config, perception=perception)
 
 
 def to_dict(config: MappingConfig) -> dict[str, Any]:

@@ -11,10 +11,13 @@ import numpy as np
 from hypermap._version import __version__
 from hypermap.core.errors import HypermapError
 from hypermap.core.hypermap import Hypermap
+from hypermap.core.layer import Layer
 from hypermap.core.occupancy import OccupancyLayer
+from hypermap.core.trajectory import rpy_from_pose
 from hypermap.mapping.alignment import Aligner
 from hypermap.mapping.config import MappingConfig, to_dict
 from hypermap.mapping.evidence import EvidenceMap
+from hypermap.mapping.floor import Floor, FloorCheck
 from hypermap.mapping.keyframes import KeyframeSelector
 from hypermap.mapping.occupancy import OccupancyMapper
 from hypermap.perception.detections import Detections, DetectionSource
@@ -94,7 +97,7 @@ class Mapper:
     def __init__(
         self,
         config: MappingConfig,
-        source: DetectionSource,
+        source: DetectionSource | None,
         occupancy: OccupancyLayer | None = None,
         frame_id: str = "map",
     ) -> None:
@@ -102,7 +105,7 @@ class Mapper:
 
         Args:
             config: how it is done.
-            source: says what a frame shows.
+            source: says what a frame shows; None for a map without objects.
             occupancy: the first layer of the map, if it is known already; otherwise it is made
                 from the frames' depth. The frames' poses must be in its frame, and are corrected
                 by what it shows.
@@ -113,7 +116,8 @@ class Mapper:
         self.counts = Counts()
         self.evidence = EvidenceMap(config.evidence)
         self.watch: Callable[[MappedFrame, Mapper], None] | None = None
-        self._source = source
+        self._source = source or _see_nothing
+        self._has_objects = source is not None
         self._keyframes = KeyframeSelector(config.keyframes)
         self._given_occupancy = occupancy
         self._aligner = None if occupancy is None else Aligner(occupancy, config.alignment)
@@ -159,18 +163,31 @@ class Mapper:
 
         The map's first layer stays what it was.
         """
-        self._aligner = Aligner(occupancy, self.config.alignment)
+        if self._aligner is None:
+            self._aligner = Aligner(occupancy, self.config.alignment)
+        else:
+            self._aligner.replace_map(occupancy)
+
+    @property
+    def corrects_poses(self) -> bool:
+        """Whether there is a map by which poses are corrected, where that makes them better."""
+        return self._aligner is not None and self.config.alignment.enabled
 
     def hypermap(self) -> Hypermap:
-        """Return the map so far: the layers "occupancy" and "semantic", in one frame."""
-        occupancy = self.occupancy()
-        semantic = self.evidence.layer(frame_id=occupancy.frame_id)
+        """Return the map so far: the layers "occupancy" and "semantic", in one frame.
+
+        Without a source of detections there is no layer "semantic".
+        """
+        layers: list[Layer] = [self.occupancy()]
+        if self._has_objects:
+            layers.append(self.evidence.layer(frame_id=layers[0].frame_id))
         metadata = {
             "hypermap_version": __version__,
             "frames": asdict(self.counts),
+            "poses": "corrected by the occupancy map" if self.corrects_poses else "as recorded",
             "config": to_dict(self.config),
         }
-        return Hypermap([occupancy, semantic], metadata=metadata)
+        return Hypermap(layers, metadata=metadata)
 
     def occupancy(self) -> OccupancyLayer:
         """Return the first layer of the map: the given one, or what depth has shown so far."""
@@ -191,11 +208,12 @@ class Mapper:
 
 def map_recording(
     recording: Recording,
-    source: DetectionSource,
+    source: DetectionSource | None,
     config: MappingConfig,
     occupancy: OccupancyLayer | None = None,
     on_progress: Callable[[Progress], None] | None = None,
     watch: Callable[[MappedFrame, Mapper], None] | None = None,
+    on_wrong_floor: Callable[[Floor], None] | None = None,
 ) -> Hypermap:
     """Return the map of a recording.
 
@@ -204,12 +222,14 @@ def map_recording(
 
     Args:
         recording: where the frames come from.
-        source: says what a frame shows.
+        source: says what a frame shows; None for a map without objects.
         config: how it is done.
         occupancy: the map's first layer, instead of the recording's own map or one made from
             depth.
         on_progress: called after each frame.
         watch: called after each frame that was mapped.
+        on_wrong_floor: called once, as soon as the depth shows a floor that is not level or not
+            at z = 0, as of a recording whose world is not level; by default this is logged.
 
     Raises:
         HypermapError: If the recording or the source fails, or not one frame was usable.
@@ -218,8 +238,10 @@ def map_recording(
         occupancy = recording.occupancy()
     mapper = Mapper(config, source, occupancy, recording.frame_id)
     mapper.watch = watch
+    check = FloorCheck(on_wrong_floor or _log_wrong_floor)
     for frame in recording.frames():
-        mapper.add(frame)
+        if mapper.add(frame) is not None:
+            check.add(frame)
         if on_progress is not None:
             counts = mapper.counts
             on_progress(Progress(counts.frames, len(recording), len(mapper.evidence), counts))
@@ -228,9 +250,19 @@ def map_recording(
             f"{recording.path}: there is nothing to map: of {mapper.counts.frames} frames none "
             "has both depth and a proper pose"
         )
+    check.finish()
     hypermap = mapper.hypermap()
     hypermap.metadata["recording"] = recording.path.name
     return hypermap
+
+
+def _see_nothing(_frame: RgbdFrame) -> Detections:
+    return Detections.of([], [])
+
+
+def _log_wrong_floor(floor: Floor) -> None:
+    turn = ", ".join(f"{number:.4f}" for number in rpy_from_pose(floor.level_T_map()))
+    _log.warning("%s; the pose that levels its world in the map is (%s)", floor, turn)
 
 
 def why_unusable(frame: RgbdFrame) -> str | None:

@@ -5,8 +5,9 @@ from __future__ import annotations
 from importlib.metadata import entry_points
 from pathlib import Path
 
-from hypermap.core.errors import HypermapError, did_you_mean
+from hypermap.core.errors import FileMissing, HypermapError, did_you_mean
 from hypermap.perception.detections import Detector
+from hypermap.perception.detectors.catalog import known_network
 
 ENTRY_POINT_GROUP = "hypermap.detectors"
 
@@ -21,7 +22,8 @@ def load_detector(
     """Return the detector in an ONNX file, or one that another package brings.
 
     Args:
-        path: an ONNX file; or ``name:argument``, where `name` is an entry point in the group
+        path: an ONNX file; or the name of a network that was downloaded by `hypermap detectors
+            get`; or ``name:argument``, where `name` is an entry point in the group
             `hypermap.detectors` whose value makes a detector of the argument. Such a detector
             has settings of its own: the other parameters are for ONNX files.
         labels: file of the class names (see `read_labels`); by default those in the model, or
@@ -47,4 +49,12 @@ def load_detector(
         )
     from hypermap.perception.detectors.onnx_detector import OnnxDetector
 
+    network = None if Path(path).exists() else known_network(str(path))
+    if network is not None:
+        path = network.downloaded()
+    elif not Path(path).exists():
+        raise FileMissing(
+            f"{path}: there is no such model; `hypermap detectors` lists those that can be "
+            "downloaded and called by name"
+        )
     return OnnxDetector.load(path, labels, score_threshold, iou_threshold, threads)

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import threading
-from dataclasses import replace
 
 import numpy as np
 
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.semantic import SemanticLayer
-from hypermap.mapping.config import MappingConfig, load_config, profile
+from hypermap.mapping.config import MappingConfig, chosen_config
 from hypermap.mapping.mapper import Mapper, why_unusable
 from hypermap.perception.detections import Detections, DetectionSource
 from hypermap.perception.detectors import load_detector, sources
@@ -18,8 +17,6 @@ from hypermap.perception.frame import Camera, RgbdFrame
 from hypermap.perception.observation import Observation
 from hypermap.ros.mapper.settings import LiveSettings
 from hypermap.ros.mapper.statistics import Fate
-
-_LEAST_SCORE = 0.3  # for a network, where the profile takes all that is detected
 
 
 class LiveMap:
@@ -127,19 +124,15 @@ class LiveMap:
 
 
 def _config(settings: LiveSettings) -> MappingConfig:
-    config = profile(settings.profile)
-    if settings.config:
-        config = load_config(settings.config, config)
-    if settings.score:
-        config = replace(config, perception=replace(config.perception, min_score=settings.score))
-    return config
+    score = None if settings.score < 0 else settings.score
+    return chosen_config(settings.profile, settings.config or None, score, bool(settings.detector))
 
 
 def _source(settings: LiveSettings, config: MappingConfig) -> DetectionSource:
     if settings.detector:
-        least = config.perception.min_score or _LEAST_SCORE
+        score = config.perception.min_score
         threads = settings.detector_threads or None
-        detector = load_detector(settings.detector, settings.labels or None, least, threads=threads)
+        detector = load_detector(settings.detector, settings.labels or None, score, threads=threads)
         return sources.detections_from_detector(detector)
     if settings.detections_file:
         return sources.detections_from_file(settings.detections_file)

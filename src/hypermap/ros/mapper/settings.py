@@ -57,10 +57,12 @@ class LiveSettings:
         DARKNET, "Type of the detections' messages.", choices=(DARKNET, VISION)
     )
     detections_file: str = _setting("", "Detections recorded in a JSON file.")
-    detector: str = _setting("", "Neural network (.onnx) that finds objects in the color images.")
+    detector: str = _setting(
+        "", "Neural network that finds objects in the color images: .onnx, or a known name."
+    )
     labels: str = _setting("", "File with the names of the network's classes, where it has none.")
     score: float = _setting(
-        0.0, "Leave out detections that are less sure; 0 is 0.3 for a network, and none else.", 0, 1
+        -1.0, "Leave out detections that are less sure; -1 leaves it to profile and config.", -1, 1
     )
     detector_threads: int = _setting(0, "Threads of the network; 0 takes all cores.", 0, 1024)
     map_frame: str = _setting("map", "Fixed frame in which the map is made, z up.")

@@ -1,0 +1,245 @@
+"""Where the floor of a recording lies, seen in its depth: it should be level, at z = 0 of the map.
+
+A map of a world that is not level is nonsense, and nothing else tells: walls become floor, and
+the floor a wall.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hypermap.perception.frame import RgbdFrame
+
+_COLUMNS = 40  # of an image are looked at
+_EARLY = 24  # frames after which the floor is looked for
+_FEWEST_FRAMES = 5  # one image may mislead
+_MOST_FRAMES = 64  # are remembered; then every other is forgotten, and only every other added
+_ALIKE = math.cos(math.radians(12))  # of two normals on one surface
+_TRIED = 100  # points whose normals are tried as the floor's
+_LEAST_SHARE = 0.02  # of all points that a floor has
+_LEAST_SHARE_TILTED = 0.03
+_MOST_BELOW = 0.03  # of all points lie more than `_DEEP` below a floor
+_DEEP = 0.12  # metres
+_THICK = 0.05  # metres; points nearer to a plane than this are on it
+_UPRIGHT = 0.3  # least mean cosine between a floor's normal and the upward side of the images
+_LEVEL = math.cos(math.radians(10))
+_LEVEL_SHARE = 0.3  # of the points of the best floor, with which a level one is preferred
+_WIDE = 3.0  # metres; no table is so long
+_TILT_DEG, _HEIGHT = 4.0, 0.15  # metres; a floor that is off by more is wrong
+_BENT = 0.05  # metres by which errors of the depth may lift one side of what is seen of a floor
+
+
+@dataclass(frozen=True, eq=False)
+class Floor:
+    """A floor as it was measured.
+
+    Attributes:
+        normal: its upward normal in the map, shape (3,).
+        offset: how far it lies along its normal from the map's origin [m].
+        span: length and width of what was seen of it [m].
+    """
+
+    normal: NDArray[np.float64]
+    offset: float
+    span: tuple[float, float]
+
+    @property
+    def tilt_deg(self) -> float:
+        """The angle between the floor and the map's level, 0..180 [degrees]."""
+        return math.degrees(math.acos(float(np.clip(self.normal[2], -1.0, 1.0))))
+
+    @property
+    def is_level(self) -> bool:
+        """Whether a map can be made: the floor is level and at z = 0, as well as can be seen.
+
+        A level surface above z = 0 may be a table, unless it is long.
+        """
+        if self._is_tilted:
+            return False
+        return abs(self.offset) <= _HEIGHT or (self.offset > 0 and self.span[0] < _WIDE)
+
+    @property
+    def _is_tilted(self) -> bool:
+        """Whether the tilt is more than errors of the depth may feign."""
+        feigned = math.degrees(math.atan2(_BENT, self.span[1]))
+        return self.tilt_deg > _TILT_DEG + feigned
+
+    def level_T_map(self) -> NDArray[np.float64]:  # noqa: N802
+        """Return the smallest turn that levels the floor, and a lift to z = 0, shape (4, 4)."""
+        up, z = self.normal, np.array([0.0, 0.0, 1.0])
+        axis, cosine = np.cross(up, z), float(up[2])
+        sine = float(np.linalg.norm(axis))
+        if sine < 1e-12:
+            rotation = np.eye(3) if cosine > 0 else np.diag([1.0, -1.0, -1.0])
+        else:  # Rodrigues' formula
+            x, y, w = axis
+            K = np.array([[0, -w, y], [w, 0, -x], [-y, x, 0]])
+            share = 1 / (1 + cosine) if cosine > 0 else (1 - cosine) / sine**2  # which are equal
+            rotation = np.eye(3) + K + K @ K * share
+        pose = np.eye(4)
+        pose[:3, :3] = rotation
+        pose[2, 3] = -self.offset
+        return pose
+
+    def __str__(self) -> str:
+        if self._is_tilted:
+            nearest = int(np.argmax(np.abs(self.normal)))
+            axis = ("-" if self.normal[nearest] < 0 else "") + "xyz"[nearest]
+            off = math.degrees(math.acos(min(abs(float(self.normal[nearest])), 1.0)))
+            side = "below" if self.offset < 0 else "above"
+            return (
+                f"the world of the recording is not level: its floor is tilted by {off:.0f} "
+                f"degrees against its {axis} axis, where z has to point up, and lies "
+                f"{abs(self.offset):.2f} m {side} its origin"
+            )
+        return (
+            f"the floor of the recording lies at z = {self.offset:.2f} m, where z = 0 is expected"
+        )
+
+
+class FloorSampler:
+    """Remembers some points of frames from all over a recording, and finds the floor in them."""
+
+    def __init__(self) -> None:
+        self._frames: list[tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]]
+        self._frames = []  # points and their normals, (N, 3) each, and the image's upward side
+        self._every, self._seen = 1, 0
+
+    def add(self, frame: RgbdFrame) -> None:
+        """Look at a frame with depth and a proper pose."""
+        self._seen += 1
+        if (self._seen - 1) % self._every:
+            return
+        points, normals = _points_and_normals(frame)
+        self._frames.append((points, normals, -frame.map_T_camera[:3, 1]))
+        if len(self._frames) > _MOST_FRAMES:
+            self._frames, self._every = self._frames[::2], 2 * self._every
+
+    def floor(self) -> Floor | None:
+        """Return the floor; None if too little of one is seen."""
+        if len(self._frames) < _FEWEST_FRAMES:
+            return None
+        points = np.concatenate([points for points, _, _ in self._frames])
+        normals = np.concatenate([normals for _, normals, _ in self._frames])
+        up = np.mean([upward for _, _, upward in self._frames], axis=0)
+        if len(points) < _TRIED:
+            return None
+        floors = []
+        for normal in _directions(normals, up):
+            found = _lowest_plane(points, normals, normal)
+            if found is not None:
+                floor = found[0]
+                if floor.normal[2] >= _LEVEL or floor.normal @ up > _UPRIGHT:
+                    floors.append(found)
+        if not floors:
+            return None
+        most = max(count for _, count in floors)
+        for floor, count in sorted(floors, key=_count, reverse=True):
+            is_likely = floor.normal[2] >= _LEVEL and floor.normal @ up > _UPRIGHT
+            if is_likely and count >= _LEVEL_SHARE * most:
+                return floor
+        floor, count = max(floors, key=_count)
+        return floor if count >= _LEAST_SHARE_TILTED * len(points) else None
+
+
+class FloorCheck:
+    """Looks early in a recording whether its floor is level and at z = 0, and again at the end.
+
+    Args:
+        tell: called once, if it is not.
+    """
+
+    def __init__(self, tell: Callable[[Floor], None]) -> None:
+        self._sampler, self._tell = FloorSampler(), tell
+        self._frames, self._has_told = 0, False
+
+    def add(self, frame: RgbdFrame) -> None:
+        """Look at a frame with depth and a proper pose."""
+        self._sampler.add(frame)
+        self._frames += 1
+        if self._frames == _EARLY:
+            self.finish()
+
+    def finish(self) -> None:
+        """Say what is wrong with the floor, if something is and was not said before."""
+        floor = None if self._has_told else self._sampler.floor()
+        if floor is not None and not floor.is_level:
+            self._has_told = True
+            self._tell(floor)
+
+
+def _count(found: tuple[Floor, int]) -> int:
+    return found[1]
+
+
+def _points_and_normals(
+    frame: RgbdFrame,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return points of smooth surfaces and their normals towards the camera, in the map."""
+    step = max(1, round(frame.camera.width / _COLUMNS))
+    points = frame.points(step).astype(np.float64)
+    with np.errstate(invalid="ignore", over="ignore"):  # depth may be NaN or infinite
+        across, down = points[1:-1, 2:] - points[1:-1, :-2], points[2:, 1:-1] - points[:-2, 1:-1]
+        middle = points[1:-1, 1:-1]
+        bends = [
+            np.abs(points[1:-1, 2:, 2] + points[1:-1, :-2, 2] - 2 * middle[..., 2]),
+            np.abs(points[2:, 1:-1, 2] + points[:-2, 1:-1, 2] - 2 * middle[..., 2]),
+        ]
+        normals = np.cross(down, across)
+        lengths = np.linalg.norm(normals, axis=2)
+        smooth = np.maximum(*bends) < 0.02 + 0.06 * middle[..., 2]
+        smooth &= np.isfinite(lengths) & (lengths > 1e-9) & (middle[..., 2] > 0)
+    middle, normals = middle[smooth], normals[smooth] / lengths[smooth, np.newaxis]
+    normals *= np.where(np.sum(normals * middle, axis=1) > 0, -1.0, 1.0)[:, np.newaxis]
+    rotation, position = frame.map_T_camera[:3, :3], frame.map_T_camera[:3, 3]
+    return middle @ rotation.T + position, normals @ rotation.T
+
+
+def _directions(
+    normals: NDArray[np.float64], up: NDArray[np.float64]
+) -> Iterator[NDArray[np.float64]]:
+    """Yield the directions in which many normals point that may be a floor's."""
+    likely = normals[(normals @ up > _UPRIGHT / 2) | (normals[:, 2] > _LEVEL)]
+    found: list[NDArray[np.float64]] = []
+    for normal in likely[:: max(1, len(likely) // _TRIED)]:
+        for _ in range(4):  # the mean of those nearby, and of those near to it
+            mean = normals[normals @ normal > _ALIKE].sum(axis=0)
+            normal = mean / np.linalg.norm(mean)
+        if all(normal @ other < 0.999 for other in found):
+            found.append(normal)
+            yield normal
+
+
+def _lowest_plane(
+    points: NDArray[np.float64], normals: NDArray[np.float64], normal: NDArray[np.float64]
+) -> tuple[Floor, int] | None:
+    """Return the lowest surface of such a normal and how many points it has, if it is a floor."""
+    needed = _LEAST_SHARE * len(points)
+    heights = np.sort(points[normals @ normal > _ALIKE] @ normal)
+    if len(heights) < needed:
+        return None
+    reaches = np.searchsorted(heights, heights + 2 * _THICK) - np.arange(len(heights))
+    enough = np.flatnonzero(reaches >= needed)
+    if len(enough) == 0:
+        return None
+    first = int(enough[0])
+    offset = float(np.median(heights[first : first + int(reaches[first])]))
+    for _ in range(5):
+        on = (normals @ normal > _ALIKE) & (np.abs(points @ normal - offset) < _THICK)
+        if np.count_nonzero(on) < needed:
+            return None
+        center = points[on].mean(axis=0)
+        _, _, axes = np.linalg.svd(points[on] - center, full_matrices=False)
+        normal = axes[2] if axes[2] @ normal > 0 else -axes[2]
+        offset = float(center @ normal)
+    if np.mean(points @ normal < offset - _DEEP) > _MOST_BELOW:
+        return None
+    length, width = np.ptp(
+        np.percentile((points[on] - center) @ axes[:2].T, [2, 98], axis=0), axis=0
+    )
+    return Floor(normal, offset, (float(length), float(width))), int(np.count_nonzero(on))

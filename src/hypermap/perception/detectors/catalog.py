@@ -1,0 +1,110 @@
+"""Networks that are known by name, and where they lie once they were downloaded."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+from hypermap.core.errors import FileMissing, FormatError
+
+_YOLOX = "https://github.com/Megvii-BaseDetection/YOLOX/releases/download/0.1.1rc0"
+
+
+@dataclass(frozen=True)
+class KnownNetwork:
+    """A network that its makers offer as an ONNX file.
+
+    Attributes:
+        name: how `--detector` calls it.
+        url: where its file comes from.
+        sha256: of the file, in hexadecimal digits.
+        size: of the file [bytes].
+        license: SPDX identifier of the license of network and weights.
+        classes: how many, and of which data set.
+        source: who made it.
+        note: what was seen of it here.
+    """
+
+    name: str
+    url: str
+    sha256: str
+    size: int
+    license: str
+    classes: str
+    source: str
+    note: str
+
+    @property
+    def path(self) -> Path:
+        """Where it lies in the user's cache, whether it does yet or not."""
+        return cache_folder() / self.url.rpartition("/")[2]
+
+    def downloaded(self) -> Path:
+        """Return its file.
+
+        Raises:
+            FileMissing: If it was not downloaded yet.
+            FormatError: If something else lies there.
+        """
+        if not self.path.is_file():
+            raise FileMissing(
+                f"{self.name} was not downloaded yet: run `hypermap detectors get {self.name}` "
+                f"({self.size / 1e6:.1f} MB, once)"
+            )
+        size = self.path.stat().st_size
+        if size != self.size:
+            raise FormatError(
+                f"{size} bytes, where {self.name} has {self.size}; run `hypermap detectors get "
+                f"{self.name}` to download it anew",
+                path=self.path,
+            )
+        return self.path
+
+
+def cache_folder() -> Path:
+    """Return the folder of downloaded networks: `hypermap/detectors` in the user's cache."""
+    caches = os.environ.get("XDG_CACHE_HOME", "")
+    # The XDG Base Directory Specification: what is no absolute path does not count.
+    root = Path(caches) if Path(caches).is_absolute() else Path.home() / ".cache"
+    return root / "hypermap" / "detectors"
+
+
+# Sizes and hashes are those that several projects which pin these files state independently.
+NETWORKS = (
+    KnownNetwork(
+        name="yolox-nano",
+        url=f"{_YOLOX}/yolox_nano.onnx",
+        sha256="c789161ed43c8269fcd4e67c67eeeb4e80c622da2eb296a20bc6007bd18a0b7d",
+        size=3_659_407,
+        license="Apache-2.0",
+        classes="80 of COCO",
+        source="YOLOX 0.1.1rc0, Megvii",
+        note="tried; 22 ms an image on two cores",
+    ),
+    KnownNetwork(
+        name="yolox-tiny",
+        url=f"{_YOLOX}/yolox_tiny.onnx",
+        sha256="427cc366d34e27ff7a03e2899b5e3671425c262ea2291f88bb942bc1cc70b0f7",
+        size=20_219_662,
+        license="Apache-2.0",
+        classes="80 of COCO",
+        source="YOLOX 0.1.1rc0, Megvii",
+        note="same outputs; larger, finds more; not measured here",
+    ),
+    KnownNetwork(
+        name="yolox-s",
+        url=f"{_YOLOX}/yolox_s.onnx",
+        sha256="c5c2d13e59ae883e6af3b45daea64af4833a4951c92d116ec270d9ddbe998063",
+        size=35_858_002,
+        license="Apache-2.0",
+        classes="80 of COCO",
+        source="YOLOX 0.1.1rc0, Megvii",
+        note="same outputs; larger, finds more; not measured here",
+    ),
+)
+
+
+def known_network(name: str) -> KnownNetwork | None:
+    """Return the network of that name; None if there is none."""
+    return next((network for network in NETWORKS if network.name == name), None)
