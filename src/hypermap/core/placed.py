@@ -83,7 +83,9 @@ class Placed:
         nearest = np.full(len(self), np.inf)
         with np.errstate(all="ignore"):  # GEOS divides by the lengths of edges without length
             if np.isfinite(limit):
-                pairs = tree.query(self.shapes, predicate="dwithin", distance=limit)
+                # Copies, of which none is prepared: threads must not share what is.
+                shapes = shapely.force_2d(self.shapes)
+                pairs = tree.query(shapes, predicate="dwithin", distance=limit)
                 self._measure(nearest, others, *pairs)
                 return nearest
             self._measure(nearest, others, *tree.query_nearest(self.shapes))

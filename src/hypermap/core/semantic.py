@@ -132,8 +132,11 @@ class SemanticLayer(Layer):
 
     @property
     def geometries(self) -> ObjectArray:
-        """The objects' footprints as they were given, in the order of `ids`, shape (N,)."""
-        return self._now.table.footprints
+        """Copies of the objects' footprints as they were given, in the order of `ids`, shape (N,).
+
+        Made anew each time, so that each thread may prepare its own.
+        """
+        return np.asarray(shapely.force_2d(self._now.table.footprints))
 
     @property
     def table(self) -> ObjectTable:
@@ -322,7 +325,7 @@ class SemanticLayer(Layer):
     def picture(self) -> ShapesPicture:
         """Return the footprints, one color per name."""
         table = self._now.table
-        return ShapesPicture(table.names, table.footprints)
+        return ShapesPicture(table.names, np.asarray(shapely.force_2d(table.footprints)))
 
     def _rows_there(self, now: Snapshot, ids: Iterable[int]) -> dict[int, int]:
         """Return the row of each id, by ascending ids.

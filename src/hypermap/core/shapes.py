@@ -38,12 +38,16 @@ def box_of(area: Any) -> tuple[float, float, float, float] | None:
 def as_area(area: Any) -> BaseGeometry:
     """Return a shapely geometry that questions can be asked about; an empty one holds nothing.
 
+    It is a copy that nobody else has. A caller may have prepared the area, as also
+    `shapely.contains_xy` does, and threads that ask GEOS with one prepared geometry end the program.
+
     Raises:
         TypeError: If it is no shapely geometry.
         ValueError: If a coordinate is not finite, or GEOS cannot repair its outline.
     """
     if not isinstance(area, BaseGeometry):
         raise TypeError(f"an area must be a shapely geometry, got {type(area).__name__}")
+    area = shapely.force_2d(area)
     if is_sound(area) and all(abs(side) <= _FAR for side in area.bounds):
         return area
     farthest = np.abs(shapely.get_coordinates(area)).max(initial=0)
@@ -103,6 +107,15 @@ def valid_copies(shapes: ObjectArray) -> ObjectArray:
     nothing = shapely.is_empty(valid)
     valid[nothing] = shapely.boundary(shapes[nothing])
     return valid
+
+
+def have_points(shapes: ObjectArray, points_xy: NDArray[np.float64]) -> BoolArray:
+    """Return whether shapes, (N,), have the points, (N, 2), one of each; so do their outlines.
+
+    The points come first, since GEOS asks with what is prepared of the first geometry. Whoever
+    has one of the shapes may have prepared it, and threads must not share what is prepared.
+    """
+    return np.asarray(shapely.intersects(shapely.points(points_xy), shapes))
 
 
 def check_footprint(footprint: Any) -> None:
