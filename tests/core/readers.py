@@ -108,7 +108,7 @@ def main(seconds: float) -> None:
         thread.start()
     for thread in threads:
         thread.join()
-    print(rounds, "rounds", *wrong)
+    sys.stdout.write(f"{rounds} rounds {wrong}\n")
     sys.exit(bool(wrong))
 
 

@@ -38,8 +38,8 @@ def box_of(area: Any) -> tuple[float, float, float, float] | None:
 def as_area(area: Any) -> BaseGeometry:
     """Return a shapely geometry that questions can be asked about; an empty one holds nothing.
 
-    It is a copy that nobody else has. A caller may have prepared the area, as also
-    `shapely.contains_xy` does, and threads that ask GEOS with one prepared geometry end the program.
+    It is a copy that nobody else has. A caller may have prepared the area, as
+    `shapely.contains_xy` does, too, and threads that ask with one prepared area end the program.
 
     Raises:
         TypeError: If it is no shapely geometry.

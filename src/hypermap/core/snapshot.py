@@ -147,6 +147,14 @@ class Snapshot:
                     best, least = first + at, size
         return best
 
+    def all_rows_at(self, point_xy: NDArray[np.float64]) -> IntArray:
+        """Return the rows of all objects at a point of shape (2,), the smallest first.
+
+        The first is that of `row_at`: of equally large ones, that which comes first in the layer.
+        """
+        rows = self.rows_in(shapely.Point(point_xy))
+        return rows[np.argsort(self.column("areas", rows), kind="stable")]
+
     def rows_at(self, points_xy: NDArray[np.float64]) -> IntArray:
         """Return the row of the smallest object at each point, (N, 2); -1 where there is none."""
         if len(points_xy) <= _ONE_BY_ONE:
@@ -212,6 +220,13 @@ class Snapshot:
         if code is not None:
             rows = [row for row in rows if log.code(row) == code]
         return [row for row in rows if area.intersects(log.shape(row))]
+
+    def rows_of_names(self, names: Iterable[str], area: BaseGeometry | None = None) -> IntArray:
+        """Return the rows of objects with one of some names, in an area or anywhere, in order."""
+        each = [self.rows_of(name, area) for name in dict.fromkeys(names)]
+        if len(each) == 1:
+            return each[0]
+        return self._in_order(np.sort(np.concatenate([np.empty(0, dtype=np.int64), *each])))
 
     def rows_of(self, what: str | float, area: BaseGeometry | None = None) -> IntArray:
         """Return the rows of the objects with a name or id, in an area or anywhere, in order."""
