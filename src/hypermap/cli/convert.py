@@ -117,12 +117,13 @@ def _open(path: Path, frame_id: str | None) -> Hypermap:
     from hypermap.formats.geojson import from_geojson
     from hypermap.formats.geoparquet import MAGIC
     from hypermap.formats.map_server import load_occupancy
+    from hypermap.formats.semantic_parquet import layer_of_parquet
     from hypermap.formats.store import read_file
     from hypermap.formats.yaml_text import read_yaml
 
     content = _ZIP if path.is_dir() else read_file(path)
     if content.startswith(MAGIC):
-        return Hypermap([_objects_layer(content, path, frame_id or "map")])
+        return Hypermap([layer_of_parquet(content, str(path), frame_id)])
     if path.suffix.lower() in _JSON:
         text = content.decode(errors="replace")
         return Hypermap([from_geojson(text, frame_id=frame_id, path=str(path))])
