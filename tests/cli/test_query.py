@@ -63,6 +63,12 @@ def test_every_layer_answers_at_a_point(hypermap, room_map):
     assert [row["label"] for row in asked_in_room.json["answers"]] == ["Free", "chair"]
 
 
+@pytest.mark.parametrize("corners", ["0,0 1e30,0 1e30,1e30", "1e30,2e30 1e30,1e30 0,0 2e30,-2e30"])
+def test_areas_may_reach_very_far(hypermap, room_map, corners):
+    asked = hypermap("query", room_map, "--in", corners, "--layer", "semantic", "--json")
+    assert [row["value"] for row in asked.json["answers"]] == [0, 1, 2]
+
+
 def test_all_objects_at_a_point_are_listed_the_smallest_first(hypermap, tmp_path):
     things = [("table", shapely.box(0, 0, 2, 1)), ("cup", shapely.box(1, 0, 1.1, 0.1))]
     layer = SemanticLayer("semantic", "map", [SemanticObject(*thing) for thing in things])

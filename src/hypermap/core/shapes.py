@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.arrays import BoolArray, ObjectArray, as_objects
+from hypermap.core.errors import AreaError
 
 _FAR = 1e9  # metres; what of an area lies beyond is cut off
 _FARTHEST = 1e100  # metres; products of two such lengths do not overflow
@@ -43,7 +44,7 @@ def as_area(area: Any) -> BaseGeometry:
 
     Raises:
         TypeError: If it is no shapely geometry.
-        ValueError: If a coordinate is not finite, or GEOS cannot repair its outline.
+        AreaError: If a coordinate is not finite, or GEOS cannot repair its outline.
     """
     if not isinstance(area, BaseGeometry):
         raise TypeError(f"an area must be a shapely geometry, got {type(area).__name__}")
@@ -52,14 +53,18 @@ def as_area(area: Any) -> BaseGeometry:
         return area
     farthest = np.abs(shapely.get_coordinates(area)).max(initial=0)
     if not np.isfinite(farthest):
-        raise ValueError("an area must be finite; there is a NaN or infinite coordinate")
+        raise AreaError("an area must be finite; there is a NaN or infinite coordinate")
     try:
         if farthest > _FAR:
             area = shapely.transform(area, lambda xy: np.clip(xy, -_FARTHEST, _FARTHEST))
-            area = shapely.clip_by_rect(_valid(area), -_FAR, -_FAR, _FAR, _FAR)
+            # `clip_by_rect` is quicker, but wrong or lost where corners lie very far outside.
+            area = shapely.intersection(_valid(area), shapely.box(-_FAR, -_FAR, _FAR, _FAR))
         return _valid(area)
     except shapely.GEOSException as error:
-        raise ValueError(f"an area's outline must not cross itself like this: {error}") from error
+        raise AreaError(
+            f"GEOS cannot follow the outline of an area with coordinates up to {farthest:g} m: "
+            f"{error}"
+        ) from error
 
 
 def _valid(area: BaseGeometry) -> BaseGeometry:
