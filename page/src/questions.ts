@@ -19,7 +19,7 @@ export function spellAt(
   return {
     python:
       `${opened(path)}for layer in ${list(layers)}:\n` +
-      `    print(layer, hypermap.label_at(layer, ${pair(point)}${inFrame(frame)})[0])\n`,
+      `    print(layer, *hypermap.labels_at(layer, ${pair(point)}${inFrame(frame)}))\n`,
     command: command(path, frame, `--at=${point.join(",")}`),
   };
 }

@@ -150,10 +150,42 @@ def test_objects_go_to_parquet_and_back(hypermap, room_map, tmp_path):
     assert result.err == f"left out: layer occupancy, frame room\nsaved {out}\n"
     frame = geopandas.read_parquet(out)
     assert (list(frame.name), frame.crs.name) == (["chair", "chair", "potted plant"], "room")
-    assert hypermap("convert", out, again, "--frame", "room").code == 0
+    assert hypermap("convert", out, again).code == 0
     [layer] = open_map(again).layers
     assert layer.frame_id == "room"
     assert list(layer.ids) == list(open_map(room_map)["semantic"].ids)
+
+
+@pytest.mark.parametrize("kind", ["geojson", "parquet"])
+def test_files_that_gis_programs_have_saved_say_their_frame_or_need_one(
+    hypermap, room_map, tmp_path, kind
+):
+    geopandas = pytest.importorskip("geopandas")
+    ours, theirs, made = (tmp_path / name for name in (f"a.{kind}", f"b.{kind}", "c.hmap"))
+    assert hypermap("convert", room_map, ours).code == 0
+    read = geopandas.read_file if kind == "geojson" else geopandas.read_parquet
+    frame = read(ours)
+    for crs in (None, "EPSG:4326", "EPSG:32632"):
+        # Written as GeoJSON, our own system is left out.
+        is_left_out = crs is None and kind == "geojson"
+        there = frame if is_left_out else frame.set_crs(crs, allow_override=True)
+        if kind == "geojson":
+            there.to_file(theirs)
+        else:
+            there.to_parquet(theirs)
+        if crs is not None:
+            for options in ([], ["--frame", "room"]):
+                refused = hypermap("convert", theirs, made, *options)
+                assert_one_error(refused, str(theirs), "not in metres in a frame of the map")
+            continue
+        assert_one_error(
+            hypermap("convert", theirs, made), str(theirs), "crs: is missing", "--frame"
+        )
+        assert hypermap("convert", theirs, made, "--frame", "room").code == 0
+        [layer] = open_map(made).layers
+        assert layer.frame_id == "room"
+        expected = [shape.area for shape in open_map(room_map)["semantic"].geometries]
+        assert [shape.area for shape in layer.geometries] == pytest.approx(expected)
 
 
 @pytest.mark.parametrize("target", ["fast.hmap", "folder"])

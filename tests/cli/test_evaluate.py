@@ -211,3 +211,17 @@ def test_what_cannot_be_measured_is_said_so(hypermap, save, tmp_path, arguments,
     before = {path: path.read_bytes() for path in tmp_path.iterdir()}
     assert_one_error(hypermap("evaluate", *arguments), *words)
     assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
+@pytest.mark.parametrize("kind", ["yaml", "geojson", "parquet"])
+def test_files_of_objects_alone_are_compared_as_convert_reads_them(hypermap, maps, kind):
+    truth, near, _ = maps
+    for path in (truth, near):
+        objects = path.replace(".hmap", f".{kind}")
+        assert hypermap("convert", path, objects).code == 0
+    whole = hypermap("evaluate", near, truth, "--json")
+    alone = hypermap("evaluate", f"near.{kind}", f"truth.{kind}", "--json")
+    assert (alone.code, alone.err) == (0, "")
+    assert alone.json["classes"] == whole.json["classes"]
+    mixed = hypermap("evaluate", f"near.{kind}", truth, "--json")
+    assert mixed.json["classes"] == whole.json["classes"]

@@ -1,6 +1,9 @@
 from __future__ import annotations
 
 import pytest
+import shapely
+
+from hypermap import Hypermap, SemanticLayer, SemanticObject, save_map
 
 from .conftest import assert_one_error
 
@@ -36,6 +39,10 @@ def places(result) -> list[tuple[str, float, float]]:
         (["--name", "Occupied", "--layer", "occupancy", "--nearest", "--from", "2.6,0"],
          [("Occupied", 2.75, 2.75)]),
         (["--name", "unicorn"], []),
+        (["--name", "chair", "--name", "potted plant"],
+         [("chair", 9.5, 0.5), ("chair", 9.5, 4.5), ("potted plant", 7.5, 2.5)]),
+        (["--name", "potted plant", "--name", "chair", "--nearest", "--from", "9,6"],
+         [("chair", 9.5, 4.5)]),
     ],
 )  # fmt: skip
 def test_the_map_answers(hypermap, room_map, arguments, expected):
@@ -54,6 +61,35 @@ def test_every_layer_answers_at_a_point(hypermap, room_map):
     }
     asked_in_room = hypermap("query", room_map, "--at", "4.5,0.5", "--frame", "room", "--json")
     assert [row["label"] for row in asked_in_room.json["answers"]] == ["Free", "chair"]
+
+
+@pytest.mark.parametrize("corners", ["0,0 1e30,0 1e30,1e30", "1e30,2e30 1e30,1e30 0,0 2e30,-2e30"])
+def test_areas_may_reach_very_far(hypermap, room_map, corners):
+    asked = hypermap("query", room_map, "--in", corners, "--layer", "semantic", "--json")
+    assert [row["value"] for row in asked.json["answers"]] == [0, 1, 2]
+
+
+def test_all_objects_at_a_point_are_listed_the_smallest_first(hypermap, tmp_path):
+    things = [("table", shapely.box(0, 0, 2, 1)), ("cup", shapely.box(1, 0, 1.1, 0.1))]
+    layer = SemanticLayer("semantic", "map", [SemanticObject(*thing) for thing in things])
+    save_map(Hypermap([layer]), tmp_path / "desk.hmap")
+    asked = hypermap("query", tmp_path / "desk.hmap", "--at", "1.05,0.05", "--json")
+    assert [(row["label"], row["value"]) for row in asked.json["answers"]] == [
+        ("cup", 1),
+        ("table", 0),
+    ]
+
+
+def test_layers_without_a_place_do_not_keep_others_from_answering(hypermap, tmp_path):
+    cups = [SemanticObject("cup", shapely.box(0, 0, 1, 1))]
+    layers = [SemanticLayer("here", "map", cups), SemanticLayer("away", "moon", cups)]
+    save_map(Hypermap(layers), tmp_path / "two.hmap")
+    for question in (["--name", "cup"], ["--at", "0.5,0.5"], ["--in", "0,0,1,1"]):
+        asked = hypermap("query", tmp_path / "two.hmap", *question, "--json")
+        assert [row["layer"] for row in asked.json["answers"]] == ["here"]
+        assert "layer 'away' is left out: no transform has the frame" in asked.err
+    refused = hypermap("query", tmp_path / "two.hmap", "--name", "cup", "--layer", "away")
+    assert_one_error(refused, "no transform has the frame")
 
 
 def test_an_object_is_described_in_full(hypermap, room_map):
@@ -176,6 +212,9 @@ def test_a_layer_in_a_lost_frame_does_not_keep_others_from_answering(hypermap, t
         "- {class: SemanticLayer, name: near, frame_id: map, load_file: true, file: near}\n"
         "- {class: SemanticLayer, name: far, frame_id: lab, load_file: true, file: far}\n"
     )
-    assert_one_error(hypermap("query", tmp_path, "--name", "cup"), "'lab'")
+    asked = hypermap("query", tmp_path, "--name", "cup")
+    assert asked.code == 0
+    assert "layer 'far' is left out: no transform has the frame 'lab'" in asked.err
+    assert_one_error(hypermap("query", tmp_path, "--name", "cup", "--layer", "far"), "'lab'")
     answer = hypermap("query", tmp_path, "--name", "cup", "--layer", "near", "--json")
     assert len(answer.json["answers"]) == 1

@@ -339,6 +339,77 @@ def test_a_question_that_makes_no_sense_is_refused(
     assert str(caught.value) == message
 
 
+def test_all_that_lies_at_a_point_is_told_the_smallest_first() -> None:
+    lab = near_building()
+    layer = lab["lab"]
+    layer.add([SemanticObject("table", shapely.box(0, 0, 3, 2)), square("tap", 1, 1, 0.2)])
+    names = ["tap", "sink", "table", "room B"]
+    assert [item.name for item in layer.objects_at([1, 1])] == names
+    assert layer.labels_at([1, 1]).tolist() == names
+    assert lab.labels_at("lab", [9, 1]).tolist() == names
+    assert lab.labels_at("lab", [1, 1], "lab").tolist() == names
+    assert [found.object.name for found in lab.objects_at([9, 1]) if found.object] == names
+    assert lab.label_at("lab", [9, 1]).tolist() == names[:1]
+    assert layer.labels_at([-50, 1]).tolist() == ["Empty"]
+    assert layer.objects_at([-50, 1]) == []
+    assert lab.labels_at("occupancy", [0.1, 1.1]).tolist() == ["Occupied"]
+
+
+@given(semantic_layers(), points(1))
+def test_the_first_of_all_at_a_point_is_the_one_that_is_told(layer, asked) -> None:
+    point = asked[0]
+    there = layer.objects_at(point)
+    assert layer.value_at(point).tolist() == ([item.id for item in there] or [-1])[:1]
+    assert layer.labels_at(point)[0] == layer.label_at(point)[0]
+    around = layer.values_in(shapely.Point(point)).values.tolist()
+    assert sorted(item.id for item in there) == sorted(around)
+
+
+def test_objects_may_have_one_of_several_names() -> None:
+    lab = near_building()
+    both = lab.objects(["chair", "sink"], near=[0, 0])
+    each = lab.objects("chair", near=[0, 0]) + lab.objects("sink", near=[0, 0])
+    assert sorted(map(key_of, both)) == sorted(map(key_of, each))
+    assert [found.distance for found in both] == sorted(found.distance for found in both)
+    found = lab.objects(["sink", "chair", "sink"], layer="lab")
+    assert [hit.object.id for hit in found if hit.object] == [1, 2, 3, 4]
+    assert lab.objects([]) == []
+
+
+def key_of(found: Found) -> tuple[str, int]:
+    assert found.object is not None
+    return found.layer, found.object.id or 0
+
+
+def test_a_layer_that_no_transform_connects_is_left_out_and_said_to_be(caplog) -> None:
+    lab, whole = building(), near_building()
+    for _ in range(2):
+        assert list(map(key_of, lab.objects())) == list(map(key_of, whole.objects()))
+    assert len(lab.nearest("chair", [0, 0], k=9)) == len(whole.nearest("chair", [0, 0], k=9)) == 4
+    assert len(lab.objects("chair", near="sink", layer="hall")) == 1
+    assert len(lab.objects_at([9, 1])) == len(whole.objects_at([9, 1])) == 2
+    assert caplog.messages == [
+        "layer 'crater' is left out: no transform connects the frame 'crater' with the frame 'map'"
+    ]
+    for ask in (
+        lambda: lab.objects(layer="crater"),
+        lambda: lab.objects(near="sink", layer="crater"),
+        lambda: lab.nearest("rock", [0, 0], layer="crater"),
+        lambda: lab.objects_at([0, 0], layer="crater"),
+    ):
+        with pytest.raises(FrameError, match="no transform connects the frame 'crater'"):
+            ask()
+
+
+def test_a_layer_without_objects_is_not_asked_for_them() -> None:
+    lab = near_building()
+    for ask in (lab.objects, lambda layer: lab.objects_at([0, 0], layer)):
+        with pytest.raises(HypermapError) as caught:
+            ask(layer="occupancy")
+        message = "layer 'occupancy' is a OccupancyGridLayer, which holds no objects"
+        assert str(caught.value) == message
+
+
 def test_a_map_is_the_same_as_one_made_alike_and_no_other() -> None:
     assert_same_map(building(), building())
     other = building()

@@ -8,6 +8,7 @@ import pytest
 import shapely
 
 from hypermap.core.arrays import as_objects
+from hypermap.core.errors import AreaError
 from hypermap.core.shapes import (
     as_area,
     can_be_footprints,
@@ -58,9 +59,30 @@ def test_a_shape_whose_hole_is_as_large_as_itself_becomes_its_outline() -> None:
     assert valid.equals(shapely.LineString(ring))
 
 
-def test_areas_are_taken_as_they_are_where_they_are_sound() -> None:
+def test_areas_keep_all_their_corners_where_they_are_sound() -> None:
     for area in (shapely.box(0, 0, 1, 1), shapely.Polygon(), shapely.Point(1, 2)):
-        assert as_area(area) is area
+        assert as_area(area).equals_exact(area)
+
+
+@pytest.mark.parametrize("size", [1e12, 1e30, 1e60, 1e100])
+@pytest.mark.parametrize(
+    ("corners", "share"),  # of the square within 1e9 m
+    [
+        ([(0, 0), (1, 0), (1, 1)], 1 / 8),
+        ([(0, 0), (1, 0), (0, 1)], 1 / 4),
+        ([(1, 0.5), (1, -1), (0, 0), (-1, 0.5)], 9 / 16),
+        ([(0.5, 1), (0.5, 0.5), (0, 0), (1, -1)], 1 / 4),
+        ([(-1, 0.5), (-1, 0), (0.5, 0.5), (0, 0), (1, -1)], None),  # crosses itself
+    ],
+)
+def test_areas_with_corners_very_far_away_can_be_asked_about(
+    corners: list[tuple[float, float]], share: float | None, size: float
+) -> None:
+    area = as_area(shapely.Polygon(np.array(corners) * size))
+    assert area.is_valid
+    assert np.abs(area.bounds).max() <= 1e9
+    if share is not None:
+        assert area.area / 4e18 == pytest.approx(share)
 
 
 def test_what_of_an_area_lies_beyond_all_maps_is_cut_off() -> None:
@@ -74,9 +96,13 @@ def test_an_area_without_area_that_reaches_beyond_all_maps_is_a_line() -> None:
 
 
 def test_an_area_that_cannot_be_repaired_is_refused() -> None:
-    rings = [[(0, 0), (0, -1e100), (-2e100, 2e100)], [(0, 0), (2e250, -1e250), (-3e250, 0)]]
-    with pytest.raises(ValueError, match="an area's outline must not cross itself like this"):
-        as_area(shapely.Polygon(rings[0], rings[1:]))
+    area = shapely.from_wkt(
+        "POLYGON ((0 3e-100, 0 0, 1e100 5e29, 0 1e-160, -1 0, 0 3e-100), "
+        "(-1e100 1e100, 5e99 0, 0 1e100, -2e30 -1e100, -1e9 1e30, -1e100 1e100))"
+    )
+    message = r"GEOS cannot follow the outline of an area with coordinates up to 1e\+100 m: "
+    with pytest.raises(AreaError, match=message):
+        as_area(area)
 
 
 def polygon(*corners: Any) -> shapely.Polygon:

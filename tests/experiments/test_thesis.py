@@ -183,6 +183,10 @@ def _command_line(process: str) -> str:
         (["thesiss"], "there is no experiment 'thesiss'; known: thesis"),
         (["thesis", "--worlds", "labb"], "there is no world 'labb'; did you mean 'lab'?"),
         (["thesis", "--errors", "bad"], "there is no level of errors 'bad'"),
+        (
+            ["thesis", "--worlds", "lab,floor,lab"],
+            "--worlds: lab and lab have the same name 'lab', by which results are told apart",
+        ),
         (["thesis", "-o", "no/where.html"], "does not exist; create it first"),
     ],
 )

@@ -62,16 +62,45 @@ def test_writing_and_reading_gives_exactly_the_same_layer(layer: SemanticLayer) 
 
 def test_a_file_without_frame_needs_one_and_a_name_can_be_given() -> None:
     document = json.loads(to_geojson(LAYER))
-    del document["frame_id"], document["name"]
+    del document["frame_id"], document["name"], document["crs"]
     with pytest.raises(FormatError) as error:
         from_geojson(json.dumps(document), path="cups.geojson")
     assert str(error.value) == (
-        "cups.geojson: frame_id: is missing: say in which frame the coordinates are"
+        "cups.geojson: crs: is missing, as GIS programs leave it out; if coordinates are metres in "
+        'a frame of the map, name it: --frame map, or frame_id="map" in Python'
     )
     layer = from_geojson(json.dumps(document), frame_id="odom")
     assert (layer.name, layer.frame_id) == ("semantic", "odom")
     layer = from_geojson(to_geojson(LAYER), name="cups", frame_id="odom")
     assert (layer.name, layer.frame_id) == ("cups", "odom")
+
+
+def test_the_crs_alone_names_the_frame_too() -> None:
+    layer = SemanticLayer("s", 'the "old" lab', LAYER.objects())
+    document = json.loads(to_geojson(layer))
+    del document["frame_id"]
+    assert from_geojson(json.dumps(document)).frame_id == 'the "old" lab'
+
+
+@pytest.mark.parametrize(
+    ("crs", "named"),
+    [
+        ("urn:ogc:def:crs:OGC:1.3:CRS84", "urn:ogc:def:crs:OGC:1.3:CRS84"),
+        ("EPSG:32632", "EPSG:32632"),
+        ('PROJCRS["WGS 84 / UTM zone 32N",BASEGEOGCRS["WGS 84"]]', "WGS 84 / UTM zone 32N"),
+        ("", ""),
+        (None, "a crs that is not known here"),
+    ],
+)
+@pytest.mark.parametrize("frame_id", [None, "map"])
+def test_coordinates_in_another_system_are_refused(
+    crs: str | None, named: str, frame_id: str | None
+) -> None:
+    document = json.loads(to_geojson(LAYER))
+    document["crs"] = {"type": "name", "properties": {"name": crs}}
+    with pytest.raises(FormatError) as error:
+        from_geojson(json.dumps(document), frame_id=frame_id, path="t.geojson")
+    assert str(error.value).startswith(f"t.geojson: crs: coordinates are in {named}, not in metres")
 
 
 def test_gis_programs_may_leave_open_rings_nulls_and_ids_of_their_own() -> None:

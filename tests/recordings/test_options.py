@@ -21,6 +21,11 @@ def test_six_numbers_and_the_matrix_say_the_same_pose() -> None:
     six = RecordingOptions(map_T_world=(1, 2, 3, 0, 0, math.pi / 2)).world_pose()
     matrix = RecordingOptions(map_T_world=TURNED).world_pose()
     assert six == pytest.approx(matrix)
+    rows = [TURNED[i : i + 4] for i in range(0, 16, 4)]
+    for given in (rows, np.array(rows), np.array(TURNED), np.array(rows, dtype=np.float32)):
+        options = RecordingOptions(map_T_world=given)
+        np.testing.assert_array_equal(options.world_pose(), matrix)
+        assert options == RecordingOptions(map_T_world=TURNED)
 
 
 def test_intrinsics_become_a_camera() -> None:
@@ -54,6 +59,14 @@ def test_intrinsics_become_a_camera() -> None:
         (
             {"map_T_world": [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, -1, 0, 0, 0, 0, 1]},  # a mirror
             "the matrix is not a rotation and a translation with last row 0 0 0 1",
+        ),
+        (
+            {"map_T_world": np.eye(3)},
+            "map_T_world must be a 4 x 4 matrix, got one of shape (3, 3)",
+        ),
+        (
+            {"map_T_world": ["up", 2, 3, 4, 5, 6]},
+            "map_T_world must be numbers: could not convert string to float: 'up'",
         ),
         ({"depth_scale": 0}, "depth_scale must be positive, got 0"),
         ({"max_time_difference": -0.1}, "max_time_difference must be 0 .. 1 s, got -0.1"),

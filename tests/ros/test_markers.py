@@ -200,6 +200,17 @@ def test_what_is_shown_and_how(types: Any) -> None:
     assert styled[OUTLINE].scale.x == 0.125
 
 
+def test_what_has_no_name_gets_no_text_which_rviz_would_report_as_an_error(types: Any) -> None:
+    names = ["", " ", "\t", "cup"]
+    layer = SemanticLayer("s", "map", [square(name, 3 * i, 0) for i, name in enumerate(names)])
+    got = shown(layer, types)
+    assert {name: sorted(markers) for name, markers in got.items()} == {
+        **{blank: [FILL, OUTLINE] for blank in names[:3]},
+        "cup": [FILL, OUTLINE, FIRST_LABEL],
+    }
+    assert list(shown(layer, types, max_labels=1)["cup"]) == [FILL, OUTLINE, FIRST_LABEL]
+
+
 @pytest.mark.parametrize("store", [humble_store, jazzy_store])
 def test_rclpy_takes_every_field(store: Any) -> None:
     layer = SemanticLayer("s", "map", [SemanticObject("sofa", RING), square("cup", 9, 9)])

@@ -42,6 +42,13 @@ def lines_of(python: str) -> list[str]:
     return said.getvalue().splitlines()
 
 
+def all_said(layer) -> list[tuple[str, object]]:
+    """Return each object's name and id that the page shows, or else the layer's own answer."""
+    objects = [(found["name"], found["id"]) for found in layer["objects"]]
+    assert objects[:1] in ([], [(layer["label"], layer["value"])])
+    return objects or [(layer["label"], layer["value"])]
+
+
 @pytest.mark.parametrize("frame", [None, "map", "lab"])
 @pytest.mark.parametrize("point", [(9.0, 1.0), (1.0, 1.0), (-3.25, 4.0), (4.5, 0.5)])
 def test_at_a_point_every_layer_answers_as_the_shown_calls_do(tmp_path, point, frame):
@@ -51,10 +58,13 @@ def test_at_a_point_every_layer_answers_as_the_shown_calls_do(tmp_path, point, f
     hypermap = a_map()
     rows = answers_of(told["command"])
     assert [(row["layer"], row["label"], row["value"]) for row in rows] == [
-        (layer["name"], layer["label"], layer["value"]) for layer in told["layers"]
+        (layer["name"], *said) for layer in told["layers"] for said in all_said(layer)
     ]
     assert [rows[0]["x"], rows[0]["y"]] == pytest.approx(told["point"])
-    assert lines_of(told["python"]) == [f"{x['name']} {x['label']}" for x in told["layers"]]
+    assert lines_of(told["python"]) == [
+        " ".join([layer["name"], *(label for label, _ in all_said(layer))])
+        for layer in told["layers"]
+    ]
     for layer in told["layers"]:
         assert layer["label"] == hypermap.label_at(layer["name"], point, frame)[0]
 

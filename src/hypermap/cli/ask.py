@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
@@ -29,7 +29,8 @@ class Question:
 
     Attributes:
         at: a point [m].
-        what: a name or a number.
+        names: of which an object has one, or a layer says one.
+        number: an object's id, or what a layer has as a value.
         area: as the user wrote it, like `near` and `inside`.
         start: from where the nearest are measured [m].
         most: how many of the nearest are wanted.
@@ -41,7 +42,8 @@ class Question:
     """
 
     at: tuple[float, float] | None = None
-    what: str | float | None = None
+    names: Sequence[str] = ()
+    number: float | None = None
     area: str | None = None
     start: tuple[float, float] = (0.0, 0.0)
     most: int | None = None
@@ -50,6 +52,11 @@ class Question:
     inside: str | None = None
     layer: str | None = None
     frame_id: str | None = None
+
+    @property
+    def what(self) -> Sequence[str | float]:
+        """The names and numbers that are looked for; none where anything is."""
+        return [*self.names, *([] if self.number is None else [self.number])]
 
     @property
     def is_about_objects(self) -> bool:
@@ -66,7 +73,7 @@ def answers(hypermap: Hypermap, question: Question) -> list[Row]:
     _check(question)
     layers = _asked_layers(hypermap, question)
     if question.at is not None:
-        return [_row_at(hypermap, layer, question.at, question.frame_id) for layer in layers]
+        return [row for layer in layers for row in _rows_at(hypermap, layer, question)]
     semantic = {layer.name for layer in layers if isinstance(layer, SemanticLayer)}
     rows = [_row_of_object(found) for found in _objects(hypermap, question, semantic)]
     if not question.is_about_objects:
@@ -82,18 +89,18 @@ def hint_for(hypermap: Hypermap, question: Question) -> Iterator[str]:
     """Yield what may be wrong with the names in a question to which there is no answer."""
     layers = [layer for layer in hypermap.layers if isinstance(layer, SemanticLayer)]
     known = sorted({str(name) for layer in layers for name in layer.names})
-    for name in (question.what, question.near, question.inside):
+    for name in (*question.names, question.near, question.inside):
         if isinstance(name, str) and name not in known and not _is_place(hypermap, name):
             yield f"no object is called {name!r}; {did_you_mean(name, known)}"
 
 
 def _check(question: Question) -> None:
-    asked = (question.what, question.area, question.near, question.inside)
+    asked = (question.what or None, question.area, question.near, question.inside)
     if question.at is not None and any(part is not None for part in (*asked, question.most)):
         raise HypermapError("--at asks what is at a point; it goes with --layer and --frame alone")
     if question.at is None and all(part is None for part in asked):
         raise HypermapError("nothing is asked; give --at X,Y, --in AREA or --name NAME")
-    if question.most is not None and question.what is None:
+    if question.most is not None and not question.what:
         raise HypermapError("the nearest what? give --name NAME")
     if question.most is not None and question.near is not None:
         raise HypermapError("give either --nearest (or -k) with --from, or --near")
@@ -108,25 +115,32 @@ def _asked_layers(hypermap: Hypermap, question: Question) -> list[Layer]:
             raise HypermapError(f"--near and --inside ask for objects; {layer.name!r} holds none")
         return [layer]
     # A number is an id unless a layer is named: a grid has thousands of cells with each number.
-    only_objects = question.what is not None and not isinstance(question.what, str)
+    only_objects = question.number is not None
     return [
         layer
-        for layer in hypermap.layers
+        for layer in hypermap.placed_layers()
         if isinstance(layer, SemanticLayer) or not (only_objects or isinstance(layer, OpaqueLayer))
     ]
 
 
-def _row_at(
-    hypermap: Hypermap, layer: Layer, point: tuple[float, float], frame_id: str | None
-) -> Row:
+def _rows_at(hypermap: Hypermap, layer: Layer, question: Question) -> list[Row]:
+    """Return a row for each object at a point, the smallest first, or one for what is there."""
+    assert question.at is not None
+    point, frame_id = question.at, question.frame_id
+    x, y = _in_base_frame(hypermap, point, frame_id)
+    if isinstance(layer, SemanticLayer):
+        found = [each.object for each in hypermap.objects_at(point, layer.name, frame_id)]
+        if found:
+            return [_row(layer.name, item.name, item.id, x, y) for item in found if item]
     label = hypermap.label_at(layer.name, point, frame_id)[0]
     value = hypermap.value_at(layer.name, point, frame_id)[0]
-    return _row(layer.name, label, value, *_in_base_frame(hypermap, point, frame_id))
+    return [_row(layer.name, label, value, x, y)]
 
 
 def _objects(hypermap: Hypermap, question: Question, layers: set[str]) -> list[Found]:
     """Return the objects of some layers for which all that is asked is true."""
-    name = question.what if isinstance(question.what, str) else None
+    if not layers:
+        return []
     near: Any = question.start if question.most is not None else None
     if question.near is not None:
         is_point = _is_place(hypermap, question.near)
@@ -135,7 +149,7 @@ def _objects(hypermap: Hypermap, question: Question, layers: set[str]) -> list[F
     if inside is not None and _is_place(hypermap, inside):
         inside = parse_area(inside, "--inside")
     found = hypermap.objects(
-        name,
+        question.names or None,
         near=near,
         within=question.within,
         inside=inside,
@@ -143,19 +157,21 @@ def _objects(hypermap: Hypermap, question: Question, layers: set[str]) -> list[F
         layer=question.layer,
         frame_id=question.frame_id,
     )
-    by_id = question.what is not None and name is None
+    number = question.number
     return [
         item
         for item in found
-        if item.layer in layers and item.object and (not by_id or item.object.id == question.what)
+        if item.layer in layers and item.object and number in (None, item.object.id)
     ]
 
 
 def _rows_of_layer(hypermap: Hypermap, layer: Layer, question: Question) -> list[Row]:
     """Return the rows of a layer that holds no objects."""
     area = _area(question)
-    if question.what is not None:
-        places = hypermap.find(layer.name, question.what, area, question.frame_id)
+    if question.what:
+        frame_id = question.frame_id
+        each = [hypermap.find(layer.name, what, area, frame_id) for what in question.what]
+        places = np.concatenate(each)
         labels = hypermap.label_at(layer.name, places)
         values = hypermap.value_at(layer.name, places)
     elif area is not None:

@@ -17,13 +17,10 @@ from hypermap.viewer.text import counted
 if TYPE_CHECKING:
     from hypermap.core.hypermap import Hypermap
     from hypermap.core.layer import Layer
-    from hypermap.core.semantic import SemanticLayer
     from hypermap.formats.semantic_yaml import SemanticForm
 
     L = TypeVar("L", bound=Layer)
 
-_ZIP = b"PK"
-_JSON = {".geojson", ".json"}
 _YAML = {".yaml"}
 _PARQUET = {".parquet"}
 _LOGS = {".rrd", ".mcap"}
@@ -87,14 +84,15 @@ def command(
         hypermap convert lab.hmap lab.rrd
     """
     from hypermap.formats import save_map
+    from hypermap.formats.any_file import JSON_ENDINGS, open_any
 
-    hypermap = _chosen(_open(source, frame_id), layers)
+    hypermap = _chosen(open_any(source, frame_id), layers)
     if target.suffix.lower() == ".hmap":
         check_output(target, force)
         save_map(hypermap, target, semantic.value)
     elif target.suffix.lower() in _PARQUET:
         _save_parquet(hypermap, target, force)
-    elif target.suffix.lower() in _JSON:
+    elif target.suffix.lower() in JSON_ENDINGS:
         _save_geojson(hypermap, target, force)
     elif target.suffix.lower() in _YAML:
         _save_yaml(hypermap, target, force)
@@ -108,41 +106,6 @@ def command(
             ".parquet, .yaml, .rrd, .mcap, or none for a folder"
         )
     note(f"saved {target}")
-
-
-def _open(path: Path, frame_id: str | None) -> Hypermap:
-    """Return the map in a file of any kind; a file of one layer becomes a map of one layer."""
-    from hypermap.core.hypermap import Hypermap
-    from hypermap.formats import open_map
-    from hypermap.formats.geojson import from_geojson
-    from hypermap.formats.geoparquet import MAGIC
-    from hypermap.formats.map_server import load_occupancy
-    from hypermap.formats.store import read_file
-    from hypermap.formats.yaml_text import read_yaml
-
-    content = _ZIP if path.is_dir() else read_file(path)
-    if content.startswith(MAGIC):
-        return Hypermap([_objects_layer(content, path, frame_id or "map")])
-    if path.suffix.lower() in _JSON:
-        text = content.decode(errors="replace")
-        return Hypermap([from_geojson(text, frame_id=frame_id, path=str(path))])
-    if path.suffix.lower() != ".hmap" and not content.startswith(_ZIP):
-        document = read_yaml(content, str(path))
-        if isinstance(document, list):
-            return Hypermap([_objects_layer(content, path, frame_id or "map")])
-        if isinstance(document, dict) and "image" in document:
-            return Hypermap([load_occupancy(path, frame_id=frame_id or "map")])
-    if frame_id is not None:
-        raise HypermapError(f"{path}: a whole map says its frames itself; leave --frame out")
-    return open_map(path)
-
-
-def _objects_layer(content: bytes, path: Path, frame_id: str) -> SemanticLayer:
-    from hypermap.core.semantic import SemanticLayer
-    from hypermap.formats.semantic_yaml import parse_content
-
-    table, rejected = parse_content(content, str(path))
-    return SemanticLayer.of_table("semantic", frame_id, table, rejected=rejected)
 
 
 def _chosen(hypermap: Hypermap, names: list[str] | None) -> Hypermap:

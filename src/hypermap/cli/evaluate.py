@@ -64,19 +64,19 @@ def command(
     from hypermap.cli.evaluation_tables import show
     from hypermap.evaluation import compare, evaluate, map_objects
     from hypermap.evaluation.report import Run, csv_text, report
-    from hypermap.formats import open_map
+    from hypermap.formats.any_file import open_any
     from hypermap.formats.atomic import write_file
     from hypermap.viewer.comparison import render_comparison
 
     _check_outputs(csv, picture)
     if exact and against is None:
         raise HypermapError("--exact is about a test between two maps; name the other by --against")
-    true_map = open_map(ground_truth)
+    true_map = open_any(ground_truth)
     truth = map_objects(true_map, str(ground_truth))
     _note_repairs(truth)
 
     def measure(path: Path) -> Run:
-        objects = map_objects(open_map(path), str(path), true_map, truth.name)
+        objects = map_objects(open_any(path), str(path), true_map, truth.name)
         _note_repairs(objects)
         _note_strangers(objects, truth)
         return Run(objects, evaluate(objects.objects, truth.objects))

@@ -61,6 +61,7 @@ def command(
     for file in (output, figures):
         check_output(file, replace)
     described = [world_of(word) for word in worlds.split(",")]
+    _check_names([world.name for world in described], worlds.split(","))
     chosen = errors_of(errors)
     drives = [
         Drive(world, seed, chosen, rate)
@@ -88,6 +89,18 @@ def command(
     for world in data["worlds"]:
         _show(world)
     say(f"\nreport   {output}\nfigures  {figures}")
+
+
+def _check_names(names: list[str], words: list[str]) -> None:
+    """Raise a HypermapError if two worlds have one name, by which the results are told apart."""
+    first: dict[str, str] = {}
+    for name, word in zip(names, words, strict=True):
+        if name in first:
+            raise HypermapError(
+                f"--worlds: {first[name]} and {word} have the same name {name!r}, by which results "
+                "are told apart; change the key `name` of one file, or ask for one world"
+            )
+        first[name] = word
 
 
 def _show(world: Data) -> None:

@@ -36,8 +36,12 @@ def command(
         ),
     ] = None,
     name: Annotated[
-        str | None,
-        typer.Option(metavar="NAME", help="Where is this, as chair?", rich_help_panel=_WHAT),
+        list[str] | None,
+        typer.Option(
+            metavar="NAME",
+            help="Where is this, as chair? Given more than once: where is either?",
+            rich_help_panel=_WHAT,
+        ),
     ] = None,
     value: Annotated[
         float | None,
@@ -109,6 +113,7 @@ def command(
         hypermap query lab.hmap --at 3,-2
         hypermap query lab.hmap --in 2,-2,3,-1
         hypermap query lab.hmap --name cup --nearest --from 1,1
+        hypermap query lab.hmap --name cup --name bottle
         hypermap query lab.hmap --name chair --near sink --within 2
         hypermap query lab.hmap --name chair --in "1,2 2,2 2,3 1,3" --json
         hypermap query lab.hmap --id 7 --evidence
@@ -117,9 +122,12 @@ def command(
     from hypermap.cli.evidence import add_evidence, show_evidence
     from hypermap.formats import open_map
 
+    if name and value is not None:
+        raise HypermapError("give either --name or --value, not both")
     question = Question(
         at=None if at is None else parse_point(at, "--at"),
-        what=_one_of(name, value),
+        names=name or (),
+        number=value,
         area=area,
         start=(0.0, 0.0) if start is None else parse_point(start, "--from"),
         most=count if count is not None else 1 if nearest else None,
@@ -138,19 +146,13 @@ def command(
         return
     if rows:
         # Of an area alone, a grid would show every cell.
-        _show(rows, cells_are_counted=question.what is None and at is None)
+        _show(rows, cells_are_counted=not question.what and at is None)
     else:
         note("nothing found" + "".join(f"; {hint}" for hint in hint_for(hypermap, question)))
     if evidence:
         show_evidence(rows)
     if question.most is not None and start is None and rows:
         note("measured from (0, 0); give --from X,Y to measure from elsewhere")
-
-
-def _one_of(name: str | None, value: float | None) -> str | float | None:
-    if name is not None and value is not None:
-        raise HypermapError("give either --name or --value, not both")
-    return value if name is None else name
 
 
 def _show(rows: list[Row], cells_are_counted: bool) -> None:

@@ -54,6 +54,10 @@ class FrameError(HypermapError):
     """A frame is unknown, or two frames are not connected."""
 
 
+class AreaError(HypermapError, ValueError):
+    """An area has an outline that no question can be asked about."""
+
+
 class MissingExtra(HypermapError, ImportError):
     """An optional library is not installed; the message says which extra brings it."""
 

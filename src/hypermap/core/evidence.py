@@ -88,7 +88,10 @@ class EvidenceTable:
         return len(self.object_ids)
 
     def of(self, object_ids: Iterable[int]) -> EvidenceTable:
-        """Return the observations of some objects, with the views in which they were made."""
+        """Return the observations of some objects, with the views in which they were made.
+
+        Their geometries are copies, so that each thread may prepare its own.
+        """
         wanted = np.fromiter(object_ids, dtype=np.int64)
         rows = np.flatnonzero(np.isin(self.object_ids, wanted))
         views, view_of_row = np.unique(self.views[rows], return_inverse=True)
@@ -96,11 +99,11 @@ class EvidenceTable:
             object_ids=self.object_ids[rows],
             views=view_of_row.astype(np.int64),
             scores=self.scores[rows],
-            footprints=self.footprints[rows],
+            footprints=np.asarray(shapely.force_2d(self.footprints[rows])),
             heights=self.heights[rows],
             stamps=self.stamps[views],
             poses=self.poses[views],
-            areas=self.areas[views],
+            areas=np.asarray(shapely.force_2d(self.areas[views])),
         )
 
     def rounded(self) -> EvidenceTable:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
@@ -19,6 +20,8 @@ from hypermap.core.semantic import SemanticLayer
 from hypermap.core.shapes import as_area
 
 __all__ = ["Found", "Hypermap"]
+
+_log = logging.getLogger(__name__)
 
 DEFAULT_FRAME = "map"  # REP 105
 
@@ -46,6 +49,7 @@ class Hypermap:
         self.frames = FrameTree() if frames is None else frames
         self.metadata: dict[str, Any] = dict(metadata or {})
         self._layers: dict[str, Layer] = {}
+        self._told: set[str] = set()
         for layer in layers:
             self.add(layer)
 
@@ -153,7 +157,38 @@ class Hypermap:
         in_layer = None if area is None else self._area(area, layer, frame_id)
         return self._pose_of(layer).apply(layer.find(what, in_layer))
 
+    def labels_at(
+        self, layer_name: str, point_xy: ArrayLike, frame_id: str | None = None
+    ) -> ObjectArray:
+        """Return all that a layer says at one point, shape (M,); raises like `label_at`.
+
+        The first is what `label_at` says: of objects on top of each other, the smallest.
+        """
+        layer = self[layer_name]
+        return layer.labels_at(self._points(point_xy, layer, frame_id))
+
     # Questions across layers
+
+    def placed_layers(self) -> list[Layer]:
+        """Return the layers that have a place in the base frame; the log tells of the others."""
+        return [layer for layer in self._layers.values() if self._has_place(layer)]
+
+    def objects_at(
+        self, point_xy: ArrayLike, layer: str | None = None, frame_id: str | None = None
+    ) -> list[Found]:
+        """Return all objects at a point, by layers; of each, the smallest first.
+
+        Args:
+            point_xy: where, in the frame `frame_id` [m].
+            layer: the one that holds them; None for all semantic layers that have a place.
+            frame_id: frame of the point; None for the base frame.
+
+        Raises:
+            LayerNotFound, FrameError: If the layer or the frame is unknown.
+            HypermapError: If the layer holds no objects.
+        """
+        asked = self._lookup(self.base_frame, frame_id).apply(as_point_xy(point_xy))[0]
+        return [found for place in self._with_objects(layer) for found in place.at(asked)]
 
     def nearest(
         self,
@@ -171,7 +206,7 @@ class Hypermap:
             what: what to look for, as in `find`.
             point_xy: from where, in the frame `frame_id` [m].
             k: how many at most.
-            layer: where to look; None for all semantic layers.
+            layer: where to look; None for all semantic layers that have a place.
             frame_id: frame of the point; None for the base frame.
 
         Raises:
@@ -181,19 +216,20 @@ class Hypermap:
         check_count(k)
         asked = self._lookup(self.base_frame, frame_id).apply(as_point_xy(point_xy))[0]
         found: list[Found] = []
-        for place in self._semantic_layers() if layer is None else [self[layer]]:
-            if isinstance(place, SemanticLayer):
-                found += self._placed(place).nearest(what, asked, k)
-                continue
-            base_T_layer = self._pose_of(place)
-            locations, distances = place.nearest(what, base_T_layer.inverse().apply(asked), k)
+        only = None if layer is None else self[layer]
+        if only is None or isinstance(only, SemanticLayer):
+            for place in self._with_objects(layer):
+                found += place.nearest(what, asked, k)
+        else:
+            base_T_layer = self._pose_of(only)
+            locations, distances = only.nearest(what, base_T_layer.inverse().apply(asked), k)
             for point, distance in zip(base_T_layer.apply(locations), distances, strict=True):
-                found.append(Found(place.name, point, float(distance)))
+                found.append(Found(only.name, point, float(distance)))
         return sorted(found, key=lambda hit: hit.distance or 0.0)[:k]
 
     def objects(
         self,
-        name: str | None = None,
+        name: str | Iterable[str] | None = None,
         *,
         near: str | BaseGeometry | ArrayLike | None = None,
         within: float | None = None,
@@ -207,7 +243,7 @@ class Hypermap:
         """Return the objects of semantic layers for which all that is given is true.
 
         Args:
-            name: their name; None for any.
+            name: their name, or several of which they have one; None for any.
             near: a name, a geometry or a point, from which the distance is measured; with a
                 name, to the nearest other object that has it.
             within: the largest distance between the shapes [m]; None for any.
@@ -215,8 +251,8 @@ class Hypermap:
                 object that has it.
             area: what their shape meets.
             tags: all of these are among theirs.
-            layer: the one that holds them; None for all semantic layers. What `near` and
-                `inside` name may be in any.
+            layer: the one that holds them; None for all semantic layers that have a place. What
+                `near` and `inside` name may be in any.
             limit: return the first so many of them; None for all.
             frame_id: frame of the geometries and the point; None for the base frame.
 
@@ -226,6 +262,7 @@ class Hypermap:
 
         Raises:
             LayerNotFound, FrameError: If the layer or the frame is unknown.
+            HypermapError: If the layer holds no objects.
             ValueError: If `within` is given without `near`, or is negative, or `limit` is below 1.
 
         >>> import shapely
@@ -243,21 +280,13 @@ class Hypermap:
         if limit is not None and limit < 1:
             raise ValueError(f"limit must be at least 1, got {limit}")
         farthest = np.inf if within is None else within
-        # A layer that is not asked need not have a place in the map.
-        only = None if layer is None else self[layer]
-        anchors = {what for what in (near, inside) if isinstance(what, str)}
-        layers = PlacedLayers(
-            [
-                self._placed(place)
-                for place in self._semantic_layers()
-                if only in (None, place)
-                or any(len(place.snapshot.rows_of(name)) for name in anchors)
-            ]
-        )
+        has_anchors = isinstance(near, str) or isinstance(inside, str)
+        layers = PlacedLayers(self._with_objects(layer, and_others=has_anchors))
         asked = None
         if area is not None:
             asked = self._lookup(self.base_frame, frame_id).apply_geometry(as_area(area))
-        chosen = layers.named(name, layer, asked)
+        names = [name] if isinstance(name, str) else None if name is None else list(name)
+        chosen = layers.named(names, layer, asked)
         if wanted := set(tags):
             chosen = chosen.take(layers.have_tags(chosen.keys, wanted))
         if inside is not None:
@@ -271,11 +300,39 @@ class Hypermap:
         order = order[np.isfinite(distances[order])][:limit]
         return layers.found(chosen.keys[order], distances[order])
 
-    def _semantic_layers(self) -> list[SemanticLayer]:
-        return [layer for layer in self._layers.values() if isinstance(layer, SemanticLayer)]
+    def _with_objects(
+        self, layer: str | None = None, *, and_others: bool = False
+    ) -> list[PlacedLayer]:
+        """Return the semantic layers that have a place.
+
+        Args:
+            layer: this one, which must have a place and hold objects; None for all.
+            and_others: all, though one is named.
+        """
+        only = None if layer is None else self[layer]
+        if only is not None:
+            if not isinstance(only, SemanticLayer):
+                raise HypermapError(
+                    f"layer {only.name!r} is a {only.class_name}, which holds no objects"
+                )
+            place = self._placed(only)
+            if not and_others:
+                return [place]
+        layers = (each for each in self.placed_layers() if isinstance(each, SemanticLayer))
+        return [self._placed(each) for each in layers]
 
     def _placed(self, layer: SemanticLayer) -> PlacedLayer:
         return PlacedLayer(layer.name, layer.snapshot, self._pose_of(layer))
+
+    def _has_place(self, layer: Layer) -> bool:
+        try:
+            self._pose_of(layer)
+        except FrameError as error:
+            if layer.name not in self._told:
+                self._told.add(layer.name)
+                _log.warning("layer %r is left out: %s", layer.name, error)
+            return False
+        return True
 
     def _anchors(
         self, layers: PlacedLayers, what: str | BaseGeometry | ArrayLike, frame_id: str | None
@@ -283,7 +340,7 @@ class Hypermap:
         """Return what a question names as a place: objects of a name, a geometry or a point."""
         base_T_asked = self._lookup(self.base_frame, frame_id)
         if isinstance(what, str):
-            return layers.named(what)
+            return layers.named([what])
         shape = as_area(what) if isinstance(what, BaseGeometry) else Point(as_point_xy(what))
         return Placed.geometry(base_T_asked.apply_geometry(shape))
 

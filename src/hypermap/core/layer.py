@@ -114,6 +114,10 @@ class Layer(ABC):
     def label_at(self, points_xy: ArrayLike) -> ObjectArray:
         """Return the string representation at each point, shape (N,)."""
 
+    def labels_at(self, point_xy: ArrayLike) -> ObjectArray:
+        """Return all that the layer says at one point, first what `label_at` says, shape (M,)."""
+        return self.label_at(as_point_xy(point_xy))
+
     @abstractmethod
     def value_at(self, points_xy: ArrayLike) -> NDArray[Any]:
         """Return the number at each point, shape (N,)."""

@@ -79,14 +79,19 @@ class SemanticObject:
         if self.id == number:
             return self
         _check_id(number)
-        other = object.__new__(SemanticObject)  # what was checked once is not checked again
-        vars(other).update(vars(self), id=number)
-        return other
+        return _unchecked(vars(self), id=number)
+
+    def copy(self) -> SemanticObject:
+        """Return the same with a footprint of its own, which another thread cannot prepare."""
+        return _unchecked(vars(self), footprint=shapely.force_2d(self.footprint))
 
 
 @dataclass(frozen=True, eq=False)
 class ObjectTable:
     """Semantic objects as parallel columns, one row per object; never changed once made.
+
+    Whoever has the table has the same geometries: before `shapely.prepare` or a function as
+    `shapely.contains_xy`, which prepares, take copies with `shapely.force_2d`.
 
     Attributes:
         ids: int64, shape (N,), unique.
@@ -196,10 +201,10 @@ class ObjectTable:
         return np.flatnonzero(self.ids == what)
 
     def object(self, row: int) -> SemanticObject:
-        """Return one row as an object."""
-        return SemanticObject(
+        """Return one row as an object, with a footprint of its own."""
+        return _unchecked(
             name=str(self._known_names[self.codes[row]]),
-            footprint=self.footprints[row],
+            footprint=shapely.force_2d(self.footprints[row]),
             id=int(self.ids[row]),
             tags=self.tags[row],
             confidence=self.confidence[row],
@@ -259,6 +264,13 @@ class ObjectTable:
 
 _COLUMNS = [column.name for column in fields(ObjectTable) if column.name != "vocabulary"]
 _COMPUTED = ("shapes", "centroids", "areas", "boxes")
+
+
+def _unchecked(*values: Mapping[str, Any], **others: Any) -> SemanticObject:
+    """Return an object of attributes that were checked before."""
+    item = object.__new__(SemanticObject)
+    vars(item).update(*values, **others)
+    return item
 
 
 def _check_id(number: int) -> None:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.arrays import BoolArray, IntArray, ObjectArray, of_rows
+from hypermap.core.shapes import have_points
 
 # The difference of two products of differences has the right sign if it exceeds this part of the
 # sum of their sizes. Source: Shewchuk, Adaptive Precision Floating-Point Arithmetic and Fast Robust
@@ -66,8 +67,7 @@ class Outlines:
         for part in np.split(plain, range(_PAIRS, len(plain), _PAIRS)):
             covered[part], is_sure[part] = self._cross(rows[part], of_rows(points_xy, part))
         others = np.flatnonzero(~is_sure)
-        asked = self._shapes[rows[others]], *of_rows(points_xy, others).T
-        covered[others] = shapely.intersects_xy(*asked)
+        covered[others] = have_points(self._shapes[rows[others]], of_rows(points_xy, others))
         return covered
 
     def _cross(self, rows: IntArray, points_xy: NDArray[np.float64]) -> tuple[BoolArray, BoolArray]:

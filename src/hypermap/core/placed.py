@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -83,7 +83,9 @@ class Placed:
         nearest = np.full(len(self), np.inf)
         with np.errstate(all="ignore"):  # GEOS divides by the lengths of edges without length
             if np.isfinite(limit):
-                pairs = tree.query(self.shapes, predicate="dwithin", distance=limit)
+                # Copies, of which none is prepared: threads must not share what is.
+                shapes = shapely.force_2d(self.shapes)
+                pairs = tree.query(shapes, predicate="dwithin", distance=limit)
                 self._measure(nearest, others, *pairs)
                 return nearest
             self._measure(nearest, others, *tree.query_nearest(self.shapes))
@@ -130,16 +132,16 @@ class PlacedLayer:
     snapshot: Snapshot
     base_T_layer: Pose2D
 
-    def rows(self, name: str | None, area: BaseGeometry | None) -> IntArray:
-        """Return the rows of the objects with a name that meet an area of the base frame.
+    def rows(self, names: Collection[str] | None, area: BaseGeometry | None) -> IntArray:
+        """Return the rows of objects with one of some names that meet an area of the base frame.
 
         Args:
-            name: None for any.
+            names: None for any.
             area: None for everywhere.
         """
         asked = None if area is None else self.base_T_layer.inverse().apply_geometry(area)
-        if name is not None:
-            return self.snapshot.rows_of(name, asked)
+        if names is not None:
+            return self.snapshot.rows_of_names(names, asked)
         return self.snapshot.rows if asked is None else self.snapshot.rows_in(asked)
 
     def found(self, rows: IntArray, distances: Sequence[float | None]) -> list[Found]:
@@ -149,6 +151,11 @@ class PlacedLayer:
         table = replace(table, footprints=self.base_T_layer.apply_geometries(table.footprints))
         columns = zip(points, distances, range(len(table)), strict=True)
         return [Found(self.name, point, far, table.object(row)) for point, far, row in columns]
+
+    def at(self, point_xy: NDArray[np.float64]) -> list[Found]:
+        """Return all objects at a point of the base frame, the smallest first."""
+        rows = self.snapshot.all_rows_at(self.base_T_layer.inverse().apply(point_xy)[0])
+        return self.found(rows, [None] * len(rows))
 
     def nearest(self, what: str | float, point_xy: NDArray[np.float64], k: int) -> list[Found]:
         """Return the k objects with a name or id that are nearest to a point in the base frame."""
@@ -164,17 +171,20 @@ class PlacedLayers:
         self._layers = layers
 
     def named(
-        self, name: str | None, layer: str | None = None, area: BaseGeometry | None = None
+        self,
+        names: Collection[str] | None,
+        layer: str | None = None,
+        area: BaseGeometry | None = None,
     ) -> Placed:
-        """Return the objects with a name, or all, of a layer, or all, in their order.
+        """Return the objects with one of some names, or all, of a layer, or all, in their order.
 
         Args:
-            name: None for any.
+            names: None for any.
             layer: the name of a layer; None for all.
             area: what they meet, in the base frame; None for everywhere.
         """
         placed = [
-            _placed(i, place, place.rows(name, area))
+            _placed(i, place, place.rows(names, area))
             for i, place in enumerate(self._layers)
             if layer in (None, place.name)
         ]

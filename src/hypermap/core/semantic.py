@@ -132,8 +132,11 @@ class SemanticLayer(Layer):
 
     @property
     def geometries(self) -> ObjectArray:
-        """The objects' footprints as they were given, in the order of `ids`, shape (N,)."""
-        return self._now.table.footprints
+        """Copies of the objects' footprints as they were given, in the order of `ids`, shape (N,).
+
+        Made anew each time, so that each thread may prepare its own.
+        """
+        return np.asarray(shapely.force_2d(self._now.table.footprints))
 
     @property
     def table(self) -> ObjectTable:
@@ -256,6 +259,21 @@ class SemanticLayer(Layer):
         labels[there] = now.names(rows[there])
         return labels
 
+    def labels_at(self, point_xy: ArrayLike) -> ObjectArray:
+        """Return the names of all objects at a point, the smallest first, (M,), or "Empty"."""
+        now = self._now
+        names = now.names(now.all_rows_at(as_point_xy(point_xy)))
+        return names if len(names) else np.array([EMPTY], dtype=object)
+
+    def objects_at(self, point_xy: ArrayLike) -> list[SemanticObject]:
+        """Return all objects at a point, the smallest first, as a cup before its table.
+
+        Of equally large ones, the one that was added first comes first; so the first of all is the
+        one that `label_at` and `value_at` tell of.
+        """
+        now = self._now
+        return [now.object(row) for row in now.all_rows_at(as_point_xy(point_xy)).tolist()]
+
     def value_at(self, points_xy: ArrayLike) -> NDArray[np.int64]:
         """Return the id of the smallest object at each point, shape (N,), or -1."""
         now, single = self._now, single_xy(points_xy)
@@ -322,7 +340,7 @@ class SemanticLayer(Layer):
     def picture(self) -> ShapesPicture:
         """Return the footprints, one color per name."""
         table = self._now.table
-        return ShapesPicture(table.names, table.footprints)
+        return ShapesPicture(table.names, np.asarray(shapely.force_2d(table.footprints)))
 
     def _rows_there(self, now: Snapshot, ids: Iterable[int]) -> dict[int, int]:
         """Return the row of each id, by ascending ids.

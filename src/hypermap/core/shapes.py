@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.arrays import BoolArray, ObjectArray, as_objects
+from hypermap.core.errors import AreaError
 
 _FAR = 1e9  # metres; what of an area lies beyond is cut off
 _FARTHEST = 1e100  # metres; products of two such lengths do not overflow
@@ -38,24 +39,32 @@ def box_of(area: Any) -> tuple[float, float, float, float] | None:
 def as_area(area: Any) -> BaseGeometry:
     """Return a shapely geometry that questions can be asked about; an empty one holds nothing.
 
+    It is a copy that nobody else has. A caller may have prepared the area, as
+    `shapely.contains_xy` does, too, and threads that ask with one prepared area end the program.
+
     Raises:
         TypeError: If it is no shapely geometry.
-        ValueError: If a coordinate is not finite, or GEOS cannot repair its outline.
+        AreaError: If a coordinate is not finite, or GEOS cannot repair its outline.
     """
     if not isinstance(area, BaseGeometry):
         raise TypeError(f"an area must be a shapely geometry, got {type(area).__name__}")
+    area = shapely.force_2d(area)
     if is_sound(area) and all(abs(side) <= _FAR for side in area.bounds):
         return area
     farthest = np.abs(shapely.get_coordinates(area)).max(initial=0)
     if not np.isfinite(farthest):
-        raise ValueError("an area must be finite; there is a NaN or infinite coordinate")
+        raise AreaError("an area must be finite; there is a NaN or infinite coordinate")
     try:
         if farthest > _FAR:
             area = shapely.transform(area, lambda xy: np.clip(xy, -_FARTHEST, _FARTHEST))
-            area = shapely.clip_by_rect(_valid(area), -_FAR, -_FAR, _FAR, _FAR)
+            # `clip_by_rect` is quicker, but wrong or lost where corners lie very far outside.
+            area = shapely.intersection(_valid(area), shapely.box(-_FAR, -_FAR, _FAR, _FAR))
         return _valid(area)
     except shapely.GEOSException as error:
-        raise ValueError(f"an area's outline must not cross itself like this: {error}") from error
+        raise AreaError(
+            f"GEOS cannot follow the outline of an area with coordinates up to {farthest:g} m: "
+            f"{error}"
+        ) from error
 
 
 def _valid(area: BaseGeometry) -> BaseGeometry:
@@ -103,6 +112,15 @@ def valid_copies(shapes: ObjectArray) -> ObjectArray:
     nothing = shapely.is_empty(valid)
     valid[nothing] = shapely.boundary(shapes[nothing])
     return valid
+
+
+def have_points(shapes: ObjectArray, points_xy: NDArray[np.float64]) -> BoolArray:
+    """Return whether shapes, (N,), have the points, (N, 2), one of each; so do their outlines.
+
+    The points come first, since GEOS asks with what is prepared of the first geometry. Whoever
+    has one of the shapes may have prepared it, and threads must not share what is prepared.
+    """
+    return np.asarray(shapely.intersects(shapely.points(points_xy), shapes))
 
 
 def check_footprint(footprint: Any) -> None:

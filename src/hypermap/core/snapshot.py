@@ -16,7 +16,7 @@ from shapely.geometry.base import BaseGeometry
 from hypermap.core.arrays import BoolArray, IntArray, ObjectArray, of_rows
 from hypermap.core.object_log import ObjectLog
 from hypermap.core.objects import ObjectTable, SemanticObject
-from hypermap.core.shapes import as_area, box_of
+from hypermap.core.shapes import as_area, box_of, have_points
 
 Box = tuple[float, float, float, float]  # x0, y0, x1, y1
 
@@ -106,9 +106,11 @@ class Snapshot:
         return int(self.log.table.ids[row] if row < first else self.log.written.ids[row - first])
 
     def object(self, row: int) -> SemanticObject:
-        """Return one row as an object."""
-        first = self.log.first
-        return self.log.table.object(row) if row < first else self.log.written.objects[row - first]
+        """Return one row as an object, with a footprint of its own."""
+        log = self.log
+        if row < log.first:
+            return log.table.object(row)
+        return log.written.objects[row - log.first].copy()
 
     def row_of_id(self, object_id: int) -> int:
         """Return the row of an object; -1 if it is not there."""
@@ -145,6 +147,14 @@ class Snapshot:
                     best, least = first + at, size
         return best
 
+    def all_rows_at(self, point_xy: NDArray[np.float64]) -> IntArray:
+        """Return the rows of all objects at a point of shape (2,), the smallest first.
+
+        The first is that of `row_at`: of equally large ones, that which comes first in the layer.
+        """
+        rows = self.rows_in(shapely.Point(point_xy))
+        return rows[np.argsort(self.column("areas", rows), kind="stable")]
+
     def rows_at(self, points_xy: NDArray[np.float64]) -> IntArray:
         """Return the row of the smallest object at each point, (N, 2); -1 where there is none."""
         if len(points_xy) <= _ONE_BY_ONE:
@@ -156,7 +166,7 @@ class Snapshot:
         if self.count > first:
             written = self.log.written
             there, behind = written.index.at_all(points_xy, self.count - first)
-            covered = shapely.intersects_xy(written.shapes[behind], *of_rows(points_xy, there).T)
+            covered = have_points(written.shapes[behind], of_rows(points_xy, there))
             places = np.concatenate([places, there[covered]])
             rows = np.concatenate([rows, behind[covered] + first])
         if self.changes:
@@ -176,10 +186,11 @@ class Snapshot:
             code: only objects with this name's code; None for all.
         """
         log, box = self.log, box_of(area)
+        # Of a box, the envelope is a copy, as `as_area` returns it, in a third of the time.
+        asked = as_area(area) if box is None else area.envelope
         near = None if box is None else self._near(box)
         if near is not None:
-            return self._in_order(np.array(self._few_in(area, near, code), dtype=np.int64))
-        asked = as_area(area) if box is None else area
+            return self._in_order(np.array(self._few_in(asked, near, code), dtype=np.int64))
         if asked.is_empty:
             return np.empty(0, dtype=np.int64)
         rows = log.tree.query(asked)
@@ -209,6 +220,13 @@ class Snapshot:
         if code is not None:
             rows = [row for row in rows if log.code(row) == code]
         return [row for row in rows if area.intersects(log.shape(row))]
+
+    def rows_of_names(self, names: Iterable[str], area: BaseGeometry | None = None) -> IntArray:
+        """Return the rows of objects with one of some names, in an area or anywhere, in order."""
+        each = [self.rows_of(name, area) for name in dict.fromkeys(names)]
+        if len(each) == 1:
+            return each[0]
+        return self._in_order(np.sort(np.concatenate([np.empty(0, dtype=np.int64), *each])))
 
     def rows_of(self, what: str | float, area: BaseGeometry | None = None) -> IntArray:
         """Return the rows of the objects with a name or id, in an area or anywhere, in order."""
@@ -269,8 +287,7 @@ class Snapshot:
         """Return which rows' shapes meet an area, which their boxes do."""
         if len(rows) < (_FEW if box is None else _MANY):
             return np.asarray(shapely.intersects(area, self.column("shapes", rows)))
-        area = shapely.force_2d(area)  # a copy: other threads may be asking about the same area
-        shapely.prepare(area)
+        shapely.prepare(area)  # which is a copy that no other thread has
         if box is not None:
             x0, y0, x1, y1 = self.column("boxes", rows).T
             left, low, right, high = box

@@ -22,6 +22,7 @@ from hypermap.core.objects import MAX_ID
 from hypermap.core.semantic import SemanticLayer, SemanticObject
 from hypermap.core.shapes import check_footprint
 from hypermap.formats.checked import Checked, Text, check
+from hypermap.formats.crs import System, engineering_wkt, frame_of
 from hypermap.formats.records import object_from_record, record_from_object
 from hypermap.formats.yaml_text import plain_value
 
@@ -40,6 +41,7 @@ class _Collection(Checked):
     features: list[Any]
     name: Text | None = None
     frame_id: Text | None = None
+    crs: dict[str, Any] | None = None
 
 
 class _Feature(Checked):
@@ -64,7 +66,7 @@ def to_geojson(layer: SemanticLayer) -> str:
         "type": "FeatureCollection",
         "name": layer.name,
         "frame_id": layer.frame_id,
-        "crs": {"type": "name", "properties": {"name": engineering_crs(layer.frame_id)}},
+        "crs": {"type": "name", "properties": {"name": engineering_wkt(layer.frame_id)}},
         "features": [_feature(item) for item in layer.objects()],
     }
     try:
@@ -82,7 +84,7 @@ def from_geojson(
         text: a FeatureCollection of polygons and multipolygons in metres.
         name: the layer's name; None takes the collection's own.
         frame_id: the frame of the coordinates; None takes the collection's own. Many GIS
-            programs drop it.
+            programs drop it. Coordinates in another `crs` than that of a frame are refused.
         path: how messages name the file.
 
     Raises:
@@ -93,11 +95,7 @@ def from_geojson(
     except (ValueError, RecursionError) as error:
         raise FormatError(f"is not valid JSON: {error}", path=path) from error
     collection = check(_Collection, document, path)
-    frame = frame_id or collection.frame_id
-    if frame is None:
-        raise FormatError(
-            "is missing: say in which frame the coordinates are", path=path, key="frame_id"
-        )
+    frame = frame_of(_system(collection), frame_id or collection.frame_id, path, "crs")
     objects = [_object(item, path, i) for i, item in enumerate(collection.features)]
     ids = collections.Counter(item.id for item in objects if item.id is not None)
     for number, count in ids.most_common(1):
@@ -106,14 +104,13 @@ def from_geojson(
     return SemanticLayer(name or collection.name or "semantic", frame, objects)
 
 
-def engineering_crs(frame_id: str) -> str:
-    """Return a coordinate reference system of metres in a frame, as well-known text.
-
-    Source: OGC 18-010r7, section 11 (engineering coordinate reference systems).
-    """
-    name = frame_id.replace('"', '""')
-    axes = 'AXIS["x",unspecified],AXIS["y",unspecified]'
-    return f'ENGCRS["{name}",EDATUM["{name}"],CS[Cartesian,2],{axes},LENGTHUNIT["metre",1]]'
+def _system(collection: _Collection) -> System | None:
+    """Return the coordinate reference system that a collection names, as before RFC 7946."""
+    if collection.crs is None:
+        return None
+    properties = collection.crs.get("properties")
+    name = properties.get("name") if isinstance(properties, dict) else None
+    return System.of_name(name if isinstance(name, str) else "a crs that is not known here")
 
 
 def _feature(item: SemanticObject) -> dict[str, Any]:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from hypermap.core.errors import MissingExtra
 from hypermap.core.semantic import SemanticLayer
-from hypermap.formats.geojson import engineering_crs
+from hypermap.formats.crs import engineering_wkt
 from hypermap.formats.records import record_from_object
 
 if TYPE_CHECKING:
@@ -34,5 +34,5 @@ def to_geodataframe(layer: SemanticLayer) -> GeoDataFrame:
         {key: [record.get(key) for record in records] for key in columns},
         geometry=[item.footprint for item in objects],
         index=[item.id for item in objects],
-        crs=engineering_crs(layer.frame_id),
+        crs=engineering_wkt(layer.frame_id),
     ).rename_axis("id")

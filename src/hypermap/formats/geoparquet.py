@@ -28,6 +28,7 @@ from hypermap.formats.arrow import (
     whole,
     words_in,
 )
+from hypermap.formats.crs import System, engineering_projjson
 from hypermap.formats.footprints import footprints_from_wkb
 from hypermap.formats.outlines import outlines_from_wkb
 from hypermap.formats.parquet_description import WIDTH, Leaf, leaves_of
@@ -137,7 +138,7 @@ def _geo(footprints: ObjectArray, frame_id: str) -> dict[str, Any]:
     column: dict[str, Any] = {
         "encoding": "WKB",
         "geometry_types": [names[kind] for kind in kinds],
-        "crs": _engineering_crs(frame_id),
+        "crs": engineering_projjson(frame_id),
         "edges": "planar",
     }
     if len(footprints):
@@ -145,19 +146,13 @@ def _geo(footprints: ObjectArray, frame_id: str) -> dict[str, Any]:
     return {"version": "1.1.0", "primary_column": GEOMETRY, "columns": {GEOMETRY: column}}
 
 
-def _engineering_crs(frame_id: str) -> dict[str, Any]:
-    """Return a coordinate reference system of metres in a frame, as PROJJSON."""
-    axes = [
-        {"name": axis, "abbreviation": axis, "direction": "unspecified", "unit": "metre"}
-        for axis in "xy"
-    ]
-    return {
-        "$schema": "https://proj.org/schemas/v0.7/projjson.schema.json",
-        "type": "EngineeringCRS",
-        "name": frame_id,
-        "datum": {"name": frame_id},
-        "coordinate_system": {"subtype": "Cartesian", "axis": axes},
-    }
+def system_of(notes: Mapping[str, str]) -> System | None:
+    """Return the coordinate reference system that a file names; None if it names none."""
+    try:
+        crs = json.loads(notes.get("geo", ""))["columns"][GEOMETRY]["crs"]
+    except (ValueError, LookupError, TypeError, RecursionError):
+        return None
+    return System.of_projjson(crs) if isinstance(crs, dict) else None
 
 
 def _check_geometry(leaves: Mapping[str, Leaf], path: str) -> None:

@@ -20,10 +20,17 @@ from numpy.typing import NDArray
 from hypermap.core.arrays import ObjectArray, as_objects
 from hypermap.core.errors import FormatError
 from hypermap.core.objects import ObjectTable
-from hypermap.core.semantic import Rejected
+from hypermap.core.semantic import Rejected, SemanticLayer
 from hypermap.formats.arrow import Column, Lists, Numbers, Words, kinds_of
 from hypermap.formats.checked import Checked, check
-from hypermap.formats.geoparquet import GEOMETRY, read_geoparquet, write_geoparquet
+from hypermap.formats.crs import check_metres, frame_of
+from hypermap.formats.geoparquet import (
+    GEOMETRY,
+    GeoParquet,
+    read_geoparquet,
+    system_of,
+    write_geoparquet,
+)
 from hypermap.formats.ragged import as_tuples
 from hypermap.formats.records import KNOWN_KEYS
 from hypermap.formats.yaml_text import plain_value, read_yaml, write_yaml
@@ -77,10 +84,32 @@ def parse_parquet(content: bytes, path: str) -> tuple[ObjectTable, list[Rejected
 
     Raises:
         MissingExtra: If pyarrow is not installed.
-        FormatError: If it is damaged, or a column or value is none of an object.
+        FormatError: If it is damaged, a column or value is none of an object, or coordinates are
+            not metres in a frame.
     """
     file = read_geoparquet(content, path)
-    _check_unit(file.notes.get("geo", ""), path)
+    check_metres(system_of(file.notes), path, GEOMETRY)
+    return _objects(file, path)
+
+
+def layer_of_parquet(content: bytes, path: str, frame_id: str | None) -> SemanticLayer:
+    """Return the objects of a GeoParquet file that stands alone as a layer.
+
+    Args:
+        content: the file.
+        path: how messages name it.
+        frame_id: the frame of its coordinates; None takes that which the file names.
+
+    Raises:
+        MissingExtra, FormatError: As `parse_parquet`, and if no frame is named.
+    """
+    file = read_geoparquet(content, path)
+    frame = frame_of(system_of(file.notes), frame_id, path, f"{GEOMETRY}: crs")
+    table, rejected = _objects(file, path)
+    return SemanticLayer.of_table("semantic", frame, table, rejected=rejected)
+
+
+def _objects(file: GeoParquet, path: str) -> tuple[ObjectTable, list[Rejected]]:
     columns, count = file.columns, len(file.footprints)
     names = _column(columns, "name", Words, path)
     if names is None:
@@ -203,21 +232,6 @@ def _column(columns: Mapping[str, Column], name: str, kind: type, path: str) -> 
         expected = {Words: "texts", Numbers: "numbers", Lists: "lists"}[kind]
         raise FormatError(f"expected {expected}", path=path, key=name)
     return column
-
-
-def _check_unit(geo: str, path: str) -> None:
-    """Refuse degrees on the globe, which other programs write and no frame of a map has."""
-    try:
-        crs = json.loads(geo)["columns"][GEOMETRY]["crs"]
-        is_global = crs["type"] == "GeographicCRS"
-    except (ValueError, LookupError, TypeError, RecursionError):  # it does not say
-        return
-    if is_global:
-        raise FormatError(
-            f"is in degrees ({crs.get('name')}), not in metres; move it to the layer's frame first",
-            path=path,
-            key=GEOMETRY,
-        )
 
 
 def _ids(column: Numbers | None, count: int, path: str) -> NDArray[np.int64]:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from hypermap.core.trajectory import pose_from_rpy
 from hypermap.perception.frame import Camera
@@ -20,7 +20,8 @@ class RecordingOptions:
     Attributes:
         intrinsics: fx, fy, cx, cy of the depth images [pixels]; None takes the recording's own.
         map_T_world: pose of the recording's world in the map, whose z axis must point up, as x, y,
-            z [m], roll, pitch, yaw [rad], or as the 16 numbers of a 4 x 4 matrix, row by row.
+            z [m], roll, pitch, yaw [rad], or as a 4 x 4 matrix: an array, its rows, or its 16
+            numbers row by row.
         map_frame: the fixed frame of a bag in which the map is made, z up; None takes `map`, or,
             where tf has no such frame, the root of tf above the camera.
         camera_frame: the optical frame of a bag's camera; None takes it from the depth messages.
@@ -42,7 +43,7 @@ class RecordingOptions:
     """
 
     intrinsics: tuple[float, float, float, float] | None = None
-    map_T_world: Sequence[float] | None = None
+    map_T_world: ArrayLike | None = None
     map_frame: str | None = None
     camera_frame: str | None = None
     depth_topic: str | None = None
@@ -62,9 +63,12 @@ class RecordingOptions:
             if min(self.intrinsics[:2]) <= 0:
                 raise ValueError(f"the focal lengths must be positive, got {self.intrinsics[:2]}")
         if self.map_T_world is not None:
+            object.__setattr__(
+                self, "map_T_world", _row_by_row(self.map_T_world)
+            )  # also comparable
             _check_numbers(
                 "map_T_world",
-                self.map_T_world,
+                _row_by_row(self.map_T_world),
                 {6: "x, y, z, roll, pitch, yaw", 16: "the rows of a 4 x 4 matrix"},
             )
             self.world_pose()
@@ -85,7 +89,7 @@ class RecordingOptions:
         """Return `map_T_world` as a matrix, shape (4, 4); the identity if it was not given."""
         if self.map_T_world is None:
             return np.eye(4)
-        numbers = [float(number) for number in self.map_T_world]
+        numbers = _row_by_row(self.map_T_world)
         if len(numbers) == 6:
             return pose_from_rpy(*numbers)
         return nearest_rigid(np.array(numbers).reshape(4, 4))
@@ -117,6 +121,17 @@ def nearest_rigid(pose: NDArray[np.float64]) -> NDArray[np.float64]:
     rigid[:3, :3] = left @ right
     rigid[:3, 3] = pose[:3, 3]
     return rigid
+
+
+def _row_by_row(numbers: ArrayLike) -> tuple[float, ...]:
+    """Return the numbers of a pose, which may be a matrix."""
+    try:
+        array = np.asarray(numbers, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"map_T_world must be numbers: {error}") from None
+    if array.ndim > 1 and array.shape != (4, 4):
+        raise ValueError(f"map_T_world must be a 4 x 4 matrix, got one of shape {array.shape}")
+    return tuple(array.ravel().tolist())
 
 
 def _check_numbers(name: str, numbers: Sequence[float], meanings: dict[int, str]) -> None:

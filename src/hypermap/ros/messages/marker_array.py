@@ -125,10 +125,13 @@ def _lifts(table: ObjectTable) -> NDArray[np.float64]:
 
 
 def _labels(table: ObjectTable, style: MarkerStyle) -> IntArray:
-    """Return the rows of the objects that get a label."""
+    """Return the rows of the objects that get a label; to rviz, one without text is an error."""
     if not style.show_labels:
         return np.empty(0, dtype=np.int64)
-    return np.sort(np.argsort(-table.areas, kind="stable")[: style.max_labels])
+    has_text = np.array([bool(name.strip()) for name in table.vocabulary], dtype=bool)
+    named = np.flatnonzero(has_text[table.codes])
+    largest = np.argsort(-table.areas[named], kind="stable")[: style.max_labels]
+    return np.sort(named[largest])
 
 
 def _label_places(table: ObjectTable, rows: IntArray, height: float) -> NDArray[np.float64]:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import shapely
-
 from hypermap.core.errors import HypermapError
 from hypermap.core.hypermap import Found, Hypermap
 from hypermap.core.layer import Layer
@@ -35,7 +33,8 @@ class ObjectQueries:
         """Answer `hypermap_msgs/GetLayersAtPoint`; layers that nobody here can read say nothing."""
         hypermap = self._current.hypermap
         xy = self._requests.point(hypermap, request.location)
-        asked = [layer for layer in hypermap if not isinstance(layer, OpaqueLayer)]
+        placed = hypermap.placed_layers()
+        asked = [layer for layer in placed if not isinstance(layer, OpaqueLayer)]
         return self._port.response(f"{_MSGS}/GetLayersAtPoint")(
             success=True,
             message="",
@@ -46,8 +45,7 @@ class ObjectQueries:
     def _value(self, hypermap: Hypermap, layer: Layer, xy: Any) -> Message:
         found: list[Found] = []
         if isinstance(layer, SemanticLayer):
-            found = hypermap.objects(area=shapely.Point(xy[0]), layer=layer.name)
-            found.sort(key=lambda hit: hit.object.footprint.area if hit.object else 0.0)
+            found = hypermap.objects_at(xy[0], layer.name)
         return self._port.message(f"{_MSGS}/LayerValue")(
             layer=layer.name,
             class_name=layer.class_name,
@@ -84,7 +82,7 @@ class ObjectQueries:
             inside=request.inside or None,
             area=self._requests.area_or_all(hypermap, request.area),
             tags=request.tags,
-            layer=_semantic(hypermap, request.layer) if request.layer else None,
+            layer=request.layer or None,
             limit=request.limit or None,
         )
         distances = [] if near is None else [float(hit.distance or 0.0) for hit in found]
@@ -103,10 +101,3 @@ class ObjectQueries:
         if request.near:
             raise HypermapError("give near or origin, not both")
         return self._requests.point(hypermap, request.origin)
-
-
-def _semantic(hypermap: Hypermap, name: str) -> str:
-    layer = hypermap[name]
-    if not isinstance(layer, SemanticLayer):
-        raise HypermapError(f"layer {name!r} is a {layer.class_name}, which holds no objects")
-    return name

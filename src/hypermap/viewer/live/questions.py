@@ -178,15 +178,12 @@ class Questions:
         value = self.hypermap.value_at(layer.name, point, frame)[0]
         objects = []
         if isinstance(layer, SemanticLayer):
+            now = layer.snapshot
             in_layer = (self._pose_of(layer.frame_id).inverse() @ self._pose_of(frame)).apply(point)
-            table = layer.table
-            rows = self._rows_of(layer, shapely.Point(in_layer[0]))
-            for row in rows[np.lexsort((rows, table.areas[rows]))].tolist():
-                shown: dict[str, Any] = {"id": int(table.ids[row])}
-                shown["name"] = str(table.names[row])
-                shown["area"] = float(table.areas[row])
-                shown["existence"] = _known(float(table.existence[row]))
-                objects.append({**shown, "tags": list(table.tags[row])})
+            rows = now.all_rows_at(in_layer[0])
+            for item, area in zip(map(now.object, rows), now.column("areas", rows), strict=True):
+                shown: dict[str, Any] = {"id": item.id, "name": item.name, "area": float(area)}
+                objects.append({**shown, "existence": item.existence, "tags": list(item.tags)})
         return {
             "name": layer.name,
             "label": str(self.hypermap.label_at(layer.name, point, frame)[0]),

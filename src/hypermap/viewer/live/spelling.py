@@ -14,7 +14,7 @@ def spell_at(path: str, point: Point, frame: str | None, layers: Iterable[str]) 
     """Return how to ask what every layer says at a point."""
     python = (
         f"{_opened(path)}for layer in {list(layers)!r}:\n"
-        f"    print(layer, hypermap.label_at(layer, {_pair(point)}{_in_frame(frame)})[0])\n"
+        f"    print(layer, *hypermap.labels_at(layer, {_pair(point)}{_in_frame(frame)}))\n"
     )
     return _both(python, path, f"--at={_text(point)}", frame)
 

@@ -1,0 +1,52 @@
+"""Maps and single layers from files of every kind that we read."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from hypermap.core.errors import HypermapError
+from hypermap.core.hypermap import DEFAULT_FRAME, Hypermap
+from hypermap.core.semantic import SemanticLayer
+from hypermap.formats.geojson import from_geojson
+from hypermap.formats.geoparquet import MAGIC
+from hypermap.formats.hmap import open_map
+from hypermap.formats.map_server import load_occupancy
+from hypermap.formats.semantic_parquet import layer_of_parquet
+from hypermap.formats.semantic_yaml import parse_content
+from hypermap.formats.store import read_file
+from hypermap.formats.yaml_text import read_yaml
+
+JSON_ENDINGS = {".geojson", ".json"}
+_ZIP = b"PK"
+
+
+def open_any(path: Path, frame_id: str | None = None) -> Hypermap:
+    """Return the map in a file of any kind; a file of one layer becomes a map of one layer.
+
+    Args:
+        path: what `open_map` opens, a YAML list of objects, GeoJSON or GeoParquet.
+        frame_id: the frame of a file of one layer; None takes its own, or, in YAML, `map`.
+
+    Raises:
+        FileMissing: If there is no such file.
+        FormatError: If it is damaged, or does not say its frame.
+        MissingExtra: If it is GeoParquet, and pyarrow is not installed.
+        HypermapError: If a frame is given for a whole map, which says its frames itself.
+    """
+    content = _ZIP if path.is_dir() else read_file(path)
+    if content.startswith(MAGIC):
+        return Hypermap([layer_of_parquet(content, str(path), frame_id)])
+    if path.suffix.lower() in JSON_ENDINGS:
+        text = content.decode(errors="replace")
+        return Hypermap([from_geojson(text, frame_id=frame_id, path=str(path))])
+    if path.suffix.lower() != ".hmap" and not content.startswith(_ZIP):
+        document, frame = read_yaml(content, str(path)), frame_id or DEFAULT_FRAME
+        if isinstance(document, list):
+            table, rejected = parse_content(content, str(path))
+            layer = SemanticLayer.of_table("semantic", frame, table, rejected=rejected)
+            return Hypermap([layer])
+        if isinstance(document, dict) and "image" in document:
+            return Hypermap([load_occupancy(path, frame_id=frame)])
+    if frame_id is not None:
+        raise HypermapError(f"{path}: a whole map says its frames itself; leave --frame out")
+    return open_map(path)
