@@ -29,7 +29,7 @@ lint: .venv/.dev  ## style, and which room may import which
 
 types: .venv/.dev  ## strict type check
 	$(BIN)/mypy
-	$(BIN)/mypy --strict examples/value_layer/src
+	$(BIN)/mypy --strict examples/value_layer/src examples/*.py
 
 tests: .venv/.dev $(PAGE)  ## all tests and the examples in the documents, with a coverage report
 	$(BIN)/pytest -n auto --dist loadgroup --cov --cov-report=term --cov-report=xml

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import shapely
@@ -35,6 +35,13 @@ class Found:
     point_xy: NDArray[np.float64]
     distance: float | None = None
     object: SemanticObject | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class FoundObject(Found):
+    """An object that a question has found; as `Found`, but there always is one."""
+
+    object: SemanticObject = field(kw_only=True)
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,27 +137,35 @@ class PlacedLayer:
     snapshot: Snapshot
     base_T_layer: Pose2D
 
-    def rows(self, name: str | None, area: BaseGeometry | None) -> IntArray:
+    def rows(self, name: str | Collection[str] | None, area: BaseGeometry | None) -> IntArray:
         """Return the rows of the objects with a name that meet an area of the base frame.
 
         Args:
-            name: None for any.
+            name: one or several; None for any.
             area: None for everywhere.
         """
+        if name is not None and not isinstance(name, str):
+            found = [self.rows(one, area) for one in set(name)]
+            return self.snapshot.in_order(np.sort(np.concatenate([*found, np.empty(0, np.int64)])))
         asked = None if area is None else self.base_T_layer.inverse().apply_geometry(area)
         if name is not None:
             return self.snapshot.rows_of(name, asked)
         return self.snapshot.rows if asked is None else self.snapshot.rows_in(asked)
 
-    def found(self, rows: IntArray, distances: Sequence[float | None]) -> list[Found]:
+    def found(self, rows: IntArray, distances: Sequence[float | None]) -> list[FoundObject]:
         """Return some objects, brought into the base frame."""
         table = self.snapshot.take(rows)
         points = self.base_T_layer.apply(table.centroids)
         table = replace(table, footprints=self.base_T_layer.apply_geometries(table.footprints))
         columns = zip(points, distances, range(len(table)), strict=True)
-        return [Found(self.name, point, far, table.object(row)) for point, far, row in columns]
+        return [
+            FoundObject(self.name, point, far, object=table.object(row))
+            for point, far, row in columns
+        ]
 
-    def nearest(self, what: str | float, point_xy: NDArray[np.float64], k: int) -> list[Found]:
+    def nearest(
+        self, what: str | float, point_xy: NDArray[np.float64], k: int
+    ) -> list[FoundObject]:
         """Return the k objects with a name or id that are nearest to a point in the base frame."""
         point = self.base_T_layer.inverse().apply(point_xy)[0]
         rows, distances = self.snapshot.nearest(what, point, k)
@@ -164,12 +179,15 @@ class PlacedLayers:
         self._layers = layers
 
     def named(
-        self, name: str | None, layer: str | None = None, area: BaseGeometry | None = None
+        self,
+        name: str | Collection[str] | None,
+        layer: str | None = None,
+        area: BaseGeometry | None = None,
     ) -> Placed:
         """Return the objects with a name, or all, of a layer, or all, in their order.
 
         Args:
-            name: None for any.
+            name: one or several; None for any.
             layer: the name of a layer; None for all.
             area: what they meet, in the base frame; None for everywhere.
         """
@@ -189,7 +207,7 @@ class PlacedLayers:
 
     def found(
         self, keys: NDArray[np.int64], distances: NDArray[np.float64] | None = None
-    ) -> list[Found]:
+    ) -> list[FoundObject]:
         """Return the objects with these keys, shape (N,), in their order.
 
         Args:

@@ -56,12 +56,15 @@ class Snapshot:
     def __len__(self) -> int:
         return self.size
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Snapshot.of, (self.table, self.next_id)  # without what a log has computed
+
     # The objects
 
     @cached_property
     def rows(self) -> IntArray:
         """The rows that are there, in the order of the layer, shape (N,)."""
-        return self._in_order(self._there(np.arange(self.count)))
+        return self.in_order(self._there(np.arange(self.count)))
 
     @cached_property
     def table(self) -> ObjectTable:
@@ -178,7 +181,7 @@ class Snapshot:
         log, box = self.log, box_of(area)
         near = None if box is None else self._near(box)
         if near is not None:
-            return self._in_order(np.array(self._few_in(area, near, code), dtype=np.int64))
+            return self.in_order(np.array(self._few_in(area, near, code), dtype=np.int64))
         asked = as_area(area) if box is None else area
         if asked.is_empty:
             return np.empty(0, dtype=np.int64)
@@ -190,7 +193,7 @@ class Snapshot:
         if code is not None:
             rows = rows[self.column("codes", rows) == code]
         rows = self._there(rows)
-        return self._in_order(rows[self._meet(asked, box, rows)])
+        return self.in_order(rows[self._meet(asked, box, rows)])
 
     def _near(self, box: Box) -> list[int] | None:
         """Return the ascending rows whose boxes meet a small one; None if it is not small."""
@@ -215,7 +218,7 @@ class Snapshot:
         if area is not None and isinstance(what, str):
             return self.rows_in(area, self.log.codes.get(what, _NO_NAME))
         if isinstance(what, str):
-            return self._in_order(self._there(self._rows_of_name(what)))
+            return self.in_order(self._there(self._rows_of_name(what)))
         row = self.row_of_id(int(what)) if what == what // 1 else _NOWHERE
         rows = np.array([row] if row >= 0 else [], dtype=np.int64)
         return rows if area is None else np.intersect1d(rows, self.rows_in(area))
@@ -307,7 +310,7 @@ class Snapshot:
         places[is_behind] = self.log.written.places[rows[is_behind] - first]
         return places
 
-    def _in_order(self, rows: IntArray) -> IntArray:
+    def in_order(self, rows: IntArray) -> IntArray:
         """Return ascending rows in the order of the layer."""
         if self.count == self.log.first:
             return rows

@@ -7,7 +7,7 @@ from typing import Any
 import shapely
 
 from hypermap.core.errors import HypermapError
-from hypermap.core.hypermap import Found, Hypermap
+from hypermap.core.hypermap import FoundObject, Hypermap
 from hypermap.core.layer import Layer
 from hypermap.core.opaque import OpaqueLayer
 from hypermap.core.semantic import SemanticLayer
@@ -44,10 +44,10 @@ class ObjectQueries:
         )
 
     def _value(self, hypermap: Hypermap, layer: Layer, xy: Any) -> Message:
-        found: list[Found] = []
+        found: list[FoundObject] = []
         if isinstance(layer, SemanticLayer):
             found = hypermap.objects(area=shapely.Point(xy[0]), layer=layer.name)
-            found.sort(key=lambda hit: hit.object.footprint.area if hit.object else 0.0)
+            found.sort(key=lambda hit: hit.object.footprint.area)
         return self._port.message(f"{_MSGS}/LayerValue")(
             layer=layer.name,
             class_name=layer.class_name,
