@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import enum
+import shlex
 import time
 from collections import Counter
 from collections.abc import Callable
@@ -280,5 +281,8 @@ def _summarize(hypermap: Hypermap, output: Path) -> None:
     note(counted(names.total(), "object") + (f": {listed}" if listed else ""))
     note(f"saved {output}")
     name = next(iter(names), "chair")
-    note(f"\nnow try:  hypermap render {output} -o {output.with_suffix('.png')}")
-    note(f'          hypermap query {output} --name "{printable(name)}" --nearest')
+    made, picture = str(output), str(output.with_suffix(".png"))
+    note("\nnow try:  " + shlex.join(["hypermap", "view", made]))
+    note("          " + shlex.join(["hypermap", "render", made, "-o", picture]))
+    asked = ["hypermap", "query", made, "--name", printable(name), "--nearest"]
+    note("          " + shlex.join(asked))
