@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import json
 import math
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,7 @@ from hypermap import (
     from_geodataframe,
     to_geodataframe,
 )
+from hypermap.formats.geopandas_bridge import to_geopackage
 from hypermap.testing import assert_same_layer, square
 
 geopandas = pytest.importorskip("geopandas")
@@ -120,3 +122,29 @@ def test_an_object_that_was_removed_is_not_in_the_table() -> None:
     things.remove(3)
     assert to_geodataframe(things).index.tolist() == [7, 4]
     assert isinstance(things[7], SemanticObject)
+
+
+def test_a_geopackage_holds_what_a_layer_can(tmp_path: Path) -> None:
+    things = layer()
+    things.add(square("odd", 0, 0, attributes={"z_max": "high", "colors": ["red"], "n": {"a": 1}}))
+    (tmp_path / "things.gpkg").write_bytes(to_geopackage(things))
+    frame = geopandas.read_file(tmp_path / "things.gpkg", layer="objects")
+    assert frame["id"].tolist() == [7, 3, 4, 8]
+    assert json.loads(frame["tags"][0]) == ["mug"]
+    assert json.loads(frame["colors"][3]) == ["red"]
+    assert frame["z_max"].tolist()[0] == "0.9"
+    assert frame["z_max"].tolist()[3] == "high"
+    for item, geometry in zip(things, frame.geometry, strict=True):
+        assert geometry.equals(item.footprint)
+    assert frame.crs.name == "lab"
+
+
+def test_an_empty_layer_is_an_empty_geopackage(tmp_path: Path) -> None:
+    (tmp_path / "nothing.gpkg").write_bytes(to_geopackage(SemanticLayer("objects", "lab")))
+    assert len(geopandas.read_file(tmp_path / "nothing.gpkg")) == 0
+
+
+def test_what_a_geopackage_cannot_hold_is_told() -> None:
+    wrong = SemanticLayer("objects", "lab", [square("a", 0, 0, attributes={"fid": "x"})])
+    with pytest.raises(FormatError, match="objects: cannot be written as GeoPackage: "):
+        to_geopackage(wrong)

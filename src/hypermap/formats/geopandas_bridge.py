@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import collections
+import json
 import math
+import tempfile
+import warnings
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,6 +18,7 @@ from hypermap.core.objects import SemanticObject
 from hypermap.core.semantic import SemanticLayer
 from hypermap.formats.geojson import engineering_crs
 from hypermap.formats.records import object_from_record, record_from_object
+from hypermap.formats.yaml_text import plain_value
 
 if TYPE_CHECKING:
     from geopandas import GeoDataFrame
@@ -53,6 +58,35 @@ def to_geodataframe(source: SemanticLayer | Hypermap) -> GeoDataFrame:
         index=[item.id for item in items],
         crs=engineering_crs(frame_id),
     ).rename_axis("id")
+
+
+def to_geopackage(layer: SemanticLayer) -> bytes:
+    """Return a layer's objects as the content of a GeoPackage, in a table of the layer's name.
+
+    Lists and mappings, which it does not know, are JSON.
+
+    Raises:
+        MissingExtra: If geopandas is not installed.
+        FormatError: If GDAL cannot write it, as a column that is named `fid`.
+    """
+    frame = to_geodataframe(layer)
+    for name in frame.columns.drop("geometry"):
+        if frame[name].dtype == object:
+            frame[name] = [_text(value) for value in frame[name]]
+    with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of GDAL's, on what is about to be written
+        path = Path(folder, "objects.gpkg")
+        try:
+            frame.to_file(path, driver="GPKG", layer=layer.name, index=True)
+        except (RuntimeError, ValueError, TypeError) as error:
+            raise FormatError(f"cannot be written as GeoPackage: {error}", key=layer.name) from None
+        return path.read_bytes()
+
+
+def _text(value: Any) -> Any:
+    if value is None or isinstance(value, str):
+        return value
+    return json.dumps(plain_value(value), ensure_ascii=False, default=str)
 
 
 def from_geodataframe(
