@@ -12,7 +12,7 @@ LIMIT := 3600
 ENDING := $(if $(shell command -v timeout),timeout --foreground --kill-after=60 $(LIMIT))
 PAGE := src/hypermap/viewer/page/app.js
 
-.PHONY: demo test bench ros1 chromium lint types tests core-tests package format lock clean help
+.PHONY: demo test bench ros1 chromium pictures lint types tests core-tests package format lock clean help
 
 help:  ## list what can be made
 	@grep -hE '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -24,6 +24,9 @@ test: ros1 chromium lint types tests core-tests package  ## everything that CI c
 
 ros1:  ## install ROS 1 for its tests, where that is possible: on Debian 12, as root
 	scripts/ros1.sh
+
+pictures: .venv/.dev $(PAGE)  ## take the pictures of the page that README shows
+	$(BIN)/python scripts/pictures.py
 
 chromium:  ## install the browser for the tests of the page, where that is possible
 	scripts/chromium.sh

@@ -27,7 +27,7 @@ else:
     source = detections_from_recording()
 
 made = map_recording(recording, source, profile("default"))
-for item in made["semantic"].objects():
+for item in made.semantic():
     x, y = item.footprint.centroid.coords[0]
     print(f"{item.name} at ({x:.2f}, {y:.2f}), existence {item.existence:.1f}")
 

@@ -4,12 +4,14 @@ Open a map with `open_map`, ask it, and write it with `save_map`. What is offere
 when it is first used.
 """
 
+import importlib
 import logging
 from typing import TYPE_CHECKING, Any
 
 from hypermap._compiled import find_a_cache
 from hypermap._lazy import attribute
 from hypermap._version import __version__
+from hypermap.core.outside import offer
 
 if TYPE_CHECKING:
     from hypermap.core.errors import (
@@ -28,9 +30,11 @@ if TYPE_CHECKING:
     from hypermap.core.opaque import OpaqueLayer
     from hypermap.core.semantic import SemanticLayer, SemanticObject
     from hypermap.formats.geojson import from_geojson, to_geojson
-    from hypermap.formats.geopandas_bridge import to_geodataframe
+    from hypermap.formats.geopandas_bridge import from_geodataframe, to_geodataframe
     from hypermap.formats.hmap import open_map, save_map
     from hypermap.formats.map_server import load_occupancy
+    from hypermap.viewer.picture import render
+    from hypermap.viewer.plot import plot
 
 _HOMES = {
     name: module
@@ -46,9 +50,11 @@ _HOMES = {
         "hypermap.core.opaque": "OpaqueLayer",
         "hypermap.core.semantic": "SemanticLayer SemanticObject",
         "hypermap.formats.geojson": "from_geojson to_geojson",
-        "hypermap.formats.geopandas_bridge": "to_geodataframe",
+        "hypermap.formats.geopandas_bridge": "from_geodataframe to_geodataframe",
         "hypermap.formats.hmap": "open_map save_map",
         "hypermap.formats.map_server": "load_occupancy",
+        "hypermap.viewer.picture": "render",
+        "hypermap.viewer.plot": "plot",
     }.items()
     for name in names.split()
 }
@@ -72,9 +78,12 @@ __all__ = [
     "SemanticObject",
     "Transform",
     "__version__",
+    "from_geodataframe",
     "from_geojson",
     "load_occupancy",
     "open_map",
+    "plot",
+    "render",
     "save_map",
     "to_geodataframe",
     "to_geojson",
@@ -86,6 +95,14 @@ logging.getLogger(__name__).addHandler(logging.NullHandler())
 
 def __getattr__(name: str) -> Any:
     return attribute(__name__, name, _HOMES)
+
+
+def _for_the_core(name: str) -> Any:
+    home = _HOMES.get(name, "hypermap.viewer.notebook")
+    return getattr(importlib.import_module(home), name)
+
+
+offer(_for_the_core)
 
 
 def __dir__() -> list[str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import json
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,6 +16,7 @@ import shapely
 from PIL import Image
 
 from hypermap.cli.main import main
+from hypermap.cli.terminal import set_verbosity
 from hypermap.core.frames import FrameTree, Pose2D, Transform
 from hypermap.core.grid import GridGeometry
 from hypermap.core.hypermap import Hypermap
@@ -40,7 +41,7 @@ class Result:
 @pytest.fixture
 def hypermap(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> Callable[..., Result]:
+) -> Iterator[Callable[..., Result]]:
     """Run `hypermap ARGUMENTS` and return its exit code and what it printed."""
 
     def run(*arguments: object, stdin: str = "") -> Result:
@@ -53,7 +54,8 @@ def hypermap(
         captured = capsys.readouterr()
         return Result(code or 0, captured.out, captured.err)
 
-    return run
+    yield run
+    set_verbosity(0)
 
 
 def assert_one_error(result: Result, *words: str) -> None:

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import csv
 import json
 import zipfile
 
@@ -7,9 +8,13 @@ import numpy as np
 import pytest
 import yaml
 
+from hypermap.core.frames import Pose2D
+from hypermap.core.grid import GridGeometry
+from hypermap.core.hypermap import Hypermap
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.semantic import SemanticLayer
-from hypermap.formats import open_map
+from hypermap.formats import open_map, save_map
+from hypermap.formats.map_server import load_occupancy
 
 from .conftest import assert_one_error
 
@@ -81,7 +86,7 @@ def test_objects_that_could_not_be_read_are_named_as_left_out(hypermap, shared_d
     [
         (
             ["x.shp"],
-            "nothing is known of the ending '.shp'; known: .hmap, .geojson, .parquet, .yaml",
+            "nothing is known of the ending '.shp'; known: .hmap, .geojson, .parquet, .gpkg",
         ),
         (["x.yaml"], "choose with --layer occupancy or --layer semantic"),
         (["x.geojson", "--layer", "occupancy"], "can hold the objects of one layer, but there is"),
@@ -206,3 +211,83 @@ def test_a_broken_parquet_file_is_named(hypermap, tmp_path):
     (tmp_path / "bad.parquet").write_bytes(b"PAR1 and nothing else")
     result = hypermap("convert", tmp_path / "bad.parquet", tmp_path / "out.hmap")
     assert_one_error(result, "bad.parquet: is not an intact Parquet file")
+
+
+def test_objects_go_to_a_table_for_spreadsheets(hypermap, room_map, tmp_path):
+    out = tmp_path / "objects.csv"
+    result = hypermap("convert", room_map, out)
+    assert result.err == f"left out: layer occupancy, frame room\nsaved {out}\n"
+    with out.open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [(row["id"], row["name"]) for row in rows] == [
+        ("0", "chair"),
+        ("1", "chair"),
+        ("2", "potted plant"),
+    ]
+    assert (rows[1]["x"], rows[1]["y"], rows[1]["area"]) == ("4.5", "0.5", "1.0")
+    assert (rows[1]["existence"], rows[1]["z_max"], rows[0]["z_max"]) == ("3.5", "0.9", "")
+    assert_one_error(hypermap("convert", room_map, out), "--force")
+
+
+def test_objects_go_to_a_geopackage(hypermap, room_map, tmp_path):
+    geopandas = pytest.importorskip("geopandas")
+    out = tmp_path / "objects.gpkg"
+    assert hypermap("convert", room_map, out).code == 0
+    frame = geopandas.read_file(out, layer="semantic")
+    assert frame["name"].tolist() == ["chair", "chair", "potted plant"]
+    assert frame["id"].tolist() == [0, 1, 2]
+    assert frame.area.tolist() == [1, 1, 1]
+    assert frame.crs.name == "room"
+
+
+def test_a_grid_goes_to_a_pgm_of_three_shades_as_map_saver_writes_it(hypermap, tmp_path):
+    values = np.array([[-1, 0, 19, 20], [65, 66, 100, 0]], dtype=np.int8)
+    grid = GridGeometry(4, 2, 0.05, Pose2D(-1.0, 2.0, 0.5))
+    save_map(Hypermap([OccupancyLayer("floor", "map", grid, values)]), tmp_path / "in.hmap")
+    result = hypermap("convert", tmp_path / "in.hmap", tmp_path / "map.pgm")
+    assert result.code == 0
+    assert "rounded to free, occupied or unknown: 4 cells" in result.err
+    head, pixels = (tmp_path / "map.pgm").read_bytes().split(b"\n255\n")
+    assert head == b"P5\n4 2"
+    assert list(pixels) == [205, 0, 0, 254, 205, 254, 254, 205]  # the upper row first
+    described = yaml.safe_load((tmp_path / "map.yaml").read_text())
+    assert described == {
+        "image": "map.pgm",
+        "resolution": 0.05,
+        "origin": [-1.0, 2.0, 0.5],
+        "negate": 0,
+        "occupied_thresh": 0.65,
+        "free_thresh": 0.196,
+    }
+    again = load_occupancy(tmp_path / "map.yaml")
+    assert again.cells is not None
+    assert again.grid == grid
+    assert again.cells.tolist() == [[-1, 0, 0, -1], [-1, 100, 100, 0]]
+
+
+def test_a_pgm_replaces_neither_file_without_being_told(hypermap, room_map, tmp_path):
+    (tmp_path / "map.yaml").write_text("precious")
+    out = tmp_path / "map.pgm"
+    assert_one_error(hypermap("convert", room_map, out), str(tmp_path / "map.yaml"), "--force")
+    assert not out.exists()
+    assert (tmp_path / "map.yaml").read_text() == "precious"
+    assert hypermap("convert", room_map, out, "--force").code == 0
+    assert load_occupancy(tmp_path / "map.yaml").counts()["Free"] > 0
+
+
+@pytest.mark.parametrize(
+    ("layer", "message"),
+    [
+        (OccupancyLayer("floor", "map"), "layer 'floor' is empty: there is no grid to save"),
+        (
+            OccupancyLayer("floor", "map", GridGeometry(1, 1, 1.0), np.array([[200]])),
+            "layer 'floor' is a raw map, of values up to 200",
+        ),
+        (SemanticLayer("floor", "map"), "can hold one grid, but there is none"),
+    ],
+)
+def test_what_is_no_grid_of_three_shades_is_not_saved_as_such(hypermap, tmp_path, layer, message):
+    save_map(Hypermap([layer]), tmp_path / "in.hmap")
+    result = hypermap("convert", tmp_path / "in.hmap", tmp_path / "map.pgm")
+    assert_one_error(result, message)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["in.hmap"]

@@ -28,7 +28,9 @@ def test_the_demo_makes_a_map_and_compares_it(hypermap, short_demo, tmp_path):
     result = hypermap("demo", "-o", folder)
     assert result.code == 0, result.err
     assert "driving through a simulated room" in result.err
-    for words in ("in the room", "found", "off by", "chair", f"hypermap query {folder}/room.hmap"):
+    quoted = f"'{folder}/room.hmap'"  # has a space, and is for a shell
+    commands = (f"hypermap view {quoted}", f"hypermap query {quoted} --name cup --nearest")
+    for words in ("in the room", "found", "off by", "chair", *commands):
         assert words in result.out
     assert str(folder / "room.png") in result.out
     made, truth = open_map(folder / "room.hmap"), open_map(folder / "truth.hmap")

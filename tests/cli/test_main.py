@@ -1,9 +1,13 @@
 from __future__ import annotations
 
+import logging
+import os
 import shlex
+import shutil
 import signal
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -182,3 +186,80 @@ def test_other_errors_of_python_itself_are_not_hidden(hypermap, monkeypatch, roo
     monkeypatch.setattr("hypermap.formats.open_map", broken)
     with pytest.raises(SystemError, match="bad argument"):
         hypermap("info", room_map)
+
+
+def order(command: list[str], option: str) -> list[list[str]]:
+    """Return a command line with an option in each place where it may stand."""
+    return [[*command[:i], option, *command[i:]] for i in (0, 1, 2, len(command))]
+
+
+@pytest.mark.parametrize("place", range(4))
+def test_quiet_leaves_the_answer_alone_wherever_it_stands(hypermap, room_map, tmp_path, place):
+    command = ["render", str(room_map), "-o", str(tmp_path / "room.png")]
+    assert "saved" in hypermap(*command).err
+    for option in ("-q", "--quiet"):
+        (tmp_path / "room.png").unlink()
+        result = hypermap(*order(command, option)[place])
+        assert (result.code, result.out, result.err) == (0, "", "")
+        assert (tmp_path / "room.png").exists()
+    assert "saved" in hypermap(*command).err, "the next command is as usual"
+    asked = ["query", str(room_map), "--name", "chair"]
+    assert hypermap(*order(asked, "-q")[place]).out == hypermap(*asked).out != ""
+
+
+@pytest.mark.parametrize("place", range(4))
+def test_quiet_tells_errors_but_no_warnings(hypermap, shared_data, place):
+    office = str(shared_data / "maps" / "office.hmap")
+    command = ["query", office, "--name", "bottle"]
+    assert "warning" in hypermap(*command).err
+    assert hypermap(*order(command, "-q")[place]).err == ""
+    wrong = order(["query", "nowhere.hmap", "--name", "bottle"], "-q")[place]
+    assert_one_error(hypermap(*wrong), "nowhere.hmap")
+
+
+@pytest.mark.parametrize(
+    ("before", "behind", "level"),
+    [
+        ([], [], logging.WARNING),
+        (["-v"], [], logging.INFO),
+        ([], ["-v"], logging.INFO),
+        (["-v"], ["-v"], logging.DEBUG),
+        ([], ["-vv"], logging.DEBUG),
+        (["-vv"], ["--verbose"], logging.DEBUG),
+        (["-q"], ["-v"], logging.WARNING),
+        (["-q"], ["-q"], logging.ERROR),
+    ],
+)
+def test_how_much_is_told_counts_together_before_and_behind_a_command(
+    hypermap, room_map, before, behind, level
+):
+    result = hypermap(*before, "query", room_map, "--name", "chair", *behind)
+    assert result.code == 0
+    assert logging.getLogger("hypermap").level == level
+
+
+@pytest.mark.skipif(shutil.which("bash") is None, reason="needs bash")
+def test_bash_completes_commands_and_options_once_that_is_installed(tmp_path):
+    program = Path(sys.executable).parent / "hypermap"
+    script = f"""
+        PATH={program.parent}:$PATH
+        hypermap --install-completion >&2
+        source ~/.bash_completions/hypermap.sh
+        for line in "hypermap que" "hypermap query --nea" "hypermap map --profile the"; do
+            COMP_WORDS=($line)
+            COMP_CWORD=$((${{#COMP_WORDS[@]}} - 1))
+            _hypermap_completion hypermap
+            echo ${{COMPREPLY[@]}}
+        done"""
+    environment = {**os.environ, "HOME": str(tmp_path)}
+    done = subprocess.run(
+        ["bash", "-c", script], env=environment, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    commands, options, profiles = done.stdout.splitlines()
+    assert (commands, set(options.split()), profiles) == (
+        "query",
+        {"--near", "--nearest"},
+        "thesis",
+    )
+    assert "hypermap" in (tmp_path / ".bashrc").read_text()

@@ -41,7 +41,8 @@ def test_a_recording_becomes_a_map_that_holds_what_it_shows(hypermap, drive, tmp
     assert "6 used, 0 skipped" in result.err
     assert "1 object: 1 chair" in result.err
     assert f"saved {out}" in result.err
-    assert f'hypermap query {out} --name "chair" --nearest' in result.err
+    assert f"hypermap view {out}\n" in result.err
+    assert f"hypermap query {out} --name chair --nearest\n" in result.err
     [(name, x, y)] = objects_in(out)
     assert name == "chair"
     assert (x, y) == pytest.approx((1.5, 0.0), abs=0.1)

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import shapely
 
 from hypermap.core.arrays import as_objects, as_point_xy, as_points_xy, true_in
 
@@ -45,6 +46,40 @@ def test_what_is_no_list_of_points_is_refused(points: Any, message: str) -> None
     with pytest.raises(ValueError) as caught:
         as_points_xy(points)
     assert str(caught.value) == message
+
+
+HERE, THERE = shapely.Point(1, 2), shapely.Point(3, 4)
+
+
+@pytest.mark.parametrize(
+    ("points", "expected"),
+    [
+        (HERE, [[1, 2]]),
+        (shapely.Point(1, 2, 3), [[1, 2]]),
+        ([HERE], [[1, 2]]),
+        ((HERE, THERE), [[1, 2], [3, 4]]),
+        (shapely.points([[1, 2], [3, 4]]), [[1, 2], [3, 4]]),
+        (shapely.MultiPoint(), []),
+        (shapely.MultiPoint([(1, 2), (3, 4)]), [[1, 2], [3, 4]]),
+    ],
+)
+def test_shapely_points_are_points(points: Any, expected: list[list[float]]) -> None:
+    assert as_points_xy(points).tolist() == expected
+
+
+@pytest.mark.parametrize(
+    ("points", "error", "message"),
+    [
+        (shapely.Point(), ValueError, "there is an empty one"),
+        ([HERE, shapely.Point()], ValueError, "there is an empty one"),
+        (shapely.box(0, 0, 1, 1), TypeError, "shapely Points, got Polygon"),
+        ([HERE, None], TypeError, "shapely Points, got NoneType"),
+        (object(), TypeError, "shapely Points, got object"),
+    ],
+)
+def test_other_shapes_are_no_points(points: Any, error: type[Exception], message: str) -> None:
+    with pytest.raises(error, match=message):
+        as_points_xy(points)
 
 
 def test_one_point_may_be_given_flat_or_as_a_row() -> None:

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import pickle
+
 import pytest
 
 from hypermap.core.errors import (
@@ -47,3 +49,21 @@ def test_errors_are_caught_as_the_builtin_ones_too(
 ) -> None:
     assert isinstance(error, builtin)
     assert isinstance(error, HypermapError)
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        FormatError("is wrong", path="a.hmap", key="file"),
+        LayerNotFound("semantik", ["semantic"]),
+        ObjectNotFound("layer 's' has no object with id 3"),
+        MissingExtra("GeoPandas export", "geo"),
+        FileMissing("x"),
+    ],
+    ids=lambda error: type(error).__name__,
+)
+def test_an_error_travels_from_one_process_to_another(error: HypermapError) -> None:
+    again = pickle.loads(pickle.dumps(error))
+    assert type(again) is type(error)
+    assert str(again) == str(error)
+    assert vars(again) == vars(error)

@@ -1,6 +1,8 @@
 from __future__ import annotations
 
+import copy
 import math
+import pickle
 from typing import Any
 
 import numpy as np
@@ -54,6 +56,80 @@ def near_building() -> Hypermap:
 
 
 # Layers and frames
+
+
+def test_a_map_says_what_is_in_it() -> None:
+    assert repr(building()) == (
+        "<Hypermap in frame 'map': 4 layers>\n"
+        "  occupancy  OccupancyLayer  2 x 2 cells of 1 m (2 x 2 m)\n"
+        "  lab        SemanticLayer   5 objects (3 chair, 1 room B, 1 sink), in frame 'lab'\n"
+        "  hall       SemanticLayer   2 objects (1 chair, 1 sink)\n"
+        "  crater     SemanticLayer   1 object (1 rock), in frame 'crater'"
+    )
+    assert repr(Hypermap()) == "<Hypermap in frame 'map': 0 layers>"
+
+
+def test_layers_are_had_as_what_they_are() -> None:
+    hypermap = building()
+    assert hypermap.semantic("lab") is hypermap["lab"]
+    assert hypermap.occupancy() is hypermap.occupancy("occupancy") is hypermap["occupancy"]
+    assert Hypermap([hypermap["lab"]]).semantic() is hypermap["lab"]
+    with pytest.raises(HypermapError) as error:
+        hypermap.semantic("occupancy")
+    assert str(error.value) == (
+        "layer 'occupancy' is of the kind OccupancyLayer, not SemanticLayer"
+    )
+    with pytest.raises(HypermapError, match="3 layers of SemanticLayer; name one of lab, hall, cr"):
+        hypermap.semantic()
+    with pytest.raises(HypermapError, match="0 layers of OccupancyLayer; there is none"):
+        Hypermap().occupancy()
+    with pytest.raises(LayerNotFound, match="did you mean 'hall'"):
+        hypermap.semantic("hal")
+
+
+def test_a_layer_is_renamed_in_its_place() -> None:
+    hypermap = building()
+    layer = hypermap["lab"]
+    hypermap.rename("lab", "laboratory")
+    assert [layer.name for layer in hypermap] == ["occupancy", "laboratory", "hall", "crater"]
+    assert hypermap["laboratory"] is layer
+    assert "lab" not in hypermap
+    assert ids(hypermap.objects("room B", layer="laboratory")) == [("laboratory", 0)]
+    hypermap.rename("hall", "hall")
+    for wrong, error in (("hall", HypermapError), ("", ValueError)):
+        with pytest.raises(error):
+            hypermap.rename("laboratory", wrong)
+    with pytest.raises(LayerNotFound):
+        hypermap.rename("lab", "x")
+    assert [layer.name for layer in hypermap] == ["occupancy", "laboratory", "hall", "crater"]
+
+
+def test_a_deep_copy_and_a_pickle_are_the_same_map_apart() -> None:
+    original = building()
+    for again in (copy.deepcopy(original), pickle.loads(pickle.dumps(original))):
+        assert_same_map(again, original)
+        again.semantic("lab").add(square("lamp", 0, 0))
+        again.frames.add(Transform("map", "attic", Pose2D()))
+        again.metadata["made by"] = "copy"
+    assert_same_map(original, building())
+
+
+def test_a_copy_has_layers_of_its_own_to_add_and_remove() -> None:
+    original = building()
+    again = copy.copy(original)
+    assert again.layers == original.layers
+    again.remove("lab")
+    assert "lab" in original
+
+
+def test_points_may_be_those_of_shapely_in_any_frame() -> None:
+    hypermap = near_building()
+    points = [shapely.Point(9, 1), shapely.Point(9, 3)]
+    for frame in (None, "lab"):
+        expected = hypermap.label_at("lab", [(9, 1), (9, 3)], frame_id=frame).tolist()
+        assert hypermap.label_at("lab", points, frame_id=frame).tolist() == expected
+    (nearest,) = hypermap.nearest("chair", shapely.Point(9, 2.5))
+    assert ids([nearest]) == [("lab", 2)]
 
 
 def test_a_layer_stands_in_place_of_another_in_a_new_map():
@@ -272,6 +348,20 @@ def test_objects_near_something_come_with_their_distances(question: Any, expecte
     assert ids(found) == [(layer, number) for layer, number, _ in expected]
     distances = [item.distance for item in found]
     np.testing.assert_allclose(distances, [distance for *_, distance in expected], atol=1e-12)
+
+
+def test_objects_of_several_names_come_in_the_order_of_the_layers() -> None:
+    hypermap = near_building()
+    layer = hypermap.semantic("lab")
+    layer.update(2, square("chair", 3, 1))  # stays in its place
+    both = [("lab", 1), ("lab", 2), ("lab", 3), ("lab", 4), ("hall", 0), ("hall", 1)]
+    for names in (["chair", "sink"], ("sink", "chair", "chair"), {"sink", "chair"}):
+        assert ids(hypermap.objects(names)) == both
+        assert ids(hypermap.objects(name for name in names)) == both
+    assert ids(hypermap.objects(["sink", "sofa"], area=shapely.box(-1, -3, 1, 3))) == [("hall", 1)]
+    found = hypermap.objects(["chair", "room B"], near="sink", limit=2)
+    assert ids(found) == [("lab", 0), ("lab", 2)]
+    assert hypermap.objects([]) == hypermap.objects(["sofa"]) == []
 
 
 def test_objects_are_chosen_by_tags_and_the_first_of_them_by_a_limit() -> None:

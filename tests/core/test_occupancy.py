@@ -1,6 +1,9 @@
 from __future__ import annotations
 
+import copy
 import math
+import pickle
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -165,10 +168,12 @@ def test_the_layers_cells_cannot_be_written_but_the_callers_can() -> None:
          "layer 'o': give both a grid and its cells, or neither"),
         (GRID, np.zeros((3, 2), np.int8), ValueError, "cells must have shape (2, 3), got (3, 2)"),
         (GRID, np.zeros(6, np.int8), ValueError, "cells must have shape (2, 3), got (6,)"),
-        (GRID, np.zeros((2, 3)), TypeError, "cells must be integers, got float64"),
-        (GRID, np.zeros((2, 3), bool), TypeError, "cells must be integers, got bool"),
-        (GRID, np.full((2, 3), -2), ValueError, "cells must lie between -1 and 255, one is -2"),
-        (GRID, np.full((2, 3), 256), ValueError, "cells must lie between -1 and 255, one is 256"),
+        (GRID, np.zeros((2, 3)), TypeError,
+         "cells must be integers (-1 unknown, 0 free .. 100 occupied) or bool, got float64"),
+        (GRID, np.full((2, 3), -2), ValueError, "cells must lie between -1 and 255 "
+         "(-1 unknown, 0 free .. 100 occupied), one is -2"),
+        (GRID, np.full((2, 3), 256), ValueError, "cells must lie between -1 and 255 "
+         "(-1 unknown, 0 free .. 100 occupied), one is 256"),
     ],
 )  # fmt: skip
 def test_what_are_no_cells_is_refused(
@@ -177,6 +182,35 @@ def test_what_are_no_cells_is_refused(
     with pytest.raises(error) as caught:
         OccupancyLayer("o", "map", grid, cells)
     assert str(caught.value) == message
+
+
+def test_of_bool_cells_those_that_are_true_are_occupied() -> None:
+    layer = OccupancyLayer("o", "map", GRID, np.array([[True, False, False]] * 2))
+    assert layer.cells is not None
+    assert layer.cells.dtype == np.int8
+    assert layer.cells.tolist() == [[100, 0, 0]] * 2
+
+
+@pytest.mark.parametrize(
+    "duplicate",
+    [copy.copy, copy.deepcopy, lambda layer: pickle.loads(pickle.dumps(layer))],
+    ids=["copy", "deepcopy", "pickle"],
+)
+def test_the_cells_of_a_copy_cannot_be_written_either(duplicate: Callable[[Any], Any]) -> None:
+    layer = OccupancyLayer("o", "map", GRID, np.zeros((2, 3), dtype=np.int8))
+    again = duplicate(layer)
+    assert again.cells.tolist() == [[0, 0, 0]] * 2
+    with pytest.raises(ValueError, match="read-only"):
+        again.cells[0, 0] = 1
+
+
+def test_a_layer_says_how_large_its_grid_is() -> None:
+    grid = GridGeometry(width=3, height=2, resolution=0.05)
+    layer = OccupancyLayer("floor", "lab", grid, np.zeros((2, 3), np.int8))
+    assert repr(layer) == (
+        "<OccupancyLayer 'floor' in frame 'lab': 3 x 2 cells of 0.05 m (0.15 x 0.1 m)>"
+    )
+    assert repr(OccupancyLayer("o", "map")) == "<OccupancyLayer 'o' in frame 'map': empty>"
 
 
 def test_an_empty_layer_knows_nothing_anywhere() -> None:

@@ -1,6 +1,8 @@
 from __future__ import annotations
 
+import copy
 import math
+import pickle
 import threading
 from typing import Any
 
@@ -12,6 +14,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
 from hypermap.core.errors import ObjectNotFound
+from hypermap.core.evidence import EvidenceTable
 from hypermap.core.semantic import SemanticLayer, SemanticObject
 from hypermap.testing import assert_same_objects, square
 from hypermap.testing.strategies import areas, coordinates, points, semantic_layers
@@ -365,3 +368,99 @@ def test_a_layer_of_columns_answers_and_changes_like_any_other():
     assert new == max(given.ids) + 1
     assert layer.label_at([[9, 9]]).tolist() == ["cup"]
     assert len(given) == len(layer) - 1
+
+
+# As a collection
+
+
+def test_a_layer_says_what_is_in_it() -> None:
+    assert repr(desk()) == (
+        "<SemanticLayer 'semantic' in frame 'map': 5 objects (2 chair, 1 table, 1 cup, 1 sofa)>"
+    )
+    many = SemanticLayer("s", "lab", [square(name, 0, 0) for name in "abcdef"])
+    assert repr(many).endswith("6 objects (1 a, 1 b, 1 c, 1 d, ...)>")
+    one = SemanticLayer("s", "lab", [square("a\x1b[31m\nb", 0, 0)])
+    assert repr(one) == r"<SemanticLayer 's' in frame 'lab': 1 object (1 'a\x1b[31m\nb')>"
+    assert repr(SemanticLayer("s", "lab")) == "<SemanticLayer 's' in frame 'lab': 0 objects>"
+
+
+def test_an_object_says_what_it_is_and_where() -> None:
+    cup = square("cup", 1, 2, 0.1, id=7, tags=("mug", "bowl"))
+    assert repr(cup) == "<SemanticObject 7 'cup' at (1.00, 2.00), 0.01 m^2, tags 'mug', 'bowl'>"
+    assert repr(square("cup", 1, 2)) == "<SemanticObject 'cup' at (1.00, 2.00), 1 m^2>"
+    line = SemanticObject("line", shapely.Polygon([(0, 0), (1e-200, 0), (0, 0)]))
+    assert "'line'" in repr(line)
+
+
+def test_a_layer_is_a_collection_of_its_objects_by_id() -> None:
+    layer = desk()
+    assert [item.id for item in layer] == [7, 8, 9, 10, 2]
+    assert layer[8].name == "cup"
+    assert layer[np.int64(8)].name == "cup"
+    assert 8 in layer
+    assert layer[8] in layer
+    for other in (3, -1, 8.0, "cup", None, square("cup", 0.5, 0.5, 0.1)):
+        assert other not in layer
+    with pytest.raises(ObjectNotFound, match="layer 'semantic' has no object with id 3"):
+        layer[3]
+    for item in layer:  # what was there when it began
+        layer.remove(item.id)
+    assert len(layer) == 0
+
+
+def test_one_object_is_added_and_removed_like_several() -> None:
+    layer = desk()
+    assert layer.add(square("lamp", 0, 0)) == 11
+    assert layer.add([square("lamp", 0, 0)]) == [12]
+    layer.remove(11)
+    layer.remove(np.int64(12))
+    layer.remove([7, 8])
+    layer.remove(number for number in (9, 10))
+    assert layer.ids.tolist() == [2]
+    with pytest.raises(ObjectNotFound):
+        layer.remove(7)
+    with pytest.raises(TypeError):
+        layer.remove("2")
+    assert layer.ids.tolist() == [2]
+
+
+def test_objects_are_renamed_and_stay_what_they_were() -> None:
+    layer = desk()
+    layer.rename(8, "mug")
+    assert (layer[8].name, layer[8].footprint) == ("mug", desk()[8].footprint)
+    layer.rename([9, 2], "stool")
+    assert layer.names.tolist() == ["table", "mug", "stool", "sofa", "stool"]
+    assert layer.ids.tolist() == desk().ids.tolist()
+    with pytest.raises(ObjectNotFound):
+        layer.rename([7, 3], "desk")
+    with pytest.raises(TypeError):
+        layer.rename(7, 3)
+    assert layer.find("table").shape == (1, 2)
+
+
+# Copies
+
+
+@pytest.mark.parametrize("way", ["deepcopy", "pickle"])
+def test_a_deep_copy_knows_the_same_and_changes_alone(way: str) -> None:
+    layer = desk()
+    layer.add(square("box", 5, 5, attributes={"colors": ["red"]}))
+    layer.remove([7, 11])
+    number = layer.add(square("box", 5, 5, attributes={"colors": ["red"]}))
+    layer.label_at([[5, 5]] * 40)  # what questions compute is no part of it
+    again = copy.deepcopy(layer) if way == "deepcopy" else pickle.loads(pickle.dumps(layer))
+    assert_same_objects(again, layer)
+    again[number].attributes["colors"].append("blue")
+    assert layer[number].attributes == {"colors": ["red"]}
+    assert again.add(square("lamp", 0, 0)) == number + 1  # no id is given out again
+    assert number + 1 not in layer
+    again.settings["key"] = 1
+    assert layer.settings == {}
+
+
+def test_evidence_that_is_read_when_asked_for_travels_too() -> None:
+    layer = SemanticLayer("s", "map", [], evidence=lambda: EvidenceTable.empty())
+    for again in (copy.deepcopy(layer), pickle.loads(pickle.dumps(layer))):
+        evidence = again.evidence()
+        assert evidence is not None
+        assert len(evidence) == 0

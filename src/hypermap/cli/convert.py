@@ -17,12 +17,14 @@ from hypermap.viewer.text import counted
 if TYPE_CHECKING:
     from hypermap.core.hypermap import Hypermap
     from hypermap.core.layer import Layer
+    from hypermap.core.semantic import SemanticLayer
     from hypermap.formats.semantic_yaml import SemanticForm
 
     L = TypeVar("L", bound=Layer)
 
 _YAML = {".yaml"}
 _PARQUET = {".parquet"}
+_OBJECTS = {".geojson", ".json", *_PARQUET, ".csv", ".gpkg"}
 _LOGS = {".rrd", ".mcap"}
 
 
@@ -69,31 +71,34 @@ def command(
 ) -> None:
     """Convert a map, or one of its layers, to another kind of file. OUT's ending says which.
 
-    .hmap and a folder (a name without an ending) hold whole maps. .geojson and .parquet hold the
-    objects of one layer, in metres. .yaml holds one layer: a map_server map with its picture, or
-    a list of objects. .rrd shows a map in Rerun, .mcap in Foxglove and Lichtblick. What OUT
-    cannot hold is named on standard error.
+    .hmap and a folder (a name without an ending) hold whole maps. .geojson, .parquet, .gpkg and
+    .csv hold the objects of one layer, in metres. .yaml holds one layer: a map_server map with its
+    picture, or a list of objects. .pgm holds a grid as map_saver writes it, for old programs:
+    free, occupied or unknown, with its YAML beside it. .rrd shows a map in Rerun, .mcap in Foxglove
+    and Lichtblick. What OUT cannot hold is named on standard error.
 
     Examples:
         hypermap convert lab.hmap lab
         hypermap convert lab edited.hmap
         hypermap convert lab.hmap objects.geojson
         hypermap convert lab.hmap map.yaml --layer occupancy
+        hypermap convert lab.hmap map.pgm
+        hypermap convert lab.hmap objects.csv
         hypermap convert lab.hmap faster.hmap --semantic parquet
         hypermap convert objects.geojson objects.hmap --frame map
         hypermap convert lab.hmap lab.rrd
     """
     from hypermap.formats import save_map
-    from hypermap.formats.any_file import JSON_ENDINGS, open_any
+    from hypermap.formats.any_file import open_any
 
     hypermap = _chosen(open_any(source, frame_id), layers)
     if target.suffix.lower() == ".hmap":
         check_output(target, force)
         save_map(hypermap, target, semantic.value)
-    elif target.suffix.lower() in _PARQUET:
-        _save_parquet(hypermap, target, force)
-    elif target.suffix.lower() in JSON_ENDINGS:
-        _save_geojson(hypermap, target, force)
+    elif target.suffix.lower() in _OBJECTS:
+        _save_objects(hypermap, target, force)
+    elif target.suffix.lower() == ".pgm":
+        _save_pgm(hypermap, target, force)
     elif target.suffix.lower() in _YAML:
         _save_yaml(hypermap, target, force)
     elif target.suffix.lower() in _LOGS:
@@ -103,7 +108,7 @@ def command(
     else:
         raise HypermapError(
             f"{target}: nothing is known of the ending {target.suffix!r}; known: .hmap, .geojson, "
-            ".parquet, .yaml, .rrd, .mcap, or none for a folder"
+            ".parquet, .gpkg, .csv, .yaml, .pgm, .rrd, .mcap, or none for a folder"
         )
     note(f"saved {target}")
 
@@ -134,29 +139,56 @@ def _save_folder(hypermap: Hypermap, target: Path, semantic: SemanticForm, force
         raise
 
 
-def _save_geojson(hypermap: Hypermap, target: Path, force: bool) -> None:
+def _save_objects(hypermap: Hypermap, target: Path, force: bool) -> None:
     from hypermap.core.semantic import SemanticLayer
     from hypermap.formats.atomic import write_file
-    from hypermap.formats.geojson import to_geojson
 
     check_output(target, force)
     layer = _only_one(hypermap, (SemanticLayer,), f"{target} can hold the objects of one layer")
-    write_file(target, to_geojson(layer).encode())
+    write_file(target, _dump_objects(layer, target.suffix.lower()))
     _say_what_is_lost(hypermap, layer)
-    if layer.rejected:
+    if layer.rejected and target.suffix.lower() not in _PARQUET:
         unread = counted(len(layer.rejected), "object")
         note(f"left out: {unread} that could not be read")
 
 
-def _save_parquet(hypermap: Hypermap, target: Path, force: bool) -> None:
-    from hypermap.core.semantic import SemanticLayer
-    from hypermap.formats.atomic import write_file
+def _dump_objects(layer: SemanticLayer, ending: str) -> bytes:
+    if ending in {".geojson", ".json"}:
+        from hypermap.formats.geojson import to_geojson
+
+        return to_geojson(layer).encode()
+    if ending == ".csv":
+        from hypermap.formats.csv_table import to_csv
+
+        return to_csv(layer).encode()
+    if ending == ".gpkg":
+        from hypermap.formats.geopandas_bridge import to_geopackage
+
+        return to_geopackage(layer)
     from hypermap.formats.semantic_parquet import dump_parquet
 
-    check_output(target, force)
-    layer = _only_one(hypermap, (SemanticLayer,), f"{target} can hold the objects of one layer")
-    write_file(target, dump_parquet(layer.table, layer.frame_id, layer.rejected))
+    return dump_parquet(layer.table, layer.frame_id, layer.rejected)
+
+
+def _save_pgm(hypermap: Hypermap, target: Path, force: bool) -> None:
+    from hypermap.core.occupancy import OccupancyLayer
+    from hypermap.formats.atomic import write_files
+    from hypermap.formats.trinary import dump_trinary, rounded
+
+    beside = target.with_suffix(".yaml")
+    if target.suffix != ".pgm":
+        raise HypermapError(f"{target}: a grid is saved as {target.with_suffix('.pgm').name}")
+    for file in (target, beside):
+        check_output(file, force)
+    layer = _only_one(hypermap, (OccupancyLayer,), f"{target} can hold one grid")
+    write_files(target.parent, dump_trinary(layer, target.stem))
     _say_what_is_lost(hypermap, layer)
+    if lost := rounded(layer):
+        note(f"rounded to free, occupied or unknown: {counted(lost, 'cell')}")
+    note(
+        f"{beside.name} beside it says where the grid lies, but not that its frame is "
+        f"{layer.frame_id!r}"
+    )
 
 
 def _save_yaml(hypermap: Hypermap, target: Path, force: bool) -> None:

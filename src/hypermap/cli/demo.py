@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -88,22 +89,27 @@ def command(
         _show_comparison(evaluate(_objects(hypermap), _objects(truth)))
         _say_what_next(map_file, truth_file, picture)
         if keep_recording:
+            mine = str(folder / "mine.hmap")
             say("\nOr map the recording yourself:")
-            say(f"  hypermap map {folder / 'recording'} -o {folder / 'mine.hmap'}")
+            say("  " + shlex.join(["hypermap", "map", f"{folder / 'recording'}", "-o", mine]))
         watched.finish(f"saved {map_file.name}")
 
 
 def _say_what_next(map_file: Path, truth_file: Path, picture: Path) -> None:
+    quoted = shlex.quote(str(map_file))
     say(f"""
 the map      {map_file}
 the truth    {truth_file}
 the picture  {picture}
 
-Now ask it:
-  hypermap query {map_file} --name cup --nearest
-  hypermap query {map_file} --at 2,1
-  hypermap info {map_file}
-  hypermap shell {map_file}""")
+Look at it in the browser, point at things, change them:
+  hypermap view {quoted}
+
+Or ask it here:
+  hypermap query {quoted} --name cup --nearest
+  hypermap query {quoted} --at 2,1
+  hypermap info {quoted}
+  hypermap shell {quoted}""")
 
 
 def _make_folder(folder: Path) -> None:

@@ -21,9 +21,10 @@ from hypermap.cli.terminal import (
     complain,
     describe,
     finish_writing,
-    log_to_standard_error,
     prepare_streams,
+    set_verbosity,
 )
+from hypermap.cli.verbosity import Quiet, Verbose, takes_verbosity
 from hypermap.core.errors import HypermapError
 
 _MODULES = {
@@ -69,7 +70,6 @@ class _Commands(TyperGroup):
 app = typer.Typer(
     cls=_Commands,
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode="rich",
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -84,22 +84,14 @@ def _print_version(asked: bool) -> None:
 
 @app.callback(epilog="Start with: hypermap demo. Every command explains itself with --help.")
 def _options(
-    verbose: Annotated[
-        int,
-        typer.Option(
-            "-v",
-            "--verbose",
-            count=True,
-            show_default=False,
-            help="Tell more on standard error; twice for details.",
-        ),
-    ] = 0,
+    verbose: Verbose = 0,
+    quiet: Quiet = 0,
     _version: Annotated[
         bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Version.")
     ] = False,
 ) -> None:
     """Maps for robots that hold more than free and occupied, built from RGB-D and easy to ask."""
-    log_to_standard_error(verbose)
+    set_verbosity(verbose - quiet)
 
 
 def _help_of(module: Any) -> str:
@@ -116,7 +108,7 @@ def _command_of(name: str) -> Any:
     module = _module_of(name)
     alone = typer.Typer(rich_markup_mode="rich", add_completion=False)
     command_class = getattr(module, "COMMAND_CLASS", None)
-    alone.command(name, cls=command_class, help=_help_of(module))(module.command)
+    alone.command(name, cls=command_class, help=_help_of(module))(takes_verbosity(module.command))
     return get_command(alone)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import enum
+import shlex
 import signal
 import time
 from collections import Counter
@@ -278,7 +279,9 @@ def _summarize(hypermap: Hypermap, output: Path) -> None:
     if has_objects:
         note(counted(names.total(), "object") + (f": {listed}" if listed else ""))
     note(f"saved {output}")
-    note(f"\nnow try:  hypermap render {output} -o {output.with_suffix('.png')}")
+    made, picture = str(output), str(output.with_suffix(".png"))
+    note("\nnow try:  " + shlex.join(["hypermap", "view", made]))
+    note("          " + shlex.join(["hypermap", "render", made, "-o", picture]))
     if has_objects:
         name = printable(next(iter(names), "chair"))
-        note(f'          hypermap query {output} --name "{name}" --nearest')
+        note("          " + shlex.join(["hypermap", "query", made, "--name", name, "--nearest"]))

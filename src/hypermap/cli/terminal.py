@@ -153,16 +153,37 @@ class LineHandler(logging.Handler):
 
     def emit(self, record: logging.LogRecord) -> None:
         """Print a record on standard error."""
-        note(f"hypermap: {record.levelname.lower()}: {' '.join(record.getMessage().split())}")
+        text = " ".join(record.getMessage().split())
+        if _verbosity < 0:  # what is logged then is an error
+            complain(text)
+        else:
+            note(f"hypermap: {record.levelname.lower()}: {text}")
 
 
-def log_to_standard_error(verbose: int) -> None:
-    """Show what the library logs; what other libraries warn of is for its developers alone."""
+_verbosity = 0
+
+
+def set_verbosity(level: int) -> None:
+    """Show what the library logs; what other libraries warn of is for its developers alone.
+
+    Args:
+        level: 0 as usual, 1 and 2 for more; below 0, no note and no progress is shown either.
+    """
+    global _verbosity
+    _verbosity = level
+    if level < 0 or err.cache_info().currsize:  # else rich need not be loaded
+        err().quiet = level < 0
     logging.captureWarnings(True)  # of no use to someone who asks a map
-    others = (logging.ERROR, logging.ERROR, logging.WARNING)
-    levels = {"hypermap": (logging.WARNING, logging.INFO, logging.DEBUG)}
+    others = (logging.ERROR, logging.ERROR, logging.ERROR, logging.WARNING)
+    levels = {"hypermap": (logging.ERROR, logging.WARNING, logging.INFO, logging.DEBUG)}
     levels |= {"py.warnings": others, "matplotlib": others}
-    for name, level in levels.items():
+    for name, shown in levels.items():
         logger = logging.getLogger(name)
         logger.handlers = [LineHandler()]
-        logger.setLevel(level[min(verbose, 2)])
+        logger.setLevel(shown[min(max(level, -1), 2) + 1])
+
+
+def change_verbosity(by: int) -> None:
+    """Say more than so far, or less."""
+    if by:
+        set_verbosity(_verbosity + by)

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from math import isfinite
 from typing import Any, TypeAlias
 
 import numpy as np
+import shapely
 from numpy.typing import ArrayLike, NDArray
 
 FloatArray: TypeAlias = NDArray[np.floating[Any]]
 IntArray: TypeAlias = NDArray[np.signedinteger[Any]]
 BoolArray: TypeAlias = NDArray[np.bool_]
 ObjectArray: TypeAlias = NDArray[np.object_]
+
+PointsLike: TypeAlias = ArrayLike | shapely.Point | shapely.MultiPoint | Sequence[shapely.Point]
+"""Points [m]: numbers of shape (N, 2) or (2,), or what shapely has, also an array of its points."""
 
 _SEQUENCES = list, tuple
 
@@ -32,16 +36,20 @@ def _keep_memory() -> None:
 _keep_memory()
 
 
-def as_points_xy(points: ArrayLike) -> NDArray[np.float64]:
+def as_points_xy(points: PointsLike) -> NDArray[np.float64]:
     """Return points as a float64 array of shape (N, 2); a single point becomes (1, 2).
 
     Raises:
         ValueError: If the shape is another or a coordinate is not finite.
+        TypeError: If they are neither numbers nor shapely's points.
 
     >>> as_points_xy([1, 2]).shape
     (1, 2)
     """
-    given = np.asarray(points, dtype=np.float64)
+    try:
+        given = np.asarray(points, dtype=np.float64)
+    except TypeError:
+        given = _coordinates(points)
     array = given.reshape(-1, 2) if given.shape in ((0,), (2,)) else given
     if array.ndim != 2 or array.shape[1] != 2:
         raise ValueError(f"points must have shape (N, 2), got {given.shape}")
@@ -53,7 +61,20 @@ def as_points_xy(points: ArrayLike) -> NDArray[np.float64]:
     return array
 
 
-def as_point_xy(point: ArrayLike) -> NDArray[np.float64]:
+def _coordinates(points: Any) -> NDArray[np.float64]:
+    """Return the coordinates of shapely's points, shape (N, 2)."""
+    parts = points.geoms if isinstance(points, shapely.MultiPoint) else points
+    shapes = np.asarray(parts, dtype=object)
+    for item in shapes.flat:
+        if not isinstance(item, shapely.Point):
+            kind = type(item).__name__
+            raise TypeError(f"points must be numbers, shape (N, 2), or shapely Points, got {kind}")
+        if item.is_empty:
+            raise ValueError("points must have coordinates, there is an empty one")
+    return np.asarray(shapely.get_coordinates(shapes))
+
+
+def as_point_xy(point: PointsLike) -> NDArray[np.float64]:
     """Return one point as a float64 array of shape (2,).
 
     Raises:
@@ -66,7 +87,7 @@ def as_point_xy(point: ArrayLike) -> NDArray[np.float64]:
     return first
 
 
-def single_xy(points: ArrayLike) -> tuple[float, float] | None:
+def single_xy(points: PointsLike) -> tuple[float, float] | None:
     """Return x and y if points are a single good one, in a part of the time of `as_points_xy`.
 
     Only for what is asked most, two floats or an array of them; None says nothing.

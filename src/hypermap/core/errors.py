@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 
 class HypermapError(Exception):
@@ -36,8 +37,11 @@ class LayerNotFound(HypermapError, KeyError):
     """The hypermap has no layer of that name."""
 
     def __init__(self, name: str, available: Iterable[str]) -> None:
-        names = list(available)
-        super().__init__(f"there is no layer {name!r}; {did_you_mean(name, names)}")
+        self._given = name, list(available)
+        super().__init__(f"there is no layer {name!r}; {did_you_mean(*self._given)}")
+
+    def __reduce__(self) -> tuple[Any, ...]:  # to travel from one process to another
+        return type(self), self._given
 
     def __str__(self) -> str:  # KeyError would show the message in quotes
         return str(self.args[0])
@@ -62,7 +66,11 @@ class MissingExtra(HypermapError, ImportError):
     """An optional library is not installed; the message says which extra brings it."""
 
     def __init__(self, purpose: str, extra: str) -> None:
+        self._given = purpose, extra
         super().__init__(f"{purpose} needs an optional library: pip install 'hypermap[{extra}]'")
+
+    def __reduce__(self) -> tuple[Any, ...]:  # to travel from one process to another
+        return type(self), self._given
 
 
 def did_you_mean(name: str, available: Iterable[str]) -> str:

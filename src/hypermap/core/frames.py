@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import shapely
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from hypermap.core.arrays import ObjectArray, as_points_xy
+from hypermap.core.arrays import ObjectArray, PointsLike, as_points_xy
 from hypermap.core.errors import FrameError, did_you_mean
 
 
@@ -42,7 +42,7 @@ class Pose2D:
         c, s = math.cos(self.yaw), math.sin(self.yaw)
         return np.array([[c, -s, self.x], [s, c, self.y], [0.0, 0.0, 1.0]])
 
-    def apply(self, points_xy: ArrayLike) -> NDArray[np.float64]:
+    def apply(self, points_xy: PointsLike) -> NDArray[np.float64]:
         """Return points given in the child frame, shape (N, 2), as points in the parent frame."""
         points = as_points_xy(points_xy)
         if self.is_identity:

@@ -12,7 +12,7 @@ import shapely
 from numpy.typing import ArrayLike, NDArray
 from shapely.geometry.base import BaseGeometry
 
-from hypermap.core.arrays import BoolArray, IntArray, as_points_xy, true_in
+from hypermap.core.arrays import BoolArray, IntArray, PointsLike, as_points_xy, true_in
 from hypermap.core.frames import Pose2D
 from hypermap.core.shapes import as_area
 from hypermap.core.spans import covered, filled, outlines
@@ -70,11 +70,11 @@ class GridGeometry:
         """Rows and columns, the shape of the array that holds the cells."""
         return self.height, self.width
 
-    def cells_at(self, points_xy: ArrayLike) -> IntArray:
+    def cells_at(self, points_xy: PointsLike) -> IntArray:
         """Return (row, col) of each point, int64, shape (N, 2); they may lie off the grid."""
         return np.floor(self.positions_at(points_xy)).astype(np.int64)
 
-    def positions_at(self, points_xy: ArrayLike) -> NDArray[np.float64]:
+    def positions_at(self, points_xy: PointsLike) -> NDArray[np.float64]:
         """Return what `cells_at` rounds down, shape (N, 2); a cell's centre is at (0.5, 0.5)."""
         near = np.clip(as_points_xy(points_xy), -_FAR, _FAR)
         return self.origin.inverse().apply(near)[:, ::-1] / self.resolution

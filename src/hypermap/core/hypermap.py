@@ -4,29 +4,33 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterable, Iterator, Mapping
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from shapely.geometry import Point
 from shapely.geometry.base import BaseGeometry
 
-from hypermap.core.arrays import ObjectArray, as_point_xy
+from hypermap.core.arrays import ObjectArray, PointsLike, as_point_xy
 from hypermap.core.errors import FrameError, HypermapError, LayerNotFound, did_you_mean
 from hypermap.core.frames import FrameTree, Pose2D
 from hypermap.core.layer import Hits, Layer, check_count
-from hypermap.core.placed import Found, Placed, PlacedLayer, PlacedLayers
+from hypermap.core.occupancy import OccupancyLayer
+from hypermap.core.outside import Outward
+from hypermap.core.placed import Found, FoundObject, Placed, PlacedLayer, PlacedLayers
 from hypermap.core.semantic import SemanticLayer
 from hypermap.core.shapes import as_area
 
-__all__ = ["Found", "Hypermap"]
+__all__ = ["Found", "FoundObject", "Hypermap"]
 
 _log = logging.getLogger(__name__)
 
 DEFAULT_FRAME = "map"  # REP 105
 
+AnyLayer = TypeVar("AnyLayer", bound=Layer)
 
-class Hypermap:
+
+class Hypermap(Outward):
     """Ordered layers, and the tree of their frames.
 
     A question may be asked in any frame that the map knows, by `frame_id`; None is the base
@@ -53,6 +57,21 @@ class Hypermap:
         for layer in layers:
             self.add(layer)
 
+    def __copy__(self) -> Hypermap:
+        return Hypermap(self._layers.values(), self.frames, self.metadata)
+
+    def __repr__(self) -> str:
+        rows = [(layer.name, type(layer).__name__, self._summary(layer)) for layer in self]
+        width, kind_width = (max((len(row[i]) for row in rows), default=0) for i in (0, 1))
+        lines = [f"  {name:{width}}  {kind:{kind_width}}  {held}" for name, kind, held in rows]
+        number = f"{len(rows)} layer{'' if len(rows) == 1 else 's'}"
+        title = f"<Hypermap in frame {self.base_frame!r}: {number}>"
+        return "\n".join([title, *(line.rstrip() for line in lines)])
+
+    def _summary(self, layer: Layer) -> str:
+        frame = "" if layer.frame_id == self.base_frame else f"in frame {layer.frame_id!r}"
+        return ", ".join(filter(None, (layer.summary(), frame)))
+
     # The layers
 
     @property
@@ -74,6 +93,34 @@ class Hypermap:
         if name not in self._layers:
             raise LayerNotFound(name, self._layers)
         return self._layers[name]
+
+    def layer(self, name: str, kind: type[AnyLayer]) -> AnyLayer:
+        """Return a layer by its name, known to be of a kind, as type checkers want it.
+
+        Raises:
+            LayerNotFound: If there is none of that name.
+            HypermapError: If it is of another kind.
+        """
+        layer = self[name]
+        if not isinstance(layer, kind):
+            is_one = f"is of the kind {type(layer).__name__}"
+            raise HypermapError(f"layer {name!r} {is_one}, not {kind.__name__}")
+        return layer
+
+    def semantic(self, name: str | None = None) -> SemanticLayer:
+        """Return the semantic layer of a name, or the only one; raises like `layer`."""
+        return self.layer(self._only(SemanticLayer) if name is None else name, SemanticLayer)
+
+    def occupancy(self, name: str | None = None) -> OccupancyLayer:
+        """Return the occupancy layer of a name, or the only one; raises like `layer`."""
+        return self.layer(self._only(OccupancyLayer) if name is None else name, OccupancyLayer)
+
+    def _only(self, kind: type[Layer]) -> str:
+        names = [layer.name for layer in self if isinstance(layer, kind)]
+        if len(names) != 1:
+            known = f"name one of {', '.join(names)}" if names else "there is none"
+            raise HypermapError(f"the map has {len(names)} layers of {kind.__name__}; {known}")
+        return names[0]
 
     def __contains__(self, name: object) -> bool:
         return name in self._layers
@@ -101,6 +148,22 @@ class Hypermap:
         """
         del self._layers[self[name].name]
 
+    def rename(self, name: str, new_name: str) -> None:
+        """Give a layer another name; it keeps its place.
+
+        Raises:
+            LayerNotFound: If there is none of that name.
+            HypermapError: If there is another one with the new name.
+            ValueError: If the new name is empty.
+        """
+        layer = self[name]
+        if new_name != name and new_name in self:
+            raise HypermapError(f"there is a layer {new_name!r} already; names must be unique")
+        if not new_name:
+            raise ValueError("a layer needs a name")
+        layer.name = new_name
+        self._layers = {layer.name: layer for layer in self.layers}
+
     def with_layer(self, layer: Layer) -> Hypermap:
         """Return a map in which a layer stands in place of that of the same name.
 
@@ -114,7 +177,7 @@ class Hypermap:
     # Questions to one layer
 
     def label_at(
-        self, layer_name: str, points_xy: ArrayLike, frame_id: str | None = None
+        self, layer_name: str, points_xy: PointsLike, frame_id: str | None = None
     ) -> ObjectArray:
         """Return a layer's string representation at each point, shape (N,).
 
@@ -125,7 +188,7 @@ class Hypermap:
         return layer.label_at(self._points(points_xy, layer, frame_id))
 
     def value_at(
-        self, layer_name: str, points_xy: ArrayLike, frame_id: str | None = None
+        self, layer_name: str, points_xy: PointsLike, frame_id: str | None = None
     ) -> NDArray[Any]:
         """Return a layer's number at each point, shape (N,); raises like `label_at`."""
         layer = self[layer_name]
@@ -158,7 +221,7 @@ class Hypermap:
         return self._pose_of(layer).apply(layer.find(what, in_layer))
 
     def labels_at(
-        self, layer_name: str, point_xy: ArrayLike, frame_id: str | None = None
+        self, layer_name: str, point_xy: PointsLike, frame_id: str | None = None
     ) -> ObjectArray:
         """Return all that a layer says at one point, shape (M,); raises like `label_at`.
 
@@ -174,8 +237,8 @@ class Hypermap:
         return [layer for layer in self._layers.values() if self._has_place(layer)]
 
     def objects_at(
-        self, point_xy: ArrayLike, layer: str | None = None, frame_id: str | None = None
-    ) -> list[Found]:
+        self, point_xy: PointsLike, layer: str | None = None, frame_id: str | None = None
+    ) -> list[FoundObject]:
         """Return all objects at a point, by layers; of each, the smallest first.
 
         Args:
@@ -193,7 +256,7 @@ class Hypermap:
     def nearest(
         self,
         what: str | float,
-        point_xy: ArrayLike,
+        point_xy: PointsLike,
         k: int = 1,
         layer: str | None = None,
         frame_id: str | None = None,
@@ -231,7 +294,7 @@ class Hypermap:
         self,
         name: str | Iterable[str] | None = None,
         *,
-        near: str | BaseGeometry | ArrayLike | None = None,
+        near: str | BaseGeometry | PointsLike | None = None,
         within: float | None = None,
         inside: str | BaseGeometry | None = None,
         area: BaseGeometry | None = None,
@@ -239,7 +302,7 @@ class Hypermap:
         layer: str | None = None,
         limit: int | None = None,
         frame_id: str | None = None,
-    ) -> list[Found]:
+    ) -> list[FoundObject]:
         """Return the objects of semantic layers for which all that is given is true.
 
         Args:
@@ -335,7 +398,7 @@ class Hypermap:
         return True
 
     def _anchors(
-        self, layers: PlacedLayers, what: str | BaseGeometry | ArrayLike, frame_id: str | None
+        self, layers: PlacedLayers, what: str | BaseGeometry | PointsLike, frame_id: str | None
     ) -> Placed:
         """Return what a question names as a place: objects of a name, a geometry or a point."""
         base_T_asked = self._lookup(self.base_frame, frame_id)
@@ -354,7 +417,7 @@ class Hypermap:
         """Return an area given in a frame in the layer's frame."""
         return self._lookup(layer.frame_id, frame_id).apply_geometry(as_area(area))
 
-    def _points(self, points_xy: ArrayLike, layer: Layer, frame_id: str | None) -> ArrayLike:
+    def _points(self, points_xy: PointsLike, layer: Layer, frame_id: str | None) -> PointsLike:
         """Return points given in a frame in the layer's frame."""
         if frame_id is None and layer.frame_id == self.base_frame:
             return points_xy

@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from hypermap.core.arrays import ObjectArray, as_point_xy
+from hypermap.core.arrays import ObjectArray, PointsLike, as_point_xy
 from hypermap.core.grid import GridGeometry
 
 
@@ -110,16 +110,25 @@ class Layer(ABC):
         self.frame_id = frame_id
         self.settings: dict[str, Any] = dict(settings or {})
 
+    def __repr__(self) -> str:
+        held = self.summary()
+        kind = type(self).__name__
+        return f"<{kind} {self.name!r} in frame {self.frame_id!r}{held and ': ' + held}>"
+
+    def summary(self) -> str:
+        """Return what the layer holds in a few words, as "2 objects (1 cup, 1 table)"."""
+        return ""
+
     @abstractmethod
-    def label_at(self, points_xy: ArrayLike) -> ObjectArray:
+    def label_at(self, points_xy: PointsLike) -> ObjectArray:
         """Return the string representation at each point, shape (N,)."""
 
-    def labels_at(self, point_xy: ArrayLike) -> ObjectArray:
+    def labels_at(self, point_xy: PointsLike) -> ObjectArray:
         """Return all that the layer says at one point, first what `label_at` says, shape (M,)."""
         return self.label_at(as_point_xy(point_xy))
 
     @abstractmethod
-    def value_at(self, points_xy: ArrayLike) -> NDArray[Any]:
+    def value_at(self, points_xy: PointsLike) -> NDArray[Any]:
         """Return the number at each point, shape (N,)."""
 
     @abstractmethod
@@ -139,7 +148,7 @@ class Layer(ABC):
         """
 
     def nearest(
-        self, what: str | float, point_xy: ArrayLike, k: int = 1
+        self, what: str | float, point_xy: PointsLike, k: int = 1
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the k occurrences of a string or number that are nearest to a point.
 

@@ -70,6 +70,14 @@ class SemanticObject:
             if value is not None and not math.isfinite(value):
                 raise ValueError(f"{key} must be finite, got {value}")
 
+    def __repr__(self) -> str:
+        number = "" if self.id is None else f" {self.id}"
+        with np.errstate(all="ignore"):  # GEOS divides by the lengths of edges without length
+            middle, area = self.footprint.centroid, self.footprint.area
+        where = f"at ({middle.x:.2f}, {middle.y:.2f}), {area:.3g} m^2"
+        tags = f", tags {', '.join(map(repr, self.tags))}" if self.tags else ""
+        return f"<SemanticObject{number} {self.name!r} {where}{tags}>"
+
     def with_id(self, number: int) -> SemanticObject:
         """Return the same with an id.
 
@@ -84,6 +92,23 @@ class SemanticObject:
     def copy(self) -> SemanticObject:
         """Return the same with a footprint of its own, which another thread cannot prepare."""
         return _unchecked(vars(self), footprint=shapely.force_2d(self.footprint))
+
+
+@dataclass(frozen=True)
+class Rejected:
+    """An entry of a layer's file that could not be read; it is written back as it was.
+
+    Attributes:
+        position: its place in the file, from 0, which is the id that it would have had.
+        name: its name, if it has one.
+        reason: what is wrong with it.
+        entry: the entry itself, as parsed.
+    """
+
+    position: int
+    name: str
+    reason: str
+    entry: Any
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,6 +199,9 @@ class ObjectTable:
     def centroids(self) -> NDArray[np.float64]:
         """Centroids of the shapes [m], shape (N, 2)."""
         return np.asarray(shapely.get_coordinates(shapely.centroid(self.shapes)))
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {column.name: getattr(self, column.name) for column in fields(self)}
 
     @cached_property
     def areas(self) -> NDArray[np.float64]:

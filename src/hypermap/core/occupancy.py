@@ -7,16 +7,17 @@ from typing import Any, ClassVar
 
 import numpy as np
 import shapely
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from hypermap.core.arrays import BoolArray, IntArray, ObjectArray, as_points_xy
+from hypermap.core.arrays import BoolArray, IntArray, ObjectArray, PointsLike, as_points_xy
 from hypermap.core.grid import GridGeometry, Window
 from hypermap.core.layer import Hits, Layer, RasterPicture
 
 UNKNOWN, FREE, OCCUPIED = -1, 0, 100
 LABELS = ("Free", "Occupied", "Unknown")
 
+_MEANING = f"{UNKNOWN} unknown, {FREE} free .. {OCCUPIED} occupied"
 _LARGEST = 255  # of a raw map, which holds the picture's grey values
 COLORS = {"Free": (255, 255, 255), "Occupied": (35, 38, 45), "Unknown": (205, 208, 212)}
 
@@ -31,12 +32,13 @@ class OccupancyLayer(Layer):
         grid: where the cells lie; None while the layer is empty.
         cells: read-only, shape (height, width); int8 with -1 unknown, 0 free .. 100 occupied, or
             int16 where a raw map holds values up to 255. None while the layer is empty. It is a
-            view: a contiguous int8 or int16 array that was handed in is not copied.
+            view: a contiguous int8 or int16 array that was handed in is not copied. Cells may be
+            given as bool, too: True where occupied, False where free.
 
     Raises:
         ValueError: If only one of `grid` and `cells` is given, their shapes differ, or a value
             is below -1 or above 255.
-        TypeError: If the cells are no integers.
+        TypeError: If the cells are neither integers nor bool.
 
     >>> grid = GridGeometry(width=2, height=1, resolution=0.5)
     >>> layer = OccupancyLayer("occupancy", "map", grid, np.array([[0, 100]]))
@@ -53,7 +55,7 @@ class OccupancyLayer(Layer):
         name: str,
         frame_id: str,
         grid: GridGeometry | None = None,
-        cells: NDArray[np.integer[Any]] | None = None,
+        cells: NDArray[np.integer[Any]] | BoolArray | None = None,
         settings: Mapping[str, Any] | None = None,
     ) -> None:
         super().__init__(name, frame_id, settings)
@@ -64,11 +66,24 @@ class OccupancyLayer(Layer):
         elif grid is not None or cells is not None:
             raise ValueError(f"layer {name!r}: give both a grid and its cells, or neither")
 
-    def label_at(self, points_xy: ArrayLike) -> ObjectArray:
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state)
+        if self.cells is not None:
+            self.cells.flags.writeable = False  # which copies and pickles of arrays forget
+
+    def summary(self) -> str:
+        """Return how large the grid is."""
+        if self.grid is None:
+            return "empty"
+        (rows, cols), side = self.grid.shape, self.grid.resolution
+        size = f"{cols * side:.4g} x {rows * side:.4g} m"
+        return f"{cols} x {rows} cells of {side:g} m ({size})"
+
+    def label_at(self, points_xy: PointsLike) -> ObjectArray:
         """Return "Free", "Occupied" or "Unknown" for each point, shape (N,)."""
         return _labels(self.value_at(points_xy))
 
-    def value_at(self, points_xy: ArrayLike) -> NDArray[np.int32]:
+    def value_at(self, points_xy: PointsLike) -> NDArray[np.int32]:
         """Return the cell under each point, shape (N,); -1 where unknown or off the grid."""
         points = as_points_xy(points_xy)
         values = np.full(len(points), UNKNOWN, dtype=np.int32)
@@ -120,17 +135,21 @@ class OccupancyLayer(Layer):
         return RasterPicture(self.grid, cell_colors()[self.cells], COLORS)
 
 
-def _checked(cells: NDArray[np.integer[Any]], grid: GridGeometry) -> NDArray[Any]:
+def _checked(cells: NDArray[np.integer[Any]] | BoolArray, grid: GridGeometry) -> NDArray[Any]:
     """Return a read-only view of the cells, as int8 or int16."""
     array = np.asarray(cells)
     if array.shape != grid.shape:
         raise ValueError(f"cells must have shape {grid.shape}, got {array.shape}")
+    if array.dtype == bool:
+        array = np.where(array, np.int8(OCCUPIED), np.int8(FREE))
     if not np.issubdtype(array.dtype, np.integer):
-        raise TypeError(f"cells must be integers, got {array.dtype}")
+        raise TypeError(f"cells must be integers ({_MEANING}) or bool, got {array.dtype}")
     lowest, highest = int(array.min()), int(array.max())
     if lowest < UNKNOWN or highest > _LARGEST:
         wrong = lowest if lowest < UNKNOWN else highest
-        raise ValueError(f"cells must lie between {UNKNOWN} and {_LARGEST}, one is {wrong}")
+        raise ValueError(
+            f"cells must lie between {UNKNOWN} and {_LARGEST} ({_MEANING}), one is {wrong}"
+        )
     if array.dtype not in (np.int8, np.int16):
         array = array.astype(np.int8 if highest <= np.iinfo(np.int8).max else np.int16)
     view = np.ascontiguousarray(array).view()

@@ -8,10 +8,10 @@ from collections.abc import Mapping
 from typing import Any, NoReturn
 
 import shapely
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from hypermap.core.arrays import ObjectArray
+from hypermap.core.arrays import ObjectArray, PointsLike
 from hypermap.core.errors import HypermapError
 from hypermap.core.layer import Hits, Layer
 
@@ -38,11 +38,15 @@ class OpaqueLayer(Layer):
         self.files = dict(files or {})
         self.load_file = load_file
 
-    def label_at(self, points_xy: ArrayLike) -> ObjectArray:
+    def summary(self) -> str:
+        """Return of which unknown class it is."""
+        return f"of class {self.class_name!r}, whose plug-in is not installed"
+
+    def label_at(self, points_xy: PointsLike) -> ObjectArray:
         """Raise HypermapError."""
         self._refuse()
 
-    def value_at(self, points_xy: ArrayLike) -> NDArray[Any]:
+    def value_at(self, points_xy: PointsLike) -> NDArray[Any]:
         """Raise HypermapError."""
         self._refuse()
 

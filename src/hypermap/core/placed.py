@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import shapely
@@ -35,6 +35,13 @@ class Found:
     point_xy: NDArray[np.float64]
     distance: float | None = None
     object: SemanticObject | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class FoundObject(Found):
+    """An object that a question has found; as `Found`, but there always is one."""
+
+    object: SemanticObject = field(kw_only=True)
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,20 +151,25 @@ class PlacedLayer:
             return self.snapshot.rows_of_names(names, asked)
         return self.snapshot.rows if asked is None else self.snapshot.rows_in(asked)
 
-    def found(self, rows: IntArray, distances: Sequence[float | None]) -> list[Found]:
+    def found(self, rows: IntArray, distances: Sequence[float | None]) -> list[FoundObject]:
         """Return some objects, brought into the base frame."""
         table = self.snapshot.take(rows)
         points = self.base_T_layer.apply(table.centroids)
         table = replace(table, footprints=self.base_T_layer.apply_geometries(table.footprints))
         columns = zip(points, distances, range(len(table)), strict=True)
-        return [Found(self.name, point, far, table.object(row)) for point, far, row in columns]
+        return [
+            FoundObject(self.name, point, far, object=table.object(row))
+            for point, far, row in columns
+        ]
 
-    def at(self, point_xy: NDArray[np.float64]) -> list[Found]:
+    def at(self, point_xy: NDArray[np.float64]) -> list[FoundObject]:
         """Return all objects at a point of the base frame, the smallest first."""
         rows = self.snapshot.all_rows_at(self.base_T_layer.inverse().apply(point_xy)[0])
         return self.found(rows, [None] * len(rows))
 
-    def nearest(self, what: str | float, point_xy: NDArray[np.float64], k: int) -> list[Found]:
+    def nearest(
+        self, what: str | float, point_xy: NDArray[np.float64], k: int
+    ) -> list[FoundObject]:
         """Return the k objects with a name or id that are nearest to a point in the base frame."""
         point = self.base_T_layer.inverse().apply(point_xy)[0]
         rows, distances = self.snapshot.nearest(what, point, k)
@@ -199,7 +211,7 @@ class PlacedLayers:
 
     def found(
         self, keys: NDArray[np.int64], distances: NDArray[np.float64] | None = None
-    ) -> list[Found]:
+    ) -> list[FoundObject]:
         """Return the objects with these keys, shape (N,), in their order.
 
         Args:

@@ -5,43 +5,27 @@ from __future__ import annotations
 import operator
 import threading
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
-from typing import Any, ClassVar
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import replace
+from typing import Any, ClassVar, overload
 
 import numpy as np
 import shapely
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from hypermap.core.arrays import ObjectArray, as_point_xy, as_points_xy, single_xy
+from hypermap.core.arrays import ObjectArray, PointsLike, as_point_xy, as_points_xy, single_xy
 from hypermap.core.errors import ObjectNotFound
 from hypermap.core.evidence import EvidenceTable
 from hypermap.core.layer import Hits, Layer, ShapesPicture, check_count
-from hypermap.core.objects import ObjectTable, SemanticObject
+from hypermap.core.objects import ObjectTable, Rejected, SemanticObject
 from hypermap.core.snapshot import Snapshot
 
 __all__ = ["EMPTY", "Rejected", "SemanticLayer", "SemanticObject"]
 
 EMPTY = "Empty"  # the label of a place without an object
 NO_OBJECT = -1  # the value of such a place
-
-
-@dataclass(frozen=True)
-class Rejected:
-    """An entry of a layer's file that could not be read; it is written back as it was.
-
-    Attributes:
-        position: its place in the file, from 0, which is the id that it would have had.
-        name: its name, if it has one.
-        reason: what is wrong with it.
-        entry: the entry itself, as parsed.
-    """
-
-    position: int
-    name: str
-    reason: str
-    entry: Any
+_NAMED = 4  # names of which a summary tells
 
 
 class SemanticLayer(Layer):
@@ -54,6 +38,8 @@ class SemanticLayer(Layer):
     sees the layer either before a change or after it. A change of one object takes some
     microseconds on the average, however many there are; `table` and `names` are made anew after
     each, so ask for them once and not in a loop of changes.
+
+    A layer is iterated over, and indexed by id, like a collection of its objects.
 
     Attributes:
         rejected: entries of the layer's file that could not be read.
@@ -113,10 +99,32 @@ class SemanticLayer(Layer):
         other._now = self._now
         return other
 
+    __copy__ = copy
+
+    def __getstate__(self) -> dict[str, Any]:
+        kept = self.kept_evidence  # a function may not travel to another process
+        return vars(self) | {"_writing": None, "kept_evidence": kept() if callable(kept) else kept}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state, _writing=threading.Lock())
+
     # The objects
 
     def __len__(self) -> int:
         return len(self._now)
+
+    def __iter__(self) -> Iterator[SemanticObject]:
+        """Yield the objects that are there when it begins, in the order of `objects`."""
+        return iter(self.objects())
+
+    def __getitem__(self, object_id: int) -> SemanticObject:
+        """Return the object with that id; raises like `get`."""
+        return self.get(object_id)
+
+    def __contains__(self, item: object) -> bool:
+        """Return whether there is an object with that id, or with the id of that object."""
+        number = item.id if isinstance(item, SemanticObject) else item
+        return isinstance(number, int | np.integer) and self._now.row_of_id(int(number)) >= 0
 
     @property
     def ids(self) -> NDArray[np.int64]:
@@ -188,12 +196,23 @@ class SemanticLayer(Layer):
 
     # Changes
 
-    def add(self, objects: Iterable[SemanticObject]) -> list[int]:
-        """Add objects and return their ids; those without one get the next free ones.
+    @overload
+    def add(self, objects: SemanticObject) -> int: ...
+
+    @overload
+    def add(self, objects: Iterable[SemanticObject]) -> list[int]: ...
+
+    def add(self, objects: SemanticObject | Iterable[SemanticObject]) -> int | list[int]:
+        """Add one object or several; those without an id get the next free ones.
+
+        Returns:
+            The id of one object, or those of several.
 
         Raises:
             ValueError: If an id is in use already, or there are no more; nothing is added then.
         """
+        if isinstance(objects, SemanticObject):
+            return self.add([objects])[0]
         new = list(objects)
         with self._writing:
             now = self._now
@@ -234,8 +253,17 @@ class SemanticLayer(Layer):
             new = [changes[number].with_id(number) for number in gone]
             self._now = now.changed(gone, new, now.next_id)
 
-    def remove(self, ids: Iterable[int]) -> None:
-        """Remove objects; the others keep their ids.
+    def rename(self, ids: int | Iterable[int], name: str) -> None:
+        """Give one object or several another name; they keep their ids, shapes and tags.
+
+        Raises:
+            ObjectNotFound: If one is not there; nothing is changed then.
+            TypeError: If an id is no integer, or the name no text; nothing is changed then.
+        """
+        self.update_many({number: replace(self[number], name=name) for number in _as_ids(ids)})
+
+    def remove(self, ids: int | Iterable[int]) -> None:
+        """Remove one object or several; the others keep their ids.
 
         Raises:
             ObjectNotFound: If one is not there; nothing is removed then.
@@ -243,11 +271,11 @@ class SemanticLayer(Layer):
         """
         with self._writing:
             now = self._now
-            self._now = now.changed(self._rows_there(now, ids), [], now.next_id)
+            self._now = now.changed(self._rows_there(now, _as_ids(ids)), [], now.next_id)
 
     # Questions
 
-    def label_at(self, points_xy: ArrayLike) -> ObjectArray:
+    def label_at(self, points_xy: PointsLike) -> ObjectArray:
         """Return the name of the smallest object at each point, shape (N,), or "Empty"."""
         now, single = self._now, single_xy(points_xy)
         if single is not None:
@@ -259,13 +287,13 @@ class SemanticLayer(Layer):
         labels[there] = now.names(rows[there])
         return labels
 
-    def labels_at(self, point_xy: ArrayLike) -> ObjectArray:
+    def labels_at(self, point_xy: PointsLike) -> ObjectArray:
         """Return the names of all objects at a point, the smallest first, (M,), or "Empty"."""
         now = self._now
         names = now.names(now.all_rows_at(as_point_xy(point_xy)))
         return names if len(names) else np.array([EMPTY], dtype=object)
 
-    def objects_at(self, point_xy: ArrayLike) -> list[SemanticObject]:
+    def objects_at(self, point_xy: PointsLike) -> list[SemanticObject]:
         """Return all objects at a point, the smallest first, as a cup before its table.
 
         Of equally large ones, the one that was added first comes first; so the first of all is the
@@ -274,7 +302,7 @@ class SemanticLayer(Layer):
         now = self._now
         return [now.object(row) for row in now.all_rows_at(as_point_xy(point_xy)).tolist()]
 
-    def value_at(self, points_xy: ArrayLike) -> NDArray[np.int64]:
+    def value_at(self, points_xy: PointsLike) -> NDArray[np.int64]:
         """Return the id of the smallest object at each point, shape (N,), or -1."""
         now, single = self._now, single_xy(points_xy)
         if single is not None:
@@ -304,7 +332,7 @@ class SemanticLayer(Layer):
         return now.column("centroids", now.rows_of(what, area))
 
     def nearest(
-        self, what: str | float, point_xy: ArrayLike, k: int = 1
+        self, what: str | float, point_xy: PointsLike, k: int = 1
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the k objects with a name or id that are nearest to a point.
 
@@ -321,13 +349,24 @@ class SemanticLayer(Layer):
         return now.column("centroids", rows), distances
 
     def nearest_objects(
-        self, what: str | float, point_xy: ArrayLike, k: int = 1
+        self, what: str | float, point_xy: PointsLike, k: int = 1
     ) -> tuple[list[SemanticObject], NDArray[np.float64]]:
         """Return what `nearest` returns, with the objects in place of their centroids."""
         check_count(k)
         now = self._now
         rows, distances = now.nearest(what, as_point_xy(point_xy), k)
         return [now.object(row) for row in rows.tolist()], distances
+
+    def summary(self) -> str:
+        """Return how many objects there are, and of which names most."""
+        counts = Counter(self.names.tolist())
+        named = [
+            f"{count} {name if name.isprintable() else repr(name)}"
+            for name, count in counts.most_common(_NAMED)
+        ]
+        named += ["..."] if len(counts) > _NAMED else []
+        objects = f"{len(self)} object{'' if len(self) == 1 else 's'}"
+        return f"{objects} ({', '.join(named)})" if counts else objects
 
     def extent(self) -> BaseGeometry:
         """Return the rectangle around all objects."""
@@ -355,6 +394,10 @@ class SemanticLayer(Layer):
             if row < 0:
                 raise ObjectNotFound(f"layer {self.name!r} has no object with id {number}")
         return rows
+
+
+def _as_ids(ids: int | Iterable[int]) -> Iterable[int]:
+    return ids if isinstance(ids, Iterable) else [ids]
 
 
 def _check_unused(ids: list[int], now: Snapshot, layer: str) -> None:

@@ -56,6 +56,9 @@ class Snapshot:
     def __len__(self) -> int:
         return self.size
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Snapshot.of, (self.table, self.next_id)  # without what a log has computed
+
     # The objects
 
     @cached_property

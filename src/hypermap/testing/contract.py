@@ -15,6 +15,8 @@ class TestMyLayer(LayerContract):
 from __future__ import annotations
 
 import contextlib
+import copy
+import pickle
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -96,6 +98,26 @@ class LayerContract:
         for question in (layer.label_at, layer.value_at):
             with pytest.raises(ValueError, match="points must"):
                 question(points)
+
+    @pytest.mark.parametrize("kind", [shapely.Point, shapely.MultiPoint])
+    def test_points_may_be_those_of_shapely(self, layer: Layer, kind: Any) -> None:
+        places = _points(layer, 20)
+        points: Any = shapely.MultiPoint(places)
+        points = points if kind is shapely.MultiPoint else list(points.geoms)
+        assert layer.label_at(points).tolist() == layer.label_at(places).tolist()
+
+    # Copies
+
+    @pytest.mark.parametrize("way", ["deepcopy", "pickle"])
+    def test_a_copy_answers_alike(self, layer: Layer, way: str) -> None:
+        layer.label_at(_points(layer, 1))  # what questions have computed does not hinder
+        copied = copy.deepcopy(layer) if way == "deepcopy" else pickle.loads(pickle.dumps(layer))
+        assert_same_layer(copied, layer)
+        _assert_same_at_points(copied, layer)
+
+    def test_it_says_what_it_is(self, layer: Layer) -> None:
+        assert repr(layer.name) in repr(layer)
+        assert layer.summary() in repr(layer)
 
     # Questions in areas
 

@@ -74,6 +74,18 @@ def draw(drawing: Drawing, suffix: str, size: int) -> bytes:
         return content.getvalue().replace(b"</svg>", _HALO)
 
 
+def draw_into(axes: Axes, drawing: Drawing) -> None:
+    """Draw all but title, legend and scale bar into axes, whose limits become the view."""
+    xmin, ymin, xmax, ymax = drawing.view
+    _draw_map(axes, drawing, vector=False)
+    axes.set(aspect="equal", xlim=(xmin, xmax), ylim=(ymin, ymax))
+    if not drawing.labels:
+        return
+    axes.apply_aspect()
+    inches = axes.get_window_extent().width / axes.figure.dpi
+    _write_names(axes, drawing, inches * DPI / (xmax - xmin), vector=False)
+
+
 def _figure(drawing: Drawing, size: int, vector: bool) -> Figure:
     xmin, ymin, xmax, ymax = drawing.view
     scale = size / max(xmax - xmin, ymax - ymin)  # pixels per metre
@@ -96,13 +108,17 @@ def _figure(drawing: Drawing, size: int, vector: bool) -> Figure:
     box = (_LEFT, top - height, width, height)
     per_page = (total_width, total_height, total_width, total_height)
     axes = figure.add_axes(tuple(np.divide(box, per_page)), xlim=(xmin, xmax), ylim=(ymin, ymax))
+    _draw_map(axes, drawing, vector)
+    if drawing.labels:
+        _write_names(axes, drawing, scale, vector)
+    return figure
+
+
+def _draw_map(axes: Axes, drawing: Drawing, vector: bool) -> None:
     _style_axes(axes, drawing)
     _draw_rasters(axes, drawing, vector)
     _draw_shapes(axes, drawing)
     _draw_links(axes, drawing)
-    if drawing.labels:
-        _write_names(axes, drawing, scale, vector)
-    return figure
 
 
 def _style_axes(axes: Axes, drawing: Drawing) -> None:
@@ -196,7 +212,7 @@ def _write_names(axes: Axes, drawing: Drawing, scale: float, vector: bool) -> No
         if place is None:
             continue
         x, y = origin + np.array([place[0], place[1] - 0.36 * height]) / scale
-        written = axes.text(x, y, text, fontsize=NAME, color=INK, ha="center")
+        written = axes.text(x, y, text, fontsize=NAME, color=INK, ha="center", parse_math=False)
         written.set_gid(f"name-{i}")
         if not vector:
             written.set_path_effects([withStroke(linewidth=2.2, foreground=PAPER)])

@@ -10,7 +10,7 @@ import shapely
 from numpy.typing import ArrayLike, NDArray
 from shapely.geometry.base import BaseGeometry
 
-from hypermap.core.arrays import ObjectArray, as_objects, as_points_xy
+from hypermap.core.arrays import ObjectArray, PointsLike, as_objects, as_points_xy
 from hypermap.core.grid import GridGeometry
 from hypermap.core.layer import Hits, Layer, RasterPicture
 from value_layer.colors import colored, legend
@@ -62,11 +62,15 @@ class ValueLayer(Layer):
         elif grid is not None or cells is not None:
             raise ValueError(f"layer {name!r}: give both a grid and its cells, or neither")
 
-    def label_at(self, points_xy: ArrayLike) -> ObjectArray:
+    def summary(self) -> str:
+        """Return how many cells there are, and what they measure."""
+        return f"{0 if self.cells is None else self.cells.size} cells {self.unit}".rstrip()
+
+    def label_at(self, points_xy: PointsLike) -> ObjectArray:
         """Return the interpolated number at each point as text, shape (N,)."""
         return self._labels(self.value_at(points_xy))
 
-    def value_at(self, points_xy: ArrayLike) -> NDArray[np.float32]:
+    def value_at(self, points_xy: PointsLike) -> NDArray[np.float32]:
         """Return the interpolated number at each point, shape (N,).
 
         It is NaN off the grid and in cells that hold none; unknown neighbours are left out.

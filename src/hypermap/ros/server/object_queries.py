@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from hypermap.core.errors import HypermapError
-from hypermap.core.hypermap import Found, Hypermap
+from hypermap.core.hypermap import FoundObject, Hypermap
 from hypermap.core.layer import Layer
 from hypermap.core.opaque import OpaqueLayer
 from hypermap.core.semantic import SemanticLayer
@@ -43,7 +43,7 @@ class ObjectQueries:
         )
 
     def _value(self, hypermap: Hypermap, layer: Layer, xy: Any) -> Message:
-        found: list[Found] = []
+        found: list[FoundObject] = []
         if isinstance(layer, SemanticLayer):
             found = hypermap.objects_at(xy[0], layer.name)
         return self._port.message(f"{_MSGS}/LayerValue")(

@@ -1,0 +1,162 @@
+"""Take the pictures of the page and of a run that README shows, as `make pictures` does.
+
+A demo is run with `--view`, and a headless Chromium looks at it as a user would.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import io
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from PIL import Image
+from playwright.sync_api import Page, sync_playwright
+
+IMAGES = Path(__file__).resolve().parents[1] / "docs" / "images"
+SIZE: Any = {"width": 1360, "height": 800}
+PATIENCE = 300.0  # s; the first run compiles
+SEEN_AT = 0.55  # of the run
+CUP, SOFA = (3.75, 2.15), (3.6, 0.5)  # places in the demo's room; the cup stands on a table
+ADDRESS = re.compile(r"http://127\.0\.0\.1:\d+/\S*")
+
+
+class Demo:
+    """A running `hypermap demo --view`, and what it has said so far."""
+
+    def __init__(self, folder: Path) -> None:
+        command = [sys.executable, "-m", "hypermap", "demo", "--view", "--no-browser"]
+        self.process = subprocess.Popen(
+            [*command, "--port", "0", "-o", "demo"],
+            cwd=folder,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+        )
+        self.said = ""
+        threading.Thread(target=self._listen, daemon=True).start()
+
+    def _listen(self) -> None:
+        assert self.process.stdout is not None
+        for line in self.process.stdout:
+            self.said += line
+
+    def addresses(self, count: int) -> list[str]:
+        """Wait until so many addresses were said, and return them."""
+        end = time.monotonic() + PATIENCE
+        while len(found := ADDRESS.findall(self.said)) < count:
+            if self.process.poll() is not None or time.monotonic() > end:
+                raise SystemExit(f"the demo has not shown its page:\n{self.said}")
+            time.sleep(0.1)
+        return found
+
+
+@contextlib.contextmanager
+def running_demo() -> Iterator[Demo]:
+    """Run the demo in a folder that is gone afterwards."""
+    with tempfile.TemporaryDirectory() as folder:
+        demo = Demo(Path(folder))
+        try:
+            yield demo
+        finally:
+            demo.process.send_signal(signal.SIGINT)
+            demo.process.wait()
+
+
+def wait_for(page: Page, condition: str, argument: Any = None) -> None:
+    """Wait until a function of JavaScript returns true."""
+    end = time.monotonic() + PATIENCE
+    while not page.evaluate(condition, argument):
+        if time.monotonic() > end:
+            raise SystemExit(f"this has not become true in the page: {condition}")
+        page.wait_for_timeout(50)
+
+
+def save(page: Page, path: Path) -> None:
+    """Save what the window shows, once it shows no more of what has just been done."""
+    page.mouse.move(2, 2)
+    page.wait_for_timeout(1500)
+    with Image.open(io.BytesIO(page.screenshot())) as image:
+        image.convert("RGB").save(path, optimize=True)
+    sys.stdout.write(f"{path.name}: {path.stat().st_size / 1000:.0f} kB\n")
+
+
+def take_run(page: Page, url: str, path: Path) -> None:
+    """Look back on a run."""
+    page.goto(url)
+    wait_for(page, "() => window.hypermapRun?.shown && window.hypermapRun.steps.length > 0")
+    last = page.evaluate("() => window.hypermapRun.steps.length - 1")
+    page.locator("#slider").fill(str(round(SEEN_AT * last)))
+    save(page, path)
+
+
+def click_at(page: Page, place: tuple[float, float]) -> None:
+    """Click on a point of the map [m], and wait for the answer."""
+    page.wait_for_timeout(1000)  # the map may fly to what was asked before
+    column, row = page.evaluate(
+        """(point) => {
+            const {map} = window.hypermapPage;
+            const {left, top} = map.getTargetElement().getBoundingClientRect();
+            const [column, row] = map.getPixelFromCoordinate(point);
+            return [left + column, top + row];
+        }""",
+        list(place),
+    )
+    page.mouse.click(column, row)
+    page.locator("#panel section.at").first.wait_for()
+
+
+def take_page(page: Page, url: str, path: Path) -> None:
+    """Click on a thing that stands on another."""
+    page.goto(url)
+    wait_for(page, "() => window.hypermapPage !== undefined")
+    page.evaluate("() => window.hypermapPage.ready")
+    click_at(page, CUP)
+    save(page, path)
+
+
+def take_evidence(page: Page, path: Path) -> None:
+    """Click on a thing, choose it in the answer, and look behind it."""
+    click_at(page, SOFA)
+    page.locator("#panel .object", has_text="sofa").first.click()
+    page.locator("#panel .behind .opener").click()
+    page.locator("#panel .outlines").first.wait_for()
+    for outline in ("seen", "cameras"):
+        box = page.locator(f'#panel [data-outline="{outline}"] input')
+        box.check()
+    save(page, path)
+
+
+def main() -> None:
+    """Take all pictures."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--output", type=Path, default=IMAGES, metavar="FOLDER")
+    folder: Path = parser.parse_args().output
+    folder.mkdir(parents=True, exist_ok=True)
+    chromium = os.environ.get("HYPERMAP_CHROMIUM") or shutil.which("chromium")
+    if chromium is None:
+        raise SystemExit("Chromium is not installed: scripts/chromium.sh")
+    with running_demo() as demo, sync_playwright() as playwright:
+        run, of_map = demo.addresses(3)[1:]  # it says that of the run again in the end
+        browser = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
+        page = browser.new_page(viewport=SIZE)
+        page.set_default_timeout(60_000)
+        take_run(page, run, folder / "watching.png")
+        take_page(page, of_map, folder / "page.png")
+        take_evidence(page, folder / "evidence.png")
+        browser.close()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,58 @@
+"""What a map does outside of the core: it is saved, drawn, and shown in a notebook.
+
+Files and pictures are no business of the core, which knows neither. So the package that joins them,
+`hypermap`, hands in a way to its functions, and here they are called by their names there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+_offered: Callable[[str], Callable[..., Any]] | None = None
+
+
+def offer(function_named: Callable[[str], Callable[..., Any]]) -> None:
+    """Hand in what returns a function outside of the core by its name, as "save_map"."""
+    global _offered
+    _offered = function_named
+
+
+def _outside(name: str) -> Callable[..., Any]:
+    assert _offered is not None  # by `hypermap`, which is imported before what is in it
+    return _offered(name)
+
+
+class Outward:
+    """The part of a map that leads out of the core."""
+
+    def save(self, path: str | Path) -> None:
+        """Save the map so that `open_map` returns the same; the same as `hypermap.save_map`.
+
+        Args:
+            path: of the file, as "office.hmap".
+
+        Raises:
+            HypermapError: If it cannot be written; the old file remains then.
+        """
+        _outside("save_map")(self, path)
+
+    def plot(self, axes: Any = None, **options: Any) -> Any:
+        """Draw the map into matplotlib's axes and return them; the same as `hypermap.plot`.
+
+        Args:
+            axes: where to draw; None for a figure of its own.
+            options: as `layers`, `names`, `area`, `labels`, `legend`.
+        """
+        return _outside("plot")(self, axes, **options)
+
+    # For notebooks, which ask for these
+
+    def _repr_html_(self) -> str:
+        text: str = _outside("map_as_html")(self)
+        return text
+
+    def _repr_png_(self) -> bytes | None:
+        picture: bytes | None = _outside("map_as_png")(self)
+        return picture

@@ -1,0 +1,64 @@
+"""A map in a figure of one's own: matplotlib's axes in, axes out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from hypermap.viewer.picture import compose
+from hypermap.viewer.text import printable
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from shapely.geometry.base import BaseGeometry
+
+    from hypermap.core.hypermap import Hypermap
+
+
+def plot(
+    hypermap: Hypermap,
+    axes: Axes | None = None,
+    *,
+    layers: Sequence[str] | None = None,
+    names: Sequence[str] | None = None,
+    area: BaseGeometry | None = None,
+    full: bool = False,
+    labels: bool = True,
+    legend: bool = False,
+) -> Axes:
+    """Draw a map from above into matplotlib's axes, in its base frame, and return them.
+
+    What is drawn afterwards lies above the map, as `axes.plot(xs, ys)`; the axes are in metres.
+
+    Args:
+        hypermap: the map.
+        axes: where to draw; their limits become those of the map. None for a figure of its own,
+            made by `matplotlib.pyplot`.
+        layers: names of the layers to draw; None for all that can be drawn.
+        names: classes of objects to draw; None for all.
+        area: what to show, in the base frame [m]; None for all that is known.
+        full: whether to show the grids as far as they reach, not only where something is known.
+        labels: whether to write names at the shapes.
+        legend: whether to add a legend of the classes, to the right of the map.
+
+    Raises:
+        HypermapError: If there is nothing to draw, or a name is unknown.
+        LayerNotFound: If there is no such layer.
+    """
+    drawing = compose(hypermap, layers=layers, names=names, area=area, full=full, labels=labels)
+    from matplotlib.patches import Patch
+
+    from hypermap.viewer.drawing import draw_into
+    from hypermap.viewer.paper import SHAPE_ALPHA, SMALL, fill
+
+    if axes is None:
+        from matplotlib import pyplot
+
+        axes = pyplot.figure(layout="constrained").add_subplot()
+    draw_into(axes, drawing)
+    if legend:
+        shown = sorted({str(name) for part in drawing.shapes for name in part.names})
+        fills = {name: fill(drawing.colors[name], SHAPE_ALPHA) for name in shown}
+        patches = [Patch(label=printable(name), **fills[name]) for name in shown]
+        axes.legend(handles=patches, loc="upper left", bbox_to_anchor=(1, 1), fontsize=SMALL)
+    return axes
