@@ -237,6 +237,23 @@ def test_with_objects_the_occupancy_is_the_same_as_alone(hypermap, drive, tmp_pa
     np.testing.assert_array_equal(one, other)
 
 
+@pytest.mark.parametrize("share", [0.0, 0.01, 0.5, 0.9])
+def test_an_image_that_was_cut_off_is_named_in_the_last_line(hypermap, tmp_path, share):
+    drive, out = write_drive(tmp_path / "drive", frames=4), tmp_path / "out.hmap"
+    whole = (drive / "depth.png").read_bytes()
+    cut = drive / "cut.png"
+    cut.write_bytes(whole[: int(share * len(whole))])
+    lines = (drive / "depth.txt").read_text().splitlines()
+    lines[2] = lines[2].replace("depth.png", cut.name)
+    (drive / "depth.txt").write_text("\n".join(lines))
+    result = hypermap("map", drive, "--intrinsics", INTRINSICS, "-o", out)
+    assert result.code == 2
+    errors = [line for line in result.err.splitlines() if "error" in line]
+    assert errors == [result.err.splitlines()[-1]]
+    assert errors[0].startswith(f"hypermap: error: {cut}: ")
+    assert not out.exists()
+
+
 @pytest.mark.parametrize("kind", ["nothing", "a file", "an empty folder"])
 def test_what_is_no_recording_is_said_so(hypermap, tmp_path, kind):
     path = tmp_path / "recording"

@@ -115,8 +115,8 @@ class Aligner:
         # If the pose was exact, `found` comes from errors of the measurement alone. Then the mean
         # of the first number is the second, the number of directions in which the map holds.
         size = float(found @ information @ found)
-        expected = float(np.trace(np.linalg.solve(information, measured)))
-        return found * self._shrinkage.share_of(size, expected)
+        by_errors = float(np.trace(np.linalg.solve(information, measured)))
+        return found * self._shrinkage.share_of(size, by_errors)
 
     def _borders_around(self, position: NDArray[np.float64]) -> _Borders | None:
         """Return the borders of free space near the camera; None where the map has none."""

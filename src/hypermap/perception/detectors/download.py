@@ -166,8 +166,9 @@ def _asked(address: str, start: int) -> Iterator[Any]:
 
 def _goes_on(answer: Any, start: int) -> bool:
     """Whether an answer is the rest from a byte on, rather than the whole."""
-    place = answer.headers.get("Content-Range", "")
-    return answer.status == http.HTTPStatus.PARTIAL_CONTENT and place.startswith(f"bytes {start}-")
+    place: str = answer.headers.get("Content-Range", "")
+    is_part = bool(answer.status == http.HTTPStatus.PARTIAL_CONTENT)
+    return is_part and place.startswith(f"bytes {start}-")
 
 
 def _read(answer: Any, most: int) -> bytes:
