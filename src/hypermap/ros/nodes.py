@@ -15,12 +15,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 from hypermap.core.errors import HypermapError
-from hypermap.ros.parameters import check_names
-from hypermap.ros.port import Parameter
 
 if TYPE_CHECKING:
     from hypermap.ros.mapper.semantic_mapper import SemanticMapper
-    from hypermap.ros.port import Node, Port, Value
+    from hypermap.ros.port import Node, Parameter, Port, Value
     from hypermap.ros.server.map_server import MapServer
 
 Middleware = Literal["auto", "ros1", "ros2", "foxglove"]
@@ -159,6 +157,8 @@ def make_port(
         HypermapError: If the middleware is missing or does not answer, or the node has no such
             parameter.
     """
+    from hypermap.ros.parameters import check_names
+
     name = node.NAME
     check_names(values, node.PARAMETERS)
     chosen = found_middleware() if middleware == "auto" else middleware
@@ -221,10 +221,13 @@ def private_texts(arguments: Sequence[str], parameters: Sequence[Parameter]) -> 
     Raises:
         HypermapError: If one of them is a private parameter that the node has not.
 
+    >>> from hypermap.ros.port import Parameter
     >>> file = Parameter("file", "", "A map.")
     >>> private_texts(["__name:=a", "_file:=room #2: x.hmap", "b:=c"], [file])
     ['__name:=a', '_file:="room #2: x.hmap"', 'b:=c']
     """
+    from hypermap.ros.parameters import check_names
+
     texts = {parameter.name for parameter in parameters if isinstance(parameter.default, str)}
     found = []
     for word in arguments:
