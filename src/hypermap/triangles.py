@@ -12,6 +12,7 @@ import shapely
 from numpy.typing import NDArray
 
 from hypermap.core.arrays import IntArray, ObjectArray
+from hypermap.core.shapes import have_points
 
 _POLYGON = 3  # shapely's type number
 
@@ -82,7 +83,7 @@ def label_points(shapes: ObjectArray, centroids: NDArray[np.float64]) -> NDArray
         centroids: of the shapes, shape (N, 2).
     """
     points = centroids.copy()
-    outside = ~shapely.intersects_xy(shapes, centroids[:, 0], centroids[:, 1])
+    outside = ~have_points(shapes, centroids)
     if outside.any():
         inside = shapely.point_on_surface(shapes[outside])
         points[outside] = shapely.get_coordinates(inside)

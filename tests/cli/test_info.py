@@ -2,6 +2,8 @@ from __future__ import annotations
 
 import pytest
 
+from hypermap import Hypermap, SemanticLayer, save_map
+
 from .conftest import INTRINSICS, assert_one_error, write_drive
 
 
@@ -26,6 +28,19 @@ def test_a_map_is_described_for_people(hypermap, room_map):
     assert "semantic: 2 chair, 1 potted plant" in text
     assert "30 x 20 cells of 0.5 m: Free 180, Occupied 20, Unknown 400" in text
     assert "frame room stands in map at x 10, y 0, yaw 1.5708" in text
+
+
+def test_settings_are_shown_when_asked_for(hypermap, tmp_path):
+    metadata = {"frames": {"used": 7}, "config": {"evidence": {"publish_above": 2.0}, "every": 3}}
+    save_map(Hypermap([SemanticLayer("semantic", "map")], metadata=metadata), tmp_path / "a.hmap")
+    short = hypermap("info", tmp_path / "a.hmap")
+    assert "used 7" in short.out
+    assert "publish_above" not in short.out
+    assert short.err == "and 2 lines of settings; show them with -v\n"
+    for words in (["info", "-v"], ["-v", "info"]):
+        long = hypermap(*words, tmp_path / "a.hmap")
+        assert "publish_above 2.0" in long.out
+        assert (long.code, long.err) == (0, "")
 
 
 @pytest.mark.parametrize(

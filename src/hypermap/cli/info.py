@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import functools
+import logging
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -11,7 +14,7 @@ import typer
 
 from hypermap.cli.options import AsJson
 from hypermap.cli.recording_options import takes_recording_options
-from hypermap.cli.terminal import facts, out, say, say_json, table
+from hypermap.cli.terminal import facts, note, out, say, say_json, table
 from hypermap.viewer.text import counted, printable
 
 if TYPE_CHECKING:
@@ -31,6 +34,10 @@ def command(
         ),
     ],
     recording_options: RecordingOptions,
+    verbose: Annotated[
+        bool,
+        typer.Option("-v", "--verbose", help="Show all settings that the map was made with, too."),
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Say what is inside a map, or inside a recording and what it lacks for mapping.
@@ -41,13 +48,16 @@ def command(
 
     Examples:
         hypermap info lab.hmap
+        hypermap info lab.hmap -v
         hypermap info drive.bag
     """
+    show: Callable[[dict[str, Any]], None]
     if is_map(path):
         from hypermap.formats import open_map
 
         content = describe_map(open_map(path))
-        show = show_map
+        is_long = verbose or logging.getLogger("hypermap").isEnabledFor(logging.INFO)
+        show = functools.partial(show_map, with_settings=is_long)
     else:
         from hypermap.recordings import open_recording
 
@@ -124,7 +134,7 @@ def _counts(names: Any) -> dict[str, int]:
     return dict(sorted(counts.items(), key=lambda item: (-item[1], item[0])))
 
 
-def show_map(content: dict[str, Any]) -> None:
+def show_map(content: dict[str, Any], with_settings: bool) -> None:
     """Print a map as text."""
     rows = table("layer", "class", "frame", "extent in metres", "content")
     for layer in content["layers"]:
@@ -146,9 +156,19 @@ def show_map(content: dict[str, Any]) -> None:
     for frame in content["frames"]:
         x, y, yaw = frame["pose"]
         say(f"frame {frame['child']} stands in {frame['parent']} at x {x:g}, y {y:g}, yaw {yaw:g}")
-    if content["metadata"]:
+    made_with = content["metadata"]
+    if made_with:
+        # Settings come in groups, one for each stage.
+        short = {key: value for key, value in made_with.items() if not _has_groups(value)}
         say("\nmade with")
-        out().print(facts(list(_flat(content["metadata"]))))
+        out().print(facts(_flat(made_with if with_settings else short)))
+        if len(short) < len(made_with) and not with_settings:
+            hidden = len(_flat(made_with)) - len(_flat(short))
+            note(f"and {counted(hidden, 'line')} of settings; show them with -v")
+
+
+def _has_groups(value: Any) -> bool:
+    return isinstance(value, dict) and any(isinstance(inner, dict) for inner in value.values())
 
 
 def _extent(bounds: list[float] | None) -> str:
@@ -177,7 +197,7 @@ def _flat(values: dict[str, Any], prefix: str = "") -> list[tuple[str, str]]:
         name = printable(f"{prefix}{key}", 60)
         if not isinstance(value, dict):
             rows.append((name, printable(value, 100)))
-        elif any(isinstance(inner, dict) for inner in value.values()):
+        elif _has_groups(value):
             rows += _flat(value, f"{prefix}{key}.")
         else:
             pairs = [f"{printable(k, 60)} {printable(v, 100)}" for k, v in value.items()]

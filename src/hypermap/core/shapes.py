@@ -48,18 +48,18 @@ def as_area(area: Any) -> BaseGeometry:
     """
     if not isinstance(area, BaseGeometry):
         raise TypeError(f"an area must be a shapely geometry, got {type(area).__name__}")
-    area = shapely.force_2d(area)
-    if is_sound(area) and all(abs(side) <= _FAR for side in area.bounds):
-        return area
-    farthest = np.abs(shapely.get_coordinates(area)).max(initial=0)
+    own: BaseGeometry = shapely.force_2d(area)
+    if is_sound(own) and all(abs(side) <= _FAR for side in own.bounds):
+        return own
+    farthest = np.abs(shapely.get_coordinates(own)).max(initial=0)
     if not np.isfinite(farthest):
         raise AreaError("an area must be finite; there is a NaN or infinite coordinate")
     try:
         if farthest > _FAR:
-            area = shapely.transform(area, lambda xy: np.clip(xy, -_FARTHEST, _FARTHEST))
+            own = shapely.transform(own, lambda xy: np.clip(xy, -_FARTHEST, _FARTHEST))
             # `clip_by_rect` is quicker, but wrong or lost where corners lie very far outside.
-            area = shapely.intersection(_valid(area), shapely.box(-_FAR, -_FAR, _FAR, _FAR))
-        return _valid(area)
+            own = shapely.intersection(_valid(own), shapely.box(-_FAR, -_FAR, _FAR, _FAR))
+        return _valid(own)
     except shapely.GEOSException as error:
         raise AreaError(
             f"GEOS cannot follow the outline of an area with coordinates up to {farthest:g} m: "

@@ -63,9 +63,8 @@ class RecordingOptions:
             if min(self.intrinsics[:2]) <= 0:
                 raise ValueError(f"the focal lengths must be positive, got {self.intrinsics[:2]}")
         if self.map_T_world is not None:
-            object.__setattr__(
-                self, "map_T_world", _row_by_row(self.map_T_world)
-            )  # also comparable
+            # As a tuple, options can be compared, too.
+            object.__setattr__(self, "map_T_world", _row_by_row(self.map_T_world))
             _check_numbers(
                 "map_T_world",
                 _row_by_row(self.map_T_world),

@@ -199,7 +199,7 @@ def _write_names(axes: Axes, drawing: Drawing, scale: float, vector: bool) -> No
                 continue
             bounds = (np.reshape(shape.bounds, (2, 2)) - origin) * scale
             middle = shape.centroid
-            if not shape.covers(middle):
+            if not middle.covered_by(shape):
                 middle = shape.representative_point()
             x, y = (np.array([middle.x, middle.y]) - origin) * scale
             text = printable(name)

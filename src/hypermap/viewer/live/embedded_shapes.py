@@ -43,7 +43,7 @@ def embed_shapes(layer: Layer, base_T_layer: Pose2D) -> list[dict[str, Any]] | N
     placed = base_T_layer.apply_geometries(shapes)
     middles = shapely.centroid(placed)
     centroids = shapely.get_coordinates(middles)
-    inside = np.asarray(shapely.covers(placed, middles))[:, np.newaxis]
+    inside = np.asarray(shapely.covered_by(middles, placed))[:, np.newaxis]
     at = np.where(inside, centroids, shapely.get_coordinates(shapely.point_on_surface(placed)))
     columns = zip(
         ids,

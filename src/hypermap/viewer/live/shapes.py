@@ -18,7 +18,7 @@ from hypermap.core.arrays import BoolArray, IntArray, ObjectArray
 from hypermap.core.frames import Pose2D
 from hypermap.core.layer import Layer, ShapesPicture
 from hypermap.core.semantic import SemanticLayer
-from hypermap.core.shapes import valid_copies
+from hypermap.core.shapes import have_points, valid_copies
 from hypermap.viewer.live.json_text import json_bytes
 from hypermap.viewer.live.tiles import FINEST
 
@@ -129,7 +129,7 @@ class LayerShapes:
     def label_points(self, rows: IntArray, base_T_layer: Pose2D) -> NDArray[np.float64]:
         """Return where names belong, in the base frame: the centroid if it lies inside, (N, 2)."""
         points = self.centroids[rows]
-        outside = ~shapely.intersects_xy(self.shapes[rows], points[:, 0], points[:, 1])
+        outside = ~have_points(self.shapes[rows], points)
         if outside.any():
             inner = shapely.point_on_surface(self.shapes[rows[outside]])
             points[outside] = shapely.get_coordinates(inner)
