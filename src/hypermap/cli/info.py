@@ -34,13 +34,11 @@ def command(
         ),
     ],
     recording_options: RecordingOptions,
-    verbose: Annotated[
-        bool,
-        typer.Option("-v", "--verbose", help="Show all settings that the map was made with, too."),
-    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Say what is inside a map, or inside a recording and what it lacks for mapping.
+
+    With -v, all settings that the map was made with are shown, too.
 
     The exit code is 0 even where mapping would lack something: the question was answered. With
     --json, a recording of which `hypermap map` makes a map as it is has an empty list under
@@ -56,7 +54,7 @@ def command(
         from hypermap.formats import open_map
 
         content = describe_map(open_map(path))
-        is_long = verbose or logging.getLogger("hypermap").isEnabledFor(logging.INFO)
+        is_long = logging.getLogger("hypermap").isEnabledFor(logging.INFO)
         show = functools.partial(show_map, with_settings=is_long)
     else:
         from hypermap.recordings import open_recording
