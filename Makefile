@@ -19,7 +19,7 @@ ros1:  ## install ROS 1 for its tests, where that is possible: on Debian 12, as 
 chromium:  ## install the browser for the tests of the page, where that is possible
 	scripts/chromium.sh
 
-page: $(PAGE)  ## build the page that `hypermap view` opens; needs Node.js
+page: $(PAGE)  ## build the page that `hypermap view` opens
 
 lint: .venv/.dev  ## style, and which room may import which
 	scripts/page.sh check
@@ -53,9 +53,9 @@ lock:  ## pin all requirements anew
 	scripts/lock.sh
 
 clean:  ## remove what was made
-	rm -rf .venv .venv-core build dist .coverage coverage.xml page/node_modules src/hypermap/viewer/page
+	rm -rf .venv .venv-core .venv-node build dist .coverage coverage.xml page/node_modules src/hypermap/viewer/page
 
-$(PAGE): scripts/page.sh page/build.mjs page/package-lock.json page/tsconfig.json $(wildcard page/src/* page/src/*/*)
+$(PAGE): scripts/page.sh scripts/build_page.py page/build.mjs page/package-lock.json page/tsconfig.json $(wildcard page/src/* page/src/*/*)
 	scripts/page.sh
 	touch $@
 

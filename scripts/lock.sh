@@ -18,3 +18,4 @@ pin requirements/dev.txt pyproject.toml requirements/build.in --all-extras --gro
 pin requirements/bench.txt pyproject.toml requirements/build.in --group bench -c requirements/dev.txt
 pin requirements/hypermap.txt pyproject.toml requirements/build.in -c requirements/dev.txt
 pin requirements/core.txt requirements/core.in -c requirements/dev.txt
+pin requirements/node.txt requirements/node.in

@@ -1,15 +1,15 @@
 #!/bin/sh
 # Build the page that `hypermap view` opens, into src/hypermap/viewer/page: scripts/page.sh
 # With "check" it is only checked: types, format, and the tests of what needs no browser.
+# Where Node.js is missing, it is installed from the Python registry, into .venv-node.
 set -eu
-cd "$(dirname "$0")/../page"
-if ! command -v npm >/dev/null ||
-  ! node -e 'process.exit(parseInt(process.versions.node) < 20 ? 1 : 0)'; then
-  echo "The page of hypermap view is built with Node.js 20 or newer and npm. Install both (on" >&2
-  echo "Debian 13: sudo apt-get install nodejs npm) and run make again." >&2
-  exit 1
+cd "$(dirname "$0")/.."
+status=0
+"${PYTHON:-python3}" scripts/build_page.py "$@" || status=$?
+[ "$status" = 3 ] || exit "$status"  # 3: no Node.js
+echo "it is taken from a Python package, into .venv-node" >&2
+if ! [ .venv-node/.node -nt requirements/node.txt ]; then
+  VENV=.venv-node scripts/venv.sh requirements/node.txt
+  touch .venv-node/.node
 fi
-if ! [ node_modules/.package-lock.json -nt package-lock.json ]; then
-  npm ci --loglevel=error
-fi
-npm run --silent "${1:-build}"
+exec .venv-node/bin/python scripts/build_page.py "$@"

@@ -25,5 +25,7 @@ fi
 for requirements in "$@"; do
   "$venv/bin/python" -m pip install --quiet --disable-pip-version-check -r "$requirements"
 done
+# The package itself goes where its build backend is required.
+grep -q '^setuptools' "$@" || exit 0
 "$venv/bin/python" -m pip install --quiet --disable-pip-version-check \
   --no-deps --no-build-isolation -e . -e examples/value_layer
