@@ -128,7 +128,7 @@ def main() -> int:
         else:
             sys.exit(__doc__)
     except PageError as error:
-        print(error, file=sys.stderr)
+        sys.stderr.write(f"{error}\n")
         return _NO_NODE if isinstance(error, NoNode) else 1
     return 0
 

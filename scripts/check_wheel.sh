@@ -1,11 +1,14 @@
 #!/bin/sh
-# Build the source archive and from it the wheel; run the command from that, away from the checkout.
+# Build the source archive and from it the wheel, as from a fresh clone: without a page, with the
+# backend's own requirements. Run the command from that, away from the checkout.
 set -eu
 cd "$(dirname "$0")/.."
 python=$PWD/.venv/bin/python
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
-"$python" -m build --quiet --no-isolation --outdir "$work/dist" . >/dev/null
+mkdir "$work/clone"
+git ls-files -z --cached --others --exclude-standard | tar -c --null -T - | tar -x -C "$work/clone"
+"$python" -m build --quiet --outdir "$work/dist" "$work/clone" >/dev/null
 "$python" -m pip install --quiet --disable-pip-version-check --no-deps --target "$work/site" "$work"/dist/*.whl
 cd "$work"
 PYTHONPATH=$work/site "$python" -c '

@@ -5,6 +5,7 @@ import json
 import os
 import queue
 import select
+import shutil
 import signal
 import socket
 import subprocess
@@ -12,12 +13,14 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 from urllib.error import HTTPError
 from urllib.request import Request, urlopen
 
 import pytest
 
+import hypermap as hypermap_package
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.semantic import SemanticLayer
 from hypermap.formats import save_map
@@ -220,6 +223,23 @@ def test_what_cannot_be_shown_is_said_in_one_line(tmp_path, arguments, reason):
     assert done.returncode == 2
     assert reason in done.stderr
     assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["view", "room.hmap", "--no-browser", "--port", 0],
+        ["demo", "--view", "--no-browser", "--port", 0],
+    ],
+)
+def test_nothing_is_begun_where_the_page_is_missing(tmp_path, monkeypatch, arguments):
+    page = shutil.ignore_patterns("page", "__pycache__")
+    shutil.copytree(Path(hypermap_package.__file__).parent, tmp_path / "src/hypermap", ignore=page)
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path / "src"))
+    saved(tmp_path)
+    done = hypermap(*arguments, cwd=tmp_path)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert f"{tmp_path}/src/hypermap/viewer/page: the page is not built; make" in done.stderr
 
 
 @pytest.mark.skipif(not is_page_built(), reason="the page is not built: make page")

@@ -69,9 +69,10 @@ def command(
         raise HypermapError("--force goes with --html FILE; a served map asks before it overwrites")
     from hypermap.viewer.live.app import MapApp
     from hypermap.viewer.live.document import MapDocument
-    from hypermap.viewer.live.page import is_page_built
+    from hypermap.viewer.live.page import require_page
     from hypermap.viewer.live.serving import is_local, listen, serve, url_of
 
+    require_page()
     document = MapDocument(path, is_editable=not read_only)
     listening = listen(host, port)
     url = url_of(listening)
@@ -82,9 +83,7 @@ def command(
         if not is_local(host):
             rights = "see" if read_only else "see and change"
             note(f"everyone who can reach this machine can {rights} the map")
-        if not is_page_built():
-            note("the page itself is not built yet: make page")
-        elif browser:
+        if browser:
             threading.Thread(target=webbrowser.open, args=(url,), daemon=True).start()
 
     signal.signal(signal.SIGTERM, _interrupt)

@@ -132,18 +132,20 @@ def watching(
         browser: whether the page is opened.
 
     Raises:
-        HypermapError: If the port is in use, or the other options are given without `view`.
+        HypermapError: If the port is in use, the page is not built, or the other options are given
+            without `view`.
     """
     if not view:
         if port is not None or not browser:
             raise HypermapError("--port and --no-browser go with --view")
         yield _Nobody()
         return
-    from hypermap.viewer.live.page import is_page_built
+    from hypermap.viewer.live.page import require_page
     from hypermap.viewer.live.serving import listen, serving, url_of
     from hypermap.viewer.watch.app import RunApp
     from hypermap.viewer.watch.run import Run
 
+    require_page()
     with (
         _ended_by_sigterm() as sigterm,  # so that the folder goes then, too
         tempfile.TemporaryDirectory(prefix="hypermap-run-") as folder,
@@ -153,9 +155,7 @@ def watching(
         with closing(run), serving(RunApp(run), listening):
             url = url_of(listening)
             say(url)
-            if not is_page_built():
-                note("the page itself is not built yet: make page")
-            elif browser:
+            if browser:
                 threading.Thread(target=webbrowser.open, args=(url,), daemon=True).start()
             try:
                 yield _Page(run, url, output, sigterm)

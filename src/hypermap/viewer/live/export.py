@@ -19,7 +19,7 @@ from hypermap.viewer.live.embedded_evidence import embed_evidence
 from hypermap.viewer.live.embedded_raster import MAX_PIXELS, EmbeddedRaster, embed_raster
 from hypermap.viewer.live.embedded_shapes import embed_shapes
 from hypermap.viewer.live.layers import LayerViews
-from hypermap.viewer.live.page import PAGE
+from hypermap.viewer.live.page import PAGE, not_built
 
 _STYLE = '<link rel="stylesheet" href="/page/app.css">'
 _SCRIPT = '<script type="module" src="/page/app.js"></script>'
@@ -154,4 +154,4 @@ def _read(path: Path) -> str:
     try:
         return path.read_text(encoding="utf-8")
     except FileNotFoundError:
-        raise HypermapError(f"{path}: the page is not built; make it with: make page") from None
+        raise HypermapError(not_built(path)) from None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from hypermap.core.errors import HypermapError
 from hypermap.viewer.live.refusals import Refused
 
 PAGE = Path(__file__).resolve().parents[1] / "page"
@@ -25,6 +26,16 @@ def is_page_built() -> bool:
     return (PAGE / "index.html").is_file()
 
 
+def require_page() -> None:
+    """Make sure that there is a page to show.
+
+    Raises:
+        HypermapError: If it is not built.
+    """
+    if not is_page_built():
+        raise HypermapError(not_built(PAGE))
+
+
 def page_file(name: str) -> tuple[bytes, str]:
     """Return the content and the media type of one of the page's files.
 
@@ -36,6 +47,9 @@ def page_file(name: str) -> tuple[bytes, str]:
     try:
         return (PAGE / name).read_bytes(), _MEDIA_TYPES[name]
     except FileNotFoundError:
-        raise Refused(
-            f"{PAGE / name}: the page is not built; make it with: make page", 503
-        ) from None
+        raise Refused(not_built(PAGE / name), 503) from None
+
+
+def not_built(path: Path) -> str:
+    """Return what is said of a file of the page that is missing."""
+    return f"{path}: the page is not built; make it with: make page"
