@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from PIL import ImageColor
-from trimesh import Trimesh, creation
 
 from hypermap.core.frames import Pose2D
+from hypermap.simulation import meshes
+from hypermap.simulation.meshes import Mesh
 
 _SECTIONS = 24  # sides of a round part
 
@@ -46,13 +47,12 @@ def box(size: Sequence[float], center: Sequence[float], color: str) -> Part:
     """
     if min(size) <= 0:
         raise ValueError("these sizes do not fit together: a part would have no extent")
-    return _part(creation.box(extents=size), center, color)
+    return _part(meshes.box(size), center, color)
 
 
 def turned(profile: Sequence[tuple[float, float]], center: Sequence[float], color: str) -> Part:
     """Return a round body: a convex profile of (radius, z), from bottom to top, turned about z."""
-    closed = [(0.0, profile[0][1]), *profile, (0.0, profile[-1][1])]
-    return _part(creation.revolve(np.array(closed), sections=_SECTIONS), center, color)
+    return _part(meshes.revolved(profile, _SECTIONS), center, color)
 
 
 def cylinder(radius: float, height: float, base: Sequence[float], color: str) -> Part:
@@ -62,21 +62,22 @@ def cylinder(radius: float, height: float, base: Sequence[float], color: str) ->
 
 def disc(radius: float, thickness: float, center: Sequence[float], color: str) -> Part:
     """Return a round plate that faces along x."""
-    mesh = creation.cylinder(radius=radius, height=thickness, sections=_SECTIONS)
-    mesh.apply_transform([[0, 0, 1, 0], [0, 1, 0, 0], [-1, 0, 0, 0], [0, 0, 0, 1]])
-    return _part(mesh, center, color)
+    vertices, faces = meshes.revolved(
+        [(radius, -thickness / 2), (radius, thickness / 2)], _SECTIONS
+    )
+    x, y, z = vertices.T
+    return _part((np.column_stack([z, y, -x]), faces), center, color)
 
 
 def ellipsoid(radii: Sequence[float], center: Sequence[float], color: str) -> Part:
     """Return an ellipsoid with its axes along x, y and z."""
-    mesh = creation.icosphere(subdivisions=3)
-    mesh.apply_scale(radii)
-    return _part(mesh, center, color)
+    vertices, faces = meshes.sphere(subdivisions=3)
+    return _part((vertices * np.asarray(radii), faces), center, color)
 
 
-def _part(mesh: Trimesh, center: Sequence[float], color: str) -> Part:
-    vertices = np.asarray(mesh.vertices, dtype=np.float64) + np.asarray(center)
-    return Part(vertices, np.asarray(mesh.faces, dtype=np.int64), rgb(color))
+def _part(mesh: Mesh, center: Sequence[float], color: str) -> Part:
+    vertices, faces = mesh
+    return Part(vertices + np.asarray(center), faces, rgb(color))
 
 
 def moved(part: Part, pose: Pose2D, z: float) -> Part:

@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from embreex.mesh_construction import TriangleMesh
-from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray
 
+from hypermap.core.trajectory import invert
 from hypermap.perception.frame import Camera
 from hypermap.simulation.scene import BACKGROUND, Scene
+from hypermap.simulation.visibility import Shadows, nearest_triangles
 
 # A Kinect's nominal intrinsics for images of half the size: 63 degrees wide.
 DEFAULT_CAMERA = Camera.from_intrinsics(262.5, 262.5, 159.5, 119.5, width=320, height=240)
@@ -45,11 +45,9 @@ class Renderer:
         self.camera = camera
         self._scene = scene
         self._normals = _normals(scene.triangles)
-        self._embree = EmbreeScene(robust=True)  # no gaps between neighbouring triangles
-        self._mesh = TriangleMesh(self._embree, scene.triangles)
         self._rays = _rays(camera)
         self._lengths = np.linalg.norm(self._rays, axis=1)
-        self._lamp = _lamp(scene)
+        self._shadows = Shadows.of(scene.triangles, _lamp(scene))
 
     def render(self, map_T_camera: NDArray[np.float64]) -> View:
         """Return the view from a pose of the optical frame."""
@@ -57,14 +55,14 @@ class Renderer:
         pose = map_T_camera.astype(np.float32)
         # Not `@`: for so narrow a matrix the threads of BLAS cost more than they save.
         directions = np.einsum("ij,kj->ik", self._rays, pose[:3, :3])
-        origins = np.tile(pose[:3, 3], (len(directions), 1))
-        found = self._embree.run(origins, directions, output=True)
+        projection = self.camera.K @ invert(map_T_camera)[:3]
+        depths, found = nearest_triangles(self._scene.triangles, projection, *shape)
 
-        triangles = found["primID"]  # -1 for nothing: what it stands for is overwritten below
+        triangles = found.ravel()  # -1 for nothing: what it stands for is overwritten below
         nothing = triangles < 0
         # A ray advances one metre along the optical axis per unit of length.
-        depth = np.where(nothing, np.float32(np.nan), found["tfar"])
-        points = origins + depth[:, np.newaxis] * directions
+        depth = np.where(nothing, np.nan, depths.ravel()).astype(np.float32)
+        points = pose[:3, 3] + depth[:, np.newaxis] * directions
         cosine = np.einsum("ij,ij->i", directions, self._normals[triangles]) / self._lengths
         instances = self._scene.instances[triangles]
         instances[nothing] = BACKGROUND
@@ -84,13 +82,11 @@ class Renderer:
     ) -> NDArray[np.float32]:
         """Return Lambert shading: light from all around, a little more from above, and a lamp."""
         normals = self._normals[triangles]
-        to_lamp = self._lamp - points
+        to_lamp = self._shadows.lamp.astype(np.float32) - points
         facing = np.einsum("ij,ij->i", normals, to_lamp)
         facing /= np.sqrt(np.einsum("ij,ij->i", to_lamp, to_lamp))
         lit = np.flatnonzero(facing > 0)
-        start = points[lit] + 1e-3 * normals[lit]
-        shadow = self._embree.run(start, to_lamp[lit], dists=np.ones(len(lit), np.float32)) >= 0
-        facing[lit[shadow]] = 0
+        facing[lit[self._shadows.cover(points[lit] + 1e-3 * normals[lit])]] = 0
         light = _AMBIENT + _FROM_ABOVE * normals[:, 2] + _FROM_LAMP * np.maximum(facing, 0)
         boards = np.flatnonzero(self._scene.is_floor[triangles])
         light[boards] *= _boards(points[boards])
