@@ -3,7 +3,7 @@
 BIN := .venv/bin
 PAGE := src/hypermap/viewer/page/app.js
 
-.PHONY: demo test bench ros1 chromium lint types tests core-tests package format lock clean help
+.PHONY: demo test bench ros1 chromium lint types tests core-tests package platforms lowest format lock clean help
 
 help:  ## list what can be made
 	@grep -hE '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -11,7 +11,7 @@ help:  ## list what can be made
 demo: .venv/.hypermap  ## see a map being made: a simulated room, mapped and drawn
 	$(BIN)/hypermap demo
 
-test: ros1 chromium lint types tests core-tests package  ## everything that CI checks
+test: ros1 chromium lint types tests core-tests package platforms  ## everything that CI checks
 
 ros1:  ## install ROS 1 for its tests, where that is possible: on Debian 12, as root
 	scripts/ros1.sh
@@ -39,6 +39,12 @@ core-tests: .venv-core/.core  ## the core's tests with nothing but numpy and sha
 
 package: .venv/.dev $(PAGE)  ## build the wheel, and run the command from it
 	scripts/check_wheel.sh
+
+platforms: .venv/.dev  ## whether all requirements can be had on ARM, macOS and Windows
+	scripts/check_platforms.sh
+
+lowest: .venv/.dev  ## tests with the lowest versions that are promised: some minutes
+	scripts/check_lowest.sh
 
 bench: .venv/.bench  ## ours and its peers, measured side by side: 18 minutes
 	scripts/peers.sh
