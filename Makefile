@@ -12,7 +12,7 @@ LIMIT := 3600
 ENDING := $(if $(shell command -v timeout),timeout --foreground --kill-after=60 $(LIMIT))
 PAGE := src/hypermap/viewer/page/app.js
 
-.PHONY: demo test bench ros1 chromium pictures lint types tests core-tests package format lock clean help
+.PHONY: demo test bench ros1 chromium pictures lint types tests core-tests package platforms lowest newest format lock clean help
 
 help:  ## list what can be made
 	@grep -hE '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -20,7 +20,7 @@ help:  ## list what can be made
 demo: $(VENV)/.hypermap  ## see a map being made: a simulated room, mapped and drawn
 	$(BIN)/hypermap demo
 
-test: ros1 chromium lint types tests core-tests package  ## everything that CI checks
+test: ros1 chromium lint types tests core-tests package platforms  ## everything that CI checks
 
 ros1:  ## install ROS 1 for its tests, where that is possible: on Debian 12, as root
 	scripts/ros1.sh
@@ -50,6 +50,15 @@ core-tests: .venv-core$(VERSION)/.core  ## the core's tests with nothing but num
 
 package: $(VENV)/.dev $(PAGE)  ## build the wheel, and run the command from it
 	scripts/check_wheel.sh
+
+platforms: $(VENV)/.dev  ## whether all requirements can be had on ARM, macOS and Windows
+	scripts/check_platforms.sh
+
+lowest: $(VENV)/.dev  ## tests with the lowest versions that are promised: some minutes
+	scripts/check_versions.sh lowest
+
+newest: $(VENV)/.dev  ## tests with the newest versions that pip finds: some minutes
+	scripts/check_versions.sh newest
 
 bench: $(VENV)/.bench  ## ours and its peers, measured side by side: 18 minutes
 	scripts/peers.sh
