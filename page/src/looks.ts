@@ -35,11 +35,11 @@ export function shortened(name: string, longest = LONGEST_LABEL): string {
     : `${letters.slice(0, longest - 1).join("")}…`;
 }
 
-/** A class of objects: its filled shape, and its label with a halo. */
+/** A class of objects: its shape in the color of the legend, and its label with a halo. */
 export function classLook(name: string, color: string, labelSize: number | null): ClassLook {
   const edge = mixed(color, cssColor("--edge"), 0.45);
   const shape = new Style({
-    fill: new Fill({ color: withAlpha(color, 0.62) }),
+    fill: new Fill({ color }),
     stroke: new Stroke({ color: edge, width: 1.5 }),
   });
   if (labelSize === null) return { shape, label: null };

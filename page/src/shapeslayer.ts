@@ -141,11 +141,12 @@ export class ShapesLayer {
   }
 }
 
-/** Large things below small ones; those of about one size by class, which is drawn faster. */
+/** Large things below small ones; of many, those of about one size by class, which is faster. */
 function inDrawingOrder(shapes: Shape[]): Shape[] {
   const octave = ({ area }: Shape) => Math.floor(Math.log2(Math.max(area, 1e-6)) / 2);
+  const size = shapes.length <= FEW ? ({ area }: Shape) => area : octave;
   return [...shapes].sort(
-    (a, b) => octave(b) - octave(a) || (a.name < b.name ? -1 : +(a.name > b.name)),
+    (a, b) => size(b) - size(a) || (a.name < b.name ? -1 : +(a.name > b.name)),
   );
 }
 

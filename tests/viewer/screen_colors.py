@@ -11,7 +11,6 @@ from hypermap.core.hypermap import Hypermap
 from hypermap.core.layer import RasterPicture
 from hypermap.core.semantic import SemanticLayer
 
-SHAPE_ALPHA = 158 / 255  # of a filled shape on the page
 OUTLINE = 4  # pixels; so near to an outline its color counts
 
 
@@ -54,7 +53,7 @@ class Expected:
         point = shapely.Point(x, y)
         for shape, own in self._shapes:
             if shape.covers(point):
-                color = SHAPE_ALPHA * own + (1 - SHAPE_ALPHA) * color
+                color = own
         return color
 
     def _ground(self, x: float, y: float) -> NDArray[np.float64]:

@@ -1,0 +1,101 @@
+"""What axe-core finds wrong for those who use the page by keyboard or screen reader: nothing.
+
+Source: https://github.com/dequelabs/axe-core; `make page` fetches it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Browser, BrowserContext, Page, expect
+
+from .page_tools import SIZE, Window, a_server
+from .run_tools import watching, write_run
+from .seen_map import saved_seen_map
+from .small_map import CHAIR, METRES_PER_PIXEL, PLACES
+
+pytestmark = pytest.mark.xdist_group("page")
+
+AXE = Path(__file__).resolve().parents[2] / "page" / "node_modules" / "axe-core" / "axe.min.js"
+NARROW = {"width": 420, "height": 800}
+FIND = """async () => {
+    const {violations} = await axe.run(document);
+    return violations.flatMap(({id, nodes}) => nodes.map(({html}) => `${id}: ${html}`));
+}"""
+
+
+@contextlib.contextmanager
+def a_context(browser: Browser, scheme: str, size: object = SIZE) -> Iterator[BrowserContext]:
+    """Yield a context whose pages know axe-core."""
+    if not AXE.is_file():
+        pytest.skip("axe-core is not installed: scripts/page.sh")
+    context = browser.new_context(viewport=size, color_scheme=scheme, reduced_motion="reduce")
+    with contextlib.closing(context):
+        context.add_init_script(AXE.read_text(encoding="utf-8"))
+        yield context
+
+
+def found(page: Page) -> list[str]:
+    complaints: list[str] = page.evaluate(FIND)
+    return complaints
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_the_page_of_a_map_has_no_findings(browser: Browser, tmp_path: Path, scheme: str) -> None:
+    path = saved_seen_map(tmp_path)
+    with a_server(path) as url, a_context(browser, scheme) as context:
+        window = Window(context, url)
+        page = window.page
+        assert found(page) == [], "the map alone"
+        window.look_at(5, 4, METRES_PER_PIXEL)
+        window.ask_at(*PLACES[CHAIR])
+        assert found(page) == [], "an answer"
+        page.locator("#panel .object", has_text=f"id {CHAIR} ").first.click()
+        page.locator("#panel .behind .opener").click()
+        expect(page.locator("#panel .outlines").first).to_be_visible()
+        assert found(page) == [], "evidence"
+        window.find("chair")
+        assert found(page) == [], "matches"
+        window.look_at(5, 4, METRES_PER_PIXEL)
+        page.locator("#tool-rectangle").click()
+        window.drag((2, 2), (7.6, 5.6))
+        expect(page.locator("table.rows")).to_be_visible()
+        assert found(page) == [], "a table"
+        page.locator("#tool-edit").click()
+        window.wait_until_nothing_is_drawn()
+        window.click_at(*PLACES[CHAIR])
+        page.locator("#object-name").fill("armchair")
+        assert found(page) == [], "a form"
+        page.locator("#object-apply").click()
+        expect(page.locator("#edit-save")).to_be_enabled()
+        os.utime(path, (1, 1))
+        path.write_bytes(path.read_bytes() + b"\n")
+        expect(page.locator("#banner")).to_be_visible()
+        assert found(page) == [], "a banner"
+        page.locator("#edit-save").click()
+        expect(page.get_by_role("dialog")).to_be_visible()
+        assert found(page) == [], "a dialog"
+
+
+def test_the_page_of_a_run_has_no_findings(browser: Browser, tmp_path: Path) -> None:
+    with watching(write_run(tmp_path / "drive", 8, 3), tmp_path / "room.hmap") as watched:
+        watched.wait_for("the run stays at")
+        for size in (SIZE, NARROW):
+            with a_context(browser, "light", size) as context:
+                page = context.new_page()
+                page.goto(watched.url)
+                expect(page.locator("#state")).to_have_text("saved room.hmap")
+                expect(page.locator("#seen li").first).to_be_attached()
+                assert found(page) == []
+
+
+def test_a_narrow_page_has_no_findings(browser: Browser, tmp_path: Path) -> None:
+    with a_server(saved_seen_map(tmp_path)) as url, a_context(browser, "light", NARROW) as context:
+        window = Window(context, url)
+        assert found(window.page) == []
+        window.page.locator("#menu").click()
+        assert found(window.page) == []
