@@ -11,7 +11,6 @@ import shapely
 
 from hypermap import (
     FormatError,
-    FrameError,
     FrameTree,
     Hypermap,
     Pose2D,
@@ -69,8 +68,8 @@ def test_a_map_is_one_table_in_its_base_frame() -> None:
     assert frame.crs.name == "map"
     expected = [[item.point_xy[0], item.point_xy[1]] for item in hypermap.objects()]
     np.testing.assert_allclose(shapely.get_coordinates(frame.centroid), expected)
-    with pytest.raises(FrameError):
-        to_geodataframe(Hypermap([floor, layer()]))
+    without_place = to_geodataframe(Hypermap([floor, layer()]))
+    assert without_place["layer"].tolist() == ["floor"]
     assert len(to_geodataframe(Hypermap())) == 0
 
 
@@ -86,13 +85,12 @@ def test_rows_without_ids_are_numbered_by_the_layer() -> None:
     ("change", "frame_id", "message"),
     [
         (lambda frame: frame.set_crs(None, allow_override=True), None,
-         "the GeoDataFrame: crs: is missing: say in which frame the coordinates are, as "
-         "frame_id='map'"),
+         "the GeoDataFrame: crs: is missing, as GIS programs leave it out; if coordinates are "
+         "metres in a frame of the map, name it: --frame map, or frame_id=\"map\" in Python"),
         (lambda frame: frame.set_crs(4326, allow_override=True), "map",
-         "the GeoDataFrame: crs: is 'WGS 84', a system of the globe; move the shapes to metres in "
-         "a frame of the map, and take it away by set_crs(None, allow_override=True)"),
+         "the GeoDataFrame: crs: coordinates are in WGS 84, not in metres in a frame of the map"),
         (lambda frame: frame.set_crs(32632, allow_override=True), None,
-         "the GeoDataFrame: crs: is 'WGS 84 / UTM zone 32N', a system of the globe; move"),
+         "the GeoDataFrame: crs: coordinates are in WGS 84 / UTM zone 32N, not in metres"),
         (lambda frame: frame.drop(columns="name"), None, "the GeoDataFrame: row 0: name: is requ"),
         (lambda frame: frame.set_geometry(frame.centroid), None,
          "the GeoDataFrame: row 0: a footprint must be a polygon or multipolygon, got Point"),

@@ -11,7 +11,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-PATIENCE = 90.0  # s; the machine may be busy
+PATIENCE = 240.0  # s; the machine may be busy, and loops may have to be compiled
 
 
 def hypermap(*arguments: object, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:

@@ -31,12 +31,12 @@ def to_geodataframe(source: SemanticLayer | Hypermap) -> GeoDataFrame:
     """Return one row per object: its id (the index), name, what else is known, and geometry.
 
     Coordinates are metres in the layer's frame, or in the base frame of a map, whose objects have
-    the name of their layer in the column `layer`; ids are unique within a layer. The coordinate
-    reference system has the frame's name.
+    the name of their layer in the column `layer`; ids are unique within a layer. Layers without a
+    place in that frame are left out, and the log tells of them. The coordinate reference system has
+    the frame's name.
 
     Raises:
         MissingExtra: If geopandas is not installed.
-        FrameError: If a semantic layer of the map has no place in its base frame.
     """
     try:
         import geopandas
