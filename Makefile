@@ -10,9 +10,11 @@ BIN := $(VENV)/bin
 # Should the tests as a whole hang: they end after so many seconds (none: make test LIMIT=0).
 LIMIT := 3600
 ENDING := $(if $(shell command -v timeout),timeout --foreground --kill-after=60 $(LIMIT))
+# One more than there are cores, as some tests wait for other programs.
+WORKERS := $(shell expr $$(getconf _NPROCESSORS_ONLN) + 1)
 PAGE := src/hypermap/viewer/page/app.js
 
-.PHONY: demo test bench ros1 chromium pictures lint types tests core-tests package platforms lowest newest format lock clean help
+.PHONY: demo test bench ros1 chromium pictures lint types tests coverage core-tests package platforms lowest newest format lock clean help
 
 help:  ## list what can be made
 	@grep -hE '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -20,7 +22,7 @@ help:  ## list what can be made
 demo: $(VENV)/.hypermap  ## see a map being made: a simulated room, mapped and drawn
 	$(BIN)/hypermap demo
 
-test: ros1 chromium lint types tests core-tests package platforms  ## everything that CI checks
+test: ros1 chromium lint types tests coverage core-tests package platforms  ## everything that CI checks
 
 ros1:  ## install ROS 1 for its tests, where that is possible: on Debian 12, as root
 	scripts/ros1.sh
@@ -42,8 +44,11 @@ lint: $(VENV)/.dev  ## style, and which room may import which
 types: $(VENV)/.dev  ## strict type check, with Python 3.11
 	scripts/types.sh
 
-tests: $(VENV)/.dev $(PAGE)  ## all tests and the examples in the documents, with a coverage report
-	$(ENDING) $(BIN)/pytest -n auto --dist loadgroup --cov --cov-report=term --cov-report=xml
+tests: $(VENV)/.dev $(PAGE)  ## all tests and the examples in the documents
+	$(ENDING) $(BIN)/pytest -n $(WORKERS) --dist loadgroup
+
+coverage: $(VENV)/.dev $(PAGE)  ## all tests, and which lines they reach: takes half as long again
+	$(BIN)/pytest -n $(WORKERS) --dist loadgroup --cov --cov-report=term --cov-report=xml
 
 core-tests: .venv-core$(VERSION)/.core  ## the core's tests with nothing but numpy and shapely installed
 	.venv-core$(VERSION)/bin/pytest -q tests/core src/hypermap/core
