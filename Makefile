@@ -45,6 +45,7 @@ types: $(VENV)/.dev  ## strict type check, with Python 3.11
 	scripts/types.sh
 
 tests: $(VENV)/.dev $(PAGE)  ## all tests and the examples in the documents
+	$(BIN)/hypermap warm-up  # else each worker compiles the same loops
 	$(ENDING) $(BIN)/pytest -n $(WORKERS) --dist loadgroup
 
 coverage: $(VENV)/.dev $(PAGE)  ## all tests, and which lines they reach: takes half as long again
