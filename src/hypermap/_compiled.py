@@ -6,6 +6,8 @@ import os
 import stat
 from pathlib import Path
 
+_GIVEN = "NUMBA_CACHE_DIR" in os.environ
+
 
 def find_a_cache() -> None:
     """Name a private temporary folder to numba if neither the package nor the home is writable.
@@ -29,3 +31,8 @@ def find_a_cache() -> None:
     # What lies there will be executed, so nobody else may write there.
     if stat.S_ISDIR(status.st_mode) and status.st_uid == user and not status.st_mode & 0o077:
         os.environ["NUMBA_CACHE_DIR"] = str(folder)
+
+
+def has_own_place() -> bool:
+    """Return whether the user has named a folder for compiled loops, by NUMBA_CACHE_DIR."""
+    return _GIVEN

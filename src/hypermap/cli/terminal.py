@@ -181,6 +181,8 @@ def set_verbosity(level: int) -> None:
         logger = logging.getLogger(name)
         logger.handlers = [LineHandler()]
         logger.setLevel(shown[min(max(level, -1), 2) + 1])
+    # That loops are compiled is told as if it were progress.
+    logging.getLogger("hypermap._loops").setLevel(logging.ERROR if level < 0 else logging.INFO)
 
 
 def change_verbosity(by: int) -> None:

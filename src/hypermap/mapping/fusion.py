@@ -7,9 +7,9 @@ from typing import TypeAlias
 
 import numpy as np
 import shapely
-from numba import njit
 from numpy.typing import NDArray
 
+from hypermap._loops import loop
 from hypermap.mapping.outlines import Outline
 from hypermap.mapping.pile import Pile
 from hypermap.mapping.stages import EvidenceConfig
@@ -51,7 +51,7 @@ def _hull(points_xy: NDArray[np.float64]) -> Outline:
     return Outline.of(shapely.LineString(points_xy).convex_hull)
 
 
-@njit(cache=True)
+@loop()
 def _nearest_to_mean(points_xy: NDArray[np.float64]) -> int:
     """Return which point is nearest to the mean of all, the first of equally near ones."""
     count = len(points_xy)

@@ -7,9 +7,9 @@ from itertools import compress
 from typing import TypeAlias
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from hypermap._loops import loop
 from hypermap.core.arrays import BoolArray, IntArray, ObjectArray, as_objects
 from hypermap.mapping.columns import Column
 from hypermap.mapping.outlines import Box, Outline
@@ -96,7 +96,7 @@ class KnownShapes:
         return rows
 
 
-@njit(cache=True)
+@loop()
 def _meeting(
     classes: IntArray,
     boxes: NDArray[np.float64],
@@ -110,7 +110,7 @@ def _meeting(
     count = 0
     for row in range(len(classes)):
         if (
-            (class_ in (_ANY, classes[row]))
+            (class_ == _ANY or class_ == classes[row])
             and boxes[row, 0] <= xmax
             and boxes[row, 1] <= ymax
             and boxes[row, 2] >= xmin
@@ -121,7 +121,7 @@ def _meeting(
     return rows[:count]
 
 
-@njit(cache=True)
+@loop()
 def _within(
     boxes: NDArray[np.float64],
     xmin: float,

@@ -7,9 +7,9 @@ OctoMap, Autonomous Robots 2013.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from hypermap._loops import loop
 from hypermap.core.arrays import BoolArray
 from hypermap.core.errors import HypermapError
 from hypermap.core.frames import Pose2D
@@ -148,7 +148,7 @@ class OccupancyMapper:
         )
 
 
-@njit(cache=True)
+@loop()
 def _change(
     log_odds: NDArray[np.float32],
     is_hit: BoolArray,

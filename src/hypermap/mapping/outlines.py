@@ -8,10 +8,10 @@ from typing import Any, TypeAlias, TypeVar, cast
 
 import numpy as np
 import shapely
-from numba import njit
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
+from hypermap._loops import loop
 from hypermap.core.arrays import BoolArray, IntArray, ObjectArray, as_objects
 
 _POLYGON = 3  # shapely's number of this type
@@ -79,7 +79,7 @@ def shared_area(one: Outline, other: Outline) -> float:
     return shared if shared > _NOTHING * min(one.area, other.area) else 0.0
 
 
-@njit(cache=True)
+@loop()
 def _shared_area(edges: NDArray[np.float64], others: NDArray[np.float64]) -> float:
     """Return the area that two shapes share [m²].
 
@@ -121,7 +121,7 @@ def _shared_area(edges: NDArray[np.float64], others: NDArray[np.float64]) -> flo
     return total
 
 
-@njit(cache=True)
+@loop()
 def _ring(points: NDArray[np.float64]) -> tuple[Box, float, NDArray[np.float64]]:
     """Return box, area and edges of one closed ring, shape (P, 2), as `Outline` has them."""
     count = max(len(points) - 1, 0)
@@ -138,7 +138,8 @@ def _ring(points: NDArray[np.float64]) -> tuple[Box, float, NDArray[np.float64]]
         # In shapely's order, so that the area is the same to the last bit.
         before = points[p - 1, 1] if p else points[count - 1, 1]
         twice_area += (x - points[0, 0]) * (points[p + 1, 1] - before)
-    edges[:, 4] = 1 if twice_area > 0 else -1
+    for p in range(count):
+        edges[p, 4] = 1 if twice_area > 0 else -1
     return (xmin, ymin, xmax, ymax), abs(twice_area / 2), edges
 
 
@@ -160,7 +161,7 @@ def _edges_of(shapes: ObjectArray) -> tuple[NDArray[np.float64], list[int]]:
     return edges, first.tolist()
 
 
-@njit(cache=True)
+@loop()
 def _edges_of_rings(
     points: NDArray[np.float64],
     ring_of_point: IntArray,
@@ -190,7 +191,9 @@ def _edges_of_rings(
             twice_area -= (points[p + 1, 0] - origin_x) * (points[p, 1] - origin_y)
             count += 1
         else:  # the ring ends; drawn counter-clockwise, it has its inside on the left
-            edges[begin:count, 4] = 1 if (twice_area > 0) != is_hole[ring_of_point[p]] else -1
+            is_inside_left = (twice_area > 0) != is_hole[ring_of_point[p]]
+            for edge in range(begin, count):
+                edges[edge, 4] = 1 if is_inside_left else -1
             begin, twice_area = count, 0.0
             first[shape_of_ring[ring_of_point[p]] + 1] = count
     for shape in range(1, len(first)):  # those without points begin where they end

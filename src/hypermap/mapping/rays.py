@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from hypermap._loops import inner_loop, loop
 from hypermap.core.arrays import BoolArray
 from hypermap.core.grid import GridGeometry
 from hypermap.mapping.stages import OccupancyConfig
@@ -92,7 +92,7 @@ class Rays:
         return hits, free
 
 
-@njit(cache=True)
+@loop()
 def _rays_of_points(
     points: NDArray[np.float32],
     map_T_camera: NDArray[np.float64],
@@ -136,7 +136,7 @@ def _rays_of_points(
     return hits[:n_hits], free_from[:n_free], free_to[:n_free]
 
 
-@njit(cache=True)
+@inner_loop()
 def _low_stretch(start: float, end: float, low: float, high: float) -> tuple[float, float]:
     """Return from where to where a line runs between two heights, as shares of its length.
 
@@ -156,7 +156,7 @@ def _low_stretch(start: float, end: float, low: float, high: float) -> tuple[flo
     return max(min(at_low, at_high), 0.0), min(max(at_low, at_high), 1.0)
 
 
-@njit(cache=True)
+@loop()
 def _box(points_xy: NDArray[np.float64]) -> tuple[tuple[float, float], tuple[float, float]]:
     """Return the lower left and the upper right corner of some points."""
     xmin, ymin = xmax, ymax = points_xy[0, 0], points_xy[0, 1]
@@ -166,7 +166,7 @@ def _box(points_xy: NDArray[np.float64]) -> tuple[tuple[float, float], tuple[flo
     return (xmin, ymin), (xmax, ymax)
 
 
-@njit(cache=True)
+@loop()
 def _count_points(
     counts: NDArray[np.int64], points_xy: NDArray[np.float64], to_cells: NDArray[np.float64]
 ) -> None:
@@ -179,7 +179,7 @@ def _count_points(
             counts[row, col] += 1
 
 
-@njit(cache=True)
+@loop()
 def _mark_lines(
     marked: BoolArray,
     begin_xy: NDArray[np.float64],
@@ -199,7 +199,7 @@ def _mark_lines(
                 marked[row, col] = True
 
 
-@njit(cache=True)
+@inner_loop()
 def _position(to_cells: NDArray[np.float64], x: float, y: float) -> tuple[float, float]:
     """Return where a point lies, counted in columns and rows (`GridGeometry.to_cells_matrix`)."""
     return (

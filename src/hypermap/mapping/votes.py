@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from hypermap._loops import inner_loop, loop
 from hypermap.core.arrays import IntArray
 from hypermap.core.frames import Pose2D
 from hypermap.core.grid import GridGeometry
@@ -58,7 +58,6 @@ def agreed_points(pile: Pile, config: EvidenceConfig) -> NDArray[np.float64]:
     return grid.centers(corner_rows, corner_cols)
 
 
-@njit(cache=True)
 def aligning_moves(
     areas: NDArray[np.float64],
     centroids: NDArray[np.float64],
@@ -79,18 +78,66 @@ def aligning_moves(
     Returns:
         Moves [m], shape (N, 2).
     """
-    is_whole = areas >= _WHOLE * np.percentile(areas, 75)
     moves = np.empty(centroids.shape)
-    for axis in range(2):
-        values = centroids[:, axis][is_whole]
-        order = np.argsort(values, kind="mergesort")  # which keeps the order of equal ones
-        total = np.cumsum(weights[is_whole][order])
-        median = values[order][np.searchsorted(total, total[-1] / 2)]
-        moves[:, axis] = median - centroids[:, axis]
-    for i in range(len(areas)):
-        if not is_whole[i] or np.hypot(moves[i, 0], moves[i, 1]) > limit:
-            moves[i] = 0
+    order = np.argsort(centroids, axis=0, kind="stable")
+    _align(moves, np.sort(areas), areas, centroids, order, weights, limit)
     return moves
+
+
+@loop()
+def _align(
+    moves: NDArray[np.float64],
+    sorted_areas: NDArray[np.float64],
+    areas: NDArray[np.float64],
+    centroids: NDArray[np.float64],
+    order: IntArray,
+    weights: NDArray[np.float64],
+    limit: float,
+) -> None:
+    """Do what `aligning_moves` says.
+
+    Args:
+        moves: to be filled, shape (N, 2).
+        sorted_areas: in rising order, shape (N,).
+        areas: as there.
+        centroids: as there.
+        order: of the centroids along each axis, shape (N, 2).
+        weights: as there.
+        limit: as there.
+    """
+    count = len(areas)
+    place = 0.75 * (count - 1)
+    below = int(place)
+    above = below + 1 if below + 1 < count else below
+    share = place - below
+    quartile = sorted_areas[below] * (1 - share) + sorted_areas[above] * share
+    least = _WHOLE * quartile  # what shows the whole object
+    for axis in range(2):
+        median = _weighted_median(axis, least, areas, centroids, order, weights)
+        for i in range(count):
+            moves[i, axis] = median - centroids[i, axis]
+    for i in range(count):
+        if areas[i] < least or np.hypot(moves[i, 0], moves[i, 1]) > limit:
+            moves[i, 0] = moves[i, 1] = 0
+
+
+@inner_loop()
+def _weighted_median(axis, least, areas, centroids, order, weights):  # type: ignore[no-untyped-def]
+    """Return the first coordinate with half of the weights of what is large enough up to it."""
+    whole = 0.0
+    for k in range(len(order)):
+        i = order[k, axis]
+        if areas[i] >= least:
+            whole += weights[i]
+    total, median = 0.0, np.nan
+    for k in range(len(order)):
+        i = order[k, axis]
+        if areas[i] >= least:
+            total += weights[i]
+            median = centroids[i, axis]
+            if total >= whole / 2:
+                break
+    return median
 
 
 def _joined(outlines: Sequence[Outline]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
@@ -100,7 +147,7 @@ def _joined(outlines: Sequence[Outline]) -> tuple[NDArray[np.float64], NDArray[n
     return np.concatenate([outline.edges for outline in outlines]), first
 
 
-@njit(cache=True)
+@loop()
 def _bounds(
     edges: NDArray[np.float64], first: IntArray, moves: NDArray[np.float64]
 ) -> tuple[float, float, float, float]:
@@ -127,7 +174,7 @@ def _voting_grid(box: tuple[float, float, float, float], resolution: float) -> G
     )
 
 
-@njit(cache=True)
+@loop()
 def _steps(
     edges: NDArray[np.float64],
     first: IntArray,
@@ -154,7 +201,7 @@ def _steps(
     x_scale, y_scale = to_cells[0, 0], to_cells[1, 1]
     x_begin, y_begin = to_cells[0, 2], to_cells[1, 2]
     for polygon in range(len(weights)):
-        x_move, y_move = moves[polygon]
+        x_move, y_move = moves[polygon, 0], moves[polygon, 1]
         for e in range(first[polygon], first[polygon + 1]):
             # In cells, whose centres are at whole numbers.
             x0 = (edges[e, 0] + x_move) * x_scale + x_begin - 0.5
@@ -172,7 +219,7 @@ def _steps(
     return steps
 
 
-@njit(cache=True)
+@loop()
 def _chosen(
     ayes: NDArray[np.float64], cast: NDArray[np.float64], without_area: float, share: float
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:

@@ -10,9 +10,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from hypermap._loops import loop
 from hypermap.core.arrays import BoolArray, IntArray
 from hypermap.perception.config import PerceptionConfig
 from hypermap.perception.frame import Camera
@@ -93,9 +93,9 @@ class _Inside:
 
     def __init__(self, surfaces: Surfaces, pixels: IntArray) -> None:
         count = len(surfaces.sizes)
-        self.sizes, self.extents, sums = _measure(
-            surfaces.labels, surfaces.disparity, pixels, count
-        )
+        flat_labels, flat_disparity = surfaces.labels.ravel(), surfaces.disparity.ravel()
+        width = surfaces.labels.shape[1]
+        self.sizes, self.extents, sums = _measure(flat_labels, flat_disparity, width, pixels, count)
         self.depths = np.divide(self.sizes, sums, out=np.full(count, np.inf), where=sums > 0)
 
 
@@ -133,24 +133,26 @@ def _iou(extents: IntArray, box: NDArray[np.float32]) -> NDArray[np.float64]:
     return np.asarray(shared / (areas + np.prod(box[2:] - box[:2]) - shared))
 
 
-@njit(cache=True)
+@loop()
 def _on(labels: NDArray[np.int32], pixels: IntArray, is_chosen: BoolArray) -> IntArray:
     """Return those of some pixels that are on a chosen surface."""
-    found = np.empty_like(pixels)
+    found = np.empty(len(pixels), np.int64)
     count = 0
     for pixel in pixels:
         found[count] = pixel
         count += is_chosen[labels[pixel]]
-    return found[:count].copy()
+    return found[:count]
 
 
-@njit(cache=True)
+@loop()
 def _measure(
-    labels: NDArray[np.int32], disparity: NDArray[np.float32], pixels: IntArray, count: int
+    flat_labels: NDArray[np.int32],
+    flat_disparity: NDArray[np.float32],
+    width: int,
+    pixels: IntArray,
+    count: int,
 ) -> tuple[IntArray, IntArray, NDArray[np.float64]]:
     """Return size, extent and sum of disparities of each surface among some pixels."""
-    width = labels.shape[1]
-    flat_labels, flat_disparity = labels.ravel(), disparity.ravel()
     sizes = np.zeros(count, np.int64)
     sums = np.zeros(count)
     extents = np.zeros((count, 4), np.int64)

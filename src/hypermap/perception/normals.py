@@ -9,9 +9,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit, uint64
+from numba import uint64
 from numpy.typing import NDArray
 
+from hypermap._loops import loop
 from hypermap.core.arrays import BoolArray, IntArray
 from hypermap.perception.smooth import fit_smooth
 
@@ -57,7 +58,7 @@ def fit_planes(
     return normals, curvatures, radii2
 
 
-@njit(cache=True)
+@loop()
 def _put(
     places: IntArray,
     some_normals: NDArray[np.float32],
@@ -73,7 +74,7 @@ def _put(
         at[place] = some_curvatures[i]
 
 
-@njit(cache=True, error_model="numpy")
+@loop()
 def _covariances(
     planes: NDArray[np.float32],
     places: IntArray,
@@ -125,7 +126,7 @@ def _covariances(
     return covariances
 
 
-@njit(cache=True, error_model="numpy", fastmath=_VECTORS)
+@loop(fastmath=_VECTORS)
 def _sums(x, y, z, stride, place, chunks, blocks, radius2):  # type: ignore[no-untyped-def]
     """Return the sums of 1, x, y, z, xx, xy, xz, yy, yz, zz over a window's points in a radius.
 
@@ -159,7 +160,7 @@ def _sums(x, y, z, stride, place, chunks, blocks, radius2):  # type: ignore[no-u
     return n, sx, sy, sz, sxx, sxy, sxz, syy, syz, szz
 
 
-@njit(cache=True, error_model="numpy", fastmath=_VECTORS)
+@loop(fastmath=_VECTORS)
 def planes_through(covariances):  # type: ignore[no-untyped-def]
     """Return the normals and the curvatures of points with given covariances.
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from hypermap._loops import loop
 from hypermap.core.arrays import BoolArray, IntArray
 from hypermap.perception.config import PerceptionConfig
 from hypermap.perception.frame import RgbdFrame
@@ -66,14 +66,14 @@ def grow_regions(
     ]
 
 
-@njit(cache=True)
+@loop()
 def _row_starts(pixels: IntArray, width: int) -> IntArray:
     """Return which of increasing pixels is the first of each row, and at last their number."""
     rows = np.arange(pixels[0] // width, pixels[-1] // width + 2)
     return np.searchsorted(pixels, rows * width)
 
 
-@njit(cache=True)
+@loop()
 def _part(pixels: IntArray, starts: IntArray, width: int) -> tuple[int, int, int, int]:
     """Return the first row and column of some pixels, and those behind the last."""
     top = pixels[0] // width
@@ -85,7 +85,7 @@ def _part(pixels: IntArray, starts: IntArray, width: int) -> tuple[int, int, int
     return top, left, top + len(starts) - 1, right
 
 
-@njit(cache=True)
+@loop()
 def _places(
     pixels: IntArray, starts: IntArray, width: int, stride: int, shift: int
 ) -> NDArray[np.int32]:
@@ -99,7 +99,7 @@ def _places(
     return places
 
 
-@njit(cache=True)
+@loop()
 def _set_reach(
     radii2: NDArray[np.float32],
     wanted: BoolArray,

@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit, uint64
+from numba import uint64
 from numpy.typing import NDArray
 
+from hypermap._loops import inner_loop, loop
 from hypermap.core.arrays import BoolArray, FloatArray
 from hypermap.perception.frame import RgbdFrame
 from hypermap.perception.projection import Rows, fill_row, rows_of
@@ -16,6 +17,8 @@ DIRECTIONS = 16  # in which the farthest of some points are looked for
 SOME = 1000  # of the points are looked at for these
 TINY = 1e-6  # more than what float64 may be off, at these distances [m]
 ROUNDING = 1e-3  # more than what float32 may be off, at a camera's distances [m]
+
+_ANGLES = np.arange(DIRECTIONS) * (2 * np.pi / DIRECTIONS)
 
 
 def outer_points(
@@ -42,23 +45,30 @@ def outer_points(
     """
     rows, some = rows_of(frame, step), np.ascontiguousarray(valid[::step, ::step])
     to_floor = map_T_camera[:2, :3].astype(np.float32)
-    corners = _farthest(*_sample(rows, some, to_floor))
+    x, y = _sample(rows, some, to_floor)
     # A centroid may lie a diagonal from a point of its cell: once for the polygon's corner, once
     # for the point in question.
     margin = 2 * math.sqrt(2) * voxel_size + ROUNDING
-    return _outside(rows, some, to_floor, _edges(corners, margin))
-
-
-@njit(cache=True)
-def outer_xy(points_xy: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the points in the plane that can be corners of their hull [m], shape (M, 2)."""
-    x, y = points_xy[:, 0].copy(), points_xy[:, 1].copy()
-    distances = _far_out(x, y, _edges(_farthest(x, y), TINY))
-    outer: NDArray[np.float64] = points_xy[distances > 0]
+    outer: NDArray[np.float32] = _outside(rows, some, to_floor, _inner(x, y, margin))
     return outer
 
 
-@njit(cache=True)
+def outer_xy(points_xy: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the points in the plane that can be corners of their hull [m], shape (M, 2)."""
+    x, y = np.ascontiguousarray(points_xy.T)
+    outer: NDArray[np.float64] = points_xy[_far_out(x, y, _inner(x, y, TINY)) > 0]
+    return outer
+
+
+def _inner(x: FloatArray, y: FloatArray, margin: float) -> FloatArray:
+    """Return the edges of a polygon of some of the points, as `_edges` does."""
+    along, across = np.cos(_ANGLES).astype(x.dtype), np.sin(_ANGLES).astype(x.dtype)
+    corners = _farthest(x, y, along, across)
+    edges: FloatArray = _edges(corners.astype(np.float64), margin).astype(x.dtype)
+    return edges
+
+
+@loop()
 def _sample(
     rows: Rows, valid: BoolArray, to_floor: NDArray[np.float32]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
@@ -75,10 +85,10 @@ def _sample(
             if valid[row, column]:
                 some_x[count], some_y[count] = x[column], y[column]
                 count += 1
-    return some_x[:count].copy(), some_y[:count].copy()
+    return some_x[:count], some_y[:count]
 
 
-@njit(cache=True)
+@loop()
 def _outside(
     rows: Rows, valid: BoolArray, to_floor: NDArray[np.float32], edges: NDArray[np.float32]
 ) -> NDArray[np.float32]:
@@ -99,7 +109,7 @@ def _outside(
     return outer[:count]
 
 
-@njit(cache=True)
+@inner_loop()
 def _on_floor(points, to_floor):  # type: ignore[no-untyped-def]
     """Return x and y on the floor of points, shape (3, N)."""
     x, y = np.empty(points.shape[1], np.float32), np.empty(points.shape[1], np.float32)
@@ -110,13 +120,20 @@ def _on_floor(points, to_floor):  # type: ignore[no-untyped-def]
     return x, y
 
 
-@njit(cache=True)
-def _farthest(x: FloatArray, y: FloatArray) -> FloatArray:
-    """Return which points are the farthest in some directions, counterclockwise, shape (K, 2)."""
-    angles = np.arange(DIRECTIONS) * (2 * np.pi / DIRECTIONS)
-    along, across = np.cos(angles).astype(x.dtype), np.sin(angles).astype(x.dtype)
-    corners = np.zeros((DIRECTIONS, 2), x.dtype)
-    farthest = np.full(DIRECTIONS, -np.inf, x.dtype)
+@loop()
+def _farthest(x: FloatArray, y: FloatArray, along: FloatArray, across: FloatArray) -> FloatArray:
+    """Return which points are the farthest in some directions, counterclockwise, shape (K, 2).
+
+    Args:
+        x: of the points, shape (N,).
+        y: of the points, shape (N,).
+        along: cosines of the directions, shape (K,).
+        across: their sines, shape (K,).
+    """
+    corners, farthest = np.empty((DIRECTIONS, 2), x.dtype), np.empty(DIRECTIONS, x.dtype)
+    for k in range(DIRECTIONS):
+        corners[k, 0] = corners[k, 1] = 0
+        farthest[k] = -np.inf
     for i in range(len(x)):
         for k in range(DIRECTIONS):
             distance = along[k] * x[i] + across[k] * y[i]
@@ -126,8 +143,8 @@ def _farthest(x: FloatArray, y: FloatArray) -> FloatArray:
     return corners
 
 
-@njit(cache=True)
-def _edges(corners: FloatArray, margin: float) -> FloatArray:
+@loop()
+def _edges(corners: NDArray[np.float64], margin: float) -> NDArray[np.float64]:
     """Return a, b, c of a x + b y + c, which is the distance outwards from each edge [m].
 
     Args:
@@ -137,24 +154,23 @@ def _edges(corners: FloatArray, margin: float) -> FloatArray:
     Returns:
         Shape (K, 3); such that nothing lies within if the corners are no polygon.
     """
-    edges = np.zeros((DIRECTIONS, 3), corners.dtype)
+    edges = np.empty((DIRECTIONS, 3))
     count = 0
     for k in range(DIRECTIONS):
-        x, y = np.float64(corners[k, 0]), np.float64(corners[k, 1])
+        x, y = corners[k, 0], corners[k, 1]
         dx, dy = corners[(k + 1) % DIRECTIONS, 0] - x, corners[(k + 1) % DIRECTIONS, 1] - y
         length = np.hypot(dx, dy)
-        edges[k, 2] = -np.inf
+        edges[k, 0], edges[k, 1], edges[k, 2] = 0, 0, -np.inf
         if length > 0:
             a, b = dy / length, -dx / length
             edges[k, 0], edges[k, 1], edges[k, 2] = a, b, margin - a * x - b * y
             count += 1
-    if count < 3:
-        edges[:] = 0
-        edges[:, 2] = np.inf
+    for k in range(DIRECTIONS if count < 3 else 0):
+        edges[k, 0], edges[k, 1], edges[k, 2] = 0, 0, np.inf
     return edges
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@loop(fastmath={"contract"})
 def _far_out(x, y, edges):  # type: ignore[no-untyped-def]
     """Return how far points are outside of the edge that they are farthest from, shape (N,)."""
     distances = np.empty_like(x)

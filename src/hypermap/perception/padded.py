@@ -7,9 +7,9 @@ point, and every pixel outside the image, holds `FAR`, and so is near no other.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from hypermap._loops import loop
 from hypermap.core.arrays import BoolArray
 from hypermap.perception.projection import Rows, fill_row
 
@@ -17,7 +17,7 @@ FAR = np.float32(1e6)
 MARGIN = 32  # rows and columns on each side
 
 
-@njit(cache=True)
+@loop()
 def planes_of(
     rows: Rows, valid: BoolArray, top: int, left: int, bottom: int, right: int
 ) -> NDArray[np.float32]:

@@ -7,9 +7,9 @@ neighbours. Small things so become part of one large surface that no box enclose
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from hypermap._loops import loop
 from hypermap.core.arrays import BoolArray, IntArray
 from hypermap.perception.config import PerceptionConfig
 from hypermap.perception.frame import Camera
@@ -65,7 +65,7 @@ def _mask(pixels: IntArray, shape: tuple[int, ...]) -> BoolArray:
     return inside
 
 
-@njit(cache=True)
+@loop()
 def _cut_edges(labels: NDArray[np.int32], piece: IntArray, inside: BoolArray) -> tuple[int, int]:
     """Return at how many edges of its pixels a piece was cut off, and how long its outline is.
 

@@ -12,9 +12,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit, uint64
+from numba import uint64
 from numpy.typing import NDArray
 
+from hypermap._loops import inner_loop, loop
 from hypermap.core.arrays import IntArray
 from hypermap.perception.config import PerceptionConfig
 from hypermap.perception.frame import Camera
@@ -50,11 +51,12 @@ def find_planes(
     cosine = math.cos(math.radians(config.smoothness_deg))
     sums = _sum_blocks(disparity, center, side)
     planes, flatness = _fit_blocks(sums, MIN_FILL * side * side, FLAT * noise)
-    blocks, planes = _join_blocks(sums, planes, flatness, focal, cosine, LEVEL * noise)
+    seeds = np.argsort(flatness, axis=None, kind="stable")
+    blocks, planes = _join_blocks(sums, planes, flatness, seeds, focal, cosine, LEVEL * noise)
     return _spread(disparity, blocks, planes, center, side, ON_PLANE * noise), len(planes)
 
 
-@njit(cache=True)
+@loop()
 def _sum_blocks(
     disparity: NDArray[np.float32], center: tuple[float, float], side: int
 ) -> NDArray[np.float64]:
@@ -63,7 +65,9 @@ def _sum_blocks(
     sums = np.zeros((h, w, 10))
     columns = np.empty((6, w * side))  # n, v, vv, d, vd, dd of each of a row of blocks
     for row in range(h):
-        columns[:] = 0
+        for entry in range(6):
+            for x in range(columns.shape[1]):
+                columns[entry, x] = 0
         for y in range(row * side, row * side + side):
             _add_row(columns, disparity[y], y - center[1])
         for col in range(w):
@@ -83,7 +87,7 @@ def _sum_blocks(
     return sums
 
 
-@njit(cache=True)
+@inner_loop()
 def _add_row(columns: NDArray[np.float64], disparity: NDArray[np.float32], v: float) -> None:
     """Add a row of the image to the sums of its columns, in a loop without branches."""
     for x in range(columns.shape[1]):
@@ -97,7 +101,7 @@ def _add_row(columns: NDArray[np.float64], disparity: NDArray[np.float32], v: fl
         columns[5, x] += d * d
 
 
-@njit(cache=True)
+@loop()
 def _fit_blocks(
     sums: NDArray[np.float64], fewest: float, tolerance: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -119,7 +123,7 @@ def _fit_blocks(
     return planes, flatness
 
 
-@njit(cache=True)
+@inner_loop()
 def _fit(sums: NDArray[np.float64], plane: NDArray[np.float64]) -> float:
     """Write the a, b, c of d = a u + b v + c; return the root mean square distance from it."""
     n = sums[0]
@@ -134,7 +138,7 @@ def _fit(sums: NDArray[np.float64], plane: NDArray[np.float64]) -> float:
     return math.sqrt(max(dd - a * ud - b * vd, 0.0))
 
 
-@njit(cache=True)
+@inner_loop()
 def _cosine(
     one: NDArray[np.float64], other: NDArray[np.float64], focal: tuple[float, float]
 ) -> float:
@@ -146,31 +150,49 @@ def _cosine(
     return float(dot / math.sqrt(max(length2 * other2, 1e-30)))
 
 
-@njit(cache=True)
+@loop()
 def _join_blocks(
     sums: NDArray[np.float64],
     planes: NDArray[np.float64],
     flatness: NDArray[np.float64],
+    seeds: IntArray,
     focal: tuple[float, float],
     cosine: float,
     tolerance: float,
 ) -> tuple[IntArray, NDArray[np.float64]]:
     """Grow planes over neighbouring blocks, from the flattest on; each block refines its plane.
 
+    Args:
+        sums: of the blocks, shape (h, w, 10).
+        planes: of the blocks, shape (h, w, 3).
+        flatness: distances from these, infinite for what is no plane, shape (h, w).
+        seeds: all blocks by flatness, shape (h * w,).
+        focal: focal lengths [pixels].
+        cosine: least one between the normals of what joins.
+        tolerance: by which the mean of what joins lies off at most.
+
     Returns:
         The plane of each block, -1 for none, shape (h, w); and the planes, shape (N, 3).
     """
     h, w = flatness.shape
-    plane_of = np.full((h, w), UNFIT)
-    is_free = np.isfinite(flatness)
+    plane_of, is_free = np.empty((h, w), np.int64), np.empty((h, w), np.bool_)
+    for row in range(h):
+        for col in range(w):
+            plane_of[row, col] = UNFIT
+            is_free[row, col] = flatness[row, col] < np.inf
     found = np.empty((h * w, 3))
+    total, plane = np.empty(10), np.empty(3)
     count = 0
     queue = np.empty(h * w, np.int64)
-    for seed in np.argsort(flatness.ravel()):
-        if not is_free[seed // w, seed % w]:
+    for seed in seeds:
+        row, col = seed // w, seed % w
+        if not is_free[row, col]:
             continue
-        is_free[seed // w, seed % w] = False
-        total, plane = sums[seed // w, seed % w].copy(), planes[seed // w, seed % w].copy()
+        is_free[row, col] = False
+        for i in range(10):
+            total[i] = sums[row, col, i]
+        for i in range(3):
+            plane[i] = planes[row, col, i]
         queue[0] = seed
         head, tail = 0, 1
         while head < tail:
@@ -189,17 +211,19 @@ def _join_blocks(
                 is_free[y, x] = False
                 queue[tail] = y * w + x
                 tail += 1
-                total += block
+                for i in range(10):
+                    total[i] += block[i]
                 _fit(total, plane)
         if tail >= MIN_BLOCKS:
-            for block_index in queue[:tail]:
-                plane_of[block_index // w, block_index % w] = count
-            found[count] = plane
+            for k in range(tail):
+                plane_of[queue[k] // w, queue[k] % w] = count
+            for i in range(3):
+                found[count, i] = plane[i]
             count += 1
-    return plane_of, found[:count].copy()
+    return plane_of, found[:count]
 
 
-@njit(cache=True)
+@loop()
 def _spread(
     disparity: NDArray[np.float32],
     blocks: IntArray,
@@ -245,7 +269,7 @@ def _spread(
     return labels
 
 
-@njit(cache=True)
+@inner_loop()
 def _label_blocks(disparity, blocks, planes, center, side, tolerance):  # type: ignore[no-untyped-def]
     """Return the plane of each pixel that lies on its block's one."""
     labels = np.full(disparity.shape, UNFIT, np.int32)
@@ -263,13 +287,13 @@ def _label_blocks(disparity, blocks, planes, center, side, tolerance):  # type: 
     return labels
 
 
-@njit(cache=True)
+@inner_loop()
 def _is_border(blocks: IntArray, row: int, col: int, k: int) -> bool:
     """Return whether a block is not one of a plane's, or outside the image."""
     is_inside = 0 <= row < blocks.shape[0] and 0 <= col < blocks.shape[1]
     return not is_inside or blocks[row, col] != k
 
 
-@njit(cache=True)
+@inner_loop()
 def _is_on(d: float, a: float, b: float, c: float, u: float, v: float, tolerance: float) -> bool:
     return (d > 0) & (abs(d - (a * u + b * v + c)) < tolerance)

@@ -5,9 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
-from numba import njit, uint64
+from numba import uint64
 from numpy.typing import NDArray
 
+from hypermap._loops import inner_loop, loop
 from hypermap.core.arrays import IntArray
 
 if TYPE_CHECKING:
@@ -53,7 +54,7 @@ def project_pixels(
         Points [m], float32, shape (N, 3).
     """
     rays = _rays(K, np.arange(depth.shape[0]), np.arange(depth.shape[1]))
-    return _project_pixels(np.ascontiguousarray(depth), pixels, *rays)
+    return _project_pixels(np.ascontiguousarray(depth).ravel(), pixels, *rays)
 
 
 def rows_of(frame: RgbdFrame, step: int = 1) -> Rows:
@@ -70,7 +71,7 @@ def rows_of(frame: RgbdFrame, step: int = 1) -> Rows:
     return np.ascontiguousarray(cloud), np.ascontiguousarray(depth), rays
 
 
-@njit(cache=True)
+@inner_loop()
 def fill_row(rows: Rows, row: int, points: NDArray[np.float32]) -> None:
     """Write the points of a row of the image, the same as in the cloud of the whole one.
 
@@ -82,12 +83,13 @@ def fill_row(rows: Rows, row: int, points: NDArray[np.float32]) -> None:
     cloud, depth, rays = rows
     if len(cloud) > 0:
         for axis in range(3):
-            points[axis] = cloud[row, :, axis]
+            for column in range(points.shape[1]):
+                points[axis, column] = cloud[row, column, axis]
     else:
         _fill(points[0], points[1], points[2], depth[row], rays[0], rays[1][row], rays[2], rays[3])
 
 
-@njit(cache=True)
+@inner_loop()
 def _fill(x, y, z, depth, right_of_axis, below_axis, per_fx, per_fy):  # type: ignore[no-untyped-def]
     for i in range(uint64(len(depth))):
         z[i] = depth[i]
@@ -110,7 +112,7 @@ def _rays(K: NDArray[np.float64], rows: IntArray, columns: IntArray) -> _Rays:
     return right_of_axis.astype(np.float32), below_axis.astype(np.float32), per_fx, per_fy
 
 
-@njit(cache=True)
+@loop()
 def _project(
     depth: NDArray[np.float32],
     right_of_axis: NDArray[np.float32],
@@ -129,19 +131,20 @@ def _project(
     return points
 
 
-@njit(cache=True)
+@loop()
 def _project_pixels(
-    depth: NDArray[np.float32],
+    flat: NDArray[np.float32],
     pixels: IntArray,
     right_of_axis: NDArray[np.float32],
     below_axis: NDArray[np.float32],
     per_fx: np.float32,
     per_fy: np.float32,
 ) -> NDArray[np.float32]:
-    width, flat = depth.shape[1], depth.ravel()
+    width = len(right_of_axis)
     points = np.empty((len(pixels), 3), np.float32)
     row = first = 0
-    for i, pixel in enumerate(pixels):
+    for i in range(len(pixels)):
+        pixel = pixels[i]
         if not 0 <= pixel - first < width:  # seldom: pixels come row by row
             row = pixel // width
             first = row * width
@@ -153,7 +156,7 @@ def _project_pixels(
     return points
 
 
-@njit(cache=True)
+@loop()
 def _transform(a_T_b: NDArray[np.float32], points: NDArray[np.float32]) -> NDArray[np.float32]:
     moved = np.empty((3, len(points)), np.float32)  # so that each axis is read fast
     for i in range(len(points)):

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, uint64
+from numba import uint64
 from numpy.typing import NDArray
 
+from hypermap._loops import loop
 from hypermap.core.arrays import IntArray
 
 # Neighbours are looked for in as many rows below a pixel, in twice as many columns around it.
@@ -17,7 +18,7 @@ TOGETHER = 8  # so many places of a row are looked at together
 Planes = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]  # x, y, z
 
 
-@njit(cache=True)
+@loop()
 def join(
     planes: NDArray[np.float32],
     places: NDArray[np.int32],
@@ -73,7 +74,7 @@ def join(
     return regions
 
 
-@njit(cache=True)
+@loop()
 def _join_row(
     cloud: Planes,
     axes: Planes,
@@ -115,7 +116,7 @@ def _join_row(
     return count
 
 
-@njit(cache=True)
+@loop()
 def _joins(
     cloud: Planes,
     axes: Planes,
@@ -133,7 +134,7 @@ def _joins(
     return bool(near & (abs(dot) >= cosine))
 
 
-@njit(cache=True)
+@loop()
 def _all_joins(cloud, axes, reach2, start, other, width, cosine):  # type: ignore[no-untyped-def]
     """Return which of the places of a row join those that another row holds, shape (width,)."""
     joins = np.empty(width, np.bool_)
@@ -142,7 +143,7 @@ def _all_joins(cloud, axes, reach2, start, other, width, cosine):  # type: ignor
     return joins
 
 
-@njit(cache=True)
+@loop()
 def _is_border(labels, place, stride):  # type: ignore[no-untyped-def]
     """Return whether there are several labels where some places of a row may join others."""
     largest, smallest = np.int32(NOTHING), np.uint32(NOTHING)  # which is the largest of all
@@ -154,7 +155,7 @@ def _is_border(labels, place, stride):  # type: ignore[no-untyped-def]
     return largest > np.int64(smallest)
 
 
-@njit(cache=True)
+@loop()
 def _join_far(
     cloud: Planes,
     axes: Planes,
@@ -179,7 +180,7 @@ def _join_far(
                         _link(parent, labels[place], labels[other])
 
 
-@njit(cache=True)
+@loop()
 def _any_joins(cloud, axes, reach2, start, apart, cosine, labels):  # type: ignore[no-untyped-def]
     """Return whether any of some places of a row joins the one so far away, with another label.
 
@@ -195,7 +196,7 @@ def _any_joins(cloud, axes, reach2, start, apart, cosine, labels):  # type: igno
     return found
 
 
-@njit(cache=True)
+@loop()
 def _home(
     cloud: Planes,
     axes: Planes,
@@ -220,7 +221,7 @@ def _home(
     return home
 
 
-@njit(cache=True)
+@loop()
 def _root(parent: NDArray[np.int32], label: int) -> int:
     """Return the root of a label's region; the way there is half as long the next time."""
     while parent[label] != label:
@@ -229,7 +230,7 @@ def _root(parent: NDArray[np.int32], label: int) -> int:
     return label
 
 
-@njit(cache=True)
+@loop()
 def _link(parent: NDArray[np.int32], one: int, other: int) -> None:
     """Make two regions one."""
     root, other_root = _root(parent, one), _root(parent, other)

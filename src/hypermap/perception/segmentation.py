@@ -6,9 +6,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from hypermap._loops import loop
 from hypermap.core.arrays import BoolArray, IntArray
 from hypermap.perception import enclosed, organised, unorganised
 from hypermap.perception.config import PerceptionConfig
@@ -48,7 +48,7 @@ def valid_pixels(frame: RgbdFrame, config: PerceptionConfig) -> BoolArray:
     return valid
 
 
-@njit(cache=True)
+@loop()
 def _between(z: NDArray[np.float32], min_depth: np.float32, max_depth: np.float32) -> BoolArray:
     """Return which depths are above the least and not above the most, shape (H, W)."""
     valid = np.empty(z.shape, np.bool_)
@@ -111,7 +111,7 @@ def _points_of(frame: RgbdFrame, pixels: IntArray, config: PerceptionConfig) -> 
     return points_xyz
 
 
-@njit(cache=True)
+@loop()
 def _largest(pixels: IntArray, region_of: IntArray, fewest: int, most: int) -> IntArray:
     """Return the pixels of the largest region that may be an object; none if there is none."""
     sizes = np.bincount(region_of)
@@ -133,18 +133,23 @@ def _pixels_of(detections: Detections, number: int, valid: BoolArray) -> IntArra
         if mask.shape != valid.shape:
             raise ValueError(f"masks must have the image's shape {valid.shape}, got {mask.shape}")
         return np.flatnonzero(mask & valid)
-    return _valid_in(valid, detections.xyxy[number])
-
-
-@njit(cache=True)
-def _valid_in(valid: BoolArray, box: NDArray[np.float32]) -> IntArray:
-    """Return the valid pixels of a box as row-major indices."""
-    height, width = valid.shape
+    box = detections.xyxy[number]
     if np.isnan(box).any():
         return np.empty(0, np.int64)
     # The box holds the pixels from xmin up to, but without, xmax.
-    left, right = math.ceil(min(max(box[0], 0), width)), math.ceil(min(max(box[2], 0), width))
-    top, bottom = math.ceil(min(max(box[1], 0), height)), math.ceil(min(max(box[3], 0), height))
+    height, width = valid.shape
+    left, top, right, bottom = (
+        math.ceil(min(max(end, 0), size))
+        for end, size in zip(box.tolist(), (width, height, width, height), strict=True)
+    )
+    found: IntArray = _valid_in(valid, left, top, right, bottom)
+    return found
+
+
+@loop()
+def _valid_in(valid: BoolArray, left: int, top: int, right: int, bottom: int) -> IntArray:
+    """Return the valid pixels of a box, which lies in the image, as row-major indices."""
+    width = valid.shape[1]
     found = np.empty(max(bottom - top, 0) * max(right - left, 0) + 1, np.int64)
     count = 0
     for row in range(top, bottom):

@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 import shapely
-from numba import njit
 from numpy.typing import NDArray
 from shapely import Polygon
 
+from hypermap._loops import loop
 from hypermap.core.arrays import FloatArray, IntArray
 from hypermap.perception.outline import outer_xy
 
@@ -63,21 +63,25 @@ def voxel_centroids(points_xy: FloatArray, voxel_size: float) -> NDArray[np.floa
     return _centroids(points_xy, cell, count)
 
 
-@njit(cache=True)
+@loop()
 def _cells(points_xy: FloatArray, per_metre: np.floating[Any]) -> tuple[IntArray, int]:
     """Return the number of each point's cell, column by column, and how many cells there are."""
     columns, rows = np.empty(len(points_xy), np.int64), np.empty(len(points_xy), np.int64)
+    left, bottom = np.inf, np.inf
+    right, top = -np.inf, -np.inf
     for i in range(len(points_xy)):
-        columns[i] = np.floor(points_xy[i, 0] * per_metre)
-        rows[i] = np.floor(points_xy[i, 1] * per_metre)
-    left, bottom, height = columns.min(), rows.min(), rows.max() - rows.min() + 1
-    count = (columns.max() - left + 1) * height
+        column, row = np.floor(points_xy[i, 0] * per_metre), np.floor(points_xy[i, 1] * per_metre)
+        left, right = min(left, column), max(right, column)
+        bottom, top = min(bottom, row), max(top, row)
+        columns[i], rows[i] = column, row
+    first_column, first_row, height = int(left), int(bottom), int(top) - int(bottom) + 1
+    count = (int(right) - first_column + 1) * height
     for i in range(len(columns)):
-        columns[i] = (columns[i] - left) * height + rows[i] - bottom
+        columns[i] = (columns[i] - first_column) * height + rows[i] - first_row
     return columns, count
 
 
-@njit(cache=True)
+@loop()
 def _centroids(points_xy: FloatArray, cell: IntArray, count: int) -> NDArray[np.float64]:
     """Return the centroid of the points in each occupied cell, in the order of the cells."""
     slots = np.zeros(count, np.int32)
@@ -88,10 +92,13 @@ def _centroids(points_xy: FloatArray, cell: IntArray, count: int) -> NDArray[np.
         if slots[i] > 0:
             slots[i] = found
             found += 1
-    points, centroids = np.zeros((found, 1)), np.zeros((found, 2))
+    points, centroids = np.zeros(found), np.zeros((found, 2))
     for i in range(len(cell)):
         slot = slots[cell[i]]
-        points[slot, 0] += 1
+        points[slot] += 1
         centroids[slot, 0] += points_xy[i, 0]
         centroids[slot, 1] += points_xy[i, 1]
-    return centroids / points
+    for slot in range(found):
+        centroids[slot, 0] /= points[slot]
+        centroids[slot, 1] /= points[slot]
+    return centroids

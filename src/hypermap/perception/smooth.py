@@ -7,8 +7,9 @@ the pixel but for what is far below the noise. So a few sums over the window giv
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, uint64
+from numba import uint64
 
+from hypermap._loops import loop
 from hypermap.perception.padded import FAR, MARGIN
 
 # A window shows a smooth surface if its points lie from their plane by at most this part of the
@@ -26,7 +27,7 @@ _TWO, _THREE, _FOUR = uint64(2), uint64(3), uint64(4)
 _VECTORS = {"reassoc", "contract", "nsz", "arcp"}
 
 
-@njit(cache=True, error_model="numpy")
+@loop()
 def fit_smooth(planes, wanted, k, half, fx, fy):  # type: ignore[no-untyped-def]
     """Do what `normals.fit_planes` does, but only where the surface is smooth.
 
@@ -78,7 +79,7 @@ def fit_smooth(planes, wanted, k, half, fx, fy):  # type: ignore[no-untyped-def]
     return normals, curvatures.reshape(shape), radii2.reshape(shape), rough[:count].copy()
 
 
-@njit(cache=True)
+@loop()
 def _any(is_wanted, start):  # type: ignore[no-untyped-def]
     """Return whether any of some pixels is wanted; `any` would not look at many at once."""
     found = False
@@ -87,7 +88,7 @@ def _any(is_wanted, start):  # type: ignore[no-untyped-def]
     return found
 
 
-@njit(cache=True)
+@loop()
 def _depth_of(z, start):  # type: ignore[no-untyped-def]
     """Return the depth of some point of a block; 0 if there is none."""
     for i in range(_BLOCK):
@@ -96,14 +97,14 @@ def _depth_of(z, start):  # type: ignore[no-untyped-def]
     return np.float32(0)
 
 
-@njit(cache=True)
+@loop()
 def _copy(found, out, start):  # type: ignore[no-untyped-def]
     """Write the values of a block into those of all pixels."""
     for i in range(uint64(len(found))):
         out[start + i] = found[i]
 
 
-@njit(cache=True, error_model="numpy", fastmath=_VECTORS)
+@loop(fastmath=_VECTORS)
 def _sum_columns(z, middle, first, stride, half, columns):  # type: ignore[no-untyped-def]
     """Sum up z, v z and zz over the columns of windows, with v and z counted from the middle.
 
@@ -130,7 +131,7 @@ def _sum_columns(z, middle, first, stride, half, columns):  # type: ignore[no-un
         columns[i + _TWO * _WIDTH] = sum_zz
 
 
-@njit(cache=True, error_model="numpy", fastmath=_VECTORS)
+@loop(fastmath=_VECTORS)
 def _sum_windows(columns, half, sums):  # type: ignore[no-untyped-def]
     """Sum up z, u z, v z and zz over the windows around a block, with u from the middle.
 
@@ -155,7 +156,7 @@ def _sum_windows(columns, half, sums):  # type: ignore[no-untyped-def]
         sums[i + _THREE * _BLOCK] = sum_zz
 
 
-@njit(cache=True, error_model="numpy", fastmath=_VECTORS)
+@loop(fastmath=_VECTORS)
 def _fit_windows(x, y, z, start, k, half, fx, fy, middle, sums, found, is_rough):  # type: ignore[no-untyped-def]
     """Fit planes z = a u + b v + c to the square windows around a block of pixels.
 

@@ -7,9 +7,10 @@ points some lie three standard deviations off.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, uint64
+from numba import uint64
 from numpy.typing import NDArray
 
+from hypermap._loops import inner_loop, loop
 from hypermap.core.arrays import IntArray
 from hypermap.perception.config import PerceptionConfig
 
@@ -40,7 +41,7 @@ def smoothed(
     return np.asarray(_smoothed(points_xyz, pixels, width, across, tolerance))
 
 
-@njit(cache=True, error_model="numpy")
+@loop()
 def _smoothed(  # type: ignore[no-untyped-def]
     points_xyz: NDArray[np.float32], pixels: IntArray, width: int, across, tolerance: float
 ) -> NDArray[np.float32]:
@@ -55,16 +56,24 @@ def _smoothed(  # type: ignore[no-untyped-def]
         tolerance: by which disparities of one surface differ at most [1/m].
     """
     radius = len(across) // 2
-    rows, columns = pixels // width, pixels % width
-    top, left = rows.min() - radius, columns.min() - radius
-    height, width = rows.max() - top + 1 + radius, columns.max() - left + 1 + radius
+    rows, columns = np.empty(len(pixels), np.int64), np.empty(len(pixels), np.int64)
+    top = bottom = pixels[0] // width
+    left = right = pixels[0] % width
+    for i in range(len(pixels)):
+        row = pixels[i] // width
+        col = pixels[i] - row * width
+        top, left = min(top, row), min(left, col)
+        bottom, right = max(bottom, row), max(right, col)
+        rows[i], columns[i] = row, col
+    top, left = top - radius, left - radius
+    height, width = bottom - top + 1 + radius, right - left + 1 + radius
     disparity = np.zeros((height, width), np.float32)
     for i in range(len(pixels)):
         disparity[rows[i] - top, columns[i] - left] = np.float32(1) / points_xyz[i, 2]
     means = np.empty((height, width), np.float32)
     for row in range(radius, height - radius):
         _average(disparity, means, row, across, tolerance)
-    moved = np.empty(points_xyz.shape, np.float32)
+    moved = np.empty((len(pixels), 3), np.float32)
     for i in range(len(pixels)):
         row, col = rows[i] - top, columns[i] - left
         share = disparity[row, col] / means[row, col]
@@ -73,7 +82,7 @@ def _smoothed(  # type: ignore[no-untyped-def]
     return moved
 
 
-@njit(cache=True, error_model="numpy")
+@inner_loop()
 def _average(disparity, means, row, across, tolerance):  # type: ignore[no-untyped-def]
     """Fill a row with the means about its pixels of what differs by no more than the tolerance."""
     width, radius = disparity.shape[1], len(across) // 2

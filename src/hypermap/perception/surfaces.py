@@ -9,9 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from hypermap._loops import inner_loop, loop
 from hypermap.core.arrays import BoolArray, IntArray
 from hypermap.perception.config import PerceptionConfig
 from hypermap.perception.frame import Camera
@@ -57,7 +57,8 @@ def find_surfaces(
     disparity = _disparity(depth, valid)
     labels, planes = find_planes(disparity, camera, config)
     tolerance = SAME * config.depth_noise
-    count = _label_rest(disparity, labels, planes, config.max_gap, tolerance)
+    flat = disparity.ravel(), labels.ravel()
+    count = _label_rest(*flat, disparity.shape[1], planes, config.max_gap, tolerance)
     sizes, near, far = _measure(disparity, labels, count, config.max_gap, tolerance)
     ends = near + far
     return Surfaces(
@@ -69,7 +70,7 @@ def find_surfaces(
     )
 
 
-@njit(cache=True, error_model="numpy")
+@loop()
 def _disparity(depth: NDArray[np.float32], valid: BoolArray) -> NDArray[np.float32]:
     disparity = np.empty(valid.shape, np.float32)
     for row in range(valid.shape[0]):
@@ -79,16 +80,17 @@ def _disparity(depth: NDArray[np.float32], valid: BoolArray) -> NDArray[np.float
     return disparity
 
 
-@njit(cache=True)
+@inner_loop()
 def _is_near(one: float, other: float, max_gap: float, tolerance: float) -> bool:
     """Return whether two depths, given as disparities, differ by less than gap and noise."""
     return abs(one - other) < max_gap * one * other + tolerance
 
 
-@njit(cache=True)
+@loop()
 def _label_rest(
-    disparity: NDArray[np.float32],
-    labels: NDArray[np.int32],
+    pixels: NDArray[np.float32],
+    flat_labels: NDArray[np.int32],
+    width: int,
     first: int,
     max_gap: float,
     tolerance: float,
@@ -98,8 +100,7 @@ def _label_rest(
     Pixels of a row that follow each other and are near make a run. Runs that hang together get one
     root, the first of them.
     """
-    height, width = disparity.shape
-    pixels, flat_labels = disparity.ravel(), labels.ravel()
+    height = len(pixels) // width
     starts, ends = np.empty(pixels.size, np.int32), np.empty(pixels.size, np.int32)
     roots = np.empty(pixels.size, np.int32)
     first_of_row = np.zeros(height + 1, np.int32)  # its first run
@@ -145,7 +146,7 @@ def _label_rest(
     return label
 
 
-@njit(cache=True)
+@inner_loop()
 def _root(roots: NDArray[np.int32], run: int) -> int:
     """Return the root of a run, and shorten the way there."""
     while roots[run] != run:
@@ -154,7 +155,7 @@ def _root(roots: NDArray[np.int32], run: int) -> int:
     return run
 
 
-@njit(cache=True)
+@inner_loop()
 def _hang_together(
     pixels: NDArray[np.float32],
     run: tuple[int, int],
@@ -183,7 +184,7 @@ def _hang_together(
     return False
 
 
-@njit(cache=True)
+@loop()
 def _measure(
     disparity: NDArray[np.float32],
     labels: NDArray[np.int32],
@@ -198,9 +199,11 @@ def _measure(
     sizes = np.zeros(count + 1, np.int64)  # the last one of what is no surface, -1
     ends = np.zeros((2, count))  # before something farther, behind something nearer
     height, width = disparity.shape
-    above = np.full(width, -1 - LOST, np.int32)  # the last row of each column that holds a point
+    above = np.empty(width, np.int32)  # the last row of each column that holds a point
+    for col in range(width):
+        above[col] = -1 - LOST
     for row in range(height):
-        left, left_label, size = -1 - LOST, UNFIT, 0  # the same of this row, and its run
+        left, left_label, size = -1 - LOST, np.int32(UNFIT), 0  # the same of this row, and its run
         for col in range(width):
             d, label, up = disparity[row, col], labels[row, col], above[col]
             if d == 0:
@@ -227,7 +230,7 @@ def _measure(
     return sizes[:count], ends[0], ends[1]
 
 
-@njit(cache=True)
+@inner_loop()
 def _end(
     ends: NDArray[np.float64],
     label: int,

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
+from hypermap._loops import loop
 from hypermap.core.arrays import BoolArray, IntArray
 from hypermap.perception.config import PerceptionConfig
 
@@ -98,7 +98,7 @@ def _grow(
     return np.asarray(_flood(np.argsort(curvatures, kind="stable"), neighbors, joins, spreads))
 
 
-@njit(cache=True)
+@loop()
 def _flood(seeds: IntArray, neighbors: IntArray, joins: BoolArray, spreads: BoolArray) -> IntArray:
     """Grow one region after the other, from the flattest point that is still free.
 

@@ -5,16 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from hypermap._loops import loop
 from hypermap.core.arrays import IntArray
 
 _CELLS = 256  # of the lamp's grid, per side
 _LEVEL = 0.05  # of the lamp's height: what reaches so close to it is in no cell, but tried always
 
 
-@njit(cache=True)
 def nearest_triangles(
     triangles: NDArray[np.float32], projection: NDArray[np.float64], height: int, width: int
 ) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
@@ -38,12 +37,25 @@ def nearest_triangles(
         `triangles`, -1 where there is nothing; shapes (H, W).
     """
     depths = np.full((height, width), np.inf)
-    found = np.full((height, width), np.int32(-1))
+    found = np.full((height, width), -1, dtype=np.int32)
+    _draw(triangles, projection, depths, found)
+    return depths, found
+
+
+@loop()
+def _draw(
+    triangles: NDArray[np.float32],
+    projection: NDArray[np.float64],
+    depths: NDArray[np.float64],
+    found: NDArray[np.int32],
+) -> None:
+    """Do what `nearest_triangles` says, where no depth was found yet."""
+    height, width = depths.shape
     p = np.empty((3, 3))
     planes = np.empty((3, 3))
     for i in range(len(triangles)):
         for corner in range(3):
-            x, y, z = triangles[i, corner]
+            x, y, z = triangles[i, corner, 0], triangles[i, corner, 1], triangles[i, corner, 2]
             for k in range(3):
                 row = projection[k]
                 p[corner, k] = row[0] * x + row[1] * y + row[2] * z + row[3]
@@ -69,7 +81,9 @@ def nearest_triangles(
             continue  # seen from its edge
         sign = 1.0 if volume > 0 else -1.0
         volume *= sign
-        planes *= sign
+        for k in range(3):
+            for axis in range(3):
+                planes[k, axis] *= sign
         for v in range(top, bottom + 1):
             c0 = planes[0, 1] * v + planes[0, 2]
             c1 = planes[1, 1] * v + planes[1, 2]
@@ -83,7 +97,6 @@ def nearest_triangles(
                     if volume < whole * depths[v, u]:
                         depths[v, u] = volume / whole
                         found[v, u] = i
-    return depths, found
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,7 +161,9 @@ class Shadows:
 
     def cover(self, points: NDArray[np.float32]) -> NDArray[np.bool_]:
         """Return which points something hides from the lamp, shape (N,); points: shape (N, 3)."""
-        covered: NDArray[np.bool_] = _covered(
+        covered = np.zeros(len(points), dtype=bool)
+        _cover(
+            covered,
             points,
             self.lamp,
             self.planes,
@@ -171,9 +186,8 @@ def _rectangles(first: IntArray, counts: IntArray) -> tuple[IntArray, IntArray]:
     return (first[owners, 1] + rows) * _CELLS + first[owners, 0] + columns, owners
 
 
-@njit(cache=True)
-def _covered(points, lamp, planes, volumes, starts, members, high, low, size):  # type: ignore[no-untyped-def]
-    covered = np.zeros(len(points), dtype=np.bool_)
+@loop()
+def _cover(covered, points, lamp, planes, volumes, starts, members, high, low, size):  # type: ignore[no-untyped-def]
     for i in range(len(points)):
         dx, dy, dz = points[i, 0] - lamp[0], points[i, 1] - lamp[1], points[i, 2] - lamp[2]
         begin, end = 0, 0
@@ -191,4 +205,3 @@ def _covered(points, lamp, planes, volumes, starts, members, high, low, size):  
             if e0 >= 0 and e1 >= 0 and e2 >= 0 and e0 + e1 + e2 > volumes[j]:
                 covered[i] = True
                 break
-    return covered

@@ -6,11 +6,12 @@ Source: Wilson, "Fast Lossless Depth Image Compression", ISS 2017.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from hypermap._loops import loop
 
-@njit(cache=True)
+
+@loop()
 def decode(words: NDArray[np.uint32], pixels: NDArray[np.uint16]) -> bool:
     """Fill `pixels`, shape (N,), from a code; return whether the code was long enough.
 
@@ -37,7 +38,7 @@ def decode(words: NDArray[np.uint32], pixels: NDArray[np.uint16]) -> bool:
     return True
 
 
-@njit(cache=True)
+@loop()
 def _number(words: NDArray[np.uint32], nibble: int) -> tuple[int, int]:
     """Return the number that starts at a nibble and the nibble after it; -1 past the end."""
     number, shift = 0, 0
