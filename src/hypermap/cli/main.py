@@ -44,6 +44,7 @@ _MODULES = {
     "live": "live",
     "rviz": "rviz",
     "ros1-env": "ros1_env",
+    "warm-up": "warm_up",
     "bench": "bench",
 }
 

@@ -111,7 +111,10 @@ class RgbdFrame:
             step: every n-th row and column of the image is in it.
         """
         if self.cloud is not None:
-            return self.cloud[::step, ::step]
+            # As below, so that loops are compiled for one kind of array.
+            every = np.ascontiguousarray(self.cloud[::step, ::step]).view()
+            every.flags.writeable = False
+            return every
         if step not in self._points:
             # Imported here, as numba takes longer to load than frames need without their points.
             from hypermap.perception.projection import project
@@ -124,7 +127,7 @@ class RgbdFrame:
     @property
     def z(self) -> NDArray[np.float32]:
         """How far along the optical axis the points are [m], shape (H, W)."""
-        return self.depth if self.cloud is None else self.cloud[..., 2]
+        return self.depth if self.cloud is None else np.ascontiguousarray(self.cloud[..., 2])
 
     def points_of(self, pixels: IntArray) -> NDArray[np.float32]:
         """Return the points of some pixels, as they are in `points`, float32, shape (N, 3).

@@ -111,19 +111,12 @@ def _points_of(frame: RgbdFrame, pixels: IntArray, config: PerceptionConfig) -> 
     return points_xyz
 
 
-@loop()
 def _largest(pixels: IntArray, region_of: IntArray, fewest: int, most: int) -> IntArray:
     """Return the pixels of the largest region that may be an object; none if there is none."""
     sizes = np.bincount(region_of)
     sizes[(sizes < fewest) | (sizes > most)] = 0
     largest = sizes.argmax()
-    found = np.empty(sizes[largest], pixels.dtype)
-    count = 0
-    for i in range(len(pixels) if len(found) else 0):
-        if region_of[i] == largest:
-            found[count] = pixels[i]
-            count += 1
-    return found
+    return pixels[region_of == largest] if sizes[largest] > 0 else pixels[:0]
 
 
 def _pixels_of(detections: Detections, number: int, valid: BoolArray) -> IntArray:

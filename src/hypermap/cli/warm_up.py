@@ -1,0 +1,52 @@
+"""`hypermap warm-up`: compile now what the first map would wait for."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+from hypermap.cli.map_ import Profile
+from hypermap.cli.terminal import note, say
+
+# Frames per second of the simulated drive: so few that it does not take long, with what is rare.
+_RATES = {Profile.default: 0.5, Profile.thesis: 0.1}
+
+
+def command() -> None:
+    """Compile the loops that maps are made with, once for this machine, and keep them.
+
+    Else the first `demo`, `map` or `live` does, and takes that much longer. A small simulated room
+    is mapped with both profiles. Run it as root while an image for robots is built, on the kind of
+    processor that will use it: what lies beside the code then serves all users.
+
+    Examples:
+        hypermap warm-up
+        RUN pip install hypermap && hypermap warm-up
+    """
+    from hypermap import _loops
+
+    began = time.monotonic()
+    note("mapping a small simulated room, so that all that is needed is compiled ...")
+    _map_a_little()
+    seconds = time.monotonic() - began
+    count = _loops.compiled_count()
+    say(f"compiled {count} functions in {seconds:.0f} s" if count else "all is compiled already")
+    folder, package = _loops.cache_folder(), Path(_loops.__file__).parent
+    if folder.is_relative_to(package):
+        say(f"kept in {folder}, beside the code, for all users")
+    else:
+        say(f"kept in {folder}, for those who can write there")
+        if not _loops.has_own_place():
+            note(f"{package} cannot be written to; run this as its owner to compile for all users")
+
+
+def _map_a_little() -> None:
+    """Map a few frames with each profile."""
+    from hypermap.mapping.config import profile
+    from hypermap.mapping.mapper import map_recording
+    from hypermap.perception.detectors.sources import detections_from_recording
+    from hypermap.simulation import SimulatedRecording, demo_world
+
+    for each, rate in _RATES.items():
+        recording = SimulatedRecording(demo_world(), rate=rate, has_occupancy=False)
+        map_recording(recording, detections_from_recording(), profile(each.value))

@@ -1,0 +1,100 @@
+"""Loops are compiled once for a machine, which is said, and can be done beforehand."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from hypermap.simulation import SimulatedRecording, demo_world, write_tum
+
+COMPILING = "compiling for this machine, once"
+
+# What numba makes of sorting, sums and error messages takes longer to compile than the loops do.
+HEAVY = ("numba.misc.", "numba.cpython.unicode", "numba.np.arraymath.")
+FOR_TWO_TYPES = {"hypermap.perception.outline._farthest", "hypermap.perception.outline._far_out"}
+WATCHED = """
+import sys
+from numba.core import event
+from hypermap.cli.main import main
+
+class Names(event.Listener):
+    def on_start(self, event):
+        function = event.data["dispatcher"].py_func
+        names.write(f"{function.__module__}.{function.__name__}\\n")
+
+    def on_end(self, event):
+        pass
+
+with open("names.txt", "w") as names:
+    event.register("numba:compile", Names())
+    main(["warm-up"])
+"""
+
+
+def run(folder: Path, *arguments: object) -> subprocess.CompletedProcess[str]:
+    """Run a command in a process of its own, which keeps its loops in a folder."""
+    return python(folder, "-m", "hypermap", *arguments)
+
+
+def python(folder: Path, *arguments: object) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, *map(str, arguments)],
+        env={**os.environ, "NUMBA_CACHE_DIR": str(folder / "loops")},
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+
+
+@pytest.fixture(scope="module")
+def warm(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, subprocess.CompletedProcess[str]]:
+    """A machine on which `warm-up` has run, and what that has said."""
+    folder = tmp_path_factory.mktemp("machine")
+    return folder, python(folder, "-c", WATCHED)
+
+
+@pytest.mark.timeout(600)
+def test_warming_up_says_what_it_compiles_and_where_that_lies(
+    warm: tuple[Path, subprocess.CompletedProcess[str]],
+) -> None:
+    folder, done = warm
+    assert done.stderr.count(COMPILING) == 1
+    assert re.search(r"compiled \d\d functions in \d+ s\n", done.stdout)
+    assert f"kept in {folder / 'loops'}," in done.stdout
+
+
+@pytest.mark.timeout(600)
+def test_loops_use_nothing_of_numpy_that_takes_long_to_compile_and_are_compiled_once(
+    warm: tuple[Path, subprocess.CompletedProcess[str]],
+) -> None:
+    names = (warm[0] / "names.txt").read_text().split()
+    assert "hypermap.perception.planes._join_blocks" in names
+    assert [name for name in names if name.startswith(HEAVY)] == []
+    twice = {name for name in names if name.startswith("hypermap.") and names.count(name) > 1}
+    assert twice == FOR_TWO_TYPES
+
+
+@pytest.mark.timeout(600)
+def test_nothing_is_compiled_after_warming_up(
+    warm: tuple[Path, subprocess.CompletedProcess[str]],
+) -> None:
+    folder, _ = warm
+    write_tum(SimulatedRecording(demo_world(), rate=0.3), folder / "recording")
+    done = run(folder, "map", "recording", "-o", "room.hmap")
+    assert "objects" in done.stderr
+    assert COMPILING not in done.stderr
+    again = run(folder, "warm-up")
+    assert COMPILING not in again.stderr
+    assert "all is compiled already" in again.stdout
+
+
+@pytest.mark.timeout(600)
+def test_what_the_first_command_compiles_is_not_said_when_it_is_to_be_quiet(tmp_path: Path) -> None:
+    assert run(tmp_path, "-q", "simulate", "demo", "-o", "room", "--rate", "0.1").stderr == ""
+    assert list((tmp_path / "loops").rglob("*.nbi"))
