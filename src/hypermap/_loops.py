@@ -12,7 +12,7 @@ import shutil
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar, cast
 
 from numba import njit
 from numba.core import event
@@ -20,29 +20,31 @@ from numba.core import event
 from hypermap._compiled import has_own_place
 
 # A division by zero gives infinity, as numpy's does, and so takes no code to raise an error.
-_OPTIONS = {"cache": True, "error_model": "numpy", "no_cfunc_wrapper": True}
+_OPTIONS: dict[str, Any] = {"cache": True, "error_model": "numpy", "no_cfunc_wrapper": True}
 _EVERY = 5.0  # seconds between two lines about what is compiled
+
+Function = TypeVar("Function", bound=Callable[..., Any])
 
 _log = logging.getLogger(__name__)
 _folders: set[Path] = set()
 
 
-def loop(**options: Any) -> Any:
+def loop(**options: Any) -> Callable[[Function], Function]:
     """Return the decorator of a function that is compiled when it is first called, and kept."""
-    decorate: Callable[..., Any] = njit(**_OPTIONS, **options)
+    decorate: Any = njit(**_OPTIONS, **options)
 
-    def decorated(function: Callable[..., Any]) -> Any:
+    def decorated(function: Function) -> Function:
         dispatcher = decorate(function)
         folder = Path(dispatcher.stats.cache_path)
         _folders.add(folder)
         if not has_own_place():
             _borrow(function, folder)
-        return dispatcher
+        return cast(Function, dispatcher)
 
     return decorated
 
 
-def inner_loop(**options: Any) -> Any:
+def inner_loop(**options: Any) -> Callable[[Function], Function]:
     """Return the decorator of a function that only compiled functions call."""
     return loop(no_cpython_wrapper=True, **options)
 
@@ -78,7 +80,7 @@ def _borrow(function: Callable[..., Any], folder: Path) -> None:
             _log.debug("%s: cannot be copied: %s", file, error)
 
 
-class _Listener(event.Listener):  # type: ignore[misc]
+class _Listener(event.Listener):
     """Says that loops are being compiled, which takes its time."""
 
     def __init__(self) -> None:
@@ -106,4 +108,4 @@ def _is_ours(event: Any) -> bool:
 
 
 _listener = _Listener()
-event.register("numba:compile", _listener)
+event.register("numba:compile", _listener)  # type: ignore[no-untyped-call]

@@ -24,6 +24,7 @@ def command() -> None:
         RUN pip install hypermap && hypermap warm-up
     """
     from hypermap import _loops
+    from hypermap._compiled import has_own_place
 
     began = time.monotonic()
     note("mapping a small simulated room, so that all that is needed is compiled ...")
@@ -36,7 +37,7 @@ def command() -> None:
         say(f"kept in {folder}, beside the code, for all users")
     else:
         say(f"kept in {folder}, for those who can write there")
-        if not _loops.has_own_place():
+        if not has_own_place():
             note(f"{package} cannot be written to; run this as its owner to compile for all users")
 
 

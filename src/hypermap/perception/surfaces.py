@@ -233,9 +233,9 @@ def _measure(
 @inner_loop()
 def _end(
     ends: NDArray[np.float64],
-    label: int,
+    label: np.int32,
     d: float,
-    other_label: int,
+    other_label: np.int32,
     other_d: float,
     max_gap: float,
     tolerance: float,
