@@ -95,7 +95,9 @@ class _Inside:
         count = len(surfaces.sizes)
         flat_labels, flat_disparity = surfaces.labels.ravel(), surfaces.disparity.ravel()
         width = surfaces.labels.shape[1]
-        self.sizes, self.extents, sums = _measure(flat_labels, flat_disparity, width, pixels, count)
+        self.sizes, self.extents = np.zeros(count, np.int64), np.zeros((count, 4), np.int64)
+        sums = np.zeros(count)
+        _measure(flat_labels, flat_disparity, width, pixels, self.sizes, self.extents, sums)
         self.depths = np.divide(self.sizes, sums, out=np.full(count, np.inf), where=sums > 0)
 
 
@@ -150,12 +152,11 @@ def _measure(
     flat_disparity: NDArray[np.float32],
     width: int,
     pixels: IntArray,
-    count: int,
-) -> tuple[IntArray, IntArray, NDArray[np.float64]]:
-    """Return size, extent and sum of disparities of each surface among some pixels."""
-    sizes = np.zeros(count, np.int64)
-    sums = np.zeros(count)
-    extents = np.zeros((count, 4), np.int64)
+    sizes: IntArray,
+    extents: IntArray,
+    sums: NDArray[np.float64],
+) -> None:
+    """Fill in size, extent and sum of disparities, zeros, of each surface among some pixels."""
     row, end = -1, 0  # of the image's row that the pixels have reached
     i = 0
     while i < len(pixels):
@@ -173,4 +174,3 @@ def _measure(
         extents[label, 3] = row + 1
         sizes[label] += i - first
         sums[label] += total
-    return sizes, extents, sums

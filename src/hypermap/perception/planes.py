@@ -49,8 +49,10 @@ def find_planes(
     center, focal = (K[0, 2], K[1, 2]), (K[0, 0], K[1, 1])
     side = max(round(BLOCK * min(focal)), 4)
     cosine = math.cos(math.radians(config.smoothness_deg))
-    sums = _sum_blocks(disparity, center, side)
-    planes, flatness = _fit_blocks(sums, MIN_FILL * side * side, FLAT * noise)
+    sums = np.zeros((disparity.shape[0] // side, disparity.shape[1] // side, 10))
+    _sum_blocks(disparity, center, side, sums)
+    planes, flatness = np.zeros((*sums.shape[:2], 3)), np.full(sums.shape[:2], np.inf)
+    _fit_blocks(sums, MIN_FILL * side * side, FLAT * noise, planes, flatness)
     seeds = np.argsort(flatness, axis=None, kind="stable")
     blocks, planes = _join_blocks(sums, planes, flatness, seeds, focal, cosine, LEVEL * noise)
     return _spread(disparity, blocks, planes, center, side, ON_PLANE * noise), len(planes)
@@ -58,11 +60,13 @@ def find_planes(
 
 @loop()
 def _sum_blocks(
-    disparity: NDArray[np.float32], center: tuple[float, float], side: int
-) -> NDArray[np.float64]:
-    """Return the sums over each block of pixels, shape (h, w, 10)."""
-    h, w = disparity.shape[0] // side, disparity.shape[1] // side
-    sums = np.zeros((h, w, 10))
+    disparity: NDArray[np.float32],
+    center: tuple[float, float],
+    side: int,
+    sums: NDArray[np.float64],
+) -> None:
+    """Fill in the sums, zeros, over each block of pixels, shape (h, w, 10)."""
+    h, w = sums.shape[:2]
     columns = np.empty((6, w * side))  # n, v, vv, d, vd, dd of each of a row of blocks
     for row in range(h):
         for entry in range(6):
@@ -84,7 +88,6 @@ def _sum_blocks(
                 block[7] += u * columns[3, x]
                 block[8] += columns[4, x]
                 block[9] += columns[5, x]
-    return sums
 
 
 @inner_loop()
@@ -103,24 +106,28 @@ def _add_row(columns: NDArray[np.float64], disparity: NDArray[np.float32], v: fl
 
 @loop()
 def _fit_blocks(
-    sums: NDArray[np.float64], fewest: float, tolerance: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    sums: NDArray[np.float64],
+    fewest: float,
+    tolerance: float,
+    planes: NDArray[np.float64],
+    flatness: NDArray[np.float64],
+) -> None:
     """Fit a plane to each block that has enough points.
 
-    Returns:
-        The blocks' planes a, b, c, shape (h, w, 3); and their root mean square distances from
-        these, infinite where that is no plane, shape (h, w).
+    Args:
+        sums: of the blocks, shape (h, w, 10).
+        fewest: points of a block.
+        tolerance: greatest root mean square distance from the plane.
+        planes: zeros, to become the blocks' a, b, c, shape (h, w, 3).
+        flatness: infinite, to become these distances where there is a plane, shape (h, w).
     """
     h, w = sums.shape[:2]
-    planes = np.zeros((h, w, 3))
-    flatness = np.full((h, w), np.inf)
     for row in range(h):
         for col in range(w):
             if sums[row, col, 0] >= fewest:
                 distance = _fit(sums[row, col], planes[row, col])
                 if distance < tolerance:
                     flatness[row, col] = distance
-    return planes, flatness
 
 
 @inner_loop()

@@ -59,8 +59,11 @@ def find_surfaces(
     tolerance = SAME * config.depth_noise
     flat = disparity.ravel(), labels.ravel()
     count = _label_rest(*flat, disparity.shape[1], planes, config.max_gap, tolerance)
-    sizes, near, far = _measure(disparity, labels, count, config.max_gap, tolerance)
-    ends = near + far
+    # The last one is what is no surface, -1; its ends are not counted.
+    sizes, (near, far) = np.zeros(count + 1, np.int64), np.zeros((2, count))
+    above = np.full(disparity.shape[1], -1 - LOST, np.int32)
+    _measure(disparity, labels, above, sizes, near, far, config.max_gap, tolerance)
+    sizes, ends = sizes[:count], near + far
     return Surfaces(
         labels=labels,
         disparity=disparity,
@@ -188,51 +191,60 @@ def _hang_together(
 def _measure(
     disparity: NDArray[np.float32],
     labels: NDArray[np.int32],
-    count: int,
+    above: NDArray[np.int32],
+    sizes: IntArray,
+    near: NDArray[np.float64],
+    far: NDArray[np.float64],
     max_gap: float,
     tolerance: float,
-) -> tuple[IntArray, NDArray[np.float64], NDArray[np.float64]]:
-    """Return sizes, and how often each surface ends before and behind another one.
+) -> None:
+    """Count the pixels of each surface, and how often it ends before and behind another one.
 
     Where there is no depth for more than `LOST` pixels, things are too far away to be measured.
+
+    Args:
+        disparity: as in `Surfaces`.
+        labels: as there.
+        above: for use here, `-1 - LOST` in each of W columns: the last row that holds a point.
+        sizes: zeros, shape (N + 1,); the last one counts what is no surface.
+        near: zeros, shape (N,): ends before something farther.
+        far: zeros, shape (N,): ends behind something nearer.
+        max_gap: as in the configuration [m].
+        tolerance: what is noise [1/m].
     """
-    sizes = np.zeros(count + 1, np.int64)  # the last one of what is no surface, -1
-    ends = np.zeros((2, count))  # before something farther, behind something nearer
     height, width = disparity.shape
-    above = np.empty(width, np.int32)  # the last row of each column that holds a point
-    for col in range(width):
-        above[col] = -1 - LOST
     for row in range(height):
         left, left_label, size = -1 - LOST, np.int32(UNFIT), 0  # the same of this row, and its run
         for col in range(width):
             d, label, up = disparity[row, col], labels[row, col], above[col]
             if d == 0:
                 if left >= 0 and col - left == LOST + 1:
-                    ends[0, left_label] += 1
+                    near[left_label] += 1
                 if up >= 0 and row - up == LOST + 1:
-                    ends[0, labels[up, col]] += 1
+                    near[labels[up, col]] += 1
                 continue
             if col - left <= LOST:
                 beside = disparity[row, left]
-                _end(ends, label, d, left_label, beside, max_gap, tolerance)
+                _end(near, far, label, d, left_label, beside, max_gap, tolerance)
             elif col > LOST:
-                ends[0, label] += 1
+                near[label] += 1
             if row - up <= LOST:
-                _end(ends, label, d, labels[up, col], disparity[up, col], max_gap, tolerance)
+                other, beside = labels[up, col], disparity[up, col]
+                _end(near, far, label, d, other, beside, max_gap, tolerance)
             elif row > LOST:
-                ends[0, label] += 1
+                near[label] += 1
             if label != left_label:
                 sizes[left_label] += size
                 size = 0
             size += 1
             left, left_label, above[col] = col, label, row
         sizes[left_label] += size
-    return sizes[:count], ends[0], ends[1]
 
 
 @inner_loop()
 def _end(
-    ends: NDArray[np.float64],
+    near: NDArray[np.float64],
+    far: NDArray[np.float64],
     label: np.int32,
     d: float,
     other_label: np.int32,
@@ -242,5 +254,5 @@ def _end(
 ) -> None:
     """Count which surface ends before and which behind the other, if they do between two pixels."""
     if label != other_label and not _is_near(d, other_d, max_gap, tolerance):
-        ends[0, label if d > other_d else other_label] += 1
-        ends[1, other_label if d > other_d else label] += 1
+        near[label if d > other_d else other_label] += 1
+        far[other_label if d > other_d else label] += 1
