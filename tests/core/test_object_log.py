@@ -38,9 +38,10 @@ def interrupted(work: Callable[[], Any], after: int) -> bool:
         file = frame.f_code.co_filename
         if "hypermap" not in file:
             return None
-        # Python looks for signals after calls and jumps; the end of a `with` is neither.
-        is_with = linecache.getline(file, frame.f_lineno).lstrip().startswith("with ")
-        if event == "line" and not is_with:
+        # Python looks for signals after calls and jumps. The end of a `with` is neither, nor is the
+        # beginning of a comprehension; from Python 3.12 on, a `with` around it would not be left.
+        line = linecache.getline(file, frame.f_lineno).strip()
+        if event == "line" and not line.startswith("with ") and " for " not in line:
             if left == 0:
                 raise _Interrupted
             left -= 1
