@@ -123,6 +123,16 @@ class Room:
         wanted = {Fate[name]: count for name, count in counts.items()}
         wait_for(lambda: wanted.items() <= self.totals.items(), f"{counts}, not {self.totals}")
 
+    def wait_until_matched(self, frame: RgbdFrame) -> None:
+        """Wait until the messages of a frame have found each other.
+
+        Frames that are shown faster, seconds apart by their stamps, arrive as if one topic lagged
+        by seconds behind the other, as the threads that take them happen to run.
+        """
+        streams = self.node._life._inputs._synchroniser._streams  # type: ignore[union-attr]
+        stamp = round(frame.stamp * 1e9)
+        wait_for(lambda: streams[""].matched == stamp, f"a match at {frame.stamp:.1f}")
+
     def map(self, frames: list[RgbdFrame]) -> SemanticLayer:
         """Show frames one after the other, each when the last is done, and return the objects."""
         for number, frame in enumerate(frames, start=1):

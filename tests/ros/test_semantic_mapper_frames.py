@@ -126,6 +126,7 @@ def test_a_slow_detector_drops_frames_and_does_not_lag(
         for number in numbers:
             color = np.full_like(drive[number].color, number)
             node.camera.show(replace(drive[number], color=color))
+            node.wait_until_matched(drive[number])
 
     show(range(1))
     wait_for(lambda: seen == [0], "the first frame at the detector")
