@@ -27,7 +27,8 @@ def settings():
 def test_the_python_libraries_answer_the_same(world, settings, name: str) -> None:
     from suite import queries, query_peers
 
-    pytest.importorskip({"GeoPandasLayer": "geopandas", "RtreeLayer": "rtree"}[name])
+    library = {"GeoPandasLayer": "geopandas", "RtreeLayer": "rtree"}[name]
+    pytest.importorskip(library, reason=f"{library} is for the benchmark (make bench installs it)")
     rows = list(queries._against(getattr(query_peers, name), world, settings))
     assert len(rows) == (12 if name == "RtreeLayer" else 13)
     assert all("the same" in row.agreement for row in rows)
