@@ -22,7 +22,7 @@ help:  ## list what can be made
 demo: $(VENV)/.hypermap  ## see a map being made: a simulated room, mapped and drawn
 	$(BIN)/hypermap demo
 
-test: ros1 chromium lint types tests coverage core-tests package platforms  ## everything that CI checks
+test: ros1 chromium lint types tests core-tests package platforms  ## everything that CI checks
 
 ros1:  ## install ROS 1 for its tests, where that is possible: on Debian 12, as root
 	scripts/ros1.sh
