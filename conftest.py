@@ -6,6 +6,7 @@ from every shell, and as a background job.
 
 from __future__ import annotations
 
+import importlib.util
 import os
 import shutil
 import signal
@@ -24,6 +25,8 @@ collect_ignore_glob = [
     "src/hypermap/ros/ros2/*",
     "src/hypermap/ros/rviz/bindings.py",
 ]
+if importlib.util.find_spec("rerun") is None:  # whose SDK needs Python 3.11
+    collect_ignore_glob.append("src/hypermap/viewer/logs/rerun_log.py")
 
 KEPT = ("PATH", "TMPDIR", "CI", "HYPERMAP_CHROMIUM", "HOME")
 SET = {

@@ -35,6 +35,8 @@ pytestmark = pytest.mark.xdist_group("demo")
 def test_the_examples_of_a_page_run(
     page: Path, demo_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    if page.name == "logs.md":
+        pytest.importorskip("rerun", reason="Rerun needs Python 3.11")
     (tmp_path / "hypermap-demo").symlink_to(demo_folder)
     monkeypatch.chdir(tmp_path)
     namespace: dict[str, Any] = {"__name__": "__main__"}
