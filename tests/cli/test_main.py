@@ -242,7 +242,7 @@ def test_how_much_is_told_counts_together_before_and_behind_a_command(
 def test_bash_completes_commands_and_options_once_that_is_installed(tmp_path):
     program = Path(sys.executable).parent / "hypermap"
     script = f"""
-        PATH={program.parent}:$PATH
+        PATH={shlex.quote(str(program.parent))}:$PATH
         hypermap --install-completion >&2
         source ~/.bash_completions/hypermap.sh
         for line in "hypermap que" "hypermap query --nea" "hypermap map --profile the"; do

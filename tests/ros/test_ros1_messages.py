@@ -271,7 +271,8 @@ def test_catkin_builds_the_package(needs_ros1: None, tmp_path: Path) -> None:
     needed = ("/usr/bin/cmake", "/usr/bin/catkin_init_workspace", "/usr/bin/g++")
     if any(shutil.which(tool) is None for tool in needed):
         pytest.skip("ROS 1 is not here (on Debian 12, as root: make ros1)")
-    source = Path(__file__).resolve().parents[2] / "ros/hypermap_msgs"
+    source = tmp_path / "hypermap_msgs"  # catkin builds nothing in a folder with brackets
+    shutil.copytree(Path(__file__).resolve().parents[2] / "ros/hypermap_msgs", source)
     environment = {"PATH": "/usr/bin:/bin", "ROS_VERSION": "1"}
     options = {
         "CMAKE_INSTALL_PREFIX": tmp_path / "install",
