@@ -102,5 +102,5 @@ class Saving:
             self._own.add(path)
             if path == self._path:
                 self._saved_revision = revision
-        objects = len(hypermap["semantic"])  # type: ignore[arg-type] # a semantic layer
+        objects = len(hypermap.semantic())
         self._port.log(level, f"saved {objects} objects to {path}")
