@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import contextlib
 import logging
 import os
 import shlex
@@ -7,6 +8,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -148,35 +150,65 @@ def test_a_reader_that_stops_early_ends_the_command_quietly(room_map):
     assert done.stderr == ""
 
 
-def test_ctrl_c_in_a_compiled_loop_ends_the_command_as_any_other(hypermap, monkeypatch, room_map):
-    def interrupted(*_arguments, **_options):
-        # What Python makes of an interrupt that a compiled function returns with.
-        raise SystemError("returned a result with an exception set") from KeyboardInterrupt()
-
-    monkeypatch.setattr("hypermap.formats.open_map", interrupted)
-    result = hypermap("info", room_map)
-    assert (result.code, result.err) == (130, "")
+ENDINGS = [(signal.SIGINT, 130), (signal.SIGTERM, 143)]
 
 
-@pytest.mark.parametrize("in_a_compiled_loop", [False, True])
-def test_sigterm_ends_a_command_in_order(hypermap, monkeypatch, room_map, in_a_compiled_loop):
+@pytest.mark.parametrize(("number", "code"), ENDINGS)
+@pytest.mark.parametrize(
+    "becomes",
+    [None, SystemError("result with an exception set"), ImportError("multiarray"), EOFError()],
+)
+def test_signals_end_a_command_in_order(
+    hypermap, monkeypatch, room_map, ctrl_c, number, code, becomes
+):
     undone = []
 
-    def terminated(*_arguments, **_options):
+    def ended(*_arguments, **_options):
         try:
-            signal.raise_signal(signal.SIGTERM)
-        except SystemExit as end:
-            if not in_a_compiled_loop:
+            signal.raise_signal(number)
+        except (KeyboardInterrupt, SystemExit) as end:
+            if becomes is None:
                 raise
-            raise SystemError("returned a result with an exception set") from end
+            raise becomes from end  # as compiled loops and libraries do
         finally:
             undone.append("what was half done")
 
-    monkeypatch.setattr("hypermap.formats.open_map", terminated)
-    before = signal.getsignal(signal.SIGTERM)
+    monkeypatch.setattr("hypermap.formats.open_map", ended)
+    before = signal.getsignal(number)
     result = hypermap("info", room_map)
-    assert (result.code, result.err, len(undone)) == (143, "", 1)
-    assert signal.getsignal(signal.SIGTERM) == before
+    assert (result.code, len(undone)) == (code, 1)
+    assert "Traceback" not in result.err
+    assert signal.getsignal(number) == before
+
+
+@pytest.mark.parametrize(("number", "code"), ENDINGS)
+def test_a_signal_that_meets_a_finalizer_is_not_lost(
+    hypermap, monkeypatch, room_map, ctrl_c, number, code
+):
+    class Finalized:
+        def __del__(self):
+            signal.raise_signal(number)  # what it raises goes no further than this
+
+    def slow(*_arguments, **_options):
+        Finalized()
+        for _ in range(6000):
+            time.sleep(0.01)
+        return "still there"
+
+    monkeypatch.setattr("hypermap.formats.open_map", slow)
+    result = hypermap("info", room_map)
+    assert (result.code, result.err) == (code, "")
+
+
+def test_a_command_that_ctrl_c_ends_as_usual_has_not_failed(
+    hypermap, monkeypatch, room_map, ctrl_c
+):
+    def look(*_arguments, **_options):
+        with contextlib.suppress(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr("hypermap.viewer.live.serving.serve", look)
+    assert hypermap("view", room_map, "--no-browser", "--port", 0).code == 0
 
 
 def test_other_errors_of_python_itself_are_not_hidden(hypermap, monkeypatch, room_map):

@@ -68,7 +68,7 @@ def free_port() -> int:
         return int(probe.getsockname()[1])
 
 
-def wait_for(condition: Callable[[], Any], what: str, timeout: float = 30.0) -> Any:
+def wait_for(condition: Callable[[], Any], what: str, timeout: float = 120.0) -> Any:
     """Return the first true answer of a condition."""
     end = time.monotonic() + timeout
     while time.monotonic() < end:
@@ -107,12 +107,12 @@ class Process:
     def output(self) -> str:
         return self.log.read_text(errors="replace")
 
-    def expect(self, text: str, timeout: float = 30.0) -> None:
+    def expect(self, text: str, timeout: float = 120.0) -> None:
         """Wait until the output holds a text."""
         wait_for(lambda: text in self.output or self.popen.poll() is not None, repr(text), timeout)
         assert text in self.output, self.output
 
-    def stop(self, number: int = signal.SIGINT, timeout: float = 20.0) -> int:
+    def stop(self, number: int = signal.SIGINT, timeout: float = 60.0) -> int:
         """Send a signal to the whole group and return the exit code."""
         if self.popen.poll() is None:
             os.killpg(self.popen.pid, number)

@@ -60,7 +60,7 @@ class Client:
 
     def proxy(self, service: str, type_name: str, **options: Any) -> Any:
         name = service if service.startswith("/") else f"/{self.node}/{service}"
-        self.rospy.wait_for_service(name, 30)
+        self.rospy.wait_for_service(name, 120)
         return self.rospy.ServiceProxy(name, self.messages.service_class(type_name), **options)
 
     def call(self, service: str, type_name: str, **fields: Any) -> Any:

@@ -13,7 +13,7 @@ import pytest
 from hypermap.core.errors import HypermapError
 from hypermap.ros.mapper.first_mapper import FirstMapper, todays
 
-from .conftest import ROS
+from .conftest import ROS, wait_for
 from .map_server_tools import Client, building, saved
 
 ros1 = pytest.mark.xdist_group("ros")
@@ -68,12 +68,14 @@ def test_semmapping_listens_where_it_did(launch, rospy, tmp_path) -> None:
     import rosgraph
 
     nodes = launch(written(MAPPING, tmp_path))
+    topics = {"/camera/depth/points", "/camera/rgb/camera_info", "/darknet_ros/bounding_boxes"}
+
+    def heard() -> set[str]:
+        _, subscribed, _ = rosgraph.Master("/tests").getSystemState()
+        return {topic for topic, names in subscribed if "/mapping" in names}
+
+    wait_for(lambda: heard() >= topics, f"subscriptions to {topics}", 120)
     rospy.wait_for_service("/mapping/clear", 120)
-    _, subscribed, _ = rosgraph.Master("/tests").getSystemState()
-    heard = {topic for topic, names in subscribed if "/mapping" in names}
-    assert heard >= {
-        "/camera/depth/points", "/camera/rgb/camera_info", "/darknet_ros/bounding_boxes"
-    }  # fmt: skip
     assert nodes.stop() == 0
     assert rospy.get_param("/mapping", {}) == {}
 

@@ -45,7 +45,7 @@ def logged(lines: list[Any], text: str) -> Any:
 def ask(rospy: Any, port: Any, name: str, layer: str = "") -> str:
     from hypermap.ros.ros1.messages import service_class
 
-    rospy.wait_for_service(name, 30)
+    rospy.wait_for_service(name, 120)
     return str(rospy.ServiceProxy(name, service_class(SERVICE))(layer=layer).name)
 
 

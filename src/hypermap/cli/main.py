@@ -14,7 +14,7 @@ from typer.core import TyperCommand, TyperGroup
 from typer.main import get_command
 
 from hypermap import __version__
-from hypermap.cli.signals import ended_by_sigterm
+from hypermap.cli.signals import ended_by_signals
 from hypermap.cli.terminal import (
     BAD_INPUT,
     INTERRUPTED,
@@ -118,7 +118,7 @@ def main(args: Sequence[str] | None = None) -> NoReturn:
     prepare_streams()
     try:
         try:
-            with ended_by_sigterm():
+            with ended_by_signals():
                 app(args, prog_name="hypermap")
         finally:
             finish_writing()
@@ -127,11 +127,5 @@ def main(args: Sequence[str] | None = None) -> NoReturn:
     except (HypermapError, OSError) as error:
         complain(describe(error))
     except KeyboardInterrupt:
-        sys.exit(INTERRUPTED)
-    except SystemError as error:  # a signal came when a compiled loop was just about to return
-        if isinstance(error.__cause__, SystemExit):
-            raise error.__cause__ from None
-        if not isinstance(error.__cause__, KeyboardInterrupt):
-            raise
         sys.exit(INTERRUPTED)
     sys.exit(BAD_INPUT)

@@ -7,14 +7,18 @@ starts its jobs in the background without Ctrl-C, and it is SIGTERM that ends th
 
 from __future__ import annotations
 
+import logging
 import signal
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
 from typing import NoReturn
 
-TERMINATED = 128 + signal.SIGTERM  # the exit code
+_SOON = 0.01  # s
+
+_log = logging.getLogger(__name__)
 
 
 class Stop:
@@ -50,25 +54,54 @@ def stop_on_signal() -> Iterator[Stop]:
     SIGTERM may come twice at once, as from `timeout`, and so never means more than a wish.
     """
     stop = Stop()
+    interrupt = signal.getsignal(signal.SIGINT)
 
     def wish(number: int, _frame: FrameType | None) -> None:
         stop.number = stop.number or signal.Signals(number)
         if signal.getsignal(signal.SIGINT) is wish:
-            signal.signal(signal.SIGINT, signal.default_int_handler)
+            signal.signal(signal.SIGINT, interrupt)
 
     with _handled(wish, signal.SIGINT, signal.SIGTERM):
         yield stop
 
 
 @contextmanager
-def ended_by_sigterm() -> Iterator[None]:
-    """Let SIGTERM end the program as an exception does, so that nothing half done is left."""
+def ended_by_signals() -> Iterator[None]:
+    """Let Ctrl-C and SIGTERM end the program as exceptions do, so that nothing half done is left.
 
-    def end(_number: int, _frame: FrameType | None) -> NoReturn:
-        raise SystemExit(TERMINATED)
+    A signal may come while a library, or a finalizer, runs that turns the exception into another
+    one or drops it. The program ends in order then, too.
 
-    with _handled(end, signal.SIGTERM):
-        yield
+    Raises:
+        KeyboardInterrupt: On Ctrl-C.
+        SystemExit: On SIGTERM, and where a signal's exception has become another.
+    """
+    came: list[int] = []
+
+    def end(number: int, _frame: FrameType | None) -> NoReturn:
+        came.append(number)
+        if number == signal.SIGINT:
+            raise KeyboardInterrupt
+        raise SystemExit(128 + number)
+
+    def send_again(lost: sys.UnraisableHookArgs) -> None:
+        if came and issubclass(lost.exc_type, (KeyboardInterrupt, SystemExit)):
+            # From a thread, as Python would handle it right here otherwise, and drop it again.
+            threading.Timer(_SOON, signal.raise_signal, [came[-1]]).start()
+        else:
+            before(lost)
+
+    before, sys.unraisablehook = sys.unraisablehook, send_again
+    try:
+        with _handled(end, signal.SIGINT, signal.SIGTERM):
+            yield
+    except (Exception, SystemExit) as error:
+        if not came or (isinstance(error, SystemExit) and not error.code):
+            raise  # as does a command that has taken Ctrl-C for its usual end
+        _log.debug("signal %d ended what was under way: %r", came[-1], error)
+        raise SystemExit(128 + came[-1]) from error
+    finally:
+        sys.unraisablehook = before
 
 
 @contextmanager
