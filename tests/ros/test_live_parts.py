@@ -12,6 +12,8 @@ import pytest
 from hypermap.core.errors import HypermapError
 from hypermap.core.grid import GridGeometry
 from hypermap.core.occupancy import OccupancyLayer
+from hypermap.perception.detections import Detections
+from hypermap.perception.frame import Camera, RgbdFrame
 from hypermap.ros.mapper.diagnostics import diagnostic_array
 from hypermap.ros.mapper.inputs import Work
 from hypermap.ros.mapper.live_map import LiveMap
@@ -216,6 +218,35 @@ def test_a_map_of_another_node_is_a_change_and_outlives_what_was_seen() -> None:
     assert live.revision > before  # else it would not be saved at the end
     live.clear()
     assert live.hypermap()["occupancy"] is given
+
+
+def test_others_are_answered_while_a_detector_looks(monkeypatch: pytest.MonkeyPatch) -> None:
+    is_looking, may_go_on = threading.Event(), threading.Event()
+
+    def look(_frame: RgbdFrame) -> Detections:
+        is_looking.set()
+        assert may_go_on.wait(120)
+        return Detections.of([], [])
+
+    monkeypatch.setattr(
+        "hypermap.ros.mapper.live_map.sources.detections_from_recording", lambda: look
+    )
+    live = LiveMap(LiveSettings(depth_topic="/depth", detections_topic="/boxes"))
+    camera = Camera.from_intrinsics(60.0, 60.0, 31.5, 23.5, 64, 48)
+    frame = RgbdFrame(0.0, np.full((48, 64), 2.0, np.float32), camera, np.eye(4))
+    fates: list[Fate] = []
+    adding = threading.Thread(target=lambda: fates.append(live.add(frame)[0]), daemon=True)
+    adding.start()
+    assert is_looking.wait(120)
+    answers: list[int] = []
+    asking = threading.Thread(
+        target=lambda: answers.extend([len(live), len(live.hypermap().layers)]), daemon=True
+    )
+    asking.start()
+    wait_for(lambda: answers == [0, 2], "the answers")
+    may_go_on.set()
+    adding.join()
+    assert (fates, live.frames) == ([Fate.MAPPED], 1)
 
 
 @pytest.mark.parametrize(

@@ -36,10 +36,10 @@ class LiveMap:
         self.config = _config(settings)
         self.revision = 0
         self._frame_id = settings.map_frame.strip("/")
-        self._source = _source(settings, self.config)
+        self._source = self._beside_others(_source(settings, self.config))
         self._makes_occupancy = settings.occupancy and not settings.map_topic
         self._given: OccupancyLayer | None = None
-        self._lock = threading.RLock()
+        self._lock = threading.Lock()
         self._mapper = self._new_mapper()
 
     def warm_up(self) -> None:
@@ -69,12 +69,13 @@ class LiveMap:
         if (reason := why_unusable(frame)) is not None:
             return Fate.UNUSABLE, reason, None
         with self._lock:
-            before = self._mapper.counts
-            observation = self._mapper.add(frame)
+            mapper = self._mapper  # which `clear` may replace while the detector looks
+            before = mapper.counts
+            observation = mapper.add(frame)
             if observation is not None:
                 self.revision += 1
                 return Fate.MAPPED, "", observation
-            if self._mapper.counts.skipped > before.skipped:
+            if mapper.counts.skipped > before.skipped:
                 return Fate.STILL, "", None
         return Fate.UNUSABLE, "it lies too far off", None
 
@@ -114,6 +115,18 @@ class LiveMap:
         occupancy = whole["occupancy"] if self._makes_occupancy else given
         layers = [whole["semantic"]] if occupancy is None else [occupancy, whole["semantic"]]
         return Hypermap(layers, metadata=whole.metadata)
+
+    def _beside_others(self, source: DetectionSource) -> DetectionSource:
+        """Return a source that lets others at the map while it looks, which may take seconds."""
+
+        def look(frame: RgbdFrame) -> Detections:
+            self._lock.release()
+            try:
+                return source(frame)
+            finally:
+                self._lock.acquire()
+
+        return look
 
     def _new_mapper(self) -> Mapper:
         none = None if self._makes_occupancy else OccupancyLayer("occupancy", self._frame_id)
