@@ -42,7 +42,7 @@ class Server:
     def output(self):
         return self.log.read_text()
 
-    def expect(self, pattern, timeout=60.0):
+    def expect(self, pattern, timeout=240.0):
         end = time.monotonic() + timeout
         while not (found := re.search(pattern, self.output)):
             assert self.process.poll() is None, self.output
@@ -63,7 +63,7 @@ class Server:
 
     def stop(self, number):
         self.process.send_signal(number)
-        return self.process.wait(30)
+        return self.process.wait(240)
 
 
 @pytest.fixture
@@ -78,7 +78,7 @@ def serve(tmp_path):
     for server in servers:
         if server.process.poll() is None:
             server.process.kill()
-        server.process.wait(30)
+        server.process.wait(240)
 
 
 def place(frame, x, y):

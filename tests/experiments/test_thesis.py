@@ -159,10 +159,10 @@ def test_sigterm_ends_all_its_processes(tmp_path: Path) -> None:
             children = listed.read_text().split()
         process.terminate()
         try:
-            assert process.wait(60) == 143
+            assert process.wait(240) == 143
         finally:
             process.kill()
-        end = time.monotonic() + 60
+        end = time.monotonic() + 240
         while any("spawn_main" in _command_line(child) for child in children):
             assert time.monotonic() < end, "a drive goes on without anyone who waits for it"
             time.sleep(0.1)

@@ -61,7 +61,7 @@ def running(command: list[str], environment: dict[str, str], stop: int) -> Itera
         yield process.pid
     finally:
         os.killpg(process.pid, stop)
-        process.wait(timeout=30)
+        process.wait(timeout=240)
         # `rosbag record` is done before its child, which still compresses and renames the bag.
         wait_for(lambda: states_of([process.pid]) <= {"Z"}, f"the end of {command}")
 
@@ -128,7 +128,7 @@ def states_of(groups: list[int]) -> set[str]:
 
 
 def wait_for(condition: Callable[[], bool], what: str) -> None:
-    end = time.monotonic() + 60
+    end = time.monotonic() + 240
     while not condition():
         assert time.monotonic() < end, f"waited in vain for {what}"
         time.sleep(0.1)

@@ -166,7 +166,7 @@ class Node:
         self.graph.nodes.append(self)
 
     def needs_executor(self) -> None:
-        end = wall.monotonic() + 10
+        end = wall.monotonic() + 60
         while self.executor is None or not self.executor.spins.is_set():
             assert wall.monotonic() < end, f"no executor runs the node {self._name}"
             wall.sleep(0.005)

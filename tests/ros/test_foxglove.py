@@ -315,7 +315,7 @@ def test_a_slow_callback_gets_the_newest(port, client):
 
     def wait(message):
         got.append(message.data.tolist())
-        may_go_on.wait(30)
+        may_go_on.wait(120)
 
     port.subscribe("/map", "nav_msgs/OccupancyGrid", wait)
     done = []

@@ -105,7 +105,7 @@ def test_semantic_mapping_serves_the_growing_map_and_saves_it(
         "semantic_semmap",
         "hypermap_msgs/SemanticMap",
         lambda heard: len(heard.objects) > 5,
-        timeout=90,  # two nodes have to start, and to see something
+        timeout=240,  # two nodes have to start, and to see something
     )
     assert {item.name for item in served.objects} <= set(
         ground_truth(demo_world())["semantic"].names

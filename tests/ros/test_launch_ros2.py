@@ -149,7 +149,7 @@ def test_scripts_start_the_nodes(name: str) -> None:
     assert os.access(script, os.X_OK)
     assert script.read_text().startswith("#!/usr/bin/env python3\n")
     done = subprocess.run(
-        [sys.executable, script, "a.hmap", "b.hmap"], capture_output=True, text=True, timeout=60
+        [sys.executable, script, "a.hmap", "b.hmap"], capture_output=True, text=True, timeout=240
     )
     assert done.returncode == 1
     assert re.match(rf"{name}: .*(one map|does not know)", done.stderr), done.stderr

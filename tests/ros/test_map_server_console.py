@@ -62,7 +62,7 @@ class Terminal:
         wait_for(lambda: answer in self.shown[begin:], f"{answer!r} after {line!r}: {self.shown}")
 
     def ends(self) -> int:
-        code = self.popen.wait(20)
+        code = self.popen.wait(240)
         self._reader.join(5)
         return code
 

@@ -110,7 +110,7 @@ def test_a_misspelled_parameter_on_the_parameter_server_is_a_warning(start, rosp
 def test_a_wrong_start_is_one_line_and_an_exit_code(start, roscore, parameters, error):
     name = f"wrong_start_{abs(hash(error))}"  # a roscore keeps the parameters of a name
     process = start("hypermap", "serve", "--ros1", *parameters, f"__name:={name}")
-    assert process.popen.wait(30) == 2
+    assert process.popen.wait(240) == 2
     assert error in process.output
     assert "Traceback" not in process.output
 

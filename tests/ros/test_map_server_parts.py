@@ -72,7 +72,7 @@ class Slow(Shown):
 
     def show(self, hypermap: Hypermap, changed: Any = None) -> None:
         super().show(hypermap, changed)
-        assert self.may_go_on.wait(30)
+        assert self.may_go_on.wait(120)
 
 
 def lab() -> Hypermap:

@@ -330,7 +330,7 @@ def test_a_map_server_publishes_masks_and_takes_new_zones_while_it_runs(
         assert np.count_nonzero(expected == 100) == 12
         assert np.count_nonzero(expected == -1) == 84
 
-        late = rospy.wait_for_message(topic, OccupancyGrid, timeout=30)
+        late = rospy.wait_for_message(topic, OccupancyGrid, timeout=120)
         np.testing.assert_array_equal(cells(late), expected)
 
         rospy.set_param("/masks_server/keepout", ["plant 0"])
@@ -342,7 +342,7 @@ def test_a_map_server_publishes_masks_and_takes_new_zones_while_it_runs(
         rospy.set_param("/masks_server/keepout", ["plant"])
         server.expect("keepout: 'plant' is no zone; expected a class and a margin in metres")
         rospy.set_param("/masks_server/speed", ["desk 0 50%"])
-        speed = rospy.wait_for_message("/masks_server/speed_mask", OccupancyGrid, timeout=30)
+        speed = rospy.wait_for_message("/masks_server/speed_mask", OccupancyGrid, timeout=120)
         assert sorted(np.unique(cells(speed))) == [0, 50]
         assert server.stop() == 0
     finally:

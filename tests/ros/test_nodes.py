@@ -29,7 +29,7 @@ def test_the_command_is_a_node_of_ros_1(rospy, start, tmp_path, number):
     server = start(
         "hypermap", "serve", path, "--ros1", "--param", "tf_timeout=0.25", f"__name:={name}"
     )
-    rospy.wait_for_service(f"/{name}/get_string_at_point", timeout=60)
+    rospy.wait_for_service(f"/{name}/get_string_at_point", timeout=240)
     assert rospy.get_param(f"/{name}/tf_timeout") == 0.25
     from hypermap.ros.ros1.messages import message_class, service_class
 
@@ -41,7 +41,7 @@ def test_the_command_is_a_node_of_ros_1(rospy, start, tmp_path, number):
     place.point.x = place.point.y = 0.5
     answered = partial(ask, "semantic", place)
     assert wait_for(answered, "an answer").name == "chair"
-    assert server.stop(number, timeout=30.0) == 0
+    assert server.stop(number, timeout=240.0) == 0
     assert "Traceback" not in server.output
 
 

@@ -177,7 +177,7 @@ def test_a_late_subscriber_of_rospy_gets_grid_and_objects(rospy: Any, ros1_types
         topic, kind = f"~arrays{number}", ros1_types.message(name)
         publisher = rospy.Publisher(topic, kind, latch=True, queue_size=1)
         publisher.publish(message)
-        got = rospy.wait_for_message(topic, kind, timeout=30)
+        got = rospy.wait_for_message(topic, kind, timeout=120)
         assert (got.header.frame_id, got.header.stamp.nsecs) == ("map", 5)
         if number == 0:
             assert got.data == (0, 100)

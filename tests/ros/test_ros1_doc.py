@@ -94,7 +94,7 @@ def run(command: str, wanted: str, environment: dict[str, Any]) -> None:
             stdin=subprocess.DEVNULL,
             capture_output=True,
             text=True,
-            timeout=60,
+            timeout=240,
             check=False,
         )
         got = done.stdout + (done.stderr if fails else "")

@@ -151,7 +151,7 @@ def test_two_nodes_may_generate_at_once(needs_ros1: None, tmp_path: Path) -> Non
         subprocess.Popen([sys.executable, "-c", code], env=environment, stdout=subprocess.PIPE)
         for _ in range(3)
     ]
-    answers = {node.communicate(timeout=60)[0].decode().strip() for node in nodes}
+    answers = {node.communicate(timeout=240)[0].decode().strip() for node in nodes}
     assert answers == {MESSAGES["SemanticMap"]}
     assert len(list((tmp_path / "hypermap/ros1").iterdir())) == 1
 
@@ -186,7 +186,7 @@ print(len(environment()))
         env={**os.environ, "PYTHONPATH": str(tmp_path / "old")},
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=240,
     )
     assert run.returncode == 0, run.stderr
     assert "chair" in run.stdout
@@ -208,7 +208,7 @@ def tools_environment(needs_ros1: None) -> dict[str, str]:
 
 
 def tool(environment: dict[str, str], *words: str) -> str:
-    run = subprocess.run(words, env=environment, capture_output=True, text=True, timeout=60)
+    run = subprocess.run(words, env=environment, capture_output=True, text=True, timeout=240)
     assert run.returncode == 0, run.stderr
     return run.stdout
 

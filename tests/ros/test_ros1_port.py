@@ -365,7 +365,7 @@ def test_rosnode_kill_ends_a_node(roscore: str, start: Callable[..., Process]) -
     node = start(*NODE, "to_kill")
     node.expect("ready")
     start("rosnode", "kill", "/to_kill").expect("killed")
-    assert node.popen.wait(30) == 0
+    assert node.popen.wait(240) == 0
     assert node.output.splitlines()[-1] == "ended"
 
 
@@ -374,7 +374,7 @@ def test_a_second_node_of_that_name_takes_over(roscore: str, start: Callable[...
     first.expect("ready")
     second = start(*NODE, "twin")
     second.expect("ready")
-    assert first.popen.wait(30) == 0
+    assert first.popen.wait(240) == 0
     first.expect("ended")
     assert second.popen.poll() is None
     assert not is_missing("/twin/ask")
@@ -394,7 +394,7 @@ port.shut_down()
     first.expect("still here")
     second = start(*NODE, "talker")
     second.expect("ready")
-    assert first.popen.wait(30) == 0
+    assert first.popen.wait(240) == 0
     assert second.popen.poll() is None
     assert not is_missing("/talker/ask")
 
@@ -422,7 +422,7 @@ def test_without_a_roscore_a_node_ends_at_once(
         threading.Thread(target=server.serve_forever, daemon=True).start()
         uri = uri.format(closed=closed.getsockname()[1], deaf=server.server_address[1])
         node = start(*NODE, "lonely", env={**os.environ, "ROS_MASTER_URI": uri})
-        assert node.popen.wait(30) != 0
+        assert node.popen.wait(240) != 0
         server.shutdown()
     last = node.output.splitlines()[-1]
     assert problem in last
@@ -462,12 +462,12 @@ def test_a_node_outlives_its_roscore(
     node.expect("registered with it again")
     node.expect("heard two")
     between.stop()
-    assert tool("rosparam", "get", "/survivor/height").popen.wait(30) == 0
+    assert tool("rosparam", "get", "/survivor/height").popen.wait(240) == 0
     tool("rostopic", "echo", "-n1", "/survivor/greeting").expect("hello")
     after = tool("rostopic", "pub", "-r", "5", "/port_node_in", "std_msgs/String", "data: three")
     node.expect("heard three")
     after.stop()
-    assert tool("rosparam", "set", "/survivor/height", "3.5").popen.wait(30) == 0
+    assert tool("rosparam", "set", "/survivor/height", "3.5").popen.wait(240) == 0
     node.expect("changed 3.5")
     nodes = tool("rosnode", "info", "/survivor")
     nodes.expect("/survivor/ask")

@@ -112,7 +112,7 @@ def test_a_callback_that_does_not_end_keeps_no_node_from_ending(
     port.manage(node)
     may_end = threading.Event()
     # rclpy waits so for callbacks that run, whatever it is given as a limit.
-    monkeypatch.setattr(port._executor, "shutdown", lambda: may_end.wait(60))
+    monkeypatch.setattr(port._executor, "shutdown", lambda: may_end.wait(240))
     threading.Timer(0.2, port.shut_down).start()
     port.spin()
     may_end.set()
@@ -138,7 +138,7 @@ run_node(Port(), None)
 
 def test_a_program_with_a_stuck_thread_ends() -> None:
     done = subprocess.run(
-        [sys.executable, "-c", STUCK], capture_output=True, text=True, timeout=60, check=False
+        [sys.executable, "-c", STUCK], capture_output=True, text=True, timeout=240, check=False
     )
     assert (done.returncode, done.stdout) == (1, "saved\n"), done.stderr
 

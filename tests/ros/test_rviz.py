@@ -29,7 +29,7 @@ from .screen import Screen, Seen, expected
 
 pytestmark = pytest.mark.xdist_group("rviz")
 
-PATIENCE = 60.0  # s until a window is drawn, on a machine that has much to do
+PATIENCE = 240.0  # s until a window is drawn, on a machine that has much to do
 ENOUGH = 0.98  # of the points of each color have it
 # The lab's frame stands outside of the map, and is turned by 90 degrees against it.
 LAB = Transform("map", "lab", Pose2D(20.0, 0.0, math.pi / 2))

@@ -107,7 +107,7 @@ def test_a_slow_detector_drops_frames_and_does_not_lag(
     class Slow:
         def detect(self, color: Any) -> Detections:
             seen.append(int(color[0, 0, 0]))
-            assert is_done.acquire(timeout=60)
+            assert is_done.acquire(timeout=240)
             return Detections.of([], [])
 
     monkeypatch.setattr("hypermap.ros.mapper.live_map.load_detector", lambda *_, **__: Slow())

@@ -131,7 +131,7 @@ def test_sources_of_an_earlier_run_do_not_contradict_those_of_the_next(
     rospy.set_param("/semantic_mapper/detections_topic", "/boxes")  # of a run that was killed
     words = ["--ros1", "--depth-topic", "/d", "--detections", file]
     second = start("hypermap", "live", *words)
-    assert second.popen.wait(60) == 2
+    assert second.popen.wait(240) == 2
     assert (
         "found detections_topic (on the parameter server, as /semantic_mapper/detections_topic) "
         "and detections_file (as an argument)" in second.output
@@ -141,7 +141,7 @@ def test_sources_of_an_earlier_run_do_not_contradict_those_of_the_next(
 
 def test_a_node_that_fails_to_start_leaves_nothing_wrong_behind(start, rospy) -> None:
     words = ["hypermap", "serve", "--ros1", "__name:=fails_once"]
-    assert start(*words, "_tf_timeout:=soon").popen.wait(60) == 2
+    assert start(*words, "_tf_timeout:=soon").popen.wait(240) == 2
     start(*words).expect("starting without a map")
 
 
@@ -150,7 +150,7 @@ def test_a_node_that_is_replaced_leaves_its_parameters_to_the_other(start, rospy
     first = start(*words)
     first.expect("starting without a map")
     second = start(*words, "_label_height:=0.3")
-    assert first.popen.wait(60) == 0
+    assert first.popen.wait(240) == 0
     second.expect("starting without a map")
     assert rospy.get_param("/heir") == {"label_height": 0.3}
     assert second.stop() == 0
@@ -161,5 +161,5 @@ def test_a_node_that_roslaunch_may_start_again_finds_its_parameters(start, rospy
     node = start("hypermap", "serve", "--ros1", "__name:=reborn", "_label_height:=0.3")
     node.expect("starting without a map")
     start("rosnode", "kill", "/reborn").expect("killed")
-    assert node.popen.wait(60) == 0
+    assert node.popen.wait(240) == 0
     assert rospy.get_param("/reborn") == {"label_height": 0.3}

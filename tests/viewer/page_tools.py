@@ -26,7 +26,7 @@ from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_play
 import hypermap.viewer
 
 SHADE = 30  # pixels around a panel that its shadow darkens
-PATIENCE = 30.0  # s; the machine may be busy
+PATIENCE = 120.0  # s; the machine may be busy
 expect.set_options(timeout=1000 * PATIENCE)
 SIZE: Any = {"width": 1200, "height": 800}
 PAGE_FOLDER = Path(hypermap.viewer.__file__).parent / "page"
