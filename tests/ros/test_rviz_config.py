@@ -116,15 +116,15 @@ def run(*words: Any) -> Any:
 def test_the_command_writes_a_configuration(tmp_path: Path) -> None:
     file, map_file = tmp_path / "room.rviz", tmp_path / "room.hmap"
     save_map(building(), map_file)
-    assert run(map_file, "--config", file, "--server", "robot/server").exit_code == 0
+    assert run(map_file, "-o", file, "--server", "robot/server").exit_code == 0
     assert file.read_text() == map_configuration(building(), "/robot/server")
-    assert isinstance(run(map_file, "--config", file).exception, HypermapError)  # it exists
-    assert run(map_file, "--config", file, "--ros2", "--force").exit_code == 0
+    assert isinstance(run(map_file, "-o", file).exception, HypermapError)  # it exists
+    assert run(map_file, "-o", file, "--ros2", "--force").exit_code == 0
     assert file.read_text() == map_configuration(building(), ros2=True)
 
 
 def test_a_configuration_is_for_a_map(tmp_path: Path) -> None:
-    result = run("--config", tmp_path / "room.rviz")
+    result = run("-o", tmp_path / "room.rviz")
     assert "name the map" in str(result.exception)
 
 

@@ -37,7 +37,7 @@ class Question:
         near: a name or a point.
         within: distance to `near` [m].
         inside: a name or an area.
-        layer: the one that is asked.
+        layers: those that are asked; none for all.
         frame_id: of points and areas.
     """
 
@@ -50,7 +50,7 @@ class Question:
     near: str | None = None
     within: float | None = None
     inside: str | None = None
-    layer: str | None = None
+    layers: Sequence[str] = ()
     frame_id: str | None = None
 
     @property
@@ -109,11 +109,14 @@ def _check(question: Question) -> None:
 
 
 def _asked_layers(hypermap: Hypermap, question: Question) -> list[Layer]:
-    if question.layer is not None:
-        layer = hypermap[question.layer]
-        if question.is_about_objects and not isinstance(layer, SemanticLayer):
-            raise HypermapError(f"--near and --inside ask for objects; {layer.name!r} holds none")
-        return [layer]
+    if question.layers:
+        named = [hypermap[name] for name in dict.fromkeys(question.layers)]
+        for layer in named:
+            if question.is_about_objects and not isinstance(layer, SemanticLayer):
+                raise HypermapError(
+                    f"--near and --inside ask for objects; {layer.name!r} holds none"
+                )
+        return named
     # A number is an id unless a layer is named: a grid has thousands of cells with each number.
     only_objects = question.number is not None
     return [
@@ -154,7 +157,7 @@ def _objects(hypermap: Hypermap, question: Question, layers: set[str]) -> list[F
         within=question.within,
         inside=inside,
         area=_area(question),
-        layer=question.layer,
+        layer=next(iter(layers)) if len(layers) == 1 else None,
         frame_id=question.frame_id,
     )
     number = question.number

@@ -53,11 +53,15 @@ def command(
     ],
     layers: Annotated[
         list[str] | None,
-        typer.Option("--layer", metavar="NAME", help="Take only this layer; may be repeated."),
+        typer.Option("--layer", metavar="NAME", help="Only this layer: may be repeated."),
     ] = None,
     frame_id: Annotated[
         str | None,
-        typer.Option("--frame", metavar="FRAME", help="Frame of an IN that does not say its own."),
+        typer.Option(
+            "--frame",
+            metavar="FRAME",
+            help="Frame of the coordinates: of an IN that does not say its own.",
+        ),
     ] = None,
     semantic: Annotated[
         Form,

@@ -28,11 +28,13 @@ MapPath = Annotated[
 ]
 _YAML_HEAD = 65536  # bytes of a YAML file beside a picture that are looked at
 
+AN_AREA = 'a rectangle X0,Y0,X1,Y1, corners "X,Y X,Y X,Y", or WKT'
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON, for programs.")]
-Force = Annotated[bool, typer.Option("--force", "-f", help="Replace the output file if it exists.")]
+Force = Annotated[bool, typer.Option("--force", "-f", help="Replace what is there: the old OUT.")]
 
 ForceMap = Annotated[
-    bool, typer.Option("--force", "-f", help="Replace OUT even where it was edited by hand.")
+    bool,
+    typer.Option("--force", "-f", help="Replace what is there: also an OUT edited by hand."),
 ]
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hypermap.cli.options import AsJson, MapPath, parse_point
+from hypermap.cli.options import AN_AREA, AsJson, MapPath, parse_point
 from hypermap.cli.terminal import note, out, say, say_json, table
 from hypermap.core.errors import HypermapError
 from hypermap.viewer.text import printable
@@ -31,7 +31,7 @@ def command(
         typer.Option(
             "--in",
             metavar="AREA",
-            help='What is in this area? A rectangle X0,Y0,X1,Y1, corners "X,Y X,Y X,Y", or WKT.',
+            help=f"Only this area: {AN_AREA}. Alone: what is in it?",
             rich_help_panel=_WHERE,
         ),
     ] = None,
@@ -39,7 +39,7 @@ def command(
         list[str] | None,
         typer.Option(
             metavar="NAME",
-            help="Where is this, as chair? Given more than once: where is either?",
+            help="Only what is called so: may be repeated, for either.",
             rich_help_panel=_WHAT,
         ),
     ] = None,
@@ -92,14 +92,17 @@ def command(
         bool,
         typer.Option("--evidence", help="Look behind the objects found.", rich_help_panel=_WHAT),
     ] = False,
-    layer: Annotated[str | None, typer.Option(metavar="NAME", help="Ask only this layer.")] = None,
+    layers: Annotated[
+        list[str] | None,
+        typer.Option("--layer", metavar="NAME", help="Only this layer: may be repeated."),
+    ] = None,
     frame_id: Annotated[
         str | None,
         typer.Option(
             "--frame",
             metavar="FRAME",
             show_default="the map's base frame",
-            help="Frame of the points and areas in the question.",
+            help="Frame of the coordinates: of the points and areas in the question.",
         ),
     ] = None,
     as_json: AsJson = False,
@@ -134,7 +137,7 @@ def command(
         near=near,
         within=within,
         inside=inside,
-        layer=layer,
+        layers=layers or (),
         frame_id=frame_id,
     )
     hypermap = open_map(path)

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from hypermap.cli.options import MapPath, check_picture, parse_area
+from hypermap.cli.options import AN_AREA, MapPath, check_picture, parse_area
 from hypermap.cli.terminal import note
 
 
@@ -16,26 +16,27 @@ def command(
     output: Annotated[
         Path,
         typer.Option(
-            "-o", "--output", metavar="OUT", show_default=False, help="Picture: .png or .svg."
+            "-o", "--output", metavar="OUT", show_default=False, help="Save here: .png or .svg."
         ),
     ],
     layers: Annotated[
         list[str] | None,
-        typer.Option("--layer", metavar="NAME", help="Draw only this layer; may be repeated."),
+        typer.Option("--layer", metavar="NAME", help="Only this layer: may be repeated."),
     ] = None,
     names: Annotated[
         list[str] | None,
-        typer.Option("--name", metavar="NAME", help="Draw only objects of this class; repeatable."),
+        typer.Option("--name", metavar="NAME", help="Only what is called so: may be repeated."),
     ] = None,
     area: Annotated[
         str | None,
-        typer.Option("--in", metavar="AREA", help="Show this area: X0,Y0,X1,Y1 or X,Y X,Y X,Y."),
+        typer.Option("--in", metavar="AREA", help=f"Only this area: {AN_AREA}."),
     ] = None,
     full: Annotated[
         bool, typer.Option("--full", help="Show the whole grid, unknown borders too.")
     ] = False,
     labels: Annotated[
-        bool, typer.Option("--labels/--no-labels", help="Write names at the objects.")
+        bool,
+        typer.Option("--show-labels/--hide-labels", help="Write names at the objects."),
     ] = True,
     title: Annotated[
         str | None,
