@@ -12,7 +12,7 @@ import typer
 from hypermap.cli.options import Force, check_output
 from hypermap.cli.terminal import note
 from hypermap.core.errors import HypermapError
-from hypermap.viewer.text import counted
+from hypermap.text import counted
 
 if TYPE_CHECKING:
     from hypermap.core.hypermap import Hypermap

@@ -28,7 +28,7 @@ from hypermap.cli.signals import Stop, stop_on_signal
 from hypermap.cli.terminal import note
 from hypermap.cli.watching import Browser, Port, View, watching
 from hypermap.core.errors import HypermapError
-from hypermap.viewer.text import counted, printable
+from hypermap.text import counted, printable
 
 if TYPE_CHECKING:
     from hypermap.cli.watching import Watched

@@ -7,8 +7,9 @@ from typing import Annotated
 
 import typer
 
-from hypermap.cli.options import AN_AREA, MapPath, check_picture, parse_area
+from hypermap.cli.options import MapPath, check_picture
 from hypermap.cli.terminal import note
+from hypermap.console.options import AN_AREA
 
 
 def command(
@@ -56,6 +57,7 @@ def command(
         hypermap render lab.hmap -o lab.svg --name chair --name table
         hypermap render floor.hmap -o corner.png --in 18,-4,30,4
     """
+    from hypermap.console.places import parse_area
     from hypermap.formats import open_map
     from hypermap.viewer.picture import check_suffix, render
 
