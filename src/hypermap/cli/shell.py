@@ -25,9 +25,9 @@ def command(
 ) -> None:
     """Ask a map line by line, with the commands of the map server and all questions of `query`.
 
-    The Tab key completes commands, options, layers, names and files; the arrow keys bring back what was
-    typed. Without a terminal the lines are read from standard input; one that fails does not stop
-    the others, but makes the exit code 2.
+    The Tab key completes commands, options, layers, names and files; the arrow keys bring back what
+    was typed. Without a terminal the lines are read from standard input; one that fails does not
+    stop the others, but makes the exit code 2.
 
     Examples:
         hypermap shell lab.hmap
