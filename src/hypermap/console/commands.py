@@ -29,7 +29,7 @@ Examples:
   query --at 3,-2
   query --name cup --nearest --from 1,1
   query --name chair --near sink --within 2
-  query --inside "dining table\""""
+  query --name "potted plant\""""
 
 
 class Leave(Exception):
