@@ -210,7 +210,9 @@ def _save_geotiff(hypermap: Hypermap, target: Path, force: bool) -> None:
     from hypermap.formats.geotiff import GridLayer, to_geotiff
 
     check_output(target, force)
-    layer = _only_one(hypermap, (GridLayer,), f"{target} can hold one grid")
+    kinds = tuple({type(layer) for layer in hypermap if isinstance(layer, GridLayer)})
+    layer = _only_one(hypermap, kinds, f"{target} can hold one grid")
+    assert isinstance(layer, GridLayer)
     write_file(target, to_geotiff(layer))
     _say_what_is_lost(hypermap, layer)
 
