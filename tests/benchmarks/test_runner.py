@@ -185,7 +185,7 @@ def test_ctrl_c_keeps_what_was_measured(tmp_path: Path) -> None:
     [
         (["grid"], "there is no group 'grid'; known: perception, mapping"),
         (["--repeat", "0"], "--repeat must be at least 1, got 0"),
-        (["--json", "nowhere/races.json"], "nowhere/races.json: no file can be written there"),
+        (["--times", "nowhere/races.json"], "nowhere/races.json: no file can be written there"),
         (["--plots", "nowhere/plots"], "nowhere/plots: no folder can be made there"),
     ],
 )
@@ -210,6 +210,7 @@ def test_the_command_runs_the_suite_of_the_checkout(tmp_path: Path) -> None:
         cwd=CHECKOUT,
     )
     assert done.returncode == 0, done.stderr
+    assert "--json: an old name, which will go; write --times" in done.stderr
     assert "so nothing is drawn" in done.stderr  # of a start, there is no growth
     rows = json.loads(file.read_text())["groups"]["startup"]
     assert any(row["kind"] == "race" and row["ratio"] > 0 for row in rows)
