@@ -68,7 +68,7 @@ newest: $(VENV)/.dev  ## tests with the newest versions that pip finds: some min
 
 bench: $(VENV)/.bench  ## ours and its peers, measured side by side: 18 minutes
 	scripts/peers.sh
-	$(BIN)/hypermap bench --json benchmarks/races.json --markdown benchmarks/races.md \
+	$(BIN)/hypermap bench --times benchmarks/races.json --markdown benchmarks/races.md \
 	  --plots docs/images
 
 format: $(VENV)/.dev  ## format the code

@@ -1,7 +1,7 @@
 """Run the benchmark: ours beside its peers, on one core, with both answers compared.
 
     python benchmarks/bench.py [GROUP...] [--data ../shared/data] [--repeat 5] [--quick]
-                               [--json FILE] [--markdown FILE] [--plots FOLDER]
+                               [--times FILE] [--markdown FILE] [--plots FOLDER]
 
 Exit codes: 0 measured; 1 answers differ somewhere; 2 bad input; 130 Ctrl-C, what was measured is
 saved.
@@ -73,10 +73,10 @@ def _run(
     except KeyboardInterrupt:
         print("\nhypermap bench: stopped; what was measured so far is kept", file=sys.stderr)
         was_interrupted = True
-    if options.json is not None:
+    if options.times is not None:
         data = report.as_json(described, command, results)
         text = json.dumps(data, indent=1, default=methodcaller("item"))  # numpy's numbers
-        options.json.write_text(text + "\n", encoding="utf-8")
+        options.times.write_text(text + "\n", encoding="utf-8")
     if options.markdown is not None:
         page = report.as_markdown(described, command, results)
         options.markdown.write_text(page, encoding="utf-8")
@@ -114,7 +114,7 @@ def _complaint(options: argparse.Namespace) -> str:
             return f"there is no group {name!r}; known: {', '.join(GROUPS)}"
     if options.repeat < 1:
         return f"--repeat must be at least 1, got {options.repeat}"
-    for file in (options.json, options.markdown):
+    for file in (options.times, options.markdown):
         if file is not None and (file.is_dir() or not file.absolute().parent.is_dir()):
             return f"{file}: no file can be written there"
     folder = options.plots
@@ -137,7 +137,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--repeat", type=int, default=5, help="how often each side does the work")
     parser.add_argument("--quick", action="store_true", help="small sizes, to see that all runs")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="save every single time")
+    parser.add_argument("--times", type=Path, metavar="FILE", help="save every single time")
     parser.add_argument("--markdown", type=Path, metavar="FILE", help="save the tables")
     parser.add_argument("--plots", type=Path, metavar="FOLDER", help="draw how it grows: .png")
     parser.add_argument(

@@ -41,7 +41,15 @@ def ctrl_c() -> Iterator[None]:
 def demo_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """What `hypermap demo --keep-recording` makes; its tests share the xdist group "demo"."""
     folder = tmp_path_factory.mktemp("demo") / "hypermap-demo"
-    command = [sys.executable, "-m", "hypermap", "demo", "-o", str(folder), "--keep-recording"]
+    command = [
+        sys.executable,
+        "-m",
+        "hypermap",
+        "demo",
+        "--folder",
+        str(folder),
+        "--keep-recording",
+    ]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     return folder

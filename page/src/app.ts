@@ -230,9 +230,11 @@ export class App {
       // A save may have been under another name.
       const known = !change.saved && info.version === version && info.unsaved === unsaved;
       if (known && info.can_undo === can_undo && info.can_redo === can_redo) return;
-      const before = info.version;
       this.show(await this.source.map());
-      if (this.context.info.version === before) return;
+      const now = this.context.info;
+      if (now.version === info.version) return;
+      const isAnother = now.opened !== info.opened && String(now.extent) !== String(info.extent);
+      if (isAnother) this.view.fit(now.extent);
       if (this.editor?.active) await this.editor.refresh();
       else this.ask.refresh();
     });

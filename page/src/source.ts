@@ -50,6 +50,8 @@ export interface EditState {
   can_undo: boolean;
   can_redo: boolean;
   unsaved: boolean;
+  /** The version that the map had when its file was opened. */
+  opened?: number;
 }
 
 export interface MapInfo extends EditState {

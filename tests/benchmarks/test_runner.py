@@ -100,7 +100,7 @@ def test_every_module_with_rows_is_a_group_that_the_documents_describe() -> None
 
 def test_each_row_is_printed_and_saved(tmp_path: Path) -> None:
     files = tmp_path / "races.json", tmp_path / "races.md"
-    done = run(["sums"], "--repeat", 3, "--json", files[0], "--markdown", files[1])
+    done = run(["sums"], "--repeat", 3, "--times", files[0], "--markdown", files[1])
     assert done.returncode == 0, done.stderr
     assert "processor" in done.stdout
     assert "10,000 numbers" in done.stdout
@@ -119,7 +119,7 @@ def test_each_row_is_printed_and_saved(tmp_path: Path) -> None:
 
 def test_a_growth_is_printed_saved_and_drawn(tmp_path: Path) -> None:
     files, plots = (tmp_path / "races.json", tmp_path / "races.md"), tmp_path / "plots"
-    options = "--repeat", 1, "--json", files[0], "--markdown", files[1], "--plots", plots
+    options = "--repeat", 1, "--times", files[0], "--markdown", files[1], "--plots", plots
     done = run(["growths"], *options)
     assert done.returncode == 0, done.stderr
     assert "objects 10: 1 ms, 1 kB; 100: 2 ms, 10 kB; 1,000: 200 ms, 100 kB" in done.stdout
@@ -150,7 +150,7 @@ def test_without_growths_nothing_is_drawn(tmp_path: Path) -> None:
 
 def test_a_wrong_answer_fails_the_benchmark_and_the_others_go_on(tmp_path: Path) -> None:
     file = tmp_path / "races.json"
-    done = run(["wrong", "sums"], "--repeat", 1, "--json", file)
+    done = run(["wrong", "sums"], "--repeat", 1, "--times", file)
     assert done.returncode == 1, done.stderr
     assert "wrong: WRONG: 36 is not 45" in done.stdout
     first, *others = json.loads(file.read_text())["groups"]["sums"]
@@ -169,7 +169,7 @@ def test_a_peer_that_is_not_installed_is_left_out_with_the_remedy(tmp_path: Path
 
 def test_ctrl_c_keeps_what_was_measured(tmp_path: Path) -> None:
     file = tmp_path / "races.json"
-    options = command(["slow"], "--repeat", 1, "--json", file)
+    options = command(["slow"], "--repeat", 1, "--times", file)
     with subprocess.Popen(options, stdout=subprocess.PIPE, text=True) as measuring:
         assert measuring.stdout is not None
         while "now slow" not in measuring.stdout.readline():
@@ -185,7 +185,7 @@ def test_ctrl_c_keeps_what_was_measured(tmp_path: Path) -> None:
     [
         (["grid"], "there is no group 'grid'; known: perception, mapping"),
         (["--repeat", "0"], "--repeat must be at least 1, got 0"),
-        (["--json", "nowhere/races.json"], "nowhere/races.json: no file can be written there"),
+        (["--times", "nowhere/races.json"], "nowhere/races.json: no file can be written there"),
         (["--plots", "nowhere/plots"], "nowhere/plots: no folder can be made there"),
     ],
 )
@@ -210,6 +210,7 @@ def test_the_command_runs_the_suite_of_the_checkout(tmp_path: Path) -> None:
         cwd=CHECKOUT,
     )
     assert done.returncode == 0, done.stderr
+    assert "--json: an old name, which will go; write --times" in done.stderr
     assert "so nothing is drawn" in done.stderr  # of a start, there is no growth
     rows = json.loads(file.read_text())["groups"]["startup"]
     assert any(row["kind"] == "race" and row["ratio"] > 0 for row in rows)

@@ -7,6 +7,7 @@ import zipfile
 import numpy as np
 import pytest
 import yaml
+from PIL import Image
 
 from hypermap.core.frames import Pose2D
 from hypermap.core.grid import GridGeometry
@@ -15,6 +16,7 @@ from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.semantic import SemanticLayer
 from hypermap.formats import open_map, save_map
 from hypermap.formats.map_server import load_occupancy
+from hypermap.ros.server.zones import draw, keepout_filter, speed_filter
 
 from .conftest import assert_one_error
 
@@ -291,3 +293,111 @@ def test_what_is_no_grid_of_three_shades_is_not_saved_as_such(hypermap, tmp_path
     result = hypermap("convert", tmp_path / "in.hmap", tmp_path / "map.pgm")
     assert_one_error(result, message)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["in.hmap"]
+
+
+def test_a_grid_goes_to_geotiff(hypermap, room_map, tmp_path):
+    out = tmp_path / "map.tif"
+    result = hypermap("convert", room_map, out)
+    assert (result.code, result.err) == (0, f"left out: layer semantic, frame room\nsaved {out}\n")
+    layer = open_map(room_map)["occupancy"]
+    with Image.open(out) as picture:
+        assert np.array_equal(np.asarray(picture)[::-1], layer.cells)
+    assert_one_error(hypermap("convert", room_map, out), "give --force to replace it")
+    objects = hypermap("convert", room_map, tmp_path / "o.tif", "--layer", "semantic")
+    assert_one_error(objects, "can hold one grid, but there is none")
+
+
+def read_as_nav2(path):
+    """Return what nav2's map_server publishes of a raw map: map_io.cpp, loadMapFromFile."""
+    described = yaml.safe_load(path.read_text())
+    assert described["mode"] == "raw"
+    for key in ("resolution", "origin", "free_thresh", "occupied_thresh", "negate"):
+        assert key in described
+    with Image.open(path.parent / described["image"]) as picture:
+        shades = np.asarray(picture).astype(int)
+    return np.where(shades <= 100, shades, -1)[::-1], described
+
+
+@pytest.mark.parametrize(
+    ("options", "zones"),
+    [
+        (["--keepout", "chair 0.3"], keepout_filter(["chair 0.3"])),
+        (
+            ["--keepout", "chair 0.3", "--keepout", "potted plant 1"],
+            keepout_filter(["chair 0.3", "potted plant 1"]),
+        ),
+        (["--speed", "chair 0.5 50%"], speed_filter(["chair 0.5 50%"])),
+        (
+            ["--speed", "chair 0.5 0.3m/s", "--speed", "potted plant 2 0.6m/s"],
+            speed_filter(["chair 0.5 0.3m/s", "potted plant 2 0.6m/s"]),
+        ),
+    ],
+)
+def test_masks_are_saved_as_nav2_loads_them(hypermap, room_map, tmp_path, options, zones):
+    out = tmp_path / "mask.yaml"
+    result = hypermap("convert", room_map, out, *options)
+    assert result.code == 0, result.err
+    mask = draw(open_map(room_map), zones)
+    cells, described = read_as_nav2(out)
+    assert (mask.cells != zones.outside).any()
+    assert np.array_equal(cells, mask.cells)
+    assert described["resolution"] == mask.grid.resolution
+    assert described["origin"] == [mask.grid.origin.x, mask.grid.origin.y, 0]
+    parameters = yaml.safe_load((tmp_path / "mask_params.yaml").read_text())
+    served, told = (
+        parameters[f"{zones.name}_{node}"]["ros__parameters"]
+        for node in ("filter_mask_server", "costmap_filter_info_server")
+    )
+    assert served == {
+        "yaml_filename": str(out),
+        "topic_name": told["mask_topic"],
+        "frame_id": "map",
+    }
+    assert told == {
+        "type": zones.type,
+        "filter_info_topic": f"/{zones.name}_filter_info",
+        "mask_topic": f"/{zones.name}_mask",
+        "base": zones.base,
+        "multiplier": zones.multiplier,
+    }
+
+
+def test_a_mask_may_have_a_grid_of_its_own(hypermap, room_map, tmp_path):
+    out = tmp_path / "mask.pgm"
+    options = ("--keepout", "potted plant 0.5", "--mask-resolution", "0.1")
+    assert hypermap("convert", room_map, out, *options).code == 0
+    cells, described = read_as_nav2(out.with_suffix(".yaml"))
+    assert (described["resolution"], cells.shape) == (0.1, (20, 20))
+
+
+def test_a_class_without_objects_is_told_of_and_may_be_marked_later(hypermap, room_map, tmp_path):
+    result = hypermap("convert", room_map, tmp_path / "mask.yaml", "--keepout", "chiar 0.3")
+    assert result.code == 0
+    assert "no object is called 'chiar'; did you mean 'chair'?" in result.err
+    assert (read_as_nav2(tmp_path / "mask.yaml")[0] == -1).all()
+
+
+@pytest.mark.parametrize(
+    ("out", "options", "message"),
+    [
+        ("m.yaml", ["--keepout", "chair"], "keepout: 'chair' is no zone; expected a class and"),
+        ("m.yaml", ["--speed", "chair 1 0%"], "a limit must be above 0"),
+        ("m.yaml", ["--keepout", "chair 1", "--speed", "chair 1 9%"], "one file holds one mask"),
+        ("m.yaml", ["--mask-resolution", "0.1"], "give either --keepout or --speed"),
+        ("m.yaml", ["--keepout", "chair 1", "--mask-resolution", "-1"], "--mask-resolution: "),
+        ("m.geojson", ["--keepout", "chair 1"], "a mask is saved as .yaml"),
+    ],
+)
+def test_what_is_no_mask_is_said_so(hypermap, room_map, tmp_path, out, options, message):
+    assert_one_error(hypermap("convert", room_map, tmp_path / out, *options), message)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("name", ["m.yaml", "m.pgm", "m_params.yaml"])
+def test_a_mask_replaces_none_of_its_files_without_being_told(hypermap, room_map, tmp_path, name):
+    (tmp_path / name).write_text("precious")
+    asked = ("convert", room_map, tmp_path / "m.yaml", "--keepout", "chair 1")
+    assert_one_error(hypermap(*asked), name, "--force")
+    assert [path.name for path in tmp_path.iterdir()] == [name]
+    assert (tmp_path / name).read_text() == "precious"
+    assert hypermap(*asked, "--force").code == 0

@@ -25,7 +25,7 @@ def short_demo(monkeypatch):
 
 def test_the_demo_makes_a_map_and_compares_it(hypermap, short_demo, tmp_path):
     folder = tmp_path / "a new folder"
-    result = hypermap("demo", "-o", folder)
+    result = hypermap("demo", "--folder", folder)
     assert result.code == 0, result.err
     assert "driving through a simulated room" in result.err
     quoted = f"'{folder}/room.hmap'"  # has a space, and is for a shell
@@ -41,7 +41,7 @@ def test_the_demo_makes_a_map_and_compares_it(hypermap, short_demo, tmp_path):
 
 
 def test_the_kept_recording_gives_the_same_map(hypermap, short_demo, tmp_path):
-    assert hypermap("demo", "-o", tmp_path, "--keep-recording").code == 0
+    assert hypermap("demo", "--folder", tmp_path, "--keep-recording").code == 0
     again = tmp_path / "again.hmap"
     assert hypermap("map", tmp_path / "recording", "-o", again).code == 0
     first, second = (open_map(path)["semantic"] for path in (tmp_path / "room.hmap", again))
@@ -49,18 +49,14 @@ def test_the_kept_recording_gives_the_same_map(hypermap, short_demo, tmp_path):
 
 
 def test_the_detector_that_errs_maps_the_room_too(hypermap, short_demo, tmp_path):
-    result = hypermap("demo", "-o", tmp_path, "--detector", "noisy")
+    result = hypermap("demo", "--folder", tmp_path, "--noisy")
     assert result.code == 0, result.err
     assert len(open_map(tmp_path / "room.hmap")["semantic"].names) > 5
 
 
-def test_an_unknown_detector_is_said_so_before_anything_is_made(hypermap, tmp_path):
-    result = hypermap("demo", "-o", tmp_path / "demo", "--detector", "netwrok")
-    assert_one_error(result, "there is no detector 'netwrok'; did you mean 'network'?")
-    assert not (tmp_path / "demo").exists()
-
-
 def test_a_file_in_place_of_the_folder_is_said_so(hypermap, tmp_path):
     (tmp_path / "demo").write_text("precious")
-    assert_one_error(hypermap("demo", "-o", tmp_path / "demo"), "this is a file; name a folder")
+    assert_one_error(
+        hypermap("demo", "--folder", tmp_path / "demo"), "this is a file; name a folder"
+    )
     assert (tmp_path / "demo").read_text() == "precious"

@@ -60,7 +60,7 @@ def test_the_answer_reads_well_as_text(hypermap: Run, made: Path) -> None:
 
 def test_evidence_can_be_left_out(hypermap: Run, drive: Path, made: Path, tmp_path: Path) -> None:
     out = tmp_path / "plain.hmap"
-    arguments = ("--intrinsics", INTRINSICS, "--no-evidence", "-o", out)
+    arguments = ("--intrinsics", INTRINSICS, "--drop-evidence", "-o", out)
     assert hypermap("map", drive, *arguments).code == 0
     assert out.stat().st_size < made.stat().st_size
     assert hypermap("info", out, "--json").json["layers"][1]["observations"] == 0

@@ -98,7 +98,7 @@ def test_an_output_that_exists_is_replaced_and_stays_beside_it(hypermap, drive, 
     assert (tmp_path / "out.hmap.bak").read_text() == "an older map"
     assert len(objects_in(out)) == 1
     made = out.read_bytes()
-    assert hypermap(*arguments, "--no-evidence").code == 0  # it can be made again: none asks
+    assert hypermap(*arguments, "--drop-evidence").code == 0  # it can be made again: none asks
     assert (tmp_path / "out.hmap.bak").read_bytes() == made
 
 
@@ -392,7 +392,7 @@ def test_a_given_map_lies_in_the_frame_of_the_recording(hypermap, drive, room_ma
 def test_a_world_that_is_not_level_is_told_with_the_option_that_levels_it(hypermap, tmp_path):
     room = tmp_path / "room"
     write_tum(SimulatedRecording(demo_world(), rate=0.5), room)
-    map_room = ["map", room, "-o", tmp_path / "room.hmap", "--no-evidence"]
+    map_room = ["map", room, "-o", tmp_path / "room.hmap", "--drop-evidence"]
     level = hypermap(*map_room)
     assert level.code == 0
     assert "warning" not in level.err

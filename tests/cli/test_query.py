@@ -218,3 +218,15 @@ def test_a_layer_in_a_lost_frame_does_not_keep_others_from_answering(hypermap, t
     assert_one_error(hypermap("query", tmp_path, "--name", "cup", "--layer", "far"), "'lab'")
     answer = hypermap("query", tmp_path, "--name", "cup", "--layer", "near", "--json")
     assert len(answer.json["answers"]) == 1
+    both = hypermap("query", tmp_path, "--name", "cup", "--layer", "near", "--layer", "near")
+    assert both.out.count("cup") == 1
+
+
+def test_several_layers_may_be_asked(hypermap, tmp_path):
+    cup = SemanticObject("cup", shapely.box(0, 0, 1, 1))
+    layers = [SemanticLayer(name, "map", [cup]) for name in ("a", "b", "c")]
+    save_map(Hypermap(layers), tmp_path / "three.hmap")
+    asked = ("query", tmp_path / "three.hmap", "--name", "cup", "--layer", "c", "--layer", "a")
+    for more in ((), ("--near", "3,0"), ("--nearest",)):
+        answer = hypermap(*asked, *more, "--json").json["answers"]
+        assert {row["layer"] for row in answer} == ({"a", "c"} if more != ("--nearest",) else {"a"})

@@ -27,7 +27,7 @@ def test_the_title_is_the_files_name_unless_one_is_given(hypermap, room_map, tmp
 
 def test_what_is_drawn_can_be_chosen(hypermap, room_map, tmp_path):
     out = tmp_path / "x.svg"
-    arguments = ["--layer", "semantic", "--name", "chair", "--no-labels", "--in", "8,0,11,6"]
+    arguments = ["--layer", "semantic", "--name", "chair", "--hide-labels", "--in", "8,0,11,6"]
     assert hypermap("render", room_map, "-o", out, *arguments).code == 0
     text = out.read_text()
     assert "chair" in text

@@ -9,7 +9,7 @@ from prompt_toolkit.input import create_pipe_input
 from prompt_toolkit.output import DummyOutput
 
 from hypermap.cli.shell import command
-from hypermap.console import Console
+from hypermap.console.commands import Console
 from hypermap.console.completion import ConsoleCompleter
 from hypermap.console.prompt import history
 from hypermap.formats import open_map
@@ -57,6 +57,22 @@ def test_a_map_that_cannot_be_opened_ends_the_shell(hypermap, tmp_path):
         ("getString semantic ", []),
         ("fly ", []),
         ("exit ", []),
+        ("que", ["query"]),
+        ("help getC", ["getCoords", "getCoordsArea"]),
+        ("query --nea", ["--nearest", "--near"]),
+        ("query --name chair --na", ["--name"]),
+        ("query --near chair --ne", ["--nearest"]),
+        ("query --name c", ["chair"]),
+        ('query --near "po', ['"potted plant"']),
+        ('query --near "potted plant" --wi', ["--within"]),
+        ("query --name Occ", ["Occupied"]),
+        ("query --near Occ", []),
+        ("query --inside ", ["chair", '"potted plant"']),
+        ("query --layer s", ["semantic"]),
+        ("query --frame r", ["room"]),
+        ("query --within ", []),
+        ('getCoords semantic "pot', ['"potted plant"']),
+        ("query \\", []),
     ],
 )
 def test_the_tab_key_offers_what_belongs_there(room_map, text, expected):
@@ -100,3 +116,39 @@ def test_save_writes_archives_alone(hypermap, room_map, tmp_path):
     assert "save writes an archive; give a name that ends in .hmap" in result.err
     assert "there is no such file" in result.err
     assert (tmp_path / "occupancy.png").read_text() == "precious"
+
+
+QUESTIONS = [
+    ["--at", "9.5,4.5"],
+    ["--in", "2.5,2.5,8,3.5"],
+    ["--name", "chair", "--name", "potted plant"],
+    ["--name", "chair", "-k", "2", "--from", "9,6"],
+    ["--name", "chair", "--nearest"],
+    ["--name", "chair", "--near", "potted plant", "--within", "3"],
+    ["--inside", "0,0,9,9"],
+    ["--at", "4.5,0.5", "--frame", "room", "--layer", "semantic"],
+    ["--id", "1"],
+    ["--name", "chiar"],
+]
+
+
+def words(text: str) -> list[str]:
+    return [word for word in text.split() if set(word) != {"─"}]
+
+
+@pytest.mark.parametrize("question", QUESTIONS, ids=" ".join)
+def test_the_shell_answers_as_query_does(hypermap, room_map, question):
+    asked = hypermap("query", room_map, *question)
+    line = " ".join(f'"{word}"' for word in ["query", *question])
+    result = hypermap("shell", room_map, stdin=line)
+    assert (asked.code, result.code, result.err) == (0, 0, "")
+    assert sorted(words(result.out)) == sorted(words(asked.out + asked.err))
+
+
+def test_the_old_commands_and_the_new_one_stand_side_by_side(hypermap, room_map):
+    lines = "getLayerCount\nquery --name chair --nearest --from 9,6\ngetCoords semantic chair\n"
+    result = hypermap("shell", room_map, stdin=lines + "query --nam chair\n")
+    assert result.code == 2
+    assert result.out.startswith("2\nlayer")
+    assert result.out.endswith("9.500 0.500\n9.500 4.500\n")
+    assert "did you mean '--name'?" in result.err

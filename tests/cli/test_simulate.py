@@ -54,7 +54,7 @@ def test_a_bag_of_large_images_with_errors_from_a_file(world: Path, tmp_path: Pa
     errors.write_text("poses: {drift: 0.1}\ndetector: {miss: 1.0}\n", encoding="utf-8")
     out = tmp_path / "studio.bag"
     done = hypermap(
-        "simulate", world, "-o", out, "--size", "640x480", "--rate", "1", "--errors", errors
+        "simulate", world, "-o", out, "--image-size", "640x480", "--rate", "1", "--errors", errors
     )
     assert done.returncode == 0, done.stderr
     frame = next(open_recording(out).frames())
@@ -71,7 +71,7 @@ def test_a_bag_of_large_images_with_errors_from_a_file(world: Path, tmp_path: Pa
         (["ofice"], "there is no world 'ofice'; did you mean 'office'?; or name a world file"),
         (["nowhere.yaml"], "nowhere.yaml: there is no such world file"),
         (["demo", "--errors", "robt"], "there is no level of errors 'robt'"),
-        (["demo", "--size", "1x1"], "--size 1x1: images are 320x240 or 640x480"),
+        (["demo", "--image-size", "1x1"], "--image-size 1x1: images are 320x240 or 640x480"),
         (["demo", "--errors", "e.yaml"], "e.yaml: detector.mis: unknown key; did you mean 'miss'?"),
     ],
 )

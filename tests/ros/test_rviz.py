@@ -70,6 +70,15 @@ def other_room() -> Hypermap:
     )
 
 
+def far_room() -> Hypermap:
+    """The layers of the room elsewhere, in a larger grid."""
+    cells = np.zeros((20, 30), dtype=np.int8)
+    cells[[0, -1], :] = cells[:, [0, -1]] = 100
+    hall = OccupancyLayer("occupancy", "map", GridGeometry(30, 20, 0.5, Pose2D(-60.0, 40.0)), cells)
+    bed = SemanticObject("bed", shapely.box(-57, 43, -53, 46))
+    return Hypermap([hall, SemanticLayer("things", "map", [bed])])
+
+
 @pytest.fixture
 def screen(tmp_path: Path) -> Iterator[Screen]:
     folder = tmp_path / "screen"
@@ -84,6 +93,7 @@ def serve(roscore: str, start: Callable[..., Process], tmp_path: Path) -> Callab
     """Start a map server of that name, with the maps `room` and `other` in its directory."""
     save_map(room(), tmp_path / "room.hmap")
     save_map(other_room(), tmp_path / "other.hmap")
+    save_map(far_room(), tmp_path / "far.hmap")
 
     def run(name: str) -> Process:
         server = start(
@@ -197,8 +207,23 @@ def test_the_window_follows_the_server(screen: Screen, serve: Any, start: Any, r
     load = rospy.ServiceProxy("/followed/load_map", service_class("hypermap_msgs/LoadMap"))
     assert load(filename="other.hmap").success
     wait_until_it_shows(screen, after, "scan", view)
+    assert load(filename="far.hmap").success
+    far = far_room()
+    wait_until_it_shows(screen, far, "occupancy", view_of(far))
     assert load(filename="room.hmap").success
     wait_until_it_shows(screen, before, "occupancy", view)
+
+    # A zone around the table, which reaches 0.9 m beyond it.
+    rospy.set_param("/followed/keepout", ["table 0.9"])
+    around = shapely.box(11, 3, 13.5, 5).buffer(0.8).difference(shapely.box(11, 3, 13.5, 5))
+    points = np.array([(12.25, 2.7), (10.7, 3.5), (13.8, 4.5)])
+    assert shapely.covers(around, shapely.points(points)).all()
+
+    def shows_the_zone() -> bool:
+        red, green, blue = Seen(screen.pixels(), view).colors(points).T
+        return bool((np.minimum(red, blue) - green > 50).all())  # purple over white
+
+    wait_for(shows_the_zone, "the keepout zone", PATIENCE)
 
     assert window.stop(signal.SIGINT) == 130
     assert "Traceback" not in window.output

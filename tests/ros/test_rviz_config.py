@@ -46,7 +46,8 @@ def displays(text: str) -> dict[str, Any]:
 def test_each_layer_has_a_display_with_its_topic() -> None:
     text = map_configuration(building(), "/robot/server")
     shown = displays(text)
-    assert list(shown) == ["Grid", "occupancy", "2nd floor", "Frames"]
+    masks = ["Keepout zones", "Speed limits"]
+    assert list(shown) == ["Grid", "occupancy", "2nd floor", *masks, "Frames"]
     assert shown["occupancy"]["Class"] == "rviz/Map"
     assert shown["occupancy"]["Topic"] == "/robot/server/occupancy_map"
     assert shown["2nd floor"]["Class"] == "rviz/MarkerArray"
@@ -65,6 +66,20 @@ def test_rviz2_receives_what_was_published_before_it_came() -> None:
     assert shown["occupancy"]["Update Topic"]["Durability Policy"] == "Volatile"
     assert shown["2nd floor"]["Topic"]["Value"] == "/hypermap_server/layer_2nd_floor_markers"
     assert "rviz/" not in text
+
+
+@pytest.mark.parametrize("ros2", [False, True])
+def test_the_servers_masks_have_displays_that_can_be_switched_on(ros2: bool) -> None:
+    shown = displays(map_configuration(building(), "/robot/server", ros2=ros2))
+    for name, topic in (("Keepout zones", "keepout_mask"), ("Speed limits", "speed_mask")):
+        display = shown[name]
+        assert display["Class"] == ("rviz_default_plugins/Map" if ros2 else "rviz/Map")
+        heard = display["Topic"]["Value"] if ros2 else display["Topic"]
+        assert heard == f"/robot/server/{topic}"
+        assert not display["Enabled"]
+        assert display["Alpha"] < 1, "what is below stays visible"
+        if ros2:
+            assert display["Topic"]["Durability Policy"] == "Transient Local"
 
 
 def test_a_layer_that_no_topic_shows_has_no_display() -> None:
@@ -116,15 +131,15 @@ def run(*words: Any) -> Any:
 def test_the_command_writes_a_configuration(tmp_path: Path) -> None:
     file, map_file = tmp_path / "room.rviz", tmp_path / "room.hmap"
     save_map(building(), map_file)
-    assert run(map_file, "--config", file, "--server", "robot/server").exit_code == 0
+    assert run(map_file, "-o", file, "--server", "robot/server").exit_code == 0
     assert file.read_text() == map_configuration(building(), "/robot/server")
-    assert isinstance(run(map_file, "--config", file).exception, HypermapError)  # it exists
-    assert run(map_file, "--config", file, "--ros2", "--force").exit_code == 0
+    assert isinstance(run(map_file, "-o", file).exception, HypermapError)  # it exists
+    assert run(map_file, "-o", file, "--ros2", "--force").exit_code == 0
     assert file.read_text() == map_configuration(building(), ros2=True)
 
 
 def test_a_configuration_is_for_a_map(tmp_path: Path) -> None:
-    result = run("--config", tmp_path / "room.rviz")
+    result = run("-o", tmp_path / "room.rviz")
     assert "name the map" in str(result.exception)
 
 
@@ -156,13 +171,15 @@ class Told:
     def __init__(self) -> None:
         self.orders: list[tuple[str, dict[str, Any]]] = []
         self.heard: dict[str, Any] = {}
+        self.closed: list[str] = []
 
     def tell(self, do: str, **order: Any) -> None:
         self.orders.append((do, order))
 
-    def subscribe(self, topic: str, type_name: str, callback: Any, *, latched: bool) -> None:
+    def subscribe(self, topic: str, type_name: str, callback: Any, *, latched: bool) -> Any:
         assert latched
         self.heard[topic] = callback
+        return SimpleNamespace(close=lambda: self.closed.append(topic))
 
     def metadata(self, *layers: tuple[str, str, str]) -> list[tuple[str, Any]]:
         """Hear of layers, given as class, name and frame, and return what was told since."""
@@ -195,28 +212,100 @@ def test_the_fixed_frame_is_that_of_the_first_layer() -> None:
     assert told.metadata(("SemanticLayer", "things", "lab"), GRID)[0] == ("frame", "lab")
 
 
+def grid_at(x: float, y: float, width: int = 80) -> Any:
+    """Return a `nav_msgs/MapMetaData` of a grid of 8 m x 4 m, or wider."""
+    origin = SimpleNamespace(position=SimpleNamespace(x=x, y=y))
+    return SimpleNamespace(width=width, height=40, resolution=0.1, origin=origin)
+
+
+NO_GRID = grid_at(0, 0, width=0)
+A_GRID = ("OccupancyGridLayer", "a grid", "map")
+
+
+def looks(told: Any) -> list[tuple[float, float]]:
+    """Return the middle of each view that the window was told to show."""
+    shown = [
+        yaml.safe_load(order["config"])["Current"] for do, order in told.orders if do == "view"
+    ]
+    return [(round(view["X"], 3), round(view["Y"], 3)) for view in shown]
+
+
 def test_the_window_looks_once_at_the_first_grid() -> None:
     told: Any = Told()
     LayerDisplays(told, told, "/server")
-    told.metadata(THINGS, ("OccupancyGridLayer", "a grid", "map"))
-    origin = SimpleNamespace(position=SimpleNamespace(x=10.0, y=2.0))
-    empty = SimpleNamespace(width=0, height=0, resolution=0.0, origin=origin)
-    grid = SimpleNamespace(width=80, height=40, resolution=0.1, origin=origin)
-    for message in (empty, grid, grid):
-        told.heard["/server/a_grid_map_metadata"](message)
-    (_, order), *others = [told for told in told.orders[1:] if told[0] == "load"]
-    assert not others
-    current = manager(order["config"])["Views"]["Current"]
-    assert (current["X"], current["Y"]) == (14.0, 4.0)
-    assert list(displays(order["config"])) == ["Grid", "things", "a grid", "Frames"]
+    told.metadata(THINGS, A_GRID)
+    hear = told.heard["/server/a_grid_map_metadata"]
+    for message in (NO_GRID, grid_at(10, 2), grid_at(10, 2), grid_at(10, 2, 90)):
+        hear(message)  # the last one has grown, as that of a map that is being made
+    assert looks(told) == [(14.0, 4.0)]
+    (put,) = (order for do, order in told.orders if do == "put" and order["name"] == "Grid")
+    assert yaml.safe_load(put["config"])["Offset"]["X"] == 14
     assert told.metadata(THINGS) == [("remove", "a grid")]
 
 
-def test_a_view_that_was_given_stays() -> None:
+@pytest.mark.parametrize("first", ["the map", "its grid"])
+def test_the_window_looks_at_another_map_when_one_comes(first: str) -> None:
+    told: Any = Told()
+    LayerDisplays(told, told, "/server")
+    told.metadata(A_GRID)
+    hear = told.heard["/server/a_grid_map_metadata"]
+    hear(grid_at(10, 2))
+    if first == "the map":  # topics come in any order
+        told.metadata(A_GRID, THINGS)
+        hear(grid_at(-100, 2))
+    else:
+        hear(grid_at(-100, 2))
+        assert len(looks(told)) == 1
+        told.metadata(A_GRID, THINGS)
+    hear(grid_at(-100, 2, 90))
+    assert looks(told) == [(14.0, 4.0), (-96.0, 4.0)]
+    assert len([do for do, _ in told.orders if do == "load"]) == 1, "what the user has set stays"
+
+
+def test_the_same_map_once_more_leaves_the_view() -> None:
+    told: Any = Told()
+    LayerDisplays(told, told, "/server")
+    for _ in range(2):
+        told.metadata(A_GRID)
+        told.heard["/server/a_grid_map_metadata"](grid_at(10, 2))
+    assert looks(told) == [(14.0, 4.0)]
+
+
+def test_the_grid_of_another_map_may_have_another_name() -> None:
+    told: Any = Told()
+    LayerDisplays(told, told, "/server")
+    told.metadata(A_GRID)
+    told.heard["/server/a_grid_map_metadata"](grid_at(10, 2))
+    told.metadata(GRID)
+    assert told.closed == ["/server/a_grid_map_metadata"]
+    told.heard["/server/grid_map_metadata"](grid_at(20, 2))
+    assert looks(told) == [(14.0, 4.0), (24.0, 4.0)]
+
+
+def test_a_view_that_was_given_stays_until_another_map_comes() -> None:
     told: Any = Told()
     LayerDisplays(told, told, "/server", View(1, 2, 3))
     told.metadata(GRID)
-    assert set(told.heard) == {"/server/hypermap_metadata"}
+    hear = told.heard["/server/grid_map_metadata"]
+    hear(grid_at(10, 2))
+    assert looks(told) == []
+    told.metadata(GRID)
+    hear(grid_at(20, 2))
+    assert looks(told) == [(24.0, 4.0)]
+
+
+def test_a_mask_is_shown_from_its_first_message_on() -> None:
+    told: Any = Told()
+    LayerDisplays(told, told, "/server", View())
+    told.metadata(THINGS)
+    for _ in range(2):
+        told.heard["/server/keepout_mask"](SimpleNamespace())
+    put = [order for do, order in told.orders if do == "put"]
+    assert [order["name"] for order in put] == ["things", "Keepout zones"]
+    shown = yaml.safe_load(put[1]["config"])
+    assert (shown["Class"], shown["Topic"]) == ("rviz/Map", "/server/keepout_mask")
+    assert shown["Enabled"]
+    assert told.metadata() == [("remove", "things")], "it is no layer"
 
 
 # The package of launch files

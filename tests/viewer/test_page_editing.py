@@ -16,7 +16,7 @@ from hypermap.core.hypermap import Hypermap
 from hypermap.core.semantic import SemanticLayer, SemanticObject
 from hypermap.formats import open_map, save_map
 
-from .page_tools import Window, a_server, a_window
+from .page_tools import SIZE, Window, a_server, a_window
 from .screen_colors import Expected
 from .small_map import (
     CHAIR,
@@ -430,6 +430,46 @@ def test_a_file_that_can_no_longer_be_read_is_told_and_the_map_stays(edited: Edi
     save_as(window, "rescued.hmap")
     expect(window.page.locator("#title")).to_have_text("rescued.hmap")
     assert objects_of(open_map(edited.path.with_name("rescued.hmap")))[CHAIR].name == "armchair"
+
+
+def is_seen(window: Window, points: list[tuple[float, float]]) -> bool:
+    """Whether all points lie in the window, and together fill a good part of it."""
+    pixels = window.pixels_of(points)
+    width, height = SIZE["width"], SIZE["height"]
+    inside = (pixels >= 0).all() and (pixels < (width, height)).all()
+    return bool(inside and np.ptp(pixels, axis=0).max() > height / 3)
+
+
+def test_the_view_goes_to_another_map_that_comes_in_every_window(
+    edited: Edited, other: Window
+) -> None:
+    far = SemanticObject("shelf", shapely.box(-300, 200, -280, 230))
+    elsewhere = Hypermap([SemanticLayer("semantic", "map", [far])])
+    windows = (edited.window, other)
+    corners = [(-300.0, 200.0), (-280.0, 230.0)]
+    assert not any(is_seen(window, corners) for window in windows)
+    save_map(elsewhere, edited.path)
+    edited.window.page.get_by_role("button", name="Open it anew").click()
+    for window in windows:
+        expect(window.page.locator('[data-class="shelf"]')).to_be_attached()
+        window.wait_until_at_rest()
+        assert is_seen(window, corners)
+
+
+def test_the_view_stays_when_the_same_map_is_opened_anew_or_changed(edited: Edited) -> None:
+    window = edited.window
+    place = window.pixel_of(5, 4)
+    hypermap = open_map(edited.path)
+    hypermap["semantic"].rename(CHAIR, "armchair")
+    save_map(hypermap, edited.path)
+    window.page.get_by_role("button", name="Open it anew").click()
+    expect(window.page.locator('[data-class="armchair"]')).to_be_attached()
+    start_editing(window)
+    take(window, CHAIR, "armchair")
+    rename(window, "stool")
+    expect(window.page.locator('[data-class="stool"]')).to_be_attached()
+    window.wait_until_at_rest()
+    assert window.pixel_of(5, 4) == pytest.approx(place)
 
 
 def test_an_outline_of_too_many_corners_is_refused_where_it_is_drawn(edited: Edited) -> None:

@@ -194,7 +194,7 @@ def test_the_browser_is_opened_at_the_page(drive: Path, tmp_path: Path) -> None:
 
 def test_the_demo_can_be_watched_too(tmp_path: Path, scratch: Path) -> None:
     options = ["--view", "--no-browser", "--port", 0]
-    process = started("demo", "-o", tmp_path / "demo", *options, stderr=subprocess.DEVNULL)
+    process = started("demo", "--folder", tmp_path / "demo", *options, stderr=subprocess.DEVNULL)
     with process:
         assert process.stdout is not None
         url = process.stdout.readline().strip()

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 import shapely
+from PIL import Image
 
 from hypermap.core.errors import FormatError
 from hypermap.core.frames import FrameTree, Pose2D, Transform
@@ -260,3 +261,7 @@ def test_the_commands_know_the_layer(tmp_path: Path) -> None:
     assert (place["x"], place["y"]) == (2.5, 1.5)
     hypermap("render", path, "-o", tmp_path / "warm.svg")
     assert "28.0 °C" in (tmp_path / "warm.svg").read_text(encoding="utf-8")
+    hypermap("convert", path, tmp_path / "warm.tif", "--layer", "warmth")
+    with Image.open(tmp_path / "warm.tif") as picture:
+        cells = np.asarray(picture)[::-1]
+    assert np.array_equal(cells, [[20, 22, 24], [20, NAN, 28]], equal_nan=True)

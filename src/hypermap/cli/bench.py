@@ -28,7 +28,7 @@ def command(
     quick: Annotated[
         bool, typer.Option("--quick", help="Small sizes, to see that everything runs.")
     ] = False,
-    json: Annotated[
+    times: Annotated[
         Path | None,
         typer.Option(metavar="FILE", show_default=False, help="Save every single time: .json."),
     ] = None,
@@ -51,13 +51,13 @@ def command(
 
     Examples:
         hypermap bench
-        hypermap bench queries grids --repeat 3 --json races.json
+        hypermap bench queries grids --repeat 3 --times races.json
         hypermap bench --quick
     """
     options = {
         "--data": data,
         "--repeat": repeat,
-        "--json": json,
+        "--times": times,
         "--markdown": markdown,
         "--plots": plots,
     }

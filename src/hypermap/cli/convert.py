@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
 
+from hypermap.cli.mask_options import Keepout, MaskResolution, Speed, save_mask
 from hypermap.cli.options import Force, check_output
 from hypermap.cli.terminal import note
 from hypermap.core.errors import HypermapError
-from hypermap.viewer.text import counted
+from hypermap.text import counted
 
 if TYPE_CHECKING:
     from hypermap.core.hypermap import Hypermap
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 _YAML = {".yaml"}
 _PARQUET = {".parquet"}
 _OBJECTS = {".geojson", ".json", *_PARQUET, ".csv", ".gpkg"}
+_GEOTIFF = {".tif", ".tiff"}
 _LOGS = {".rrd", ".mcap"}
 
 
@@ -53,11 +55,15 @@ def command(
     ],
     layers: Annotated[
         list[str] | None,
-        typer.Option("--layer", metavar="NAME", help="Take only this layer; may be repeated."),
+        typer.Option("--layer", metavar="NAME", help="Only this layer: may be repeated."),
     ] = None,
     frame_id: Annotated[
         str | None,
-        typer.Option("--frame", metavar="FRAME", help="Frame of an IN that does not say its own."),
+        typer.Option(
+            "--frame",
+            metavar="FRAME",
+            help="Frame of the coordinates: of an IN that does not say its own.",
+        ),
     ] = None,
     semantic: Annotated[
         Form,
@@ -67,6 +73,9 @@ def command(
             "which is faster, or auto, which is parquet from 100,000 objects on.",
         ),
     ] = Form.AUTO,
+    keepout: Keepout = None,
+    speed: Speed = None,
+    mask_resolution: MaskResolution = None,
     force: Force = False,
 ) -> None:
     """Convert a map, or one of its layers, to another kind of file. OUT's ending says which.
@@ -74,8 +83,8 @@ def command(
     .hmap and a folder (a name without an ending) hold whole maps. .geojson, .parquet, .gpkg and
     .csv hold the objects of one layer, in metres. .yaml holds one layer: a map_server map with its
     picture, or a list of objects. .pgm holds a grid as map_saver writes it, for old programs:
-    free, occupied or unknown, with its YAML beside it. .rrd shows a map in Rerun, .mcap in Foxglove
-    and Lichtblick. What OUT cannot hold is named on standard error.
+    free, occupied or unknown, with its YAML beside it; .tif holds one as GeoTIFF. .rrd shows a map
+    in Rerun, .mcap in Foxglove and Lichtblick. What OUT cannot hold is named on standard error.
 
     Examples:
         hypermap convert lab.hmap lab
@@ -84,6 +93,7 @@ def command(
         hypermap convert lab.hmap map.yaml --layer occupancy
         hypermap convert lab.hmap map.pgm
         hypermap convert lab.hmap objects.csv
+        hypermap convert lab.hmap keepout.yaml --keepout "table 0.3" --keepout "chair 0.2"
         hypermap convert lab.hmap faster.hmap --semantic parquet
         hypermap convert objects.geojson objects.hmap --frame map
         hypermap convert lab.hmap lab.rrd
@@ -92,13 +102,17 @@ def command(
     from hypermap.formats.any_file import open_any
 
     hypermap = _chosen(open_any(source, frame_id), layers)
-    if target.suffix.lower() == ".hmap":
+    if keepout or speed or mask_resolution is not None:
+        save_mask(hypermap, target, keepout or [], speed or [], mask_resolution, force)
+    elif target.suffix.lower() == ".hmap":
         check_output(target, force)
         save_map(hypermap, target, semantic.value)
     elif target.suffix.lower() in _OBJECTS:
         _save_objects(hypermap, target, force)
     elif target.suffix.lower() == ".pgm":
         _save_pgm(hypermap, target, force)
+    elif target.suffix.lower() in _GEOTIFF:
+        _save_geotiff(hypermap, target, force)
     elif target.suffix.lower() in _YAML:
         _save_yaml(hypermap, target, force)
     elif target.suffix.lower() in _LOGS:
@@ -108,7 +122,7 @@ def command(
     else:
         raise HypermapError(
             f"{target}: nothing is known of the ending {target.suffix!r}; known: .hmap, .geojson, "
-            ".parquet, .gpkg, .csv, .yaml, .pgm, .rrd, .mcap, or none for a folder"
+            ".parquet, .gpkg, .csv, .yaml, .pgm, .tif, .rrd, .mcap, or none for a folder"
         )
     note(f"saved {target}")
 
@@ -173,7 +187,7 @@ def _dump_objects(layer: SemanticLayer, ending: str) -> bytes:
 def _save_pgm(hypermap: Hypermap, target: Path, force: bool) -> None:
     from hypermap.core.occupancy import OccupancyLayer
     from hypermap.formats.atomic import write_files
-    from hypermap.formats.trinary import dump_trinary, rounded
+    from hypermap.formats.pgm import dump_trinary, rounded
 
     beside = target.with_suffix(".yaml")
     if target.suffix != ".pgm":
@@ -189,6 +203,18 @@ def _save_pgm(hypermap: Hypermap, target: Path, force: bool) -> None:
         f"{beside.name} beside it says where the grid lies, but not that its frame is "
         f"{layer.frame_id!r}"
     )
+
+
+def _save_geotiff(hypermap: Hypermap, target: Path, force: bool) -> None:
+    from hypermap.formats.atomic import write_file
+    from hypermap.formats.geotiff import GridLayer, to_geotiff
+
+    check_output(target, force)
+    kinds = tuple({type(layer) for layer in hypermap if isinstance(layer, GridLayer)})
+    layer = _only_one(hypermap, kinds, f"{target} can hold one grid")
+    assert isinstance(layer, GridLayer)
+    write_file(target, to_geotiff(layer))
+    _say_what_is_lost(hypermap, layer)
 
 
 def _save_yaml(hypermap: Hypermap, target: Path, force: bool) -> None:

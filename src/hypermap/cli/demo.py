@@ -10,34 +10,31 @@ import typer
 
 from hypermap.cli.terminal import note, out, say, table
 from hypermap.cli.watching import Browser, Port, View, watching
-from hypermap.core.errors import HypermapError, did_you_mean
+from hypermap.core.errors import HypermapError
 
 if TYPE_CHECKING:
     from hypermap.core.hypermap import Hypermap
     from hypermap.core.semantic import SemanticObject
     from hypermap.evaluation.metrics import Evaluation, Score
-    from hypermap.perception.detections import Detector
-
-_DETECTORS = ("network", "noisy")
 
 
 def command(
     folder: Annotated[
         Path,
-        typer.Option("-o", "--output", metavar="FOLDER", help="Where map and picture go."),
+        typer.Option("--folder", metavar="FOLDER", help="Where map and picture go."),
     ] = Path("hypermap-demo"),
     keep_recording: Annotated[
         bool,
         typer.Option("--keep-recording", help="Save what the camera saw, too, for `hypermap map`."),
     ] = False,
-    detector: Annotated[
-        str,
+    noisy: Annotated[
+        bool,
         typer.Option(
-            metavar="|".join(_DETECTORS),
-            help="A small neural network that sees pixels, or a detector that knows the truth and "
-            "errs.",
+            "--noisy",
+            help="Find objects with a detector that knows the truth and errs, in place of a small "
+            "neural network that sees pixels.",
         ),
-    ] = "network",
+    ] = False,
     view: View = False,
     port: Port = None,
     browser: Browser = True,
@@ -50,8 +47,8 @@ def command(
     Examples:
         hypermap demo
         hypermap demo --view
-        hypermap demo -o demo --keep-recording
-        hypermap demo --detector noisy
+        hypermap demo --folder demo --keep-recording
+        hypermap demo --noisy
     """
     from hypermap.cli.progress import mapping_progress
     from hypermap.evaluation import evaluate
@@ -60,13 +57,20 @@ def command(
     from hypermap.mapping.config import profile
     from hypermap.mapping.mapper import map_recording
     from hypermap.perception.detectors.sources import detections_from_recording
-    from hypermap.simulation import SimulatedRecording, demo_world, ground_truth, write_tum
+    from hypermap.simulation import (
+        SimulatedRecording,
+        demo_world,
+        ground_truth,
+        network_detector,
+        write_tum,
+    )
     from hypermap.viewer.picture import render
 
-    finder = _detector(detector)
     _make_folder(folder)
     world = demo_world()
-    recording = SimulatedRecording(world, detector=finder, has_occupancy=False)
+    recording = SimulatedRecording(
+        world, detector=None if noisy else network_detector(), has_occupancy=False
+    )
     if keep_recording:
         note(f"saving {len(recording)} simulated frames ...")
         write_tum(recording, folder / "recording")
@@ -116,15 +120,6 @@ def _make_folder(folder: Path) -> None:
     if folder.exists() and not folder.is_dir():
         raise HypermapError(f"{folder}: this is a file; name a folder to save in")
     folder.mkdir(parents=True, exist_ok=True)
-
-
-def _detector(name: str) -> Detector | None:
-    """Return the network; None for the detector that belongs to the simulation."""
-    from hypermap.simulation import network_detector
-
-    if name not in _DETECTORS:
-        raise HypermapError(f"there is no detector {name!r}; {did_you_mean(name, _DETECTORS)}")
-    return network_detector() if name == "network" else None
 
 
 def _objects(hypermap: Hypermap) -> list[SemanticObject]:

@@ -10,7 +10,7 @@ import typer
 from hypermap.cli.options import AsJson, check_output, check_picture
 from hypermap.cli.terminal import note, say_json
 from hypermap.core.errors import HypermapError
-from hypermap.viewer.text import counted
+from hypermap.text import counted
 
 if TYPE_CHECKING:
     from hypermap.evaluation import MapObjects

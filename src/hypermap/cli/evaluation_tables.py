@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hypermap.cli.terminal import facts, out, say, table
-from hypermap.viewer.text import printable
+from hypermap.text import printable
 
 if TYPE_CHECKING:
     from hypermap.evaluation.report import Data

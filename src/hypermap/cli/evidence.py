@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 from hypermap.cli.terminal import out, say, table
 from hypermap.core.errors import HypermapError
-from hypermap.viewer.text import counted, printable
+from hypermap.text import counted, printable
 
 if TYPE_CHECKING:
-    from hypermap.cli.ask import Row
+    from hypermap.console.questions import Row
     from hypermap.core.hypermap import Hypermap
 
 _MOST = 20  # objects that are looked behind as text; --json has all

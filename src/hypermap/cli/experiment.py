@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hypermap.cli.options import Force, check_output
+from hypermap.cli.options import AsJson, Force, check_output
 from hypermap.cli.progress import counting
+from hypermap.cli.simulate import WHAT_ERRS, errors_of, world_of
 from hypermap.cli.terminal import out, say, say_json, table
 from hypermap.core.errors import HypermapError
 
@@ -21,21 +22,19 @@ if TYPE_CHECKING:
 def command(
     name: Annotated[str, typer.Argument(metavar="thesis", help="Which experiment.")],
     output: Annotated[
-        Path, typer.Option("-o", "--output", metavar="FILE.html", help="The report.")
+        Path, typer.Option("-o", "--output", metavar="OUT", help="Save here: a report, .html.")
     ] = Path("thesis.html"),
     worlds: Annotated[
         str, typer.Option(metavar="WORLD,...", help="Worlds of `hypermap simulate`, or files.")
     ] = "lab,floor",
     seeds: Annotated[int, typer.Option(min=1, max=1000, help="Drives through each world.")] = 10,
     first_seed: Annotated[int, typer.Option(min=0, help="Seed of the first drive.")] = 1000,
-    errors: Annotated[
-        str, typer.Option(metavar="none|fair|robot|FILE", help="As in `hypermap simulate`.")
-    ] = "robot",
+    errors: Annotated[str, typer.Option(metavar="none|fair|robot|FILE", help=WHAT_ERRS)] = "robot",
     rate: Annotated[float, typer.Option(min=0.1, max=30, help="Frames per second.")] = 2.0,
     jobs: Annotated[
         int, typer.Option(min=0, max=256, help="Drives mapped at a time; 0: one for each core.")
     ] = 0,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON, for programs.")] = False,
+    as_json: AsJson = False,
     replace: Force = False,
 ) -> None:
     """Repeat the 2019 thesis' experiment in simulation, with its four methods and ours.
@@ -49,7 +48,6 @@ def command(
         hypermap experiment thesis
         hypermap experiment thesis --seeds 2 --worlds lab -o quick.html
     """
-    from hypermap.cli.simulate import errors_of, world_of
     from hypermap.experiments.drives import Drive, map_drives
     from hypermap.experiments.methods import methods
     from hypermap.experiments.report import write_report

@@ -15,7 +15,7 @@ import typer
 from hypermap.cli.options import AsJson
 from hypermap.cli.recording_options import takes_recording_options
 from hypermap.cli.terminal import facts, note, out, say, say_json, table
-from hypermap.viewer.text import counted, printable
+from hypermap.text import counted, printable
 
 if TYPE_CHECKING:
     from hypermap.core.hypermap import Hypermap

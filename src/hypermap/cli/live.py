@@ -8,8 +8,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from hypermap.cli.finding_options import (
+    Config,
+    Detections,
+    Detector,
+    Labels,
+    Profile,
+    ProfileName,
+    Score,
+)
 from hypermap.cli.live_status import status_line
-from hypermap.cli.map_ import Profile
 from hypermap.cli.node_options import (
     NodeCommand,
     Params,
@@ -20,6 +28,7 @@ from hypermap.cli.node_options import (
     ros_arguments,
 )
 from hypermap.cli.options import ForceMap, check_map_output
+from hypermap.cli.recording_options import OPTIONS
 
 if TYPE_CHECKING:
     from hypermap.ros.port import Value
@@ -40,7 +49,9 @@ class DetectionsType(str, enum.Enum):
     vision = "vision"
 
 
-def _topic(text: str) -> object:
+def _topic(name: str, more: str) -> object:
+    """Return the option of a topic, which a recording has, too, with more about a live one."""
+    text = f"{OPTIONS[name].help.rstrip('.')}: {more}"
     return typer.Option(metavar="TOPIC", help=text, rich_help_panel=_TOPICS, show_default=False)
 
 
@@ -53,7 +64,7 @@ def command(
             "--output",
             metavar="OUT",
             show_default=False,
-            help="Save the map here (.hmap), now and then and at the end.",
+            help="Save here: a map, .hmap, now and then and at the end.",
         ),
     ] = None,
     save_every: Annotated[
@@ -67,13 +78,13 @@ def command(
         ),
     ] = None,
     force: ForceMap = False,
-    depth_topic: Annotated[str | None, _topic("Depth images, registered to color.")] = None,
-    cloud_topic: Annotated[str | None, _topic("Organised clouds, in place of depth.")] = None,
+    depth_topic: Annotated[str | None, _topic("depth_topic", "registered to color.")] = None,
+    cloud_topic: Annotated[str | None, _topic("cloud_topic", "in place of depth.")] = None,
     camera_info_topic: Annotated[
-        str | None, _topic("Intrinsics; else camera_info beside the depth images.")
+        str | None, _topic("camera_info_topic", "else camera_info beside the depth images.")
     ] = None,
-    color_topic: Annotated[str | None, _topic("Color images, for --detector.")] = None,
-    detections_topic: Annotated[str | None, _topic("Detections of another node.")] = None,
+    color_topic: Annotated[str | None, _topic("color_topic", "for --detector.")] = None,
+    detections_topic: Annotated[str | None, _topic("detections_topic", "of another node.")] = None,
     detections_type: Annotated[
         DetectionsType,
         typer.Option(
@@ -82,44 +93,22 @@ def command(
         ),
     ] = DetectionsType.darknet,
     map_topic: Annotated[
-        str | None, _topic("Occupancy map in place of one made from depth; corrects poses.")
+        str | None, _topic("map_topic", "in place of one made from depth; corrects poses.")
     ] = None,
-    detector: Annotated[
-        str | None,
-        typer.Option(
-            metavar="MODEL",
-            help="Find objects with this neural network: .onnx, or a name of `detectors`.",
-        ),
-    ] = None,
-    labels: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE",
-            readable=False,
-            help="Names of the network's classes, where it has none.",
-        ),
-    ] = None,
-    score: Annotated[
-        float | None,
-        typer.Option(
-            min=0, max=1, show_default="0.3", help="Leave out what the detector is less sure of."
-        ),
-    ] = None,
-    detections: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", readable=False, help="Take detections from this JSON file."),
-    ] = None,
+    detector: Detector = None,
+    labels: Labels = None,
+    score: Score = None,
+    detections: Detections = None,
     map_frame: Annotated[
         str | None,
-        typer.Option(metavar="FRAME", show_default="map", help="Fixed frame of the map, z up."),
+        typer.Option(
+            metavar="FRAME",
+            show_default="map",
+            help=f"{OPTIONS['map_frame'].help.partition(':')[0]}.",
+        ),
     ] = None,
-    profile: Annotated[
-        Profile, typer.Option(help="thesis: the method of 2019. default: the best that we know.")
-    ] = Profile.default,
-    config: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", readable=False, help="YAML with settings that differ."),
-    ] = None,
+    profile: Profile = ProfileName.default,
+    config: Config = None,
     ros1: Ros1 = False,
     ros2: Ros2 = False,
     param: Params = None,

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from hypermap.cli.terminal import err
-from hypermap.viewer.text import counted
+from hypermap.text import counted
 
 if TYPE_CHECKING:
     from hypermap.ros.mapper.statistics import Report

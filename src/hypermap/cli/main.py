@@ -14,6 +14,7 @@ from typer.core import TyperCommand, TyperGroup
 from typer.main import get_command
 
 from hypermap import __version__
+from hypermap.cli.renamed import takes_old_names
 from hypermap.cli.signals import ended_by_signals
 from hypermap.cli.terminal import (
     BAD_INPUT,
@@ -109,7 +110,9 @@ def _command_of(name: str) -> Any:
     module = _module_of(name)
     alone = typer.Typer(rich_markup_mode="rich", add_completion=False)
     command_class = getattr(module, "COMMAND_CLASS", None)
-    alone.command(name, cls=command_class, help=_help_of(module))(takes_verbosity(module.command))
+    alone.command(name, cls=command_class, help=_help_of(module))(
+        takes_verbosity(takes_old_names(name, module.command))
+    )
     return get_command(alone)
 
 

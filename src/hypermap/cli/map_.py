@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import enum
 import shlex
 import signal
 import time
@@ -13,6 +12,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from hypermap.cli.finding_options import (
+    Config,
+    Detections,
+    Detector,
+    Labels,
+    Profile,
+    ProfileName,
+    Score,
+)
 from hypermap.cli.logs import Log, logging_to
 from hypermap.cli.options import ForceMap, check_map_output
 from hypermap.cli.recording_options import takes_recording_options
@@ -20,7 +28,7 @@ from hypermap.cli.signals import Stop, stop_on_signal
 from hypermap.cli.terminal import note
 from hypermap.cli.watching import Browser, Port, View, watching
 from hypermap.core.errors import HypermapError
-from hypermap.viewer.text import counted, printable
+from hypermap.text import counted, printable
 
 if TYPE_CHECKING:
     from hypermap.cli.watching import Watched
@@ -32,13 +40,6 @@ if TYPE_CHECKING:
     from hypermap.perception.detections import DetectionSource
     from hypermap.perception.recording import Recording
     from hypermap.recordings import RecordingOptions
-
-
-class Profile(str, enum.Enum):
-    """The named configurations."""
-
-    default = "default"
-    thesis = "thesis"
 
 
 @takes_recording_options
@@ -55,38 +56,14 @@ def command(
     output: Annotated[
         Path,
         typer.Option(
-            "-o", "--output", metavar="OUT", show_default=False, help="The map to make: .hmap."
+            "-o", "--output", metavar="OUT", show_default=False, help="Save here: a map, .hmap."
         ),
     ],
     recording_options: RecordingOptions,
-    detector: Annotated[
-        str | None,
-        typer.Option(
-            metavar="MODEL",
-            help="Find objects with this neural network: .onnx, or a name of `detectors`.",
-        ),
-    ] = None,
-    labels: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE",
-            readable=False,
-            help="Names of the network's classes, where it has none.",
-        ),
-    ] = None,
-    score: Annotated[
-        float | None,
-        typer.Option(
-            min=0,
-            max=1,
-            show_default="0.3",
-            help="Leave out what the detector is less sure of.",
-        ),
-    ] = None,
-    detections: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", readable=False, help="Take detections from this JSON file."),
-    ] = None,
+    detector: Detector = None,
+    labels: Labels = None,
+    score: Score = None,
+    detections: Detections = None,
     objects: Annotated[
         bool,
         typer.Option(
@@ -102,16 +79,14 @@ def command(
             help="Occupancy map of map_server, in place of one made from depth.",
         ),
     ] = None,
-    profile: Annotated[
-        Profile, typer.Option(help="thesis: the method of 2019. default: the best that we know.")
-    ] = Profile.default,
-    config: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", readable=False, help="YAML with settings that differ."),
-    ] = None,
+    profile: Profile = ProfileName.default,
+    config: Config = None,
     evidence: Annotated[
         bool,
-        typer.Option(help="Keep what was seen of each object, to look behind it in `view`."),
+        typer.Option(
+            "--keep-evidence/--drop-evidence",
+            help="Keep what was seen of each object, to look behind it in `view`.",
+        ),
     ] = True,
     force: ForceMap = False,
     log: Log = None,

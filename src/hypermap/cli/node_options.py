@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 _ROS = "hypermap.ros_arguments"
 _MIDDLEWARE = "Middleware"
 
-Ros1 = Annotated[bool, typer.Option("--ros1", rich_help_panel=_MIDDLEWARE, help="Run on ROS 1.")]
-Ros2 = Annotated[bool, typer.Option("--ros2", rich_help_panel=_MIDDLEWARE, help="Run on ROS 2.")]
+Ros1 = Annotated[bool, typer.Option("--ros1", rich_help_panel=_MIDDLEWARE, help="Use ROS 1.")]
+Ros2 = Annotated[bool, typer.Option("--ros2", rich_help_panel=_MIDDLEWARE, help="Use ROS 2.")]
 Foxglove = Annotated[
     bool,
     typer.Option(
@@ -33,7 +33,7 @@ Host = Annotated[
         rich_help_panel=_MIDDLEWARE,
         metavar="ADDRESS",
         show_default="127.0.0.1",
-        help="Address to listen on, with --foxglove; 0.0.0.0 lets other machines in.",
+        help="Address to listen on: with --foxglove; 0.0.0.0 lets other machines in.",
     ),
 ]
 Port = Annotated[
@@ -43,7 +43,7 @@ Port = Annotated[
         min=0,
         max=65535,
         show_default="8765",
-        help="Port to listen on, with --foxglove; 0 for any that is free.",
+        help="Port to listen on: with --foxglove; 0 for any that is free.",
     ),
 ]
 Params = Annotated[

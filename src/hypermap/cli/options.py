@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-import math
 import os
 import re
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from hypermap.cli.terminal import INTERRUPTED, visible
 from hypermap.core.errors import HypermapError
-
-if TYPE_CHECKING:
-    from shapely.geometry.base import BaseGeometry
 
 MapPath = Annotated[
     Path,
@@ -29,72 +25,12 @@ MapPath = Annotated[
 _YAML_HEAD = 65536  # bytes of a YAML file beside a picture that are looked at
 
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON, for programs.")]
-Force = Annotated[bool, typer.Option("--force", "-f", help="Replace the output file if it exists.")]
+Force = Annotated[bool, typer.Option("--force", "-f", help="Replace what is there: the old OUT.")]
 
 ForceMap = Annotated[
-    bool, typer.Option("--force", "-f", help="Replace OUT even where it was edited by hand.")
+    bool,
+    typer.Option("--force", "-f", help="Replace what is there: also an OUT edited by hand."),
 ]
-
-
-def parse_point(text: str, option: str) -> tuple[float, float]:
-    """Return x and y from "X,Y".
-
-    Raises:
-        HypermapError: If the text is anything else.
-    """
-    numbers = _numbers(text)
-    if len(numbers) != 2:
-        raise HypermapError(f"{option} {text!r}: a point is given as X,Y in metres, as 1.5,-2")
-    return numbers[0], numbers[1]
-
-
-def parse_area(text: str, option: str) -> BaseGeometry:
-    """Return the area that a rectangle "X0,Y0,X1,Y1", corners "X,Y X,Y X,Y ..." or WKT describe.
-
-    Raises:
-        HypermapError: If the text is none of these, or the area is empty.
-    """
-    import shapely
-
-    if text.strip()[:1].isalpha():
-        return _area_from_wkt(text, option)
-    numbers = _numbers(text)
-    if len(numbers) == 4 and len(text.split()) == 1:
-        x0, y0, x1, y1 = numbers
-        area = shapely.box(min(x0, x1), min(y0, y1), max(x0, x1), max(y0, y1))
-    elif len(numbers) >= 6 and len(numbers) % 2 == 0:
-        area = shapely.Polygon(list(zip(numbers[::2], numbers[1::2], strict=True)))
-    else:
-        raise HypermapError(
-            f"{option} {text!r}: an area is a rectangle X0,Y0,X1,Y1, at least three corners "
-            "X,Y X,Y X,Y, or WKT, in metres"
-        )
-    return _checked(area, text, option)
-
-
-def _area_from_wkt(text: str, option: str) -> BaseGeometry:
-    import shapely
-
-    try:
-        area = shapely.from_wkt(text)
-    except (shapely.GEOSException, NotImplementedError) as error:
-        raise HypermapError(f"{option} {text!r}: this is not WKT: {error}") from None
-    return _checked(area, text, option)
-
-
-def _checked(area: BaseGeometry, text: str, option: str) -> BaseGeometry:
-    if area.area == 0 or not area.is_valid:
-        raise HypermapError(f"{option} {text!r}: the area is empty, or its outline crosses itself")
-    return area
-
-
-def _numbers(text: str) -> list[float]:
-    """Return finite numbers parted by commas or blanks; nothing if one is none."""
-    try:
-        numbers = [float(word) for word in text.replace(",", " ").split()]
-    except ValueError:
-        return []
-    return numbers if all(map(math.isfinite, numbers)) else []
 
 
 def check_output(path: Path, replace: bool) -> None:

@@ -43,14 +43,14 @@ OPTIONS = {
     "map_frame": _Option(
         str,
         "FRAME",
-        "Fixed frame of a bag in which the map is made, z up; else `map`, or the root of tf.",
+        "Fixed frame in which the map is made, z up: else `map`, or the root of a bag's tf.",
     ),
     "camera_frame": _Option(str, "FRAME", "Optical frame of a bag's camera."),
     "depth_topic": _Option(str, "TOPIC", "Topic of the depth images."),
-    "cloud_topic": _Option(str, "TOPIC", "Topic of organised clouds, used in place of depth."),
+    "cloud_topic": _Option(str, "TOPIC", "Topic of organised clouds: in place of depth."),
     "color_topic": _Option(str, "TOPIC", "Topic of the color images."),
     "camera_info_topic": _Option(str, "TOPIC", "Topic of the intrinsics."),
-    "detections_topic": _Option(str, "TOPIC", "Topic of recorded detections."),
+    "detections_topic": _Option(str, "TOPIC", "Topic of detections."),
     "map_topic": _Option(str, "TOPIC", "Topic of an occupancy map."),
     "max_time_difference": _Option(
         float, "SECONDS", "How far the stamps of images that go together may differ."

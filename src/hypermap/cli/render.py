@@ -7,8 +7,9 @@ from typing import Annotated
 
 import typer
 
-from hypermap.cli.options import MapPath, check_picture, parse_area
+from hypermap.cli.options import MapPath, check_picture
 from hypermap.cli.terminal import note
+from hypermap.console.options import AN_AREA
 
 
 def command(
@@ -16,26 +17,27 @@ def command(
     output: Annotated[
         Path,
         typer.Option(
-            "-o", "--output", metavar="OUT", show_default=False, help="Picture: .png or .svg."
+            "-o", "--output", metavar="OUT", show_default=False, help="Save here: .png or .svg."
         ),
     ],
     layers: Annotated[
         list[str] | None,
-        typer.Option("--layer", metavar="NAME", help="Draw only this layer; may be repeated."),
+        typer.Option("--layer", metavar="NAME", help="Only this layer: may be repeated."),
     ] = None,
     names: Annotated[
         list[str] | None,
-        typer.Option("--name", metavar="NAME", help="Draw only objects of this class; repeatable."),
+        typer.Option("--name", metavar="NAME", help="Only what is called so: may be repeated."),
     ] = None,
     area: Annotated[
         str | None,
-        typer.Option("--in", metavar="AREA", help="Show this area: X0,Y0,X1,Y1 or X,Y X,Y X,Y."),
+        typer.Option("--in", metavar="AREA", help=f"Only this area: {AN_AREA}."),
     ] = None,
     full: Annotated[
         bool, typer.Option("--full", help="Show the whole grid, unknown borders too.")
     ] = False,
     labels: Annotated[
-        bool, typer.Option("--labels/--no-labels", help="Write names at the objects.")
+        bool,
+        typer.Option("--show-labels/--hide-labels", help="Write names at the objects."),
     ] = True,
     title: Annotated[
         str | None,
@@ -55,6 +57,7 @@ def command(
         hypermap render lab.hmap -o lab.svg --name chair --name table
         hypermap render floor.hmap -o corner.png --in 18,-4,30,4
     """
+    from hypermap.console.places import parse_area
     from hypermap.formats import open_map
     from hypermap.viewer.picture import check_suffix, render
 

@@ -28,17 +28,18 @@ def command(
             help="The map that the server publishes; rviz then shows the whole of it at once.",
         ),
     ] = None,
-    config: Annotated[
+    output: Annotated[
         Path | None,
         typer.Option(
-            "--config",
-            metavar="FILE",
+            "-o",
+            "--output",
+            metavar="OUT",
             show_default=False,
-            help="Start nothing; write a .rviz configuration for MAP.",
+            help="Save here: a configuration for MAP, .rviz. No window opens then.",
         ),
     ] = None,
     ros2: Annotated[
-        bool, typer.Option("--ros2", help="For rviz2; otherwise for the ROS that is there.")
+        bool, typer.Option("--ros2", help="Use ROS 2: rviz2, whatever ROS is there.")
     ] = False,
     server: Annotated[
         str, typer.Option("--server", metavar="NODE", help="Full name of the map server's node.")
@@ -54,7 +55,7 @@ def command(
     Examples:
         hypermap rviz
         hypermap rviz lab.hmap --server /robot/hypermap_server
-        hypermap rviz lab.hmap --config lab.rviz
+        hypermap rviz lab.hmap -o lab.rviz
         hypermap rviz lab.hmap --ros2
     """
     from hypermap.formats import open_map
@@ -62,12 +63,12 @@ def command(
 
     node = "/" + server.strip("/")
     shown = None if path is None else open_map(path)
-    if config is not None:
+    if output is not None:
         if shown is None:
-            raise HypermapError("--config: name the map that the configuration is for")
-        check_output(config, force)
-        config.write_text(map_configuration(shown, node, ros2=ros2), encoding="utf-8")
-        note(f"saved {config}")
+            raise HypermapError("-o: name the map that the configuration is for")
+        check_output(output, force)
+        output.write_text(map_configuration(shown, node, ros2=ros2), encoding="utf-8")
+        note(f"saved {output}")
         return
 
     from hypermap.ros.nodes import found_middleware

@@ -14,7 +14,7 @@ from hypermap.cli.terminal import BAD_INPUT, complain, describe, say
 from hypermap.core.errors import HypermapError
 
 if TYPE_CHECKING:
-    from hypermap.console import Console
+    from hypermap.console.commands import Console
 
 
 def command(
@@ -23,17 +23,18 @@ def command(
         typer.Argument(metavar="[MAP]", readable=False, show_default=False, help="A map to open."),
     ] = None,
 ) -> None:
-    """Ask a map line by line, with the commands of the map server.
+    """Ask a map line by line, with the commands of the map server and all questions of `query`.
 
-    The Tab key completes commands, layers, names and files; the arrow keys bring back what was
-    typed. Without a terminal the lines are read from standard input; one that fails does not stop
-    the others, but makes the exit code 2.
+    The Tab key completes commands, options, layers, names and files; the arrow keys bring back what
+    was typed. Without a terminal the lines are read from standard input; one that fails does not
+    stop the others, but makes the exit code 2.
 
     Examples:
         hypermap shell lab.hmap
         echo 'getCoords semantic sink' | hypermap shell lab.hmap
+        echo 'query --name chair --near sink --within 2' | hypermap shell lab.hmap
     """
-    from hypermap.console import Console, Leave
+    from hypermap.console.commands import Console, Leave
     from hypermap.formats import open_map
 
     console = Console(None if path is None else open_map(path))

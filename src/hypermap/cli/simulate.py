@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from hypermap.simulation import World
     from hypermap.simulation.levels import Errors
 
+WHAT_ERRS = "What camera, localisation and detector get wrong: or a YAML file that says it."
 _SIZES = {"320x240": 1, "640x480": 2}
 
 
@@ -33,23 +34,25 @@ def command(
         typer.Option(
             "-o",
             "--output",
-            metavar="PATH",
+            metavar="OUT",
             show_default=False,
-            help="A new folder, or a new file that ends in .bag.",
+            help="Save here: a recording, in a new folder or a new file that ends in .bag.",
         ),
     ],
     errors: Annotated[
         str,
         typer.Option(
             metavar="none|fair|robot|FILE",
-            help="What camera, localisation and detector get wrong, or a YAML file that says it.",
+            help=WHAT_ERRS,
         ),
     ] = "robot",
     seed: Annotated[
         int, typer.Option(min=0, help="Of all chance: another seed, other errors.")
     ] = 0,
     rate: Annotated[float, typer.Option(min=0.01, max=100, help="Frames per second.")] = 3.0,
-    size: Annotated[str, typer.Option(metavar="|".join(_SIZES), help="Of the images.")] = "320x240",
+    image_size: Annotated[
+        str, typer.Option(metavar="|".join(_SIZES), help="Width and height in pixels.")
+    ] = "320x240",
 ) -> None:
     """Drive a camera through a described world, and record what it sees.
 
@@ -60,7 +63,7 @@ def command(
         hypermap simulate lab -o lab
         hypermap map lab --detections lab/detections.json -o mine.hmap
         hypermap evaluate mine.hmap lab/truth.hmap
-        hypermap simulate office.yaml -o office.bag --errors none --size 640x480
+        hypermap simulate office.yaml -o office.bag --errors none --image-size 640x480
     """
     from hypermap.formats import save_map
     from hypermap.simulation import SimulatedRecording, ground_truth, write_bag, write_tum
@@ -74,7 +77,7 @@ def command(
     chosen = errors_of(errors)
     recording = SimulatedRecording(
         described,
-        camera=_camera(size),
+        camera=_camera(image_size),
         rate=rate,
         depth_noise=chosen.depth,
         pose_noise=chosen.poses,
@@ -114,7 +117,7 @@ def _camera(size: str) -> Camera:
     from hypermap.simulation.render import DEFAULT_CAMERA as SMALL
 
     if size not in _SIZES:
-        raise HypermapError(f"--size {size}: images are {' or '.join(_SIZES)}")
+        raise HypermapError(f"--image-size {size}: images are {' or '.join(_SIZES)}")
     k = _SIZES[size]
     K = SMALL.K.copy()
     K[:2, 2] += 0.5  # from the corner of the first pixel, not its centre

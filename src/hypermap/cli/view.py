@@ -24,14 +24,14 @@ def command(
             min=0,
             max=65535,
             show_default="8090, or the next one that is free",
-            help="Port to listen on; 0 for any that is free.",
+            help="Port to listen on: 0 for any that is free.",
         ),
     ] = None,
     host: Annotated[
         str,
         typer.Option(
             metavar="ADDRESS",
-            help="Address to listen on. With any other than this machine's own, everyone who can "
+            help="Address to listen on: with any other than this machine's own, everyone who can "
             "reach it can see and change the map.",
         ),
     ] = "127.0.0.1",

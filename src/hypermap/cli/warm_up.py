@@ -5,11 +5,11 @@ from __future__ import annotations
 import time
 from pathlib import Path
 
-from hypermap.cli.map_ import Profile
+from hypermap.cli.finding_options import ProfileName
 from hypermap.cli.terminal import note, say
 
 # Frames per second of the simulated drive: so few that it does not take long, with what is rare.
-_RATES = {Profile.default: 0.5, Profile.thesis: 0.1}
+_RATES = {ProfileName.default: 0.5, ProfileName.thesis: 0.1}
 
 
 def command() -> None:

@@ -40,7 +40,7 @@ Port = Annotated[
         max=65535,
         show_default="8090, or the next one that is free",
         rich_help_panel=PANEL,
-        help="Port of the page; 0 for any that is free.",
+        help="Port to listen on: 0 for any that is free.",
     ),
 ]
 Browser = Annotated[

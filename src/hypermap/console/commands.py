@@ -1,6 +1,7 @@
 """What the console can do: a line of text in, an answer in text out.
 
 Source: INTERFACES, section 4: the commands and their spelling are those of the first Hypermap.
+`query` is new, and asks what `hypermap query` asks.
 """
 
 from __future__ import annotations
@@ -16,9 +17,19 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from hypermap.console.answer import plain, shown
+from hypermap.console.options import help_text, parse
+from hypermap.console.questions import Question, answers, remarks
 from hypermap.core.errors import HypermapError, did_you_mean
 from hypermap.core.hypermap import Hypermap
 from hypermap.formats import open_map, save_map
+
+_EXAMPLES = """\
+Examples:
+  query --at 3,-2
+  query --name cup --nearest --from 1,1
+  query --name chair --near sink --within 2
+  query --name "potted plant\""""
 
 
 class Leave(Exception):
@@ -41,6 +52,8 @@ class Command:
 
     def takes(self, arguments: list[str]) -> bool:
         """Return whether the number of arguments is right."""
+        if self.words.startswith("["):  # all of them may be left out
+            return "..." in self.words or len(arguments) <= len(self.words.split())
         names = self.words.replace("...", "").split()
         if self.words.endswith("..."):
             return len(arguments) >= len(names) and (len(arguments) - len(names)) % 2 == 0
@@ -74,17 +87,18 @@ class Console:
         if not words:
             return ""
         name, arguments = words[0], words[1:]
-        command = COMMANDS.get(name)
-        if command is None:
-            raise HypermapError(f"unknown command {name!r}; {did_you_mean(name, COMMANDS)}")
+        command = _command(name)
         if not command.takes(arguments):
             raise HypermapError(f"usage: {name} {command.words}".rstrip())
         return command.run(self, arguments)
 
-    def _help(self, _: list[str]) -> str:
+    def _help(self, arguments: list[str]) -> str:
+        if arguments:
+            return _help_of(arguments[0])
         calls = {f"{name} {command.words}".strip(): command for name, command in COMMANDS.items()}
         width = max(map(len, calls))
         lines = [f"{call:<{width}}  {command.meaning}" for call, command in calls.items()]
+        lines.append("`help query` lists the options of a question.")
         lines.append('Words with blanks stand in "double quotes"; a backslash escapes.')
         return "\n".join(lines)
 
@@ -117,6 +131,12 @@ class Console:
         layer, label, *corners = arguments
         return "\n".join(_lines(self.hypermap.find(layer, label, _area(corners))))
 
+    def _query(self, arguments: list[str]) -> str:
+        question = Question.of_options(parse(arguments))
+        rows = answers(self.hypermap, question)
+        said = [plain(shown(question, rows)), *remarks(self.hypermap, question, rows)]
+        return "\n".join(filter(None, said))
+
     def _republish(self, _: list[str]) -> str:
         return self.republish()
 
@@ -132,7 +152,7 @@ class Console:
 
 
 COMMANDS = {
-    "help": Command("", "this list", Console._help),
+    "help": Command("[COMMAND]", "this list, or more about a command", Console._help),
     "load": Command("FILE", "open an .hmap archive in place of this map", Console._load),
     "loadConfig": Command("FILE", "open a configuration file in a folder", Console._load),
     "save": Command("FILE", "save this map as an .hmap archive", Console._save),
@@ -142,11 +162,25 @@ COMMANDS = {
     "getCoordsArea": Command(
         "LAYER STRING X Y X Y X Y ...", "where it is in an area", Console._get_coords_area
     ),
+    "query": Command("[OPTION ...]", "ask a question, as --name cup --near sink", Console._query),
     "republish": Command("", "publish all layers anew", Console._republish),
     "clear": Command("", "forget this map", Console._clear),
     "getLayerCount": Command("", "how many layers there are", Console._get_layer_count),
     "exit": Command("", "leave", Console._exit),
 }
+
+
+def _help_of(name: str) -> str:
+    command = _command(name)
+    call = f"{name} {command.words}".rstrip()
+    more = f"\n{help_text()}\n{_EXAMPLES}" if name == "query" else ""
+    return f"{call}: {command.meaning}{more}"
+
+
+def _command(name: str) -> Command:
+    if name not in COMMANDS:
+        raise HypermapError(f"unknown command {name!r}; {did_you_mean(name, COMMANDS)}")
+    return COMMANDS[name]
 
 
 def split(line: str) -> list[str]:

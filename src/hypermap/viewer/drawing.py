@@ -19,6 +19,7 @@ from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
 from matplotlib.transforms import Affine2D
 
+from hypermap.text import printable
 from hypermap.viewer.labels import Spot, place_labels
 from hypermap.viewer.legend import ROW, draw_legend, legend_columns
 from hypermap.viewer.paper import (
@@ -35,7 +36,6 @@ from hypermap.viewer.paper import (
     outline,
     text_width,
 )
-from hypermap.viewer.text import printable
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry

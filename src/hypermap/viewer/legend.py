@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 
+from hypermap.text import printable
 from hypermap.viewer.paper import FAINT, INK, SHAPE_ALPHA, SMALL, fill, outline, text_width
-from hypermap.viewer.text import printable
 
 if TYPE_CHECKING:
     from hypermap.colors import Color

@@ -19,7 +19,7 @@ from hypermap.core.frames import Pose2D
 from hypermap.core.layer import RasterPicture, ShapesPicture
 from hypermap.core.shapes import valid_copies
 from hypermap.formats.atomic import write_file
-from hypermap.viewer.text import counted
+from hypermap.text import counted
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry

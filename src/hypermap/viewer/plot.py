@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from hypermap.text import printable
 from hypermap.viewer.picture import compose
-from hypermap.viewer.text import printable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -6,6 +6,7 @@ It runs on the Python that rviz's bindings are for, so it imports nothing but th
 - {"do": "put", "name": NAME, "class": CLASS, "config": TEXT, "open": [PROPERTY, ...]}: add a
   display, in place of one of that name, and open it in the panel to show these of its properties.
 - {"do": "remove", "name": NAME}: remove a display.
+- {"do": "view", "config": TEXT}: look elsewhere; TEXT is what a `.rviz` file has as Views.
 - {"do": "frame", "frame": NAME}: set the fixed frame.
 
 Configurations are YAML, as in a `.rviz` file. The end of the input closes the window.
@@ -54,6 +55,8 @@ class Window(rviz.VisualizationFrame):  # type: ignore[misc]
             self.put(order["name"], order["class"], order["config"], order["open"])
         elif what == "remove":
             self.remove(order["name"])
+        elif what == "view":
+            self.getManager().getViewManager().load(_parsed(order["config"]))
         elif what == "frame":
             self.getManager().setFixedFrame(order["frame"])
         self.setWindowModified(False)

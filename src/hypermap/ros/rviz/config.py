@@ -1,4 +1,4 @@
-"""Configurations of rviz and rviz2 for a map: one standard display per layer, seen from above."""
+"""Configurations of rviz and rviz2 for a map: displays of its layers and masks, from above."""
 
 from __future__ import annotations
 
@@ -21,10 +21,15 @@ from hypermap.ros.topic_names import topic_name
 
 DEFAULT_SERVER = "/hypermap_server"
 _SUFFIX = {OccupancyLayer.class_name: "map", SemanticLayer.class_name: "markers"}
+GROUND = "Grid"
+MASKS = {"Keepout zones": "keepout_mask", "Speed limits": "speed_mask"}
+"""Displays of the server's masks, and their topics."""
+
 _WINDOW = (1280, 860)  # pixels
 _MAP_VIEW = (880, 700)  # what of the window is left for the map
 _MARGIN = 0.9  # how much of it the map fills
 _COARSE = 12  # pixels per metre, below which lines at whole metres are too many
+_MASK_ALPHA = 0.4
 _BACKGROUND = "226; 229; 233"
 
 
@@ -73,6 +78,8 @@ def map_configuration(
             if isinstance(layer, SemanticLayer):
                 shown["Namespaces"] = {str(name): True for name in sorted(set(layer.names))}
             displays.append(shown)
+    # Switched off: rviz warns of what nobody publishes, and not every server has masks.
+    displays += [mask_display(name, server, ros2=ros2, is_shown=False) for name in MASKS]
     return configuration(displays, clean_frame(hypermap.base_frame), view_of(hypermap), ros2=ros2)
 
 
@@ -95,18 +102,41 @@ def display(
     topic = f"{server}/{topic_name(name, _SUFFIX[class_name])}"
     if class_name == OccupancyLayer.class_name:
         # Behind all else, as the floor is, also where markers lie on it.
-        own: dict[str, Any] = {"Alpha": 1, "Color Scheme": "map", "Draw Behind": True}
-        kind, topic_key = "Map", "Topic"
-    else:
-        own, kind, topic_key = {"Namespaces": {}}, "MarkerArray", "Marker Topic"
-    shown = {"Class": _class(kind, ros2), "Name": name, "Enabled": True, "Value": True, **own}
+        return _map(name, topic, ros2, {"Alpha": 1, "Color Scheme": "map", "Draw Behind": True})
+    shown = {
+        "Class": _class("MarkerArray", ros2),
+        "Name": name,
+        "Enabled": True,
+        "Value": True,
+        "Namespaces": {},
+    }
     if ros2:
-        shown["Topic"] = _latched(topic)
-        if kind == "Map":
-            shown["Update Topic"] = _latched(f"{topic}_updates") | {"Durability Policy": "Volatile"}
-    else:
-        shown[topic_key] = topic
-    return shown
+        return {**shown, "Topic": _latched(topic)}
+    return {**shown, "Marker Topic": topic}
+
+
+def mask_display(
+    name: str, server: str = DEFAULT_SERVER, *, ros2: bool = False, is_shown: bool = True
+) -> dict[str, Any]:
+    """Return the display of a mask for costmaps, as it stands in a `.rviz` file.
+
+    Args:
+        name: one of `MASKS`.
+        server: full name of the map server's node.
+        ros2: whether it is for rviz2.
+        is_shown: whether it is switched on.
+    """
+    own = {"Alpha": _MASK_ALPHA, "Color Scheme": "costmap", "Draw Behind": False}
+    shown = _map(name, f"{server}/{MASKS[name]}", ros2, own)
+    return {**shown, "Enabled": is_shown, "Value": is_shown}
+
+
+def _map(name: str, topic: str, ros2: bool, own: dict[str, Any]) -> dict[str, Any]:
+    shown = {"Class": _class("Map", ros2), "Name": name, "Enabled": True, "Value": True, **own}
+    if not ros2:
+        return {**shown, "Topic": topic}
+    updates = _latched(f"{topic}_updates") | {"Durability Policy": "Volatile"}
+    return {**shown, "Topic": _latched(topic), "Update Topic": updates}
 
 
 def configuration(
@@ -131,16 +161,6 @@ def configuration(
         "Show Axes": True,
         "Show Names": True,
     }
-    current = {
-        "Class": _class("TopDownOrtho", ros2),
-        "Name": "Current View",
-        "Target Frame": "<Fixed Frame>",
-        "Angle": 0,
-        "Scale": round(view.scale, 3),
-        "X": round(view.x, 3),
-        "Y": round(view.y, 3),
-        "Near Clip Distance": 0.01,
-    }
     # rviz2 may take its transforms from elsewhere than tf.
     transforms = {"Transformation": {"Current": {"Class": _class("TF", ros2)}}} if ros2 else {}
     tools = ("MoveCamera", "Interact", "Select", "Measure", "PublishPoint")
@@ -158,7 +178,7 @@ def configuration(
             "Name": "root",
             "Enabled": True,
             "Value": True,
-            "Displays": [_ground(view, ros2), *displays, frames],
+            "Displays": [ground(view, ros2=ros2), *displays, frames],
             "Global Options": {
                 "Background Color": _BACKGROUND,
                 "Fixed Frame": fixed_frame,
@@ -166,7 +186,7 @@ def configuration(
             },
             "Tools": [{"Class": _class(name, ros2)} for name in tools],
             **transforms,
-            "Views": {"Current": current, "Saved": None},
+            "Views": views(view, ros2=ros2),
         },
         "Window Geometry": {
             "Displays": {"collapsed": False},
@@ -179,13 +199,28 @@ def configuration(
     return yaml.safe_dump(content, sort_keys=False, allow_unicode=True)
 
 
-def _ground(view: View, ros2: bool) -> dict[str, Any]:
-    """Return lines at whole metres, or each ten metres, wherever the view may soon go."""
+def views(view: View, *, ros2: bool = False) -> dict[str, Any]:
+    """Return the part of a configuration that says what is seen."""
+    current = {
+        "Class": _class("TopDownOrtho", ros2),
+        "Name": "Current View",
+        "Target Frame": "<Fixed Frame>",
+        "Angle": 0,
+        "Scale": round(view.scale, 3),
+        "X": round(view.x, 3),
+        "Y": round(view.y, 3),
+        "Near Clip Distance": 0.01,
+    }
+    return {"Current": current, "Saved": None}
+
+
+def ground(view: View, *, ros2: bool = False) -> dict[str, Any]:
+    """Return the display of lines at whole or each ten metres, wherever the view may soon go."""
     cell = 1 if view.scale > _COARSE else 10
     lines = 2 * math.ceil(max(_WINDOW) / view.scale / cell)
     return {
         "Class": _class("Grid", ros2),
-        "Name": "Grid",
+        "Name": GROUND,
         "Enabled": True,
         "Value": True,
         "Alpha": 0.2,

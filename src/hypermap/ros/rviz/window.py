@@ -10,8 +10,9 @@ import subprocess
 import sys
 import threading
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
-from typing import IO, Any, Protocol
+from typing import IO, Any, Protocol, TypeAlias
 
 import yaml
 
@@ -21,11 +22,16 @@ from hypermap.recordings.messages.header import clean_frame
 from hypermap.ros.port import Closable, Message, Port
 from hypermap.ros.rviz.config import (
     DEFAULT_SERVER,
+    GROUND,
+    MASKS,
     View,
     configuration,
     display,
+    ground,
     has_display,
+    mask_display,
     opened,
+    views,
 )
 from hypermap.ros.topic_names import topic_name
 
@@ -40,6 +46,9 @@ _END_TIMEOUT = 10.0  # s
 # they have overwritten memory. Qt aborts, too, where it cannot open a display.
 _CRASHES = (-signal.SIGSEGV, -signal.SIGBUS, -signal.SIGABRT)
 _MOST_RESTARTS = 3
+Bounds: TypeAlias = tuple[float, float, float, float]
+"""xmin, ymin, xmax, ymax in the fixed frame [m]."""
+
 _log = logging.getLogger(__name__)
 
 
@@ -133,13 +142,16 @@ class RvizWindow:
 
 
 class LayerDisplays:
-    """Keeps the displays of a window like the layers of a map server.
+    """Keeps the displays of a window like the layers and masks of a map server.
+
+    The view is fitted to the first grid, and anew when the server says that another map has come
+    and its first grid lies elsewhere; not where a grid grows while it is being made.
 
     Args:
         port: the node that listens.
         window: where displays are shown.
         server: full name of the map server's node.
-        view: what is seen first; None for the first grid that the server has.
+        view: what is seen of the first map; None for its first grid.
     """
 
     def __init__(
@@ -147,14 +159,22 @@ class LayerDisplays:
     ) -> None:
         self._port, self._window, self._server = port, window, server
         self._shown: dict[str, dict[str, Any]] = {}
+        self._masks: set[str] = set()
         self._frame = "map"
-        self._wants_view = view is None
+        self._has_view = view is not None
         self._grid: Closable | None = None
-        self._lock = threading.Lock()
+        self._grid_topic = ""
+        self._bounds: Bounds | None = None  # of the grid
+        self._fitted: Bounds | None = None  # to which the view was
+        self._another_came = False  # since then
+        self._lock = threading.RLock()
         window.tell("load", config=configuration([], self._frame, view or View()))
         port.subscribe(
             f"{server}/hypermap_metadata", "hypermap_msgs/HypermapMetaData", self.show, latched=True
         )
+        for name, topic in MASKS.items():
+            show = partial(self.show_mask, name)
+            port.subscribe(f"{server}/{topic}", "nav_msgs/OccupancyGrid", show, latched=True)
 
     def show(self, metadata: Message) -> None:
         """Show the layers that a `hypermap_msgs/HypermapMetaData` names, and no others."""
@@ -172,35 +192,64 @@ class LayerDisplays:
                 del self._shown[name]
             for name, config in wanted.items():
                 if self._shown.get(name) != config:
-                    text = yaml.safe_dump(config, allow_unicode=True)
-                    order = {"class": config["Class"], "config": text}
-                    self._window.tell("put", name=name, **order, open=opened(config))
+                    self._put(config)
                     self._shown[name] = config
-            if self._wants_view and self._grid is None:
-                self._subscribe_to_grid(layers)
+            self._another_came = True
+            self._listen_to_grid(layers)
+            self._fit()
+
+    def show_mask(self, name: str, _: Message) -> None:
+        """Show a mask from its first message on; servers without zones publish none."""
+        with self._lock:
+            if name not in self._masks:
+                self._masks.add(name)
+                self._put(mask_display(name, self._server))
 
     def look_at(self, grid: Message) -> None:
-        """Show the whole of a grid, given as `nav_msgs/MapMetaData`, once."""
+        """Take note of where a grid lies, given as `nav_msgs/MapMetaData`."""
         with self._lock:
-            if not (self._wants_view and grid.width and grid.height):
-                return
-            self._wants_view = False
-            xmin, ymin = grid.origin.position.x, grid.origin.position.y
-            xmax, ymax = xmin + grid.width * grid.resolution, ymin + grid.height * grid.resolution
-            view = View.of((xmin, ymin, xmax, ymax))
-            shown = list(self._shown.values())
-            self._window.tell("load", config=configuration(shown, self._frame, view))
+            if grid.width and grid.height:
+                xmin, ymin = grid.origin.position.x, grid.origin.position.y
+                width, height = grid.width * grid.resolution, grid.height * grid.resolution
+                self._bounds = xmin, ymin, xmin + width, ymin + height
+                self._fit()
 
-    def _subscribe_to_grid(self, layers: Sequence[Message]) -> None:
+    def _fit(self) -> None:
+        """Show the whole of the grid, if that of another map lies elsewhere."""
+        if not self._another_came or self._bounds in (None, self._fitted):
+            return
+        is_first = self._fitted is None
+        self._fitted, self._another_came = self._bounds, False
+        if (is_first and self._has_view) or self._bounds is None:
+            return
+        view = View.of(self._bounds)
+        self._window.tell("view", config=yaml.safe_dump(views(view)))
+        if GROUND not in self._shown:  # a layer may be called so
+            self._put(ground(view))
+
+    def _put(self, config: dict[str, Any]) -> None:
+        text = yaml.safe_dump(config, allow_unicode=True)
+        order = {"class": config["Class"], "config": text, "open": opened(config)}
+        self._window.tell("put", name=config["Name"], **order)
+
+    def _listen_to_grid(self, layers: Sequence[Message]) -> None:
         """Ask where the first grid in the fixed frame lies."""
-        for layer in layers:
-            is_grid = layer.class_name == OccupancyLayer.class_name
-            if is_grid and clean_frame(layer.frame_id) == self._frame:
-                topic = f"{self._server}/{topic_name(layer.name, 'map_metadata')}"
-                self._grid = self._port.subscribe(
-                    topic, "nav_msgs/MapMetaData", self.look_at, latched=True
-                )
-                return
+        grids = (
+            topic_name(layer.name, "map_metadata")
+            for layer in layers
+            if layer.class_name == OccupancyLayer.class_name
+            and clean_frame(layer.frame_id) == self._frame
+        )
+        topic = next(grids, "")
+        if topic == self._grid_topic:
+            return
+        if self._grid is not None:
+            self._grid.close()
+        self._grid, self._grid_topic, self._bounds = None, topic, None
+        if topic:
+            self._grid = self._port.subscribe(
+                f"{self._server}/{topic}", "nav_msgs/MapMetaData", self.look_at, latched=True
+            )
 
 
 def follow(port: Port, server: str = DEFAULT_SERVER, view: View | None = None) -> None:

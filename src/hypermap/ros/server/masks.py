@@ -9,11 +9,10 @@ import numpy as np
 
 from hypermap.core.errors import HypermapError
 from hypermap.core.hypermap import Hypermap
-from hypermap.core.masks import draw_mask
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.ros.messages.to_messages import occupancy_grid
 from hypermap.ros.port import Parameter, Port, Publisher, Value
-from hypermap.ros.server.zones import Filter, keepout_filter, speed_filter
+from hypermap.ros.server.zones import Filter, draw, keepout_filter, speed_filter
 
 
 class CostmapMasks:
@@ -98,13 +97,7 @@ class CostmapMasks:
             if not wanted.zones and name not in self._shown:
                 continue
             try:
-                mask = draw_mask(
-                    self._hypermap,
-                    wanted.zones,
-                    outside=wanted.outside,
-                    resolution=self._resolution,
-                    name=f"{name}_mask",
-                )
+                mask = draw(self._hypermap, wanted, self._resolution)
             except (HypermapError, ValueError) as error:
                 self._port.log("error", f"{name}_mask: {error}; the last mask stays")
                 continue

@@ -7,7 +7,7 @@ import sys
 import threading
 from collections.abc import Iterable, Mapping
 
-from hypermap.console import Console, Leave
+from hypermap.console.commands import Console, Leave
 from hypermap.console.prompt import Prompt
 from hypermap.core.errors import HypermapError
 from hypermap.core.hypermap import Hypermap

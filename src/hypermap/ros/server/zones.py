@@ -7,7 +7,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from hypermap.core.errors import HypermapError
-from hypermap.core.masks import MAX_MARGIN, Zone
+from hypermap.core.hypermap import Hypermap
+from hypermap.core.masks import MAX_MARGIN, Zone, draw_mask
+from hypermap.core.occupancy import OccupancyLayer
 
 KEEPOUT, SPEED_IN_PERCENT, SPEED_IN_METRES = 0, 1, 2
 """Types of nav2's costmap filters, as in nav2_msgs/CostmapFilterInfo."""
@@ -26,6 +28,7 @@ class Filter:
     A cell of value v stands for `base + multiplier * v`, in the unit that the type names.
 
     Attributes:
+        name: "keepout" or "speed".
         type: as in nav2_msgs/CostmapFilterInfo.
         zones: what to mark.
         outside: value of all other cells.
@@ -33,11 +36,32 @@ class Filter:
         base: what a value of 0 stands for.
     """
 
+    name: str
     type: int
     zones: tuple[Zone, ...]
     outside: int
     multiplier: float = 1.0
     base: float = 0.0
+
+
+def draw(hypermap: Hypermap, wanted: Filter, resolution: float | None = None) -> OccupancyLayer:
+    """Return a filter's mask, as it is published and as it is saved.
+
+    Args:
+        hypermap: of whose objects.
+        wanted: which zones.
+        resolution: side of a cell [m]; None for the grid of the first occupancy layer.
+
+    Raises:
+        HypermapError, ValueError: As `draw_mask`.
+    """
+    return draw_mask(
+        hypermap,
+        wanted.zones,
+        outside=wanted.outside,
+        resolution=resolution,
+        name=f"{wanted.name}_mask",
+    )
 
 
 def keepout_filter(entries: Iterable[object]) -> Filter:
@@ -62,7 +86,7 @@ def keepout_filter(entries: Iterable[object]) -> Filter:
             )
         name, margin = match.groups()
         zones.append(Zone(name, _margin("keepout", entry, margin)))
-    return Filter(KEEPOUT, tuple(zones), outside=-1)
+    return Filter("keepout", KEEPOUT, tuple(zones), outside=-1)
 
 
 def speed_filter(entries: Iterable[object]) -> Filter:
@@ -106,7 +130,7 @@ def speed_filter(entries: Iterable[object]) -> Filter:
         for limit, name, margin in found
     ]
     kind = SPEED_IN_METRES if in_metres else SPEED_IN_PERCENT
-    return Filter(kind, tuple(zones), outside=0, multiplier=multiplier)
+    return Filter("speed", kind, tuple(zones), outside=0, multiplier=multiplier)
 
 
 def _margin(what: str, entry: object, text: str) -> float:

@@ -22,7 +22,7 @@ from hypermap.viewer.live.shapes import polygons_of
 _SLACK = 0.001  # metres by which an outline may be simplified
 _DECIMALS = 4  # of metres
 NO_EVIDENCE = (
-    "This map keeps no evidence. Maps made by `hypermap map` keep it, unless with --no-evidence."
+    "This map keeps no evidence. Maps made by `hypermap map` keep it, unless with --drop-evidence."
 )
 NONE_HERE = "No evidence is kept for this object; perhaps it was drawn by hand."
 

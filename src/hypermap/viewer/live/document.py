@@ -95,6 +95,7 @@ class MapDocument:
         state = self.file.state
         status = {
             "version": self._snapshot.version,
+            "opened": self._first_version,
             "can_undo": self.is_editable and bool(self._done),
             "can_redo": self.is_editable and bool(self._undone),
             "unsaved": self.is_unsaved,

@@ -10,8 +10,8 @@ from hypermap.core.errors import HypermapError
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.layer import Layer
 from hypermap.core.semantic import SemanticLayer
+from hypermap.text import counted
 from hypermap.viewer.live.behind import look_behind
-from hypermap.viewer.text import counted
 
 MAX_OBSERVATIONS = 20_000
 """How many observations of a layer a page holds; some five megabytes."""

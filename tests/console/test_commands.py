@@ -3,9 +3,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+import shapely
 
-from hypermap.console import COMMANDS, Console, Leave, split
+from hypermap.console.commands import COMMANDS, Console, Leave, split
+from hypermap.console.options import OPTIONS
 from hypermap.core.errors import HypermapError
+from hypermap.core.hypermap import Hypermap
+from hypermap.core.semantic import SemanticLayer, SemanticObject
 from hypermap.formats import open_map
 
 
@@ -103,3 +107,71 @@ def test_exit_leaves(lab):
 
 def test_republish_is_what_the_owner_of_the_console_makes_of_it():
     assert Console(republish=lambda: "sent").run("republish") == "sent"
+
+
+@pytest.mark.parametrize(
+    ("line", "answer"),
+    [
+        ("query --name sink", "semantic sink 14 3.259 2.378"),
+        ("query --name=sink", "semantic sink 14 3.259 2.378"),
+        ("query --name chair --in 1,2,2,3", "semantic chair 26 1.429 2.887"),
+        ("query --at 3,-2 --layer semantic", "semantic table 9 3.000 -2.000"),
+        ("query --name chair --name mouse --near table --within 0", "chair 0 2.350 0.315 0.000"),
+        ("query --name chair --nearest", "measured from (0, 0); give --from X,Y"),
+        ("query --name chiar", "nothing found; no object is called 'chiar'; did you mean 'chair'?"),
+    ],
+)
+def test_the_questions_of_query_are_answered(lab, line, answer):
+    said = [" ".join(text.split()) for text in lab.run(line).splitlines()]
+    assert any(answer in text for text in said), said
+
+
+@pytest.mark.parametrize(
+    ("line", "reason"),
+    [
+        ("query", "nothing is asked; give --at X,Y, --in AREA or --name NAME"),
+        ("query --nam chair", "a question has no option '--nam'; did you mean '--name'?"),
+        ("query chair", "a question has no option 'chair'; known: --at, --in, --name"),
+        ("query --name", "--name needs a value: --name NAME"),
+        ("query --name chair --nearest=2", "--nearest takes no value"),
+        ("query --name chair -k 0", "-k 0: expected at least 1"),
+        ("query --name chair -k two", "-k 'two': expected a whole number"),
+        ("query --name chair --near sink --within -1", "--within -1: expected at least 0"),
+        ("query --id seven", "--value 'seven': expected a number"),
+        ("query --at 1", "--at '1': a point is given as X,Y in metres"),
+        ("query --name chair --id 1", "give either --name or --value, not both"),
+        ("query --name chair --layer rooms", "there is no layer 'rooms'"),
+        ("help fly", "unknown command 'fly'"),
+        ("help query now", "usage: help [COMMAND]"),
+    ],
+)
+def test_a_bad_question_says_what_is_wrong(lab, line, reason):
+    with pytest.raises(HypermapError) as error:
+        lab.run(line)
+    assert str(error.value).startswith(reason)
+
+
+def test_help_teaches_how_to_ask_and_its_examples_are_answered(lab):
+    text = lab.run("help query")
+    for option in OPTIONS:
+        assert f" {option} " in text
+    examples = [line.strip() for line in text.partition("Examples:")[2].splitlines() if line]
+    assert len(examples) >= 3
+    for example in examples:
+        assert lab.run(example)
+    assert lab.run("help getString") == "getString LAYER X Y: what is at a point"
+
+
+def test_many_rows_are_cut_and_cells_of_an_area_are_counted(lab):
+    lines = lab.run("query --name Occupied").splitlines()
+    assert len(lines) == 52
+    assert lines[-1] == "and 904 more"
+    assert "occupancy: 51 Occupied" in lab.run("query --in 0,0,3,3").splitlines()
+
+
+def test_names_of_any_kind_stay_within_their_row():
+    cup = SemanticObject("a\ncup\x1b[31m", shapely.box(0, 0, 1, 1))
+    console = Console(Hypermap([SemanticLayer("semantic", "map", [cup])]))
+    head, row = console.run("query --in 0,0,1,1").splitlines()
+    assert row.split() == ["semantic", "a", "cup", "[31m", "0", "0.500", "0.500"]
+    assert head.index("value") + len("value") == row.index(" 0 ") + 2

@@ -1,10 +1,10 @@
-"""From the options of `hypermap query` to rows of an answer."""
+"""From the options of a question to the rows of its answer."""
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
@@ -13,7 +13,7 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from hypermap.cli.options import parse_area, parse_point
+from hypermap.console.places import parse_area, parse_point
 from hypermap.core.errors import HypermapError, did_you_mean
 from hypermap.core.hypermap import Found, Hypermap
 from hypermap.core.layer import Layer
@@ -32,12 +32,12 @@ class Question:
         names: of which an object has one, or a layer says one.
         number: an object's id, or what a layer has as a value.
         area: as the user wrote it, like `near` and `inside`.
-        start: from where the nearest are measured [m].
+        start: from where the nearest are measured [m]; None for (0, 0).
         most: how many of the nearest are wanted.
         near: a name or a point.
         within: distance to `near` [m].
         inside: a name or an area.
-        layer: the one that is asked.
+        layers: those that are asked; none for all.
         frame_id: of points and areas.
     """
 
@@ -45,13 +45,37 @@ class Question:
     names: Sequence[str] = ()
     number: float | None = None
     area: str | None = None
-    start: tuple[float, float] = (0.0, 0.0)
+    start: tuple[float, float] | None = None
     most: int | None = None
     near: str | None = None
     within: float | None = None
     inside: str | None = None
-    layer: str | None = None
+    layers: Sequence[str] = ()
     frame_id: str | None = None
+
+    @classmethod
+    def of_options(cls, given: Mapping[str, Any]) -> Question:
+        """Return the question that options ask, by their names; None where one is not given.
+
+        Raises:
+            HypermapError: If a value is none of its kind, or two options say the same.
+        """
+        if given.get("--name") and given.get("--value") is not None:
+            raise HypermapError("give either --name or --value, not both")
+        at, start, most = (given.get(name) for name in ("--at", "--from", "-k"))
+        return cls(
+            at=None if at is None else parse_point(at, "--at"),
+            names=given.get("--name") or (),
+            number=given.get("--value"),
+            area=given.get("--in"),
+            start=None if start is None else parse_point(start, "--from"),
+            most=most if most is not None else 1 if given.get("--nearest") else None,
+            near=given.get("--near"),
+            within=given.get("--within"),
+            inside=given.get("--inside"),
+            layers=given.get("--layer") or (),
+            frame_id=given.get("--frame"),
+        )
 
     @property
     def what(self) -> Sequence[str | float]:
@@ -85,7 +109,16 @@ def answers(hypermap: Hypermap, question: Question) -> list[Row]:
     return rows
 
 
-def hint_for(hypermap: Hypermap, question: Question) -> Iterator[str]:
+def remarks(hypermap: Hypermap, question: Question, rows: Sequence[Row]) -> list[str]:
+    """Return what is to be said beside an answer."""
+    if not rows:
+        return ["nothing found" + "".join(f"; {hint}" for hint in _hints(hypermap, question))]
+    if question.most is not None and question.start is None:
+        return ["measured from (0, 0); give --from X,Y to measure from elsewhere"]
+    return []
+
+
+def _hints(hypermap: Hypermap, question: Question) -> Iterator[str]:
     """Yield what may be wrong with the names in a question to which there is no answer."""
     layers = [layer for layer in hypermap.layers if isinstance(layer, SemanticLayer)]
     known = sorted({str(name) for layer in layers for name in layer.names})
@@ -109,11 +142,14 @@ def _check(question: Question) -> None:
 
 
 def _asked_layers(hypermap: Hypermap, question: Question) -> list[Layer]:
-    if question.layer is not None:
-        layer = hypermap[question.layer]
-        if question.is_about_objects and not isinstance(layer, SemanticLayer):
-            raise HypermapError(f"--near and --inside ask for objects; {layer.name!r} holds none")
-        return [layer]
+    if question.layers:
+        named = [hypermap[name] for name in dict.fromkeys(question.layers)]
+        for layer in named:
+            if question.is_about_objects and not isinstance(layer, SemanticLayer):
+                raise HypermapError(
+                    f"--near and --inside ask for objects; {layer.name!r} holds none"
+                )
+        return named
     # A number is an id unless a layer is named: a grid has thousands of cells with each number.
     only_objects = question.number is not None
     return [
@@ -141,7 +177,7 @@ def _objects(hypermap: Hypermap, question: Question, layers: set[str]) -> list[F
     """Return the objects of some layers for which all that is asked is true."""
     if not layers:
         return []
-    near: Any = question.start if question.most is not None else None
+    near: Any = _start(question) if question.most is not None else None
     if question.near is not None:
         is_point = _is_place(hypermap, question.near)
         near = parse_point(question.near, "--near") if is_point else question.near
@@ -154,7 +190,7 @@ def _objects(hypermap: Hypermap, question: Question, layers: set[str]) -> list[F
         within=question.within,
         inside=inside,
         area=_area(question),
-        layer=question.layer,
+        layer=next(iter(layers)) if len(layers) == 1 else None,
         frame_id=question.frame_id,
     )
     number = question.number
@@ -183,10 +219,14 @@ def _rows_of_layer(hypermap: Hypermap, layer: Layer, question: Question) -> list
     hits = zip(labels, values, places, strict=True)
     rows = [_row(layer.name, label, value, x, y) for label, value, (x, y) in hits]
     if question.most is not None:
-        start = _in_base_frame(hypermap, question.start, question.frame_id)
+        start = _in_base_frame(hypermap, _start(question), question.frame_id)
         for row, distance in zip(rows, np.hypot(*(places - start).T), strict=True):
             row["distance"] = float(distance)
     return rows
+
+
+def _start(question: Question) -> tuple[float, float]:
+    return question.start or (0.0, 0.0)
 
 
 def _area(question: Question) -> BaseGeometry | None:

@@ -1,0 +1,48 @@
+"""How objects are found and mapped: the options that `hypermap map` and `hypermap live` share."""
+
+from __future__ import annotations
+
+import enum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+class ProfileName(str, enum.Enum):
+    """The named configurations."""
+
+    default = "default"
+    thesis = "thesis"
+
+
+Detector = Annotated[
+    str | None,
+    typer.Option(
+        metavar="MODEL",
+        help="Find objects with this neural network: .onnx, or a name of `detectors`.",
+    ),
+]
+Labels = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE", readable=False, help="Names of the network's classes, where it has none."
+    ),
+]
+Score = Annotated[
+    float | None,
+    typer.Option(
+        min=0, max=1, show_default="0.3", help="Leave out what the detector is less sure of."
+    ),
+]
+Detections = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE", readable=False, help="Take detections from this JSON file."),
+]
+Profile = Annotated[
+    ProfileName, typer.Option(help="thesis: the method of 2019. default: the best that we know.")
+]
+Config = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE", readable=False, help="YAML with settings that differ."),
+]

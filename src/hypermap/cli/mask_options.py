@@ -1,0 +1,88 @@
+"""Keepout and speed masks of `hypermap convert`: what to mark, and in which files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from hypermap.cli.options import check_output
+from hypermap.cli.terminal import note
+from hypermap.core.errors import HypermapError, did_you_mean
+
+if TYPE_CHECKING:
+    from hypermap.core.hypermap import Hypermap
+    from hypermap.ros.server.zones import Filter
+
+PANEL = "A mask for nav2's costmap filters, in place of the map"
+
+Keepout = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar='"CLASS MARGIN"',
+        rich_help_panel=PANEL,
+        help="Keep out of these objects and a margin in metres around them: may be repeated.",
+    ),
+]
+Speed = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar='"CLASS MARGIN LIMIT"',
+        rich_help_panel=PANEL,
+        help='Drive slowly near these objects, as "plant 0.5 50%" or "plant 0.5 0.3m/s": may be '
+        "repeated.",
+    ),
+]
+MaskResolution = Annotated[
+    float | None,
+    typer.Option(
+        metavar="METRES",
+        show_default="the grid of the first occupancy layer",
+        rich_help_panel=PANEL,
+        help="Side of a cell of a grid of its own around the zones.",
+    ),
+]
+
+
+def save_mask(
+    hypermap: Hypermap,
+    target: Path,
+    keepout: list[str],
+    speed: list[str],
+    resolution: float | None,
+    force: bool,
+) -> None:
+    """Save a mask as NAME.yaml, NAME.pgm and NAME_params.yaml.
+
+    Raises:
+        HypermapError: If not one mask is asked for, or it cannot be drawn or saved.
+    """
+    from hypermap.formats.atomic import write_files
+    from hypermap.ros.server.mask_files import mask_files
+    from hypermap.ros.server.zones import draw, keepout_filter, speed_filter
+
+    if bool(keepout) == bool(speed):
+        wrong = "one file holds one mask" if keepout else "--mask-resolution is about a mask"
+        raise HypermapError(f"{wrong}; give either --keepout or --speed")
+    if target.suffix not in (".yaml", ".pgm"):
+        raise HypermapError(f"{target}: a mask is saved as .yaml, with its picture beside it")
+    wanted = keepout_filter(keepout) if keepout else speed_filter(speed)
+    try:
+        mask = draw(hypermap, wanted, resolution)
+    except ValueError as error:
+        raise HypermapError(f"--mask-resolution: {error}") from None
+    files = mask_files(mask, wanted, target.with_suffix(".yaml"))
+    for name in files:
+        check_output(target.parent / name, force)
+    write_files(target.parent, files)
+    _note_strangers(hypermap, wanted)
+    note(f"{', '.join(files)}: what nav2 loads; the frame is {mask.frame_id!r}")
+
+
+def _note_strangers(hypermap: Hypermap, wanted: Filter) -> None:
+    """Name the classes of which the map has no object."""
+    known = {str(found.object.name) for found in hypermap.objects()}
+    for zone in wanted.zones:
+        if zone.name not in known:
+            note(f"no object is called {zone.name!r}; {did_you_mean(zone.name, sorted(known))}")

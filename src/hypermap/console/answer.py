@@ -1,0 +1,67 @@
+"""How the answer to a question is shown: which of its rows, and in which columns."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from hypermap.console.questions import Question, Row
+from hypermap.text import printable
+
+_MOST_ROWS = 50
+
+
+@dataclass(frozen=True)
+class Shown:
+    """What people see of an answer; programs take the rows themselves.
+
+    Attributes:
+        columns: their names; those from the third on hold numbers.
+        rows: the first of them, as texts.
+        counts: a line for each layer of cells that are counted.
+        left_out: how many rows more there are.
+    """
+
+    columns: list[str] = field(default_factory=list)
+    rows: list[list[str]] = field(default_factory=list)
+    counts: list[str] = field(default_factory=list)
+    left_out: int = 0
+
+
+def shown(question: Question, rows: Sequence[Row]) -> Shown:
+    """Return what is shown of the rows of an answer."""
+    if not rows:
+        return Shown()
+    # Of an area alone, a grid would show every cell.
+    cells_are_counted = not question.what and question.at is None
+    listed = [row for row in rows if "object" in row] if cells_are_counted else rows
+    numbers = ["value", "x", "y", *(["distance"] if "distance" in rows[0] else [])]
+    cells = Counter(
+        (row["layer"], row["label"]) for row in rows if cells_are_counted and "object" not in row
+    )
+    names = ("layer", "label")
+    texts = [
+        [*(printable(row[key]) for key in names), *(_number(row[key]) for key in numbers)]
+        for row in listed[:_MOST_ROWS]
+    ]
+    counts = [f"{printable(on)}: {count} {printable(what)}" for (on, what), count in cells.items()]
+    return Shown([*names, *numbers], texts, counts, max(0, len(listed) - _MOST_ROWS))
+
+
+def plain(answer: Shown) -> str:
+    """Return an answer as lines whose columns stand below one another."""
+    table = [answer.columns, *answer.rows] if answer.rows else []
+    widths = [max(map(len, column)) for column in zip(*table, strict=True)]
+    lines = []
+    for row in table:
+        texts = [text.ljust(width) for text, width in zip(row[:2], widths[:2], strict=True)]
+        texts += [text.rjust(width) for text, width in zip(row[2:], widths[2:], strict=True)]
+        lines.append("  ".join(texts))
+    more = [f"and {answer.left_out} more"] if answer.left_out else []
+    return "\n".join([*lines, *more, *answer.counts])
+
+
+def _number(value: object) -> str:
+    """Return a number to the millimetre, whole ones as they are."""
+    return f"{value:.3f}" if isinstance(value, float) else "-" if value is None else str(value)

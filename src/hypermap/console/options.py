@@ -1,0 +1,115 @@
+"""How a question to a map is spelled: the options of `hypermap query`, also in the shell."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from hypermap.core.errors import HypermapError, did_you_mean
+
+AN_AREA = 'a rectangle X0,Y0,X1,Y1, corners "X,Y X,Y X,Y", or WKT'
+
+
+@dataclass(frozen=True)
+class Option:
+    """One option of a question.
+
+    Attributes:
+        takes: what stands behind it, as the help shows it; empty for a switch.
+        help: what it asks.
+        kind: of the value.
+        least: the smallest number that it takes; None for any.
+        repeats: whether it may be given several times.
+        also: other names of it.
+    """
+
+    takes: str
+    help: str
+    kind: type = str
+    least: int | None = None
+    repeats: bool = False
+    also: tuple[str, ...] = ()
+
+
+OPTIONS = {
+    "--at": Option("X,Y", "What is at this point?"),
+    "--in": Option("AREA", f"Only this area: {AN_AREA}. Alone: what is in it?"),
+    "--name": Option("NAME", "Only what is called so: may be repeated, for either.", repeats=True),
+    "--value": Option(
+        "N", "Where is this number? Of an object it is the id.", float, also=("--id",)
+    ),
+    "--nearest": Option("", "Only the nearest one.", bool),
+    "-k": Option("K", "The K nearest ones.", int, least=1),
+    "--from": Option("X,Y", "From where --nearest and -k measure."),
+    "--near": Option("NAME|X,Y", "Only objects near this one."),
+    "--within": Option("METRES", "How near --near is.", float, least=0),
+    "--inside": Option("NAME|AREA", "Only objects whose middle lies in this one."),
+    "--layer": Option("NAME", "Only this layer: may be repeated.", repeats=True),
+    "--frame": Option(
+        "FRAME", "Frame of the coordinates: of the points and areas in the question."
+    ),
+}
+_BY_NAME = {name: first for first in OPTIONS for name in (first, *OPTIONS[first].also)}
+
+
+def option_of(word: str) -> Option | None:
+    """Return the option that a word names."""
+    return OPTIONS[_BY_NAME[word]] if word in _BY_NAME else None
+
+
+def parse(words: Sequence[str]) -> dict[str, Any]:
+    """Return what is given in a line, by the options' names; lists of those that repeat.
+
+    Raises:
+        HypermapError: If an option is unknown, has no value, or one that it does not take.
+
+    >>> parse(["--name", "cup", "--name=bottle", "-k", "2"])
+    {'--name': ['cup', 'bottle'], '-k': 2}
+    """
+    given: dict[str, Any] = {}
+    rest = iter(words)
+    for word in rest:
+        name, equals, value = word.partition("=") if word.startswith("--") else (word, "", "")
+        option = option_of(name)
+        if option is None:
+            known = did_you_mean(name, _BY_NAME)
+            raise HypermapError(f"a question has no option {name!r}; {known}")
+        name = _BY_NAME[name]
+        if option.takes == "":
+            if equals:
+                raise HypermapError(f"{name} takes no value")
+            given[name] = True
+            continue
+        value = value if equals else _next(rest, name, option)
+        if option.repeats:
+            given.setdefault(name, []).append(value)
+        else:
+            given[name] = _converted(value, name, option)
+    return given
+
+
+def _next(rest: Iterator[str], name: str, option: Option) -> str:
+    value = next(rest, None)
+    if value is None:
+        raise HypermapError(f"{name} needs a value: {name} {option.takes}")
+    return value
+
+
+def _converted(text: str, name: str, option: Option) -> Any:
+    try:
+        value = option.kind(text)
+    except ValueError:
+        number = "whole number" if option.kind is int else "number"
+        raise HypermapError(f"{name} {text!r}: expected a {number}") from None
+    if option.least is not None and not value >= option.least:
+        raise HypermapError(f"{name} {text}: expected at least {option.least}")
+    return value
+
+
+def help_text() -> str:
+    """Return a line for each option."""
+    calls = [" ".join([*option.also, name, option.takes]) for name, option in OPTIONS.items()]
+    width = max(map(len, calls))
+    lines = zip(calls, OPTIONS.values(), strict=True)
+    return "\n".join(f"  {call:<{width}}  {option.help}" for call, option in lines)
