@@ -77,10 +77,9 @@ class KnownShapes:
 
     def near(self, class_: int | None, box: Box) -> Rows:
         """Return the rows of a class, or of all classes, whose boxes meet a box."""
-        rows: Rows = _meeting(
-            self.classes, self.boxes, _ANY if class_ is None else class_, *box
-        ).tolist()
-        return rows
+        rows = np.empty(len(self), np.int64)
+        wanted = _ANY if class_ is None else class_
+        return rows[: _find_meeting(self.classes, self.boxes, wanted, *box, rows)].tolist()
 
     def within(self, limits: Box, position: NDArray[np.float64], max_range: float) -> Rows:
         """Return the rows whose boxes lie within limits and are centred near a place.
@@ -90,14 +89,13 @@ class KnownShapes:
             position: x and y of the place [m], shape (2,).
             max_range: distance from there [m].
         """
-        rows: Rows = _within(
-            self.boxes, *limits, float(position[0]), float(position[1]), max_range
-        ).tolist()
-        return rows
+        rows = np.empty(len(self), np.int64)
+        x, y = float(position[0]), float(position[1])
+        return rows[: _find_within(self.boxes, *limits, x, y, max_range, rows)].tolist()
 
 
 @loop()
-def _meeting(
+def _find_meeting(
     classes: IntArray,
     boxes: NDArray[np.float64],
     class_: int,
@@ -105,8 +103,8 @@ def _meeting(
     ymin: float,
     xmax: float,
     ymax: float,
-) -> NDArray[np.int64]:
-    rows = np.empty(len(classes), dtype=np.int64)
+    rows: NDArray[np.int64],
+) -> int:
     count = 0
     for row in range(len(classes)):
         if (
@@ -118,11 +116,11 @@ def _meeting(
         ):
             rows[count] = row
             count += 1
-    return rows[:count]
+    return count
 
 
 @loop()
-def _within(
+def _find_within(
     boxes: NDArray[np.float64],
     xmin: float,
     ymin: float,
@@ -131,8 +129,8 @@ def _within(
     x: float,
     y: float,
     max_range: float,
-) -> NDArray[np.int64]:
-    rows = np.empty(len(boxes), dtype=np.int64)
+    rows: NDArray[np.int64],
+) -> int:
     count = 0
     for row in range(len(boxes)):
         left, bottom, right, top = boxes[row, 0], boxes[row, 1], boxes[row, 2], boxes[row, 3]
@@ -140,4 +138,4 @@ def _within(
         if is_inside and np.hypot((left + right) / 2 - x, (bottom + top) / 2 - y) <= max_range:
             rows[count] = row
             count += 1
-    return rows[:count]
+    return count

@@ -43,7 +43,10 @@ class Outline:
     def of(cls, geometry: BaseGeometry) -> Outline:
         """Return the outline of one geometry."""
         if isinstance(geometry, shapely.Polygon) and not shapely.get_num_interior_rings(geometry):
-            return cls(geometry, *_ring(shapely.get_coordinates(geometry)))
+            points = shapely.get_coordinates(geometry)
+            edges = np.empty((max(len(points) - 1, 0), 5))
+            *box, area = _measure_ring(points, edges)
+            return cls(geometry, tuple(box), area, edges)
         return cls.all_of([geometry])[0]
 
     @classmethod
@@ -122,10 +125,11 @@ def _shared_area(edges: NDArray[np.float64], others: NDArray[np.float64]) -> flo
 
 
 @loop()
-def _ring(points: NDArray[np.float64]) -> tuple[Box, float, NDArray[np.float64]]:
-    """Return box, area and edges of one closed ring, shape (P, 2), as `Outline` has them."""
-    count = max(len(points) - 1, 0)
-    edges = np.empty((count, 5))
+def _measure_ring(
+    points: NDArray[np.float64], edges: NDArray[np.float64]
+) -> tuple[float, float, float, float, float]:
+    """Return box and area of one closed ring, shape (P, 2), and fill in its edges."""
+    count = len(edges)
     xmin = ymin = xmax = ymax = np.nan
     if count:
         xmin, ymin = xmax, ymax = points[0, 0], points[0, 1]
@@ -140,7 +144,7 @@ def _ring(points: NDArray[np.float64]) -> tuple[Box, float, NDArray[np.float64]]
         twice_area += (x - points[0, 0]) * (points[p + 1, 1] - before)
     for p in range(count):
         edges[p, 4] = 1 if twice_area > 0 else -1
-    return (xmin, ymin, xmax, ymax), abs(twice_area / 2), edges
+    return xmin, ymin, xmax, ymax, abs(twice_area / 2)
 
 
 def _edges_of(shapes: ObjectArray) -> tuple[NDArray[np.float64], list[int]]:
@@ -157,19 +161,21 @@ def _edges_of(shapes: ObjectArray) -> tuple[NDArray[np.float64], list[int]]:
         shape_of_ring = shape_of_part[part_of_ring]
         points, ring_of_point = shapely.get_coordinates(rings, return_index=True)
     first = np.zeros(len(shapes) + 1, dtype=np.int64)
-    edges = _edges_of_rings(points, ring_of_point, is_hole, shape_of_ring, first)
-    return edges, first.tolist()
+    edges = np.empty((len(points), 5))
+    count = _fill_edges(points, ring_of_point, is_hole, shape_of_ring, first, edges)
+    return edges[:count], first.tolist()
 
 
 @loop()
-def _edges_of_rings(
+def _fill_edges(
     points: NDArray[np.float64],
     ring_of_point: IntArray,
     is_hole: BoolArray,
     shape_of_ring: IntArray,
     first: IntArray,
-) -> NDArray[np.float64]:
-    """Return the edges of closed rings, as `Outline.edges`.
+    edges: NDArray[np.float64],
+) -> int:
+    """Fill in the edges of closed rings, as `Outline.edges`, and return how many there are.
 
     Args:
         points: of all rings, one ring after the other, shape (P, 2).
@@ -178,8 +184,8 @@ def _edges_of_rings(
         shape_of_ring: in rising order, shape (R,).
         first: zeros; changed to where the edges of each of S shapes begin, and how many there are
             altogether, shape (S + 1,).
+        edges: room for them, shape (P, 5).
     """
-    edges = np.empty((len(points), 5))
     count = begin = 0
     twice_area = 0.0
     for p in range(len(points)):
@@ -198,4 +204,4 @@ def _edges_of_rings(
             first[shape_of_ring[ring_of_point[p]] + 1] = count
     for shape in range(1, len(first)):  # those without points begin where they end
         first[shape] = max(first[shape], first[shape - 1])
-    return edges[:count]
+    return count

@@ -48,11 +48,14 @@ def agreed_points(pile: Pile, config: EvidenceConfig) -> NDArray[np.float64]:
     edges, first = _joined(footprints)
     grid = _voting_grid(_bounds(edges, first, moves), config.vote_resolution)
     to_cells = grid.to_cells_matrix()
-    ayes = _steps(edges, first, scores, moves, grid.shape, to_cells)
+    ayes, cast = np.zeros((2, grid.height, grid.width + 1))
+    _add_steps(edges, first, scores, moves, to_cells, ayes)
     edges, first = _joined(grounds)
-    cast = _steps(edges, first, scores, np.zeros(moves.shape), grid.shape, to_cells)
+    _add_steps(edges, first, scores, np.zeros(moves.shape), to_cells, cast)
     without_area = scores[first[1:] == first[:-1]].sum()
-    rows, left, right = _chosen(ayes, cast, without_area, config.vote_share)
+    found = np.empty((3, grid.height), np.int64)
+    count = _choose(ayes, cast, without_area, config.vote_share, *found)
+    rows, left, right = found[:, :count]
     corner_rows = np.concatenate([rows - 0.5, rows + 0.5, rows - 0.5, rows + 0.5])
     corner_cols = np.concatenate([left - 0.5, left - 0.5, right + 0.5, right + 0.5])
     return grid.centers(corner_rows, corner_cols)
@@ -175,15 +178,15 @@ def _voting_grid(box: tuple[float, float, float, float], resolution: float) -> G
 
 
 @loop()
-def _steps(
+def _add_steps(
     edges: NDArray[np.float64],
     first: IntArray,
     weights: NDArray[np.float64],
     moves: NDArray[np.float64],
-    shape: tuple[int, int],
     to_cells: NDArray[np.float64],
-) -> NDArray[np.float64]:
-    """Return by how much the votes change from each cell to the next, (height, width + 1).
+    steps: NDArray[np.float64],
+) -> None:
+    """Add by how much the votes change from each cell to the next.
 
     A cell gets the weights of the polygons that cover its centre: the sum of its row's steps up to
     its own.
@@ -193,11 +196,10 @@ def _steps(
         first: where the edges of each of N polygons begin and the last ones end, shape (N + 1,).
         weights: of the polygons, shape (N,).
         moves: by how much the polygons are moved first [m], shape (N, 2).
-        shape: height and width of a grid that is not turned.
-        to_cells: its `GridGeometry.to_cells_matrix`.
+        to_cells: `GridGeometry.to_cells_matrix` of a grid that is not turned.
+        steps: zeros, shape (height, width + 1).
     """
-    height, width = shape
-    steps = np.zeros((height, width + 1))
+    height, width = steps.shape[0], steps.shape[1] - 1
     x_scale, y_scale = to_cells[0, 0], to_cells[1, 1]
     x_begin, y_begin = to_cells[0, 2], to_cells[1, 2]
     for polygon in range(len(weights)):
@@ -216,24 +218,30 @@ def _steps(
                 x = x0 + (row - y0) * (x1 - x0) / (y1 - y0)
                 col = min(max(int(np.ceil(x)), 0), width)
                 steps[row, col] += weight if begins else -weight
-    return steps
 
 
 @loop()
-def _chosen(
-    ayes: NDArray[np.float64], cast: NDArray[np.float64], without_area: float, share: float
-) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-    """Return the rows in which cells are chosen, and the first and last such cell of each.
+def _choose(
+    ayes: NDArray[np.float64],
+    cast: NDArray[np.float64],
+    without_area: float,
+    share: float,
+    rows: IntArray,
+    left: IntArray,
+    right: IntArray,
+) -> int:
+    """Find the rows in which cells are chosen, and return how many.
 
     Args:
         ayes: steps of the votes for each cell, shape (height, width + 1).
         cast: steps of the votes for and against each cell, of the same shape.
         without_area: votes that are cast on all cells.
         share: of the votes cast, that a cell needs.
+        rows: to become those rows, shape (height,).
+        left: to become the first chosen cell of each, shape (height,).
+        right: to become the last chosen cell of each, shape (height,).
     """
     height, width = ayes.shape[0], ayes.shape[1] - 1
-    rows, left = np.empty(height, dtype=np.int64), np.empty(height, dtype=np.int64)
-    right = np.empty(height, dtype=np.int64)
     count = 0
     for row in range(height):
         votes_for = votes_cast = 0.0
@@ -248,4 +256,4 @@ def _chosen(
                     rows[count], left[count] = row, col
                     count, is_first = count + 1, False
                 right[count - 1] = col
-    return rows[:count], left[:count], right[:count]
+    return count
