@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from hypermap._loops import inner_loop, loop
+from hypermap._loops import loop
 from hypermap.core.arrays import IntArray
 from hypermap.core.frames import Pose2D
 from hypermap.core.grid import GridGeometry
@@ -46,7 +46,9 @@ def agreed_points(pile: Pile, config: EvidenceConfig) -> NDArray[np.float64]:
         moves = aligning_moves(areas, pile.centroids, scores, config.align)
 
     edges, first = _joined(footprints)
-    grid = _voting_grid(_bounds(edges, first, moves), config.vote_resolution)
+    boxes = np.array([outline.box for outline in footprints])
+    low, high = np.fmin.reduce(boxes[:, :2] + moves), np.fmax.reduce(boxes[:, 2:] + moves)
+    grid = _voting_grid((*low, *high), config.vote_resolution)
     to_cells = grid.to_cells_matrix()
     ayes, cast = np.zeros((2, grid.height, grid.width + 1))
     _add_steps(edges, first, scores, moves, to_cells, ayes)
@@ -81,66 +83,20 @@ def aligning_moves(
     Returns:
         Moves [m], shape (N, 2).
     """
-    moves = np.empty(centroids.shape)
-    order = np.argsort(centroids, axis=0, kind="stable")
-    _align(moves, np.sort(areas), areas, centroids, order, weights, limit)
-    return moves
-
-
-@loop()
-def _align(
-    moves: NDArray[np.float64],
-    sorted_areas: NDArray[np.float64],
-    areas: NDArray[np.float64],
-    centroids: NDArray[np.float64],
-    order: IntArray,
-    weights: NDArray[np.float64],
-    limit: float,
-) -> None:
-    """Do what `aligning_moves` says.
-
-    Args:
-        moves: to be filled, shape (N, 2).
-        sorted_areas: in rising order, shape (N,).
-        areas: as there.
-        centroids: as there.
-        order: of the centroids along each axis, shape (N, 2).
-        weights: as there.
-        limit: as there.
-    """
-    count = len(areas)
-    place = 0.75 * (count - 1)
+    ranked = np.sort(areas)
+    place = 0.75 * (len(areas) - 1)
     below = int(place)
-    above = below + 1 if below + 1 < count else below
-    share = place - below
-    quartile = sorted_areas[below] * (1 - share) + sorted_areas[above] * share
-    least = _WHOLE * quartile  # what shows the whole object
-    for axis in range(2):
-        median = _weighted_median(axis, least, areas, centroids, order, weights)
-        for i in range(count):
-            moves[i, axis] = median - centroids[i, axis]
-    for i in range(count):
-        if areas[i] < least or np.hypot(moves[i, 0], moves[i, 1]) > limit:
-            moves[i, 0] = moves[i, 1] = 0
-
-
-@inner_loop()
-def _weighted_median(axis, least, areas, centroids, order, weights):  # type: ignore[no-untyped-def]
-    """Return the first coordinate with half of the weights of what is large enough up to it."""
-    whole = 0.0
-    for k in range(len(order)):
-        i = order[k, axis]
-        if areas[i] >= least:
-            whole += weights[i]
-    total, median = 0.0, np.nan
-    for k in range(len(order)):
-        i = order[k, axis]
-        if areas[i] >= least:
-            total += weights[i]
-            median = centroids[i, axis]
-            if total >= whole / 2:
-                break
-    return median
+    above, share = min(below + 1, len(areas) - 1), place - below
+    least = _WHOLE * (ranked[below] * (1 - share) + ranked[above] * share)
+    is_part = areas < least
+    moves = np.empty(centroids.shape)
+    for axis, order in enumerate(np.argsort(centroids, axis=0, kind="stable").T):
+        whole = order[~is_part[order]]
+        totals = np.cumsum(weights[whole])
+        median = centroids[whole[np.searchsorted(totals, totals[-1] / 2)], axis]
+        moves[:, axis] = median - centroids[:, axis]
+    moves[is_part | (np.hypot(moves[:, 0], moves[:, 1]) > limit)] = 0
+    return moves
 
 
 def _joined(outlines: Sequence[Outline]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
@@ -148,20 +104,6 @@ def _joined(outlines: Sequence[Outline]) -> tuple[NDArray[np.float64], NDArray[n
     first = np.zeros(len(outlines) + 1, dtype=np.int64)
     np.cumsum([len(outline.edges) for outline in outlines], out=first[1:])
     return np.concatenate([outline.edges for outline in outlines]), first
-
-
-@loop()
-def _bounds(
-    edges: NDArray[np.float64], first: IntArray, moves: NDArray[np.float64]
-) -> tuple[float, float, float, float]:
-    """Return the box of all polygons after their moves, as `_add_steps` takes them."""
-    xmin = ymin = np.inf
-    xmax = ymax = -np.inf
-    for polygon in range(len(moves)):
-        for e in range(first[polygon], first[polygon + 1]):
-            x, y = edges[e, 0] + moves[polygon, 0], edges[e, 1] + moves[polygon, 1]
-            xmin, ymin, xmax, ymax = min(xmin, x), min(ymin, y), max(xmax, x), max(ymax, y)
-    return xmin, ymin, xmax, ymax
 
 
 def _voting_grid(box: tuple[float, float, float, float], resolution: float) -> GridGeometry:

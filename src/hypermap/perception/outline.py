@@ -59,7 +59,7 @@ def outer_points(
 def outer_xy(points_xy: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the points in the plane that can be corners of their hull [m], shape (M, 2)."""
     # From the first one on, so that float32 tells them apart anywhere.
-    x, y = (points_xy - points_xy[:1]).T.astype(np.float32)
+    x, y = np.ascontiguousarray((points_xy - points_xy[:1]).T, np.float32)
     distances = np.empty_like(x)
     _measure(x, y, _edges(x, y, ROUNDING), distances)
     return np.asarray(points_xy[distances > 0])

@@ -59,9 +59,12 @@ def find_planes(
     queue, total = np.empty(h * w, np.int64), np.empty(10)
     scratch = is_free, queue, total
     count = _join_blocks(sums, planes, seeds, focal, cosine, LEVEL * noise, *scratch, blocks, found)
+    around = np.pad(blocks, 1, constant_values=UNFIT)
+    beside = around[1:-1, :-2], around[1:-1, 2:], around[:-2, 1:-1], around[2:, 1:-1]
+    borders = np.stack([other != blocks for other in beside], axis=-1)
     labels = np.full(disparity.shape, UNFIT, np.int32)
     places = np.empty((disparity.size, 2), np.int32)
-    _spread(disparity, blocks, found, center, side, ON_PLANE * noise, places, labels)
+    _spread(disparity, blocks, found, center, side, ON_PLANE * noise, borders, places, labels)
     return labels, count
 
 
@@ -247,12 +250,14 @@ def _spread(
     center: tuple[float, float],
     side: int,
     tolerance: float,
+    borders: BoolArray,
     queue: NDArray[np.int32],
     labels: NDArray[np.int32],
 ) -> None:
     """Label with its plane, else -1, each pixel of its blocks and on from there all that touch.
 
-    The queue has room for the row and the column of all pixels, shape (H * W, 2).
+    Borders tell of each block whether those to its left and right, above and below are of another
+    plane, shape (h, w, 4). The queue has room for row and column of all pixels, shape (H * W, 2).
     """
     height, width = disparity.shape
     _label_blocks(disparity, blocks, planes, center, side, tolerance, labels)
@@ -263,13 +268,12 @@ def _spread(
             if k == UNFIT:
                 continue
             # Inside of its blocks a plane has been everywhere already.
-            left, right = _is_border(blocks, row, col - 1, k), _is_border(blocks, row, col + 1, k)
-            above, below = _is_border(blocks, row - 1, col, k), _is_border(blocks, row + 1, col, k)
+            border = borders[row, col]
             for y in range(side):
-                is_whole = (above and y == 0) or (below and y == side - 1)
+                is_whole = (border[2] and y == 0) or (border[3] and y == side - 1)
                 for x in range(0, side, 1 if is_whole else side - 1):
                     at_y, at_x = row * side + y, col * side + x
-                    is_end = is_whole or (left if x == 0 else right)
+                    is_end = is_whole or border[0 if x == 0 else 1]
                     if is_end and labels[at_y, at_x] == k:
                         queue[tail, 0], queue[tail, 1] = at_y, at_x
                         tail += 1
@@ -302,13 +306,6 @@ def _label_blocks(disparity, blocks, planes, center, side, tolerance, labels):  
             for x in range(uint64(col * side), uint64(col * side + side)):  # without branches
                 u = np.float64(x) - center[0]
                 labels[y, x] = k if _is_on(disparity[y, x], a, b, c, u, v, tolerance) else unfit
-
-
-@inner_loop()
-def _is_border(blocks: IntArray, row: int, col: int, k: int) -> bool:
-    """Return whether a block is not one of a plane's, or outside the image."""
-    is_inside = 0 <= row < blocks.shape[0] and 0 <= col < blocks.shape[1]
-    return not is_inside or blocks[row, col] != k
 
 
 @inner_loop()

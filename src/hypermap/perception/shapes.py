@@ -85,7 +85,8 @@ def _number_cells(
     left, bottom = np.inf, np.inf
     right, top = -np.inf, -np.inf
     for i in range(len(points_xy)):
-        column, row = np.floor(points_xy[i, 0] * per_metre), np.floor(points_xy[i, 1] * per_metre)
+        column = np.float64(np.floor(points_xy[i, 0] * per_metre))
+        row = np.float64(np.floor(points_xy[i, 1] * per_metre))
         left, right = min(left, column), max(right, column)
         bottom, top = min(bottom, row), max(top, row)
         columns[i], rows[i] = column, row
