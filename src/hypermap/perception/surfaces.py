@@ -60,7 +60,7 @@ def find_surfaces(
     tolerance = SAME * config.depth_noise
     flat = disparity.ravel(), labels.ravel()
     runs = np.empty((3, disparity.size), np.int32)
-    first_of_row = np.zeros(disparity.shape[0] + 1, np.int32)
+    first_of_row = np.zeros(disparity.shape[0] + 1, np.int64)
     count = _label_rest(
         *flat, disparity.shape[1], planes, config.max_gap, tolerance, *runs, first_of_row
     )
@@ -104,7 +104,7 @@ def _label_rest(
     starts: NDArray[np.int32],
     ends: NDArray[np.int32],
     roots: NDArray[np.int32],
-    first_of_row: NDArray[np.int32],
+    first_of_row: NDArray[np.int64],
 ) -> int:
     """Label what lies on no plane by what hangs together, from `first` on; return the next label.
 

@@ -38,60 +38,63 @@ def nearest_triangles(
     """
     depths = np.full((height, width), np.inf)
     found = np.full((height, width), -1, dtype=np.int32)
-    x, y, z = (triangles[..., axis].astype(np.float64) for axis in range(3))
-    p = np.stack([row[0] * x + row[1] * y + row[2] * z + row[3] for row in projection], axis=-1)
-    planes = _cross(np.roll(p, -1, axis=1), np.roll(p, -2, axis=1))
-    volumes = (p[:, 0] * planes[:, 0]).cumsum(axis=1)[:, -1]
-    planes *= np.sign(volumes)[:, np.newaxis, np.newaxis]
-    is_before = p[..., 2] > 0
-    with np.errstate(all="ignore"):  # what reaches behind the camera may be seen in any pixel
-        at = p[..., :2] / p[..., 2:]
-    is_whole = is_before.all(axis=1)[:, np.newaxis]
-    last = np.array([width, height]) - 1.0
-    low = np.where(is_whole, np.clip(np.floor(at.min(axis=1)), 0, last + 1), 0)
-    high = np.where(is_whole, np.clip(np.ceil(at.max(axis=1)), -1, last), last)
-    ends = np.concatenate([low, high], axis=1).astype(np.int64)
-    # Not what is behind the camera, or beside the image, or seen from its edge.
-    seen = is_before.any(axis=1) & (low <= high).all(axis=1) & (volumes != 0)
-    _draw(np.flatnonzero(seen), ends, planes, np.abs(volumes), depths, found)
+    _draw(triangles, projection, *np.empty((2, 3, 3)), depths, found)
     return depths, found
-
-
-def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the cross products of vectors, shape (..., 3)."""
-    ax, ay, az, bx, by, bz = (v[..., axis] for v in (a, b) for axis in range(3))
-    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)
 
 
 @loop()
 def _draw(
-    seen: IntArray,
-    ends: IntArray,
+    triangles: NDArray[np.float32],
+    projection: NDArray[np.float64],
+    p: NDArray[np.float64],
     planes: NDArray[np.float64],
-    volumes: NDArray[np.float64],
     depths: NDArray[np.float64],
     found: NDArray[np.int32],
 ) -> None:
-    """Draw triangles where they are nearer than what was found yet.
+    """Do what `nearest_triangles` says, where no depth was found yet.
 
-    Args:
-        seen: which of T triangles.
-        ends: first column and row, and last column and row of each, shape (T, 4).
-        planes: of each, through the camera and two of its corners, shape (T, 3, 3).
-        volumes: of each: the product of its depth in a pixel and the sum of the distances from
-            its planes there, shape (T,).
-        depths: of what was found yet, infinite for nothing, shape (H, W).
-        found: which triangle that is, shape (H, W).
+    Corners and planes of a triangle need room, shapes (3, 3).
     """
-    for i in seen:
-        plane, volume = planes[i], volumes[i]
-        a0, a1, a2 = plane[0, 0], plane[1, 0], plane[2, 0]
-        for v in range(ends[i, 1], ends[i, 3] + 1):
-            c0 = plane[0, 1] * v + plane[0, 2]
-            c1 = plane[1, 1] * v + plane[1, 2]
-            c2 = plane[2, 1] * v + plane[2, 2]
-            for u in range(ends[i, 0], ends[i, 2] + 1):
-                e0, e1, e2 = a0 * u + c0, a1 * u + c1, a2 * u + c2
+    height, width = depths.shape
+    for i in range(len(triangles)):
+        for corner in range(3):
+            x, y, z = triangles[i, corner, 0], triangles[i, corner, 1], triangles[i, corner, 2]
+            for k in range(3):
+                row = projection[k]
+                p[corner, k] = row[0] * x + row[1] * y + row[2] * z + row[3]
+        if p[0, 2] <= 0 and p[1, 2] <= 0 and p[2, 2] <= 0:
+            continue  # behind the camera
+        left, right, top, bottom = 0, width - 1, 0, height - 1
+        if p[0, 2] > 0 and p[1, 2] > 0 and p[2, 2] > 0:
+            u0, u1, u2 = p[0, 0] / p[0, 2], p[1, 0] / p[1, 2], p[2, 0] / p[2, 2]
+            v0, v1, v2 = p[0, 1] / p[0, 2], p[1, 1] / p[1, 2], p[2, 1] / p[2, 2]
+            left = int(max(0.0, np.floor(min(u0, u1, u2))))
+            right = int(min(width - 1.0, np.ceil(max(u0, u1, u2))))
+            top = int(max(0.0, np.floor(min(v0, v1, v2))))
+            bottom = int(min(height - 1.0, np.ceil(max(v0, v1, v2))))
+            if left > right or top > bottom:
+                continue
+        for k in range(3):
+            a, b = p[(k + 1) % 3], p[(k + 2) % 3]
+            planes[k, 0] = a[1] * b[2] - a[2] * b[1]
+            planes[k, 1] = a[2] * b[0] - a[0] * b[2]
+            planes[k, 2] = a[0] * b[1] - a[1] * b[0]
+        volume = p[0, 0] * planes[0, 0] + p[0, 1] * planes[0, 1] + p[0, 2] * planes[0, 2]
+        if volume == 0:
+            continue  # seen from its edge
+        sign = 1.0 if volume > 0 else -1.0
+        volume *= sign
+        for k in range(3):
+            for axis in range(3):
+                planes[k, axis] *= sign
+        for v in range(top, bottom + 1):
+            c0 = planes[0, 1] * v + planes[0, 2]
+            c1 = planes[1, 1] * v + planes[1, 2]
+            c2 = planes[2, 1] * v + planes[2, 2]
+            for u in range(left, right + 1):
+                e0 = planes[0, 0] * u + c0
+                e1 = planes[1, 0] * u + c1
+                e2 = planes[2, 0] * u + c2
                 if e0 >= 0 and e1 >= 0 and e2 >= 0:
                     whole = e0 + e1 + e2
                     if volume < whole * depths[v, u]:
