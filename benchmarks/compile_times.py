@@ -24,12 +24,12 @@ with tempfile.TemporaryDirectory() as folder:
     class Times(event.Listener):
         """Adds up for each function what it takes without those that it calls."""
 
-        def __init__(self) -> None:  # noqa: D107
+        def __init__(self) -> None:
             self.seconds: Counter[str] = Counter()
             self.compiled: Counter[str] = Counter()
             self._begun: list[list[float]] = []  # when, and the seconds of what is called
 
-        def on_start(self, event: Any) -> None:
+        def on_start(self, event: Any) -> None:  # noqa: ARG002
             """Remember when."""
             self._begun.append([time.process_time(), 0.0])
 

@@ -20,9 +20,8 @@ ROUNDING = 1e-3  # more than what float32 may be off, at a camera's distances [m
 
 _Array: TypeAlias = NDArray[np.float32]
 
-_ANGLES = np.arange(DIRECTIONS)[:, np.newaxis] * (2 * np.pi / DIRECTIONS)
+_ANGLES = np.arange(DIRECTIONS) * (2 * np.pi / DIRECTIONS)
 _ALONG, _ACROSS = np.cos(_ANGLES).astype(np.float32), np.sin(_ANGLES).astype(np.float32)
-_NEXT = np.roll(np.arange(DIRECTIONS), -1)
 
 
 def outer_points(
@@ -78,21 +77,32 @@ def _edges(x: _Array, y: _Array, margin: float) -> _Array:
         such that nothing lies within if there is no polygon.
     """
     edges = np.zeros((DIRECTIONS, 3), np.float32)
-    edges[:, 2] = np.inf
-    if len(x) == 0:
-        return edges
-    farthest = (_ALONG * x + _ACROSS * y).argmax(axis=1)
-    at_x, at_y = x[farthest].astype(np.float64), y[farthest].astype(np.float64)
-    dx, dy = at_x[_NEXT] - at_x, at_y[_NEXT] - at_y
-    length = np.hypot(dx, dy)
-    is_edge = length > 0
-    if is_edge.sum() < 3:
-        return edges
-    length[~is_edge] = 1
-    a, b = dy / length, -dx / length
-    edges[:, 0], edges[:, 1], edges[:, 2] = a, b, margin - a * at_x - b * at_y
-    edges[~is_edge, 2] = -np.inf  # any other is farther out
+    farthest, most = np.zeros(DIRECTIONS, np.int64), np.full(DIRECTIONS, -np.inf, np.float32)
+    if len(x) == 0 or _fill_edges(x, y, _ALONG, _ACROSS, margin, most, farthest, edges) < 3:
+        edges[:] = 0, 0, np.inf
     return edges
+
+
+@loop()
+def _fill_edges(x, y, along, across, margin, most, farthest, edges):  # type: ignore[no-untyped-def]
+    """Fill in the edges, and which points they begin at; return how many have a length."""
+    for i in range(len(x)):
+        for k in range(DIRECTIONS):
+            distance = along[k] * x[i] + across[k] * y[i]
+            if distance > most[k]:
+                most[k], farthest[k] = distance, i
+    count = 0
+    for k in range(DIRECTIONS):
+        i, j = farthest[k], farthest[(k + 1) % DIRECTIONS]
+        at_x, at_y = np.float64(x[i]), np.float64(y[i])
+        dx, dy = np.float64(x[j]) - at_x, np.float64(y[j]) - at_y
+        length = math.sqrt(dx * dx + dy * dy)
+        edges[k, 2] = -np.inf  # any other is farther out
+        if length > 0:
+            a, b = dy / length, -dx / length
+            edges[k, 0], edges[k, 1], edges[k, 2] = a, b, margin - a * at_x - b * at_y
+            count += 1
+    return count
 
 
 def _sample(rows: Rows, valid: BoolArray, to_floor: _Array) -> tuple[_Array, _Array]:

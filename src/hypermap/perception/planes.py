@@ -59,7 +59,8 @@ def find_planes(
     queue, total = np.empty(h * w, np.int64), np.empty(10)
     scratch = is_free, queue, total
     count = _join_blocks(sums, planes, seeds, focal, cosine, LEVEL * noise, *scratch, blocks, found)
-    around = np.pad(blocks, 1, constant_values=UNFIT)
+    around = np.full((h + 2, w + 2), UNFIT)
+    around[1:-1, 1:-1] = blocks
     beside = around[1:-1, :-2], around[1:-1, 2:], around[:-2, 1:-1], around[2:, 1:-1]
     borders = np.stack([other != blocks for other in beside], axis=-1)
     labels = np.full(disparity.shape, UNFIT, np.int32)
@@ -268,12 +269,13 @@ def _spread(
             if k == UNFIT:
                 continue
             # Inside of its blocks a plane has been everywhere already.
-            border = borders[row, col]
+            left, right = borders[row, col, 0], borders[row, col, 1]
+            above, below = borders[row, col, 2], borders[row, col, 3]
             for y in range(side):
-                is_whole = (border[2] and y == 0) or (border[3] and y == side - 1)
+                is_whole = (above and y == 0) or (below and y == side - 1)
                 for x in range(0, side, 1 if is_whole else side - 1):
                     at_y, at_x = row * side + y, col * side + x
-                    is_end = is_whole or border[0 if x == 0 else 1]
+                    is_end = is_whole or (left if x == 0 else right)
                     if is_end and labels[at_y, at_x] == k:
                         queue[tail, 0], queue[tail, 1] = at_y, at_x
                         tail += 1
