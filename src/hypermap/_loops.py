@@ -107,7 +107,7 @@ class _Listener(event.Listener):
         self._depth += 1
         if _is_ours(event) and not self._told:
             self._told = time.monotonic()
-            _log.info("compiling for this machine, once: up to about 10 s")
+            _log.info("compiling for this machine, once: about 10 s")
 
     def on_end(self, event: Any) -> None:
         """Say now and then how many there are."""
