@@ -17,7 +17,7 @@ from hypermap.mapping.fusion import best_shape, convex_hull, votes
 from hypermap.mapping.outlines import Outline
 from hypermap.mapping.pile import Evidence, Pile
 from hypermap.mapping.stages import EvidenceConfig
-from hypermap.mapping.votes import _joined, _steps, aligning_moves
+from hypermap.mapping.votes import _add_steps, _joined, aligning_moves
 
 CONFIG = EvidenceConfig()
 EVERYWHERE = shapely.box(-100, -100, 100, 100)
@@ -173,7 +173,8 @@ def test_votes_are_counted_as_shapely_decides_about_each_cell(
     polygon = polygon.reverse() if reverse else polygon
     edges, first = _joined(Outline.all_of([polygon, polygon]))
     weights, to_cells = np.array([1.0, 2.0]), grid.to_cells_matrix()
-    steps = _steps(edges, first, weights, np.zeros((2, 2)), grid.shape, to_cells)
+    steps = np.zeros((grid.height, grid.width + 1))
+    _add_steps(edges, first, weights, np.zeros((2, 2)), to_cells, steps)
     counted = np.cumsum(steps[:, :-1], axis=1)
     rows, cols = np.indices(grid.shape)
     centers = shapely.points(grid.centers(rows.ravel(), cols.ravel()))

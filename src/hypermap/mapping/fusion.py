@@ -9,7 +9,6 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from hypermap._loops import loop
 from hypermap.mapping.outlines import Outline
 from hypermap.mapping.pile import Pile
 from hypermap.mapping.stages import EvidenceConfig
@@ -51,20 +50,7 @@ def _hull(points_xy: NDArray[np.float64]) -> Outline:
     return Outline.of(shapely.LineString(points_xy).convex_hull)
 
 
-@loop()
 def _nearest_to_mean(points_xy: NDArray[np.float64]) -> int:
     """Return which point is nearest to the mean of all, the first of equally near ones."""
-    count = len(points_xy)
-    x = y = 0.0
-    for i in range(count):
-        x += points_xy[i, 0]
-        y += points_xy[i, 1]
-    x /= count
-    y /= count
-    nearest, least = 0, np.inf
-    for i in range(count):
-        dx, dy = points_xy[i, 0] - x, points_xy[i, 1] - y
-        distance = dx * dx + dy * dy
-        if distance < least:
-            nearest, least = i, distance
-    return nearest
+    offsets = points_xy - points_xy.mean(axis=0)
+    return int(np.argmin((offsets * offsets).sum(axis=1)))

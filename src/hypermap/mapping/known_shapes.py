@@ -9,14 +9,11 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from hypermap._loops import loop
 from hypermap.core.arrays import BoolArray, IntArray, ObjectArray, as_objects
 from hypermap.mapping.columns import Column
 from hypermap.mapping.outlines import Box, Outline
 
 Rows: TypeAlias = list[int]
-
-_ANY = -1  # stands for all classes
 
 
 class KnownShapes:
@@ -77,9 +74,12 @@ class KnownShapes:
 
     def near(self, class_: int | None, box: Box) -> Rows:
         """Return the rows of a class, or of all classes, whose boxes meet a box."""
-        rows: Rows = _meeting(
-            self.classes, self.boxes, _ANY if class_ is None else class_, *box
-        ).tolist()
+        xmin, ymin, xmax, ymax = box
+        left, bottom, right, top = self.boxes.T
+        meets = (left <= xmax) & (bottom <= ymax) & (right >= xmin) & (top >= ymin)
+        if class_ is not None:
+            meets &= self.classes == class_
+        rows: Rows = np.flatnonzero(meets).tolist()
         return rows
 
     def within(self, limits: Box, position: NDArray[np.float64], max_range: float) -> Rows:
@@ -90,54 +90,9 @@ class KnownShapes:
             position: x and y of the place [m], shape (2,).
             max_range: distance from there [m].
         """
-        rows: Rows = _within(
-            self.boxes, *limits, float(position[0]), float(position[1]), max_range
-        ).tolist()
+        xmin, ymin, xmax, ymax = limits
+        left, bottom, right, top = self.boxes.T
+        is_inside = (left >= xmin) & (bottom >= ymin) & (right <= xmax) & (top <= ymax)
+        dx, dy = (left + right) / 2 - position[0], (bottom + top) / 2 - position[1]
+        rows: Rows = np.flatnonzero(is_inside & (np.hypot(dx, dy) <= max_range)).tolist()
         return rows
-
-
-@loop()
-def _meeting(
-    classes: IntArray,
-    boxes: NDArray[np.float64],
-    class_: int,
-    xmin: float,
-    ymin: float,
-    xmax: float,
-    ymax: float,
-) -> NDArray[np.int64]:
-    rows = np.empty(len(classes), dtype=np.int64)
-    count = 0
-    for row in range(len(classes)):
-        if (
-            (class_ == _ANY or class_ == classes[row])
-            and boxes[row, 0] <= xmax
-            and boxes[row, 1] <= ymax
-            and boxes[row, 2] >= xmin
-            and boxes[row, 3] >= ymin
-        ):
-            rows[count] = row
-            count += 1
-    return rows[:count]
-
-
-@loop()
-def _within(
-    boxes: NDArray[np.float64],
-    xmin: float,
-    ymin: float,
-    xmax: float,
-    ymax: float,
-    x: float,
-    y: float,
-    max_range: float,
-) -> NDArray[np.int64]:
-    rows = np.empty(len(boxes), dtype=np.int64)
-    count = 0
-    for row in range(len(boxes)):
-        left, bottom, right, top = boxes[row, 0], boxes[row, 1], boxes[row, 2], boxes[row, 3]
-        is_inside = left >= xmin and bottom >= ymin and right <= xmax and top <= ymax
-        if is_inside and np.hypot((left + right) / 2 - x, (bottom + top) / 2 - y) <= max_range:
-            rows[count] = row
-            count += 1
-    return rows[:count]

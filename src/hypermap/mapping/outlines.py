@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from hypermap._loops import loop
-from hypermap.core.arrays import BoolArray, IntArray, ObjectArray, as_objects
+from hypermap.core.arrays import ObjectArray, as_objects
 
 _POLYGON = 3  # shapely's number of this type
 _NOTHING = 1e-12  # of a shape's area: less is what rounding leaves where shapes only touch
@@ -43,7 +43,10 @@ class Outline:
     def of(cls, geometry: BaseGeometry) -> Outline:
         """Return the outline of one geometry."""
         if isinstance(geometry, shapely.Polygon) and not shapely.get_num_interior_rings(geometry):
-            return cls(geometry, *_ring(shapely.get_coordinates(geometry)))
+            points = shapely.get_coordinates(geometry)
+            edges = np.empty((max(len(points) - 1, 0), 5))
+            *box, area = _measure_ring(points, edges)
+            return cls(geometry, tuple(box), area, edges)
         return cls.all_of([geometry])[0]
 
     @classmethod
@@ -122,10 +125,11 @@ def _shared_area(edges: NDArray[np.float64], others: NDArray[np.float64]) -> flo
 
 
 @loop()
-def _ring(points: NDArray[np.float64]) -> tuple[Box, float, NDArray[np.float64]]:
-    """Return box, area and edges of one closed ring, shape (P, 2), as `Outline` has them."""
-    count = max(len(points) - 1, 0)
-    edges = np.empty((count, 5))
+def _measure_ring(
+    points: NDArray[np.float64], edges: NDArray[np.float64]
+) -> tuple[float, float, float, float, float]:
+    """Return box and area of one closed ring, shape (P, 2), and fill in its edges."""
+    count = len(edges)
     xmin = ymin = xmax = ymax = np.nan
     if count:
         xmin, ymin = xmax, ymax = points[0, 0], points[0, 1]
@@ -140,7 +144,7 @@ def _ring(points: NDArray[np.float64]) -> tuple[Box, float, NDArray[np.float64]]
         twice_area += (x - points[0, 0]) * (points[p + 1, 1] - before)
     for p in range(count):
         edges[p, 4] = 1 if twice_area > 0 else -1
-    return (xmin, ymin, xmax, ymax), abs(twice_area / 2), edges
+    return xmin, ymin, xmax, ymax, abs(twice_area / 2)
 
 
 def _edges_of(shapes: ObjectArray) -> tuple[NDArray[np.float64], list[int]]:
@@ -148,54 +152,19 @@ def _edges_of(shapes: ObjectArray) -> tuple[NDArray[np.float64], list[int]]:
     is_ring = shapely.get_type_id(shapes) == _POLYGON
     is_ring &= shapely.get_num_interior_rings(shapes) == 0
     if is_ring.all():  # the usual case: the points of each shape are those of its only ring
-        shape_of_ring, is_hole = np.arange(len(shapes)), np.zeros(len(shapes), dtype=bool)
-        points, ring_of_point = shapely.get_coordinates(shapes, return_index=True)
+        rings, shape_of_ring = shapely.get_exterior_ring(shapes), np.arange(len(shapes))
+        is_hole = np.zeros(len(shapes), dtype=bool)
     else:
         parts, shape_of_part = shapely.get_parts(shapes, return_index=True)
         rings, part_of_ring = shapely.get_rings(parts, return_index=True)
         is_hole = np.append(False, part_of_ring[1:] == part_of_ring[:-1])
         shape_of_ring = shape_of_part[part_of_ring]
-        points, ring_of_point = shapely.get_coordinates(rings, return_index=True)
-    first = np.zeros(len(shapes) + 1, dtype=np.int64)
-    edges = _edges_of_rings(points, ring_of_point, is_hole, shape_of_ring, first)
+    points, ring_of_point = shapely.get_coordinates(rings, return_index=True)
+    begins = np.flatnonzero(ring_of_point[1:] == ring_of_point[:-1])
+    ring = ring_of_point[begins]
+    is_inside_left = shapely.is_ccw(rings) != is_hole
+    edges = np.empty((len(begins), 5))
+    edges[:, :2], edges[:, 2:4] = points[begins], points[begins + 1]
+    edges[:, 4] = np.where(is_inside_left, 1, -1)[ring]
+    first = np.searchsorted(shape_of_ring[ring], np.arange(len(shapes) + 1))
     return edges, first.tolist()
-
-
-@loop()
-def _edges_of_rings(
-    points: NDArray[np.float64],
-    ring_of_point: IntArray,
-    is_hole: BoolArray,
-    shape_of_ring: IntArray,
-    first: IntArray,
-) -> NDArray[np.float64]:
-    """Return the edges of closed rings, as `Outline.edges`.
-
-    Args:
-        points: of all rings, one ring after the other, shape (P, 2).
-        ring_of_point: in rising order, shape (P,).
-        is_hole: of each ring, shape (R,).
-        shape_of_ring: in rising order, shape (R,).
-        first: zeros; changed to where the edges of each of S shapes begin, and how many there are
-            altogether, shape (S + 1,).
-    """
-    edges = np.empty((len(points), 5))
-    count = begin = 0
-    twice_area = 0.0
-    for p in range(len(points)):
-        if p + 1 < len(points) and ring_of_point[p + 1] == ring_of_point[p]:
-            edges[count, 0], edges[count, 1] = points[p, 0], points[p, 1]
-            edges[count, 2], edges[count, 3] = points[p + 1, 0], points[p + 1, 1]
-            origin_x, origin_y = edges[begin, 0], edges[begin, 1]
-            twice_area += (points[p, 0] - origin_x) * (points[p + 1, 1] - origin_y)
-            twice_area -= (points[p + 1, 0] - origin_x) * (points[p, 1] - origin_y)
-            count += 1
-        else:  # the ring ends; drawn counter-clockwise, it has its inside on the left
-            is_inside_left = (twice_area > 0) != is_hole[ring_of_point[p]]
-            for edge in range(begin, count):
-                edges[edge, 4] = 1 if is_inside_left else -1
-            begin, twice_area = count, 0.0
-            first[shape_of_ring[ring_of_point[p]] + 1] = count
-    for shape in range(1, len(first)):  # those without points begin where they end
-        first[shape] = max(first[shape], first[shape - 1])
-    return edges[:count]

@@ -36,14 +36,19 @@ class Rays:
         only the stretch on which it runs between the floor and `free_below`: that a ray passes
         high over a cell says nothing of the table below it.
         """
-        hits_xy, free_from_xy, free_to_xy = _rays_of_points(
-            frame.points(config.pixel_step),
+        points = frame.points(config.pixel_step)
+        hits, free_from, free_to = np.empty((3, points.shape[0] * points.shape[1], 2))
+        n_hits, n_free = _cast(
+            points,
             np.ascontiguousarray(frame.map_T_camera),
             (config.min_height, config.max_height, config.free_below),
             config.max_range,
             config.resolution,
+            hits,
+            free_from,
+            free_to,
         )
-        return cls(hits_xy, free_from_xy, free_to_xy)
+        return cls(hits[:n_hits], free_from[:n_free], free_to[:n_free])
 
     @classmethod
     def of_scan(
@@ -87,20 +92,22 @@ class Rays:
         """
         to_cells = grid.to_cells_matrix()
         hits, free = np.zeros(grid.shape, dtype=np.int64), np.zeros(grid.shape, dtype=bool)
-        _count_points(hits, self.hits_xy, to_cells)
-        _mark_lines(free, self.free_from_xy, self.free_to_xy, to_cells)
+        _touch(hits, free, self.hits_xy, self.free_from_xy, self.free_to_xy, to_cells)
         return hits, free
 
 
 @loop()
-def _rays_of_points(
+def _cast(
     points: NDArray[np.float32],
     map_T_camera: NDArray[np.float64],
     heights: tuple[float, float, float],
     max_range: float,
     resolution: float,
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Return what `Rays` holds, from an organised cloud.
+    hits: NDArray[np.float64],
+    free_from: NDArray[np.float64],
+    free_to: NDArray[np.float64],
+) -> tuple[int, int]:
+    """Fill in what `Rays` holds, from an organised cloud.
 
     Args:
         points: in the camera's frame [m], NaN for no return, shape (H, W, 3).
@@ -108,10 +115,14 @@ def _rays_of_points(
         heights: min_height, max_height and free_below above the floor [m].
         max_range: of a point over the floor [m].
         resolution: by how much a free stretch ends before a hit, as hits are never quite exact [m].
+        hits: room for one per point, shape (H * W, 2).
+        free_from: likewise.
+        free_to: likewise.
+
+    Returns:
+        How many hits and how many free stretches there are.
     """
     T, (min_height, max_height, free_below) = map_T_camera, heights
-    hits = np.empty((points.shape[0] * points.shape[1], 2))
-    free_from, free_to = np.empty(hits.shape), np.empty(hits.shape)
     n_hits = n_free = 0
     for row in range(points.shape[0]):
         for col in range(points.shape[1]):
@@ -133,7 +144,7 @@ def _rays_of_points(
                 free_from[n_free, 0], free_from[n_free, 1] = T[0, 3] + low * dx, T[1, 3] + low * dy
                 free_to[n_free, 0], free_to[n_free, 1] = T[0, 3] + high * dx, T[1, 3] + high * dy
                 n_free += 1
-    return hits[:n_hits], free_from[:n_free], free_to[:n_free]
+    return n_hits, n_free
 
 
 @inner_loop()
@@ -167,27 +178,30 @@ def _box(points_xy: NDArray[np.float64]) -> tuple[tuple[float, float], tuple[flo
 
 
 @loop()
-def _count_points(
-    counts: NDArray[np.int64], points_xy: NDArray[np.float64], to_cells: NDArray[np.float64]
+def _touch(
+    counts: NDArray[np.int64],
+    marked: BoolArray,
+    points_xy: NDArray[np.float64],
+    begin_xy: NDArray[np.float64],
+    end_xy: NDArray[np.float64],
+    to_cells: NDArray[np.float64],
 ) -> None:
-    """Add to each cell how many of the points, shape (N, 2), lie in it."""
+    """Count the points in each cell, and mark the cells under straight lines.
+
+    Args:
+        counts: zeros, shape (height, width).
+        marked: nothing, shape (height, width).
+        points_xy: shape (N, 2).
+        begin_xy: of the lines, shape (M, 2).
+        end_xy: of the lines, shape (M, 2).
+        to_cells: `GridGeometry.to_cells_matrix`.
+    """
     height, width = counts.shape
     for i in range(len(points_xy)):
         x, y = _position(to_cells, points_xy[i, 0], points_xy[i, 1])
         col, row = int(np.floor(x)), int(np.floor(y))
         if 0 <= row < height and 0 <= col < width:
             counts[row, col] += 1
-
-
-@loop()
-def _mark_lines(
-    marked: BoolArray,
-    begin_xy: NDArray[np.float64],
-    end_xy: NDArray[np.float64],
-    to_cells: NDArray[np.float64],
-) -> None:
-    """Mark the cells under straight lines, whose ends have the shapes (M, 2)."""
-    height, width = marked.shape
     for i in range(len(begin_xy)):
         x, y = _position(to_cells, begin_xy[i, 0], begin_xy[i, 1])
         end_x, end_y = _position(to_cells, end_xy[i, 0], end_xy[i, 1])

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from hypermap._loops import inner_loop, loop
+from hypermap._loops import loop
 from hypermap.core.arrays import IntArray
 from hypermap.core.frames import Pose2D
 from hypermap.core.grid import GridGeometry
@@ -46,13 +46,18 @@ def agreed_points(pile: Pile, config: EvidenceConfig) -> NDArray[np.float64]:
         moves = aligning_moves(areas, pile.centroids, scores, config.align)
 
     edges, first = _joined(footprints)
-    grid = _voting_grid(_bounds(edges, first, moves), config.vote_resolution)
+    boxes = np.array([outline.box for outline in footprints])
+    low, high = np.fmin.reduce(boxes[:, :2] + moves), np.fmax.reduce(boxes[:, 2:] + moves)
+    grid = _voting_grid((*low, *high), config.vote_resolution)
     to_cells = grid.to_cells_matrix()
-    ayes = _steps(edges, first, scores, moves, grid.shape, to_cells)
+    ayes, cast = np.zeros((2, grid.height, grid.width + 1))
+    _add_steps(edges, first, scores, moves, to_cells, ayes)
     edges, first = _joined(grounds)
-    cast = _steps(edges, first, scores, np.zeros(moves.shape), grid.shape, to_cells)
+    _add_steps(edges, first, scores, np.zeros(moves.shape), to_cells, cast)
     without_area = scores[first[1:] == first[:-1]].sum()
-    rows, left, right = _chosen(ayes, cast, without_area, config.vote_share)
+    found = np.empty((3, grid.height), np.int64)
+    count = _choose(ayes, cast, without_area, config.vote_share, *found)
+    rows, left, right = found[:, :count]
     corner_rows = np.concatenate([rows - 0.5, rows + 0.5, rows - 0.5, rows + 0.5])
     corner_cols = np.concatenate([left - 0.5, left - 0.5, right + 0.5, right + 0.5])
     return grid.centers(corner_rows, corner_cols)
@@ -78,66 +83,20 @@ def aligning_moves(
     Returns:
         Moves [m], shape (N, 2).
     """
-    moves = np.empty(centroids.shape)
-    order = np.argsort(centroids, axis=0, kind="stable")
-    _align(moves, np.sort(areas), areas, centroids, order, weights, limit)
-    return moves
-
-
-@loop()
-def _align(
-    moves: NDArray[np.float64],
-    sorted_areas: NDArray[np.float64],
-    areas: NDArray[np.float64],
-    centroids: NDArray[np.float64],
-    order: IntArray,
-    weights: NDArray[np.float64],
-    limit: float,
-) -> None:
-    """Do what `aligning_moves` says.
-
-    Args:
-        moves: to be filled, shape (N, 2).
-        sorted_areas: in rising order, shape (N,).
-        areas: as there.
-        centroids: as there.
-        order: of the centroids along each axis, shape (N, 2).
-        weights: as there.
-        limit: as there.
-    """
-    count = len(areas)
-    place = 0.75 * (count - 1)
+    ranked = np.sort(areas)
+    place = 0.75 * (len(areas) - 1)
     below = int(place)
-    above = below + 1 if below + 1 < count else below
-    share = place - below
-    quartile = sorted_areas[below] * (1 - share) + sorted_areas[above] * share
-    least = _WHOLE * quartile  # what shows the whole object
-    for axis in range(2):
-        median = _weighted_median(axis, least, areas, centroids, order, weights)
-        for i in range(count):
-            moves[i, axis] = median - centroids[i, axis]
-    for i in range(count):
-        if areas[i] < least or np.hypot(moves[i, 0], moves[i, 1]) > limit:
-            moves[i, 0] = moves[i, 1] = 0
-
-
-@inner_loop()
-def _weighted_median(axis, least, areas, centroids, order, weights):  # type: ignore[no-untyped-def]
-    """Return the first coordinate with half of the weights of what is large enough up to it."""
-    whole = 0.0
-    for k in range(len(order)):
-        i = order[k, axis]
-        if areas[i] >= least:
-            whole += weights[i]
-    total, median = 0.0, np.nan
-    for k in range(len(order)):
-        i = order[k, axis]
-        if areas[i] >= least:
-            total += weights[i]
-            median = centroids[i, axis]
-            if total >= whole / 2:
-                break
-    return median
+    above, share = min(below + 1, len(areas) - 1), place - below
+    least = _WHOLE * (ranked[below] * (1 - share) + ranked[above] * share)
+    is_part = areas < least
+    moves = np.empty(centroids.shape)
+    for axis, order in enumerate(np.argsort(centroids, axis=0, kind="stable").T):
+        whole = order[~is_part[order]]
+        totals = np.cumsum(weights[whole])
+        median = centroids[whole[np.searchsorted(totals, totals[-1] / 2)], axis]
+        moves[:, axis] = median - centroids[:, axis]
+    moves[is_part | (np.hypot(moves[:, 0], moves[:, 1]) > limit)] = 0
+    return moves
 
 
 def _joined(outlines: Sequence[Outline]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
@@ -145,20 +104,6 @@ def _joined(outlines: Sequence[Outline]) -> tuple[NDArray[np.float64], NDArray[n
     first = np.zeros(len(outlines) + 1, dtype=np.int64)
     np.cumsum([len(outline.edges) for outline in outlines], out=first[1:])
     return np.concatenate([outline.edges for outline in outlines]), first
-
-
-@loop()
-def _bounds(
-    edges: NDArray[np.float64], first: IntArray, moves: NDArray[np.float64]
-) -> tuple[float, float, float, float]:
-    """Return the box of all polygons after their moves, as `_add_steps` takes them."""
-    xmin = ymin = np.inf
-    xmax = ymax = -np.inf
-    for polygon in range(len(moves)):
-        for e in range(first[polygon], first[polygon + 1]):
-            x, y = edges[e, 0] + moves[polygon, 0], edges[e, 1] + moves[polygon, 1]
-            xmin, ymin, xmax, ymax = min(xmin, x), min(ymin, y), max(xmax, x), max(ymax, y)
-    return xmin, ymin, xmax, ymax
 
 
 def _voting_grid(box: tuple[float, float, float, float], resolution: float) -> GridGeometry:
@@ -175,15 +120,15 @@ def _voting_grid(box: tuple[float, float, float, float], resolution: float) -> G
 
 
 @loop()
-def _steps(
+def _add_steps(
     edges: NDArray[np.float64],
     first: IntArray,
     weights: NDArray[np.float64],
     moves: NDArray[np.float64],
-    shape: tuple[int, int],
     to_cells: NDArray[np.float64],
-) -> NDArray[np.float64]:
-    """Return by how much the votes change from each cell to the next, (height, width + 1).
+    steps: NDArray[np.float64],
+) -> None:
+    """Add by how much the votes change from each cell to the next.
 
     A cell gets the weights of the polygons that cover its centre: the sum of its row's steps up to
     its own.
@@ -193,11 +138,10 @@ def _steps(
         first: where the edges of each of N polygons begin and the last ones end, shape (N + 1,).
         weights: of the polygons, shape (N,).
         moves: by how much the polygons are moved first [m], shape (N, 2).
-        shape: height and width of a grid that is not turned.
-        to_cells: its `GridGeometry.to_cells_matrix`.
+        to_cells: `GridGeometry.to_cells_matrix` of a grid that is not turned.
+        steps: zeros, shape (height, width + 1).
     """
-    height, width = shape
-    steps = np.zeros((height, width + 1))
+    height, width = steps.shape[0], steps.shape[1] - 1
     x_scale, y_scale = to_cells[0, 0], to_cells[1, 1]
     x_begin, y_begin = to_cells[0, 2], to_cells[1, 2]
     for polygon in range(len(weights)):
@@ -216,24 +160,30 @@ def _steps(
                 x = x0 + (row - y0) * (x1 - x0) / (y1 - y0)
                 col = min(max(int(np.ceil(x)), 0), width)
                 steps[row, col] += weight if begins else -weight
-    return steps
 
 
 @loop()
-def _chosen(
-    ayes: NDArray[np.float64], cast: NDArray[np.float64], without_area: float, share: float
-) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-    """Return the rows in which cells are chosen, and the first and last such cell of each.
+def _choose(
+    ayes: NDArray[np.float64],
+    cast: NDArray[np.float64],
+    without_area: float,
+    share: float,
+    rows: IntArray,
+    left: IntArray,
+    right: IntArray,
+) -> int:
+    """Find the rows in which cells are chosen, and return how many.
 
     Args:
         ayes: steps of the votes for each cell, shape (height, width + 1).
         cast: steps of the votes for and against each cell, of the same shape.
         without_area: votes that are cast on all cells.
         share: of the votes cast, that a cell needs.
+        rows: to become those rows, shape (height,).
+        left: to become the first chosen cell of each, shape (height,).
+        right: to become the last chosen cell of each, shape (height,).
     """
     height, width = ayes.shape[0], ayes.shape[1] - 1
-    rows, left = np.empty(height, dtype=np.int64), np.empty(height, dtype=np.int64)
-    right = np.empty(height, dtype=np.int64)
     count = 0
     for row in range(height):
         votes_for = votes_cast = 0.0
@@ -248,4 +198,4 @@ def _chosen(
                     rows[count], left[count] = row, col
                     count, is_first = count + 1, False
                 right[count - 1] = col
-    return rows[:count], left[:count], right[:count]
+    return count

@@ -64,7 +64,8 @@ def cut_out(
             chosen = _flat(inside[number], surfaces.planes)
         is_chosen = np.zeros(len(owner), dtype=bool)
         is_chosen[chosen] = True
-        cut.append(_on(surfaces.labels.ravel(), pixels, is_chosen))
+        found = np.empty(len(pixels), np.int64)
+        cut.append(found[: _choose(surfaces.labels.ravel(), pixels, is_chosen, found)])
     is_piece = np.zeros(len(objects), dtype=bool)
     for place, number in enumerate(by_size if config.max_cut > 0 else ()):
         if len(cut[number]) > 0:
@@ -136,14 +137,15 @@ def _iou(extents: IntArray, box: NDArray[np.float32]) -> NDArray[np.float64]:
 
 
 @loop()
-def _on(labels: NDArray[np.int32], pixels: IntArray, is_chosen: BoolArray) -> IntArray:
-    """Return those of some pixels that are on a chosen surface."""
-    found = np.empty(len(pixels), np.int64)
+def _choose(
+    labels: NDArray[np.int32], pixels: IntArray, is_chosen: BoolArray, found: IntArray
+) -> int:
+    """Find those of some pixels that are on a chosen surface; return how many."""
     count = 0
     for pixel in pixels:
         found[count] = pixel
         count += is_chosen[labels[pixel]]
-    return found[:count]
+    return count
 
 
 @loop()

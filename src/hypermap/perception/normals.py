@@ -74,7 +74,7 @@ def _put(
         at[place] = some_curvatures[i]
 
 
-@loop()
+@loop(allocates=True)
 def _covariances(
     planes: NDArray[np.float32],
     places: IntArray,
@@ -160,7 +160,7 @@ def _sums(x, y, z, stride, place, chunks, blocks, radius2):  # type: ignore[no-u
     return n, sx, sy, sz, sxx, sxy, sxz, syy, syz, szz
 
 
-@loop(fastmath=_VECTORS)
+@loop(allocates=True, fastmath=_VECTORS)
 def planes_through(covariances):  # type: ignore[no-untyped-def]
     """Return the normals and the curvatures of points with given covariances.
 

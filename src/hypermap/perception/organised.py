@@ -66,7 +66,7 @@ def grow_regions(
     ]
 
 
-@loop()
+@loop(allocates=True)
 def _row_starts(pixels: IntArray, width: int) -> IntArray:
     """Return which of increasing pixels is the first of each row, and at last their number."""
     rows = np.arange(pixels[0] // width, pixels[-1] // width + 2)
@@ -85,7 +85,7 @@ def _part(pixels: IntArray, starts: IntArray, width: int) -> tuple[int, int, int
     return top, left, top + len(starts) - 1, right
 
 
-@loop()
+@loop(allocates=True)
 def _places(
     pixels: IntArray, starts: IntArray, width: int, stride: int, shift: int
 ) -> NDArray[np.int32]:

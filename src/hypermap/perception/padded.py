@@ -17,7 +17,7 @@ FAR = np.float32(1e6)
 MARGIN = 32  # rows and columns on each side
 
 
-@loop()
+@loop(allocates=True)
 def planes_of(
     rows: Rows, valid: BoolArray, top: int, left: int, bottom: int, right: int
 ) -> NDArray[np.float32]:

@@ -9,8 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from hypermap._loops import loop
-from hypermap.core.arrays import BoolArray, IntArray
+from hypermap.core.arrays import IntArray
 from hypermap.perception.config import PerceptionConfig
 from hypermap.perception.frame import Camera
 from hypermap.perception.surfaces import Surfaces
@@ -48,7 +47,7 @@ def cut_piece(
     """
     piece = pixels[surfaces.labels.ravel()[pixels] == label]
     if len(piece) < FILLED * len(pixels):
-        cut, outline = _cut_edges(surfaces.labels, piece, _mask(pixels, surfaces.labels.shape))
+        cut, outline = _cut_edges(surfaces.labels, piece, pixels)
         if fit < MIN_FIT or cut > config.max_cut * outline:
             return np.empty(0, dtype=np.int64)
     depths = 1 / surfaces.disparity.ravel()[piece]
@@ -59,26 +58,28 @@ def cut_piece(
     return np.asarray(piece[np.abs(depths - depth) <= max_offset + noise])
 
 
-def _mask(pixels: IntArray, shape: tuple[int, ...]) -> BoolArray:
-    inside = np.zeros(shape, dtype=bool)
-    inside.ravel()[pixels] = True
-    return inside
-
-
-@loop()
-def _cut_edges(labels: NDArray[np.int32], piece: IntArray, inside: BoolArray) -> tuple[int, int]:
+def _cut_edges(labels: NDArray[np.int32], piece: IntArray, pixels: IntArray) -> tuple[int, int]:
     """Return at how many edges of its pixels a piece was cut off, and how long its outline is.
 
     It was cut off where the same surface goes on outside. The outline is that of its extent.
+
+    Args:
+        labels: the surface of each pixel, shape (H, W).
+        piece: row-major indices of its pixels, all of one surface and at least one.
+        pixels: those of the box or mask.
     """
-    height, width = labels.shape
-    count = 0
-    left, top, right, bottom = width, height, 0, 0
-    for pixel in piece:
-        row, col = pixel // width, pixel % width
-        left, top, right, bottom = min(left, col), min(top, row), max(right, col), max(bottom, row)
-        for step in range(4):
-            y, x = row + (step == 0) - (step == 1), col + (step == 2) - (step == 3)
-            if 0 <= y < height and 0 <= x < width and not inside[y, x]:
-                count += labels[y, x] == labels[row, col]
-    return count, 2 * (right - left + bottom - top + 2)
+    width = labels.shape[1]
+    rows, cols = np.divmod(piece, width)
+    top, bottom, left, right = rows.min(), rows.max(), cols.min(), cols.max()
+    # With what is around it, where the same surface may go on.
+    goes_on = labels == labels[rows[0], cols[0]]
+    goes_on.ravel()[pixels] = False
+    around = np.zeros((bottom - top + 3, right - left + 3), dtype=bool)
+    low, first = max(top - 1, 0), max(left - 1, 0)
+    seen = goes_on[low : bottom + 2, first : right + 2]
+    row, col = low - top + 1, first - left + 1
+    around[row : row + seen.shape[0], col : col + seen.shape[1]] = seen
+    y, x = rows - top + 1, cols - left + 1
+    steps = ((0, 1), (0, -1), (1, 0), (-1, 0))
+    count = sum(int(np.count_nonzero(around[y + dy, x + dx])) for dy, dx in steps)
+    return count, int(2 * (right - left + bottom - top + 2))

@@ -16,7 +16,7 @@ from numba import uint64
 from numpy.typing import NDArray
 
 from hypermap._loops import inner_loop, loop
-from hypermap.core.arrays import IntArray
+from hypermap.core.arrays import BoolArray, IntArray
 from hypermap.perception.config import PerceptionConfig
 from hypermap.perception.frame import Camera
 
@@ -49,13 +49,24 @@ def find_planes(
     center, focal = (K[0, 2], K[1, 2]), (K[0, 0], K[1, 1])
     side = max(round(BLOCK * min(focal)), 4)
     cosine = math.cos(math.radians(config.smoothness_deg))
-    sums = np.zeros((disparity.shape[0] // side, disparity.shape[1] // side, 10))
-    _sum_blocks(disparity, center, side, sums)
-    planes, flatness = np.zeros((*sums.shape[:2], 3)), np.full(sums.shape[:2], np.inf)
+    h, w = disparity.shape[0] // side, disparity.shape[1] // side
+    sums, columns = np.zeros((h, w, 10)), np.empty((6, w * side))
+    _sum_blocks(disparity, center, side, columns, sums)
+    planes, flatness = np.zeros((h, w, 3)), np.full((h, w), np.inf)
     _fit_blocks(sums, MIN_FILL * side * side, FLAT * noise, planes, flatness)
-    seeds = np.argsort(flatness, axis=None, kind="stable")
-    blocks, planes = _join_blocks(sums, planes, flatness, seeds, focal, cosine, LEVEL * noise)
-    return _spread(disparity, blocks, planes, center, side, ON_PLANE * noise), len(planes)
+    seeds, is_free = np.argsort(flatness, axis=None, kind="stable"), flatness < np.inf
+    blocks, found = np.full((h, w), UNFIT), np.empty((h * w, 3))
+    queue, total = np.empty(h * w, np.int64), np.empty(10)
+    scratch = is_free, queue, total
+    count = _join_blocks(sums, planes, seeds, focal, cosine, LEVEL * noise, *scratch, blocks, found)
+    around = np.full((h + 2, w + 2), UNFIT)
+    around[1:-1, 1:-1] = blocks
+    beside = around[1:-1, :-2], around[1:-1, 2:], around[:-2, 1:-1], around[2:, 1:-1]
+    borders = np.stack([other != blocks for other in beside], axis=-1)
+    labels = np.full(disparity.shape, UNFIT, np.int32)
+    places = np.empty((disparity.size, 2), np.int32)
+    _spread(disparity, blocks, found, center, side, ON_PLANE * noise, borders, places, labels)
+    return labels, count
 
 
 @loop()
@@ -63,11 +74,14 @@ def _sum_blocks(
     disparity: NDArray[np.float32],
     center: tuple[float, float],
     side: int,
+    columns: NDArray[np.float64],
     sums: NDArray[np.float64],
 ) -> None:
-    """Fill in the sums, zeros, over each block of pixels, shape (h, w, 10)."""
+    """Fill in the sums, zeros, over each block of pixels, shape (h, w, 10).
+
+    The sums n, v, vv, d, vd, dd over each column of a row of blocks need room, shape (6, w * side).
+    """
     h, w = sums.shape[:2]
-    columns = np.empty((6, w * side))  # n, v, vv, d, vd, dd of each of a row of blocks
     for row in range(h):
         for entry in range(6):
             for x in range(columns.shape[1]):
@@ -161,41 +175,42 @@ def _cosine(
 def _join_blocks(
     sums: NDArray[np.float64],
     planes: NDArray[np.float64],
-    flatness: NDArray[np.float64],
     seeds: IntArray,
     focal: tuple[float, float],
     cosine: float,
     tolerance: float,
-) -> tuple[IntArray, NDArray[np.float64]]:
+    is_free: BoolArray,
+    queue: IntArray,
+    total: NDArray[np.float64],
+    plane_of: IntArray,
+    found: NDArray[np.float64],
+) -> int:
     """Grow planes over neighbouring blocks, from the flattest on; each block refines its plane.
 
     Args:
         sums: of the blocks, shape (h, w, 10).
         planes: of the blocks, shape (h, w, 3).
-        flatness: distances from these, infinite for what is no plane, shape (h, w).
         seeds: all blocks by flatness, shape (h * w,).
         focal: focal lengths [pixels].
         cosine: least one between the normals of what joins.
         tolerance: by which the mean of what joins lies off at most.
+        is_free: which blocks are a plane; changed, shape (h, w).
+        queue: room for all blocks, shape (h * w,).
+        total: room for sums, shape (10,).
+        plane_of: -1, to become the plane of each block, shape (h, w).
+        found: to become these planes, shape (h * w, 3).
 
     Returns:
-        The plane of each block, -1 for none, shape (h, w); and the planes, shape (N, 3).
+        How many planes there are.
     """
-    h, w = flatness.shape
-    plane_of, is_free = np.empty((h, w), np.int64), np.empty((h, w), np.bool_)
-    for row in range(h):
-        for col in range(w):
-            plane_of[row, col] = UNFIT
-            is_free[row, col] = flatness[row, col] < np.inf
-    found = np.empty((h * w, 3))
-    total, plane = np.empty(10), np.empty(3)
+    h, w = plane_of.shape
     count = 0
-    queue = np.empty(h * w, np.int64)
     for seed in seeds:
         row, col = seed // w, seed % w
         if not is_free[row, col]:
             continue
         is_free[row, col] = False
+        plane = found[count]
         for i in range(10):
             total[i] = sums[row, col, i]
         for i in range(3):
@@ -224,10 +239,8 @@ def _join_blocks(
         if tail >= MIN_BLOCKS:
             for k in range(tail):
                 plane_of[queue[k] // w, queue[k] % w] = count
-            for i in range(3):
-                found[count, i] = plane[i]
             count += 1
-    return plane_of, found[:count]
+    return count
 
 
 @loop()
@@ -238,11 +251,17 @@ def _spread(
     center: tuple[float, float],
     side: int,
     tolerance: float,
-) -> NDArray[np.int32]:
-    """Return the plane of each pixel: those of its blocks, and on from there to all that touch."""
+    borders: BoolArray,
+    queue: NDArray[np.int32],
+    labels: NDArray[np.int32],
+) -> None:
+    """Label with its plane, else -1, each pixel of its blocks and on from there all that touch.
+
+    Borders tell of each block whether those to its left and right, above and below are of another
+    plane, shape (h, w, 4). The queue has room for row and column of all pixels, shape (H * W, 2).
+    """
     height, width = disparity.shape
-    labels: NDArray[np.int32] = _label_blocks(disparity, blocks, planes, center, side, tolerance)
-    queue = np.empty((height * width, 2), np.int32)
+    _label_blocks(disparity, blocks, planes, center, side, tolerance, labels)
     head, tail = 0, 0
     for row in range(blocks.shape[0]):
         for col in range(blocks.shape[1]):
@@ -250,8 +269,8 @@ def _spread(
             if k == UNFIT:
                 continue
             # Inside of its blocks a plane has been everywhere already.
-            left, right = _is_border(blocks, row, col - 1, k), _is_border(blocks, row, col + 1, k)
-            above, below = _is_border(blocks, row - 1, col, k), _is_border(blocks, row + 1, col, k)
+            left, right = borders[row, col, 0], borders[row, col, 1]
+            above, below = borders[row, col, 2], borders[row, col, 3]
             for y in range(side):
                 is_whole = (above and y == 0) or (below and y == side - 1)
                 for x in range(0, side, 1 if is_whole else side - 1):
@@ -273,13 +292,11 @@ def _spread(
                 labels[y, x] = k
                 queue[tail, 0], queue[tail, 1] = y, x
                 tail += 1
-    return labels
 
 
 @inner_loop()
-def _label_blocks(disparity, blocks, planes, center, side, tolerance):  # type: ignore[no-untyped-def]
-    """Return the plane of each pixel that lies on its block's one."""
-    labels = np.full(disparity.shape, UNFIT, np.int32)
+def _label_blocks(disparity, blocks, planes, center, side, tolerance, labels):  # type: ignore[no-untyped-def]
+    """Label each pixel that lies on the plane of its block."""
     unfit = np.int32(UNFIT)
     for y in range(blocks.shape[0] * side):
         v = y - center[1]
@@ -291,14 +308,6 @@ def _label_blocks(disparity, blocks, planes, center, side, tolerance):  # type: 
             for x in range(uint64(col * side), uint64(col * side + side)):  # without branches
                 u = np.float64(x) - center[0]
                 labels[y, x] = k if _is_on(disparity[y, x], a, b, c, u, v, tolerance) else unfit
-    return labels
-
-
-@inner_loop()
-def _is_border(blocks: IntArray, row: int, col: int, k: int) -> bool:
-    """Return whether a block is not one of a plane's, or outside the image."""
-    is_inside = 0 <= row < blocks.shape[0] and 0 <= col < blocks.shape[1]
-    return not is_inside or blocks[row, col] != k
 
 
 @inner_loop()

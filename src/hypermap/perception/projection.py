@@ -14,10 +14,13 @@ from hypermap.core.arrays import IntArray
 if TYPE_CHECKING:
     from hypermap.perception.frame import RgbdFrame
 
-_Rays: TypeAlias = tuple[NDArray[np.float32], NDArray[np.float32], np.float32, np.float32]
+_Array: TypeAlias = NDArray[np.float32]
+
+# By how much columns and rows are off the axis [pixels], and per focal length in both directions.
+_Rays: TypeAlias = tuple[_Array, _Array, np.float32, np.float32]
 
 # What `fill_row` needs to know of a frame: the cloud, empty unless recorded, depth and rays.
-Rows: TypeAlias = tuple[NDArray[np.float32], NDArray[np.float32], _Rays]
+Rows: TypeAlias = tuple[_Array, _Array, _Array, _Array, np.float32, np.float32]
 
 
 def project(
@@ -37,7 +40,10 @@ def project(
     bit; neighbours at equal distance, common on flat surfaces, then rank alike.
     """
     rays = _rays(K, np.arange(0, depth.shape[0], step), np.arange(0, depth.shape[1], step))
-    return _project(np.ascontiguousarray(depth[::step, ::step]), *rays)
+    some = np.ascontiguousarray(depth[::step, ::step])
+    points = np.empty((*some.shape, 3), np.float32)
+    _project(some, *rays, points)
+    return points
 
 
 def project_pixels(
@@ -54,7 +60,9 @@ def project_pixels(
         Points [m], float32, shape (N, 3).
     """
     rays = _rays(K, np.arange(depth.shape[0]), np.arange(depth.shape[1]))
-    return _project_pixels(np.ascontiguousarray(depth).ravel(), pixels, *rays)
+    points = np.empty((len(pixels), 3), np.float32)
+    _project_pixels(np.ascontiguousarray(depth).ravel(), pixels, *rays, points)
+    return points
 
 
 def rows_of(frame: RgbdFrame, step: int = 1) -> Rows:
@@ -68,7 +76,7 @@ def rows_of(frame: RgbdFrame, step: int = 1) -> Rows:
     cloud = depth[:0, :0, np.newaxis] if frame.cloud is None else frame.cloud[::step, ::step]
     height, width = frame.depth.shape
     rays = _rays(frame.camera.K, np.arange(0, height, step), np.arange(0, width, step))
-    return np.ascontiguousarray(cloud), np.ascontiguousarray(depth), rays
+    return np.ascontiguousarray(cloud), np.ascontiguousarray(depth), *rays
 
 
 @inner_loop()
@@ -80,21 +88,18 @@ def fill_row(rows: Rows, row: int, points: NDArray[np.float32]) -> None:
         row: of those that count.
         points: where x, y and z are written to, shape (3, W).
     """
-    cloud, depth, rays = rows
+    cloud, depth, right_of_axis, below_axis, per_fx, per_fy = rows
     if len(cloud) > 0:
         for axis in range(3):
             for column in range(points.shape[1]):
                 points[axis, column] = cloud[row, column, axis]
     else:
-        _fill(points[0], points[1], points[2], depth[row], rays[0], rays[1][row], rays[2], rays[3])
-
-
-@inner_loop()
-def _fill(x, y, z, depth, right_of_axis, below_axis, per_fx, per_fy):  # type: ignore[no-untyped-def]
-    for i in range(uint64(len(depth))):
-        z[i] = depth[i]
-        x[i] = right_of_axis[i] * depth[i] * per_fx
-        y[i] = below_axis * depth[i] * per_fy
+        x, y, z, d = points[0], points[1], points[2], depth[row]
+        below = below_axis[row]
+        for i in range(uint64(len(d))):  # type: ignore[call-overload]
+            z[i] = d[i]
+            x[i] = right_of_axis[i] * d[i] * per_fx
+            y[i] = below * d[i] * per_fy
 
 
 def transform(a_T_b: NDArray[np.float64], points: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -102,11 +107,12 @@ def transform(a_T_b: NDArray[np.float64], points: NDArray[np.float32]) -> NDArra
 
     They are the same as those of `transform_points` to the last bit; many of them are faster.
     """
-    return _transform(a_T_b.astype(np.float32), points)
+    moved = np.empty((3, len(points)), np.float32)  # so that each axis is read fast
+    _transform(a_T_b.astype(np.float32), points, moved)
+    return moved.T
 
 
 def _rays(K: NDArray[np.float64], rows: IntArray, columns: IntArray) -> _Rays:
-    """Return by how much columns and rows are off the axis [pixels], and per focal length."""
     right_of_axis, below_axis = columns - K[0, 2], rows - K[1, 2]
     per_fx, per_fy = np.float32(1 / K[0, 0]), np.float32(1 / K[1, 1])
     return right_of_axis.astype(np.float32), below_axis.astype(np.float32), per_fx, per_fy
@@ -119,16 +125,15 @@ def _project(
     below_axis: NDArray[np.float32],
     per_fx: np.float32,
     per_fy: np.float32,
-) -> NDArray[np.float32]:
+    points: NDArray[np.float32],
+) -> None:
     height, width = depth.shape
-    points = np.empty((height, width, 3), np.float32)
     for row in range(height):
         for column in range(width):
             z = depth[row, column]
             points[row, column, 0] = right_of_axis[column] * z * per_fx
             points[row, column, 1] = below_axis[row] * z * per_fy
             points[row, column, 2] = z
-    return points
 
 
 @loop()
@@ -139,9 +144,9 @@ def _project_pixels(
     below_axis: NDArray[np.float32],
     per_fx: np.float32,
     per_fy: np.float32,
-) -> NDArray[np.float32]:
+    points: NDArray[np.float32],
+) -> None:
     width = len(right_of_axis)
-    points = np.empty((len(pixels), 3), np.float32)
     row = first = 0
     for i in range(len(pixels)):
         pixel = pixels[i]
@@ -153,15 +158,14 @@ def _project_pixels(
         points[i, 0] = right_of_axis[column] * z * per_fx
         points[i, 1] = below_axis[row] * z * per_fy
         points[i, 2] = z
-    return points
 
 
 @loop()
-def _transform(a_T_b: NDArray[np.float32], points: NDArray[np.float32]) -> NDArray[np.float32]:
-    moved = np.empty((3, len(points)), np.float32)  # so that each axis is read fast
+def _transform(
+    a_T_b: NDArray[np.float32], points: NDArray[np.float32], moved: NDArray[np.float32]
+) -> None:
     for i in range(len(points)):
         x, y, z = points[i, 0], points[i, 1], points[i, 2]
         for axis in range(3):
             to_x, to_y, to_z = a_T_b[axis, 0], a_T_b[axis, 1], a_T_b[axis, 2]
             moved[axis, i] = x * to_x + y * to_y + z * to_z + a_T_b[axis, 3]
-    return moved.T

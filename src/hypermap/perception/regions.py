@@ -18,7 +18,7 @@ TOGETHER = 8  # so many places of a row are looked at together
 Planes = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]  # x, y, z
 
 
-@loop()
+@loop(allocates=True)
 def join(
     planes: NDArray[np.float32],
     places: NDArray[np.int32],
@@ -134,7 +134,7 @@ def _joins(
     return bool(near & (abs(dot) >= cosine))
 
 
-@loop()
+@loop(allocates=True)
 def _all_joins(cloud, axes, reach2, start, other, width, cosine):  # type: ignore[no-untyped-def]
     """Return which of the places of a row join those that another row holds, shape (width,)."""
     joins = np.empty(width, np.bool_)

@@ -40,21 +40,10 @@ class Segment:
 
 def valid_pixels(frame: RgbdFrame, config: PerceptionConfig) -> BoolArray:
     """Return which pixels hold a point within the depths of the configuration, shape (H, W)."""
-    valid = _between(
-        frame.z, np.float32(config.min_depth), np.float32(min(config.max_depth, FARTHEST))
-    )
+    valid = frame.z > np.float32(config.min_depth)
+    valid &= frame.z <= np.float32(min(config.max_depth, FARTHEST))
     if frame.cloud is not None:
         valid &= (np.abs(frame.cloud[..., :2]) < FARTHEST).all(axis=-1)
-    return valid
-
-
-@loop()
-def _between(z: NDArray[np.float32], min_depth: np.float32, max_depth: np.float32) -> BoolArray:
-    """Return which depths are above the least and not above the most, shape (H, W)."""
-    valid = np.empty(z.shape, np.bool_)
-    for row in range(z.shape[0]):
-        for column in range(z.shape[1]):
-            valid[row, column] = (z[row, column] > min_depth) & (z[row, column] <= max_depth)
     return valid
 
 
@@ -135,18 +124,22 @@ def _pixels_of(detections: Detections, number: int, valid: BoolArray) -> IntArra
         math.ceil(min(max(end, 0), size))
         for end, size in zip(box.tolist(), (width, height, width, height), strict=True)
     )
-    found: IntArray = _valid_in(valid, left, top, right, bottom)
-    return found
+    found = np.empty(max(bottom - top, 0) * max(right - left, 0) + 1, np.int64)
+    return found[: _find_valid(valid, left, top, right, bottom, found)]
 
 
 @loop()
-def _valid_in(valid: BoolArray, left: int, top: int, right: int, bottom: int) -> IntArray:
-    """Return the valid pixels of a box, which lies in the image, as row-major indices."""
+def _find_valid(
+    valid: BoolArray, left: int, top: int, right: int, bottom: int, found: IntArray
+) -> int:
+    """Find the valid pixels of a box, which lies in the image, and return how many.
+
+    They become row-major indices, for which there must be room, and for one more.
+    """
     width = valid.shape[1]
-    found = np.empty(max(bottom - top, 0) * max(right - left, 0) + 1, np.int64)
     count = 0
     for row in range(top, bottom):
         for column in range(left, right):
             found[count] = row * width + column  # without a branch; the next one may overwrite it
             count += valid[row, column]
-    return found[:count]
+    return count

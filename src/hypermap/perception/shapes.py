@@ -56,21 +56,37 @@ def voxel_centroids(points_xy: FloatArray, voxel_size: float) -> NDArray[np.floa
     """
     if len(points_xy) == 0:
         return np.empty((0, 2))
-    cell, count = _cells(points_xy, points_xy.dtype.type(1 / voxel_size))
+    cell, rows = np.empty((2, len(points_xy)), np.int64)
+    count = _number_cells(points_xy, points_xy.dtype.type(1 / voxel_size), cell, rows)
     if count > DENSE * len(cell):
         occupied, cell = np.unique(cell, return_inverse=True)
         count = len(occupied)
-    return _centroids(points_xy, cell, count)
+    most = min(count, len(cell))
+    points, centroids = np.zeros(most), np.zeros((most, 2))
+    found = _average_cells(points_xy, cell, np.zeros(count, np.int32), points, centroids)
+    return centroids[:found]
 
 
 @loop()
-def _cells(points_xy: FloatArray, per_metre: np.floating[Any]) -> tuple[IntArray, int]:
-    """Return the number of each point's cell, column by column, and how many cells there are."""
-    columns, rows = np.empty(len(points_xy), np.int64), np.empty(len(points_xy), np.int64)
+def _number_cells(
+    points_xy: FloatArray, per_metre: np.floating[Any], columns: IntArray, rows: IntArray
+) -> int:
+    """Fill in, as columns, the number of each point's cell, column by column.
+
+    Args:
+        points_xy: as in `voxel_centroids`.
+        per_metre: cells.
+        columns: to become these numbers, shape (N,).
+        rows: room for the rows, shape (N,).
+
+    Returns:
+        How many cells there are.
+    """
     left, bottom = np.inf, np.inf
     right, top = -np.inf, -np.inf
     for i in range(len(points_xy)):
-        column, row = np.floor(points_xy[i, 0] * per_metre), np.floor(points_xy[i, 1] * per_metre)
+        column = np.float64(np.floor(points_xy[i, 0] * per_metre))
+        row = np.float64(np.floor(points_xy[i, 1] * per_metre))
         left, right = min(left, column), max(right, column)
         bottom, top = min(bottom, row), max(top, row)
         columns[i], rows[i] = column, row
@@ -78,21 +94,36 @@ def _cells(points_xy: FloatArray, per_metre: np.floating[Any]) -> tuple[IntArray
     count = (int(right) - first_column + 1) * height
     for i in range(len(columns)):
         columns[i] = (columns[i] - first_column) * height + rows[i] - first_row
-    return columns, count
+    return count
 
 
 @loop()
-def _centroids(points_xy: FloatArray, cell: IntArray, count: int) -> NDArray[np.float64]:
-    """Return the centroid of the points in each occupied cell, in the order of the cells."""
-    slots = np.zeros(count, np.int32)
+def _average_cells(
+    points_xy: FloatArray,
+    cell: IntArray,
+    slots: NDArray[np.int32],
+    points: NDArray[np.float64],
+    centroids: NDArray[np.float64],
+) -> int:
+    """Fill in the centroid of the points in each occupied cell, in the order of the cells.
+
+    Args:
+        points_xy: as in `voxel_centroids`.
+        cell: number of each point's cell, shape (N,).
+        slots: zeros, as many as cells.
+        points: zeros, at least as many as occupied cells.
+        centroids: as many zeros, twice.
+
+    Returns:
+        How many cells are occupied.
+    """
     for i in range(len(cell)):
         slots[cell[i]] = 1
     found = 0
-    for i in range(count):
+    for i in range(len(slots)):
         if slots[i] > 0:
             slots[i] = found
             found += 1
-    points, centroids = np.zeros(found), np.zeros((found, 2))
     for i in range(len(cell)):
         slot = slots[cell[i]]
         points[slot] += 1
@@ -101,4 +132,4 @@ def _centroids(points_xy: FloatArray, cell: IntArray, count: int) -> NDArray[np.
     for slot in range(found):
         centroids[slot, 0] /= points[slot]
         centroids[slot, 1] /= points[slot]
-    return centroids
+    return found

@@ -27,7 +27,7 @@ _TWO, _THREE, _FOUR = uint64(2), uint64(3), uint64(4)
 _VECTORS = {"reassoc", "contract", "nsz", "arcp"}
 
 
-@loop()
+@loop(allocates=True)
 def fit_smooth(planes, wanted, k, half, fx, fy):  # type: ignore[no-untyped-def]
     """Do what `normals.fit_planes` does, but only where the surface is smooth.
 

@@ -36,59 +36,56 @@ def smoothed(
     """
     if len(pixels) == 0 or config.smoothing == 0:
         return points_xyz
-    across = (0,) * (2 * config.smoothing + 1)
-    tolerance = SAME * config.depth_noise
-    return np.asarray(_smoothed(points_xyz, pixels, width, across, tolerance))
+    radius = config.smoothing
+    rows = pixels // width
+    columns = pixels - rows * width
+    top, left = rows.min() - radius, columns.min() - radius
+    rows -= top
+    columns -= left
+    shape = int(rows.max()) + 1 + radius, int(columns.max()) + 1 + radius
+    disparity, means = np.zeros(shape, np.float32), np.empty(shape, np.float32)
+    sums, moved = np.empty((2, shape[1]), np.float32), np.empty_like(points_xyz)
+    across, tolerance = (0,) * (2 * radius + 1), SAME * config.depth_noise
+    _smooth(points_xyz, rows, columns, across, tolerance, disparity, means, *sums, moved)
+    return moved
 
 
 @loop()
-def _smoothed(  # type: ignore[no-untyped-def]
-    points_xyz: NDArray[np.float32], pixels: IntArray, width: int, across, tolerance: float
-) -> NDArray[np.float32]:
+def _smooth(points_xyz, rows, columns, across, tolerance, disparity, means, totals, counts, moved):  # type: ignore[no-untyped-def]
     """Do what `smoothed` says, row by row of the part of the image that holds the object.
 
     Args:
         points_xyz: as there.
-        pixels: as there.
-        width: as there.
+        rows: of these points in the part of the image, shape (N,).
+        columns: likewise.
         across: as many items as pixels of a row are averaged; loops over a tuple, whose length is
             known, are unrolled.
         tolerance: by which disparities of one surface differ at most [1/m].
+        disparity: zeros, the size of the part of the image, shape (h, w).
+        means: room for the mean disparities, shape (h, w).
+        totals: room for those of a row, shape (w,).
+        counts: room for how many they are of, shape (w,).
+        moved: to become the points, shape (N, 3).
     """
     radius = len(across) // 2
-    rows, columns = np.empty(len(pixels), np.int64), np.empty(len(pixels), np.int64)
-    top = bottom = pixels[0] // width
-    left = right = pixels[0] % width
-    for i in range(len(pixels)):
-        row = pixels[i] // width
-        col = pixels[i] - row * width
-        top, left = min(top, row), min(left, col)
-        bottom, right = max(bottom, row), max(right, col)
-        rows[i], columns[i] = row, col
-    top, left = top - radius, left - radius
-    height, width = bottom - top + 1 + radius, right - left + 1 + radius
-    disparity = np.zeros((height, width), np.float32)
-    for i in range(len(pixels)):
-        disparity[rows[i] - top, columns[i] - left] = np.float32(1) / points_xyz[i, 2]
-    means = np.empty((height, width), np.float32)
-    for row in range(radius, height - radius):
-        _average(disparity, means, row, across, tolerance)
-    moved = np.empty((len(pixels), 3), np.float32)
-    for i in range(len(pixels)):
-        row, col = rows[i] - top, columns[i] - left
-        share = disparity[row, col] / means[row, col]
+    for i in range(len(rows)):
+        disparity[rows[i], columns[i]] = np.float32(1) / points_xyz[i, 2]
+    for row in range(radius, len(disparity) - radius):
+        _average(disparity, means, row, across, tolerance, totals, counts)
+    for i in range(len(rows)):
+        share = disparity[rows[i], columns[i]] / means[rows[i], columns[i]]
         for axis in range(3):
             moved[i, axis] = points_xyz[i, axis] * share
-    return moved
 
 
 @inner_loop()
-def _average(disparity, means, row, across, tolerance):  # type: ignore[no-untyped-def]
+def _average(disparity, means, row, across, tolerance, totals, counts):  # type: ignore[no-untyped-def]
     """Fill a row with the means about its pixels of what differs by no more than the tolerance."""
     width, radius = disparity.shape[1], len(across) // 2
-    totals, counts = np.zeros(width, np.float32), np.zeros(width, np.float32)
     begin, end, middle = uint64(radius), uint64(width - radius), uint64(row)
     most, none, one = np.float32(tolerance), np.float32(0), np.float32(1)
+    for col in range(width):
+        totals[col] = counts[col] = none
     for y in range(uint64(row - radius), uint64(row + radius + 1)):
         for col in range(begin, end):  # without branches
             total, count, own = totals[col], counts[col], disparity[middle, col]

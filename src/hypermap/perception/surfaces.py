@@ -54,11 +54,16 @@ def find_surfaces(
         camera: intrinsics.
         config: noise and thresholds.
     """
-    disparity = _disparity(depth, valid)
+    disparity = np.empty(valid.shape, np.float32)
+    _invert(depth, valid, disparity)
     labels, planes = find_planes(disparity, camera, config)
     tolerance = SAME * config.depth_noise
     flat = disparity.ravel(), labels.ravel()
-    count = _label_rest(*flat, disparity.shape[1], planes, config.max_gap, tolerance)
+    runs = np.empty((3, disparity.size), np.int32)
+    first_of_row = np.zeros(disparity.shape[0] + 1, np.int64)
+    count = _label_rest(
+        *flat, disparity.shape[1], planes, config.max_gap, tolerance, *runs, first_of_row
+    )
     # The last one is what is no surface, -1; its ends are not counted.
     sizes, (near, far) = np.zeros(count + 1, np.int64), np.zeros((2, count))
     above = np.full(disparity.shape[1], -1 - LOST, np.int32)
@@ -74,13 +79,12 @@ def find_surfaces(
 
 
 @loop()
-def _disparity(depth: NDArray[np.float32], valid: BoolArray) -> NDArray[np.float32]:
-    disparity = np.empty(valid.shape, np.float32)
+def _invert(depth: NDArray[np.float32], valid: BoolArray, disparity: NDArray[np.float32]) -> None:
+    """Fill in the disparity of each pixel, 0 where none is valid, shapes (H, W)."""
     for row in range(valid.shape[0]):
         z, is_valid, inverse = depth[row], valid[row], disparity[row]
         for col in range(len(z)):
             inverse[col] = np.float32(1) / z[col] if is_valid[col] else np.float32(0)
-    return disparity
 
 
 @inner_loop()
@@ -97,16 +101,18 @@ def _label_rest(
     first: int,
     max_gap: float,
     tolerance: float,
+    starts: NDArray[np.int32],
+    ends: NDArray[np.int32],
+    roots: NDArray[np.int32],
+    first_of_row: NDArray[np.int64],
 ) -> int:
     """Label what lies on no plane by what hangs together, from `first` on; return the next label.
 
     Pixels of a row that follow each other and are near make a run. Runs that hang together get one
-    root, the first of them.
+    root, the first of them. Starts, ends and roots have room for as many runs as there are pixels;
+    the first run of each row is 0 before.
     """
     height = len(pixels) // width
-    starts, ends = np.empty(pixels.size, np.int32), np.empty(pixels.size, np.int32)
-    roots = np.empty(pixels.size, np.int32)
-    first_of_row = np.zeros(height + 1, np.int32)  # its first run
     count = 0
     for row in range(height):
         end = UNFIT

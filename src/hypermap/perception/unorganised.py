@@ -98,7 +98,7 @@ def _grow(
     return np.asarray(_flood(np.argsort(curvatures, kind="stable"), neighbors, joins, spreads))
 
 
-@loop()
+@loop(allocates=True)
 def _flood(seeds: IntArray, neighbors: IntArray, joins: BoolArray, spreads: BoolArray) -> IntArray:
     """Grow one region after the other, from the flattest point that is still free.
 

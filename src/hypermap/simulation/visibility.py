@@ -38,7 +38,7 @@ def nearest_triangles(
     """
     depths = np.full((height, width), np.inf)
     found = np.full((height, width), -1, dtype=np.int32)
-    _draw(triangles, projection, depths, found)
+    _draw(triangles, projection, *np.empty((2, 3, 3)), depths, found)
     return depths, found
 
 
@@ -46,13 +46,16 @@ def nearest_triangles(
 def _draw(
     triangles: NDArray[np.float32],
     projection: NDArray[np.float64],
+    p: NDArray[np.float64],
+    planes: NDArray[np.float64],
     depths: NDArray[np.float64],
     found: NDArray[np.int32],
 ) -> None:
-    """Do what `nearest_triangles` says, where no depth was found yet."""
+    """Do what `nearest_triangles` says, where no depth was found yet.
+
+    Corners and planes of a triangle need room, shapes (3, 3).
+    """
     height, width = depths.shape
-    p = np.empty((3, 3))
-    planes = np.empty((3, 3))
     for i in range(len(triangles)):
         for corner in range(3):
             x, y, z = triangles[i, corner, 0], triangles[i, corner, 1], triangles[i, corner, 2]
