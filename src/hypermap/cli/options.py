@@ -83,6 +83,12 @@ def _area_from_wkt(text: str, option: str) -> BaseGeometry:
 
 
 def _checked(area: BaseGeometry, text: str, option: str) -> BaseGeometry:
+    from hypermap.core.tangles import check_tangle
+
+    try:
+        check_tangle(area)
+    except ValueError as error:
+        raise HypermapError(f"{option}: {error}") from None
     if area.area == 0 or not area.is_valid:
         raise HypermapError(f"{option} {text!r}: the area is empty, or its outline crosses itself")
     return area
