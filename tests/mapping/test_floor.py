@@ -128,7 +128,7 @@ class Tilted(SimulatedRecording):
 
     world_T_room = pose_from_rpy(0, 0, -1, 0.3, 0, 0)
 
-    def frames(self):
+    def frames(self, on_bad=None):
         for frame in super().frames():
             yield frame.moved_to(compose(self.world_T_room, frame.map_T_camera))
 

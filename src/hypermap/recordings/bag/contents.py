@@ -16,32 +16,34 @@ from hypermap.recordings.messages.detections import detections_of
 from hypermap.recordings.messages.header import as_seconds, clean_frame, nanoseconds
 from hypermap.recordings.messages.transforms import TransformLog
 
+_FIRSTS = 5  # messages of a topic that tell of what size its images are
+
 
 @dataclass(eq=False)
 class ImageStream:
     """The times of the images of a topic.
 
     Attributes:
-        first: its first message; None if there is none.
+        firsts: its first messages, of which one may be damaged.
         stamps: the messages' stamps [ns], each once, in the order of recording.
         repeated: number of messages left out because their stamp had come before.
     """
 
-    first: Any = None
+    firsts: list[Any] = field(default_factory=list)
     stamps: dict[int, None] = field(default_factory=dict)
     repeated: int = 0
 
     def add(self, message: Any, stamp: int) -> None:
         """Count a message."""
-        if self.first is None:
-            self.first = message
+        if len(self.firsts) < _FIRSTS:
+            self.firsts.append(message)
         self.repeated += stamp in self.stamps
         self.stamps[stamp] = None
 
     @property
     def frame_id(self) -> str:
         """The frame of its first message; empty if it names none, or there is no message."""
-        return "" if self.first is None else clean_frame(self.first.header.frame_id)
+        return clean_frame(self.firsts[0].header.frame_id) if self.firsts else ""
 
     def seconds(self) -> NDArray[np.float64]:
         """Return the stamps in seconds, shape (N,)."""
