@@ -274,6 +274,26 @@ def test_an_image_that_cannot_be_used_is_left_out_and_named(hypermap, tmp_path, 
         assert not out.exists()
 
 
+def test_depth_in_a_wrong_unit_is_told_with_its_likely_cause(hypermap, tmp_path):
+    drive, out = write_drive(tmp_path / "drive", frames=3), tmp_path / "out.hmap"
+    result = hypermap("map", drive, "--intrinsics", INTRINSICS, "--depth-scale", "1", "-o", out)
+    assert result.code == 2
+    last = result.err.splitlines()[-1]
+    assert "there is nothing to map: of 3 frames none can be used; the first: half of its" in last
+    assert "--depth-scale" in last
+    assert not out.exists()
+
+
+@pytest.mark.parametrize("name", ["cut.bag", "cut.mcap"])
+def test_map_and_info_find_the_same_damage(hypermap, tmp_path, name):
+    bag = tmp_path / name
+    bag.write_bytes(b"#ROSBAG V2.0\nE\x00" if name == "cut.bag" else b"\x89MCAP0\r\n\x01\x00")
+    (missing,) = hypermap("info", bag, "--json").json["missing"]
+    assert "cannot be read" in missing
+    result = hypermap("map", bag, "-o", tmp_path / "out.hmap")
+    assert_one_error(result, missing)
+
+
 @pytest.mark.parametrize("kind", ["nothing", "a file", "an empty folder"])
 def test_what_is_no_recording_is_said_so(hypermap, tmp_path, kind):
     path = tmp_path / "recording"

@@ -146,6 +146,14 @@ def _with_pose(pose: NDArray[np.float64]) -> RgbdFrame:
             dataclasses.replace(frame(0), depth=np.full((120, 160), np.nan, np.float32)),
             "its depth image is empty",
         ),
+        (
+            dataclasses.replace(frame(0), depth=np.full((120, 160), 65.535, np.float32)),
+            "half of its depth lies beyond 66 m; are the units of depth per metre right",
+        ),
+        (
+            dataclasses.replace(frame(0), depth=np.full((120, 160), 13.107, np.float32)),
+            "its depth is saturated: 100% of it is 13.107 m",
+        ),
         (dataclasses.replace(frame(0), stamp=np.nan), "its stamp is not finite"),
         (_with_pose(np.full((4, 4), np.nan)), "its pose is not finite"),
         (_with_pose(np.diag([2.0, 2.0, 2.0, 1.0])), "its pose is no rigid motion"),
@@ -161,12 +169,14 @@ def _with_pose(pose: NDArray[np.float64]) -> RgbdFrame:
     ],
     ids=[
         "no depth",
+        "too far",
+        "saturated",
         "no stamp",
         "no pose",
         "not rigid",
         "mirrored",
         "far away",
-        "absurdly far away",
+        "absurdly far",
     ],
 )
 def test_an_unusable_frame_is_counted_and_logged_and_the_rest_is_mapped(
@@ -187,8 +197,8 @@ def test_a_recording_without_a_usable_frame_is_an_error(count: int) -> None:
     with pytest.raises(HypermapError) as error:
         map_recording(Frames([empty] * count), boxes, CONFIG)
     assert str(error.value) == (
-        f"some/where/walk: there is nothing to map: of {count} frames none has both depth and a "
-        "proper pose"
+        f"some/where/walk: there is nothing to map: of {count} frames none can be used"
+        + ("; the first: its depth image is empty" if count else "")
     )
 
 

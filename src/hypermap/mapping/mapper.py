@@ -16,6 +16,7 @@ from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.trajectory import rpy_from_pose
 from hypermap.mapping.alignment import Aligner
 from hypermap.mapping.config import MappingConfig, to_dict
+from hypermap.mapping.depth_check import DepthCheck, why_implausible
 from hypermap.mapping.evidence import EvidenceMap
 from hypermap.mapping.floor import Floor, FloorCheck
 from hypermap.mapping.keyframes import KeyframeSelector
@@ -101,6 +102,7 @@ class Mapper:
         config: how it is done.
         counts: what became of the frames so far.
         evidence: the objects and the evidence for them.
+        first_reason: why the first frame was left out; empty while none was.
         surplus: detections left out so far, because their frames had too many.
         watch: called after each frame that was mapped, if there is anyone who watches.
     """
@@ -126,6 +128,7 @@ class Mapper:
         self.config = config
         self.counts = Counts()
         self.evidence = EvidenceMap(config.evidence)
+        self.first_reason = ""
         self.surplus = 0
         self.watch: Callable[[MappedFrame, Mapper], None] | None = None
         self._source = source or _see_nothing
@@ -219,6 +222,7 @@ class Mapper:
     def leave_out(self, stamp: float, reason: str) -> None:
         """Count a frame that cannot be mapped, and log why."""
         _log.warning("frame %.6f left out: %s", stamp, reason)
+        self.first_reason = self.first_reason or reason
         self._count(unusable=1)
 
     def _detections(self, frame: RgbdFrame) -> Detections:
@@ -289,6 +293,7 @@ def map_recording(
     mapper = Mapper(config, source, occupancy, recording.frame_id)
     mapper.watch = watch
     check = FloorCheck(on_wrong_floor or _log_wrong_floor)
+    depth_check = DepthCheck(config.perception.max_depth)
     bad = _BadFrames(mapper, recording, max_bad)
     for frame in recording.frames(bad.add):
         try:
@@ -298,11 +303,13 @@ def map_recording(
             is_mapped = False
         if is_mapped:
             check.add(frame)
+            depth_check.add(frame)
         if on_progress is not None:
             counts = mapper.counts
             on_progress(Progress(counts.frames, len(recording), len(mapper.evidence), counts))
     bad.finish()
     check.finish()
+    depth_check.finish()
     hypermap = mapper.hypermap()
     hypermap.metadata["recording"] = recording.path.name
     return hypermap
@@ -316,7 +323,6 @@ class _BadFrames:
         self._recording = recording
         self._most = most
         self._count = 0
-        self._first = ""
 
     def add(self, stamp: float, error: HypermapError) -> None:
         """Count a frame.
@@ -327,13 +333,12 @@ class _BadFrames:
         if self._most == 0:
             raise error
         self._count += 1
-        self._first = self._first or str(error)
         self._mapper.leave_out(stamp, str(error))
         total, used = len(self._recording), self._mapper.counts.used
         if self._count > self._most * total or (used == 0 and self._count >= _HOPELESS):
             raise HypermapError(
                 f"{self._recording.path}: {self._count} of {total} frames cannot be used, too many "
-                f"to go on; the first: {self._first}"
+                f"to go on; the first: {self._mapper.first_reason}"
             )
 
     def finish(self) -> None:
@@ -344,10 +349,11 @@ class _BadFrames:
         """
         counts = self._mapper.counts
         if counts.used == 0:
-            why = f"; the first that failed: {self._first}" if self._first else ""
+            reason = self._mapper.first_reason
+            why = f"; the first: {reason}" if reason else ""
             raise HypermapError(
                 f"{self._recording.path}: there is nothing to map: of {counts.frames} frames none "
-                f"has both depth and a proper pose{why}"
+                f"can be used{why}"
             )
 
 
@@ -374,4 +380,4 @@ def why_unusable(frame: RgbdFrame) -> str | None:
         return "its pose is no rigid motion"
     if not np.isfinite(frame.depth).any():
         return "its depth image is empty"
-    return None
+    return why_implausible(frame)

@@ -22,9 +22,7 @@ from hypermap.recordings.pictures import (
 _FIRST = 5  # frames that tell the size of all; of these, one may be odd or two broken
 
 
-def load_depth(
-    path: Path, camera: Camera, units_per_metre: float, invalid: tuple[int, ...]
-) -> NDArray[np.float32]:
+def load_depth(path: Path, camera: Camera, units_per_metre: float) -> NDArray[np.float32]:
     """Return a depth image in metres with NaN for no return, shape (H, W).
 
     Raises:
@@ -37,7 +35,7 @@ def load_depth(
     except FormatError as error:
         raise FormatError(str(error), path=path) from None
     _check_size(path, integers.shape, camera, "the first depth image")
-    return depth_in_metres(integers, units_per_metre, invalid)
+    return depth_in_metres(integers, units_per_metre)
 
 
 def load_color(path: Path, camera: Camera) -> NDArray[np.uint8]:

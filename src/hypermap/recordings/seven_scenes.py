@@ -89,7 +89,7 @@ class SevenScenesRecording:
         camera, map_T_world = self._camera, self._options.world_pose()
         scale = self._options.depth_scale or DEPTH_SCALE
         for frame in self._frames:
-            load = partial(load_depth, frame.depth, camera, scale, invalid=(0, 65535))
+            load = partial(load_depth, frame.depth, camera, scale)
             world_T_camera = or_report(frame.pose, frame.stamp, on_bad)
             if world_T_camera is None or (depth := or_report(load, frame.stamp, on_bad)) is None:
                 continue

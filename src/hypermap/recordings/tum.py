@@ -33,7 +33,7 @@ class TumRecording:
 
     `associations.txt` may stand in place of the two lists. Their stamps are associated one to one,
     and poses interpolated between those of the ground truth. Depth is of 16 bits, 5000 to the
-    metre, 0 for no return.
+    metre, 0 and 65535 for no return.
 
     Source: the benchmark's page on file formats (Sturm et al., IROS 2012).
     """
@@ -67,7 +67,7 @@ class TumRecording:
         scale = self._options.depth_scale or DEPTH_SCALE
         for d, c, pose in zip(plan.depth, plan.color, plan.map_T_camera, strict=True):
             stamp = float(depth.stamps[d])
-            load = partial(load_depth, depth.paths[d], camera, scale, invalid=(0,))
+            load = partial(load_depth, depth.paths[d], camera, scale)
             if (metres := or_report(load, stamp, on_bad)) is None:
                 continue
             yield RgbdFrame(
