@@ -407,3 +407,21 @@ def test_without_a_source_of_detections_there_are_no_objects() -> None:
     alone, both = map_recording(walk(), None, CONFIG), map_recording(walk(), boxes, CONFIG)
     assert [layer.name for layer in alone.layers] == ["occupancy"]
     np.testing.assert_array_equal(alone["occupancy"].cells, both["occupancy"].cells)
+
+
+def test_a_frame_that_fails_half_way_is_in_no_layer(monkeypatch: pytest.MonkeyPatch) -> None:
+    mapper = Mapper(CONFIG, boxes)
+    mapper.add(frame(0, x=-0.2))
+    before = mapper.hypermap()
+
+    def out_of_memory(*_: Any) -> None:
+        raise MemoryError
+
+    with monkeypatch.context() as patched:
+        patched.setattr(mapper.evidence, "update", out_of_memory)
+        with pytest.raises(MemoryError):
+            mapper.add(frame(1, x=0.5))
+    after = mapper.hypermap()
+    assert mapper.counts == Counts(used=1)
+    assert after["occupancy"].grid == before["occupancy"].grid
+    np.testing.assert_array_equal(after["occupancy"].cells, before["occupancy"].cells)

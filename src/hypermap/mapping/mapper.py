@@ -168,14 +168,17 @@ class Mapper:
             raise BadFrame(str(error)) from error
         # Only those who watch need the segments, which number the detections that count.
         observation = observe(frame, detections, self.config.perception, keep_segments=is_watched)
+        change: Callable[[], None] | None = None
         if self._given_occupancy is None:
             try:
-                self._occupancy.add_depth(frame)
+                change = self._occupancy.change_by(frame)
             except HypermapError as error:  # one wild pose must not end an hour of mapping
                 self._keyframes.undo()
                 self.leave_out(frame.stamp, str(error))
                 return None
         self.evidence.update(observation)
+        if change is not None:  # last, as nothing can stop it
+            change()
         self._count(used=1)
         if self.watch is not None:
             self.watch(MappedFrame(frame, detections, observation), self)
