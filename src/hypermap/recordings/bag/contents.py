@@ -60,6 +60,7 @@ class Contents:
         camera_info: the first message of the intrinsics.
         transforms: all of tf.
         detections: by the stamp of the image [ns].
+        damaged: messages that cannot be decoded, by their times of recording [ns].
     """
 
     geometry: ImageStream = field(default_factory=ImageStream)
@@ -67,6 +68,7 @@ class Contents:
     camera_info: Any = None
     transforms: TransformLog = field(default_factory=TransformLog)
     detections: dict[int, Detections] = field(default_factory=dict)
+    damaged: list[tuple[int, FormatError]] = field(default_factory=list)
 
 
 def read_contents(bag: BagFile, topics: ChosenTopics) -> Contents:
@@ -80,7 +82,11 @@ def read_contents(bag: BagFile, topics: ChosenTopics) -> Contents:
     single = (topics.geometry, topics.color, topics.camera_info, topics.detections)
     geometry, color, info, detections = (topic.name if topic else None for topic in single)
     names = transforms | {name for name in (geometry, color, info, detections) if name}
-    for name, log_time, message in bag.messages(names):
+
+    def on_damaged(log_time: int, error: FormatError) -> None:
+        contents.damaged.append((log_time, FormatError(str(error), path=bag.path)))
+
+    for name, log_time, message in bag.messages(names, on_damaged):
         if name in transforms:
             contents.transforms.add(message, is_static=name.endswith("tf_static"))
         elif name == geometry:

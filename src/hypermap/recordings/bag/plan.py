@@ -50,6 +50,9 @@ class BagPlan:
         contents = self._contents
         notes = [*self._topics.notes, *self.map_frame_notes, *self._tree[1], *self.frames.notes]
         repeated = contents.geometry.repeated + contents.color.repeated
+        if self.damaged:
+            count, (_, first) = len(self.damaged), self.damaged[0]
+            notes.append(f"{count} messages cannot be read, the first: {first}")
         if repeated:
             notes.append(f"{repeated} images repeat a stamp and are left out")
         if self.color_topic and contents.color.frame_id != contents.geometry.frame_id:
@@ -68,9 +71,17 @@ class BagPlan:
                 notes.append("the recorded detections name classes by number, and so will the map")
         return notes
 
+    @property
+    def damaged(self) -> list[tuple[int, FormatError]]:
+        """Messages that cannot be decoded, by their times of recording [ns]."""
+        return self._contents.damaged
+
     @cached_property
     def geometry_topic(self) -> Topic:
         """The topic of depth images or clouds."""
+        if self._topics.geometry is not None and not self._contents.geometry.firsts:
+            for _, error in self.damaged[:1]:
+                raise error
         if self._topics.geometry is None or not self._contents.geometry.firsts:
             raise FormatError(
                 "there are no depth images (sensor_msgs/Image with 'depth' in the topic's name, or "

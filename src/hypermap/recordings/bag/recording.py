@@ -70,6 +70,10 @@ class BagRecording:
         plan = self._plan
         for note in plan.map_frame_notes:
             _log.warning("%s: %s", self._path, note)
+        for log_time, damage in plan.damaged:
+            if on_bad is None:
+                raise damage
+            on_bad(as_seconds(log_time), damage)
         topics = [topic for topic in (plan.geometry_topic, plan.color_topic) if topic]
         parts = stream_frames(self._bag, [topic.name for topic in topics], plan.stamps)
         for i, messages in enumerate(parts):
