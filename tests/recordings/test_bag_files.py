@@ -139,7 +139,7 @@ def test_a_damaged_message_costs_its_frame_alone(tmp_path: Path, kind: str, bad:
         assert recording.info().missing[0].startswith(problem)
         return
     assert recording.info().frames == len(SHOTS) - 1
-    assert f"1 messages cannot be read, the first: {problem}" in recording.info().notes[-1]
+    assert f"messages that cannot be read: 1, the first: {problem}" in recording.info().notes[-1]
     told: list[tuple[float, str]] = []
     frames = list(recording.frames(lambda stamp, error: told.append((stamp, str(error)))))
     good = [shot.stamp / 1e9 for i, shot in enumerate(SHOTS) if i not in bad]

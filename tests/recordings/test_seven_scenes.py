@@ -182,7 +182,7 @@ def test_a_broken_pose_costs_its_frame_alone(folder: Path, text: str, problem: s
     text_of("frame-000002.pose.txt", text)(folder)
     info = open_recording(folder).info()
     assert info.missing == ()
-    assert f"1 poses cannot be read, the first is {message}" in info.notes
+    assert f"poses that cannot be read: 1, the first is {message}" in info.notes
     told: list[str] = []
     frames = list(open_recording(folder).frames(lambda _, error: told.append(str(error))))
     assert len(frames) == 3

@@ -200,7 +200,7 @@ class SevenScenesRecording:
         if incomplete:
             notes.append(f"{incomplete} frames lack an image or a pose and are left out")
         if broken:
-            notes.append(f"{len(broken)} poses cannot be read, the first is {broken[0]}")
+            notes.append(f"poses that cannot be read: {len(broken)}, the first is {broken[0]}")
         if lost:
             notes.append(f"{lost} frames have no pose (tracking was lost) and are left out")
         return tuple(frames[:: self._options.every]), tuple(notes)

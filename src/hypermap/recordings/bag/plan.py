@@ -52,7 +52,7 @@ class BagPlan:
         repeated = contents.geometry.repeated + contents.color.repeated
         if self.damaged:
             count, (_, first) = len(self.damaged), self.damaged[0]
-            notes.append(f"{count} messages cannot be read, the first: {first}")
+            notes.append(f"messages that cannot be read: {count}, the first: {first}")
         if repeated:
             notes.append(f"{repeated} images repeat a stamp and are left out")
         if self.color_topic and contents.color.frame_id != contents.geometry.frame_id:
