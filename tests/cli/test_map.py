@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from hypermap.cli.recording_options import OPTIONS
 from hypermap.core.hypermap import Hypermap
@@ -237,21 +238,60 @@ def test_with_objects_the_occupancy_is_the_same_as_alone(hypermap, drive, tmp_pa
     np.testing.assert_array_equal(one, other)
 
 
-@pytest.mark.parametrize("share", [0.0, 0.01, 0.5, 0.9])
-def test_an_image_that_was_cut_off_is_named_in_the_last_line(hypermap, tmp_path, share):
-    drive, out = write_drive(tmp_path / "drive", frames=4), tmp_path / "out.hmap"
+def spoil(drive: Path, line: int, fault: str) -> Path:
+    """Give one line of a drive's depth.txt an image that cannot be used, and return its path."""
+    bad = drive / "bad.png"
     whole = (drive / "depth.png").read_bytes()
-    cut = drive / "cut.png"
-    cut.write_bytes(whole[: int(share * len(whole))])
+    if fault == "another size":
+        Image.fromarray(np.full((10, 20), 1000, np.uint16)).save(bad)
+    elif fault != "missing":
+        bad.write_bytes(whole[: int(float(fault) * len(whole))])
     lines = (drive / "depth.txt").read_text().splitlines()
-    lines[2] = lines[2].replace("depth.png", cut.name)
+    lines[line] = lines[line].replace("depth.png", bad.name)
     (drive / "depth.txt").write_text("\n".join(lines))
-    result = hypermap("map", drive, "--intrinsics", INTRINSICS, "-o", out)
+    return bad
+
+
+@pytest.mark.parametrize("fault", ["0.0", "0.01", "0.9", "missing", "another size"])
+@pytest.mark.parametrize("line", [0, 2])
+def test_an_image_that_cannot_be_used_is_left_out_and_named(hypermap, tmp_path, fault, line):
+    drive, out = write_drive(tmp_path / "drive", frames=4), tmp_path / "out.hmap"
+    bad = spoil(drive, line, fault)
+    arguments = ["map", drive, "--intrinsics", INTRINSICS, "-o", out]
+    result = hypermap(*arguments)
+    assert result.code == 0
+    assert f" left out: {bad}: " in result.err
+    assert "1 unusable" in result.err
+    assert open_map(out).metadata["frames"]["unusable"] == 1
+    assert objects_in(out)
+    out.unlink()
+    for strict in (["--strict"], ["--max-bad", "0.1"]):
+        result = hypermap(*arguments, *strict)
+        assert result.code == 2
+        last = result.err.splitlines()[-1]
+        assert last.startswith("hypermap: error: ")
+        assert str(bad) in last
+        assert not out.exists()
+
+
+def test_depth_in_a_wrong_unit_is_told_with_its_likely_cause(hypermap, tmp_path):
+    drive, out = write_drive(tmp_path / "drive", frames=3), tmp_path / "out.hmap"
+    result = hypermap("map", drive, "--intrinsics", INTRINSICS, "--depth-scale", "1", "-o", out)
     assert result.code == 2
-    errors = [line for line in result.err.splitlines() if "error" in line]
-    assert errors == [result.err.splitlines()[-1]]
-    assert errors[0].startswith(f"hypermap: error: {cut}: ")
+    last = result.err.splitlines()[-1]
+    assert "there is nothing to map: of 3 frames none can be used; the first: half of its" in last
+    assert "--depth-scale" in last
     assert not out.exists()
+
+
+@pytest.mark.parametrize("name", ["cut.bag", "cut.mcap"])
+def test_map_and_info_find_the_same_damage(hypermap, tmp_path, name):
+    bag = tmp_path / name
+    bag.write_bytes(b"#ROSBAG V2.0\nE\x00" if name == "cut.bag" else b"\x89MCAP0\r\n\x01\x00")
+    (missing,) = hypermap("info", bag, "--json").json["missing"]
+    assert "cannot be read" in missing
+    result = hypermap("map", bag, "-o", tmp_path / "out.hmap")
+    assert_one_error(result, missing)
 
 
 @pytest.mark.parametrize("kind", ["nothing", "a file", "an empty folder"])

@@ -6,7 +6,9 @@ from pathlib import Path
 import pytest
 
 from hypermap.core.errors import HypermapError
-from hypermap.formats import map_server, semantic_yaml
+from hypermap.core.hypermap import Hypermap
+from hypermap.core.occupancy import OccupancyLayer
+from hypermap.formats import map_server, open_map, save_map, semantic_yaml
 from hypermap.formats.plugins import installed_layers, plugin_for
 
 PLUGIN = """
@@ -19,12 +21,22 @@ PLUGIN = Rooms()
 """
 
 
+FAILING = """
+class Failing:
+    def empty(self, name, frame_id, settings): raise RuntimeError("no license")
+    def load(self, store, file, name, frame_id, settings): raise RuntimeError("no license")
+    def save(self, layer, store, file): return 1 / 0
+PLUGIN = Failing()
+"""
+
+
 @pytest.fixture
 def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder of packages with plug-ins, as pip would leave them."""
     monkeypatch.syspath_prepend(str(tmp_path))
     (tmp_path / "some_rooms.py").write_text(PLUGIN)
     (tmp_path / "broken_rooms.py").write_text("import no_such_library")
+    (tmp_path / "failing_rooms.py").write_text(FAILING)
     (tmp_path / "half_rooms.py").write_text("def empty(): ...\ndef load(): ...\n")
     info = tmp_path / "some_rooms-1.0.dist-info"
     info.mkdir()
@@ -34,6 +46,7 @@ def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         "RoomLayer = some_rooms:PLUGIN\n"
         "BrokenLayer = broken_rooms:PLUGIN\n"
         "HalfLayer = half_rooms\n"
+        "FailingLayer = failing_rooms:PLUGIN\n"
         "NowhereLayer = some_rooms:NOTHING\n"
         "SemanticLayer = some_rooms:PLUGIN\n"
     )
@@ -80,3 +93,23 @@ def test_a_plugin_that_does_not_work_is_named(install: Path, class_name: str, me
     with pytest.raises(HypermapError) as error:
         plugin_for(class_name)
     assert str(error.value).startswith(message)
+
+
+@pytest.mark.usefixtures("install")
+def test_what_a_plugin_raises_is_told_as_the_plugins(tmp_path: Path) -> None:
+    class Failing(OccupancyLayer):
+        class_name = "FailingLayer"
+
+    with pytest.raises(HypermapError) as error:
+        save_map(Hypermap([Failing("rooms", "map")]), tmp_path / "out.hmap")
+    assert str(error.value) == (
+        "the plug-in for layers of class 'FailingLayer' cannot write layer 'rooms': "
+        "ZeroDivisionError: division by zero"
+    )
+    config = tmp_path / "map" / "hmap_config.yaml"
+    config.parent.mkdir()
+    config.write_text(
+        "layers: [{class: FailingLayer, name: rooms, frame_id: map, load_file: false}]\n"
+    )
+    with pytest.raises(HypermapError, match="cannot read layer 'rooms': RuntimeError: no license"):
+        open_map(config.parent)

@@ -164,6 +164,8 @@ def edited(**columns: Any) -> bytes:
 
 
 POINTS = pa.array(shapely.to_wkb(shapely.points([[0, 0]] * 5)))
+SCRIBBLE = shapely.Polygon(np.random.default_rng(0).random((3000, 2)) * 10)
+TANGLED = pa.array(shapely.to_wkb([shapely.box(0, 0, 1, 1)] * 3 + [SCRIBBLE] * 2))
 
 
 @pytest.mark.parametrize(
@@ -173,9 +175,10 @@ POINTS = pa.array(shapely.to_wkb(shapely.points([[0, 0]] * 5)))
         ({"name": pa.array(["a", None, "c", "d", "e"])}, "t: name: is missing in row 1"),
         ({"name": pa.array([1, 2, 3, 4, 5])}, "t: name: expected texts"),
         ({"geometry": None}, "t: geometry: is missing"),
-        ({"geometry": POINTS}, "t: geometry: a footprint must be a polygon or multipolygon, got"),
+        ({"geometry": POINTS}, "t: geometry in row 0: a footprint must be a polygon or"),
         ({"geometry": pa.array([b"x"] * 5)}, "t: geometry: is not well-known binary: "),
         ({"geometry": pa.array([None] * 5, pa.binary())}, "t: geometry: is missing in a row"),
+        ({"geometry": TANGLED}, "t: geometry in row 3: an outline of 3001 corners crosses"),
         ({"id": pa.array([1, 1, 2, 3, 4])}, "t: two objects have the id 1"),
         ({"id": pa.array([-1, 1, 2, 3, 4])}, "t: an object's id must lie between 0 and"),
         ({"id": pa.array([0.5, 1, 2, 3, 4])}, "t: id: expected a whole number in each row"),

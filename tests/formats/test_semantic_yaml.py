@@ -4,6 +4,7 @@ import contextlib
 import logging
 from typing import Any
 
+import numpy as np
 import pytest
 import shapely
 from hypothesis import given
@@ -17,6 +18,7 @@ from hypermap.formats.store import MemoryStore
 from .strategies import layer_facts, object_facts, semantic_layers
 
 SQUARE = "POLYGON((0 0, 1 0, 1 1, 0 1, 0 0))"
+SCRIBBLE = shapely.Polygon(np.random.default_rng(0).random((3000, 2)) * 10).wkt
 
 
 def parse(text: str) -> tuple[list[SemanticObject], list[Rejected]]:
@@ -166,6 +168,10 @@ def test_words_that_yaml_takes_for_something_else_are_names() -> None:
             "attributes: input should be a valid dictionary, found 3",
         ),
         (f"{{name: cup, shape: '{SQUARE}', id: 2}}", "its id 2 is that of another object"),
+        (
+            f"{{name: cup, shape: '{SCRIBBLE}'}}",
+            "an outline of 3001 corners crosses or touches itself so often",
+        ),
     ],
 )
 def test_a_broken_entry_is_reported_and_the_others_load(entry: str, reason: str) -> None:

@@ -11,6 +11,8 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from shapely.geometry.base import BaseGeometry
 
+from hypermap.mapping import evidence as evidence_module
+from hypermap.mapping.config import profile
 from hypermap.mapping.evidence import EvidenceMap
 from hypermap.mapping.stages import EvidenceConfig
 from hypermap.perception.observation import Observation, ObservedObject
@@ -320,3 +322,66 @@ def test_what_is_never_seen_again_is_forgotten(config: EvidenceConfig) -> None:
         evidence.update(seen())
     with pytest.raises(KeyError):
         evidence.evidence(0)
+
+
+@pytest.mark.parametrize("config", [DEFAULT, THESIS], ids=["default", "thesis"])
+@pytest.mark.parametrize(
+    "point", ["evidence._fuse", "evidence._associate", "evidence._note_neighbors", "lose", "forget"]
+)
+@pytest.mark.parametrize("calls", [0, 1, 2])
+def test_an_update_that_fails_leaves_all_as_it_was(
+    monkeypatch: pytest.MonkeyPatch, config: EvidenceConfig, point: str, calls: int
+) -> None:
+    config = dataclasses.replace(published_all(config), renewal=0.0)
+    evidence, undisturbed = EvidenceMap(config), EvidenceMap(config)
+    walk = [seen(square(0.1 * i), square(3), square(6.4)) for i in range(3)]
+    for observation in walk:
+        evidence.update(observation)
+        undisturbed.update(observation)
+    left = calls
+    owner = evidence if point.startswith("evidence.") else evidence_module
+    work = getattr(owner, point.removeprefix("evidence."))
+
+    def failing(*given: object) -> object:
+        nonlocal left
+        if left == 0:
+            raise MemoryError
+        left -= 1
+        return work(*given)
+
+    # One shape joins two objects, another is new, a third is as before, and a last one is no area.
+    more = seen(square(4.7, side=4), square(20), square(0.1), shapely.LineString([(0, 0), (1, 1)]))
+    is_done = True
+    with monkeypatch.context() as patched:
+        patched.setattr(owner, point.removeprefix("evidence."), failing)
+        try:
+            evidence.update(more)
+        except MemoryError:
+            is_done = False
+    if is_done:  # it was called less often
+        undisturbed.update(more)
+    for observation in [None, more, *walk]:
+        if observation is not None:
+            evidence.update(observation)
+            undisturbed.update(observation)
+        assert _facts(evidence) == _facts(undisturbed)
+
+
+def _facts(evidence: EvidenceMap) -> list[object]:
+    layer = evidence.layer()
+    pieces = [evidence.evidence(int(number)) for number in layer.ids]
+    return [
+        evidence.ignored,
+        evidence.standing(),
+        [(item.name, item.footprint.wkt, item.existence) for item in layer],
+        [[piece.footprint.wkt for piece in some] for some in pieces],
+    ]
+
+
+@pytest.mark.parametrize("name", ["default", "thesis"])
+def test_what_is_kept_of_an_object_is_bounded(name: str) -> None:
+    evidence = EvidenceMap(published_all(profile(name).evidence))
+    for _ in range(130):
+        evidence.update(seen(square(0), area=NOWHERE))
+    assert len(evidence.evidence(0)) == 100
+    assert only(evidence).attributes["evidence"] == 130

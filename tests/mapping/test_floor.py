@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import logging
 import math
 from collections.abc import Iterable
@@ -59,6 +60,17 @@ def test_a_wrong_floor_is_found_and_brought_level_to_nought(
     assert again.is_level
     assert again.tilt_deg < 0.5
     assert abs(again.offset) < 0.02
+
+
+@pytest.mark.parametrize("factor", [0.2, 5.0])
+def test_depth_of_a_wrong_scale_is_thought_of(frames: list[RgbdFrame], factor: float) -> None:
+    floor = seen_in(
+        dataclasses.replace(frame, depth=frame.depth * np.float32(factor)) for frame in frames
+    )
+    assert floor is not None
+    assert not floor.is_level
+    assert f"as if all depth were {factor:g} times what it is" in str(floor)
+    assert "--depth-scale" not in str(seen_in(frames, pose_from_rpy(0, 0, -0.3, 0, 0, 0)))
 
 
 @pytest.mark.parametrize("count", [5, 12, None])
@@ -128,7 +140,7 @@ class Tilted(SimulatedRecording):
 
     world_T_room = pose_from_rpy(0, 0, -1, 0.3, 0, 0)
 
-    def frames(self):
+    def frames(self, on_bad=None):
         for frame in super().frames():
             yield frame.moved_to(compose(self.world_T_room, frame.map_T_camera))
 

@@ -6,13 +6,14 @@ import dataclasses
 import logging
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import shapely
 from numpy.typing import NDArray
 
-from hypermap.core.errors import HypermapError
+from hypermap.core.errors import FormatError, HypermapError
 from hypermap.core.grid import GridGeometry
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.mapping.config import profile, to_dict
@@ -20,7 +21,7 @@ from hypermap.mapping.mapper import Counts, MappedFrame, Mapper, Progress, map_r
 from hypermap.perception.detections import Detections
 from hypermap.perception.detectors.sources import detections_from_file
 from hypermap.perception.frame import Camera, RgbdFrame
-from hypermap.perception.recording import RecordingInfo
+from hypermap.perception.recording import OnBadFrame, RecordingInfo
 from hypermap.recordings import RecordingOptions, open_recording
 
 CAMERA = Camera.from_intrinsics(fx=120, fy=120, cx=79.5, cy=59.5, width=160, height=120)
@@ -49,7 +50,7 @@ def boxes(of: RgbdFrame) -> Detections:
 class Frames:
     """A recording in memory."""
 
-    items: list[RgbdFrame]
+    items: list[Any]  # frames, and errors in place of frames that cannot be read
     map: OccupancyLayer | None = None
     path: Path = Path("some/where/walk")
     frame_id: str = "map"
@@ -57,8 +58,14 @@ class Frames:
     def __len__(self) -> int:
         return len(self.items)
 
-    def frames(self) -> Iterator[RgbdFrame]:
-        yield from self.items
+    def frames(self, on_bad: OnBadFrame | None = None) -> Iterator[RgbdFrame]:
+        for item in self.items:
+            if isinstance(item, HypermapError):
+                if on_bad is None:
+                    raise item
+                on_bad(7.5, item)
+            else:
+                yield item
 
     def info(self) -> RecordingInfo:
         raise NotImplementedError
@@ -139,6 +146,15 @@ def _with_pose(pose: NDArray[np.float64]) -> RgbdFrame:
             dataclasses.replace(frame(0), depth=np.full((120, 160), np.nan, np.float32)),
             "its depth image is empty",
         ),
+        (
+            dataclasses.replace(frame(0), depth=np.full((120, 160), 65.535, np.float32)),
+            "half of its depth lies beyond 66 m; are the units of depth per metre right",
+        ),
+        (
+            dataclasses.replace(frame(0), depth=np.full((120, 160), 13.107, np.float32)),
+            "its depth is saturated: 100% of it is 13.107 m",
+        ),
+        (dataclasses.replace(frame(0), stamp=np.nan), "its stamp is not finite"),
         (_with_pose(np.full((4, 4), np.nan)), "its pose is not finite"),
         (_with_pose(np.diag([2.0, 2.0, 2.0, 1.0])), "its pose is no rigid motion"),
         (_with_pose(np.diag([1.0, 1.0, -1.0, 1.0])), "its pose is no rigid motion"),
@@ -151,7 +167,17 @@ def _with_pose(pose: NDArray[np.float64]) -> RgbdFrame:
             "its pose lies more than 1e+09 m away",
         ),
     ],
-    ids=["no depth", "no pose", "not rigid", "mirrored", "far away", "absurdly far away"],
+    ids=[
+        "no depth",
+        "too far",
+        "saturated",
+        "no stamp",
+        "no pose",
+        "not rigid",
+        "mirrored",
+        "far away",
+        "absurdly far",
+    ],
 )
 def test_an_unusable_frame_is_counted_and_logged_and_the_rest_is_mapped(
     bad: RgbdFrame, reason: str, caplog: pytest.LogCaptureFixture
@@ -162,7 +188,7 @@ def test_an_unusable_frame_is_counted_and_logged_and_the_rest_is_mapped(
         hypermap = map_recording(frames, boxes, CONFIG)
     assert hypermap.metadata["frames"] == {"used": 6, "skipped": 0, "unusable": 1}
     assert len(hypermap["semantic"].objects()) == 1
-    assert f"frame 0.000000 left out: {reason}" in caplog.text
+    assert f"frame {bad.stamp:.6f} left out: {reason}" in caplog.text
 
 
 @pytest.mark.parametrize("count", [0, 3])
@@ -171,9 +197,99 @@ def test_a_recording_without_a_usable_frame_is_an_error(count: int) -> None:
     with pytest.raises(HypermapError) as error:
         map_recording(Frames([empty] * count), boxes, CONFIG)
     assert str(error.value) == (
-        f"some/where/walk: there is nothing to map: of {count} frames none has both depth and a "
-        "proper pose"
+        f"some/where/walk: there is nothing to map: of {count} frames none can be used"
+        + ("; the first: its depth image is empty" if count else "")
     )
+
+
+def test_a_frame_that_cannot_be_read_is_left_out_and_told(caplog: pytest.LogCaptureFixture) -> None:
+    frames = walk()
+    frames.items.insert(3, FormatError("the picture is damaged", path="depth/8.png"))
+    hypermap = map_recording(frames, boxes, CONFIG)
+    assert hypermap.metadata["frames"] == {"used": 6, "skipped": 0, "unusable": 1}
+    assert len(hypermap["semantic"].objects()) == 1
+    assert "frame 7.500000 left out: depth/8.png: the picture is damaged" in caplog.text
+    with pytest.raises(FormatError, match=r"depth/8\.png: the picture is damaged"):
+        map_recording(frames, boxes, CONFIG, max_bad=0)
+
+
+@pytest.mark.parametrize(
+    ("fault", "reason"),
+    [
+        (RuntimeError("no memory left"), "failed: RuntimeError: no memory left"),
+        (HypermapError("the network is gone"), "the network is gone"),
+        (None, "returned NoneType, not Detections"),
+        (
+            Detections.of([[0, 0, 9, 9]], ["a"], masks=np.ones((1, 3, 3), bool)),
+            "the masks of the detections have the shape (3, 3), the image (120, 160)",
+        ),
+    ],
+)
+def test_a_source_that_fails_at_one_frame_costs_this_frame_alone(
+    fault: Any, reason: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    def source(of: RgbdFrame) -> Any:
+        if of.stamp != 3:
+            return boxes(of)
+        if isinstance(fault, Exception):
+            raise fault
+        return fault
+
+    # The camera stands still at first: the frame after the failed one takes its place.
+    frames = Frames([*walk(3).items, frame(3, x=0.2), frame(4, x=0.2), frame(5, x=0.3)])
+    hypermap = map_recording(frames, source, CONFIG)
+    assert hypermap.metadata["frames"] == {"used": 5, "skipped": 0, "unusable": 1}
+    assert "frame 3.000000 left out: " in caplog.text
+    assert reason in caplog.text
+    with pytest.raises(HypermapError):
+        map_recording(frames, source, CONFIG, max_bad=0)
+
+
+@pytest.mark.parametrize(("bad", "is_enough"), [(2, True), (3, False)])
+def test_too_many_frames_that_fail_end_it(bad: int, is_enough: bool) -> None:
+    frames = walk(6)
+    frames.items[:bad] = [HypermapError("broken")] * bad
+    if is_enough:
+        assert map_recording(frames, boxes, CONFIG, max_bad=0.4).metadata["frames"]["used"] == 4
+        return
+    with pytest.raises(HypermapError, match=r"walk: 3 of 6 frames cannot be used, .* broken"):
+        map_recording(frames, boxes, CONFIG, max_bad=0.4)
+
+
+def test_where_nothing_works_it_is_not_tried_to_the_end() -> None:
+    tried = []
+
+    def failing(of: RgbdFrame) -> Detections:
+        tried.append(of.stamp)
+        raise HypermapError("there is no color")
+
+    with pytest.raises(HypermapError, match="the first: there is no color"):
+        map_recording(Frames([frame(i) for i in range(1000)]), failing, CONFIG)
+    assert len(tried) <= 100
+
+
+def test_a_watcher_that_fails_ends_it() -> None:
+    def watch(*_: Any) -> None:
+        raise HypermapError("the disk is full")
+
+    with pytest.raises(HypermapError, match="the disk is full"):
+        map_recording(walk(), boxes, CONFIG, watch=watch)
+
+
+def test_of_very_many_detections_the_best_count(caplog: pytest.LogCaptureFixture) -> None:
+    config = dataclasses.replace(
+        CONFIG, perception=dataclasses.replace(CONFIG.perception, max_detections=1)
+    )
+
+    def crowd(of: RgbdFrame) -> Detections:
+        (box,) = boxes(of).xyxy
+        names, scores = ["far", "box", "unsure"], [0.8, 0.9, 0.1]
+        return Detections.of([[0, 0, 50, 50], box, box], names, scores)
+
+    hypermap = map_recording(walk(), crowd, config)
+    assert [item.name for item in hypermap["semantic"].objects()] == ["box"]
+    assert hypermap.metadata["surplus_detections"] == 6
+    assert caplog.text.count("1 detections are left out, as only the best 1 of a frame count") == 1
 
 
 def test_progress_is_reported_after_each_frame() -> None:
@@ -291,3 +407,21 @@ def test_without_a_source_of_detections_there_are_no_objects() -> None:
     alone, both = map_recording(walk(), None, CONFIG), map_recording(walk(), boxes, CONFIG)
     assert [layer.name for layer in alone.layers] == ["occupancy"]
     np.testing.assert_array_equal(alone["occupancy"].cells, both["occupancy"].cells)
+
+
+def test_a_frame_that_fails_half_way_is_in_no_layer(monkeypatch: pytest.MonkeyPatch) -> None:
+    mapper = Mapper(CONFIG, boxes)
+    mapper.add(frame(0, x=-0.2))
+    before = mapper.hypermap()
+
+    def out_of_memory(*_: Any) -> None:
+        raise MemoryError
+
+    with monkeypatch.context() as patched:
+        patched.setattr(mapper.evidence, "update", out_of_memory)
+        with pytest.raises(MemoryError):
+            mapper.add(frame(1, x=0.5))
+    after = mapper.hypermap()
+    assert mapper.counts == Counts(used=1)
+    assert after["occupancy"].grid == before["occupancy"].grid
+    np.testing.assert_array_equal(after["occupancy"].cells, before["occupancy"].cells)

@@ -137,14 +137,18 @@ class BagBuilder:
     ) -> None:
         self._writer.close()
 
-    def add(self, topic: str, name: str, log_time: int, values: dict[str, Any]) -> None:
+    def add(
+        self, topic: str, name: str, log_time: int, values: dict[str, Any], cut: int | None = None
+    ) -> None:
+        """Add a message, or only so many bytes of it."""
         if topic not in self._connections:
             self._connections[topic] = self._writer.add_connection(
                 topic, name, typestore=self.store
             )
         message = build(self.store, name, values)
         serialize = self.store.serialize_ros1 if self.kind == "ros1" else self.store.serialize_cdr
-        self._writer.write(self._connections[topic], log_time, serialize(message, name))
+        content = serialize(message, name)[:cut]
+        self._writer.write(self._connections[topic], log_time, content)
 
     def add_tf(
         self,

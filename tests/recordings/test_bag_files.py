@@ -9,11 +9,11 @@ import pytest
 import yaml
 
 from hypermap.core.errors import FormatError
-from hypermap.recordings import open_recording
+from hypermap.recordings import RecordingOptions, open_recording
 
-from .bag_builder import DEPTH, BagBuilder, add_images, add_poses, write_bag
+from .bag_builder import DEPTH, IMAGE, BagBuilder, add_images, add_poses, image, write_bag
 from .bag_tools import frames_of, storage_file, without
-from .shots import SHOTS, assert_shows
+from .shots import INTRINSICS, SHOTS, assert_shows
 
 REPAIR = {"ros1": "rosbag reindex", "db3": "ros2 bag reindex", "mcap": "mcap recover"}
 
@@ -124,3 +124,28 @@ def test_several_bags_that_are_not_parts_of_one_are_an_error(
         f"{tmp_path}: there are {len(names)} bags that are not the parts of one, which would be "
         f"called NAME_0, NAME_1 and so on: {listed}; name one of them",
     )
+
+
+@pytest.mark.parametrize("bad", [[0], [2], [0, 1, 2, 3]])
+def test_a_damaged_message_costs_its_frame_alone(tmp_path: Path, kind: str, bad: list[int]) -> None:
+    with BagBuilder(tmp_path, kind) as bag:
+        add_poses(bag, SHOTS)
+        for i, shot in enumerate(SHOTS):
+            depth = image(shot.depth_mm, "16UC1", shot.stamp)
+            bag.add(DEPTH, IMAGE, shot.stamp, depth, cut=30 if i in bad else None)
+    recording = open_recording(bag.path, RecordingOptions(intrinsics=INTRINSICS))
+    problem = f"{bag.path}: {DEPTH}: a message is damaged: "
+    if len(bad) == len(SHOTS):
+        assert recording.info().missing[0].startswith(problem)
+        return
+    assert recording.info().frames == len(SHOTS) - 1
+    assert f"messages that cannot be read: 1, the first: {problem}" in recording.info().notes[-1]
+    told: list[tuple[float, str]] = []
+    frames = list(recording.frames(lambda stamp, error: told.append((stamp, str(error)))))
+    good = [shot.stamp / 1e9 for i, shot in enumerate(SHOTS) if i not in bad]
+    assert [frame.stamp for frame in frames] == pytest.approx(good)
+    [(stamp, message)] = told
+    assert stamp == pytest.approx(SHOTS[bad[0]].stamp / 1e9)
+    assert message.startswith(problem)
+    with pytest.raises(FormatError, match="a message is damaged"):
+        list(recording.frames())

@@ -11,6 +11,7 @@ import pytest
 from PIL import Image
 
 from hypermap.core.errors import FormatError
+from hypermap.recordings import RecordingOptions, open_recording
 
 from .bag_builder import (
     CAMERA_INFO,
@@ -197,3 +198,24 @@ def test_a_damaged_image_is_named_by_topic_and_time(tmp_path: Path) -> None:
         _ = third.color
     where = f"{bag.path}: /depth/image and /rgb/compressed at 1600000000.450 s: "
     assert str(caught.value).startswith(where + "the picture is damaged: ")
+
+
+@pytest.mark.parametrize("bad", [0, 2])
+def test_depth_that_is_damaged_or_of_another_size_costs_its_frame_alone(
+    tmp_path: Path, bad: int
+) -> None:
+    with BagBuilder(tmp_path, "mcap") as bag:
+        add_poses(bag, SHOTS)
+        for i, shot in enumerate(SHOTS):
+            pixels = shot.depth_mm[:12] if i == bad else shot.depth_mm
+            bag.add("/depth/image", IMAGE, shot.stamp, image(pixels, "16UC1", shot.stamp))
+    recording = open_recording(bag.path, RecordingOptions(intrinsics=INTRINSICS))
+    told: list[tuple[float, str]] = []
+    frames = list(recording.frames(lambda stamp, error: told.append((stamp, str(error)))))
+    good = [shot.stamp / 1e9 for i, shot in enumerate(SHOTS) if i != bad]
+    assert [frame.stamp for frame in frames] == pytest.approx(good)
+    [(stamp, message)] = told
+    assert stamp == pytest.approx(SHOTS[bad].stamp / 1e9)
+    assert "the depth image has 32 x 12 pixels" in message
+    with pytest.raises(FormatError):
+        list(recording.frames())

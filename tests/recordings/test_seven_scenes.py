@@ -143,17 +143,6 @@ def remove_all(pattern: str) -> Callable[[Path], None]:
             "lengths: none",
         ),
         (
-            text_of("frame-000002.pose.txt", "1 0 0 0\n0 one 0 0\n"),
-            FormatError,
-            "{}/frame-000002.pose.txt: line 2: could not convert string to float: 'one'",
-        ),
-        (
-            text_of("frame-000002.pose.txt", "2 0 0 0\n0 2 0 0\n0 0 2 0\n0 0 0 1\n"),
-            FormatError,
-            "{}/frame-000002.pose.txt: the matrix is not a rotation and a translation with last "
-            "row 0 0 0 1",
-        ),
-        (
             remove_all("*.pose.txt"),
             FormatError,
             "{}: there is no complete frame: 4 depth images, 4 color images and 0 poses, 0 of "
@@ -178,6 +167,34 @@ def test_broken_folders_are_errors_that_info_tells(
     assert str(caught.value) == expected
 
 
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("1 0 0 0\n0 one 0 0\n", "line 2: could not convert string to float: 'one'"),
+        (
+            "2 0 0 0\n0 2 0 0\n0 0 2 0\n0 0 0 1\n",
+            "the matrix is not a rotation and a translation with last row 0 0 0 1",
+        ),
+    ],
+)
+def test_a_broken_pose_costs_its_frame_alone(folder: Path, text: str, problem: str) -> None:
+    message = f"{folder}/frame-000002.pose.txt: {problem}"
+    text_of("frame-000002.pose.txt", text)(folder)
+    info = open_recording(folder).info()
+    assert info.missing == ()
+    assert f"poses that cannot be read: 1, the first is {message}" in info.notes
+    told: list[str] = []
+    frames = list(open_recording(folder).frames(lambda _, error: told.append(str(error))))
+    assert len(frames) == 3
+    assert told == [message]
+    with pytest.raises(FormatError) as caught:
+        list(open_recording(folder).frames())
+    assert str(caught.value) == message
+    for number in (0, 1, 3):
+        text_of(f"frame-00000{number}.pose.txt", text)(folder)
+    assert open_recording(folder).info().missing == (message.replace("000002", "000000"),)
+
+
 @pytest.mark.parametrize("digits", [2, 4, 7])
 def test_poses_of_rounded_numbers_are_made_rigid(folder: Path, digits: int) -> None:
     for i, shot in enumerate(SHOTS):
@@ -191,7 +208,8 @@ def test_poses_of_rounded_numbers_are_made_rigid(folder: Path, digits: int) -> N
 
 def test_depth_and_color_of_different_size_from_the_start_are_told_by_info(folder: Path) -> None:
     path = folder / "frame-000000.color.png"
-    Image.fromarray(np.zeros((48, 64, 3), np.uint8)).save(path)
+    for color in folder.glob("*.color.png"):
+        Image.fromarray(np.zeros((48, 64, 3), np.uint8)).save(color)
     assert open_recording(folder).info().missing == (
         f"{path}: color has 64 x 48 pixels, but depth in {folder}/frame-000000.depth.png has "
         "32 x 24; color must be registered to depth and of its size",

@@ -222,12 +222,12 @@ D0, C0 = "1600000000.250000000", "1600000000.254000000"
         (
             remove("depth/*"),
             FileMissing,
-            f"{{}}: 1 of 4 depth images are missing, the first is {{}}/depth/{D0}.png",
+            f"{{}}/depth/{D0}.png: there is no such file",
         ),
         (
             remove("rgb/*"),
             FileMissing,
-            f"{{}}: 1 of 4 color images are missing, the first is {{}}/rgb/{C0}.png",
+            f"{{}}/rgb/{C0}.png: there is no such file",
         ),
         (content_of("depth.txt", b"# nothing\n"), FormatError, "{}/depth.txt: the list is empty"),
         (
@@ -286,8 +286,8 @@ D0, C0 = "1600000000.250000000", "1600000000.254000000"
         (
             picture_of("rgb/*", np.zeros((12, 16, 3), np.uint8)),
             FormatError,
-            f"{{}}/rgb/{C0}.png: color has 16 x 12 pixels, but depth in {{}}/depth/{D0}.png has "
-            "32 x 24; color must be registered to depth and of its size",
+            f"{{}}/rgb/{C0}.png: the picture has 16 x 12 pixels, but the depth image (color must "
+            "be registered to depth) has 32 x 24",
         ),
         (
             picture_of("rgb/*", np.zeros((24, 32), np.uint16)),
@@ -322,6 +322,34 @@ def test_broken_folders_are_errors_that_name_file_and_line(
         info = opened(folder).info()
         assert str(caught.value) in info.missing
         assert info.frames == 0
+
+
+@pytest.mark.parametrize("kind", ["depth", "rgb"])
+def test_info_tells_of_images_that_are_missing(folder: Path, kind: str) -> None:
+    name = "depth" if kind == "depth" else "color"
+    paths = sorted(folder.glob(f"{kind}/*"))
+    first = paths[0]
+    first.unlink()
+    info = opened(folder).info()
+    assert info.missing == ()
+    assert f"1 of 4 {name} images are missing, the first is {first}" in info.notes
+    for path in paths[1:]:
+        path.unlink()
+    expected = f"{folder}: 4 of 4 {name} images are missing, the first is {first}"
+    assert opened(folder).info().missing == (expected,)
+
+
+def test_frames_that_cannot_be_read_are_told_where_somebody_listens(folder: Path) -> None:
+    first, second, third, _ = sorted(folder.glob("depth/*"))
+    first.unlink()
+    second.write_bytes(second.read_bytes()[:-50])
+    Image.fromarray(np.ones((12, 16), np.uint16)).save(third)
+    told: list[tuple[float, str]] = []
+    frames = list(opened(folder).frames(lambda stamp, error: told.append((stamp, str(error)))))
+    assert [frame.stamp for frame in frames] == pytest.approx([SHOTS[3].stamp / 1e9])
+    assert [stamp for stamp, _ in told] == pytest.approx([shot.stamp / 1e9 for shot in SHOTS[:3]])
+    for (_, message), path in zip(told, (first, second, third), strict=True):
+        assert message.startswith(f"{path}: ")
 
 
 def test_info_tells_all_that_is_wrong_at_once(folder: Path) -> None:
@@ -361,7 +389,7 @@ def test_a_picture_that_claims_too_many_pixels_is_refused(folder: Path) -> None:
     content[29:33] = zlib.crc32(bytes(content[12:29])).to_bytes(4, "big")
     path.write_bytes(content)
     with pytest.raises(FormatError, match="the picture is damaged: Image size"):
-        next(opened(folder).frames())
+        _ = next(opened(folder).frames()).color
 
 
 def test_color_is_decoded_when_it_is_asked_for_and_kept(folder: Path) -> None:

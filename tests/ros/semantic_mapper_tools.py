@@ -193,7 +193,7 @@ class Frames:
     def __len__(self) -> int:
         return len(self._frames)
 
-    def frames(self) -> Iterator[RgbdFrame]:
+    def frames(self, on_bad: Any = None) -> Iterator[RgbdFrame]:
         return iter(self._frames)
 
     def occupancy(self) -> None:

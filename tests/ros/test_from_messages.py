@@ -97,6 +97,15 @@ def test_an_area_that_crosses_itself_is_refused(types: Any, points: Any) -> None
         area_of(area(types, points))
 
 
+def test_what_would_keep_the_server_busy_is_refused(types: Any) -> None:
+    scribble = np.random.default_rng(0).random((1200, 2)) * 10
+    with pytest.raises(FormatError, match="of 1201 corners crosses or touches itself so often"):
+        area_of(area(types, scribble))
+    objects, (problem,) = semantic_objects_of(semantic(types, item(types, "cup", scribble, 3)))
+    assert objects == []
+    assert problem.startswith("object 3 ('cup') is left out: an outline of 1201 corners crosses")
+
+
 def test_an_outline_that_only_touches_itself_is_no_crossing(types: Any) -> None:
     with_way_to_hole = [(0, 0), (9, 0), (9, 9), (0, 9), (0, 0), (3, 3), (3, 6), (6, 6), (6, 3)]
     got, _ = area_of(area(types, [*with_way_to_hole, (3, 3)]))

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from hypermap.core.trajectory import compose, pose_from_rpy
 from hypermap.perception.detections import Detections
 from hypermap.perception.frame import RgbdFrame
 from hypermap.ros.mapper.statistics import Fate
@@ -146,3 +147,28 @@ def test_max_rate_takes_some_frames_only(room: Callable[..., Room], drive: list[
     node.show_camera_info(drive[0])
     node.map(drive[:13])  # a frame in each second
     assert node.totals == {Fate.MAPPED: 4, Fate.RATE: 9}
+
+
+@pytest.mark.parametrize(
+    ("pose", "words"),
+    [
+        ((0, 0, 0, 0, 0, 0), None),
+        ((0, 0, 0, 0.2, 0, 0), "the floor that the camera sees is tilted by 11 degrees and lies"),
+        ((0, 0, -0.5, 0, 0, 0), "tilted by 0 degrees and lies 0.50 m below the origin of 'map'"),
+    ],
+    ids=["level", "tilted", "low"],
+)
+def test_a_floor_that_is_off_is_told_once(
+    room: Callable[..., Room],
+    drive: list[RgbdFrame],
+    pose: tuple[float, ...],
+    words: str | None,
+) -> None:
+    node = room(camera.INFO, camera.DARKNET, camera.DEPTH, **RAW)
+    node.show_camera_info(drive[0])
+    wrong = pose_from_rpy(*pose)
+    node.map([frame.moved_to(compose(wrong, frame.map_T_camera)) for frame in drive[:12]])
+    node.node.deactivate()
+    node.node.deactivate()
+    assert len(node.logged("the floor that the camera sees")) == (words is not None)
+    assert words is None or node.logged(words)

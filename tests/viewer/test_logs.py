@@ -65,7 +65,7 @@ class FirstFrames:
     def __len__(self) -> int:
         return FRAMES
 
-    def frames(self) -> Iterator[Any]:
+    def frames(self, on_bad: Any = None) -> Iterator[Any]:
         return itertools.islice(self.drive.frames(), FRAMES)
 
     def mapped_frames(self) -> list[Any]:

@@ -26,7 +26,8 @@ def detection_source(
     """Return what says what is on the images; None if there are to be no objects.
 
     Raises:
-        HypermapError: If the user says two things, or there are no detections.
+        HypermapError: If the user says two things, there are no detections, or the recording in
+            which these are looked for cannot be mapped at all.
     """
     from hypermap.perception.detectors import load_detector, sources
 
@@ -46,6 +47,7 @@ def detection_source(
     if beside.is_file():
         note(f"taking detections from {beside}")
         return sources.detections_from_file(beside)
+    len(recording)  # if it is damaged or incomplete, that comes first
     info = recording.info()
     if has_recorded_detections(info):
         note("taking the detections recorded in the bag")

@@ -88,6 +88,20 @@ def command(
             help="Keep what was seen of each object, to look behind it in `view`.",
         ),
     ] = True,
+    max_bad: Annotated[
+        float,
+        typer.Option(
+            "--max-bad",
+            metavar="SHARE",
+            min=0,
+            max=1,
+            help="Give up when more of the frames cannot be read or looked at; others are left "
+            "out, which is told.",
+        ),
+    ] = 0.5,
+    strict: Annotated[
+        bool, typer.Option("--strict", help="Give up at the first such frame.")
+    ] = False,
     force: ForceMap = False,
     log: Log = None,
     view: View = False,
@@ -132,7 +146,16 @@ def command(
         with stop_on_signal() as stop, logging_to(log, name, recording.frame_id) as logged:
             watchers = [watch for watch in (watched.frame, logged) if watch is not None]
             hypermap, is_whole = _make_map(
-                recording, source, settings, occupancy, frames, stop, watched, watchers, floor
+                recording,
+                source,
+                settings,
+                occupancy,
+                frames,
+                stop,
+                watched,
+                watchers,
+                floor,
+                0.0 if strict else max_bad,
             )
             if not evidence:
                 _forget_evidence(hypermap)
@@ -161,6 +184,7 @@ def _make_map(
     watched: Watched,
     watchers: list[Callable[[MappedFrame, Mapper], None]],
     on_wrong_floor: Callable[[Floor], None],
+    max_bad: float,
 ) -> tuple[Hypermap, bool]:
     """Return the map, and whether it is that of the whole recording."""
     from hypermap.cli.progress import Pace, mapping_progress
@@ -189,6 +213,7 @@ def _make_map(
                 watched.beside(tell),
                 watch if watchers else None,
                 on_wrong_floor,
+                max_bad,
             )
         except HypermapError:
             if stoppable.ended_early:
@@ -204,6 +229,11 @@ def _make_map(
         f"{counts['skipped']} skipped because the camera had hardly moved, "
         f"{counts['unusable']} unusable"
     )
+    if surplus := hypermap.metadata.get("surplus_detections"):
+        note(
+            f"{counted(surplus, 'detection')} left out: of a frame, the best "
+            f"{settings.perception.max_detections} count (perception: max_detections in --config)"
+        )
     if settings.alignment.enabled and hypermap.metadata["poses"] == "as recorded":
         note("poses were taken as recorded: there is no occupancy map to correct them by (--map)")
     return hypermap, not stoppable.ended_early

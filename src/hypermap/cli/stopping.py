@@ -10,7 +10,7 @@ from hypermap.cli.signals import Stop
 from hypermap.cli.terminal import note
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.perception.frame import RgbdFrame
-from hypermap.perception.recording import Recording, RecordingInfo
+from hypermap.perception.recording import OnBadFrame, Recording, RecordingInfo
 
 
 class StoppableRecording:
@@ -38,9 +38,9 @@ class StoppableRecording:
     def __len__(self) -> int:
         return len(self._recording)
 
-    def frames(self) -> Iterator[RgbdFrame]:
+    def frames(self, on_bad: OnBadFrame | None = None) -> Iterator[RgbdFrame]:
         """Yield the frames in order of time, up to the wish to stop."""
-        for frame in self._recording.frames():
+        for frame in self._recording.frames(on_bad):
             if self._stop.is_wanted:
                 self.ended_early = True
                 way_out = ", Ctrl-C again gives up" if self._stop.number == signal.SIGINT else ""

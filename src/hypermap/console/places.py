@@ -8,6 +8,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.errors import HypermapError
+from hypermap.core.tangles import check_tangle
 
 
 def parse_point(text: str, option: str) -> tuple[float, float]:
@@ -53,6 +54,10 @@ def _area_from_wkt(text: str, option: str) -> BaseGeometry:
 
 
 def _checked(area: BaseGeometry, text: str, option: str) -> BaseGeometry:
+    try:
+        check_tangle(area)
+    except ValueError as error:
+        raise HypermapError(f"{option}: {error}") from None
     if area.area == 0 or not area.is_valid:
         raise HypermapError(f"{option} {text!r}: the area is empty, or its outline crosses itself")
     return area

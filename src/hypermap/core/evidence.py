@@ -35,8 +35,8 @@ class EvidenceTable:
         areas: the ground that each view has seen, polygons [m], may be empty, shape (V,).
 
     Raises:
-        ValueError: If the columns do not fit each other, a number is not finite, or a footprint
-            has no points.
+        ValueError: If the columns do not fit each other, a number is not finite or absurdly large,
+            or a footprint has no points.
     """
 
     object_ids: NDArray[np.int64]
@@ -66,6 +66,8 @@ class EvidenceTable:
                 raise ValueError(f"{name} must have shape {shape}, got {column.shape}")
             if column.dtype.kind == "f" and not np.isfinite(column).all():
                 raise ValueError(f"{name} must be finite")
+            if name in ("scores", "heights", "poses") and np.abs(column).max(initial=0) > _FAR:
+                raise ValueError(f"{name} must lie within {_FAR:g}")  # else none could be rounded
         if count and not (self.views.min() >= 0 and self.views.max() < view_count):
             raise ValueError(f"views must be rows of the {view_count} views")
         if shapely.is_empty(self.footprints).any():

@@ -23,7 +23,8 @@ from hypermap.core.box_grid import BoxGrid
 from hypermap.core.objects import ObjectTable, SemanticObject
 from hypermap.core.outlines import Outlines, Rings
 from hypermap.core.recent_boxes import RecentBoxes
-from hypermap.core.shapes import is_sound, valid_copies
+from hypermap.core.shapes import valid_copies
+from hypermap.core.tangles import is_sound
 
 _FEWEST = 1024  # rows written or ended before a new log begins
 _SHARE = 8  # or this part of the table's rows, if that is more

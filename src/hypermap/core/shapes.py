@@ -11,6 +11,7 @@ from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.arrays import BoolArray, ObjectArray, as_objects
 from hypermap.core.errors import AreaError
+from hypermap.core.tangles import are_untangled, check_tangle, is_sound
 
 _FAR = 1e9  # metres; what of an area lies beyond is cut off
 _FARTHEST = 1e100  # metres; products of two such lengths do not overflow
@@ -44,19 +45,19 @@ def as_area(area: Any) -> BaseGeometry:
 
     Raises:
         TypeError: If it is no shapely geometry.
-        AreaError: If a coordinate is not finite, or GEOS cannot repair its outline.
+        AreaError: If a coordinate is not finite, or its outline cannot be followed or mended.
     """
     if not isinstance(area, BaseGeometry):
         raise TypeError(f"an area must be a shapely geometry, got {type(area).__name__}")
     own: BaseGeometry = shapely.force_2d(area)
-    if is_sound(own) and all(abs(side) <= _FAR for side in own.bounds):
-        return own
     farthest = np.abs(shapely.get_coordinates(own)).max(initial=0)
     if not np.isfinite(farthest):
         raise AreaError("an area must be finite; there is a NaN or infinite coordinate")
     try:
         if farthest > _FAR:
             own = shapely.transform(own, lambda xy: np.clip(xy, -_FARTHEST, _FARTHEST))
+        _check_tangle(own)
+        if farthest > _FAR:
             # `clip_by_rect` is quicker, but wrong or lost where corners lie very far outside.
             own = shapely.intersection(_valid(own), shapely.box(-_FAR, -_FAR, _FAR, _FAR))
         return _valid(own)
@@ -67,21 +68,16 @@ def as_area(area: Any) -> BaseGeometry:
         ) from error
 
 
+def _check_tangle(area: BaseGeometry) -> None:
+    try:
+        check_tangle(area)
+    except ValueError as error:
+        raise AreaError(f"{error}; ask about a simpler area") from None
+
+
 def _valid(area: BaseGeometry) -> BaseGeometry:
     valid: BaseGeometry = area if is_sound(area) else repaired(area)
     return valid
-
-
-def is_sound(shape: Any) -> Any:
-    """Return whether a geometry is valid; also for an array of them.
-
-    One whose outline GEOS cannot follow, as that of lengths below 1e-100 m, is not.
-    """
-    is_single = isinstance(shape, BaseGeometry)  # whose property is several times faster
-    try:
-        return shape.is_valid if is_single else shapely.is_valid(shape)
-    except shapely.GEOSException:
-        return False if is_single else np.fromiter(map(is_sound, shape), dtype=bool)
 
 
 def repaired(shape: Any) -> Any:
@@ -128,7 +124,8 @@ def check_footprint(footprint: Any) -> None:
 
     Raises:
         TypeError: If it is no shapely polygon or multipolygon.
-        ValueError: If it has no points, or a third, non-finite or absurdly large coordinate.
+        ValueError: If it has no points, or a third, non-finite or absurdly large coordinate, or
+            its outline is so tangled that it cannot be mended.
     """
     if not isinstance(footprint, shapely.Polygon | shapely.MultiPolygon):
         raise TypeError(
@@ -141,6 +138,7 @@ def check_footprint(footprint: Any) -> None:
     farthest = np.abs(shapely.get_coordinates(footprint)).max()
     if not farthest <= _FAR:
         raise ValueError(f"a footprint must be finite and within {_FAR:g} m, got {farthest}")
+    check_tangle(footprint)
 
 
 def can_be_corners(points: NDArray[np.float64]) -> bool:
@@ -157,4 +155,5 @@ def can_be_footprints(shapes: ObjectArray) -> BoolArray:
     if not can_be_corners(shapely.get_coordinates(shapes)):
         points, owners = shapely.get_coordinates(shapes, return_index=True)
         good[owners[~(np.abs(points) <= _FAR).all(axis=1)]] = False
+    good[good] = are_untangled(shapes[good])
     return np.asarray(good)

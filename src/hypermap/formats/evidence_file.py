@@ -20,6 +20,7 @@ from hypermap.core.errors import FormatError
 from hypermap.core.evidence import EvidenceTable
 from hypermap.core.layer import Store
 from hypermap.core.semantic import SemanticLayer
+from hypermap.core.tangles import are_untangled, check_tangle
 from hypermap.formats import limits
 
 logger = logging.getLogger(__name__)
@@ -222,7 +223,10 @@ def _unpacked(columns: Mapping[str, Any]) -> ObjectArray:
     linear = np.asarray(shapely.linearrings(closed, indices=ring_of_point))
     part_of_ring = np.repeat(np.arange(len(rings)), rings)
     parts = np.asarray(shapely.polygons(linear, indices=part_of_ring))
-    return _gathered(parts, polygons)
+    shapes = _gathered(parts, polygons)
+    for tangled in shapes[~are_untangled(shapes)][:1]:
+        check_tangle(tangled)
+    return shapes
 
 
 def _whole(values: Any) -> NDArray[np.int64]:

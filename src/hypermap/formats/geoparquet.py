@@ -7,8 +7,10 @@ columns give the same bytes each time.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+import operator
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -169,7 +171,9 @@ def _footprints(pa: Any, table: pyarrow.Table, path: str) -> ObjectArray:
         raise FormatError("is missing in a row", path=path, key=GEOMETRY)
     if pa.types.is_dictionary(column.type):
         words = whole(pa, column)
-        shapes = _shapes(pa, words.dictionary, path)[words.indices.to_numpy()]
+        rows = words.indices.to_numpy()
+        shapes = _shapes(pa, words.dictionary, path, lambda word: int(np.argmax(rows == word)))
+        shapes = shapes[rows]
         if shapely.get_num_coordinates(shapes).sum() * 16 > limits.MAX_TABLE_BYTES:
             raise FormatError("has too many points", path=path, key=GEOMETRY)
         return as_objects(shapes)
@@ -178,13 +182,13 @@ def _footprints(pa: Any, table: pyarrow.Table, path: str) -> ObjectArray:
     for chunk in column.chunks:
         for start in range(0, len(chunk), _AT_ONCE):
             some = chunk.slice(start, _AT_ONCE)
-            footprints[at : at + len(some)] = _shapes(pa, some, path)
+            footprints[at : at + len(some)] = _shapes(pa, some, path, partial(operator.add, at))
             at += len(some)
     return footprints
 
 
-def _shapes(pa: Any, wkb: Any, path: str) -> ObjectArray:
-    """Return the geometries of an Arrow array, which objects can have."""
+def _shapes(pa: Any, wkb: Any, path: str, row_of: Callable[[int], int]) -> ObjectArray:
+    """Return the geometries of an Arrow array, which objects can have; messages name the row."""
     is_large = pa.types.is_large_binary(wkb.type)
     if len(wkb) and (is_large or pa.types.is_binary(wkb.type)):
         _, offsets, data = wkb.buffers()
@@ -195,8 +199,14 @@ def _shapes(pa: Any, wkb: Any, path: str) -> ObjectArray:
             return outlines
     try:
         shapes = footprints_from_wkb(wkb.to_numpy(zero_copy_only=False))
-        for wrong in shapes[~can_be_footprints(shapes)][:1]:
-            check_footprint(wrong)
     except (ValueError, TypeError) as error:
         raise FormatError(str(error), path=path, key=GEOMETRY) from None
+    good = can_be_footprints(shapes)
+    if not good.all():
+        wrong = int(np.argmin(good))
+        try:
+            check_footprint(shapes[wrong])
+        except (ValueError, TypeError) as error:
+            key = f"{GEOMETRY} in row {row_of(wrong)}"
+            raise FormatError(str(error), path=path, key=key) from None
     return shapes

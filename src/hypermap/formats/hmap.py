@@ -27,7 +27,7 @@ from hypermap.formats.config import (
     parse_config,
 )
 from hypermap.formats.map_server import load_occupancy
-from hypermap.formats.plugins import LayerPlugin, installed_layers, plugin_for
+from hypermap.formats.plugins import LayerPlugin, blamed_on_plugin, installed_layers, plugin_for
 from hypermap.formats.semantic_yaml import SemanticFiles, SemanticForm
 from hypermap.formats.store import FolderStore, MemoryStore, read_file, safe_name
 from hypermap.formats.yaml_text import read_yaml
@@ -150,12 +150,13 @@ def _read_layer(entry: LayerEntry, store: Store) -> Layer:
             load_file=entry.load_file,
             settings=entry.settings,
         )
-    file = entry.settings.get(BINARY_FILE)
-    if file is None:
-        if not entry.load_file:
-            return plugin.empty(entry.name, entry.frame_id, entry.settings)
-        file = entry.settings["file"]
-    return plugin.load(store, file, entry.name, entry.frame_id, entry.settings)
+    with blamed_on_plugin(entry.class_name, f"cannot read layer {entry.name!r}"):
+        file = entry.settings.get(BINARY_FILE)
+        if file is None:
+            if not entry.load_file:
+                return plugin.empty(entry.name, entry.frame_id, entry.settings)
+            file = entry.settings["file"]
+        return plugin.load(store, file, entry.name, entry.frame_id, entry.settings)
 
 
 class _Claims:
@@ -216,7 +217,8 @@ def _write_layer(
     chosen: LayerPlugin = SemanticFiles(semantic) if isinstance(plugin, SemanticFiles) else plugin
     for file in _file_names(layer):
         staged = MemoryStore()
-        keys = chosen.save(layer, staged, file) or {}
+        with blamed_on_plugin(layer.class_name, f"cannot write layer {layer.name!r}"):
+            keys = chosen.save(layer, staged, file) or {}
         if not staged.files:
             return _entry(layer, False, layer.settings), {}
         if not _clash(staged.files, taken):

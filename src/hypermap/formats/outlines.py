@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from hypermap.core.arrays import ObjectArray
 from hypermap.core.shapes import can_be_corners
+from hypermap.core.tangles import are_untangled
 from hypermap.formats.numbers import numbers_from_json
 
 _NUMBER = b"-+0123456789.eE"
@@ -99,11 +100,11 @@ def _are_open(points: NDArray[np.float64], ends: NDArray[np.int64]) -> NDArray[n
 
 
 def _polygons(points: NDArray[np.float64], ends: NDArray[np.int64]) -> ObjectArray | None:
-    """Return polygons of a closed ring each; None if one has too few corners or lies too far."""
+    """Return polygons of a closed ring each; None if an object cannot have one of them."""
     bounds = np.append(0, ends)
     if np.diff(bounds).min() < _FEWEST_CORNERS or not can_be_corners(points):
         return None
     polygons: ObjectArray = shapely.from_ragged_array(
         shapely.GeometryType.POLYGON, points, (bounds, np.arange(len(bounds)))
     )
-    return polygons
+    return polygons if are_untangled(polygons).all() else None

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import importlib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any, Protocol, cast
 
 from hypermap.core.errors import HypermapError
@@ -64,6 +65,30 @@ def plugin_for(class_name: str) -> LayerPlugin | None:
         return _ours(class_name)
     entry_point = _theirs().get(class_name)
     return None if entry_point is None else _load(entry_point)
+
+
+@contextlib.contextmanager
+def blamed_on_plugin(class_name: str, work: str) -> Iterator[None]:
+    """Let whatever another package raises be told as that package's.
+
+    Args:
+        class_name: the kind of layer.
+        work: what it is to do, as "cannot read layer 'x'".
+
+    Raises:
+        HypermapError: If another package's plug-in raises an exception of its own.
+    """
+    try:
+        yield
+    except (HypermapError, OSError, MemoryError):
+        raise
+    except Exception as error:
+        if class_name in _OURS:
+            raise
+        raise HypermapError(
+            f"the plug-in for layers of class {class_name!r} {work}: "
+            f"{type(error).__name__}: {error}"
+        ) from error
 
 
 def installed_layers() -> tuple[str, ...]:

@@ -19,13 +19,17 @@ class Column(Generic[Item]):
         values: the rows, to read and to write; outdated when rows come or go.
     """
 
-    def __init__(self, empty: NDArray[Item]) -> None:
-        """Begin with an array without rows, which says what a row is like."""
-        self._room = self.values = empty
-        self._begin = self._end = 0
+    def __init__(self, rows: NDArray[Item]) -> None:
+        """Begin with some rows, or with none, whose array says what a row is like."""
+        self._room = self.values = rows
+        self._begin, self._end = 0, len(rows)
 
     def __len__(self) -> int:
         return self._end - self._begin
+
+    def copy(self) -> Column[Item]:
+        """Return a column of the same rows; a change of one does not change the other."""
+        return Column(self.values.copy())
 
     def append(self, row: ArrayLike) -> None:
         """Add a row."""

@@ -115,7 +115,6 @@ _PROFILES: Mapping[str, MappingConfig] = {
             combine="matches",
             fusion="best_shape",
             renewal=0.0,
-            max_evidence=1000,
             gain=1.0,
             gain_by_score=False,
             loss=0.2,

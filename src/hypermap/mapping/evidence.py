@@ -48,6 +48,7 @@ class EvidenceMap:
         self._associate = ASSOCIATIONS[config.association]
         self._fuse = FUSIONS[config.fusion]
         self._shown: set[int] = set()  # ids of the objects to which this frame has given evidence
+        self._touched: dict[int, tuple[KnownObject, KnownObject]] = {}  # with what they were
         self._classes: dict[str, int] = {}
         self._known = KnownObjects(config.max_existence)
 
@@ -56,10 +57,21 @@ class EvidenceMap:
         return int(np.count_nonzero(self._known.existence > self.config.publish_above))
 
     def update(self, observation: Observation) -> None:
-        """Learn from one frame.
+        """Learn from one frame, or not at all: an update that fails leaves all as it was.
 
         Shapes that are empty, invalid or without area are left out and counted.
         """
+        before, ignored = self._known.copy(), self.ignored
+        self._touched.clear()
+        try:
+            self._learn(observation)
+        except BaseException:  # as if memory runs out
+            self._known, self.ignored = before, ignored
+            for known, was in self._touched.values():
+                known.become(was)
+            raise
+
+    def _learn(self, observation: Observation) -> None:
         self._shown.clear()
         found = evidence_of(observation, self.config.abstain)
         if len(found) < len(observation.objects):
@@ -148,7 +160,7 @@ class EvidenceMap:
             row = self._combine(matches)
         else:
             row = matches[0]
-        known = self._known.objects[row]
+        known = self._touch(row)
         known.pile.add(evidence)
         known.unfused += 1
         gain = self.config.gain * (evidence.score if self.config.gain_by_score else 1.0)
@@ -164,7 +176,7 @@ class EvidenceMap:
         """Make one object of several, the oldest of them, and return its row."""
         row, *others = sorted(rows)
         if others:
-            known = self._known.objects[row]
+            known = self._touch(row)
             known.pile.merge(self._known.objects[other].pile for other in others)
             known.unfused = len(known.pile)
             for other in others:
@@ -196,17 +208,24 @@ class EvidenceMap:
 
     def _note_neighbors(self) -> None:
         """Remember which objects of a class this frame showed side by side."""
-        shown = [self._known.objects[row] for row in self._known.rows_of(self._shown)]
+        shown = [self._touch(row) for row in self._known.rows_of(self._shown)]
         for known in shown:
             known.beside.update(o.id for o in shown if o is not known and o.name == known.name)
 
     def _renew(self, row: int) -> None:
         """Fuse an object's shape from its evidence."""
-        known = self._known.objects[row]
+        known = self._touch(row)
         self._known.shapes.replace(row, self._fuse(known.pile, self.config))
         if self.config.sight == "rays" or self.config.contested > 0:
             self._known.shapes.heights[row] = known.pile.heights()
         known.unfused = 0
+
+    def _touch(self, row: int) -> KnownObject:
+        """Return an object that is about to change, and remember what it was before this frame."""
+        known = self._known.objects[row]
+        if known.id not in self._touched:
+            self._touched[known.id] = known, known.copy()
+        return known
 
     def _published_rows(self) -> list[int]:
         rows: list[int] = np.flatnonzero(self._known.existence > self.config.publish_above).tolist()

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,9 @@ _LEVEL = math.cos(math.radians(10))
 _LEVEL_SHARE = 0.3  # of the points of the best floor, with which a level one is preferred
 _WIDE = 3.0  # metres; no table is so long
 _TILT_DEG, _HEIGHT = 4.0, 0.15  # metres; a floor that is off by more is wrong
+_UNITS = 0.001, 0.1, 0.2, 5.0, 10.0, 1000.0  # by which depth is off that is read with a wrong scale
+_ALIKE_UNITS = 0.1
+_LOWEST_CAMERA = 0.3  # metres, from which on such a factor can be told from a wrong height
 _BENT = 0.05  # metres by which errors of the depth may lift one side of what is seen of a floor
 
 
@@ -42,11 +45,13 @@ class Floor:
         normal: its upward normal in the map, shape (3,).
         offset: how far it lies along its normal from the map's origin [m].
         span: length and width of what was seen of it [m].
+        camera_z: height of the camera in the map, mean of all frames [m].
     """
 
     normal: NDArray[np.float64]
     offset: float
     span: tuple[float, float]
+    camera_z: float = 0.0
 
     @property
     def tilt_deg(self) -> float:
@@ -99,7 +104,22 @@ class Floor:
             )
         return (
             f"the floor of the recording lies at z = {self.offset:.2f} m, where z = 0 is expected"
+            f"{self._depth_is_off}"
         )
+
+    @property
+    def _depth_is_off(self) -> str:
+        """A hint where the floor would lie at z = 0, if depth were in another usual unit."""
+        if self.camera_z < _LOWEST_CAMERA:
+            return ""
+        ratio = (self.camera_z - self.offset) / self.camera_z
+        for unit in _UNITS:
+            if abs(ratio / unit - 1) < _ALIKE_UNITS:
+                return (
+                    f" (as if all depth were {unit:g} times what it is: are the units per metre "
+                    "right, --depth-scale?)"
+                )
+        return ""
 
 
 class FloorSampler:
@@ -108,6 +128,7 @@ class FloorSampler:
     def __init__(self) -> None:
         self._frames: list[tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]]
         self._frames = []  # points and their normals, (N, 3) each, and the image's upward side
+        self._heights: list[float] = []  # of the cameras
         self._every, self._seen = 1, 0
 
     def add(self, frame: RgbdFrame) -> None:
@@ -117,8 +138,10 @@ class FloorSampler:
             return
         points, normals = _points_and_normals(frame)
         self._frames.append((points, normals, -frame.map_T_camera[:3, 1]))
+        self._heights.append(float(frame.map_T_camera[2, 3]))
         if len(self._frames) > _MOST_FRAMES:
             self._frames, self._every = self._frames[::2], 2 * self._every
+            self._heights = self._heights[::2]
 
     def floor(self) -> Floor | None:
         """Return the floor; None if too little of one is seen."""
@@ -129,11 +152,13 @@ class FloorSampler:
         up = np.mean([upward for _, _, upward in self._frames], axis=0)
         if len(points) < _TRIED:
             return None
+        camera_z = float(np.mean(self._heights))
         floors = []
         for normal in _directions(normals, up):
             found = _lowest_plane(points, normals, normal)
             if found is not None:
-                floor = found[0]
+                floor = replace(found[0], camera_z=camera_z)
+                found = floor, found[1]
                 if floor.normal[2] >= _LEVEL or floor.normal @ up > _UPRIGHT:
                     floors.append(found)
         if not floors:

@@ -18,6 +18,7 @@ class KeyframeSelector:
     def __init__(self, config: KeyframeConfig) -> None:
         self.config = config
         self._last: NDArray[np.float64] | None = None
+        self._before: NDArray[np.float64] | None = None
 
     def accept(self, map_T_camera: NDArray[np.float64]) -> bool:
         """Return whether a pose, shape (4, 4), is far enough from the last accepted one.
@@ -31,8 +32,12 @@ class KeyframeSelector:
             angle_deg = np.degrees(rotation_angle(last_T_camera[:3, :3]))
             if distance < self.config.min_distance and angle_deg < self.config.min_angle_deg:
                 return False
-        self._last = map_T_camera
+        self._before, self._last = self._last, map_T_camera
         return True
+
+    def undo(self) -> None:
+        """Forget the last accepted pose, of a frame that could not be processed."""
+        self._last = self._before
 
 
 def rotation_angle(rotation: NDArray[np.float64]) -> float:

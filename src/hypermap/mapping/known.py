@@ -35,6 +35,14 @@ class KnownObject:
     beside: Counter[int] = dataclasses.field(default_factory=Counter)
     unfused: int = 0
 
+    def copy(self) -> KnownObject:
+        """Return the same; a change of one does not change the other."""
+        return KnownObject(self.id, self.name, self.pile.copy(), self.beside.copy(), self.unfused)
+
+    def become(self, other: KnownObject) -> None:
+        """Take over all that another one is."""
+        vars(self).update(vars(other))
+
 
 class KnownObjects:
     """A table of objects: a list of what is unlike, and columns for what is computed with.
@@ -51,6 +59,15 @@ class KnownObjects:
         self._existence = Column(np.empty(0))
         self._max_existence = max_existence
         self._next_id = 0
+
+    def copy(self) -> KnownObjects:
+        """Return another table of the very same objects; what is in columns is copied."""
+        other = KnownObjects(self._max_existence)
+        other.objects = list(self.objects)
+        other.shapes = self.shapes.copy()
+        other._existence = self._existence.copy()
+        other._next_id = self._next_id
+        return other
 
     @property
     def existence(self) -> NDArray[np.float64]:

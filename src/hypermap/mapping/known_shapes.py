@@ -31,6 +31,15 @@ class KnownShapes:
         self._boxes = Column(np.empty((0, 4)))
         self._heights = Column(np.empty((0, 2)))
 
+    def copy(self) -> KnownShapes:
+        """Return the same shapes; a change of one does not change the other."""
+        other = KnownShapes()
+        other.outlines = list(self.outlines)
+        other._classes = self._classes.copy()
+        other._boxes = self._boxes.copy()
+        other._heights = self._heights.copy()
+        return other
+
     def __len__(self) -> int:
         return len(self.outlines)
 

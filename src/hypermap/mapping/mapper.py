@@ -16,19 +16,29 @@ from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.trajectory import rpy_from_pose
 from hypermap.mapping.alignment import Aligner
 from hypermap.mapping.config import MappingConfig, to_dict
+from hypermap.mapping.depth_check import DepthCheck, why_implausible
 from hypermap.mapping.evidence import EvidenceMap
 from hypermap.mapping.floor import Floor, FloorCheck
 from hypermap.mapping.keyframes import KeyframeSelector
 from hypermap.mapping.occupancy import OccupancyMapper
 from hypermap.perception.detections import Detections, DetectionSource
+from hypermap.perception.detectors.sources import detections_of
 from hypermap.perception.frame import RgbdFrame
 from hypermap.perception.observation import Observation
-from hypermap.perception.observe import observe
+from hypermap.perception.observe import observe, those_that_count
 from hypermap.perception.recording import Recording
 
 _log = logging.getLogger(__name__)
 
+MAX_BAD = 0.5
+"""Share of a recording's frames that may fail before mapping gives up."""
+_HOPELESS = 100  # frames that fail before the first that does not
+
 _FARTHEST = 1e9  # metres; beyond, shapes on the floor could not be computed with
+
+
+class BadFrame(HypermapError):
+    """A frame cannot be mapped, while others may be."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +48,8 @@ class Counts:
     Attributes:
         used: frames that were mapped.
         skipped: frames left out because the camera had hardly moved.
-        unusable: frames left out because they have no depth or no proper pose.
+        unusable: frames left out because they cannot be read, have no depth or no proper pose, or
+            the source of detections failed.
     """
 
     used: int = 0
@@ -91,6 +102,8 @@ class Mapper:
         config: how it is done.
         counts: what became of the frames so far.
         evidence: the objects and the evidence for them.
+        first_reason: why the first frame was left out; empty while none was.
+        surplus: detections left out so far, because their frames had too many.
         watch: called after each frame that was mapped, if there is anyone who watches.
     """
 
@@ -115,6 +128,8 @@ class Mapper:
         self.config = config
         self.counts = Counts()
         self.evidence = EvidenceMap(config.evidence)
+        self.first_reason = ""
+        self.surplus = 0
         self.watch: Callable[[MappedFrame, Mapper], None] | None = None
         self._source = source or _see_nothing
         self._has_objects = source is not None
@@ -132,27 +147,38 @@ class Mapper:
             because its camera has hardly moved. `counts` tells which.
 
         Raises:
-            HypermapError: If the source cannot say what the frame shows; the map stays as it was.
+            BadFrame: If the source cannot say what the frame shows, or its color cannot be read;
+                the map stays as it was.
         """
         if (reason := why_unusable(frame)) is not None:
-            self._leave_out(frame, reason)
+            self.leave_out(frame.stamp, reason)
             return None
         if not self._keyframes.accept(frame.map_T_camera):
             self._count(skipped=1)
             return None
         if self._aligner is not None:
             frame = self._aligner.align(frame)
-        detections, is_watched = self._source(frame), self.watch is not None
-        if is_watched:  # only then segments are kept, which number the detections that count
-            detections = detections[detections.scores >= self.config.perception.min_score]
+        is_watched = self.watch is not None
+        try:
+            if is_watched:
+                _ = frame.color  # decoded now, so that a damaged one leaves the map as it was
+            detections = self._detections(frame)
+        except HypermapError as error:
+            self._keyframes.undo()
+            raise BadFrame(str(error)) from error
+        # Only those who watch need the segments, which number the detections that count.
         observation = observe(frame, detections, self.config.perception, keep_segments=is_watched)
+        change: Callable[[], None] | None = None
         if self._given_occupancy is None:
             try:
-                self._occupancy.add_depth(frame)
+                change = self._occupancy.change_by(frame)
             except HypermapError as error:  # one wild pose must not end an hour of mapping
-                self._leave_out(frame, str(error))
+                self._keyframes.undo()
+                self.leave_out(frame.stamp, str(error))
                 return None
         self.evidence.update(observation)
+        if change is not None:  # last, as nothing can stop it
+            change()
         self._count(used=1)
         if self.watch is not None:
             self.watch(MappedFrame(frame, detections, observation), self)
@@ -184,6 +210,7 @@ class Mapper:
         metadata = {
             "hypermap_version": __version__,
             "frames": asdict(self.counts),
+            **({"surplus_detections": self.surplus} if self.surplus else {}),
             "poses": "corrected by the occupancy map" if self.corrects_poses else "as recorded",
             "config": to_dict(self.config),
         }
@@ -195,9 +222,33 @@ class Mapper:
             return self._given_occupancy
         return self._occupancy.layer(frame_id=self._frame_id)
 
-    def _leave_out(self, frame: RgbdFrame, reason: str) -> None:
-        _log.warning("frame %.6f left out: %s", frame.stamp, reason)
+    def leave_out(self, stamp: float, reason: str) -> None:
+        """Count a frame that cannot be mapped, and log why."""
+        _log.warning("frame %.6f left out: %s", stamp, reason)
+        self.first_reason = self.first_reason or reason
         self._count(unusable=1)
+
+    def _detections(self, frame: RgbdFrame) -> Detections:
+        """Return the detections of a frame that count."""
+        found = detections_of("the source of detections", lambda: self._source(frame))
+        masks, shape = found.masks, frame.depth.shape
+        if masks is not None and len(masks) and masks.shape[1:] != shape:
+            raise HypermapError(
+                f"the masks of the detections have the shape {masks.shape[1:]}, the image {shape}"
+            )
+        counting = those_that_count(found, self.config.perception)
+        surplus = np.count_nonzero(found.scores >= self.config.perception.min_score) - len(counting)
+        if surplus:
+            say = _log.debug if self.surplus else _log.warning
+            say(
+                "frame %.6f: %d detections are left out, as only the best %d of a frame count "
+                "(max_detections); further such frames are counted",
+                frame.stamp,
+                surplus,
+                len(counting),
+            )
+            self.surplus += int(surplus)
+        return counting
 
     def _count(self, used: int = 0, skipped: int = 0, unusable: int = 0) -> None:
         before = self.counts
@@ -214,11 +265,15 @@ def map_recording(
     on_progress: Callable[[Progress], None] | None = None,
     watch: Callable[[MappedFrame, Mapper], None] | None = None,
     on_wrong_floor: Callable[[Floor], None] | None = None,
+    max_bad: float = MAX_BAD,
 ) -> Hypermap:
     """Return the map of a recording.
 
     Whoever wants to stop early and keep the map so far (the command line does, on Ctrl-C) hands
     over a recording whose `frames` end early, or calls `Mapper` in a loop of its own.
+
+    A frame that cannot be read, or of which the source cannot say what it shows, is left out,
+    which is counted and logged.
 
     Args:
         recording: where the frames come from.
@@ -230,30 +285,79 @@ def map_recording(
         watch: called after each frame that was mapped.
         on_wrong_floor: called once, as soon as the depth shows a floor that is not level or not
             at z = 0, as of a recording whose world is not level; by default this is logged.
+        max_bad: share of the recording's frames that may be left out so; 0 stops at the first.
 
     Raises:
-        HypermapError: If the recording or the source fails, or not one frame was usable.
+        HypermapError: If the recording or the source fails altogether or too often, or not one
+            frame was usable.
     """
     if occupancy is None:
         occupancy = recording.occupancy()
     mapper = Mapper(config, source, occupancy, recording.frame_id)
     mapper.watch = watch
     check = FloorCheck(on_wrong_floor or _log_wrong_floor)
-    for frame in recording.frames():
-        if mapper.add(frame) is not None:
+    depth_check = DepthCheck(config.perception.max_depth)
+    bad = _BadFrames(mapper, recording, max_bad)
+    for frame in recording.frames(bad.add):
+        try:
+            is_mapped = mapper.add(frame) is not None
+        except BadFrame as error:
+            bad.add(frame.stamp, error)
+            is_mapped = False
+        if is_mapped:
             check.add(frame)
+            depth_check.add(frame)
         if on_progress is not None:
             counts = mapper.counts
             on_progress(Progress(counts.frames, len(recording), len(mapper.evidence), counts))
-    if mapper.counts.used == 0:
-        raise HypermapError(
-            f"{recording.path}: there is nothing to map: of {mapper.counts.frames} frames none "
-            "has both depth and a proper pose"
-        )
+    bad.finish()
     check.finish()
+    depth_check.finish()
     hypermap = mapper.hypermap()
     hypermap.metadata["recording"] = recording.path.name
     return hypermap
+
+
+class _BadFrames:
+    """Frames of a recording that fail, as long as they are few."""
+
+    def __init__(self, mapper: Mapper, recording: Recording, most: float) -> None:
+        self._mapper = mapper
+        self._recording = recording
+        self._most = most
+        self._count = 0
+
+    def add(self, stamp: float, error: HypermapError) -> None:
+        """Count a frame.
+
+        Raises:
+            HypermapError: If these are too many.
+        """
+        if self._most == 0:
+            raise error
+        self._count += 1
+        self._mapper.leave_out(stamp, str(error))
+        total, used = len(self._recording), self._mapper.counts.used
+        if self._count > self._most * total or (used == 0 and self._count >= _HOPELESS):
+            raise HypermapError(
+                f"{self._recording.path}: {self._count} of {total} frames cannot be used, too many "
+                f"to go on; the first: {self._mapper.first_reason}"
+            )
+
+    def finish(self) -> None:
+        """Make sure that something was mapped.
+
+        Raises:
+            HypermapError: If nothing was.
+        """
+        counts = self._mapper.counts
+        if counts.used == 0:
+            reason = self._mapper.first_reason
+            why = f"; the first: {reason}" if reason else ""
+            raise HypermapError(
+                f"{self._recording.path}: there is nothing to map: of {counts.frames} frames none "
+                f"can be used{why}"
+            )
 
 
 def _see_nothing(_frame: RgbdFrame) -> Detections:
@@ -267,6 +371,8 @@ def _log_wrong_floor(floor: Floor) -> None:
 
 def why_unusable(frame: RgbdFrame) -> str | None:
     """Return why a frame cannot be mapped; None if it can."""
+    if not np.isfinite(frame.stamp):
+        return "its stamp is not finite"
     if not np.isfinite(frame.map_T_camera).all():
         return "its pose is not finite"
     if np.abs(frame.map_T_camera[:3, 3]).max() > _FARTHEST:
@@ -277,4 +383,4 @@ def why_unusable(frame: RgbdFrame) -> str | None:
         return "its pose is no rigid motion"
     if not np.isfinite(frame.depth).any():
         return "its depth image is empty"
-    return None
+    return why_implausible(frame)

@@ -6,6 +6,9 @@ OctoMap, Autonomous Robots 2013.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -46,7 +49,17 @@ class OccupancyMapper:
         Raises:
             HypermapError: If the map would grow beyond `max_cells`; it stays as it was.
         """
-        self._add(Rays.of_depth(frame, self.config), self.config.min_points)
+        self.change_by(frame)()
+
+    def change_by(self, frame: RgbdFrame) -> Callable[[], None]:
+        """Return the change that `add_depth` makes; nothing fails any more when it is called.
+
+        It is to be called before the map learns from anything else.
+
+        Raises:
+            HypermapError: As `add_depth` does.
+        """
+        return self._change_by(Rays.of_depth(frame, self.config), self.config.min_points)
 
     def add_scan(
         self,
@@ -74,10 +87,8 @@ class OccupancyMapper:
         if not 0 < reach < np.inf:
             raise ValueError(f"range_max must be a positive number, got {range_max}")
         resolution = self.config.resolution
-        self._add(
-            Rays.of_scan(ranges, angle_min, angle_increment, map_T_laser, reach, resolution),
-            min_points=1,
-        )
+        rays = Rays.of_scan(ranges, angle_min, angle_increment, map_T_laser, reach, resolution)
+        self._change_by(rays, min_points=1)()
 
     def layer(self, name: str = "occupancy", frame_id: str = "map") -> OccupancyLayer:
         """Return what is known so far, cut to the cells that were ever seen.
@@ -98,10 +109,10 @@ class OccupancyMapper:
         cells[np.isnan(seen)] = UNKNOWN
         return OccupancyLayer(name, frame_id, grid, cells)
 
-    def _add(self, rays: Rays, min_points: int) -> None:
+    def _change_by(self, rays: Rays, min_points: int) -> Callable[[], None]:
         bounds = rays.bounds()
         if bounds is None:
-            return
+            return _nothing
         first, last = self._world.cells_at(bounds)
         self._cover(first, last)
         shape = last - first + 1
@@ -110,7 +121,7 @@ class OccupancyMapper:
         window = self._log_odds[corner[0] : corner[0] + shape[0], corner[1] : corner[1] + shape[1]]
         changes = self.config.hit, -self.config.miss
         clamps = self.config.min_log_odds, self.config.max_log_odds
-        _change(window, hits >= min_points, is_free, changes, clamps)
+        return partial(_change, window, hits >= min_points, is_free, changes, clamps)
 
     def _cover(self, first: NDArray[np.int64], last: NDArray[np.int64]) -> None:
         """Let the grid grow until it holds the cells of the world from first to last."""
@@ -146,6 +157,10 @@ class OccupancyMapper:
             resolution=side,
             origin=Pose2D(x=int(first[1]) * side, y=int(first[0]) * side),
         )
+
+
+def _nothing() -> None:
+    pass
 
 
 @loop()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 import statistics
 from collections.abc import Iterable
@@ -126,6 +127,13 @@ class Pile:
 
     def __len__(self) -> int:
         return len(self.items)
+
+    def copy(self) -> Pile:
+        """Return the same evidence; a change of one does not change the other."""
+        other = copy.copy(self)
+        other.items = list(self.items)
+        other._centroids = self._centroids.copy()
+        return other
 
     def add(self, evidence: Evidence) -> None:
         """Put one piece on top; the lowest one goes when the pile is full."""

@@ -42,6 +42,7 @@ class PerceptionConfig:
         voxel_size: side of the floor's cells whose centroids make up a footprint [m].
         visible_step: every n-th row and column of the image makes up the visible area.
         min_score: detections below it are left out, 0..1.
+        max_detections: detections of a frame; of more, those with the best scores count.
         min_depth: points nearer than this take no part [m].
         max_depth: points farther than this take no part, in the visible area neither [m].
     """
@@ -63,6 +64,7 @@ class PerceptionConfig:
     voxel_size: float = 0.01
     visible_step: int = 2
     min_score: float = 0.3
+    max_detections: int = 200
     min_depth: float = 0.0
     max_depth: float = 5.0
 
@@ -86,6 +88,7 @@ class PerceptionConfig:
         _check("voxel_size", self.voxel_size, 1e-4, 10)
         _check("visible_step", self.visible_step, 1, math.inf)
         _check("min_score", self.min_score, 0, 1)
+        _check("max_detections", self.max_detections, 0, math.inf)
         _check("min_depth", self.min_depth, 0, math.inf)
         _check("max_depth", self.max_depth, self.min_depth, math.inf)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -47,6 +48,9 @@ class Observation:
         visible_area: polygon in the map frame [m] that this frame could have seen; may be empty.
             It is the hull of the points seen, and so reaches behind things.
         view: where the frame's rays ended; None if only the area is known.
+
+    Raises:
+        ValueError: If the stamp or the pose is not finite.
     """
 
     stamp: float
@@ -54,3 +58,7 @@ class Observation:
     objects: tuple[ObservedObject, ...]
     visible_area: BaseGeometry
     view: View | None = None
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.stamp) and np.isfinite(self.map_T_camera).all()):
+            raise ValueError(f"the stamp and the pose must be finite, got the stamp {self.stamp}")

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, TypeAlias, TypeVar
 
+from hypermap.core.errors import HypermapError
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.perception.frame import RgbdFrame
+
+OnBadFrame: TypeAlias = "Callable[[float, HypermapError], None]"
+"""Called with the stamp of a frame that cannot be read [s], and why."""
+
+_Part = TypeVar("_Part")
 
 
 @dataclass(frozen=True)
@@ -70,11 +76,15 @@ class Recording(Protocol):
         """Return how many frames `frames` will yield at most."""
         ...
 
-    def frames(self) -> Iterator[RgbdFrame]:
+    def frames(self, on_bad: OnBadFrame | None = None) -> Iterator[RgbdFrame]:
         """Yield the frames in order of time.
 
+        Args:
+            on_bad: told of each frame that cannot be read, which is left out then.
+
         Raises:
-            FormatError: If something that mapping needs is missing or broken.
+            FormatError: If something that mapping needs is missing or broken; of a single frame
+                only without `on_bad`.
         """
         ...
 
@@ -85,3 +95,18 @@ class Recording(Protocol):
     def occupancy(self) -> OccupancyLayer | None:
         """Return the recorded occupancy map, if there is one."""
         ...
+
+
+def or_report(read: Callable[[], _Part], stamp: float, on_bad: OnBadFrame | None) -> _Part | None:
+    """Return what a frame needs; None where it cannot be read, and somebody is told of that.
+
+    Raises:
+        HypermapError: As `read` does, if nobody is told.
+    """
+    try:
+        return read()
+    except HypermapError as error:
+        if on_bad is None:
+            raise
+        on_bad(stamp, error)
+        return None

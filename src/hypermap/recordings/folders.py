@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hypermap.core.errors import FileMissing, FormatError
+from hypermap.core.errors import FileMissing, FormatError, HypermapError
 from hypermap.perception.frame import Camera
 from hypermap.recordings.pictures import (
     decode_color,
@@ -18,10 +19,10 @@ from hypermap.recordings.pictures import (
     read_file,
 )
 
+_FIRST = 5  # frames that tell the size of all; of these, one may be odd or two broken
 
-def load_depth(
-    path: Path, camera: Camera, units_per_metre: float, invalid: tuple[int, ...]
-) -> NDArray[np.float32]:
+
+def load_depth(path: Path, camera: Camera, units_per_metre: float) -> NDArray[np.float32]:
     """Return a depth image in metres with NaN for no return, shape (H, W).
 
     Raises:
@@ -34,7 +35,7 @@ def load_depth(
     except FormatError as error:
         raise FormatError(str(error), path=path) from None
     _check_size(path, integers.shape, camera, "the first depth image")
-    return depth_in_metres(integers, units_per_metre, invalid)
+    return depth_in_metres(integers, units_per_metre)
 
 
 def load_color(path: Path, camera: Camera) -> NDArray[np.uint8]:
@@ -53,15 +54,33 @@ def load_color(path: Path, camera: Camera) -> NDArray[np.uint8]:
     return color
 
 
-def frame_size(depth: Path, color: Path | None) -> tuple[int, int]:
-    """Return columns and rows of a frame's pictures.
+def usual_size(pictures: Sequence[tuple[Path, Path | None]]) -> tuple[int, int]:
+    """Return columns and rows of a recording's frames: those of most of its first good ones.
+
+    Args:
+        pictures: depth and color of each frame, at least one.
 
     Raises:
-        FileMissing: If there is no such file.
-        FormatError: If one is no picture, or their sizes differ.
+        FileMissing: If no depth image is there; tells of the first, as the following.
+        FormatError: If none is a picture, or the color of each that is one has another size.
     """
+    sizes: list[tuple[int, int]] = []
+    first: HypermapError | None = None
+    for depth, color in pictures:
+        try:
+            sizes.append(_frame_size(depth, color))
+        except HypermapError as error:
+            first = first or error
+        if len(sizes) == _FIRST:
+            break
+    if not sizes and first is not None:
+        raise first
+    return Counter(sizes).most_common(1)[0][0]
+
+
+def _frame_size(depth: Path, color: Path | None) -> tuple[int, int]:
     width, height = _size_of(depth)
-    if color is not None and _size_of(color) != (width, height):
+    if color is not None and color.is_file() and _size_of(color) != (width, height):
         color_width, color_height = _size_of(color)
         raise FormatError(
             f"color has {color_width} x {color_height} pixels, but depth in {depth} has "
@@ -79,13 +98,19 @@ def _size_of(path: Path) -> tuple[int, int]:
         raise FormatError(str(error), path=path) from None
 
 
-def check_present(paths: Sequence[Path], kind: str, source: Path) -> None:
-    """Raise a FileMissing unless all files that a recording names are there."""
+def absence_of(paths: Sequence[Path], kind: str, source: Path) -> list[str]:
+    """Return a sentence on files that a recording names, but that are not there, if there are any.
+
+    Raises:
+        FileMissing: If all of them are.
+    """
     absent = [path for path in paths if not path.is_file()]
-    if absent:
-        raise FileMissing(
-            f"{source}: {len(absent)} of {len(paths)} {kind} are missing, the first is {absent[0]}"
-        )
+    if not absent:
+        return []
+    what = f"{len(absent)} of {len(paths)} {kind} are missing, the first is {absent[0]}"
+    if len(absent) == len(paths):
+        raise FileMissing(f"{source}: {what}")
+    return [what]
 
 
 def _check_size(path: Path, shape: tuple[int, ...], camera: Camera, other: str) -> None:

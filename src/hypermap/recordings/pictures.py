@@ -76,12 +76,10 @@ def decode_integers(content: bytes) -> NDArray[np.uint16]:
         return np.asarray(image).astype(np.uint16)
 
 
-def depth_in_metres(
-    integers: NDArray[np.uint16], units_per_metre: float, invalid: tuple[int, ...] = (0,)
-) -> NDArray[np.float32]:
-    """Return integer depth as metres, float32, with NaN for the invalid values."""
+def depth_in_metres(integers: NDArray[np.uint16], units_per_metre: float) -> NDArray[np.float32]:
+    """Return integer depth as metres, float32; 0 and the largest number are no return, NaN."""
     depth = np.divide(integers, np.float32(units_per_metre), dtype=np.float32)
-    for value in invalid:
+    for value in (0, np.iinfo(np.uint16).max):
         np.copyto(depth, np.nan, where=integers == value)
     return depth
 

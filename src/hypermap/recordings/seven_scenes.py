@@ -15,8 +15,8 @@ from hypermap.core.errors import FileMissing, FormatError
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.trajectory import compose
 from hypermap.perception.frame import Camera, RgbdFrame
-from hypermap.perception.recording import RecordingInfo, Stream
-from hypermap.recordings.folders import frame_size, load_color, load_depth
+from hypermap.perception.recording import OnBadFrame, RecordingInfo, Stream, or_report
+from hypermap.recordings.folders import load_color, load_depth, usual_size
 from hypermap.recordings.options import RecordingOptions, nearest_rigid
 from hypermap.recordings.problems import problems_of
 from hypermap.recordings.textfiles import read_matrix
@@ -28,17 +28,27 @@ _FILE = re.compile(r"frame-(\d+)\.(color\.jpg|color\.png|depth\.png|pose\.txt)")
 
 @dataclass(frozen=True, eq=False)
 class NumberedFrame:
-    """The files of one frame, and where its camera stood in the world, shape (4, 4)."""
+    """The files of one frame, and where its camera stood in the world, shape (4, 4), or why not."""
 
     number: int
     depth: Path
     color: Path | None
-    world_T_camera: NDArray[np.float64]
+    world_T_camera: NDArray[np.float64] | FormatError
 
     @property
     def stamp(self) -> float:
         """Seconds since frame 0."""
         return self.number / FRAME_RATE
+
+    def pose(self) -> NDArray[np.float64]:
+        """Return where the camera stood, shape (4, 4).
+
+        Raises:
+            FormatError: If its file does not say.
+        """
+        if isinstance(self.world_T_camera, FormatError):
+            raise self.world_T_camera
+        return self.world_T_camera
 
 
 class SevenScenesRecording:
@@ -69,8 +79,8 @@ class SevenScenesRecording:
         """Return the number of frames."""
         return len(self._frames)
 
-    def frames(self) -> Iterator[RgbdFrame]:
-        """Yield the frames in the order of their numbers.
+    def frames(self, on_bad: OnBadFrame | None = None) -> Iterator[RgbdFrame]:
+        """Yield the frames in the order of their numbers; see `Recording.frames`.
 
         Raises:
             FormatError: If an image, a pose or the intrinsics are broken.
@@ -79,11 +89,15 @@ class SevenScenesRecording:
         camera, map_T_world = self._camera, self._options.world_pose()
         scale = self._options.depth_scale or DEPTH_SCALE
         for frame in self._frames:
+            load = partial(load_depth, frame.depth, camera, scale)
+            world_T_camera = or_report(frame.pose, frame.stamp, on_bad)
+            if world_T_camera is None or (depth := or_report(load, frame.stamp, on_bad)) is None:
+                continue
             yield RgbdFrame(
                 stamp=frame.stamp,
-                depth=load_depth(frame.depth, camera, scale, invalid=(0, 65535)),
+                depth=depth,
                 camera=camera,
-                map_T_camera=compose(map_T_world, frame.world_T_camera),
+                map_T_camera=compose(map_T_world, world_T_camera),
                 color=partial(load_color, frame.color, camera) if frame.color else None,
                 color_stamp=frame.stamp if frame.color else None,
             )
@@ -163,11 +177,19 @@ class SevenScenesRecording:
         incomplete = len(set(depths) | set(poses) | set(colors)) - len(complete)
         frames, lost = [], 0
         for number in complete:
-            pose = read_pose(poses[number])
+            pose: NDArray[np.float64] | FormatError | None
+            try:
+                pose = read_pose(poses[number])
+            except FormatError as error:
+                pose = error
             if pose is None:
                 lost += 1
             else:
                 frames.append(NumberedFrame(number, depths[number], colors.get(number), pose))
+        wrong = [frame.world_T_camera for frame in frames]
+        broken = [error for error in wrong if isinstance(error, FormatError)]
+        if frames and len(broken) == len(frames):
+            raise broken[0]
         if not frames:
             raise FormatError(
                 f"there is no complete frame: {len(depths)} depth images, {len(colors)} color "
@@ -177,14 +199,15 @@ class SevenScenesRecording:
         notes = []
         if incomplete:
             notes.append(f"{incomplete} frames lack an image or a pose and are left out")
+        if broken:
+            notes.append(f"poses that cannot be read: {len(broken)}, the first is {broken[0]}")
         if lost:
             notes.append(f"{lost} frames have no pose (tracking was lost) and are left out")
         return tuple(frames[:: self._options.every]), tuple(notes)
 
     @cached_property
     def _camera(self) -> Camera:
-        first = self._frames[0]
-        width, height = frame_size(first.depth, first.color)
+        width, height = usual_size([(frame.depth, frame.color) for frame in self._frames])
         return self._options.camera(width, height) or self._own_camera(width, height)
 
     def _own_camera(self, width: int, height: int) -> Camera:

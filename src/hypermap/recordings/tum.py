@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterator
 from functools import cached_property, partial
 from pathlib import Path
@@ -12,8 +13,8 @@ from hypermap.core.errors import FormatError, HypermapError
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.trajectory import Trajectory
 from hypermap.perception.frame import Camera, RgbdFrame
-from hypermap.perception.recording import RecordingInfo, Stream
-from hypermap.recordings.folders import check_present, frame_size, load_color, load_depth
+from hypermap.perception.recording import OnBadFrame, RecordingInfo, Stream, or_report
+from hypermap.recordings.folders import absence_of, load_color, load_depth, usual_size
 from hypermap.recordings.image_lists import (
     ImageList,
     read_associations,
@@ -32,7 +33,7 @@ class TumRecording:
 
     `associations.txt` may stand in place of the two lists. Their stamps are associated one to one,
     and poses interpolated between those of the ground truth. Depth is of 16 bits, 5000 to the
-    metre, 0 for no return.
+    metre, 0 and 65535 for no return.
 
     Source: the benchmark's page on file formats (Sturm et al., IROS 2012).
     """
@@ -55,8 +56,8 @@ class TumRecording:
         """Return the number of frames."""
         return len(self._plan)
 
-    def frames(self) -> Iterator[RgbdFrame]:
-        """Yield the frames in order of time.
+    def frames(self, on_bad: OnBadFrame | None = None) -> Iterator[RgbdFrame]:
+        """Yield the frames in order of time; see `Recording.frames`.
 
         Raises:
             FormatError: If a list, an image or the trajectory is broken.
@@ -65,9 +66,13 @@ class TumRecording:
         plan, camera, depth, color = self._plan, self._camera, self._depth, self._color
         scale = self._options.depth_scale or DEPTH_SCALE
         for d, c, pose in zip(plan.depth, plan.color, plan.map_T_camera, strict=True):
+            stamp = float(depth.stamps[d])
+            load = partial(load_depth, depth.paths[d], camera, scale)
+            if (metres := or_report(load, stamp, on_bad)) is None:
+                continue
             yield RgbdFrame(
-                stamp=float(depth.stamps[d]),
-                depth=load_depth(depth.paths[d], camera, scale, invalid=(0,)),
+                stamp=stamp,
+                depth=metres,
                 camera=camera,
                 map_T_camera=pose,
                 color=partial(load_color, color.paths[c], camera) if color else None,
@@ -151,16 +156,19 @@ class TumRecording:
             plan = plan_frames(depth.stamps, color_stamps, trajectory, span, self._options)
         except FormatError as error:
             raise FormatError(str(error), path=self._path) from None
-        check_present([depth.paths[i] for i in plan.depth], "depth images", self._path)
+        absent = absence_of([depth.paths[i] for i in plan.depth], "depth images", self._path)
         if color is not None:
-            check_present([color.paths[i] for i in plan.color], "color images", self._path)
-        return plan
+            absent += absence_of([color.paths[i] for i in plan.color], "color images", self._path)
+        return dataclasses.replace(plan, notes=(*plan.notes, *absent))
 
     @cached_property
     def _camera(self) -> Camera:
-        depth = self._depth.paths[self._plan.depth[0]]
-        color = self._color.paths[self._plan.color[0]] if self._color else None
-        width, height = frame_size(depth, color)
+        depth, color, plan = self._depth.paths, self._color, self._plan
+        pairs = [
+            (depth[d], color.paths[c] if color else None)
+            for d, c in zip(plan.depth, plan.color, strict=True)
+        ]
+        width, height = usual_size(pairs)
         return self._options.camera(width, height) or default_camera(width, height, self._path)
 
 

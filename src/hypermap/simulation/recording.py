@@ -10,7 +10,7 @@ import numpy as np
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.perception.detections import Detector
 from hypermap.perception.frame import Camera, RgbdFrame
-from hypermap.perception.recording import RecordingInfo, Stream
+from hypermap.perception.recording import OnBadFrame, RecordingInfo, Stream
 from hypermap.simulation.detector import DetectorNoise, NoisyDetector
 from hypermap.simulation.noise import DepthNoise, PoseNoise
 from hypermap.simulation.render import DEFAULT_CAMERA, Renderer
@@ -90,7 +90,7 @@ class SimulatedRecording:
         """Return the number of frames."""
         return len(self._stamps)
 
-    def frames(self) -> Iterator[RgbdFrame]:
+    def frames(self, on_bad: OnBadFrame | None = None) -> Iterator[RgbdFrame]:  # noqa: ARG002
         """Yield the frames in order of time, with color and detections."""
         renderer = Renderer(Scene.of(self.world), self.camera)
         names = [thing.label for thing in self.world.objects]

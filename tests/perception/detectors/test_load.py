@@ -23,6 +23,8 @@ class WholeImage:
     """Takes every image as one object."""
 
     def __init__(self, name):
+        if name == "nothing":
+            raise FileNotFoundError("there is no nothing")
         self.name = name
 
     def detect(self, color):
@@ -49,6 +51,16 @@ def test_a_detector_of_another_package_gets_what_stands_after_its_name() -> None
     found = load_detector("whole:a:room").detect(np.zeros((3, 4, 3), np.uint8))
     assert list(found.names) == ["a:room"]
     assert found.xyxy.tolist() == [[0, 0, 4, 3]]
+
+
+@pytest.mark.usefixtures("installed")
+def test_a_plugin_that_cannot_make_its_detector_is_named() -> None:
+    with pytest.raises(HypermapError) as error:
+        load_detector("whole:nothing")
+    assert str(error.value) == (
+        "detector plug-in 'whole' (whole_image:WholeImage) cannot be made of 'nothing': "
+        "FileNotFoundError: there is no nothing"
+    )
 
 
 @pytest.mark.usefixtures("installed")

@@ -101,3 +101,30 @@ def test_recorded_detections_are_passed_on_and_missing_ones_are_logged_once(
         "the recording has no detections for the frame at 10.000000; it counts as one without "
         "objects, and so do others like it"
     ]
+
+
+class Moody:
+    """A detector of another package."""
+
+    def __init__(self, answer: object) -> None:
+        self.answer = answer
+
+    def detect(self, _color: np.ndarray) -> object:
+        if isinstance(self.answer, Exception):
+            raise self.answer
+        return self.answer
+
+
+@pytest.mark.parametrize(
+    ("answer", "message"),
+    [
+        (ZeroDivisionError("division by zero"), "failed: ZeroDivisionError: division by zero"),
+        (KeyError(), "failed: KeyError"),
+        ([1, 2], "returned list, not Detections"),
+    ],
+)
+def test_what_a_detector_does_wrong_is_told_as_the_detectors(answer: object, message: str) -> None:
+    source = detections_from_detector(Moody(answer))  # type: ignore[arg-type]
+    with pytest.raises(HypermapError) as error:
+        source(frame(COLOR))
+    assert str(error.value) == f"detector {__name__}.Moody {message}"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 
 from hypermap.core.errors import FileMissing, HypermapError, did_you_mean
@@ -36,13 +36,12 @@ def load_detector(
     Raises:
         FileMissing: If there is no such file.
         FormatError: If the model or its labels cannot be read, or its outputs are not understood.
-        HypermapError: If no detector of that name is installed.
+        HypermapError: If no detector of that name is installed, or it cannot be made.
     """
     name, colon, argument = str(path).partition(":")
     installed = {entry.name: entry for entry in entry_points(group=ENTRY_POINT_GROUP)}
     if colon and name in installed:
-        detector: Detector = installed[name].load()(argument)
-        return detector
+        return _made_by(installed[name], argument)
     if colon and Path(path).suffix.lower() != ".onnx" and not Path(path).exists():
         raise HypermapError(
             f"{path}: no detector {name!r} is installed; {did_you_mean(name, installed)}"
@@ -58,3 +57,21 @@ def load_detector(
             "downloaded and called by name"
         )
     return OnnxDetector.load(path, labels, score_threshold, iou_threshold, threads)
+
+
+def _made_by(plugin: EntryPoint, argument: str) -> Detector:
+    """Return the detector that a plug-in makes.
+
+    Raises:
+        HypermapError: If it cannot; names the plug-in.
+    """
+    try:
+        detector: Detector = plugin.load()(argument)
+    except HypermapError:
+        raise
+    except Exception as error:
+        raise HypermapError(
+            f"detector plug-in {plugin.name!r} ({plugin.value}) cannot be made of {argument!r}: "
+            f"{type(error).__name__}: {error}"
+        ) from error
+    return detector

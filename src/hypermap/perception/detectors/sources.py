@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from hypermap.core.errors import FormatError, HypermapError
 from hypermap.perception.detections import Detections, DetectionSource, Detector
@@ -16,8 +18,10 @@ logger = logging.getLogger(__name__)
 def detections_from_detector(detector: Detector) -> DetectionSource:
     """Return a source that runs the detector on the color image of each frame.
 
-    It raises HypermapError for a frame without one.
+    It raises HypermapError for a frame without one, and names the detector where that fails.
     """
+    kind = type(detector)
+    name = f"detector {kind.__module__}.{kind.__qualname__}"
 
     def source(frame: RgbdFrame) -> Detections:
         if frame.color is None:
@@ -25,9 +29,31 @@ def detections_from_detector(detector: Detector) -> DetectionSource:
                 f"the frame at {frame.stamp:.6f} has no color image, which a detector needs; "
                 "give detections from a file instead, with --detections FILE"
             )
-        return detector.detect(frame.color)
+        color = frame.color
+        return detections_of(name, lambda: detector.detect(color))
 
     return source
+
+
+def detections_of(name: str, look: Callable[[], Any]) -> Detections:
+    """Return what others' code sees in a frame.
+
+    Raises:
+        HypermapError: If it raises an exception, or returns something else; names that code.
+    """
+    try:
+        found = look()
+    except HypermapError:
+        raise
+    except Exception as error:
+        logger.debug("%s failed", name, exc_info=True)
+        problem = str(error)
+        raise HypermapError(
+            f"{name} failed: {type(error).__name__}" + (f": {problem}" if problem else "")
+        ) from error
+    if not isinstance(found, Detections):
+        raise HypermapError(f"{name} returned {type(found).__name__}, not Detections")
+    return found
 
 
 def detections_from_file(path: str | Path) -> DetectionSource:

@@ -16,32 +16,34 @@ from hypermap.recordings.messages.detections import detections_of
 from hypermap.recordings.messages.header import as_seconds, clean_frame, nanoseconds
 from hypermap.recordings.messages.transforms import TransformLog
 
+_FIRSTS = 5  # messages of a topic that tell of what size its images are
+
 
 @dataclass(eq=False)
 class ImageStream:
     """The times of the images of a topic.
 
     Attributes:
-        first: its first message; None if there is none.
+        firsts: its first messages, of which one may be damaged.
         stamps: the messages' stamps [ns], each once, in the order of recording.
         repeated: number of messages left out because their stamp had come before.
     """
 
-    first: Any = None
+    firsts: list[Any] = field(default_factory=list)
     stamps: dict[int, None] = field(default_factory=dict)
     repeated: int = 0
 
     def add(self, message: Any, stamp: int) -> None:
         """Count a message."""
-        if self.first is None:
-            self.first = message
+        if len(self.firsts) < _FIRSTS:
+            self.firsts.append(message)
         self.repeated += stamp in self.stamps
         self.stamps[stamp] = None
 
     @property
     def frame_id(self) -> str:
         """The frame of its first message; empty if it names none, or there is no message."""
-        return "" if self.first is None else clean_frame(self.first.header.frame_id)
+        return clean_frame(self.firsts[0].header.frame_id) if self.firsts else ""
 
     def seconds(self) -> NDArray[np.float64]:
         """Return the stamps in seconds, shape (N,)."""
@@ -58,6 +60,7 @@ class Contents:
         camera_info: the first message of the intrinsics.
         transforms: all of tf.
         detections: by the stamp of the image [ns].
+        damaged: messages that cannot be decoded, by their times of recording [ns].
     """
 
     geometry: ImageStream = field(default_factory=ImageStream)
@@ -65,6 +68,7 @@ class Contents:
     camera_info: Any = None
     transforms: TransformLog = field(default_factory=TransformLog)
     detections: dict[int, Detections] = field(default_factory=dict)
+    damaged: list[tuple[int, FormatError]] = field(default_factory=list)
 
 
 def read_contents(bag: BagFile, topics: ChosenTopics) -> Contents:
@@ -78,7 +82,11 @@ def read_contents(bag: BagFile, topics: ChosenTopics) -> Contents:
     single = (topics.geometry, topics.color, topics.camera_info, topics.detections)
     geometry, color, info, detections = (topic.name if topic else None for topic in single)
     names = transforms | {name for name in (geometry, color, info, detections) if name}
-    for name, log_time, message in bag.messages(names):
+
+    def on_damaged(log_time: int, error: FormatError) -> None:
+        contents.damaged.append((log_time, FormatError(str(error), path=bag.path)))
+
+    for name, log_time, message in bag.messages(names, on_damaged):
         if name in transforms:
             contents.transforms.add(message, is_static=name.endswith("tf_static"))
         elif name == geometry:

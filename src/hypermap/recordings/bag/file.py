@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
@@ -24,6 +24,10 @@ _REPAIR = {
     ".mcap": "mcap recover",
     ".db3": "ros2 bag reindex",
 }
+
+
+class DamagedMessage(FormatError):
+    """A message cannot be decoded, while others may be."""
 
 
 @dataclass(frozen=True)
@@ -72,11 +76,20 @@ class BagFile:
                     counts[key] = counts.get(key, 0) + connection.msgcount
         return [Topic(name, kind, counts[name, kind]) for name, kind in sorted(counts)]
 
-    def messages(self, names: Collection[str]) -> Iterator[tuple[str, int, Any]]:
+    def messages(
+        self,
+        names: Collection[str],
+        on_damaged: Callable[[int, DamagedMessage], None] | None = None,
+    ) -> Iterator[tuple[str, int, Any]]:
         """Yield topic, time of recording [ns] and message, in the order of recording.
 
+        Args:
+            names: of the topics.
+            on_damaged: told of each damaged message, with its time of recording [ns]; it is left
+                out then.
+
         Raises:
-            FormatError: If the bag or one of the messages cannot be read.
+            FormatError: If the bag cannot be read, or, without `on_damaged`, a message.
         """
         for part in self._parts:
             with _open(part) as reader:
@@ -84,7 +97,14 @@ class BagFile:
                 if not wanted:
                     continue
                 for connection, log_time, data in reader.messages(wanted):
-                    yield connection.topic, log_time, self._decode(part, connection, data)
+                    try:
+                        message = self._decode(part, connection, data)
+                    except DamagedMessage as error:
+                        if on_damaged is None:
+                            raise
+                        on_damaged(log_time, error)
+                        continue
+                    yield connection.topic, log_time, message
 
     @cached_property
     def _parts(self) -> list[Path]:
@@ -103,7 +123,7 @@ class BagFile:
                 f"the bag does not say what a {connection.msgtype} is", key=connection.topic
             ) from None
         except Exception as error:
-            raise FormatError(f"a message is damaged: {error}", key=connection.topic) from None
+            raise DamagedMessage(f"a message is damaged: {error}", key=connection.topic) from None
 
 
 @contextmanager

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from functools import cached_property
+from collections import Counter
+from collections.abc import Callable, Sequence
+from functools import cached_property, partial
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +27,7 @@ from hypermap.recordings.problems import problems_of
 
 DEPTH_SCALE = 1000.0  # units per metre, REP 118
 MAP_FRAME = "map"  # REP 105
+_Image = TypeVar("_Image", Geometry, NDArray[np.uint8])
 
 
 class BagPlan:
@@ -46,6 +50,9 @@ class BagPlan:
         contents = self._contents
         notes = [*self._topics.notes, *self.map_frame_notes, *self._tree[1], *self.frames.notes]
         repeated = contents.geometry.repeated + contents.color.repeated
+        if self.damaged:
+            count, (_, first) = len(self.damaged), self.damaged[0]
+            notes.append(f"messages that cannot be read: {count}, the first: {first}")
         if repeated:
             notes.append(f"{repeated} images repeat a stamp and are left out")
         if self.color_topic and contents.color.frame_id != contents.geometry.frame_id:
@@ -64,10 +71,18 @@ class BagPlan:
                 notes.append("the recorded detections name classes by number, and so will the map")
         return notes
 
+    @property
+    def damaged(self) -> list[tuple[int, FormatError]]:
+        """Messages that cannot be decoded, by their times of recording [ns]."""
+        return self._contents.damaged
+
     @cached_property
     def geometry_topic(self) -> Topic:
         """The topic of depth images or clouds."""
-        if self._topics.geometry is None or self._contents.geometry.first is None:
+        if self._topics.geometry is not None and not self._contents.geometry.firsts:
+            for _, error in self.damaged[:1]:
+                raise error
+        if self._topics.geometry is None or not self._contents.geometry.firsts:
             raise FormatError(
                 "there are no depth images (sensor_msgs/Image with 'depth' in the topic's name, or "
                 "compressedDepth) and no clouds; name the topic with --depth-topic if it is there, "
@@ -80,9 +95,10 @@ class BagPlan:
         """The topic of the color images; None if there is none, or clouds have color."""
         if self._topics.color is None or self._first.color is not None:
             return None
-        color = decode_color(self._topics.color, self._contents.color.first)
-        self.check_color(color)
-        return self._topics.color
+        topic = self._topics.color
+        colors = _readable(partial(decode_color, topic), self._contents.color.firsts)
+        self.check_color(_usual(colors, lambda color: color.shape))
+        return topic
 
     @property
     def has_color(self) -> bool:
@@ -224,8 +240,10 @@ class BagPlan:
 
     @cached_property
     def _first(self) -> Geometry:
-        """The first depth image or cloud."""
-        return decode_geometry(self.geometry_topic, self._contents.geometry.first, self.depth_scale)
+        """One of the first depth images or clouds: one of the size that most of them have."""
+        topic, scale = self.geometry_topic, self.depth_scale
+        read = partial(decode_geometry, topic, units_per_metre=scale)
+        return _usual(_readable(read, self._contents.geometry.firsts), lambda found: found.size)
 
     @cached_property
     def _tree(self) -> tuple[MovingFrames, list[str]]:
@@ -250,3 +268,27 @@ class BagPlan:
     @property
     def _is_rectified(self) -> bool:
         return "rect" in self.geometry_topic.name.rpartition("/")[2]
+
+
+def _readable(read: Callable[[Any], _Image], messages: Sequence[Any]) -> list[_Image]:
+    """Return what some of the messages say, which are not damaged.
+
+    Raises:
+        FormatError: If all are, about the first.
+    """
+    good: list[_Image] = []
+    first: FormatError | None = None
+    for message in messages:
+        try:
+            good.append(read(message))
+        except FormatError as error:  # noqa: PERF203
+            first = first or error
+    if not good and first is not None:
+        raise first
+    return good
+
+
+def _usual(images: Sequence[_Image], size_of: Callable[[_Image], Any]) -> _Image:
+    """Return the first image of the size that most have."""
+    (size, _), *_others = Counter(map(size_of, images)).most_common()
+    return next(image for image in images if size_of(image) == size)

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from hypermap.core.errors import FormatError, HypermapError
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.perception.frame import RgbdFrame
-from hypermap.perception.recording import RecordingInfo, Stream
+from hypermap.perception.recording import OnBadFrame, RecordingInfo, Stream, or_report
 from hypermap.recordings.bag.contents import read_contents
-from hypermap.recordings.bag.decode import decode_color, decode_geometry
+from hypermap.recordings.bag.decode import Geometry, decode_color, decode_geometry
 from hypermap.recordings.bag.file import BagFile, Topic
 from hypermap.recordings.bag.plan import BagPlan
 from hypermap.recordings.bag.stream import stream_frames
@@ -60,8 +60,8 @@ class BagRecording:
         self._require_no_problems()
         return len(self._plan.frames)
 
-    def frames(self) -> Iterator[RgbdFrame]:
-        """Yield the frames in order of time.
+    def frames(self, on_bad: OnBadFrame | None = None) -> Iterator[RgbdFrame]:
+        """Yield the frames in order of time; see `Recording.frames`.
 
         Raises:
             FormatError: If something that mapping needs is missing or broken.
@@ -70,13 +70,17 @@ class BagRecording:
         plan = self._plan
         for note in plan.map_frame_notes:
             _log.warning("%s: %s", self._path, note)
+        for log_time, damage in plan.damaged:
+            if on_bad is None:
+                raise damage
+            on_bad(as_seconds(log_time), damage)
         topics = [topic for topic in (plan.geometry_topic, plan.color_topic) if topic]
         parts = stream_frames(self._bag, [topic.name for topic in topics], plan.stamps)
         for i, messages in enumerate(parts):
             stamps = plan.stamps[i]
-            with self._naming(topics, stamps[0]):
-                geometry = decode_geometry(topics[0], messages[0], plan.depth_scale)
-                plan.check_depth(geometry)
+            decode = partial(self._geometry, topics, messages[0], stamps[0])
+            if (geometry := or_report(decode, as_seconds(stamps[0]), on_bad)) is None:
+                continue
             color: NDArray[np.uint8] | Callable[[], NDArray[np.uint8]] | None = geometry.color
             if len(topics) > 1:
                 color = partial(self._color, topics, messages[1], stamps[0])
@@ -142,6 +146,12 @@ class BagRecording:
         except FormatError as error:
             raise FormatError(str(error), path=self._path, key=topic.name) from None
         return layer if layer.frame_id == self._plan.map_frame else None
+
+    def _geometry(self, topics: Sequence[Topic], message: Any, stamp: int) -> Geometry:
+        with self._naming(topics, stamp):
+            geometry = decode_geometry(topics[0], message, self._plan.depth_scale)
+            self._plan.check_depth(geometry)
+            return geometry
 
     def _color(self, topics: Sequence[Topic], message: Any, stamp: int) -> NDArray[np.uint8]:
         with self._naming(topics, stamp):

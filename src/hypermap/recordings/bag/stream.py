@@ -22,7 +22,8 @@ def stream_frames(
     Args:
         bag: where they lie.
         topics: the topics from which a frame takes one message each.
-        wanted: for each frame the stamps [ns] of its messages, one for each topic.
+        wanted: for each frame the stamps [ns] of its messages, one for each topic. Damaged messages
+            have none: they were left out before.
 
     Raises:
         FormatError: If the bag is damaged, or messages of a frame lie too far apart in it.
@@ -30,7 +31,7 @@ def stream_frames(
     frame_of = [{stamps[k]: i for i, stamps in enumerate(wanted)} for k in range(len(topics))]
     waiting: dict[int, dict[int, Any]] = {}
     turn = 0
-    for name, log_time, message in bag.messages(topics):
+    for name, log_time, message in bag.messages(topics, _ignore):
         k = topics.index(name)
         frame = frame_of[k].pop(stamp_of(message, log_time), None)  # a stamp counts only once
         if frame is None:
@@ -46,3 +47,7 @@ def stream_frames(
                 f"{MAX_WAITING} frames apart; sort the bag by the messages' stamps",
                 path=bag.path,
             )
+
+
+def _ignore(_log_time: int, _error: FormatError) -> None:
+    pass

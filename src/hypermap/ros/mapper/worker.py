@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hypermap.core.errors import FrameError, HypermapError
+from hypermap.mapping.floor import Floor, FloorCheck
 from hypermap.recordings.messages.header import clean_frame
 from hypermap.ros.mapper.frames import FrameMaker
 from hypermap.ros.mapper.inputs import Work
@@ -30,7 +31,10 @@ _PATIENT_END = 30.0  # s that the worker may take for its last frame
 
 
 class Worker:
-    """Maps the newest frame, publishes what changed, and counts what became of each frame."""
+    """Maps the newest frame, publishes what changed, and counts what became of each frame.
+
+    It warns once of a floor that is not level or not at z = 0.
+    """
 
     def __init__(
         self,
@@ -55,6 +59,7 @@ class Worker:
         self._waits_for_tf = False
         self._jumps = 0  # how often the clock has jumped back
         self._newest = (0, 0)  # jumps before the newest frame that was taken, and its stamp [ns]
+        self._floor = FloorCheck(self._warn_of_floor)
         self._prepare_tf()
         self._thread = threading.Thread(target=self._work, name="mapping", daemon=True)
         self._thread.start()
@@ -95,6 +100,16 @@ class Worker:
                 kind = type(error).__name__
                 self._log.log("error", kind, f"a frame failed: {kind}: {error}")
         self._outputs.publish()
+        self._floor.finish()
+
+    def _warn_of_floor(self, floor: Floor) -> None:
+        side = "below" if floor.offset < 0 else "above"
+        self._port.log(
+            "warning",
+            f"the floor that the camera sees is tilted by {floor.tilt_deg:.0f} degrees and lies "
+            f"{abs(floor.offset):.2f} m {side} the origin of {self._map_frame!r}; a map needs it "
+            "level at z = 0: does tf say where the camera really is?",
+        )
 
     def _take(self, jumps: int, work: Work) -> None:
         """Map a frame that came after so many jumps, and count what became of it."""
@@ -124,6 +139,7 @@ class Worker:
         fate, reason, observation = self._map.add(frame)
         if observation is not None:
             self._outputs.show(observation, stamp)
+            self._floor.add(frame)
         return fate, reason
 
     def _pose(self, frame_id: str, stamp: int) -> NDArray[np.float64]:

@@ -19,6 +19,7 @@ from hypermap.core.objects import SemanticObject
 from hypermap.core.occupancy import OCCUPIED, UNKNOWN, OccupancyLayer
 from hypermap.core.semantic import SemanticLayer
 from hypermap.core.shapes import repaired
+from hypermap.core.tangles import check_tangle
 from hypermap.recordings.messages.header import clean_frame
 from hypermap.ros.messages.geometry_messages import outline
 
@@ -48,8 +49,8 @@ def area_of(message: Any) -> tuple[shapely.Polygon, str | None]:
     """Return the area of a `geometry_msgs/PolygonStamped`, and its frame like `point_of`.
 
     Raises:
-        FormatError: If it has fewer than three points, a coordinate is not finite, or the outline
-            crosses itself.
+        FormatError: If it has fewer than three points or very many, a coordinate is not finite, or
+            the outline crosses itself.
     """
     try:
         area = _polygon(message.polygon)
@@ -212,7 +213,7 @@ def _polygon(message: Any) -> shapely.Polygon:
     """Return a `geometry_msgs/Polygon`.
 
     Raises:
-        ValueError: If it has too few points, or one is not finite.
+        ValueError: If it has too few points, one is not finite, or it is too tangled.
     """
     xy = [(float(point.x), float(point.y)) for point in message.points]
     if not all(math.isfinite(x) and math.isfinite(y) for x, y in xy):
@@ -221,7 +222,9 @@ def _polygon(message: Any) -> shapely.Polygon:
     if count < 3:
         noun = "point" if count == 1 else "points"
         raise ValueError(f"its shape has {count} different {noun}; three are needed")
-    return shapely.Polygon(xy)
+    polygon = shapely.Polygon(xy)
+    check_tangle(polygon)
+    return polygon
 
 
 def _frame(message: Any) -> str | None:

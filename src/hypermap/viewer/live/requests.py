@@ -11,6 +11,7 @@ from shapely.geometry.base import BaseGeometry
 from starlette.datastructures import QueryParams
 from starlette.requests import Request
 
+from hypermap.core.tangles import check_tangle
 from hypermap.viewer.live.refusals import Refused
 
 MOST_BYTES = 8_000_000
@@ -136,6 +137,7 @@ def _polygons(given: Any) -> BaseGeometry:
         _polygon([_ring(ring, "polygons") for ring in rings] or [[]], "polygons") for rings in given
     ]
     shape: BaseGeometry = parts[0] if len(parts) == 1 else shapely.MultiPolygon(parts)
+    _check_tangle(shape, "polygons")
     if not shape.is_valid:
         raise Refused("polygons: the parts of the shape overlap")
     return shape
@@ -171,11 +173,19 @@ def _polygon(rings: list[list[list[float]]], key: str) -> shapely.Polygon:
     if not rings[0]:
         raise Refused(f"{key}: a polygon needs an outline")
     polygon = shapely.Polygon(rings[0], rings[1:])
+    _check_tangle(polygon, key)
     if not polygon.is_valid:
         raise Refused(f"{key}: {_fault(polygon)}")
     if polygon.area == 0:
         raise Refused(f"{key}: the polygon has no area")
     return polygon
+
+
+def _check_tangle(shape: BaseGeometry, key: str) -> None:
+    try:
+        check_tangle(shape)
+    except ValueError as error:
+        raise Refused(f"{key}: {error}") from None
 
 
 def _fault(polygon: shapely.Polygon) -> str:

@@ -1,0 +1,109 @@
+"""How tangled an outline may be, so that no small file or request keeps the program busy.
+
+GEOS takes time for the square of the corners, and more, where edges lie across each other. What
+exceeds these bounds is no outline of a thing: it is refused before GEOS begins.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from hypermap.core.arrays import BoolArray, IntArray, ObjectArray
+
+MOST_CORNERS = 100_000
+"""Corners of a shape."""
+
+_FEW = 32  # corners, with which any tangle is mended in a millisecond
+_MANY = 1_000  # corners, up to which any tangle is found in a millisecond
+_CROSSINGS = 4  # for each edge, beside the first ones, of an outline that can be mended
+_FIRST = 1_000
+_NEAR = 1_000_000  # pairs of edges whose boxes meet, each counted twice
+
+
+def is_sound(shape: Any) -> Any:
+    """Return whether a geometry is valid; also for an array of them.
+
+    One whose outline GEOS cannot follow, as that of lengths below 1e-100 m, is not.
+    """
+    is_single = isinstance(shape, BaseGeometry)  # whose property is several times faster
+    try:
+        return shape.is_valid if is_single else shapely.is_valid(shape)
+    except shapely.GEOSException:
+        return False if is_single else np.fromiter(map(is_sound, shape), dtype=bool)
+
+
+def check_tangle(shape: BaseGeometry) -> None:
+    """Make sure that a geometry of finite coordinates can be looked at, and mended, in no time.
+
+    Raises:
+        ValueError: If it has too many corners, or its edges cross or touch each other too often.
+    """
+    corners = int(shapely.get_num_coordinates(shape))
+    if corners <= _FEW:
+        return
+    if corners > MOST_CORNERS:
+        raise ValueError(f"an outline may have {MOST_CORNERS} corners, got {corners}")
+    if corners <= _MANY and is_sound(shape):
+        return
+    edges = _edges(shape)
+    near = _near(edges)
+    if near is not None and is_sound(shape):
+        return
+    # Each edge meets itself and its two neighbours; all others that it meets cross or touch it.
+    if near is None or (
+        np.count_nonzero(shapely.intersects(edges[near[0]], edges[near[1]]))
+        > (3 + 2 * _CROSSINGS) * len(edges) + 2 * _FIRST
+    ):
+        raise ValueError(
+            f"an outline of {corners} corners crosses or touches itself so often that it cannot be "
+            "mended"
+        )
+
+
+def are_untangled(shapes: ObjectArray) -> BoolArray:
+    """Return which of some geometries, shape (N,), `check_tangle` would let pass."""
+    good = np.ones(len(shapes), dtype=bool)
+    corners = shapely.get_num_coordinates(shapes)
+    some = np.flatnonzero((corners > _FEW) & (corners <= _MANY))
+    some = some[~is_sound(shapes[some])] if len(some) else some
+    for row in np.concatenate([some, np.flatnonzero(corners > _MANY)]).tolist():
+        good[row] = _is_untangled(shapes[row])
+    return good
+
+
+def _is_untangled(shape: BaseGeometry) -> bool:
+    try:
+        check_tangle(shape)
+    except ValueError:
+        return False
+    return True
+
+
+def _edges(shape: BaseGeometry) -> ObjectArray:
+    """Return the edges of a geometry's polygons; what else it holds is never mended."""
+    parts = shapely.get_parts(shape)
+    while (shapely.get_type_id(parts) == shapely.GeometryType.GEOMETRYCOLLECTION).any():
+        parts = shapely.get_parts(parts)
+    corners, ring_of = shapely.get_coordinates(shapely.get_rings(parts), return_index=True)
+    ends = np.stack([corners[:-1], corners[1:]], axis=1)
+    return np.asarray(shapely.linestrings(ends[ring_of[:-1] == ring_of[1:]]))
+
+
+def _near(edges: ObjectArray) -> IntArray | None:
+    """Return the pairs of edges whose boxes meet, shape (2, P); None if they are too many."""
+    if not len(edges):
+        return np.empty((2, 0), dtype=np.int64)
+    tree, found, count = shapely.STRtree(edges), [], 0
+    step = max(1, _NEAR // len(edges))  # so that no step finds more
+    for start in range(0, len(edges), step):
+        pairs = tree.query(edges[start : start + step])
+        count += pairs.shape[1]
+        if count > _NEAR:
+            return None
+        pairs[0] += start
+        found.append(pairs)
+    return np.concatenate(found, axis=1)

@@ -1,0 +1,86 @@
+"""Whether depth looks like a depth camera's: a wrong unit gives a map of nothing, and says nothing.
+
+A few hundred pixels of each frame tell.
+"""
+
+from __future__ import annotations
+
+import logging
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hypermap.perception.frame import RgbdFrame
+
+_log = logging.getLogger(__name__)
+
+_LOOKED_AT = 30  # rows and columns of a frame, about
+_FARTHEST = 50.0  # metres, within which half of what any depth camera sees lies
+_SATURATED = 10.0  # metres; farther away, nothing fills an image at one very same depth
+_SAME = 0.95  # share of an image at one depth
+_FEW = 0.05  # share of pixels with depth
+_NEAR = 0.1  # metres
+_EARLY = 24  # frames after which it is told
+_SCALE = "are the units of depth per metre right (--depth-scale)?"
+
+
+def why_implausible(frame: RgbdFrame) -> str | None:
+    """Return why the depth of a frame can be no measurement; None if it may be one."""
+    depth = _sample(frame)
+    if len(depth) == 0:
+        return None
+    middle = float(np.median(depth))
+    if middle > _FARTHEST:
+        return f"half of its depth lies beyond {middle:.0f} m; {_SCALE}"
+    same = float(np.mean(depth == middle))
+    if middle > _SATURATED and same >= _SAME:
+        return f"its depth is saturated: {same:.0%} of it is {middle:.3f} m"
+    return None
+
+
+class DepthCheck:
+    """Counts frames whose depth is odd, and logs once what the cause may be, if these are many."""
+
+    def __init__(self, max_depth: float) -> None:
+        """Count depth beyond `max_depth` [m], which takes no part in finding objects, as odd."""
+        self._max_depth = max_depth
+        self._frames = 0
+        self._has_told = False
+        self._odd = dict.fromkeys(("few", "near", "far"), 0)
+
+    def add(self, frame: RgbdFrame) -> None:
+        """Look at a frame that was mapped."""
+        depth = _sample(frame)
+        middle = float(np.median(depth)) if len(depth) else np.nan
+        self._frames += 1
+        self._odd["few"] += len(depth) < _FEW * _sampled(frame.z).size
+        self._odd["near"] += middle < _NEAR
+        self._odd["far"] += middle > self._max_depth
+        if self._frames == _EARLY:
+            self.finish()
+
+    def finish(self) -> None:
+        """Log what is odd about most of the frames, if something is and was not said before."""
+        causes = {
+            "near": f"half of the depth or more is nearer than {_NEAR:g} m; {_SCALE}",
+            "far": f"half of the depth or more is farther than the {self._max_depth:g} m up to "
+            f"which objects are looked for (max_depth); {_SCALE}",
+            "few": f"less than {_FEW:.0%} of the pixels have depth; was the camera covered, or "
+            "are these another kind of images?",
+        }
+        for kind, cause in causes.items():
+            if not self._has_told and 2 * self._odd[kind] > self._frames:
+                self._has_told = True
+                count = self._odd[kind]
+                _log.warning("in %d of %d frames, %s", count, self._frames, cause)
+
+
+def _sampled(z: NDArray[np.float32]) -> NDArray[np.float32]:
+    rows, columns = (max(1, size // _LOOKED_AT) for size in z.shape)
+    return z[::rows, ::columns]
+
+
+def _sample(frame: RgbdFrame) -> NDArray[np.float32]:
+    """Return the depth of some pixels that have one [m], shape (N,)."""
+    depth = _sampled(frame.z)
+    return depth[(depth > 0) & (depth < np.inf)]
