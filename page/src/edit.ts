@@ -175,9 +175,11 @@ export class Editor {
         if (!(error instanceof Refused) || error.status !== 409) throw error;
         const answer = await choose("Save over it?", error.message, [
           { value: "cancel", label: "Cancel" },
+          { value: "saveAs", label: "Save as…", look: "primary" },
           { value: "overwrite", label: "Overwrite", look: "danger" },
         ]);
         if (answer === "overwrite") this.save({ ...request, overwrite: true });
+        if (answer === "saveAs") void this.saveAs();
       }
     });
   }

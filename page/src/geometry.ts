@@ -38,6 +38,16 @@ export function distance(polygons: Polygon[], point: Point): number {
   return best;
 }
 
+/** Distance between two shapes [m]; 0 where they meet. */
+export function gap(one: Polygon[], other: Polygon[]): number {
+  if (meet(one, other)) return 0;
+  // Of edges that do not cross, an end of one is nearest to the other.
+  return Math.min(
+    ...one.flat(2).map((corner) => distance(other, corner)),
+    ...other.flat(2).map((corner) => distance(one, corner)),
+  );
+}
+
 function side(a: Point, b: Point, c: Point): number {
   return Math.sign((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]));
 }

@@ -115,22 +115,22 @@ export function editedLook(): Style[] {
 }
 
 /** One of the matches: its rank in a disc. */
-export function matchLook(rank: number): Style[] {
+export function matchLook(rank: number, isLookedAt: boolean): Style[] {
   return [
     new Style({
       image: new CircleStyle({
-        radius: 10,
+        radius: isLookedAt ? 13 : 10,
         displacement: [0, 17],
-        fill: new Fill({ color: cssColor("--accent") }),
+        fill: new Fill({ color: cssColor(isLookedAt ? "--ink" : "--accent") }),
         stroke: new Stroke({ color: cssColor("--halo"), width: 2.5 }),
       }),
       text: new Text({
         text: String(rank),
         font: `700 11px ${FONT}`,
         offsetY: -17,
-        fill: new Fill({ color: cssColor("--on-accent") }),
+        fill: new Fill({ color: cssColor(isLookedAt ? "--card" : "--on-accent") }),
       }),
-      zIndex: -rank,
+      zIndex: isLookedAt ? 1 : -rank,
     }),
   ];
 }

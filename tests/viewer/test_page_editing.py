@@ -290,7 +290,29 @@ def test_a_file_that_changed_on_disk_is_not_overwritten_unasked(edited: Edited) 
     dialog.get_by_role("button", name="Cancel").click()
     assert edited.path.read_bytes() == theirs
     window.page.locator("#edit-save").click()
-    dialog.get_by_role("button", name="Overwrite").click()
+    dialog.get_by_role("button", name="Save as…").click()
+    name_dialog = window.page.get_by_role("dialog").filter(has_text="In the same folder")
+    name_dialog.get_by_label("Save as").fill("mine.hmap")
+    name_dialog.get_by_role("button", name="Save").click()
+    expect(window.page.locator("#title")).to_have_text("mine.hmap")
+    assert edited.path.read_bytes() == theirs
+    mine = objects_of(open_map(edited.path.with_name("mine.hmap")))
+    assert mine[CHAIR].name == "armchair"
+    assert DESK in mine
+
+
+def test_a_file_that_changed_on_disk_is_overwritten_if_told(edited: Edited) -> None:
+    window = edited.window
+    start_editing(window)
+    take(window, CHAIR, "chair")
+    rename(window, "armchair")
+    changed = open_map(edited.path)
+    changed.semantic().remove([DESK])
+    save_map(changed, edited.path)
+    theirs = edited.path.read_bytes()
+    expect(window.page.locator("#banner")).to_contain_text("has changed on the disk")
+    window.page.locator("#edit-save").click()
+    window.page.get_by_role("dialog").get_by_role("button", name="Overwrite").click()
     expect(window.page.locator("#edit-save")).to_be_disabled()
     assert edited.objects()[CHAIR].name == "armchair"
     assert DESK in edited.objects()
