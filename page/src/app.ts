@@ -220,6 +220,8 @@ export class App {
       this.drawing.stop();
       this.toolbar.showTool("point");
       this.hint(null);
+    } else if (this.editor?.endMerging()) {
+      return;
     } else if (this.panel.isOpen) {
       const goesBack = this.isSearching && byId("panel").contains(document.activeElement);
       this.panel.close();

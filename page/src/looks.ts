@@ -2,8 +2,10 @@
 
 import Feature from "ol/Feature.js";
 import type Geometry from "ol/geom/Geometry.js";
+import LineString from "ol/geom/LineString.js";
 import MultiPoint from "ol/geom/MultiPoint.js";
 import type MultiPolygon from "ol/geom/MultiPolygon.js";
+import PointGeometry from "ol/geom/Point.js";
 import CircleStyle from "ol/style/Circle.js";
 import Fill from "ol/style/Fill.js";
 import Stroke from "ol/style/Stroke.js";
@@ -98,8 +100,16 @@ export function chosenLook(): Style[] {
   ];
 }
 
-/** The object in the hand: its corners can be moved. */
-export function editedLook(): Style[] {
+/** How far above a shape the handle is that turns it [pixels]. */
+const HANDLE = 30;
+
+export function turnHandle(shape: MultiPolygon, resolution: number): [number, number] {
+  const [x0, , x1, y1] = shape.getExtent();
+  return [(x0 + x1) / 2, y1 + HANDLE * resolution];
+}
+
+/** The object in the hand, its corners, and the handle that turns it. */
+export function editedLook(resolution: number): Style[] {
   const corners = new Style({
     geometry: (feature) => {
       const shape = (feature as Feature).getGeometry() as MultiPolygon;
@@ -111,7 +121,26 @@ export function editedLook(): Style[] {
       stroke: new Stroke({ color: cssColor("--accent"), width: 2 }),
     }),
   });
-  return [...chosenLook(), corners];
+  const shapeOf = (feature: unknown) => (feature as Feature).getGeometry() as MultiPolygon;
+  const arm = new Style({
+    geometry: (feature) => {
+      const [x, y] = turnHandle(shapeOf(feature), resolution);
+      return new LineString([
+        [x, y],
+        [x, y - HANDLE * resolution],
+      ]);
+    },
+    stroke: new Stroke({ color: cssColor("--accent"), width: 1.5 }),
+  });
+  const handle = new Style({
+    geometry: (feature) => new PointGeometry(turnHandle(shapeOf(feature), resolution)),
+    image: new CircleStyle({
+      radius: 7,
+      fill: new Fill({ color: cssColor("--accent") }),
+      stroke: new Stroke({ color: cssColor("--card"), width: 2 }),
+    }),
+  });
+  return [...chosenLook(), corners, arm, handle];
 }
 
 /** One of the matches: its rank in a disc. */

@@ -108,7 +108,11 @@ export function spelledContent(spelled: Spelled): HTMLElement {
     }
   };
   show(chosenLanguage);
-  const block = el("pre", { role: "group", aria: { label: "The same question, for a program" } }, code);
+  const block = el(
+    "pre",
+    { role: "group", aria: { label: "The same question, for a program" } },
+    code,
+  );
   block.tabIndex = 0;
   return el(
     "section",

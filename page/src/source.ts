@@ -223,12 +223,16 @@ export interface Evidence extends Partial<Spelled> {
 
 export interface Operation {
   /** "add_layer" adds one without objects; a following "add" may draw on it. */
-  op: "add" | "add_layer" | "update" | "remove";
+  op: "add" | "add_layer" | "update" | "merge" | "remove";
   layer: string;
   id?: number;
   name?: string;
   polygons?: Polygon[];
   tags?: string[];
+  /** Of "add": the object that it is a copy of; tags and attributes are taken from it. */
+  like?: number;
+  /** Of "merge": the objects that become part of this one. */
+  others?: number[];
 }
 
 export interface Change extends Partial<EditState> {

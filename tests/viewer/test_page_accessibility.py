@@ -23,11 +23,12 @@ pytestmark = pytest.mark.xdist_group("page")
 AXE = Path(__file__).resolve().parents[2] / "page" / "node_modules" / "axe-core" / "axe.min.js"
 NARROW = {"width": 420, "height": 800}
 FIND = """async () => {
-    // Speech input needs that the name of a button has the words on it; axe asks for that only if told.
+    // Whoever speaks to the page says the words on a button; axe asks for them only if told.
     const rules = {"label-content-name-mismatch": {enabled: true}};
     const {violations, incomplete} = await axe.run(document, {rules});
     const unsure = incomplete.filter(({id}) => id.startsWith("aria-"));
-    return [...violations, ...unsure].flatMap(({id, nodes}) => nodes.map(({html}) => `${id}: ${html}`));
+    return [...violations, ...unsure].flatMap(
+        ({id, nodes}) => nodes.map(({html}) => `${id}: ${html}`));
 }"""
 
 
