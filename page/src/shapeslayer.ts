@@ -8,6 +8,7 @@ import VectorImageLayer from "ol/layer/VectorImage.js";
 import VectorSource from "ol/source/Vector.js";
 import type Style from "ol/style/Style.js";
 import { complain } from "./dom";
+import { placeLabels, type Box, type Side } from "./labels";
 import { classLook, type ClassLook } from "./looks";
 import type { DataSource, Extent, LayerInfo, Point, Ring, Shape, Shapes } from "./source";
 
@@ -40,6 +41,7 @@ export class ShapesLayer {
   private loaded: Loaded | null = null;
   private asking: AbortController | null = null;
   private version = 0;
+  private sides: { resolution: number; of: Map<Feature, Side | null> } | null = null;
 
   constructor(
     private info: LayerInfo,
@@ -60,11 +62,13 @@ export class ShapesLayer {
     this.info = info;
     this.version = version;
     this.looks.clear();
+    this.sides = null;
   }
 
   restyle(labelSize: number | null): void {
     this.labelSize = labelSize;
     this.looks.clear();
+    this.sides = null;
     this.layer.changed();
   }
 
@@ -73,6 +77,7 @@ export class ShapesLayer {
       if (hidden) this.hidden.add(name);
       else this.hidden.delete(name);
     }
+    this.sides = null;
     this.layer.changed();
   }
 
@@ -120,6 +125,7 @@ export class ShapesLayer {
   private draw({ features, shown, total }: Shapes, resolution: number): void {
     this.shown = shown;
     this.total = total;
+    this.sides = null;
     const source = this.layer.getSource();
     source?.clear(true);
     source?.addFeatures(inDrawingOrder(features).map((shape) => featureOf(shape, resolution)));
@@ -128,16 +134,41 @@ export class ShapesLayer {
   private lookOf(feature: Feature, resolution: number): Style[] | undefined {
     const name = feature.get("name") as string;
     if (this.hidden.has(name)) return undefined;
+    const { shape, labels } = this.classLook(name);
+    const side = labels && this.sidesAt(resolution).get(feature);
+    return labels && side ? [shape, labels[side]] : [shape];
+  }
+
+  /** On which side of each feature its name stands. */
+  private sidesAt(resolution: number): Map<Feature, Side | null> {
+    if (this.sides?.resolution === resolution) return this.sides.of;
+    const features = this.layer.getSource()?.getFeatures() ?? [];
+    const named = features.filter(
+      (feature) =>
+        !this.hidden.has(feature.get("name") as string) &&
+        (this.shown <= FEW || (feature.get("side") as number) / resolution > LARGE_ENOUGH),
+    );
+    const pixels = (values: number[]) => values.map((value) => value / resolution);
+    const sides = placeLabels(
+      named.map((feature) => ({
+        box: pixels(feature.getGeometry()?.getExtent() ?? []) as Box,
+        at: pixels((feature.get("at") as PointGeometry).getCoordinates()) as [number, number],
+        size: this.classLook(feature.get("name") as string).size ?? [0, 0],
+      })),
+    );
+    const of = new Map(named.map((feature, i) => [feature, sides[i]]));
+    this.sides = { resolution, of };
+    return of;
+  }
+
+  private classLook(name: string): ClassLook {
     let look = this.looks.get(name);
     if (!look) {
       const color = this.info.classes.find((one) => one.name === name)?.color ?? "#808080";
       look = classLook(name, color, this.labelSize);
       this.looks.set(name, look);
     }
-    const { shape, label } = look;
-    if (!label) return [shape];
-    const named = this.shown <= FEW || (feature.get("side") as number) / resolution > LARGE_ENOUGH;
-    return named ? [shape, label] : [shape];
+    return look;
   }
 }
 

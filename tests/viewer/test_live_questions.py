@@ -312,7 +312,7 @@ def test_what_the_page_needs_to_know_of_a_map(tmp_path):
     assert (info["can_undo"], info["can_redo"], info["unsaved"]) == (False, False, False)
     grid, things, strange = info["layers"]
     assert (grid["kind"], grid["count"], grid["resolution"]) == ("raster", 6, 2.0)
-    assert grid["legend"][1] == {"label": "Occupied", "color": "#23262d"}
+    assert grid["legend"][1] == {"label": "Occupied", "color": "#68707e"}
     assert (things["kind"], things["count"], things["editable"]) == ("shapes", 3, True)
     assert [part["name"] for part in things["classes"]] == ["cup", "rug", "table"]
     assert len({part["color"] for part in things["classes"]}) == 3

@@ -83,7 +83,7 @@ export class RunMap {
     target.addEventListener("wheel", taken, { passive: true });
     this.map.on("pointerdrag", taken);
     this.objects.setStyle((feature) => this.lookOf(feature as Feature).shape);
-    this.labels.setStyle((feature) => this.lookOf(feature as Feature).label ?? undefined);
+    this.labels.setStyle((feature) => this.lookOf(feature as Feature).labels?.on);
     this.map.on("change:size", () => this.follow(false));
   }
 
