@@ -8,7 +8,8 @@ import { Editor } from "./edit";
 import { count, plural } from "./format";
 import { watchKeys } from "./keys";
 import { LayersPanel } from "./layers";
-import { drawnLayer, isVisible, MapView, type Insets } from "./mapview";
+import { insets, NARROW, toggleSidebar } from "./layout";
+import { drawnLayer, isVisible, MapView } from "./mapview";
 import { Panel } from "./panel";
 import { placeFromHash, placeToHash } from "./place";
 import { Search } from "./search";
@@ -17,8 +18,6 @@ import { settingsPanel } from "./settingspanel";
 import type { Change, DataSource, Frame, MapInfo, Point, Ring } from "./source";
 import { StatusLine } from "./statusline";
 import { Toolbar, type Tool } from "./toolbar";
-
-const NARROW = window.matchMedia("(max-width: 760px)");
 
 export class App {
   readonly view: MapView;
@@ -190,6 +189,7 @@ export class App {
     if ([name, near, within, inside, ring].every((part) => part === null)) return;
     if (NARROW.matches) toggleSidebar(false);
     this.editor?.letGo();
+    this.hint(null);
     this.isSearching = true;
     this.ask.find(sought, true);
   }
@@ -368,24 +368,4 @@ function baseFrame(info: MapInfo): Frame {
 function describe({ extent }: MapInfo): string {
   if (!extent) return "empty";
   return `${(extent[2] - extent[0]).toFixed(1)} × ${(extent[3] - extent[1]).toFixed(1)} m`;
-}
-
-function toggleSidebar(open?: boolean): void {
-  document.body.classList.toggle("sidebar-open", open);
-}
-
-/** What the panels cover of the map [pixels]. */
-function insets(): Insets {
-  const shown = (id: string) => (byId(id).hidden ? null : byId(id).getBoundingClientRect());
-  const panel = shown("panel");
-  if (NARROW.matches) {
-    return { top: 64, right: 0, bottom: Math.max(56, panel?.height ?? 0), left: 0 };
-  }
-  const side = shown("sidebar");
-  return {
-    top: 64,
-    right: panel ? window.innerWidth - panel.left : 0,
-    bottom: 56,
-    left: side ? side.right : 0,
-  };
 }

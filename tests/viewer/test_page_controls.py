@@ -102,7 +102,7 @@ def test_labels_grow_and_can_be_left_out(window: Window) -> None:
     def picture() -> NDArray[np.int64]:
         window.wait_until_drawn()
         column, row = (round(value) for value in window.pixel_of(*PLACES[CHAIR]))
-        return window.picture()[row - 60 : row + 60, column - 60 : column + 60].astype(np.int64)
+        return window.picture()[row - 60 : row + 60, column - 60 : column + 150].astype(np.int64)
 
     def ink(seen: NDArray[np.int64]) -> int:
         return int((np.abs(seen - bare).max(axis=2) > 30).sum())

@@ -111,7 +111,9 @@ def _merge(draft: Draft, layer: str, number: int, others: Any) -> None:
 def _merged_attributes(attributes: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """Return the attributes of a merged object: the first one's, and what all parts measure."""
     merged = {key: value for one in reversed(attributes) for key, value in one.items()}
-    for key, together in {_SEEN: sum, "z_min": min, "z_max": max}.items():
+    measured: dict[str, Callable[[Iterable[float]], float]]
+    measured = {_SEEN: sum, "z_min": min, "z_max": max}
+    for key, together in measured.items():
         values = [one[key] for one in attributes if isinstance(one.get(key), int | float)]
         merged |= {key: together(values)} if values else {}
     return merged
