@@ -25,9 +25,9 @@ export const STEP = 1.4;
 const NEAR = 64;
 
 /** Returns the side on which each name stands, or null where there is no room: names lie neither on
- * each other nor on other things, unless those bear what is named, as a table bears a cup. Large
- * things choose first. */
-export function placeLabels(things: Named[]): (Side | null)[] {
+ * each other nor on other things, unless those bear what is named, as a table bears a cup; and
+ * within bounds where they can. Large things choose first. */
+export function placeLabels(things: Named[], bounds: Box | null = null): (Side | null)[] {
   const boxes = new Nearby();
   const names = new Nearby();
   for (const { box } of things) boxes.add(box);
@@ -40,7 +40,8 @@ export function placeLabels(things: Named[]): (Side | null)[] {
       !names.meeting(name).length &&
       !boxes.meeting(name).some((box) => box !== thing.box && !bears(box));
     const sides = SIDES.filter((side) => !ON.has(side) || isWithin(thing, side));
-    const side = sides.find((one) => isFree(nameAt(thing, one)));
+    const free = sides.filter((side) => isFree(nameAt(thing, side)));
+    const side = free.find((side) => !bounds || isIn(nameAt(thing, side), bounds)) ?? free[0];
     // A name on its own shape may cover what lies on that, rather than be left out.
     const hasRoom = isWithin(thing, "on") && !names.meeting(nameAt(thing, "on")).length;
     const own = hasRoom ? "on" : null;
@@ -78,6 +79,8 @@ function isWithin(thing: Named, side: Side): boolean {
 
 const middle = ([x0, y0, x1, y1]: Box): [number, number] => [(x0 + x1) / 2, (y0 + y1) / 2];
 const area = ([x0, y0, x1, y1]: Box): number => (x1 - x0) * (y1 - y0);
+const isIn = (box: Box, bounds: Box): boolean =>
+  bounds[0] <= box[0] && bounds[1] <= box[1] && box[2] <= bounds[2] && box[3] <= bounds[3];
 const holds = ([x0, y0, x1, y1]: Box, [x, y]: [number, number]): boolean =>
   x0 <= x && x <= x1 && y0 <= y && y <= y1;
 

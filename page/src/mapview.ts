@@ -113,19 +113,19 @@ export class MapView {
       if (drawn) this.map.removeLayer(drawn);
       this.layers.delete(name);
     }
-    info.layers.forEach((layer, order) => this.setLayer(layer, order, info.version));
+    info.layers.forEach((layer, order) => this.setLayer(layer, order, info));
     this.frames.setFrames(info.frames);
     this.later();
   }
 
-  private setLayer(info: LayerInfo, order: number, mapVersion: number): void {
-    const version = info.version ?? mapVersion;
+  private setLayer(info: LayerInfo, order: number, map: MapInfo): void {
+    const version = info.version ?? map.version;
     const shown = this.layers.get(info.name) ?? this.addLayer(info);
     drawnLayer(shown)?.setZIndex(order + (info.kind === "shapes" ? 20 : 0));
     shown.info = info;
     if (shown.version === version) return;
     shown.version = version;
-    shown.shapes?.update(info, version);
+    shown.shapes?.update(info, version, map.extent);
     shown.tiles?.setSource(tileSource(info, this.source, version, this.projection));
   }
 

@@ -8,8 +8,8 @@ import VectorImageLayer from "ol/layer/VectorImage.js";
 import VectorSource from "ol/source/Vector.js";
 import type Style from "ol/style/Style.js";
 import { complain } from "./dom";
-import { placeLabels, type Box, type Side } from "./labels";
 import { classLook, type ClassLook } from "./looks";
+import { NameSides } from "./namesides";
 import type { DataSource, Extent, LayerInfo, Point, Ring, Shape, Shapes } from "./source";
 
 /** What the drawn shapes were asked for. */
@@ -41,7 +41,12 @@ export class ShapesLayer {
   private loaded: Loaded | null = null;
   private asking: AbortController | null = null;
   private version = 0;
-  private sides: { resolution: number; of: Map<Feature, Side | null> } | null = null;
+  private bounds: Extent | null = null;
+  private readonly sides = new NameSides({
+    features: (resolution) => this.named(resolution),
+    sizeOf: (feature) => this.classLook(feature.get("name") as string).size ?? [0, 0],
+    bounds: () => this.bounds,
+  });
 
   constructor(
     private info: LayerInfo,
@@ -58,17 +63,19 @@ export class ShapesLayer {
     });
   }
 
-  update(info: LayerInfo, version: number): void {
+  /** @param bounds - of the whole map. */
+  update(info: LayerInfo, version: number, bounds: Extent | null): void {
     this.info = info;
+    this.bounds = bounds;
     this.version = version;
     this.looks.clear();
-    this.sides = null;
+    this.sides.forget();
   }
 
   restyle(labelSize: number | null): void {
     this.labelSize = labelSize;
     this.looks.clear();
-    this.sides = null;
+    this.sides.forget();
     this.layer.changed();
   }
 
@@ -77,7 +84,7 @@ export class ShapesLayer {
       if (hidden) this.hidden.add(name);
       else this.hidden.delete(name);
     }
-    this.sides = null;
+    this.sides.forget();
     this.layer.changed();
   }
 
@@ -125,7 +132,7 @@ export class ShapesLayer {
   private draw({ features, shown, total }: Shapes, resolution: number): void {
     this.shown = shown;
     this.total = total;
-    this.sides = null;
+    this.sides.forget();
     const source = this.layer.getSource();
     source?.clear(true);
     source?.addFeatures(inDrawingOrder(features).map((shape) => featureOf(shape, resolution)));
@@ -135,30 +142,18 @@ export class ShapesLayer {
     const name = feature.get("name") as string;
     if (this.hidden.has(name)) return undefined;
     const { shape, labels } = this.classLook(name);
-    const side = labels && this.sidesAt(resolution).get(feature);
+    const side = labels && this.sides.of(feature, resolution);
     return labels && side ? [shape, labels[side]] : [shape];
   }
 
-  /** On which side of each feature its name stands. */
-  private sidesAt(resolution: number): Map<Feature, Side | null> {
-    if (this.sides?.resolution === resolution) return this.sides.of;
+  private named(resolution: number): Feature[] {
+    const isLarge = (feature: Feature) =>
+      (feature.get("side") as number) / resolution > LARGE_ENOUGH;
     const features = this.layer.getSource()?.getFeatures() ?? [];
-    const named = features.filter(
+    return features.filter(
       (feature) =>
-        !this.hidden.has(feature.get("name") as string) &&
-        (this.shown <= FEW || (feature.get("side") as number) / resolution > LARGE_ENOUGH),
+        !this.hidden.has(feature.get("name") as string) && (this.shown <= FEW || isLarge(feature)),
     );
-    const pixels = (values: number[]) => values.map((value) => value / resolution);
-    const sides = placeLabels(
-      named.map((feature) => ({
-        box: pixels(feature.getGeometry()?.getExtent() ?? []) as Box,
-        at: pixels((feature.get("at") as PointGeometry).getCoordinates()) as [number, number],
-        size: this.classLook(feature.get("name") as string).size ?? [0, 0],
-      })),
-    );
-    const of = new Map(named.map((feature, i) => [feature, sides[i]]));
-    this.sides = { resolution, of };
-    return of;
   }
 
   private classLook(name: string): ClassLook {

@@ -22,6 +22,13 @@ test("a name lies on no other thing, but on what bears its own", () => {
   assert.deepEqual(placeLabels([lamp, chair]), ["below", "on"]);
 });
 
+test("a name stands within the map rather than outside", () => {
+  const lamp = thing([80, 40, 100, 60]);
+  assert.deepEqual(placeLabels([lamp]), ["right"]);
+  assert.deepEqual(placeLabels([lamp], [0, 0, 100, 100]), ["left"]);
+  assert.deepEqual(placeLabels([lamp], [70, 40, 100, 60]), ["right"]); // no room in there
+});
+
 test("names do not lie on each other; one without room is left out", () => {
   const row = [0, 1, 2, 3].map((i) => thing([i * 12, 0, i * 12 + 10, 10], 60));
   const sides = placeLabels(row);
