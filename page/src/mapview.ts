@@ -67,6 +67,7 @@ export class MapView {
   };
   private readonly view: View;
   private timer = 0;
+  private isFitting = false;
   /** What was brought into view as a whole, and the view that shows it. */
   private fitted: { extent: Extent; minResolution: number; view: string } | null = null;
 
@@ -191,12 +192,14 @@ export class MapView {
     const shown = extent ?? ([-5, -5, 5, 5] as Extent);
     const { top, right, bottom, left } = this.insets();
     this.fitted = null;
+    this.isFitting = true;
     this.view.fit(shown, {
       padding: [top + 24, right + 24, bottom + 24, left + 24],
       minResolution,
       duration: animate && !calm() ? 350 : 0,
       easing: easeOut,
       callback: (isDone) => {
+        this.isFitting = false;
         if (isDone) this.fitted = { extent: shown, minResolution, view: this.viewKey() };
       },
     });
@@ -255,8 +258,9 @@ export class MapView {
     this.fit(boundingExtent(places) as Extent, true, closest);
   }
 
-  /** Moves the map a little if a place would lie under a panel. */
+  /** Moves the map a little if a place would lie under a panel; not while it makes room anyway. */
   reveal(place: Point): void {
+    if (this.isFitting) return;
     const pixel = this.map.getPixelFromCoordinate(place);
     const size = this.map.getSize();
     if (!pixel || !size) return;
