@@ -10,8 +10,9 @@ import type {
   FindAnswer,
   FoundRow,
   MapInfo,
-  ObjectDetails,
+  ObjectAt,
   PointAnswer,
+  Wanted,
 } from "./source";
 import type { Column } from "./sorting";
 import { table } from "./table";
@@ -33,7 +34,30 @@ function labelled(info: MapInfo, layer: string, label: string): HTMLElement {
   );
 }
 
-export function pointContent(answer: PointAnswer, info: MapInfo, choose: Choose): HTMLElement[] {
+/** @param facts - of the only object there, if there is just one: shown at once. */
+export function pointContent(
+  answer: PointAnswer,
+  info: MapInfo,
+  choose: Choose,
+  facts: Node[] | null,
+): HTMLElement[] {
+  const row = (layer: string, { id, name, area }: ObjectAt) =>
+    el(
+      "li",
+      {},
+      el(
+        "button",
+        { type: "button", class: "object", onclick: () => choose(layer, id) },
+        labelled(info, layer, name),
+        el("span", {
+          class: "quiet",
+          text: [`id ${id}`, area === undefined ? "" : squareMetres(area)]
+            .filter(Boolean)
+            .join(" · "),
+        }),
+        icon("chevron"),
+      ),
+    );
   return answer.layers.map(({ name, label, value, objects }) => {
     const raster = info.layers.find((layer) => layer.name === name)?.kind !== "shapes";
     return el(
@@ -50,32 +74,11 @@ export function pointContent(answer: PointAnswer, info: MapInfo, choose: Choose)
         : objects.length === 0
           ? el("p", { class: "quiet", text: "No object here" })
           : null,
-      objects.length
-        ? el(
-            "ul",
-            { class: "objects" },
-            ...objects.map((object) =>
-              el(
-                "li",
-                {},
-                el(
-                  "button",
-                  { type: "button", class: "object", onclick: () => choose(name, object.id) },
-                  labelled(info, name, object.name),
-                  el("span", {
-                    class: "quiet",
-                    text: [
-                      `id ${object.id}`,
-                      object.area === undefined ? "" : squareMetres(object.area),
-                    ]
-                      .filter(Boolean)
-                      .join(" · "),
-                  }),
-                  icon("chevron"),
-                ),
-              ),
-            ),
-          )
+      ...(facts && objects.length
+        ? [el("p", { class: "said" }, labelled(info, name, objects[0].name)), ...facts]
+        : []),
+      objects.length && !facts
+        ? el("ul", { class: "objects" }, ...objects.map((object) => row(name, object)))
         : null,
     );
   });
@@ -186,11 +189,14 @@ function cellCounts({ cells }: AreaAnswer, info: MapInfo): HTMLElement {
   );
 }
 
+/** @param facts - of the only match, if there is just one: shown at once. */
 export function findContent(
   answer: FindAnswer,
   info: MapInfo,
   choose: (row: FoundRow) => void,
-): HTMLElement[] {
+  look: (rank: number | null) => void,
+  facts: Node[],
+): Node[] {
   const several = new Set(answer.rows.map((row) => row.layer)).size > 1;
   const row = (found: FoundRow, rank: number) =>
     el(
@@ -201,8 +207,10 @@ export function findContent(
         {
           type: "button",
           class: "object",
-          data: { id: String(found.id) },
+          data: { id: String(found.id), layer: found.layer },
           onclick: () => choose(found),
+          onfocus: () => look(rank),
+          onblur: () => look(null),
         },
         el("span", { class: "rank", text: String(rank + 1) }),
         labelled(info, found.layer, found.name),
@@ -215,44 +223,71 @@ export function findContent(
         icon("chevron"),
       ),
     );
-  return [el("ol", { class: "objects found" }, ...answer.rows.map(row))];
+  const list = el("ol", { class: "objects found" }, ...answer.rows.map(row));
+  list.addEventListener("keydown", stepByArrows);
+  return [list, ...facts];
 }
 
-export function objectContent(object: ObjectDetails): HTMLElement[] {
-  const { area, at, tags, confidence, existence, first_seen, last_seen } = object;
-  const known: Record<string, unknown> = {
-    existence,
-    confidence: confidence?.length ? confidence : null,
-    first_seen,
-    last_seen,
-    ...object.attributes,
-  };
-  const facts: [string, string][] = [
-    ["Area", squareMetres(area)],
-    ["Middle", `${metres(at[0])}, ${metres(at[1])} m`],
-    ...(tags.length ? [["Tags", tags.join(", ")] as [string, string]] : []),
-    ...Object.entries(known)
-      .filter(([, value]) => value !== null && value !== undefined && value !== "")
-      .map(([key, value]): [string, string] => [heading(key), said(key, value)]),
-  ];
-  return [
-    el(
-      "dl",
-      { class: "facts" },
-      ...facts.flatMap(([key, value]) => [el("dt", { text: key }), el("dd", { text: value })]),
-    ),
-  ];
+/** Arrow keys move through the matches. */
+function stepByArrows(event: KeyboardEvent): void {
+  const list = event.currentTarget as HTMLElement;
+  const hits = [...list.querySelectorAll("button")];
+  const at = hits.indexOf(event.target as HTMLButtonElement);
+  const to = { ArrowDown: at + 1, ArrowUp: at - 1, Home: 0, End: hits.length - 1 }[event.key];
+  if (to === undefined || at < 0) return;
+  event.preventDefault();
+  hits[Math.min(Math.max(to, 0), hits.length - 1)].focus();
 }
 
-function heading(key: string): string {
-  const text = key.replaceAll("_", " ");
-  return text.charAt(0).toUpperCase() + text.slice(1);
+/** What is said of names that no object has: what they were taken for, or which may be meant. */
+export function unknownContent(
+  { unknown, name, near, inside }: FindAnswer,
+  info: MapInfo,
+  instead: (asked: string, name: string) => void,
+): HTMLElement[] {
+  const understood = [name, near, inside];
+  return Object.entries(unknown).map(([asked, alike]) => {
+    const is = `No object is called “${asked}”`;
+    if (alike.length === 1 && understood.includes(alike[0])) {
+      return el("p", { class: "quiet", text: `${is}; taken as “${alike[0]}”.` });
+    }
+    const offered = alike.length ? alike : commonest(info);
+    return el(
+      "section",
+      { class: "unknown" },
+      el("p", { text: `${is}. ${alike.length ? "Did you mean:" : "This map has:"}` }),
+      el(
+        "div",
+        { class: "buttons choices" },
+        ...offered.slice(0, MOST_OFFERED).map((name) =>
+          el("button", {
+            type: "button",
+            class: "button small",
+            text: name,
+            onclick: () => instead(asked, name),
+          }),
+        ),
+      ),
+    );
+  });
 }
 
-function said(key: string, value: unknown): string {
-  if (typeof value === "number")
-    return key.endsWith("_seen") ? stamp(value) : trim(value.toFixed(4));
-  if (typeof value === "string") return value;
-  if (!Array.isArray(value) || value.length === 0) return JSON.stringify(value);
-  return value.map((one: unknown) => said("", one)).join(", ");
+const MOST_OFFERED = 8;
+
+function commonest(info: MapInfo): string[] {
+  const classes = info.layers.flatMap((layer) => layer.classes);
+  return [...new Set(classes.sort((a, b) => b.count - a.count).map(({ name }) => name))];
+}
+
+/** A question in words: "cup within 1 m of table, inside kitchen". */
+export function wantedInWords({ name, near, within, inside, ring }: Wanted): string {
+  const named = typeof near === "string" ? near : null;
+  const parts = [
+    within !== null
+      ? `within ${trim(String(within))} m of ${named ?? "here"}`
+      : named && `near ${named}`,
+    inside !== null && `inside ${inside}`,
+    ring !== null && "in the area",
+  ].filter((part) => typeof part === "string");
+  return [name ?? "Anything", parts.join(", ")].filter(Boolean).join(" ");
 }

@@ -1,23 +1,23 @@
 /** The page: joins the map, the panels and the questions. */
 
 import { Ask, type Context } from "./ask";
+import { Conditions } from "./conditions";
 import { byId, choose, complain, el, notify } from "./dom";
-import { Drawing } from "./drawing";
+import { Drawing, type Kind } from "./drawing";
 import { Editor } from "./edit";
 import { count, plural } from "./format";
 import { watchKeys } from "./keys";
 import { LayersPanel } from "./layers";
-import { drawnLayer, isVisible, MapView, type Insets } from "./mapview";
+import { insets, NARROW, toggleSidebar } from "./layout";
+import { drawnLayer, isVisible, MapView } from "./mapview";
 import { Panel } from "./panel";
 import { placeFromHash, placeToHash } from "./place";
 import { Search } from "./search";
 import { keepSettings, loadSettings, onSystemTheme, themeOf } from "./settings";
 import { settingsPanel } from "./settingspanel";
-import type { Change, DataSource, Frame, MapInfo, Point } from "./source";
+import type { Change, DataSource, Frame, MapInfo, Point, Ring } from "./source";
 import { StatusLine } from "./statusline";
 import { Toolbar, type Tool } from "./toolbar";
-
-const NARROW = window.matchMedia("(max-width: 760px)");
 
 export class App {
   readonly view: MapView;
@@ -27,11 +27,14 @@ export class App {
   private readonly ask: Ask;
   private readonly drawing: Drawing;
   private readonly search: Search;
+  private readonly conditions: Conditions;
   private readonly layers: LayersPanel;
   private readonly status: StatusLine;
   private readonly toolbar: Toolbar;
   private readonly editor: Editor | null;
   private hashTimer = 0;
+  /** Whether the last question was typed: Esc then leads back to its field. */
+  private isSearching = false;
   /** Reloads follow each other, so that an older answer never replaces a newer one. */
   private reloading: Promise<void> = Promise.resolve();
 
@@ -41,14 +44,18 @@ export class App {
   ) {
     this.context = { info, frame: baseFrame(info) };
     this.view = new MapView(byId("map"), source, insets, () => this.tellCounts());
-    this.panel = new Panel(() => this.panelClosed());
+    this.panel = new Panel(
+      () => this.view.makeRoom(),
+      () => this.panelClosed(),
+    );
     this.ask = new Ask(this.view, source, this.panel, this.context);
     this.drawing = new Drawing(this.view.map);
-    this.search = new Search((name) => {
-      if (NARROW.matches) toggleSidebar(false);
-      this.editor?.letGo();
-      this.ask.name(name);
-    });
+    this.search = new Search(() => this.find());
+    this.conditions = new Conditions((kind, done) => this.drawToFind(kind, done));
+    this.ask.sought = (sought) => {
+      this.search.name = sought.name ?? "";
+      this.conditions.show(sought);
+    };
     this.layers = new LayersPanel(this.view, () => this.linkPlace());
     this.status = new StatusLine((frame) => this.setFrame(frame));
     this.toolbar = new Toolbar({
@@ -98,6 +105,7 @@ export class App {
     this.context.frame = info.frames.find((one) => one.frame_id === frame_id) ?? baseFrame(info);
     this.view.setInfo(info);
     this.search.setInfo(info);
+    this.conditions.setInfo(info);
     this.layers.draw();
     this.status.setFrames(info.frames, this.context.frame);
     this.view.setFrame(this.context.frame);
@@ -128,6 +136,10 @@ export class App {
       if (this.editor && this.context.info.unsaved) event.preventDefault();
     });
     onSystemTheme(() => this.restyle());
+    byId("ask").addEventListener("submit", (event) => {
+      event.preventDefault();
+      this.find();
+    });
     watchKeys({
       escape: () => this.escape(),
       search: () => {
@@ -148,6 +160,7 @@ export class App {
   private click(place: Point): void {
     if (this.drawing.active) return;
     this.hint(null);
+    this.isSearching = false;
     if (NARROW.matches) toggleSidebar(false);
     if (this.editor?.active) void this.editor.pick(place).catch(complain);
     else this.ask.point(place);
@@ -161,15 +174,34 @@ export class App {
       this.hint("Click the map to see what is there");
       return;
     }
-    this.hint(
-      tool === "rectangle"
-        ? "Drag a rectangle to see what is in it"
-        : "Click the corners of an area; double-click or Enter ends it",
-    );
+    this.hint(tool === "rectangle" ? "Drag a rectangle to see what is in it" : CORNERS);
     this.drawing.start(tool, (ring) => {
       this.hint(null);
       this.toolbar.showTool("point");
       this.ask.area(ring);
+    });
+  }
+
+  /** Looks for what the fields say; the keyboard goes on in the list of matches. */
+  private find(): void {
+    const sought = this.conditions.with(this.search.name);
+    const { name, near, within, inside, ring } = sought;
+    if ([name, near, within, inside, ring].every((part) => part === null)) return;
+    if (NARROW.matches) toggleSidebar(false);
+    this.editor?.letGo();
+    this.hint(null);
+    this.isSearching = true;
+    this.ask.find(sought, true);
+  }
+
+  private drawToFind(kind: Kind, done: (ring: Ring) => void): void {
+    this.editor?.stop();
+    this.hint(kind === "rectangle" ? "Drag a rectangle to look in" : CORNERS);
+    if (NARROW.matches) toggleSidebar(false);
+    this.drawing.start(kind, (ring) => {
+      this.hint(null);
+      done(ring);
+      this.find();
     });
   }
 
@@ -188,8 +220,13 @@ export class App {
       this.drawing.stop();
       this.toolbar.showTool("point");
       this.hint(null);
-    } else if (this.panel.isOpen) this.panel.close();
-    else if (this.editor?.active) this.editor.stop();
+    } else if (this.editor?.endMerging()) {
+      return;
+    } else if (this.panel.isOpen) {
+      const goesBack = this.isSearching && byId("panel").contains(document.activeElement);
+      this.panel.close();
+      if (goesBack) this.search.focus();
+    } else if (this.editor?.active) this.editor.stop();
     else {
       this.hint(null);
       if (NARROW.matches) toggleSidebar(false);
@@ -197,6 +234,7 @@ export class App {
   }
 
   private panelClosed(): void {
+    this.view.makeRoom();
     this.editor?.letGo();
     this.ask.forget();
   }
@@ -317,6 +355,8 @@ export class App {
   }
 }
 
+const CORNERS = "Click the corners of an area; double-click or Enter ends it";
+
 const DISK = {
   changed: "The map's file has changed on the disk.",
   vanished: "The map's file has vanished from the disk; saving writes it again.",
@@ -330,24 +370,4 @@ function baseFrame(info: MapInfo): Frame {
 function describe({ extent }: MapInfo): string {
   if (!extent) return "empty";
   return `${(extent[2] - extent[0]).toFixed(1)} × ${(extent[3] - extent[1]).toFixed(1)} m`;
-}
-
-function toggleSidebar(open?: boolean): void {
-  document.body.classList.toggle("sidebar-open", open);
-}
-
-/** What the panels cover of the map [pixels]. */
-function insets(): Insets {
-  const shown = (id: string) => (byId(id).hidden ? null : byId(id).getBoundingClientRect());
-  const panel = shown("panel");
-  if (NARROW.matches) {
-    return { top: 64, right: 0, bottom: Math.max(56, panel?.height ?? 0), left: 0 };
-  }
-  const side = shown("sidebar");
-  return {
-    top: 64,
-    right: panel ? window.innerWidth - panel.left : 0,
-    bottom: 56,
-    left: side ? side.right : 0,
-  };
 }

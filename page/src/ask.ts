@@ -1,13 +1,30 @@
 /** Questions by pointing, drawing and typing; each goes to the source, its answer to the panel. */
 
-import { areaContent, areaSummary, findContent, objectContent, pointContent } from "./answers";
+import {
+  areaContent,
+  areaSummary,
+  findContent,
+  pointContent,
+  unknownContent,
+  wantedInWords,
+} from "./answers";
 import { complain, el } from "./dom";
 import { BehindSection } from "./evidence";
+import { objectFacts } from "./facts";
 import { metres, plural, rounded } from "./format";
 import { fromBase } from "./frames";
 import type { MapView } from "./mapview";
 import type { Panel } from "./panel";
-import type { DataSource, Frame, MapInfo, ObjectDetails, Point, Ring } from "./source";
+import type {
+  DataSource,
+  FindAnswer,
+  Frame,
+  MapInfo,
+  ObjectDetails,
+  Point,
+  Ring,
+  Wanted,
+} from "./source";
 
 const MOST_FOUND = 100;
 
@@ -17,11 +34,16 @@ export interface Context {
   frame: Frame;
 }
 
+/** What someone looks for; without a name to be near to, it is measured from the marked place. */
+export type Sought = Omit<Wanted, "near"> & { near: string | null };
+
 export class Ask {
   /** The place asked last; names are sought from here. */
   place: Point | null = null;
   /** Puts buttons under an object's facts, where it can be edited. */
   actions: (object: ObjectDetails) => HTMLElement | null = () => null;
+  /** Called with what was looked for instead of what was typed. */
+  sought: (sought: Sought) => void = () => {};
   private last: (() => Promise<void>) | null = null;
   private turn = 0;
   private readonly behind: BehindSection;
@@ -40,16 +62,24 @@ export class Ask {
       const { info, frame } = this.context;
       const asked = rounded(fromBase(frame, place));
       const answer = await this.source.at(asked, frame.frame_id);
+      const objects = answer.layers.flatMap(({ name, objects }) =>
+        objects.map(({ id }) => ({ layer: name, id })),
+      );
+      const only = await this.onlyOne(objects);
       if (!isCurrent()) return;
-      this.clear();
+      this.clear(only);
       this.place = place;
       this.view.markPlace(place);
-      const objects = answer.layers.flatMap((layer) => layer.objects);
+      const first = answer.layers.flatMap((layer) => layer.objects)[0];
       this.panel.show({
-        title:
-          objects[0]?.name ?? answer.layers.find(({ label }) => label)?.label ?? "Nothing here",
+        title: first?.name ?? answer.layers.find(({ label }) => label)?.label ?? "Nothing here",
         summary: `At ${where(asked)} m in ${frame.frame_id}`,
-        content: pointContent(answer, info, (layer, id) => this.object(layer, id)),
+        content: pointContent(
+          answer,
+          info,
+          (layer, id) => this.object(layer, id),
+          only && this.facts(only),
+        ),
         spelled: answer,
       });
       this.view.reveal(place);
@@ -78,32 +108,43 @@ export class Ask {
     });
   }
 
-  name(name: string): void {
+  /** Looks for objects; with `focus`, the keyboard goes on in the list of matches. */
+  find(sought: Sought, focus = false): void {
     let isNew = true;
+    const place = this.place;
+    const ring = sought.ring?.map(rounded) ?? null;
+    // As it is now: whoever comes back to the matches finds them in the same order.
+    const near = sought.near ?? rounded(place ?? this.view.center);
+    const wanted: Wanted = { ...sought, near, ring };
     this.run(async (isCurrent) => {
-      const { info } = this.context;
-      const place = this.place;
-      const answer = await this.source.find(name, rounded(place ?? this.view.center), MOST_FOUND);
+      const answer = await this.source.find(wanted, MOST_FOUND);
+      const { rows, name, inside } = answer;
+      const only = await this.onlyOne(rows);
       if (!isCurrent()) return;
-      const { rows } = answer;
-      this.clear();
+      this.clear(only);
       this.view.markPlace(place);
+      this.view.markArea(sought.ring);
       const places = rows.map(({ x, y }): Point => [x, y]);
       this.view.markMatches(places);
-      const total = answer.total ?? rows.length;
-      const from = place ? "the marked place" : "the middle of the view";
       this.panel.show({
-        title: name,
-        summary: total
-          ? `${plural(total, "match", "matches")}, nearest to ${from} first` +
-            (total > rows.length ? `; ${rows.length} shown` : "")
-          : "Nothing in this map has that name",
-        content: findContent(answer, info, (row) => {
-          void this.choose(row.layer, row.id).catch(complain);
-        }),
+        title: wantedInWords({ ...wanted, name, near: answer.near, inside }),
+        summary: this.summary(answer, place),
+        content: [
+          ...unknownContent(answer, this.context.info, (asked, name) =>
+            this.instead(sought, asked, name),
+          ),
+          ...findContent(
+            answer,
+            this.context.info,
+            (row) => this.object(row.layer, row.id, true),
+            (rank) => this.view.lookAtMatch(rank),
+            only ? this.facts(only) : [],
+          ),
+        ],
         spelled: answer,
       });
       if (isNew) this.view.showAny(places);
+      if (isNew && focus) this.panel.focus();
       isNew = false;
     });
   }
@@ -114,50 +155,13 @@ export class Ask {
       const object = await this.source.object(layer, id);
       if (!isCurrent()) return;
       this.view.markMatches([]);
-      this.view.markChosen(object.polygons);
-      const behind = this.hasEvidence(layer) ? this.behind.of(object) : null;
       this.panel.show({
         title: object.name,
         summary: `Object ${id} of ${layer}`,
-        content: [
-          ...objectContent(object),
-          el(
-            "div",
-            { class: "buttons" },
-            back
-              ? el("button", {
-                  type: "button",
-                  class: "button small",
-                  text: "Back",
-                  onclick: () => this.again(back),
-                })
-              : null,
-            el("button", {
-              type: "button",
-              class: "button small",
-              text: "Zoom to it",
-              onclick: () => this.view.flyTo(object.at, Math.sqrt(object.area)),
-            }),
-            this.actions(object),
-          ),
-          behind,
-        ],
+        content: this.facts(object, back),
       });
       if (fly) this.view.flyTo(object.at, Math.sqrt(object.area));
     });
-  }
-
-  /** Layers of objects can have evidence; those that another kind of layer draws have none. */
-  private hasEvidence(layer: string): boolean {
-    const { layers } = this.context.info;
-    return layers.find(({ name }) => name === layer)?.class_name === "SemanticLayer";
-  }
-
-  /** Flies to a match; the list of matches stays. */
-  private async choose(layer: string, id: number): Promise<void> {
-    const object = await this.source.object(layer, id);
-    this.view.markChosen(object.polygons);
-    this.view.flyTo(object.at, Math.sqrt(object.area));
   }
 
   /** Asks the last question anew, since the map has changed. */
@@ -173,8 +177,56 @@ export class Ask {
     this.clear();
   }
 
-  private clear(): void {
-    this.behind.close();
+  private summary({ rows, total, near }: FindAnswer, place: Point | null): string {
+    if (!total) return "Nothing like that in this map";
+    const from = place ? "the marked place" : "the middle of the view";
+    const order = typeof near === "string" ? "nearest first" : `nearest to ${from} first`;
+    const shown = total > rows.length ? `; ${rows.length} shown` : "";
+    return `${plural(total, "match", "matches")}, ${order}${shown}`;
+  }
+
+  /** Asks again with another name in place of one that is not known. */
+  private instead(sought: Sought, asked: string, name: string): void {
+    const other = (text: string | null) => (text === asked ? name : text);
+    const { name: named, near, inside } = sought;
+    const better = { ...sought, name: other(named), near: other(near), inside: other(inside) };
+    this.sought(better);
+    this.find(better, true);
+  }
+
+  /** The facts of an object, which is marked on the map, and what can be done with it. */
+  private facts(object: ObjectDetails, back: (() => Promise<void>) | null = null): Node[] {
+    const { at, area, layer, polygons } = object;
+    this.view.markChosen(polygons);
+    if (!this.hasEvidence(layer)) this.behind.close();
+    const button = (text: string, onclick: () => void) =>
+      el("button", { type: "button", class: "button small", text, onclick });
+    return [
+      objectFacts(object, this.context.frame),
+      el(
+        "div",
+        { class: "buttons" },
+        back && backButton(() => this.again(back)),
+        button("Zoom to it", () => this.view.flyTo(at, Math.sqrt(area))),
+        this.actions(object),
+      ),
+      this.hasEvidence(layer) ? this.behind.of(object) : null,
+    ].filter((node) => node !== null);
+  }
+
+  private async onlyOne(hits: { layer: string; id: number }[]): Promise<ObjectDetails | null> {
+    return hits.length === 1 ? this.source.object(hits[0].layer, hits[0].id) : null;
+  }
+
+  /** Layers of objects can have evidence; those that another kind of layer draws have none. */
+  private hasEvidence(layer: string): boolean {
+    const { layers } = this.context.info;
+    return layers.find(({ name }) => name === layer)?.class_name === "SemanticLayer";
+  }
+
+  /** Takes all marks away; what is behind an object stays where that is shown again. */
+  private clear(shownNext: ObjectDetails | null = null): void {
+    if (!shownNext) this.behind.close();
     this.view.clearMarks();
   }
 
@@ -189,6 +241,11 @@ export class Ask {
       return question(() => turn === this.turn);
     });
   }
+}
+
+function backButton(onclick: () => void): HTMLElement {
+  const data = { back: "" };
+  return el("button", { type: "button", class: "button small", text: "Back", data, onclick });
 }
 
 const where = ([x, y]: Point): string => `${metres(x)}, ${metres(y)}`;

@@ -15,6 +15,8 @@ export type Attributes = {
   onclick?: (event: MouseEvent) => void;
   oninput?: (event: Event) => void;
   onchange?: (event: Event) => void;
+  onfocus?: () => void;
+  onblur?: () => void;
   aria?: Record<string, string>;
   data?: Record<string, string>;
   role?: string;

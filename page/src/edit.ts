@@ -2,8 +2,6 @@
 
 import Feature from "ol/Feature.js";
 import MultiPolygon from "ol/geom/MultiPolygon.js";
-import Modify from "ol/interaction/Modify.js";
-import Snap from "ol/interaction/Snap.js";
 import VectorLayer from "ol/layer/Vector.js";
 import VectorSource from "ol/source/Vector.js";
 import type { Ask, Context } from "./ask";
@@ -11,6 +9,8 @@ import { askName, byId, choose, complain, el, notify } from "./dom";
 import { Drawing, type Kind } from "./drawing";
 import { EditBar } from "./editbar";
 import { newObjectForm, objectForm } from "./forms";
+import { Handles } from "./handles";
+import { extentOf } from "./geometry";
 import { editedLook } from "./looks";
 import type { MapView } from "./mapview";
 import type { Panel } from "./panel";
@@ -30,12 +30,17 @@ import {
 export class Editor {
   active = false;
   private readonly bar: EditBar;
-  private readonly shapes = new VectorLayer({ source: new VectorSource(), zIndex: 90 });
-  private readonly modify: Modify;
-  private readonly snap: Snap;
+  private readonly shapes = new VectorLayer({
+    source: new VectorSource<Feature<MultiPolygon>>(),
+    zIndex: 90,
+    style: (_, resolution) => editedLook(resolution),
+  });
+  private readonly handles: Handles;
   private chosen: ObjectDetails | null = null;
   /** What was drawn, until it has a name and the server took it. */
   private drawn: MultiPolygon | null = null;
+  /** Whether the next click chooses what is merged into the object in the hand. */
+  private isMerging = false;
   /** One change after the other, so that each knows the version that the last one made. */
   private queue: Promise<void> = Promise.resolve();
 
@@ -50,10 +55,7 @@ export class Editor {
     private readonly hint: (text: string | null) => void,
     private readonly changed: (change: Change) => Promise<void>,
   ) {
-    const source_ = this.shapes.getSource() ?? new VectorSource();
-    this.modify = new Modify({ source: source_, pixelTolerance: 12 });
-    this.snap = new Snap({ source: source_, pixelTolerance: 8 });
-    this.modify.on("modifyend", () => this.reshape());
+    this.handles = new Handles(view.map, this.shapes, (how) => this.reshape(how));
     this.bar = new EditBar({
       draw: (kind, room) => this.draw(kind, room),
       undo: () => this.undo(),
@@ -73,9 +75,7 @@ export class Editor {
     if (this.active) return;
     this.active = true;
     this.view.map.addLayer(this.shapes);
-    this.view.map.addInteraction(this.modify);
-    this.view.map.addInteraction(this.snap);
-    this.shapes.setStyle(editedLook());
+    this.handles.start();
     byId("editbar").hidden = false;
     this.hint("Click an object to change it, or draw a new one");
     this.toggled(true);
@@ -86,8 +86,7 @@ export class Editor {
     this.active = false;
     this.letGo();
     this.drawing.stop();
-    this.view.map.removeInteraction(this.modify);
-    this.view.map.removeInteraction(this.snap);
+    this.handles.stop();
     this.view.map.removeLayer(this.shapes);
     byId("editbar").hidden = true;
     this.hint(null);
@@ -126,6 +125,7 @@ export class Editor {
       .filter(({ name }) => open.has(name))
       .flatMap(({ name, objects }) => objects.map((object) => ({ layer: name, ...object })))
       .sort((a, b) => (a.area ?? 0) - (b.area ?? 0));
+    if (this.isMerging) return this.merge(here);
     if (here.length) await this.take(here[0].layer, here[0].id);
     else {
       this.letGo();
@@ -142,10 +142,52 @@ export class Editor {
   /** Lets go of the object in the hand; true if there was one. */
   letGo(): boolean {
     const had = this.chosen !== null;
+    this.endMerging();
     this.chosen = null;
     this.drawn = null;
     this.shapes.getSource()?.clear();
     return had;
+  }
+
+  /** Ends what waits for a click; true if something did. */
+  endMerging(): boolean {
+    const was = this.isMerging;
+    this.isMerging = false;
+    if (was) this.hint(null);
+    return was;
+  }
+
+  private startMerging(): void {
+    if (!this.chosen) return;
+    this.isMerging = true;
+    this.hint(`Click the object that is ${this.chosen.name} too; Esc ends it`);
+  }
+
+  /** Makes the object in the hand and the first other one at a place a single one. */
+  private merge(here: { layer: string; id: number }[]): void {
+    if (!this.chosen) return;
+    const { layer, id, name } = this.chosen;
+    const others = here.filter((one) => one.layer !== layer || one.id !== id);
+    const other = others.find((one) => one.layer === layer);
+    if (!other) {
+      if (others.length) notify(`Only objects of one layer can be merged, here ${layer}`, "alert");
+      return; // the next click may meet one
+    }
+    this.endMerging();
+    void this.apply([{ op: "merge", layer, id, others: [other.id] }], `Merged into ${name}`);
+  }
+
+  /** Adds another of the same kind and shape beside the object in the hand. */
+  private duplicate(): void {
+    if (!this.chosen) return;
+    const { layer, id, name, polygons } = this.chosen;
+    const [x0, , x1] = extentOf(polygons);
+    const by = x1 - x0 + 12 * this.view.resolution;
+    const moved = polygons.map((rings) =>
+      rings.map((ring) => ring.map(([x, y]): Point => [x + by, y])),
+    );
+    const copy: Operation = { op: "add", layer, name, like: id, polygons: moved };
+    void this.apply([copy], `Duplicated ${name}`, true);
   }
 
   remove(): void {
@@ -175,9 +217,11 @@ export class Editor {
         if (!(error instanceof Refused) || error.status !== 409) throw error;
         const answer = await choose("Save over it?", error.message, [
           { value: "cancel", label: "Cancel" },
+          { value: "saveAs", label: "Save as…", look: "primary" },
           { value: "overwrite", label: "Overwrite", look: "danger" },
         ]);
         if (answer === "overwrite") this.save({ ...request, overwrite: true });
+        if (answer === "saveAs") void this.saveAs();
       }
     });
   }
@@ -207,6 +251,8 @@ export class Editor {
             const { layer, id } = object;
             void this.apply([{ op: "update", layer, id, ...values }], "Changed");
           },
+          duplicate: () => this.duplicate(),
+          merge: () => this.startMerging(),
           remove: () => this.remove(),
         }),
       ],
@@ -258,12 +304,12 @@ export class Editor {
     byId("object-name").focus();
   }
 
-  private reshape(): void {
+  private reshape(how: string): void {
     const feature = this.shapes.getSource()?.getFeatures()[0];
     if (!this.chosen || !feature) return;
     const polygons = (feature.getGeometry() as MultiPolygon).getCoordinates() as Polygon[];
     const { layer, id } = this.chosen;
-    void this.apply([{ op: "update", layer, id, polygons }], "Reshaped");
+    void this.apply([{ op: "update", layer, id, polygons }], how);
   }
 
   /** Changes the map; resolves to whether that was possible. */

@@ -59,7 +59,7 @@ function button(
 ): HTMLButtonElement {
   return el(
     "button",
-    { type: "button", id, title, class: "tool", aria: { label: title }, onclick },
+    { type: "button", id, title, class: "tool", onclick },
     icon(name),
     el("span", { class: "tool-label", text: label }),
   );

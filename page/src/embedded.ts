@@ -1,8 +1,9 @@
 /** The map inside a page of one file: the same questions, answered here. */
 
+import { findObjects } from "./finding";
 import { csv, geojson } from "./format";
 import { toBase } from "./frames";
-import { distance, extentOf, holds, meet, overlap, wkt } from "./geometry";
+import { extentOf, holds, meet, overlap, wkt } from "./geometry";
 import { spellArea, spellAt, spellEvidence, spellFind } from "./questions";
 import { Raster } from "./raster";
 import {
@@ -24,6 +25,7 @@ import {
   type PointAnswer,
   type Ring,
   type Shapes,
+  type Wanted,
 } from "./source";
 
 export class EmbeddedSource implements DataSource {
@@ -111,25 +113,13 @@ export class EmbeddedSource implements DataSource {
     return new Blob([geojson(rows)], { type: "application/geo+json" });
   }
 
-  async find(name: string, near: Point, limit: number): Promise<FindAnswer> {
-    const wanted = name.toLowerCase();
-    const names = new Set<string>();
-    const rows = [];
-    for (const layer of Object.keys(this.blob.shapes)) {
-      for (const shape of this.objects(layer)) {
-        if (shape.name.toLowerCase().includes(wanted)) names.add(shape.name);
-        if (shape.name.toLowerCase() !== wanted) continue;
-        const [x, y] = shape.centroid;
-        const away = distance(shape.polygons, near);
-        rows.push({ layer, id: shape.id, name: shape.name, x, y, distance: away });
-      }
-    }
-    rows.sort((a, b) => a.distance - b.distance);
+  async find(wanted: Wanted, limit: number): Promise<FindAnswer> {
+    const { rows, ...understood } = findObjects(this.blob.shapes, wanted);
     return {
+      ...understood,
       rows: rows.slice(0, limit),
       total: rows.length,
-      names: [...names].sort(),
-      ...spellFind(this.blob.map.name, name, near),
+      ...spellFind(this.blob.map.name, { ...wanted, ...understood }),
     };
   }
 

@@ -10,6 +10,7 @@ import { cameraSample, lineSample, looksSample } from "./samples";
 import { spelledContent } from "./panel";
 import type { DataSource, Evidence, Extent, ObjectDetails } from "./source";
 import { timeline } from "./timeline";
+import { often } from "./words";
 
 export class BehindSection {
   /** The object that is looked behind; it stays so while its panel is drawn anew. */
@@ -181,8 +182,6 @@ function summary({ observations, seen, start, first_seen, last_seen }: Evidence)
   const [first, last] = [clock(first_seen - start), clock(last_seen - start)];
   return `${times}, first at ${first}, last at ${last} of the recording.`;
 }
-
-const often = (n: number): string => (n === 1 ? "once" : n === 2 ? "twice" : `${n} times`);
 
 function factsOf({ observations, start = 0 }: Evidence, i: number | null): (Node | string)[] {
   const count = observations.length;

@@ -30,7 +30,12 @@ export const tagsFrom = (text: string): string[] => [
 export function objectForm(
   object: ObjectDetails,
   names: string[],
-  verbs: { change: (values: Partial<Named>) => void; remove: () => void },
+  verbs: {
+    change: (values: Partial<Named>) => void;
+    duplicate: () => void;
+    merge: () => void;
+    remove: () => void;
+  },
 ): HTMLElement {
   const { name, tags } = fields(names, object.name, object.tags);
   const form = el(
@@ -39,6 +44,22 @@ export function objectForm(
     ...name.rows,
     ...tags.rows,
     reshaping(),
+    el(
+      "div",
+      { class: "buttons" },
+      el("button", {
+        type: "button",
+        class: "button small",
+        text: "Duplicate",
+        onclick: verbs.duplicate,
+      }),
+      el("button", {
+        type: "button",
+        class: "button small",
+        text: "Merge with…",
+        onclick: verbs.merge,
+      }),
+    ),
     el(
       "div",
       { class: "buttons" },
@@ -142,7 +163,9 @@ export function newObjectForm(
 function reshaping(): HTMLElement {
   return el("p", {
     class: "quiet",
-    text: "Drag a corner or an edge on the map to reshape it; Alt+click removes a corner.",
+    text:
+      "On the map, drag a corner or an edge to reshape it, its middle to move it, and the handle " +
+      "above it to turn it (with Shift by 15°). Alt+click removes a corner.",
   });
 }
 

@@ -28,7 +28,36 @@ function segmentDistance([x, y]: Point, [ax, ay]: Point, [bx, by]: Point): numbe
 
 /** Distance from a point to a shape [m]; 0 inside. */
 export function distance(polygons: Polygon[], point: Point): number {
-  if (holds(polygons, point)) return 0;
+  return holds(polygons, point) ? 0 : toEdge(polygons, point);
+}
+
+/** Where a shape would balance. */
+export function centroidOf(polygons: Polygon[]): Point {
+  let [x, y, area] = [0, 0, 0];
+  const [ox, oy] = polygons[0][0][0]; // near by, so that little is lost to rounding
+  for (const rings of polygons) {
+    rings.forEach((ring, i) => {
+      const [rx, ry, size] = ringMoments(ring.map(([px, py]): Point => [px - ox, py - oy]));
+      const sign = (i === 0 ? 1 : -1) * Math.sign(size); // holes are taken off
+      [x, y, area] = [x + sign * rx, y + sign * ry, area + sign * size];
+    });
+  }
+  return [ox + x / area, oy + y / area];
+}
+
+/** The area of a ring, and its first moments; negative where it runs clockwise. */
+function ringMoments(ring: Ring): [number, number, number] {
+  let [x, y, area] = [0, 0, 0];
+  ring.forEach(([ax, ay], i) => {
+    const [bx, by] = ring[(i + 1) % ring.length];
+    const cross = (ax * by - bx * ay) / 2;
+    [x, y, area] = [x + (cross * (ax + bx)) / 3, y + (cross * (ay + by)) / 3, area + cross];
+  });
+  return [x, y, area];
+}
+
+/** Distance from a point to the nearest edge of a shape [m]. */
+export function toEdge(polygons: Polygon[], point: Point): number {
   let best = Infinity;
   for (const ring of polygons.flat()) {
     for (let i = 0; i < ring.length; i++) {
@@ -36,6 +65,16 @@ export function distance(polygons: Polygon[], point: Point): number {
     }
   }
   return best;
+}
+
+/** Distance between two shapes [m]; 0 where they meet. */
+export function gap(one: Polygon[], other: Polygon[]): number {
+  if (meet(one, other)) return 0;
+  // Of edges that do not cross, an end of one is nearest to the other.
+  return Math.min(
+    ...one.flat(2).map((corner) => distance(other, corner)),
+    ...other.flat(2).map((corner) => distance(one, corner)),
+  );
 }
 
 function side(a: Point, b: Point, c: Point): number {

@@ -2,13 +2,16 @@
 
 import Feature from "ol/Feature.js";
 import type Geometry from "ol/geom/Geometry.js";
+import LineString from "ol/geom/LineString.js";
 import MultiPoint from "ol/geom/MultiPoint.js";
 import type MultiPolygon from "ol/geom/MultiPolygon.js";
+import PointGeometry from "ol/geom/Point.js";
 import CircleStyle from "ol/style/Circle.js";
 import Fill from "ol/style/Fill.js";
 import Stroke from "ol/style/Stroke.js";
 import Style from "ol/style/Style.js";
 import Text from "ol/style/Text.js";
+import { GAP, SIDES, STEP, type Side } from "./labels";
 import { cssColor } from "./settings";
 
 export const FONT = `system-ui, -apple-system, "Segoe UI", Roboto, "Noto Sans", "DejaVu Sans", sans-serif`;
@@ -35,31 +38,65 @@ export function shortened(name: string, longest = LONGEST_LABEL): string {
     : `${letters.slice(0, longest - 1).join("")}…`;
 }
 
-/** A class of objects: its shape in the color of the legend, and its label with a halo. */
+/** A class of objects: its shape in the color of the legend, and its name with a halo. */
 export function classLook(name: string, color: string, labelSize: number | null): ClassLook {
   const edge = mixed(color, cssColor("--edge"), 0.45);
   const shape = new Style({
     fill: new Fill({ color }),
     stroke: new Stroke({ color: edge, width: 1.5 }),
   });
-  if (labelSize === null) return { shape, label: null };
-  const label = new Style({
-    geometry: (feature) => (feature as Feature).get("at") as Geometry,
+  if (labelSize === null) return { shape, size: null, labels: null };
+  const text = shortened(name);
+  const font = `500 ${labelSize}px ${FONT}`;
+  const height = 1.25 * labelSize;
+  const labels = Object.fromEntries(
+    SIDES.map((side) => [side, labelLook(text, font, side, height)]),
+  ) as Record<Side, Style>;
+  return { shape, size: [widthOf(text, font) + 2, height], labels };
+}
+
+/** A name on one side of its shape. */
+function labelLook(text: string, font: string, side: Side, height: number): Style {
+  const beside = { right: [1, 0], above: [0, 1], below: [0, -1], left: [-1, 0] };
+  const isOn = side === "on" || side === "low" || side === "high";
+  const [x, y] = isOn ? [0, 0] : beside[side];
+  const lower = side === "low" ? STEP * height : side === "high" ? -STEP * height : 0;
+  return new Style({
+    geometry: (feature) => {
+      const at = (feature as Feature).get("at") as Geometry;
+      const shape = (feature as Feature).getGeometry();
+      if (isOn || !shape) return at;
+      const [x0, y0, x1, y1] = shape.getExtent();
+      return new PointGeometry([(x0 + x1 + x * (x1 - x0)) / 2, (y0 + y1 + y * (y1 - y0)) / 2]);
+    },
     text: new Text({
-      text: shortened(name),
-      font: `500 ${labelSize}px ${FONT}`,
+      text,
+      font,
+      textAlign: x > 0 ? "left" : x < 0 ? "right" : "center",
+      textBaseline: y > 0 ? "bottom" : y < 0 ? "top" : "middle",
+      offsetX: x * GAP,
+      offsetY: lower - y * GAP,
       fill: new Fill({ color: cssColor("--label") }),
       stroke: new Stroke({ color: cssColor("--halo"), width: 3, lineJoin: "round" }),
       overflow: true,
-      padding: [2, 4, 2, 4],
+      padding: isOn ? [2, 4, 2, 4] : [0, 0, 0, 0],
     }),
   });
-  return { shape, label };
+}
+
+const canvas = document.createElement("canvas").getContext("2d");
+
+function widthOf(text: string, font: string): number {
+  if (!canvas) return 0;
+  canvas.font = font;
+  return canvas.measureText(text).width;
 }
 
 export interface ClassLook {
   shape: Style;
-  label: Style | null;
+  /** Of the name [pixels]; null where names are off. */
+  size: [number, number] | null;
+  labels: Record<Side, Style> | null;
 }
 
 /** The asked place: a ring with a point in it. */
@@ -98,8 +135,16 @@ export function chosenLook(): Style[] {
   ];
 }
 
-/** The object in the hand: its corners can be moved. */
-export function editedLook(): Style[] {
+/** How far above a shape the handle is that turns it [pixels]. */
+const HANDLE = 30;
+
+export function turnHandle(shape: MultiPolygon, resolution: number): [number, number] {
+  const [x0, , x1, y1] = shape.getExtent();
+  return [(x0 + x1) / 2, y1 + HANDLE * resolution];
+}
+
+/** The object in the hand, its corners, and the handle that turns it. */
+export function editedLook(resolution: number): Style[] {
   const corners = new Style({
     geometry: (feature) => {
       const shape = (feature as Feature).getGeometry() as MultiPolygon;
@@ -111,26 +156,45 @@ export function editedLook(): Style[] {
       stroke: new Stroke({ color: cssColor("--accent"), width: 2 }),
     }),
   });
-  return [...chosenLook(), corners];
+  const shapeOf = (feature: unknown) => (feature as Feature).getGeometry() as MultiPolygon;
+  const arm = new Style({
+    geometry: (feature) => {
+      const [x, y] = turnHandle(shapeOf(feature), resolution);
+      return new LineString([
+        [x, y],
+        [x, y - HANDLE * resolution],
+      ]);
+    },
+    stroke: new Stroke({ color: cssColor("--accent"), width: 1.5 }),
+  });
+  const handle = new Style({
+    geometry: (feature) => new PointGeometry(turnHandle(shapeOf(feature), resolution)),
+    image: new CircleStyle({
+      radius: 7,
+      fill: new Fill({ color: cssColor("--accent") }),
+      stroke: new Stroke({ color: cssColor("--card"), width: 2 }),
+    }),
+  });
+  return [...chosenLook(), corners, arm, handle];
 }
 
 /** One of the matches: its rank in a disc. */
-export function matchLook(rank: number): Style[] {
+export function matchLook(rank: number, isLookedAt: boolean): Style[] {
   return [
     new Style({
       image: new CircleStyle({
-        radius: 10,
+        radius: isLookedAt ? 13 : 10,
         displacement: [0, 17],
-        fill: new Fill({ color: cssColor("--accent") }),
+        fill: new Fill({ color: cssColor(isLookedAt ? "--ink" : "--accent") }),
         stroke: new Stroke({ color: cssColor("--halo"), width: 2.5 }),
       }),
       text: new Text({
         text: String(rank),
         font: `700 11px ${FONT}`,
         offsetY: -17,
-        fill: new Fill({ color: cssColor("--on-accent") }),
+        fill: new Fill({ color: cssColor(isLookedAt ? "--card" : "--on-accent") }),
       }),
-      zIndex: -rank,
+      zIndex: isLookedAt ? 1 : -rank,
     }),
   ];
 }

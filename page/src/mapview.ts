@@ -67,6 +67,9 @@ export class MapView {
   };
   private readonly view: View;
   private timer = 0;
+  private isFitting = false;
+  /** What was brought into view as a whole, and the view that shows it. */
+  private fitted: { extent: Extent; minResolution: number; view: string } | null = null;
 
   constructor(
     target: HTMLElement,
@@ -111,19 +114,19 @@ export class MapView {
       if (drawn) this.map.removeLayer(drawn);
       this.layers.delete(name);
     }
-    info.layers.forEach((layer, order) => this.setLayer(layer, order, info.version));
+    info.layers.forEach((layer, order) => this.setLayer(layer, order, info));
     this.frames.setFrames(info.frames);
     this.later();
   }
 
-  private setLayer(info: LayerInfo, order: number, mapVersion: number): void {
-    const version = info.version ?? mapVersion;
+  private setLayer(info: LayerInfo, order: number, map: MapInfo): void {
+    const version = info.version ?? map.version;
     const shown = this.layers.get(info.name) ?? this.addLayer(info);
     drawnLayer(shown)?.setZIndex(order + (info.kind === "shapes" ? 20 : 0));
     shown.info = info;
     if (shown.version === version) return;
     shown.version = version;
-    shown.shapes?.update(info, version);
+    shown.shapes?.update(info, version, map.extent);
     shown.tiles?.setSource(tileSource(info, this.source, version, this.projection));
   }
 
@@ -186,14 +189,31 @@ export class MapView {
   }
 
   fit(extent: Extent | null, animate = true, minResolution = 0.002): void {
-    const [x0, y0, x1, y1] = extent ?? [-5, -5, 5, 5];
+    const shown = extent ?? ([-5, -5, 5, 5] as Extent);
     const { top, right, bottom, left } = this.insets();
-    this.view.fit([x0, y0, x1, y1], {
+    this.fitted = null;
+    this.isFitting = true;
+    this.view.fit(shown, {
       padding: [top + 24, right + 24, bottom + 24, left + 24],
       minResolution,
       duration: animate && !calm() ? 350 : 0,
       easing: easeOut,
+      callback: (isDone) => {
+        this.isFitting = false;
+        if (isDone) this.fitted = { extent: shown, minResolution, view: this.viewKey() };
+      },
     });
+  }
+
+  /** After a panel came or went: what was fitted into the bare part is fitted into the new one,
+   * unless the person has moved the map since. */
+  makeRoom(): void {
+    const { fitted } = this;
+    if (fitted?.view === this.viewKey()) this.fit(fitted.extent, true, fitted.minResolution);
+  }
+
+  private viewKey(): string {
+    return `${this.view.getCenter()?.join()} ${this.view.getResolution()}`;
   }
 
   /** Brings a place into the uncovered part; closer, if it would be small. */
@@ -238,8 +258,9 @@ export class MapView {
     this.fit(boundingExtent(places) as Extent, true, closest);
   }
 
-  /** Moves the map a little if a place would lie under a panel. */
+  /** Moves the map a little if a place would lie under a panel; not while it makes room anyway. */
   reveal(place: Point): void {
+    if (this.isFitting) return;
     const pixel = this.map.getPixelFromCoordinate(place);
     const size = this.map.getSize();
     if (!pixel || !size) return;
@@ -266,7 +287,9 @@ export class MapView {
     this.marks.place.setStyle(placeLook());
     this.marks.area.setStyle(areaLook());
     this.marks.chosen.setStyle(chosenLook());
-    this.marks.matches.setStyle((feature) => matchLook(feature.get("rank") as number));
+    this.marks.matches.setStyle((feature) =>
+      matchLook(feature.get("rank") as number, feature.get("looked") === true),
+    );
   }
 
   setFrame(frame: Frame): void {
@@ -293,6 +316,16 @@ export class MapView {
       return feature;
     });
     setMarks(this.marks.matches, features);
+  }
+
+  /** Lets a match stand out, by its place in the list, and brings it into the bare part. */
+  lookAtMatch(rank: number | null): void {
+    for (const feature of this.marks.matches.getSource()?.getFeatures() ?? []) {
+      const isLookedAt = feature.get("rank") === (rank ?? -1) + 1;
+      feature.set("looked", isLookedAt);
+      const at = (feature.getGeometry() as PointGeometry).getCoordinates();
+      if (isLookedAt) this.reveal([at[0], at[1]]);
+    }
   }
 
   /** Draws what is behind an object, and the rest of the map fainter; null for nothing. */

@@ -17,13 +17,21 @@ let chosenLanguage: keyof Spelled = "python";
 export class Panel {
   private readonly element = byId("panel");
 
-  constructor(private readonly closed: () => void) {}
+  /** The match that had the keyboard last. */
+  private hit = "";
+
+  constructor(
+    private readonly opened: () => void,
+    private readonly closed: () => void,
+  ) {}
 
   get isOpen(): boolean {
     return !this.element.hidden;
   }
 
   show({ title, summary, content, spelled }: Answer): void {
+    const hadFocus = this.element.contains(document.activeElement);
+    this.rememberHit();
     this.element.replaceChildren(
       el(
         "header",
@@ -43,8 +51,24 @@ export class Panel {
         spelled ? spelledContent(spelled) : null,
       ),
     );
+    const wasClosed = this.element.hidden;
     this.element.hidden = false;
     byId("announce").textContent = `${title}. ${summary}`;
+    if (hadFocus) this.focus();
+    if (wasClosed) this.opened();
+  }
+
+  /** Takes the keyboard: to the match that was looked at last, or the first one. */
+  focus(): void {
+    const hits = [...this.element.querySelectorAll<HTMLElement>("ol.found button")];
+    const before = hits.find((hit) => keyOf(hit) === this.hit);
+    const back = this.element.querySelector<HTMLElement>("[data-back]");
+    (before ?? hits[0] ?? back ?? this.element).focus();
+  }
+
+  private rememberHit(): void {
+    const hit = document.activeElement;
+    if (hit instanceof HTMLElement && hit.closest("ol.found")) this.hit = keyOf(hit);
   }
 
   close(): void {
@@ -54,6 +78,8 @@ export class Panel {
     this.closed();
   }
 }
+
+const keyOf = ({ dataset }: HTMLElement): string => `${dataset["layer"]} ${dataset["id"]}`;
 
 /** How a program asks the same. */
 export function spelledContent(spelled: Spelled): HTMLElement {
@@ -82,7 +108,11 @@ export function spelledContent(spelled: Spelled): HTMLElement {
     }
   };
   show(chosenLanguage);
-  const block = el("pre", { aria: { label: "The same question, for a program" } }, code);
+  const block = el(
+    "pre",
+    { role: "group", aria: { label: "The same question, for a program" } },
+    code,
+  );
   block.tabIndex = 0;
   return el(
     "section",

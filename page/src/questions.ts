@@ -1,6 +1,6 @@
 /** How a program or the command line asks the same, where no server says it. */
 
-import type { Point, Ring, Spelled } from "./source";
+import type { Point, Ring, Spelled, Wanted } from "./source";
 
 /** A word of a shell command. */
 export const shellWord = (text: string): string =>
@@ -25,22 +25,38 @@ export function spellAt(
 }
 
 export function spellArea(path: string, ring: Ring, frame: string | null): Spelled {
-  const corners = ring.map(([x, y]) => `(${x}, ${y})`).join(", ");
   return {
     python:
-      `import shapely\n${opened(path)}area = shapely.Polygon([${corners}])\n` +
+      `import shapely\n${opened(path)}area = ${polygon(ring)}\n` +
       `for found in hypermap.objects(area=area${inFrame(frame)}):\n` +
       `    print(found.layer, found.object.id, found.object.name)\n`,
-    command: command(path, frame, `--in=${ring.map((point) => point.join(",")).join(" ")}`),
+    command: command(path, frame, `--in=${cornersOf(ring)}`),
   };
 }
 
-export function spellFind(path: string, name: string, near: Point): Spelled {
+export function spellFind(path: string, wanted: Wanted): Spelled {
+  const { name, near, within, inside, ring } = wanted;
+  const given = [
+    name === null ? null : python(name),
+    `near=${typeof near === "string" ? python(near) : pair(near)}`,
+    within === null ? null : `within=${within}`,
+    inside === null ? null : `inside=${python(inside)}`,
+    ring === null ? null : "area=area",
+  ];
+  const options = {
+    name,
+    near: typeof near === "string" ? near : near.join(","),
+    within,
+    inside,
+    in: ring && cornersOf(ring),
+  };
+  const words = Object.entries(options).filter(([, value]) => value !== null);
   return {
     python:
-      `${opened(path)}for found in hypermap.objects(${python(name)}, near=${pair(near)}):\n` +
+      (ring ? `import shapely\n${opened(path)}area = ${polygon(ring)}\n` : opened(path)) +
+      `for found in hypermap.objects(${given.filter((one) => one !== null).join(", ")}):\n` +
       `    print(found.layer, found.object.id, found.point_xy, found.distance)\n`,
-    command: command(path, null, `--name=${name}`, `--near=${near.join(",")}`),
+    command: command(path, null, ...words.map(([key, value]) => `--${key}=${value}`)),
   };
 }
 
@@ -53,6 +69,11 @@ export function spellEvidence(path: string, layer: string, id: number): Spelled 
     command: command(path, null, `--id=${id}`, `--layer=${layer}`, "--evidence"),
   };
 }
+
+const cornersOf = (ring: Ring): string => ring.map((point) => point.join(",")).join(" ");
+
+const polygon = (ring: Ring): string =>
+  `shapely.Polygon([${ring.map(([x, y]) => `(${x}, ${y})`).join(", ")}])`;
 
 const opened = (path: string): string =>
   `from hypermap import open_map\n\nhypermap = open_map(${python(path)})\n`;

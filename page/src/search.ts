@@ -15,7 +15,7 @@ export class Search {
   private shown: ClassInfo[] = [];
   private active = -1;
 
-  constructor(private readonly find: (name: string) => void) {
+  constructor(private readonly find: () => void) {
     this.input.addEventListener("input", () => this.suggest());
     this.input.addEventListener("focus", () => this.suggest());
     this.input.addEventListener("blur", () => this.hide());
@@ -29,6 +29,15 @@ export class Search {
       names.set(one.name, { ...one, count: one.count + (before?.count ?? 0) });
     }
     this.names = [...names.values()];
+  }
+
+  /** The name that is looked for. */
+  get name(): string {
+    return this.input.value.trim();
+  }
+
+  set name(name: string) {
+    this.input.value = name;
   }
 
   focus(): void {
@@ -71,9 +80,8 @@ export class Search {
       event.preventDefault();
       this.move(event.key === "ArrowDown" ? 1 : -1);
     } else if (event.key === "Enter") {
-      const typed = this.input.value.trim();
-      const name = this.shown[this.active]?.name ?? bestName(this.names, typed);
-      if (name) this.choose(name);
+      event.preventDefault(); // the form would ask once more
+      this.choose(this.shown[this.active]?.name ?? bestName(this.names, this.input.value.trim()));
     } else if (event.key === "Escape") {
       event.stopPropagation();
       this.input.blur();
@@ -93,7 +101,7 @@ export class Search {
 
   private choose(name: string): void {
     this.input.value = name;
-    this.input.blur();
-    this.find(name);
+    this.hide();
+    this.find();
   }
 }

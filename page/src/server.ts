@@ -18,6 +18,7 @@ import {
   type Ring,
   type SaveRequest,
   type Shapes,
+  type Wanted,
 } from "./source";
 
 type Values = Record<string, string | number | string[] | undefined>;
@@ -77,8 +78,15 @@ export class ServerSource implements DataSource, Editing {
     return (await ask(address(`/api/area.${kind}`, values), {})).blob();
   }
 
-  find(name: string, near: Point, limit: number): Promise<FindAnswer> {
-    return this.get("/api/find", { name, near: near.join(","), limit });
+  find({ name, near, within, inside, ring }: Wanted, limit: number): Promise<FindAnswer> {
+    return this.get("/api/find", {
+      name: name ?? undefined,
+      near: typeof near === "string" ? near : near.join(","),
+      within: within ?? undefined,
+      inside: inside ?? undefined,
+      polygon: ring?.flat().join(","),
+      limit,
+    });
   }
 
   object(layer: string, id: number): Promise<ObjectDetails> {

@@ -9,6 +9,7 @@ import VectorSource from "ol/source/Vector.js";
 import type Style from "ol/style/Style.js";
 import { complain } from "./dom";
 import { classLook, type ClassLook } from "./looks";
+import { NameSides } from "./namesides";
 import type { DataSource, Extent, LayerInfo, Point, Ring, Shape, Shapes } from "./source";
 
 /** What the drawn shapes were asked for. */
@@ -40,6 +41,12 @@ export class ShapesLayer {
   private loaded: Loaded | null = null;
   private asking: AbortController | null = null;
   private version = 0;
+  private bounds: Extent | null = null;
+  private readonly sides = new NameSides({
+    features: (resolution) => this.named(resolution),
+    sizeOf: (feature) => this.classLook(feature.get("name") as string).size ?? [0, 0],
+    bounds: () => this.bounds,
+  });
 
   constructor(
     private info: LayerInfo,
@@ -56,15 +63,19 @@ export class ShapesLayer {
     });
   }
 
-  update(info: LayerInfo, version: number): void {
+  /** @param bounds - of the whole map. */
+  update(info: LayerInfo, version: number, bounds: Extent | null): void {
     this.info = info;
+    this.bounds = bounds;
     this.version = version;
     this.looks.clear();
+    this.sides.forget();
   }
 
   restyle(labelSize: number | null): void {
     this.labelSize = labelSize;
     this.looks.clear();
+    this.sides.forget();
     this.layer.changed();
   }
 
@@ -73,6 +84,7 @@ export class ShapesLayer {
       if (hidden) this.hidden.add(name);
       else this.hidden.delete(name);
     }
+    this.sides.forget();
     this.layer.changed();
   }
 
@@ -120,6 +132,7 @@ export class ShapesLayer {
   private draw({ features, shown, total }: Shapes, resolution: number): void {
     this.shown = shown;
     this.total = total;
+    this.sides.forget();
     const source = this.layer.getSource();
     source?.clear(true);
     source?.addFeatures(inDrawingOrder(features).map((shape) => featureOf(shape, resolution)));
@@ -128,16 +141,29 @@ export class ShapesLayer {
   private lookOf(feature: Feature, resolution: number): Style[] | undefined {
     const name = feature.get("name") as string;
     if (this.hidden.has(name)) return undefined;
+    const { shape, labels } = this.classLook(name);
+    const side = labels && this.sides.of(feature, resolution);
+    return labels && side ? [shape, labels[side]] : [shape];
+  }
+
+  private named(resolution: number): Feature[] {
+    const isLarge = (feature: Feature) =>
+      (feature.get("side") as number) / resolution > LARGE_ENOUGH;
+    const features = this.layer.getSource()?.getFeatures() ?? [];
+    return features.filter(
+      (feature) =>
+        !this.hidden.has(feature.get("name") as string) && (this.shown <= FEW || isLarge(feature)),
+    );
+  }
+
+  private classLook(name: string): ClassLook {
     let look = this.looks.get(name);
     if (!look) {
       const color = this.info.classes.find((one) => one.name === name)?.color ?? "#808080";
       look = classLook(name, color, this.labelSize);
       this.looks.set(name, look);
     }
-    const { shape, label } = look;
-    if (!label) return [shape];
-    const named = this.shown <= FEW || (feature.get("side") as number) / resolution > LARGE_ENOUGH;
-    return named ? [shape, label] : [shape];
+    return look;
   }
 }
 

@@ -134,6 +134,20 @@ export interface AreaAnswer extends Spelled {
   cells: { layer: string; label: string; count: number; about?: boolean }[];
 }
 
+/** What is looked for: objects for which all of this is true. */
+export interface Wanted {
+  /** Null for any. */
+  name: string | null;
+  /** From what the distance is measured: a place, or the nearest other object of that name. */
+  near: Point | string;
+  /** The largest distance [m]. */
+  within: number | null;
+  /** The name of what their middle lies in. */
+  inside: string | null;
+  /** An area that they meet. */
+  ring: Ring | null;
+}
+
 export interface FoundRow {
   layer: string;
   id: number;
@@ -143,10 +157,12 @@ export interface FoundRow {
   distance: number;
 }
 
-export interface FindAnswer extends Spelled {
+/** `name`, `near` and `inside` are as they were understood. */
+export interface FindAnswer extends Spelled, Pick<Wanted, "name" | "near" | "inside"> {
   rows: FoundRow[];
-  total?: number;
-  names: string[];
+  total: number;
+  /** The asked names that no object has, each with those that are like it. */
+  unknown: Record<string, string[]>;
 }
 
 export interface ObjectDetails {
@@ -209,12 +225,16 @@ export interface Evidence extends Partial<Spelled> {
 
 export interface Operation {
   /** "add_layer" adds one without objects; a following "add" may draw on it. */
-  op: "add" | "add_layer" | "update" | "remove";
+  op: "add" | "add_layer" | "update" | "merge" | "remove";
   layer: string;
   id?: number;
   name?: string;
   polygons?: Polygon[];
   tags?: string[];
+  /** Of "add": the object that it is a copy of; tags and attributes are taken from it. */
+  like?: number;
+  /** Of "merge": the objects that become part of this one. */
+  others?: number[];
 }
 
 export interface Change extends Partial<EditState> {
@@ -267,7 +287,7 @@ export interface Questions {
   at(point: Point, frame: string): Promise<PointAnswer>;
   area(ring: Ring, frame: string): Promise<AreaAnswer>;
   download(kind: Download, ring: Ring, frame: string): Promise<Blob>;
-  find(name: string, near: Point, limit: number): Promise<FindAnswer>;
+  find(wanted: Wanted, limit: number): Promise<FindAnswer>;
   object(layer: string, id: number): Promise<ObjectDetails>;
   evidence(layer: string, id: number): Promise<Evidence>;
 }

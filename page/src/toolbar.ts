@@ -78,7 +78,7 @@ function toolButton(
 ): HTMLButtonElement {
   return el(
     "button",
-    { type: "button", id, title, class: "tool", aria: { label: title }, onclick },
+    { type: "button", id, title, class: "tool", onclick },
     icon(name),
     el("span", { class: "tool-label", text: label }),
   );

@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { coarsestZoom, finestZoom } from "../src/zooms";
-import { bestName, matching } from "../src/names";
+import { bestName, matching, namesLike } from "../src/names";
 import { sorted, type Column } from "../src/sorting";
 
 const names = [
@@ -24,6 +24,14 @@ test("the name that was meant is found", () => {
   assert.equal(bestName(names, "TABLE"), "table");
   assert.equal(bestName(names, "arm"), "armchair");
   assert.equal(bestName(names, "sink"), "sink");
+});
+
+test("names that are like one are told, as the server does", () => {
+  const known = ["armchair", "chair", "coffee table", "table", "tablet"];
+  assert.deepEqual(namesLike(known, "table"), ["table", "tablet", "coffee table"]);
+  assert.deepEqual(namesLike(known, "CHAIR"), ["chair", "armchair"]);
+  assert.deepEqual(namesLike(known, "cahir"), ["chair"]);
+  assert.deepEqual(namesLike(known, "zebra"), []);
 });
 
 test("what is not known comes last in both directions", () => {

@@ -1,8 +1,9 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { fromBase, toBase } from "../src/frames";
-import { closed, distance, extentOf, holds, meet, wkt } from "../src/geometry";
-import type { Point, Polygon, Ring } from "../src/source";
+import { findObjects } from "../src/finding";
+import { closed, distance, extentOf, gap, holds, meet, wkt } from "../src/geometry";
+import type { EmbeddedShape, Point, Polygon, Ring, Wanted } from "../src/source";
 
 const box = (x0: number, y0: number, x1: number, y1: number): Ring => [
   [x0, y0],
@@ -57,4 +58,37 @@ test("a point comes back from another frame", () => {
   const point: Point = [0.3, -7];
   const back = fromBase(frame, toBase(frame, point));
   assert.ok(Math.hypot(back[0] - point[0], back[1] - point[1]) < 1e-12);
+});
+
+test("the gap between shapes is that of their nearest points, and none where they meet", () => {
+  const at = (x: number, y: number): Polygon[] => [[box(x, y, x + 1, y + 1)]];
+  assert.equal(gap(at(0, 0), at(3, 0)), 2);
+  assert.equal(gap(at(0, 0), at(4, 5)), 5);
+  assert.equal(gap(at(0, 0), at(1, 0.5)), 0);
+  assert.equal(gap([ring], at(1.5, 1.5)), 0.5); // in its hole
+  assert.equal(gap([[box(0, 0, 10, 1)]], [[box(4, 3, 5, 4)]]), 2);
+});
+
+test("things are found near, within, inside and in an area, as the map itself finds them", () => {
+  const thing = (id: number, name: string, x: number, y: number, side = 1): EmbeddedShape => {
+    const [half, centroid] = [side / 2, [x, y] as Point];
+    const polygons = [[box(x - half, y - half, x + half, y + half)]];
+    return { id, name, polygons, at: centroid, centroid, area: side ** 2, attributes: {} };
+  };
+  const shapes = {
+    things: [thing(0, "cup", 0, 0), thing(1, "cup", 4, 0), thing(2, "room", 4, 0, 4)],
+    more: [thing(0, "cup", 9, 0)],
+  };
+  const any: Wanted = { name: null, near: [0, 0], within: null, inside: null, ring: null };
+  const found = (asked: Partial<Wanted>) =>
+    findObjects(shapes, { ...any, ...asked }).rows.map(({ layer, id }) => `${layer} ${id}`);
+  assert.deepEqual(found({ name: "cup" }), ["things 0", "things 1", "more 0"]);
+  assert.deepEqual(found({ name: "cup", near: "room" }), ["things 1", "things 0", "more 0"]);
+  assert.deepEqual(found({ name: "cup", near: "room", within: 2 }), ["things 1", "things 0"]);
+  assert.deepEqual(found({ name: "cup", near: "cup", within: 3 }), ["things 0", "things 1"]);
+  assert.deepEqual(found({ inside: "room" }), ["things 1"]);
+  assert.deepEqual(found({ near: "8,0", within: 1 }), ["more 0"]);
+  assert.deepEqual(found({ ring: box(-1, -1, 1, 1) }), ["things 0"]);
+  const { near, rows, unknown } = findObjects(shapes, { ...any, name: "cup", near: "rom" });
+  assert.deepEqual([near, rows.length, unknown], ["room", 3, { rom: ["room"] }]);
 });

@@ -3,7 +3,14 @@ import { test } from "node:test";
 import { clock, csv, geojson, length, metres, niceLength, squareMetres } from "../src/format";
 import { placeFromHash, placeToHash } from "../src/place";
 import { shellWord, spellAt, spellFind } from "../src/questions";
-import type { AreaRow } from "../src/source";
+import type { AreaRow, Point, Ring } from "../src/source";
+import { existenceInWords, seenInWords, whenInWords } from "../src/words";
+
+const ring: Ring = [
+  [0, 0],
+  [1, 0],
+  [0, 1],
+];
 
 const row: AreaRow = {
   layer: "semantic",
@@ -85,8 +92,45 @@ test("commands and programs quote what they must", () => {
     spellAt("-a b.hmap", [1, -2], "room", ["occupancy"]).command,
     "hypermap query './-a b.hmap' --at=1,-2 --frame=room",
   );
+  const wanted = { name: '"chair', near: [0, 0] as Point, within: null, inside: null, ring: null };
+  assert.match(spellFind("m.hmap", wanted).python, /objects\("\\"chair", near=\[0, 0\]\)/);
+  const much = { ...wanted, name: null, near: "a sink", within: 0.5, inside: "lab", ring };
   assert.match(
-    spellFind("m.hmap", '"chair', [0, 0]).python,
-    /objects\("\\"chair", near=\[0, 0\]\)/,
+    spellFind("m.hmap", much).python,
+    /area = shapely.Polygon\(\[\(0, 0\), \(1, 0\), \(0, 1\)\]\)\nfor found in hypermap.objects\(near="a sink", within=0.5, inside="lab", area=area\)/,
   );
+  assert.equal(
+    spellFind("m.hmap", much).command,
+    "hypermap query m.hmap '--near=a sink' --within=0.5 --inside=lab '--in=0,0 1,0 0,1'",
+  );
+});
+
+test("times are said as one says them", () => {
+  const now = new Date(2026, 4, 20, 9, 30); // a Wednesday
+  const at = (...when: [number, number, number, number, number]) =>
+    whenInWords(new Date(...when).getTime() / 1000, now);
+  assert.equal(at(2026, 4, 20, 0, 5), "today 00:05");
+  assert.equal(at(2026, 4, 19, 23, 55), "yesterday 23:55");
+  assert.equal(at(2026, 4, 18, 14, 2), "Monday 14:02");
+  assert.equal(at(2026, 4, 14, 14, 2), "Thursday 14:02");
+  assert.equal(at(2026, 4, 13, 14, 2), "13 May 14:02");
+  assert.equal(at(2025, 4, 20, 9, 30), "20 May 2025, 09:30");
+  assert.equal(at(2026, 4, 21, 1, 0), "21 May 01:00"); // a clock that goes ahead
+  assert.equal(whenInWords(12.5, now), "at 12.5 s");
+});
+
+test("what is known of an object is said in words", () => {
+  const now = new Date(2026, 4, 20, 9, 30);
+  const monday = new Date(2026, 4, 18, 14, 2).getTime() / 1000;
+  assert.equal(seenInWords(39, monday, now), "39 times, last Monday 14:02");
+  assert.equal(seenInWords(1, null, now), "once");
+  assert.equal(seenInWords(null, 3, now), "last at 3 s");
+  assert.equal(seenInWords(null, null, now), null);
+  assert.deepEqual([5, 2.4, 0.5, -1, -4].map(existenceInWords), [
+    "surely there",
+    "very likely there",
+    "perhaps there",
+    "perhaps gone",
+    "very likely gone",
+  ]);
 });

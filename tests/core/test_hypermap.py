@@ -532,3 +532,13 @@ def test_the_objects_of_one_layer_may_be_near_to_those_of_another() -> None:
     assert (found.layer, found.distance) == ("seats", 2.0)
     with pytest.raises(LayerNotFound):
         hypermap.objects("chair", layer="seat")
+
+
+def test_matches_are_counted_and_only_the_wanted_ones_made_into_objects() -> None:
+    hypermap = near_building()
+    matches = hypermap.matching("chair", near="sink")
+    whole = hypermap.objects("chair", near="sink")
+    assert len(matches) == len(whole) > 2
+    assert ids(matches.first(2)) == ids(whole)[:2]
+    assert [found.distance for found in matches.first()] == [found.distance for found in whole]
+    assert hypermap.matching("sofa bed").first(3) == []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from dataclasses import replace
 
 import pytest
 import shapely
@@ -171,7 +172,7 @@ def test_who_hears_of_a_change_at_once_hears_all_of_it(tmp_path):
         (
             {"op": "paint", "layer": "things", "id": 0},
             400,
-            "op: expected add, update, remove or add_layer",
+            "op: expected add, update, merge, remove or add_layer",
         ),
         ({"op": "add", "layer": "things", "name": "x"}, 400, "needs a name and a polygon"),
         ({"op": "add", "polygon": BED, "name": "x"}, 400, "layer: the operation must name one"),
@@ -312,3 +313,54 @@ def test_a_new_layer_needs_a_name_that_no_other_has(tmp_path):
         window.edit(add_layer("zones"), {**add(), "layer": "zones", "polygon": []}, expected=400)
         assert layers_of(window) == ["occupancy", "things"]
         assert not window.get("/api/map")["can_undo"]
+
+
+def test_objects_are_merged_into_one_and_parted_again_by_undo(tmp_path):
+    hypermap = a_map()
+    first = square("mug", 1.2, 1, 0.2, tags=("blue",), existence=2.0, last_seen=7.0)
+    things = hypermap.semantic()
+    (mug,) = things.add([replace(first, attributes={"evidence": 3, "z_max": 1.2, "maker": "x"})])
+    (far,) = things.add([replace(square("cup", 5, 1, 0.2), attributes={"evidence": 4})])
+    path = saved(tmp_path, hypermap)
+    with serving(path) as client:
+        window = Window(client)
+        before = window.names()
+        told = window.edit({"op": "merge", "layer": "things", "id": 0, "others": [mug, far]})
+        assert told["ids"] == [0]
+        assert window.names() == {0: "cup", 1: "table", 2: "rug"}
+        window.post("/api/save")
+        merged = open_map(path).semantic().get(0)
+        assert merged.footprint.area == pytest.approx(0.04 + 0.04 + 0.04)
+        assert merged.tags == ("mug", "glass", "blue")
+        assert merged.confidence == ()  # that of the new tag is not known
+        assert (merged.existence, merged.first_seen, merged.last_seen) == (2.0, None, 7.0)
+        assert merged.attributes == {"evidence": 7, "z_max": 1.2, "maker": "x"}
+        window.go("/api/undo")
+        assert window.names() == before
+        window.post("/api/save")
+    cup = open_map(path).semantic().get(0)
+    assert cup.footprint.equals(things.get(0).footprint)
+    assert (cup.tags, cup.confidence) == (("mug", "glass"), (0.7, 0.2))
+    assert (cup.last_seen, cup.attributes) == (None, {})
+
+
+def test_a_copy_of_an_object_has_been_seen_by_nobody(tmp_path):
+    path = saved(tmp_path)
+    copy = {**add("table"), "like": 1, "tags": ["wooden"]}
+    with serving(path) as client:
+        window = Window(client)
+        (number,) = window.edit(copy)["ids"]
+        (other,) = window.edit({**add("rug"), "like": 2})["ids"]
+        window.post("/api/save")
+    things = open_map(path).semantic()
+    table = things.get(number)
+    assert (table.name, table.tags) == ("table", ("wooden",))
+    assert (table.existence, table.first_seen, table.last_seen) == (None, None, None)
+    assert things.get(other).attributes == {"color": "red"}
+
+
+@pytest.mark.parametrize("others", [None, [], [0, 1], ["x"], 3])
+def test_a_merge_without_others_is_refused(tmp_path, others):
+    with serving(saved(tmp_path)) as client:
+        operation = {"op": "merge", "layer": "things", "id": 0, "others": others}
+        assert "others: " in Window(client).edit(operation, expected=400)["error"]

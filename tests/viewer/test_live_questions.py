@@ -146,6 +146,68 @@ def test_what_is_looked_for_is_found_nearest_first_as_the_shown_calls_find_it(
         assert all(row["distance"] is None for row in told["rows"])
 
 
+def a_kitchen():
+    """The map of the other tests, with things near, in and beside each other on another layer."""
+    hypermap = a_map()
+    cups = [square("cup", x, y, 0.3) for x, y in [(5, 5), (2, 1), (-4, 0), (0.5, 7)]]
+    things = [*cups, square("kitchen", 4, 4, 6.0), square("2,3", 2.5, 3, 0.5)]
+    hypermap.add(SemanticLayer("more", "map", things))
+    return hypermap
+
+
+POLYGON = "1,0,6,0,6,6,1,6"
+
+
+@pytest.mark.parametrize(
+    ("asked", "names"),
+    [
+        ({"name": "cup", "near": "kitchen"}, ["cup"] * 5),
+        ({"name": "cup", "near": "kitchen", "within": "0"}, ["cup", "cup"]),
+        ({"name": "cup", "near": "cup", "within": "3.5"}, []),
+        ({"name": "cup", "near": "-4,0", "within": "1"}, ["cup"]),
+        ({"near": "kitchen", "within": "0.5"}, ["cup", "cup", "cup", "2,3", "rug"]),
+        ({"name": "cup", "near": "2,3", "within": "1.8"}, ["cup"]),  # a thing of that name
+        ({"inside": "kitchen"}, ["cup", "cup", "2,3"]),
+        ({"inside": "kitchen", "near": "1,1", "name": "cup"}, ["cup", "cup"]),
+        ({"polygon": POLYGON}, ["cup", "cup", "kitchen", "2,3", "rug"]),
+        ({"name": "cup", "polygon": POLYGON, "near": "kitchen", "within": "0"}, ["cup", "cup"]),
+        ({"name": "cup", "polygon": POLYGON, "frame": "lab", "near": "0,0"}, ["cup"] * 2),
+    ],
+)
+def test_what_is_near_inside_and_in_an_area_is_found_as_the_shown_calls_find_it(
+    tmp_path, asked, names
+):
+    with serving(saved(tmp_path, a_kitchen())) as client:
+        told = client.get("/api/find", params=asked).json()
+    rows = answers_of(told["command"])
+    objects = [row for row in rows if "object" in row]
+    assert [(r["layer"], r["id"]) for r in told["rows"]] == [
+        (r["layer"], r["value"]) for r in objects
+    ]
+    assert sorted(row["name"] for row in told["rows"]) == sorted(names)
+    assert [row["distance"] for row in told["rows"]] == [row.get("distance") for row in objects]
+    assert len(lines_of(told["python"])) == told["total"] == len(names)
+    assert told["unknown"] == {}
+
+
+@pytest.mark.parametrize(
+    ("asked", "understood", "unknown"),
+    [
+        ({"name": "cup", "near": "kitchn"}, "kitchen", {"kitchn": ["kitchen"]}),
+        ({"name": "cup", "inside": "tabel"}, "table", {"tabel": ["table"]}),
+        ({"name": "cup", "near": "u"}, "u", {"u": ["cup", "rug"]}),
+        ({"name": "zebra", "near": "giraffe"}, "giraffe", {"zebra": [], "giraffe": []}),
+    ],
+)
+def test_of_names_that_nothing_has_the_page_tells_which_may_be_meant(
+    tmp_path, asked, understood, unknown
+):
+    with serving(saved(tmp_path, a_kitchen())) as client:
+        told = client.get("/api/find", params=asked).json()
+    assert understood in (told["near"], told["inside"])
+    assert told["unknown"] == unknown
+
+
 @pytest.mark.parametrize(
     ("asked", "name", "total", "names"),
     [
@@ -251,7 +313,7 @@ def test_what_the_page_needs_to_know_of_a_map(tmp_path):
     assert (info["can_undo"], info["can_redo"], info["unsaved"]) == (False, False, False)
     grid, things, strange = info["layers"]
     assert (grid["kind"], grid["count"], grid["resolution"]) == ("raster", 6, 2.0)
-    assert grid["legend"][1] == {"label": "Occupied", "color": "#23262d"}
+    assert grid["legend"][1] == {"label": "Occupied", "color": "#68707e"}
     assert (things["kind"], things["count"], things["editable"]) == ("shapes", 3, True)
     assert [part["name"] for part in things["classes"]] == ["cup", "rug", "table"]
     assert len({part["color"] for part in things["classes"]}) == 3
@@ -278,6 +340,10 @@ def test_the_view_begins_with_what_is_known(tmp_path):
         ("/api/at", {"x": 1, "y": 1, "frame": "lba"}, "frame 'lba' is unknown to the map; did you"),
         ("/api/find", {}, "name: what is to be found?"),
         ("/api/find", {"name": "cup", "near": "1"}, "near: a point x,y is expected, got '1'"),
+        ("/api/find", {"name": "cup", "within": "1"}, "within: a distance from what? Give near"),
+        ("/api/find", {"name": "cup", "near": "rug", "within": "-1"}, "within: must not be neg"),
+        ("/api/find", {"near": "1,2"}, "name: what is to be found?"),
+        ("/api/find", {"name": "cup", "polygon": "1,2,3,4"}, "a polygon needs at least three"),
         ("/api/find", {"name": "cup", "limit": 0}, "limit: must be from 1 to 5000, got 0"),
         ("/api/area.csv", {"polygon": "0,0,1,1"}, "at least three corners, got 2"),
         ("/api/area.csv", {"polygon": "0,0,1,1,1"}, "each corner must be a point [x, y]"),

@@ -23,8 +23,12 @@ pytestmark = pytest.mark.xdist_group("page")
 AXE = Path(__file__).resolve().parents[2] / "page" / "node_modules" / "axe-core" / "axe.min.js"
 NARROW = {"width": 420, "height": 800}
 FIND = """async () => {
-    const {violations} = await axe.run(document);
-    return violations.flatMap(({id, nodes}) => nodes.map(({html}) => `${id}: ${html}`));
+    // Whoever speaks to the page says the words on a button; axe asks for them only if told.
+    const rules = {"label-content-name-mismatch": {enabled: true}};
+    const {violations, incomplete} = await axe.run(document, {rules});
+    const unsure = incomplete.filter(({id}) => id.startsWith("aria-"));
+    return [...violations, ...unsure].flatMap(
+        ({id, nodes}) => nodes.map(({html}) => `${id}: ${html}`));
 }"""
 
 
@@ -51,10 +55,16 @@ def test_the_page_of_a_map_has_no_findings(browser: Browser, tmp_path: Path, sch
         window = Window(context, url)
         page = window.page
         assert found(page) == [], "the map alone"
+        page.locator("#ask-more").click()
+        page.locator("#search").fill("e")
+        expect(page.locator("#suggestions")).to_be_visible()
+        assert found(page) == [], "conditions and suggestions"
+        page.locator("#search").press("Enter")
+        expect(page.locator("#panel .unknown, #panel ol.found")).to_be_visible()
+        assert found(page) == [], "a name that is not known"
         window.look_at(5, 4, METRES_PER_PIXEL)
         window.ask_at(*PLACES[CHAIR])
         assert found(page) == [], "an answer"
-        page.locator("#panel .object", has_text=f"id {CHAIR} ").first.click()
         page.locator("#panel .behind .opener").click()
         expect(page.locator("#panel .outlines").first).to_be_visible()
         assert found(page) == [], "evidence"

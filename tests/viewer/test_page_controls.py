@@ -20,6 +20,7 @@ from .page_tools import Window, a_server, a_window
 from .screen_colors import Expected
 from .small_map import (
     CHAIR,
+    CUP,
     DESK,
     EVIL,
     FLOOR,
@@ -101,7 +102,7 @@ def test_labels_grow_and_can_be_left_out(window: Window) -> None:
     def picture() -> NDArray[np.int64]:
         window.wait_until_drawn()
         column, row = (round(value) for value in window.pixel_of(*PLACES[CHAIR]))
-        return window.picture()[row - 60 : row + 60, column - 60 : column + 60].astype(np.int64)
+        return window.picture()[row - 60 : row + 60, column - 60 : column + 150].astype(np.int64)
 
     def ink(seen: NDArray[np.int64]) -> int:
         return int((np.abs(seen - bare).max(axis=2) > 30).sum())
@@ -239,3 +240,31 @@ def test_a_thing_on_another_of_about_its_size_is_seen_whole(
     assert_alike(on_rug, own["rug"])
     brightness = [color.sum() for color in (on_mat, on_rug)]
     assert across.sum(axis=1).min() < 0.8 * min(brightness), "an outline parts them"
+
+
+def test_the_name_of_a_small_thing_stands_beside_it_and_not_on_it(window: Window) -> None:
+    page = window.page
+
+    def box(x: float, y: float) -> NDArray[np.int64]:
+        """Return what is seen of the cup, less its outline."""
+        window.wait_until_drawn()
+        column, row = (round(value) for value in window.pixel_of(x, y))
+        return window.picture()[row - 7 : row + 8, column - 7 : column + 8].astype(np.int64)
+
+    def around(x: float, y: float) -> NDArray[np.int64]:
+        column, row = (round(value) for value in window.pixel_of(x, y))
+        return window.picture()[row - 30 : row + 30, column - 60 : column + 60].astype(np.int64)
+
+    page.locator("#show-labels").uncheck()
+    bare = box(*PLACES[CUP])
+    page.locator("#show-labels").check()
+    named = box(*PLACES[CUP])
+    assert np.abs(named - bare).max() <= 3, "no letter lies on the cup"
+    page.locator('[data-class="desk"] input').uncheck()  # and with it, its name
+    page.locator("#show-labels").uncheck()
+    window.wait_until_drawn()
+    ground = around(*PLACES[CUP])
+    page.locator("#show-labels").check()
+    window.wait_until_drawn()
+    ink = np.abs(around(*PLACES[CUP]) - ground).max(axis=2) > 30
+    assert ink.sum() > 20, "its name is there"

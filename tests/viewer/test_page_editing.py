@@ -290,7 +290,29 @@ def test_a_file_that_changed_on_disk_is_not_overwritten_unasked(edited: Edited) 
     dialog.get_by_role("button", name="Cancel").click()
     assert edited.path.read_bytes() == theirs
     window.page.locator("#edit-save").click()
-    dialog.get_by_role("button", name="Overwrite").click()
+    dialog.get_by_role("button", name="Save as…").click()
+    name_dialog = window.page.get_by_role("dialog").filter(has_text="In the same folder")
+    name_dialog.get_by_label("Save as").fill("mine.hmap")
+    name_dialog.get_by_role("button", name="Save").click()
+    expect(window.page.locator("#title")).to_have_text("mine.hmap")
+    assert edited.path.read_bytes() == theirs
+    mine = objects_of(open_map(edited.path.with_name("mine.hmap")))
+    assert mine[CHAIR].name == "armchair"
+    assert DESK in mine
+
+
+def test_a_file_that_changed_on_disk_is_overwritten_if_told(edited: Edited) -> None:
+    window = edited.window
+    start_editing(window)
+    take(window, CHAIR, "chair")
+    rename(window, "armchair")
+    changed = open_map(edited.path)
+    changed.semantic().remove([DESK])
+    save_map(changed, edited.path)
+    theirs = edited.path.read_bytes()
+    expect(window.page.locator("#banner")).to_contain_text("has changed on the disk")
+    window.page.locator("#edit-save").click()
+    window.page.get_by_role("dialog").get_by_role("button", name="Overwrite").click()
     expect(window.page.locator("#edit-save")).to_be_disabled()
     assert edited.objects()[CHAIR].name == "armchair"
     assert DESK in edited.objects()
@@ -366,6 +388,62 @@ def test_a_drawing_that_is_refused_stays_to_be_corrected(edited: Edited) -> None
     (carpet,) = (item for item in edited.objects().values() if item.name == "carpet")
     wanted = shapely.Polygon([(4.5, 4.2), (5.3, 3.4), (6.2, 4.2), (4.5, 6.2)])
     assert carpet.footprint.symmetric_difference(wanted).area < 0.1 * wanted.area
+
+
+def test_an_object_is_moved_turned_duplicated_and_merged_by_hand(edited: Edited) -> None:
+    window = edited.window
+    page, slack = window.page, 2 * METRES_PER_PIXEL
+    before = edited.objects()[CHAIR].footprint
+    start_editing(window)
+    take(window, CHAIR, "chair")
+    window.drag((7.0, 5.1), (6.6, 5.9))
+    expect(page.get_by_role("status").filter(has_text="Moved")).to_be_visible()
+    window.wait_until_drawn()
+    save(window)
+    moved = edited.objects()[CHAIR].footprint
+    x, y = moved.centroid.coords[0]
+    assert (x, y) == pytest.approx((6.6, 5.8), abs=slack)
+    assert moved.area == pytest.approx(before.area)
+
+    handle = (x, moved.bounds[3] + 30 * METRES_PER_PIXEL)
+    window.drag(handle, (x + 1.2, y + 1.2))  # from above to the upper right
+    expect(page.get_by_role("status").filter(has_text="Turned")).to_be_visible()
+    window.wait_until_drawn()
+    save(window)
+    turned = edited.objects()[CHAIR].footprint
+    assert turned.area == pytest.approx(before.area)
+    assert turned.centroid.coords[0] == pytest.approx((x, y), abs=1e-6)
+    assert turned.bounds[2] - turned.bounds[0] == pytest.approx(2**0.5, abs=0.03)
+
+    page.get_by_role("button", name="Duplicate").click()
+    expect(page.get_by_role("status").filter(has_text="Duplicated chair")).to_be_visible()
+    window.wait_until_drawn()
+    save(window)
+    (copy,) = (i for i in edited.objects() if i not in (DESK, CHAIR, CUP, 3))
+    there = edited.objects()[copy].footprint.centroid
+    expect(page.locator("#panel .head p")).to_have_text(f"Object {copy} of semantic")
+
+    page.get_by_role("button", name="Merge with…").click()
+    page.keyboard.press("Escape")  # not so
+    expect(page.locator("#panel")).to_be_visible()
+    page.get_by_role("button", name="Merge with…").click()
+    window.click_at(x, y)
+    expect(page.get_by_role("status").filter(has_text="Merged into chair")).to_be_visible()
+    expect(page.locator('[data-class="chair"] .quiet')).to_have_text("1")
+    window.wait_until_drawn()
+    save(window)
+    merged = edited.objects()
+    assert CHAIR not in merged
+    assert merged[copy].footprint.area == pytest.approx(2 * before.area)
+    assert merged[copy].footprint.covers(there)
+
+    for _ in range(4):
+        page.locator("#edit-undo").click()
+    expect(page.locator("#edit-undo")).to_be_disabled()
+    save(window)
+    assert sorted(edited.objects()) == [DESK, CHAIR, CUP, 3]
+    assert edited.objects()[CHAIR].footprint.equals_exact(before, 1e-9)
+    assert window.complaints == []
 
 
 def save_as(window: Window, name: str) -> None:

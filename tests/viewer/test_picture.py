@@ -22,7 +22,7 @@ from hypermap.formats import open_map
 from hypermap.viewer.picture import compose, render
 
 SVG = "{http://www.w3.org/2000/svg}"
-FREE, OCCUPIED = (255, 255, 255), (35, 38, 45)
+FREE, OCCUPIED = (255, 255, 255), (104, 112, 126)
 
 
 def room(yaw: float = 0.0) -> Hypermap:

@@ -20,7 +20,7 @@ from hypermap.core.semantic import SemanticLayer
 from hypermap.testing import occupancy_from_text, square
 from hypermap.viewer.plot import plot
 
-WHITE, WALL, UNKNOWN = (255, 255, 255), (35, 38, 45), (205, 208, 212)
+WHITE, WALL, UNKNOWN = (255, 255, 255), (104, 112, 126), (229, 232, 236)
 
 
 def room() -> Hypermap:

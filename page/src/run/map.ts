@@ -13,6 +13,7 @@ import VectorLayer from "ol/layer/Vector.js";
 import Projection from "ol/proj/Projection.js";
 import VectorSource from "ol/source/Vector.js";
 import { classLook, type ClassLook } from "../looks";
+import { NameSides } from "../namesides";
 import type { Extent, Point, Polygon } from "../source";
 import { GridLayer } from "./gridlayer";
 import { cameraLook, footprintLook, observedLook, wayLook } from "./runlooks";
@@ -45,6 +46,11 @@ export class RunMap {
   private colors: Record<string, string> = {};
   private readonly looks = new Map<string, ClassLook>();
   private extent: Extent | null = null;
+  private readonly sides = new NameSides({
+    features: () => this.labels.getSource()?.getFeatures() ?? [],
+    sizeOf: (feature) => this.lookOf(feature).size ?? [0, 0],
+    bounds: () => this.extent,
+  });
 
   constructor(
     target: HTMLElement,
@@ -83,7 +89,10 @@ export class RunMap {
     target.addEventListener("wheel", taken, { passive: true });
     this.map.on("pointerdrag", taken);
     this.objects.setStyle((feature) => this.lookOf(feature as Feature).shape);
-    this.labels.setStyle((feature) => this.lookOf(feature as Feature).label ?? undefined);
+    this.labels.setStyle((feature, resolution) => {
+      const side = this.sides.of(feature as Feature, resolution);
+      return side ? this.lookOf(feature as Feature).labels?.[side] : undefined;
+    });
     this.map.on("change:size", () => this.follow(false));
   }
 
@@ -112,6 +121,7 @@ export class RunMap {
     const objects = [...things.values()].sort((a, b) => areaOf(b) - areaOf(a)).map(featureOf);
     fill(this.objects, objects);
     fill(this.labels, objects);
+    this.sides.forget();
     fill(this.way, [way(places.slice(position), true), way(places.slice(0, position + 1), false)]);
     fill(
       this.footprints,
@@ -142,6 +152,7 @@ export class RunMap {
 
   private renewLooks(): void {
     this.looks.clear();
+    this.sides.forget();
     this.objects.changed();
     this.labels.changed();
   }

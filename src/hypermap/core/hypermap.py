@@ -17,7 +17,7 @@ from hypermap.core.frames import FrameTree, Pose2D
 from hypermap.core.layer import Hits, Layer, check_count
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.outside import Outward
-from hypermap.core.placed import Found, FoundObject, Placed, PlacedLayer, PlacedLayers
+from hypermap.core.placed import Found, FoundObject, Matches, Placed, PlacedLayer, PlacedLayers
 from hypermap.core.semantic import SemanticLayer
 from hypermap.core.shapes import as_area
 
@@ -336,12 +336,32 @@ class Hypermap(Outward):
         >>> [found.distance for found in hypermap.objects("chair", near="sink", within=2)]
         [1.0]
         """
+        if limit is not None and limit < 1:
+            raise ValueError(f"limit must be at least 1, got {limit}")
+        asked: dict[str, Any] = {"near": near, "within": within, "inside": inside, "area": area}
+        matches = self.matching(name, **asked, tags=tags, layer=layer, frame_id=frame_id)
+        return matches.first(limit)
+
+    def matching(
+        self,
+        name: str | Iterable[str] | None = None,
+        *,
+        near: str | BaseGeometry | PointsLike | None = None,
+        within: float | None = None,
+        inside: str | BaseGeometry | None = None,
+        area: BaseGeometry | None = None,
+        tags: Iterable[str] = (),
+        layer: str | None = None,
+        frame_id: str | None = None,
+    ) -> Matches:
+        """Find what `objects` returns, without making the objects: of very many, that takes time.
+
+        Takes the same arguments but `limit`, and raises like it.
+        """
         if within is not None and near is None:
             raise ValueError("within needs near: a distance from what?")
         if within is not None and not within >= 0:
             raise ValueError(f"within must not be negative, got {within}")
-        if limit is not None and limit < 1:
-            raise ValueError(f"limit must be at least 1, got {limit}")
         farthest = np.inf if within is None else within
         has_anchors = isinstance(near, str) or isinstance(inside, str)
         layers = PlacedLayers(self._with_objects(layer, and_others=has_anchors))
@@ -355,13 +375,13 @@ class Hypermap(Outward):
         if inside is not None:
             chosen = chosen.take(chosen.stand_in(self._anchors(layers, inside, frame_id)))
         if near is None:
-            return layers.found(chosen.keys[:limit])
+            return Matches(layers, chosen.keys)
         others = self._anchors(layers, near, frame_id)
         distances = chosen.distances_to(others, farthest)
         to_centroids = chosen.centroid_distances_to(others)
         order = np.lexsort((to_centroids, distances))
-        order = order[np.isfinite(distances[order])][:limit]
-        return layers.found(chosen.keys[order], distances[order])
+        order = order[np.isfinite(distances[order])]
+        return Matches(layers, chosen.keys[order], distances[order])
 
     def _with_objects(
         self, layer: str | None = None, *, and_others: bool = False

@@ -19,7 +19,7 @@ LABELS = ("Free", "Occupied", "Unknown")
 
 _MEANING = f"{UNKNOWN} unknown, {FREE} free .. {OCCUPIED} occupied"
 _LARGEST = 255  # of a raw map, which holds the picture's grey values
-COLORS = {"Free": (255, 255, 255), "Occupied": (35, 38, 45), "Unknown": (205, 208, 212)}
+COLORS = {"Free": (255, 255, 255), "Occupied": (104, 112, 126), "Unknown": (229, 232, 236)}
 
 
 class OccupancyLayer(Layer):

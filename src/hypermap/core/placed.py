@@ -227,6 +227,29 @@ class PlacedLayers:
         return list(found)
 
 
+@dataclass(frozen=True, eq=False)
+class Matches:
+    """The objects that answer a question, in the order of the answer.
+
+    Attributes:
+        layers: which hold them.
+        keys: of each, as in `Placed`.
+        distances: of each [m]; None where none was asked for.
+    """
+
+    layers: PlacedLayers
+    keys: NDArray[np.int64]
+    distances: NDArray[np.float64] | None = None
+
+    def __len__(self) -> int:
+        return len(self.keys)
+
+    def first(self, count: int | None = None) -> list[FoundObject]:
+        """Return the first so many objects; None for all."""
+        far = None if self.distances is None else self.distances[:count]
+        return self.layers.found(self.keys[:count], far)
+
+
 def _placed(number: int, layer: PlacedLayer, rows: IntArray) -> Placed:
     return Placed(
         layer.base_T_layer.apply_geometries(layer.snapshot.column("shapes", rows)),

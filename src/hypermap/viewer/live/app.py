@@ -41,7 +41,6 @@ from hypermap.viewer.live.requests import (
     box_in,
     corners_in,
     number_in,
-    numbers_in,
     read_body,
     text_in,
     whole_number_in,
@@ -185,17 +184,7 @@ class MapApp:
         return Response(content, media_type=media_type, headers=headers)
 
     def _find(self, request: Request) -> Response:
-        values = request.query_params
-        name = text_in(values, "name")
-        if name is None:
-            raise Refused("name: what is to be found?")
-        near = numbers_in(values, "near") if values.get("near") else None
-        if near is not None and len(near) != 2:
-            raise Refused(f"near: a point x,y is expected, got {values['near'][:60]!r}")
-        limit = whole_number_in(values, "limit") if "limit" in values else 100
-        if not 1 <= limit <= 5000:
-            raise Refused(f"limit: must be from 1 to 5000, got {limit}")
-        return json_reply(self._questions().find(name, near, text_in(values, "frame"), limit))
+        return json_reply(self._questions().find(request.query_params))
 
     def _object(self, request: Request) -> Response:
         number = whole_number_in(request.path_params, "id")

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
+import shapely
+
+from hypermap.core.arrays import as_objects
 from hypermap.core.objects import SemanticObject
+from hypermap.core.shapes import valid_copies
 from hypermap.viewer.live.changes import Draft
 from hypermap.viewer.live.refusals import Refused
 from hypermap.viewer.live.requests import footprint_in, text_in, whole_number_in
@@ -14,6 +18,7 @@ from hypermap.viewer.live.requests import footprint_in, text_in, whole_number_in
 MOST_OPERATIONS = 500
 """How many operations one request may hold."""
 
+_SEEN = "evidence"  # the attribute that says how often an object was seen
 _LONGEST = 200  # characters of a name or tag
 _MOST_TAGS = 100
 
@@ -55,10 +60,12 @@ def carry_out(draft: Draft, operation: Mapping[str, Any]) -> int | None:
     if kind == "update":
         item = draft.get(layer, number)
         draft.update(layer, number, _changed(draft, layer, item, operation))
+    elif kind == "merge":
+        _merge(draft, layer, number, operation.get("others"))
     elif kind == "remove":
         draft.remove(layer, number)
     else:
-        raise Refused(f"op: expected add, update, remove or add_layer, got {kind!r}")
+        raise Refused(f"op: expected add, update, merge, remove or add_layer, got {kind!r}")
     return number
 
 
@@ -67,7 +74,56 @@ def _add(draft: Draft, layer: str, operation: Mapping[str, Any]) -> int:
     if shape is None or operation.get("name") is None:
         raise Refused("a new object needs a name and a polygon")
     item = SemanticObject(_name(operation), shape)
+    if operation.get("like") is not None:
+        item = _copied(draft.get(layer, whole_number_in(operation, "like")))
     return draft.add(layer, _changed(draft, layer, item, operation))
+
+
+def _copied(item: SemanticObject) -> SemanticObject:
+    """Return an object like one, of which nothing has been seen yet."""
+    attributes = {key: value for key, value in item.attributes.items() if key != _SEEN}
+    unseen: dict[str, Any] = dict.fromkeys(("id", "existence", "first_seen", "last_seen"))
+    return replace(item, **unseen, attributes=attributes)
+
+
+def _merge(draft: Draft, layer: str, number: int, others: Any) -> None:
+    """Make objects part of one; it keeps its name, and is there if one of them is."""
+    if not isinstance(others, list) or not others or number in others:
+        raise Refused("others: the ids of other objects are expected, of which one is made")
+    parts = [draft.get(layer, whole_number_in({"others": other}, "others")) for other in others]
+    item = draft.get(layer, number)
+    everything = [item, *parts]
+    shapes = valid_copies(as_objects([part.footprint for part in everything]))
+    merged = replace(
+        item,
+        footprint=shapely.union_all(shapes),
+        existence=_of_known(max, (part.existence for part in everything)),
+        first_seen=_of_known(min, (part.first_seen for part in everything)),
+        last_seen=_of_known(max, (part.last_seen for part in everything)),
+        attributes=_merged_attributes([part.attributes for part in everything]),
+    )
+    tags = list(dict.fromkeys(tag for part in everything for tag in part.tags))
+    for other in others:
+        draft.remove(layer, other)
+    draft.update(layer, number, _tagged(merged, tags))
+
+
+def _merged_attributes(attributes: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Return the attributes of a merged object: the first one's, and what all parts measure."""
+    merged = {key: value for one in reversed(attributes) for key, value in one.items()}
+    measured: dict[str, Callable[[Iterable[float]], float]]
+    measured = {_SEEN: sum, "z_min": min, "z_max": max}
+    for key, together in measured.items():
+        values = [one[key] for one in attributes if isinstance(one.get(key), int | float)]
+        merged |= {key: together(values)} if values else {}
+    return merged
+
+
+def _of_known(
+    choose: Callable[[Iterable[float]], float], values: Iterable[float | None]
+) -> float | None:
+    known = [value for value in values if value is not None]
+    return choose(known) if known else None
 
 
 def _changed(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -20,9 +20,9 @@ from hypermap.core.objects import ObjectTable
 from hypermap.core.occupancy import FREE, LABELS, OCCUPIED, OccupancyLayer
 from hypermap.core.opaque import OpaqueLayer
 from hypermap.core.semantic import SemanticLayer
+from hypermap.viewer.live.finding import find, wanted_in
 from hypermap.viewer.live.layers import LayerViews
-from hypermap.viewer.live.names import names_like, names_of
-from hypermap.viewer.live.spelling import spell_area, spell_at, spell_find
+from hypermap.viewer.live.spelling import spell_area, spell_at
 
 MOST_ROWS = 5000
 """How many rows an answer has at most; downloads have all."""
@@ -96,48 +96,14 @@ class Questions:
             rows += _object_rows(layer.name, layer.table, found, base_T_layer)
         return rows
 
-    def find(
-        self, name: str, near: Sequence[float] | None, frame: str | None, limit: int
-    ) -> dict[str, Any]:
-        """Return the objects of a name, the nearest first, and names that are like it.
-
-        Where no object has exactly that name, the only other one that it is a part of is taken.
+    def find(self, values: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the objects that a request looks for, as `finding.find` does.
 
         Raises:
+            Refused: If the request says nothing of that, or something wrong.
             FrameError: If the frame is unknown.
         """
-        known = sorted({n for layer in self._semantic() for n in names_of(layer.table)})
-        names = names_like(name, known)
-        if name not in known and len(names) == 1:
-            name = names[0]
-        start = None if near is None else self._pose_of(frame).apply(near)[0]
-        rows: list[tuple[float, float, dict[str, Any]]] = []
-        for layer in self._semantic():
-            now, base_T_layer = layer.snapshot, self._pose_of(layer.frame_id)
-            found = now.rows_of(name)
-            distances = np.full(len(found), np.nan)
-            if start is not None:
-                asked = base_T_layer.inverse().apply(start)[0]
-                found, distances = now.nearest(name, asked, len(now))
-            places = base_T_layer.apply(now.column("centroids", found))
-            ids = now.column("ids", found)
-            off = np.zeros(len(found)) if start is None else np.hypot(*(places - start).T)
-            for number, distance, far, (x, y) in zip(
-                ids.tolist(), distances.tolist(), off.tolist(), places.tolist(), strict=True
-            ):
-                shown = {"layer": layer.name, "id": number, "name": name}
-                shown |= {"x": x, "y": y, "distance": _known(distance)}
-                rows.append((distance, far, shown))
-        if start is not None:
-            rows.sort(key=lambda row: row[:2])
-        return {
-            "name": name,
-            "rows": [row for *_, row in rows[:limit]],
-            "total": len(rows),
-            "names": names,
-            "hint": "" if rows or not known else did_you_mean(name, known),
-            **spell_find(self._path, name, near, frame),
-        }
+        return find(self.hypermap, self._path, wanted_in(values, self.hypermap))
 
     def details(self, layer_name: str, number: int) -> dict[str, Any]:
         """Return all that is known of an object; its shape exactly, in the base frame.

@@ -23,9 +23,8 @@ def spell_area(
     path: str, corners: Sequence[Point], frame: str | None, grids: Sequence[str]
 ) -> Spelled:
     """Return how to ask what is in a polygon."""
-    polygon = ", ".join(f"({_number(x)}, {_number(y)})" for x, y in corners)
     python = (
-        f"import shapely\n{_opened(path)}area = shapely.Polygon([{polygon}])\n"
+        f"import shapely\n{_opened(path)}area = {_polygon(corners)}\n"
         f"for found in hypermap.objects(area=area{_in_frame(frame)}):\n"
         "    print(found.layer, found.object.id, found.object.name)\n"
     )
@@ -37,16 +36,44 @@ def spell_area(
     return _both(python, path, f"--in={' '.join(map(_text, corners))}", frame)
 
 
-def spell_find(path: str, name: str, near: Point | None, frame: str | None) -> Spelled:
-    """Return how to ask where things of a name are, the nearest first."""
-    where = "" if near is None else f", near={_pair(near)}"
+def spell_find(
+    path: str,
+    name: str | None,
+    *,
+    near: str | Point | None = None,
+    within: float | None = None,
+    inside: str | None = None,
+    corners: Sequence[Point] | None = None,
+    frame: str | None = None,
+) -> Spelled:
+    """Return how to ask where things are, the nearest first."""
+    asked_near = near if near is None or isinstance(near, str) else _text(near)
+    where = {
+        "near": None if near is None else repr(near) if isinstance(near, str) else _pair(near),
+        "within": None if within is None else _number(within),
+        "inside": None if inside is None else repr(inside),
+        "area": None if corners is None else "area",
+        "frame_id": None if frame is None else repr(frame),
+    }
+    given = [] if name is None else [repr(name)]
+    given += [f"{key}={value}" for key, value in where.items() if value is not None]
     shown = "" if near is None else ", found.distance"
+    opened = _opened(path)
+    if corners is not None:
+        opened = f"import shapely\n{opened}area = {_polygon(corners)}\n"
     python = (
-        f"{_opened(path)}for found in hypermap.objects({name!r}{where}{_in_frame(frame)}):\n"
+        f"{opened}for found in hypermap.objects({', '.join(given)}):\n"
         f"    print(found.layer, found.object.id, found.point_xy{shown})\n"
     )
-    options = [f"--name={name}"] + ([] if near is None else [f"--near={_text(near)}"])
-    return _both(python, path, *options, frame)
+    options = {
+        "name": name,
+        "near": asked_near,
+        "within": where["within"],
+        "inside": inside,
+        "in": None if corners is None else " ".join(map(_text, corners)),
+    }
+    words = [f"--{key}={value}" for key, value in options.items() if value is not None]
+    return _both(python, path, *words, frame)
 
 
 def spell_evidence(path: str, layer: str, number: int) -> Spelled:
@@ -74,6 +101,11 @@ def _both(python: str, path: str, *options: str | None) -> Spelled:
 
 def _in_frame(frame: str | None) -> str:
     return "" if frame is None else f", frame_id={frame!r}"
+
+
+def _polygon(corners: Sequence[Point]) -> str:
+    points = ", ".join(f"({_number(x)}, {_number(y)})" for x, y in corners)
+    return f"shapely.Polygon([{points}])"
 
 
 def _pair(point: Point) -> str:

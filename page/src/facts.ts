@@ -1,0 +1,71 @@
+/** What is known of one object, in words and units. */
+
+import { el } from "./dom";
+import { metres, squareMetres, trim } from "./format";
+import { fromBase } from "./frames";
+import type { Frame, ObjectDetails } from "./source";
+import { existenceInWords, seenInWords, whenInWords } from "./words";
+
+type Fact = [title: string, said: string, more?: string];
+
+/** Attributes that are told otherwise. */
+const TOLD = ["evidence", "z_min", "z_max", "existence", "first_seen", "last_seen", "confidence"];
+
+export function objectFacts(object: ObjectDetails, frame: Frame, now = new Date()): HTMLElement {
+  const { area, at, tags, attributes } = object;
+  const [x, y] = fromBase(frame, at).map((value) => metres(value));
+  // A page of one file has them all as attributes.
+  const number = (key: keyof ObjectDetails) => numberOf(object[key] ?? attributes[key]);
+  const [existence, first, last] = [number("existence"), number("first_seen"), number("last_seen")];
+  const seen = seenInWords(numberOf(attributes["evidence"]), last, now);
+  const [low, high] = [numberOf(attributes["z_min"]), numberOf(attributes["z_max"])];
+  const facts: (Fact | null)[] = [
+    existence === null
+      ? null
+      : ["Certainty", existenceInWords(existence), `log-odds ${trim(existence.toFixed(2))}`],
+    seen === null ? null : ["Seen", seen],
+    first === null || first === last ? null : ["First seen", whenInWords(first, now)],
+    ["Area", squareMetres(area)],
+    ["Middle", `x ${x}, y ${y} m in ${frame.frame_id}`],
+    low === null || high === null ? null : ["Height", `${metres(low)} to ${metres(high)} m`],
+    tags.length
+      ? ["Tags", tags.map((tag, i) => tagInWords(tag, sureness(object)[i])).join(", ")]
+      : null,
+    ...Object.entries(attributes)
+      .filter(([key, value]) => !TOLD.includes(key) && value !== null && value !== "")
+      .map(([key, value]): Fact => [heading(key), said(value)]),
+  ];
+  return el(
+    "dl",
+    { class: "facts" },
+    ...facts
+      .filter((fact) => fact !== null)
+      .flatMap(([title, text, more]) => [
+        el("dt", { text: title }),
+        el("dd", {}, text, more ? el("span", { class: "quiet", text: ` (${more})` }) : null),
+      ]),
+  );
+}
+
+function sureness({ confidence, attributes }: ObjectDetails): number[] {
+  const given = confidence ?? attributes["confidence"];
+  return Array.isArray(given) ? given.map(Number) : [];
+}
+
+function tagInWords(tag: string, confidence: number | undefined): string {
+  return confidence === undefined ? tag : `${tag} (${Math.round(100 * confidence)} %)`;
+}
+
+const numberOf = (value: unknown): number | null => (typeof value === "number" ? value : null);
+
+function heading(key: string): string {
+  const text = key.replaceAll("_", " ");
+  return text.charAt(0).toUpperCase() + text.slice(1);
+}
+
+function said(value: unknown): string {
+  if (typeof value === "number") return trim(value.toFixed(4));
+  if (typeof value === "string") return value;
+  if (!Array.isArray(value) || value.length === 0) return JSON.stringify(value);
+  return value.map(said).join(", ");
+}

@@ -1,0 +1,39 @@
+/** What is known of an object, in words. */
+
+import { stamp } from "./format";
+
+/** Whether a thing is there, by the evidence for it [log-odds]. */
+export function existenceInWords(existence: number): string {
+  if (existence >= 4) return "surely there";
+  if (existence >= 2) return "very likely there";
+  if (existence > 0) return "perhaps there";
+  return existence > -2 ? "perhaps gone" : "very likely gone";
+}
+
+/** How often and when a thing was seen last, as "39 times, last Monday 14:02". */
+export function seenInWords(count: number | null, last: number | null, now: Date): string | null {
+  const times = count === null ? "" : often(count);
+  if (last === null) return times || null;
+  return [times, `last ${whenInWords(last, now)}`].filter(Boolean).join(", ");
+}
+
+export const often = (n: number): string => (n === 1 ? "once" : n === 2 ? "twice" : `${n} times`);
+
+/** A time stamp [s] as one would say it: by the day of the week within a week. */
+export function whenInWords(seconds: number, now: Date): string {
+  if (seconds < 1e8) return `at ${stamp(seconds)}`; // of a clock that began with the recording
+  const time = new Date(seconds * 1000);
+  const clock = `${two(time.getHours())}:${two(time.getMinutes())}`;
+  const days = Math.round((midnight(now) - midnight(time)) / 86_400_000);
+  if (days === 0) return `today ${clock}`;
+  if (days === 1) return `yesterday ${clock}`;
+  if (days > 1 && days < 7) return `${name(time, { weekday: "long" })} ${clock}`;
+  const date = `${time.getDate()} ${name(time, { month: "long" })}`;
+  if (time.getFullYear() !== now.getFullYear()) return `${date} ${time.getFullYear()}, ${clock}`;
+  return `${date} ${clock}`;
+}
+
+const two = (n: number): string => String(n).padStart(2, "0");
+const midnight = (time: Date): number => new Date(time).setHours(0, 0, 0, 0);
+const name = (time: Date, part: Intl.DateTimeFormatOptions): string =>
+  new Intl.DateTimeFormat("en", part).format(time);
