@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 import re
+import stat
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -26,6 +27,7 @@ MapPath = Annotated[
         help="An .hmap archive, a configuration file in a folder, or a map_server YAML.",
     ),
 ]
+_WRITABLE = stat.S_IWUSR | stat.S_IWGRP | stat.S_IWOTH
 _YAML_HEAD = 65536  # bytes of a YAML file beside a picture that are looked at
 
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON, for programs.")]
@@ -100,9 +102,12 @@ def _numbers(text: str) -> list[float]:
 def check_output(path: Path, replace: bool) -> None:
     """Make sure before a long work that its result can be saved.
 
+    Whether a write-protected file may be replaced is asked at a terminal, whatever `replace` says.
+
     Raises:
         HypermapError: If the folder is missing or closed, or the file exists and must not be
             replaced.
+        typer.Exit: If Ctrl-C is the answer.
     """
     folder = path.absolute().parent
     if path.is_dir():
@@ -113,6 +118,13 @@ def check_output(path: Path, replace: bool) -> None:
         raise HypermapError(f"{path}: no permission to write in the folder {folder}")
     if path.exists() and not replace:
         raise HypermapError(f"{path} exists already; give --force to replace it")
+    if path.exists() and not path.stat().st_mode & _WRITABLE:
+        _ask(
+            f"{path} is write-protected. Replace it?",
+            f"{path} exists already, and is write-protected; make it writable, or give another "
+            "name",
+            path,
+        )
 
 
 def check_map_output(path: Path, force: bool) -> None:
@@ -133,14 +145,21 @@ def check_map_output(path: Path, force: bool) -> None:
     reason = None if force else why_precious(path)
     if reason is None:
         return
+    backup = backup_of(path).name
+    _ask(
+        f"{path} exists already, and {reason}. Replace it? It stays as {backup}.",
+        f"{path} exists already, and {reason}; give --force to replace it (it stays as {backup}), "
+        "or another name",
+        path,
+    )
+
+
+def _ask(question: str, refusal: str, path: Path) -> None:
+    """Ask whether a file may be replaced; where there is no terminal, refuse."""
     if not (sys.stdin.isatty() and sys.stderr.isatty()):
-        raise HypermapError(
-            f"{path} exists already, and {reason}; give --force to replace it (it stays as "
-            f"{backup_of(path).name}), or another name"
-        )
-    asked = f"{path} exists already, and {reason}. Replace it? It stays as {backup_of(path).name}."
+        raise HypermapError(refusal)
     try:
-        is_wanted = typer.confirm(visible(asked), err=True)
+        is_wanted = typer.confirm(visible(question), err=True)
     except typer.Abort:  # Ctrl-C or the end of input
         raise typer.Exit(INTERRUPTED) from None
     if not is_wanted:
