@@ -102,8 +102,9 @@ class _Page:
         from hypermap.viewer.live.serving import listen, serving, url_of
 
         document = MapDocument(self._output)
-        with listen("127.0.0.1", None) as listening, serving(MapApp(document), listening):
-            url = url_of(listening)
+        app = MapApp(document)
+        with listen("127.0.0.1", None) as listening, serving(app, listening):
+            url = url_of(app, listening)
             self._run.finish(message, url)
             with stop_on_signal() as stop:
                 note(f"\nthe run stays at {self._url}\nand the map at {url} until Ctrl-C")
@@ -148,8 +149,9 @@ def watching(
         listen("127.0.0.1", port) as listening,
     ):
         run = Run(Path(folder), recording, output.name, total)
-        with closing(run), serving(RunApp(run), listening):
-            url = url_of(listening)
+        app = RunApp(run)
+        with closing(run), serving(app, listening):
+            url = url_of(app, listening)
             say(url)
             if browser:
                 threading.Thread(target=webbrowser.open, args=(url,), daemon=True).start()

@@ -59,14 +59,18 @@ class MapApp:
 
     Attributes:
         document: the map.
-        token: what the page sends with each change.
+        token: what its visitors must know.
+        is_private: whether they must know it to look, too.
         is_closing: set when the server ends, so that windows are not waited for.
         app: what a server of the ASGI standard runs.
     """
 
-    def __init__(self, document: MapDocument, host: str = "127.0.0.1") -> None:
+    def __init__(
+        self, document: MapDocument, host: str = "127.0.0.1", is_private: bool = True
+    ) -> None:
         self.document = document
         self.token = secrets.token_urlsafe(24)
+        self.is_private = is_private
         self.is_closing = False
         self._views = LayerViews()
         self._tiles = ByteCache(_CACHE)
@@ -90,7 +94,9 @@ class MapApp:
                 Route("/api/reload", self._reload, methods=["POST"]),
                 Route("/api/events", self._events),
             ],
-            middleware=[Middleware(Guard, hosts=known_hosts(host), token=self.token)],
+            middleware=[
+                Middleware(Guard, hosts=known_hosts(host), token=self.token, is_private=is_private)
+            ],
             exception_handlers={
                 HypermapError: refuse,
                 HTTPException: refuse_http,

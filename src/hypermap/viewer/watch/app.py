@@ -32,12 +32,16 @@ class RunApp:
 
     Attributes:
         run: what is shown.
+        token: what its visitors must know.
+        is_private: whether they must.
         is_closing: set when the server ends, so that windows are not waited for.
         app: what a server of the ASGI standard runs.
     """
 
     def __init__(self, run: Run, host: str = "127.0.0.1") -> None:
         self.run = run
+        self.token = secrets.token_urlsafe(24)
+        self.is_private = True
         self.is_closing = False
         self._id = secrets.token_urlsafe(8)
         self.app = Starlette(
@@ -50,10 +54,7 @@ class RunApp:
                 Route("/api/grids/{number}.png", self._grid),
                 Route("/api/events", self._events),
             ],
-            # Nothing can be changed here, so nobody needs to know the token.
-            middleware=[
-                Middleware(Guard, hosts=known_hosts(host), token=secrets.token_urlsafe(24))
-            ],
+            middleware=[Middleware(Guard, hosts=known_hosts(host), token=self.token)],
             exception_handlers={
                 HypermapError: refuse,
                 HTTPException: refuse_http,
