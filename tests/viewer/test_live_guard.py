@@ -9,8 +9,9 @@ from starlette.testclient import TestClient
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.viewer.live.app import MapApp
 from hypermap.viewer.live.document import MapDocument
-from hypermap.viewer.live.guard import TOKEN_HEADER, Guard, known_hosts
+from hypermap.viewer.live.guard import TOKEN_HEADER, Guard
 from hypermap.viewer.live.requests import MOST_BYTES
+from hypermap.web.hosts import known_hosts
 
 from .live_tools import Window, saved, serving
 

@@ -6,12 +6,14 @@ import contextlib
 import io
 import itertools
 import json
+import socket
 import subprocess
 import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
 
 import mcap.reader
 import numpy as np
@@ -270,6 +272,22 @@ def test_rerun_gets_what_each_frame_showed(rrd_of_mapping: Path) -> None:
     known = np.isfinite(frames[0].depth)
     assert np.abs(in_millimetres[known] / 1000 - frames[0].depth[known]).max() <= 0.0005 + 1e-6
     assert len(columns(rrd_of_mapping, "/map/semantic/names")["positions"]) == FRAMES
+
+
+def test_no_website_looks_on_at_foxgloves_log() -> None:
+    pytest.importorskip("foxglove")
+    from hypermap.viewer.logs.foxglove_log import FoxgloveLog
+
+    log = FoxgloveLog(None, "lab", port=0)
+    with contextlib.closing(log):
+        assert log.url is not None
+        address = urlsplit(log.url)
+        assert address.hostname is not None
+        assert address.port is not None
+        with socket.create_connection((address.hostname, address.port), timeout=30) as one:
+            one.sendall(f"GET / HTTP/1.1\r\nHost: {address.netloc}\r\n".encode())
+            one.sendall(b"Origin: https://evil.example\r\n\r\n")
+            assert one.recv(12) == b"HTTP/1.1 403"
 
 
 def test_a_log_of_unknown_kind_is_refused(tmp_path: Path) -> None:

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from hypermap.core.errors import HypermapError, did_you_mean
 from hypermap.core.hypermap import Hypermap
 from hypermap.formats import open_map, save_map
+from hypermap.formats.backup import keep_backup
 
 
 class Leave(Exception):
@@ -96,6 +97,7 @@ class Console:
         path = _path(arguments[0])
         if path.suffix.lower() in (".yaml", ".yml") or path.is_dir():
             raise HypermapError(f"{path}: save writes an archive; give a name that ends in .hmap")
+        keep_backup(path)
         save_map(self.hypermap, path)
         return f"saved {len(self.hypermap.layers)} layers to {arguments[0]}"
 
@@ -135,7 +137,9 @@ COMMANDS = {
     "help": Command("", "this list", Console._help),
     "load": Command("FILE", "open an .hmap archive in place of this map", Console._load),
     "loadConfig": Command("FILE", "open a configuration file in a folder", Console._load),
-    "save": Command("FILE", "save this map as an .hmap archive", Console._save),
+    "save": Command(
+        "FILE", "save this map as an .hmap archive; what was there stays as FILE.bak", Console._save
+    ),
     "getString": Command("LAYER X Y", "what is at a point", Console._get_string),
     "getStrings": Command("LAYER X Y X Y X Y ...", "what is in an area", Console._get_strings),
     "getCoords": Command("LAYER STRING", "where something is", Console._get_coords),

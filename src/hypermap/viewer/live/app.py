@@ -24,7 +24,7 @@ from hypermap.viewer.live.description import describe_map
 from hypermap.viewer.live.document import MapDocument, Snapshot
 from hypermap.viewer.live.downloads import rows_as_csv, rows_as_geojson
 from hypermap.viewer.live.editing import carry_out, operations_in
-from hypermap.viewer.live.guard import Guard, known_hosts
+from hypermap.viewer.live.guard import Guard
 from hypermap.viewer.live.layers import LayerView, LayerViews
 from hypermap.viewer.live.news import news_of
 from hypermap.viewer.live.page import page_file
@@ -48,6 +48,7 @@ from hypermap.viewer.live.requests import (
 )
 from hypermap.viewer.live.spelling import spell_evidence
 from hypermap.viewer.live.tiles import Tile, draw_tile
+from hypermap.web.hosts import known_hosts
 
 _CACHE = 64_000_000  # bytes of tiles
 _FOREVER = "private, max-age=31536000, immutable"

@@ -10,9 +10,7 @@ page does.
 
 from __future__ import annotations
 
-import ipaddress
 import secrets
-import socket
 from collections.abc import Iterable
 from urllib.parse import urlsplit
 
@@ -20,6 +18,8 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.requests import HTTPConnection
 from starlette.responses import JSONResponse, PlainTextResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from hypermap.web.hosts import is_known
 
 TOKEN_HEADER = "X-Hypermap-Token"
 TOKEN_QUERY = "token"
@@ -102,7 +102,7 @@ class Guard:
     def _problem(self, method: str, path: str, headers: Headers) -> str:
         """Return why a request is refused; nothing if it is not."""
         host = headers.get("host", "")
-        if not self._is_known(host):
+        if not is_known(host, self._hosts):
             return f"this server is not {host[:200]!r}; open it by the address that it printed"
         origin = headers.get("origin")
         if origin is not None and urlsplit(origin).netloc.lower() != host.lower():
@@ -115,21 +115,6 @@ class Guard:
             return "this window is from an earlier start of the server; reload the page"
         return ""
 
-    def _is_known(self, host: str) -> bool:
-        name = _host_name(host)
-        if name in self._hosts:
-            return True
-        # Whoever listens everywhere may be addressed by any number, but by no other's name.
-        return "*" in self._hosts and _is_number(name)
-
-
-def known_hosts(listening_on: str) -> set[str]:
-    """Return by which names a server is addressed that listens on an address; "*": any number."""
-    hosts = {"localhost", "127.0.0.1", "::1", listening_on.lower()}
-    if _is_number(listening_on) and ipaddress.ip_address(listening_on).is_unspecified:
-        hosts |= {"*", socket.gethostname().lower(), socket.getfqdn().lower()}
-    return hosts
-
 
 def _cookie_name(request: HTTPConnection) -> str:
     """Return a name of its own for each port, as browsers do not keep their cookies apart."""
@@ -138,19 +123,3 @@ def _cookie_name(request: HTTPConnection) -> str:
     except ValueError:
         port = None
     return f"hypermap-{port or 80}"
-
-
-def _host_name(host: str) -> str:
-    """Return the name or number in a Host header, without the port."""
-    try:
-        return (urlsplit(f"//{host}").hostname or "").lower()
-    except ValueError:
-        return ""
-
-
-def _is_number(name: str) -> bool:
-    try:
-        ipaddress.ip_address(name)
-    except ValueError:
-        return False
-    return True

@@ -14,7 +14,7 @@ from starlette.responses import Response, StreamingResponse
 from starlette.routing import Route
 
 from hypermap.core.errors import HypermapError
-from hypermap.viewer.live.guard import Guard, known_hosts
+from hypermap.viewer.live.guard import Guard
 from hypermap.viewer.live.json_text import json_bytes
 from hypermap.viewer.live.page import page_file
 from hypermap.viewer.live.refusals import Refused
@@ -22,6 +22,7 @@ from hypermap.viewer.live.replies import fail, json_reply, json_reply_of, refuse
 from hypermap.viewer.live.requests import whole_number_in
 from hypermap.viewer.watch.history import NoSuchStep
 from hypermap.viewer.watch.run import Heard, Run
+from hypermap.web.hosts import known_hosts
 
 _FOREVER = "private, max-age=31536000, immutable"
 _LISTEN, _STILL_THERE = 0.1, 15.0  # seconds
