@@ -226,7 +226,7 @@ def test_a_broken_map_is_an_error(hypermap, room_map, tmp_path):
         (["--ros1", "--foxglove"], ["give one of --ros1, --foxglove"]),
         (
             ["--ros1", "--port", "1"],
-            ["--host, --port, --allow-edits and --allow-origin are for --foxglove alone"],
+            ["--allow-origin are for --foxglove alone"],
         ),
         (["--ros1", "--allow-edits"], ["--allow-origin are for --foxglove alone"]),
         (["--foxglove", "--param", "height"], ["--param 'height': give NAME=VALUE"]),
