@@ -110,6 +110,19 @@ def test_of_a_private_server_the_token_must_be_known(method, path, headers, stat
     assert answer_of(method, path, headers, is_private=True) == status
 
 
+def test_a_browser_is_let_in_by_a_token_that_opens_the_page_once():
+    route = Route("/{rest:path}", lambda _: PlainTextResponse("let in"))
+    guard = Guard(Starlette(routes=[route]), known_hosts("127.0.0.1"), TOKEN, once={"once"})
+    ours, theirs = (TestClient(guard, base_url="http://127.0.0.1:8090") for _ in range(2))
+    elsewhere = {"Host": "evil.example"}
+    assert theirs.get("/api/map", params={"token": "once"}).status_code == 403
+    assert theirs.get("/", params={"token": "once"}, headers=elsewhere).status_code == 403
+    assert ours.get("/", params={"token": "once"}).status_code == 200
+    assert theirs.get("/", params={"token": "once"}).status_code == 403
+    assert ours.get("/", params={"token": "once"}).status_code == 200  # loaded anew
+    assert ours.get("/api/map").status_code == 200
+
+
 def test_the_real_server_is_guarded(tmp_path):
     with serving(saved(tmp_path)) as client:
         info = client.get("/api/map")

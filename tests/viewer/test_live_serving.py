@@ -36,6 +36,7 @@ class Quick:
     token, is_private, is_closing = "", False, False
 
     def __init__(self) -> None:
+        self.once: set[str] = set()
         self.app = Starlette(routes=[Route("/", lambda _: PlainTextResponse("here"))])
 
 
@@ -87,6 +88,7 @@ class Interrupted:
     token, is_private, is_closing = "", False, False
 
     def __init__(self) -> None:
+        self.once: set[str] = set()
         self.app = Starlette(lifespan=self._lifespan)
 
     @asynccontextmanager

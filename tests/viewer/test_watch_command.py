@@ -189,7 +189,8 @@ def test_a_recording_that_fails_ends_the_page_and_says_why(tmp_path: Path, scrat
 def test_the_browser_is_opened_at_the_page(drive: Path, tmp_path: Path) -> None:
     output = tmp_path / "r.hmap"
     said, opened = said_and_opened(tmp_path, "map", drive, "-o", output, "--view", "--port", 0)
-    assert opened == said
+    assert opened.partition("=")[0] == said.partition("=")[0]
+    assert opened != said  # other users see what programs are started with
 
 
 def test_the_demo_can_be_watched_too(tmp_path: Path, scratch: Path) -> None:

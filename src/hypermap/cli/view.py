@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import signal
-import threading
-import webbrowser
 from pathlib import Path
 from types import FrameType
 from typing import Annotated
@@ -79,7 +77,7 @@ def command(
     from hypermap.viewer.live.app import MapApp
     from hypermap.viewer.live.document import MapDocument
     from hypermap.viewer.live.page import require_page
-    from hypermap.viewer.live.serving import is_local, listen, serve, url_of
+    from hypermap.viewer.live.serving import is_local, listen, open_browser, serve, url_of
 
     require_page()
     app = MapApp(MapDocument(path, is_editable=not read_only), host, is_private=not no_token)
@@ -94,7 +92,7 @@ def command(
             who = "reach this machine" + ("" if no_token else " and knows the token")
             note(f"everyone who can {who} can {rights} the map")
         if browser:
-            threading.Thread(target=webbrowser.open, args=(url,), daemon=True).start()
+            open_browser(app, listening)
 
     signal.signal(signal.SIGTERM, _interrupt)
     try:

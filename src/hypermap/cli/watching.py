@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-import threading
 import time
-import webbrowser
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
@@ -139,7 +137,7 @@ def watching(
         yield _Nobody()
         return
     from hypermap.viewer.live.page import require_page
-    from hypermap.viewer.live.serving import listen, serving, url_of
+    from hypermap.viewer.live.serving import listen, open_browser, serving, url_of
     from hypermap.viewer.watch.app import RunApp
     from hypermap.viewer.watch.run import Run
 
@@ -154,7 +152,7 @@ def watching(
             url = url_of(app, listening)
             say(url)
             if browser:
-                threading.Thread(target=webbrowser.open, args=(url,), daemon=True).start()
+                open_browser(app, listening)
             try:
                 yield _Page(run, url, output)
             except HypermapError as error:

@@ -62,6 +62,7 @@ class MapApp:
         document: the map.
         token: what its visitors must know.
         is_private: whether they must know it to look, too.
+        once: tokens that open the page a single time.
         is_closing: set when the server ends, so that windows are not waited for.
         app: what a server of the ASGI standard runs.
     """
@@ -72,6 +73,7 @@ class MapApp:
         self.document = document
         self.token = secrets.token_urlsafe(24)
         self.is_private = is_private
+        self.once: set[str] = set()
         self.is_closing = False
         self._views = LayerViews()
         self._tiles = ByteCache(_CACHE)

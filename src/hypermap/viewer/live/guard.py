@@ -51,12 +51,20 @@ class Guard:
         hosts: by which names it is addressed, as `known_hosts` says.
         token: what requests must know.
         is_private: whether also those must that change nothing.
+        once: other tokens, each of which opens the page a single time: other users see the words
+            with which a browser is started.
     """
 
     def __init__(
-        self, app: ASGIApp, hosts: Iterable[str], token: str, is_private: bool = True
+        self,
+        app: ASGIApp,
+        hosts: Iterable[str],
+        token: str,
+        is_private: bool = True,
+        once: set[str] | None = None,
     ) -> None:
         self._app = app
+        self._once = set() if once is None else once
         self._hosts = set(hosts)
         self._token = token
         self._is_private = is_private
@@ -68,7 +76,13 @@ class Guard:
             return
 
         request = HTTPConnection(scope)
-        was_given = self._is_token(request.query_params.get(TOKEN_QUERY))
+        method, path = scope["method"], scope["path"]
+        problem = self._problem(method, path, request.headers)
+        given = request.query_params.get(TOKEN_QUERY)
+        was_given = self._is_token(given)
+        if not problem and path == "/" and method == "GET" and given in self._once:
+            self._once.discard(given)
+            was_given = True
 
         async def send_guarded(message: Message) -> None:
             if message["type"] == "http.response.start":
@@ -79,8 +93,6 @@ class Guard:
                     headers.append("Set-Cookie", f"{cookie}; Path=/; HttpOnly; SameSite=Strict")
             await send(message)
 
-        method, path = scope["method"], scope["path"]
-        problem = self._problem(method, path, request.headers)
         if not problem and self._is_private and not (was_given or self._knows_token(request)):
             problem = _PRIVATE
         if not problem:

@@ -5,8 +5,10 @@ from __future__ import annotations
 import contextlib
 import errno
 import ipaddress
+import secrets
 import socket
 import threading
+import webbrowser
 from collections.abc import Callable, Iterator
 from types import FrameType
 from typing import Protocol
@@ -34,12 +36,14 @@ class Served(Protocol):
         app: what answers.
         token: what its visitors must know.
         is_private: whether they must know it to look, too.
+        once: tokens that open the page a single time.
         is_closing: set when the server ends, so that windows that listen for news are let go.
     """
 
     app: Starlette
     token: str
     is_private: bool
+    once: set[str]
     is_closing: bool
 
 
@@ -77,11 +81,23 @@ def is_local(host: str) -> bool:
 
 
 def url_of(app: Served, listening: socket.socket) -> str:
-    """Return the address to open in a browser, with the token if there must be one."""
+    """Return the address of the page, with the token if visitors must know it."""
+    return _url(listening, app.token if app.is_private else None)
+
+
+def open_browser(app: Served, listening: socket.socket) -> None:
+    """Open the page in the browser, by a token that is worth nothing once that is done."""
+    token = secrets.token_urlsafe(24)
+    app.once.add(token)
+    url = _url(listening, token if app.is_private else None)
+    threading.Thread(target=webbrowser.open, args=(url,), daemon=True).start()
+
+
+def _url(listening: socket.socket, token: str | None) -> str:
     host, port = listening.getsockname()[:2]
     if host in ("0.0.0.0", "::"):  # everywhere; this machine's browser goes the short way
         host = "127.0.0.1" if host == "0.0.0.0" else "::1"
-    query = f"?{TOKEN_QUERY}={app.token}" if app.is_private else ""
+    query = "" if token is None else f"?{TOKEN_QUERY}={token}"
     return f"http://{f'[{host}]' if ':' in host else host}:{port}/{query}"
 
 

@@ -35,6 +35,7 @@ class RunApp:
         run: what is shown.
         token: what its visitors must know.
         is_private: whether they must.
+        once: tokens that open the page a single time.
         is_closing: set when the server ends, so that windows are not waited for.
         app: what a server of the ASGI standard runs.
     """
@@ -43,6 +44,7 @@ class RunApp:
         self.run = run
         self.token = secrets.token_urlsafe(24)
         self.is_private = True
+        self.once: set[str] = set()
         self.is_closing = False
         self._id = secrets.token_urlsafe(8)
         self.app = Starlette(
@@ -55,7 +57,9 @@ class RunApp:
                 Route("/api/grids/{number}.png", self._grid),
                 Route("/api/events", self._events),
             ],
-            middleware=[Middleware(Guard, hosts=known_hosts(host), token=self.token)],
+            middleware=[
+                Middleware(Guard, hosts=known_hosts(host), token=self.token, once=self.once)
+            ],
             exception_handlers={
                 HypermapError: refuse,
                 HTTPException: refuse_http,
