@@ -93,6 +93,8 @@ def file_beside(path: str | Path) -> Iterator[Path]:
             yield temporary
             _look_like(final, file.fileno())
             os.fsync(file.fileno())
+            if os.name == "nt":  # where no file that is open gets another name
+                file.close()
             temporary.replace(final)
         flush_folder(final.parent)
     except OSError as error:
