@@ -66,6 +66,7 @@ class Gate:
         self._behind, self._refused = behind, refused
         self._origins = {*APPS, *(origin.lower().rstrip("/") for origin in origins)}
         self._clients: set[asyncio.Task[None]] = set()
+        self._silent: dict[asyncio.Task[None], None] = {}  # the one that came first stands first
         family, _, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
         self._listening = socket.socket(family)
         try:
@@ -107,19 +108,25 @@ class Gate:
         task = asyncio.current_task()
         assert task is not None
         self._clients.add(task)
+        self._silent[task] = None
+        if len(self._clients) > _MOST_CLIENTS:  # who says nothing keeps nobody out
+            next(iter(self._silent)).cancel()
         try:
-            if len(self._clients) <= _MOST_CLIENTS:
-                await self._let_in(reader, writer)
+            header = await asyncio.wait_for(reader.readuntil(b"\r\n\r\n"), _HEADER_TIME)
+            self._silent.pop(task, None)
+            await self._let_in(header, reader, writer)
         except (OSError, asyncio.IncompleteReadError, asyncio.LimitOverrunError):
             pass  # a client that is gone, says nothing, or too much
         except TimeoutError:
             pass
         finally:
             self._clients.discard(task)
+            self._silent.pop(task, None)
             writer.close()
 
-    async def _let_in(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        header = await asyncio.wait_for(reader.readuntil(b"\r\n\r\n"), _HEADER_TIME)
+    async def _let_in(
+        self, header: bytes, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
+    ) -> None:
         if problem := self._problem(header):
             self._refused(problem)
             text = f"{problem}\n".encode()
