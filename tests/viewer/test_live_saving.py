@@ -144,6 +144,20 @@ def test_nothing_is_saved_outside_of_the_maps_folder(tmp_path, name, status, rea
     assert files_in(outside) == []
 
 
+def test_a_write_protected_map_is_replaced_only_when_that_is_said(tmp_path):
+    path = saved(tmp_path)
+    path.chmod(0o444)
+    with serving(path) as client:
+        window = Window(client)
+        window.edit(rename(0, "mug"))
+        told = window.post("/api/save", 409)
+        assert told["error"] == "room.hmap is write-protected; saving would replace it"
+        assert open_map(path)["things"].get(0).name == "cup"
+        window.post("/api/save", overwrite=True)
+    assert open_map(path)["things"].get(0).name == "mug"
+    assert path.stat().st_mode & 0o777 == 0o444
+
+
 def test_half_of_a_character_is_in_no_name(tmp_path):
     with serving(saved(tmp_path)) as client:
         content = b'{"path": "caf\\ud83d.hmap"}'

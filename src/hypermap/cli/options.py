@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import os
 import re
-import stat
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -27,7 +26,6 @@ MapPath = Annotated[
         help="An .hmap archive, a configuration file in a folder, or a map_server YAML.",
     ),
 ]
-_WRITABLE = stat.S_IWUSR | stat.S_IWGRP | stat.S_IWOTH
 _YAML_HEAD = 65536  # bytes of a YAML file beside a picture that are looked at
 
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON, for programs.")]
@@ -109,6 +107,8 @@ def check_output(path: Path, replace: bool) -> None:
             replaced.
         typer.Exit: If Ctrl-C is the answer.
     """
+    from hypermap.formats.atomic import is_write_protected
+
     folder = path.absolute().parent
     if path.is_dir():
         raise HypermapError(f"{path}: this is a folder, not a file to save to")
@@ -118,7 +118,7 @@ def check_output(path: Path, replace: bool) -> None:
         raise HypermapError(f"{path}: no permission to write in the folder {folder}")
     if path.exists() and not replace:
         raise HypermapError(f"{path} exists already; give --force to replace it")
-    if path.exists() and not path.stat().st_mode & _WRITABLE:
+    if is_write_protected(path):
         _ask(
             f"{path} is write-protected. Replace it?",
             f"{path} exists already, and is write-protected; make it writable, or give another "

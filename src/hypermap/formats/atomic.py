@@ -113,6 +113,14 @@ def is_folder(path: Path) -> bool:
         return False
 
 
+def is_write_protected(path: Path) -> bool:
+    """Return whether a file is there that nobody is to write; to replace it needs no permission."""
+    try:
+        return not path.stat().st_mode & (stat.S_IWUSR | stat.S_IWGRP | stat.S_IWOTH)
+    except OSError:
+        return False
+
+
 def _save(journal: Journal, contents: Sequence[bytes]) -> None:
     moves, root = journal.moves(), journal.folder
     folders = {root, *(final.parent for _, final in moves)}

@@ -11,6 +11,7 @@ from typing import Literal, TypeAlias
 
 from hypermap.core.errors import FormatError
 from hypermap.core.hypermap import Hypermap
+from hypermap.formats.atomic import is_write_protected
 from hypermap.formats.config import CONFIG_NAME
 from hypermap.formats.store import FolderStore, place_for, read_file
 from hypermap.formats.yaml_text import read_yaml
@@ -94,6 +95,8 @@ class MapFile:
                 409,
                 "disk",
             )
+        if is_write_protected(self.path) and not overwrite:
+            raise Refused(f"{name} is write-protected; saving would replace it", 409, "exists")
         if not self.is_own and self.path.exists() and not overwrite:
             raise Refused(f"{name} exists already; saving would replace it", 409, "exists")
 
