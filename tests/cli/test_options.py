@@ -1,9 +1,19 @@
 from __future__ import annotations
 
+import contextlib
+import os
+import pty
+import subprocess
+import sys
+
 import pytest
 
 from hypermap.cli.options import check_output
 from hypermap.core.errors import HypermapError
+from hypermap.core.hypermap import Hypermap
+from hypermap.core.semantic import SemanticLayer
+from hypermap.formats import open_map, save_map
+from hypermap.testing import square
 
 
 def test_an_output_is_checked_before_the_work_begins(tmp_path):
@@ -20,3 +30,38 @@ def test_an_output_is_checked_before_the_work_begins(tmp_path):
             check_output(path, replace)
         assert str(path) in str(error.value)
         assert reason in str(error.value)
+
+
+@pytest.mark.parametrize(("answer", "code"), [("n\n", 2), ("y\n", 0), ("\x04", 130)])
+def test_whether_to_replace_a_write_protected_file_is_asked(hypermap, tmp_path, answer, code):
+    source, target = tmp_path / "in.hmap", tmp_path / "out.hmap"
+    for path in (source, target):
+        save_map(Hypermap([SemanticLayer("zones", "map", [square(path.stem, 0, 0)])]), path)
+    target.chmod(0o444)
+    command = [sys.executable, "-m", "hypermap", "convert", source, target, "--force"]
+    refused = hypermap(*command[3:])
+    assert refused.code == 2
+    assert f"{target} exists already, and is write-protected; make it writable" in refused.err
+    ours, theirs = pty.openpty()
+    with subprocess.Popen(command, stdin=theirs, stderr=theirs) as process:
+        os.close(theirs)
+        os.write(ours, answer.encode())
+        said = b""
+        with contextlib.suppress(OSError):  # the terminal is gone with its last program
+            while part := os.read(ours, 1 << 16):
+                said += part
+        os.close(ours)
+    assert process.returncode == code, said
+    assert b"out.hmap is write-protected. Replace it?" in said
+    names = [found.object.name for found in open_map(target).objects()]
+    assert names == ["in" if code == 0 else "out"]
+
+
+def test_an_empty_text_is_no_file(hypermap, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    save_map(Hypermap([SemanticLayer("zones", "map")]), "in.hmap")
+    for words in (["convert", "in.hmap", ""], ["convert", "", "out.hmap"], ["info", ""]):
+        done = hypermap(*words)
+        assert done.code == 2
+        assert "an empty text stands where a file is expected" in done.err
+    assert [path.name for path in tmp_path.iterdir()] == ["in.hmap"]

@@ -132,7 +132,7 @@ def test_maps_are_loaded_from_the_named_folder_alone(serve, room_map, tmp_path):
     folder.mkdir()
     (folder / "room.hmap").write_bytes(room_map.read_bytes())
     (folder / "broken.hmap").write_bytes(room_map.read_bytes()[:200])
-    server = serve("--map-directory", folder)
+    server = serve("--map-directory", folder, "--allow-edits")
     with server.client() as client:
         for wrong in ("broken.hmap", "nowhere.hmap", "../room.hmap", str(room_map)):
             with pytest.raises(ServiceFailed):
@@ -147,13 +147,44 @@ def test_maps_are_loaded_from_the_named_folder_alone(serve, room_map, tmp_path):
     assert server.stop(signal.SIGINT) == 0
 
 
+def test_clients_change_nothing_unless_they_may_and_what_they_replace_is_kept(
+    serve, room_map, tmp_path
+):
+    folder = tmp_path / "maps"
+    folder.mkdir()
+    stored, backup = folder / "room.hmap", folder / "room.hmap.bak"
+    stored.write_bytes(room_map.read_bytes() + b" ")  # which a zip archive may have behind it
+    options = room_map, "--map-directory", folder
+    names = ("store_map", "hypermap_msgs/StoreMap"), ("load_map", "hypermap_msgs/LoadMap")
+    server = serve(*options)
+    with server.client() as client:
+        for name, kind in names:
+            with pytest.raises(ServiceFailed, match="start the node with --allow-edits"):
+                client.call(f"/hypermap_server/{name}", kind, filename="room.hmap")
+        with pytest.raises(ServiceFailed, match="clients may only look"):
+            client.call("/hypermap_server/clear", "std_srvs/Trigger")
+        assert "/hypermap_server/occupancy_map" in client.channels
+    assert server.stop(signal.SIGINT) == 0
+    assert [path.name for path in folder.iterdir()] == ["room.hmap"]
+    before = stored.read_bytes()
+    server = serve(*options, "--allow-edits")
+    with server.client() as client:
+        name, kind = names[0]
+        assert client.call(f"/hypermap_server/{name}", kind, filename="room.hmap").success
+    assert server.stop(signal.SIGINT) == 0
+    assert backup.read_bytes() == before
+    assert [layer.name for layer in open_map(stored)] == [
+        layer.name for layer in open_map(room_map)
+    ]
+
+
 def test_another_node_fills_a_layer_in_subscribe_mode(serve, tmp_path):
     config = tmp_path / "slam.yaml"
     config.write_text(
         "layers:\n- {class: OccupancyGridLayer, name: occupancy, frame_id: map, "
         "load_file: false, subscribe_mode: true}\n"
     )
-    server = serve(config)
+    server = serve(config, "--allow-edits")
     grid = message_class("nav_msgs/OccupancyGrid")(data=[0, 100])
     grid.header.frame_id = "map"
     grid.info.width, grid.info.height, grid.info.resolution = 2, 1, 1.0
@@ -193,7 +224,11 @@ def test_a_broken_map_is_an_error(hypermap, room_map, tmp_path):
         (["nowhere.hmap", "--foxglove"], ["nowhere.hmap: there is no such file"]),
         (["--foxglove", "--map-directory", "nowhere"], ["--map-directory nowhere"]),
         (["--ros1", "--foxglove"], ["give one of --ros1, --foxglove"]),
-        (["--ros1", "--port", "1"], ["--host and --port are for --foxglove alone"]),
+        (
+            ["--ros1", "--port", "1"],
+            ["--allow-origin are for --foxglove alone"],
+        ),
+        (["--ros1", "--allow-edits"], ["--allow-origin are for --foxglove alone"]),
         (["--foxglove", "--param", "height"], ["--param 'height': give NAME=VALUE"]),
         (["--foxglove", "__name:=x"], ["'__name:=x' is an argument for ROS"]),
     ],

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import io
 import random
+import struct
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -54,6 +55,12 @@ def zip_of(name: str, content: bytes = b"x", method: int = zipfile.ZIP_DEFLATED)
     return zipped(lambda archive: archive.writestr(name, content, method))
 
 
+def nameless() -> bytes:
+    info = zipfile.ZipInfo("x")
+    info.filename = ""
+    return zipped(lambda archive: archive.writestr(info, b"x"))
+
+
 def encrypted() -> bytes:
     packed = bytearray(zip_of("secret"))
     packed[6] |= 1  # the flag in the member's header, and in the directory
@@ -76,6 +83,7 @@ def twice() -> bytes:
         (zip_of("../../x"), "the file name '../../x' is not allowed; it must lie within"),
         (zip_of("/etc/passwd"), "the file name '/etc/passwd' is not allowed"),
         (zip_of("a\\b"), "the file name 'a\\\\b' is not allowed"),
+        (nameless(), "the file name '' is not allowed; it must lie within"),
         (encrypted(), "secret: is encrypted"),
         (twice(), "one: is there twice"),
         (zip_of("a", method=zipfile.ZIP_LZMA), "a: is packed by another method than deflate"),
@@ -118,6 +126,34 @@ def test_limits_are_checked_before_anything_is_unpacked(
     with pytest.raises(FormatError) as error:
         read_archive(path)
     assert str(error.value).startswith(f"{path}: {message}")
+
+
+def as_zip64(packed: bytes) -> bytes:
+    """Return the same archive with its counts in ZIP64's end, and none in the other."""
+    end = packed.rindex(b"PK\x05\x06")
+    count, size, start = struct.unpack_from("<HII", packed, end + 10)
+    numbers = (44, 45, 45, 0, 0, count, count, size, start)
+    record = b"PK\x06\x06" + struct.pack("<QHHIIQQQQ", *numbers)
+    locator = b"PK\x06\x07" + struct.pack("<IQI", 0, end, 1)
+    return packed[:end] + record + locator + packed[end : end + 8] + bytes(14)
+
+
+def test_zip64_hides_no_members(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "t.hmap"
+    write_archive(path, FILES)
+    path.write_bytes(as_zip64(path.read_bytes()))
+    assert read_archive(path).files == FILES
+
+    def refuse(*_: object) -> None:
+        raise AssertionError("the directory is read")
+
+    monkeypatch.setattr(limits, "MAX_MEMBERS", 2)
+    monkeypatch.setattr(zipfile, "ZipFile", refuse)
+    with pytest.raises(FormatError, match="has more than 2 members"):
+        read_archive(path)
+    path.write_bytes(path.read_bytes().replace(b"PK\x06\x06", b"PK\x06\x00"))
+    with pytest.raises(FormatError, match="is not an intact zip archive: its end is damaged"):
+        read_archive(path)
 
 
 def test_a_member_that_unpacks_to_more_than_it_says_is_cut_off(tmp_path: Path) -> None:

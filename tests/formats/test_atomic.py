@@ -4,12 +4,18 @@ import os
 import stat
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import pytest
 
 from hypermap.core.errors import FileMissing, HypermapError
-from hypermap.formats.atomic import write_file, write_files
+from hypermap.formats import locks
+from hypermap.formats.atomic import file_beside, write_file, write_files
+from hypermap.formats.journal import JOURNAL_NAME, read_as_saved
+from hypermap.formats.locks import turn_to_save
+
+from .killed import killed_at
 
 
 def names(folder: Path) -> list[str]:
@@ -54,11 +60,24 @@ def test_where_it_cannot_be_written_the_message_says_why(tmp_path: Path) -> None
     with pytest.raises(HypermapError) as error:
         write_file(long, b"")
     assert str(error.value) == f"{long}: cannot be saved: File name too long"
-    with pytest.raises(HypermapError, match="cannot be saved: it is no name of a file"):
-        write_file(tmp_path / "a\0b", b"")
+    for name in ("a\0b", "a\ud800"):
+        with pytest.raises(HypermapError, match="cannot be saved: it is no name of a file"):
+            write_file(tmp_path / name, b"")
     with pytest.raises(FileMissing, match="there is no such folder to save in"):
         write_file(long / "map.hmap", b"")
     assert names(tmp_path) == ["folder"]
+
+
+def test_a_replaced_file_keeps_its_owner_where_the_system_allows(tmp_path: Path) -> None:
+    if os.geteuid() != 0:
+        pytest.skip("only root may give files away")
+    path = tmp_path / "map.hmap"
+    write_file(path, b"old")
+    os.chown(path, 65534, 65533)
+    path.chmod(0o640)
+    write_file(path, b"new")
+    found = path.stat()
+    assert (found.st_uid, found.st_gid, stat.S_IMODE(found.st_mode)) == (65534, 65533, 0o640)
 
 
 def test_files_are_replaced_in_their_order_when_all_are_on_the_disk(
@@ -70,15 +89,159 @@ def test_files_are_replaced_in_their_order_when_all_are_on_the_disk(
     replace = Path.replace
 
     def look_and_replace(temporary: Path, target: Path) -> Path:
-        news = [path.read_bytes() for path in tmp_path.rglob(".hypermap-*")]
-        seen.append([(tmp_path / name).read_bytes() for name in order])
-        assert set(news) == {b"new"}
-        assert len(news) == len(order) - len(seen) + 1
+        if target.name != JOURNAL_NAME:
+            news = [path.read_bytes() for path in tmp_path.rglob(".hypermap-*.tmp")]
+            seen.append([(tmp_path / name).read_bytes() for name in order])
+            assert set(news) == {b"new"}
+            assert len(news) == len(order) - len(seen) + 1
         return replace(temporary, target)
 
     monkeypatch.setattr(Path, "replace", look_and_replace)
     write_files(tmp_path, dict.fromkeys(order, b"new"))
     assert seen == [[b"old"] * 3, [b"new", b"old", b"old"], [b"new", b"new", b"old"]]
+    assert names(tmp_path) == ["a", "folder", "z"]
+
+
+WRITE_FILES = """
+from hypermap.formats import locks
+from hypermap.formats.atomic import write_files
+write_files(sys.argv[2], {name: b"new" for name in sys.argv[3:]})
+"""
+
+
+@pytest.mark.parametrize("rename", range(4))
+def test_of_a_save_that_is_killed_all_is_seen_or_nothing(tmp_path: Path, rename: int) -> None:
+    order = ["a", "folder/b", "c"]
+    write_files(tmp_path, dict.fromkeys(order, b"old"))
+    assert killed_at(rename, WRITE_FILES, str(tmp_path), *order)
+
+    def read() -> list[bytes]:
+        return [(tmp_path / name).read_bytes() for name in order]
+
+    expected = [b"old" if rename == 0 else b"new"] * 3
+    assert read_as_saved(tmp_path / "c", read) == expected
+    write_files(tmp_path, dict.fromkeys(order, b"newest"))
+    assert read() == [b"newest"] * 3
+    assert not list(tmp_path.rglob(".hypermap-*"))
+
+
+def test_a_save_completes_what_a_killed_one_has_begun_and_goes_on_from_there(
+    tmp_path: Path,
+) -> None:
+    write_files(tmp_path, {"a": b"old", "b": b"old"})
+    assert killed_at(2, WRITE_FILES, str(tmp_path), "a", "b")  # one of the two is replaced
+    write_file(tmp_path / "a", b"newest")
+    assert [(tmp_path / name).read_bytes() for name in "ab"] == [b"newest", b"new"]
+    assert names(tmp_path) == ["a", "b"]
+
+
+def test_the_next_save_sweeps_what_a_killed_one_has_left(tmp_path: Path) -> None:
+    assert killed_at(0, WRITE_FILES, str(tmp_path), "map.hmap")
+    assert len(names(tmp_path)) == 1
+    (tmp_path / ".hypermap-notes").touch()  # somebody's own
+    write_file(tmp_path / "map.hmap", b"new")
+    assert names(tmp_path) == [".hypermap-notes", "map.hmap"]
+
+
+def test_a_save_waits_for_another_and_sweeps_nothing_of_it(tmp_path: Path) -> None:
+    (tmp_path / "a").write_bytes(b"old")
+    with turn_to_save([tmp_path]) as turn:
+        assert turn == "alone"
+        theirs = tmp_path / f".hypermap-{'0' * 16}.tmp"
+        theirs.touch()
+        saving = threading.Thread(target=write_file, args=(tmp_path / "a", b"new"))
+        saving.start()
+        saving.join(0.2)
+        assert saving.is_alive()
+        assert theirs.exists()
+    saving.join()
+    assert names(tmp_path) == ["a"]
+    assert (tmp_path / "a").read_bytes() == b"new"
+
+
+def test_what_is_being_saved_all_the_time_is_not_read_by_halves(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(locks, "_PATIENCE", 0.0)
+    assert killed_at(2, WRITE_FILES, str(tmp_path), "a", "b")
+    with turn_to_save([tmp_path]):
+        with pytest.raises(HypermapError, match="b: is being saved; try again later"):
+            read_as_saved(tmp_path / "b", lambda: None)
+        with pytest.raises(HypermapError, match="another program is saving here; try again"):
+            write_files(tmp_path, {"a": b"newest", "b": b"newest"})
+
+
+def test_where_the_first_file_cannot_be_replaced_all_stay_as_they_were(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_files(tmp_path, {"a": b"old", "b": b"old"})
+    replace = Path.replace
+
+    def refuse(temporary: Path, target: Path) -> Path:
+        if target.name == "a":
+            raise PermissionError(1, "Operation not permitted", temporary, None, target)
+        return replace(temporary, target)
+
+    monkeypatch.setattr(Path, "replace", refuse)
+    with pytest.raises(HypermapError, match="a: cannot be saved: Operation not permitted"):
+        write_files(tmp_path, {"a": b"new", "b": b"new"})
+    assert names(tmp_path) == ["a", "b"]
+    assert (tmp_path / "b").read_bytes() == b"old"
+
+
+def test_readers_while_a_map_is_saved_see_files_of_one_save(tmp_path: Path) -> None:
+    path = tmp_path / "config"
+    write_files(tmp_path, {"a": b"0", "config": b"0"})
+    reads: list[bytes] = []
+
+    def read() -> list[bytes]:
+        found = [(tmp_path / "a").read_bytes()]
+        if len(reads) < 3:  # another program saves just now
+            reads.append(b"%d" % (len(reads) + 1))
+            write_files(tmp_path, dict.fromkeys(("a", "config"), reads[-1]))
+        return [*found, path.read_bytes()]
+
+    assert read_as_saved(path, read) == [b"3", b"3"]
+
+
+@pytest.mark.parametrize(
+    "content",
+    [b"", b"[]", b"{", b'{"token": "0", "names": []}', b'{"token": 1, "names": 2}', b"[" * 99_999]
+    + [b'{"token": "0123456789abcdef", "names": [%s]}' % n for n in (b'"../a"', b'"/a"', b'""')],
+)
+def test_a_journal_that_is_none_is_named(tmp_path: Path, content: bytes) -> None:
+    journal = tmp_path / JOURNAL_NAME
+    journal.write_bytes(content)
+    with pytest.raises(HypermapError) as error:
+        read_as_saved(tmp_path / "config", lambda: None)
+    assert str(error.value) == f"{journal}: is no journal of a save; delete it"
+    write_file(tmp_path / "other.hmap", b"")  # which has nothing to do with it
+
+
+def test_another_library_writes_beside_and_replaces_the_file_in_the_end(tmp_path: Path) -> None:
+    path = tmp_path / "log.mcap"
+    path.write_bytes(b"old")
+    path.chmod(0o640)
+    with file_beside(path) as beside:
+        assert beside.suffix == ".mcap"
+        beside.write_bytes(b"new")
+        write_file(tmp_path / "map.hmap", b"")  # a save of a map does not sweep it away
+        assert path.read_bytes() == b"old"
+    assert path.read_bytes() == b"new"
+    assert stat.S_IMODE(path.stat().st_mode) == 0o640
+
+    def fail() -> None:
+        with file_beside(path) as beside:
+            beside.write_bytes(b"part")
+            raise RuntimeError
+
+    with pytest.raises(RuntimeError):
+        fail()
+    assert path.read_bytes() == b"new"
+    killed = tmp_path / f".hypermap-{'0' * 16}.part.mcap"
+    killed.touch()
+    write_file(tmp_path / "map.hmap", b"")
+    assert names(tmp_path) == ["log.mcap", "map.hmap"]
 
 
 # A limit on the size of files is the nearest thing to a full disk that needs no rights: the write
@@ -86,6 +249,7 @@ def test_files_are_replaced_in_their_order_when_all_are_on_the_disk(
 FULL_DISK = """
 import resource, signal, sys
 from hypermap.core.errors import HypermapError
+from hypermap.formats import locks
 from hypermap.formats.atomic import write_files
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 resource.setrlimit(resource.RLIMIT_FSIZE, (4096, resource.RLIM_INFINITY))

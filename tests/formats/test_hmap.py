@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import itertools
 import logging
 import shutil
 import sys
@@ -18,10 +19,11 @@ from hypermap.core.hypermap import Hypermap
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.semantic import SemanticLayer, SemanticObject
 from hypermap.formats import limits, open_map, save_map, semantic_yaml
+from hypermap.formats.backup import keep_backup
 from hypermap.formats.config import CONFIG_NAME
 from hypermap.formats.yaml_text import read_yaml
-from hypermap.testing import square
 
+from .killed import killed_at
 from .maps import files_of, occupancy, semantic, small_map
 from .strategies import hypermaps, map_facts
 
@@ -214,27 +216,6 @@ def test_a_layer_without_plugin_is_not_saved_and_the_old_file_stays(tmp_path: Pa
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_in_a_folder_the_old_map_stands_until_all_files_of_the_new_one_are_there(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    save_map(small_map(), tmp_path)
-    old = map_facts(small_map())
-    seen = []
-    replace = Path.replace
-
-    def look_and_replace(temporary: Path, target: Path) -> Path:
-        assert map_facts(open_map(tmp_path)) == old
-        seen.append(target.name)
-        return replace(temporary, target)
-
-    monkeypatch.setattr(Path, "replace", look_and_replace)
-    new = Hypermap([SemanticLayer("rooms", "map", [square("hall", 0, 0)])])
-    save_map(new, tmp_path)
-    assert len(seen) > 1
-    assert seen[-1] == CONFIG_NAME
-    assert map_facts(open_map(tmp_path)) == map_facts(new)
-
-
 def test_a_folder_to_save_in_must_exist(tmp_path: Path) -> None:
     for target in ("none/t.hmap", "none/t.yaml"):
         with pytest.raises(FileMissing) as error:
@@ -313,3 +294,52 @@ def test_a_name_that_no_file_can_have_is_one_clear_error(tmp_path: Path, name: s
     with pytest.raises(HypermapError, match=r"xx|x/x|x.*y"):
         save_map(small_map(), tmp_path / name)
     assert list(tmp_path.iterdir()) == []
+
+
+SAVE_MAP = """
+import sys
+from hypermap.formats import open_map, save_map
+save_map(open_map(sys.argv[2]), sys.argv[3])
+"""
+
+
+def test_a_folder_holds_all_of_one_save_however_often_saves_are_killed(tmp_path: Path) -> None:
+    old = small_map()
+    table = SemanticLayer("objects", "lab", [SemanticObject("table", shapely.box(3, 3, 4, 4))])
+    grid = OccupancyLayer("occupancy", "map", occupancy(old).grid, np.zeros((2, 3), np.int8))
+    new = Hypermap([grid, table], old.frames, {"profile": "thesis"})
+    folder, other = tmp_path / "folder", tmp_path / "new.hmap"
+    save_map(new, other)
+    for rename in itertools.count():
+        shutil.rmtree(folder, ignore_errors=True)
+        folder.mkdir()
+        save_map(old, folder)
+        if not killed_at(rename, SAVE_MAP, str(other), str(folder)):
+            break
+        kept = keep_backup(folder / CONFIG_NAME)  # as the next program does that saves there
+        assert kept is not None
+        expected = map_facts(new if rename else old)
+        assert map_facts(open_map(kept)) == expected
+        assert map_facts(open_map(folder)) == expected
+    assert rename == 5  # the journal, a grid of two files, the objects, the configuration
+
+
+def test_a_save_that_was_cut_off_and_cannot_be_completed_is_not_read_by_halves(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    save_map(small_map(), tmp_path)
+    save_map(small_map(), tmp_path / "new.hmap")
+    assert killed_at(2, SAVE_MAP, str(tmp_path / "new.hmap"), str(tmp_path))
+
+    def refuse(_path: Path, _target: Path) -> Path:
+        raise PermissionError(13, "Permission denied")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "replace", refuse)
+        with pytest.raises(HypermapError) as error:
+            open_map(tmp_path)
+    assert str(error.value) == (
+        f"{tmp_path}: a save was cut off here, and cannot be completed (Permission denied): open "
+        "the map once where you may write in this folder"
+    )
+    assert map_facts(open_map(tmp_path)) == map_facts(small_map())

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import contextlib
 import signal
+import socket
 import threading
 
 import foxglove
@@ -23,7 +24,7 @@ FILE = Parameter("file", "", "A file.")
 
 @pytest.fixture
 def port(capfd):  # so that the node writes its log there
-    port = FoxglovePort("server", port=0)
+    port = FoxglovePort("server", port=0, allow_edits=True)
     yield port
     port.shut_down()
 
@@ -58,6 +59,55 @@ def test_the_server_says_what_it_can(port, client):
     assert info["name"] == "Hypermap /server"
     assert {"clientPublish", "parameters", "services"} <= set(info["capabilities"])
     assert info["supportedEncodings"] == ["cdr"]
+
+
+@pytest.mark.parametrize(
+    ("headers", "is_let_in"),
+    [
+        ({}, True),
+        ({"Origin": "https://app.foxglove.dev"}, True),
+        ({"Origin": "file://"}, True),
+        ({"Origin": "http://localhost:8080"}, True),
+        ({"Origin": "https://robots.example"}, True),  # the operator's own
+        ({"Origin": "https://evil.example"}, False),
+        ({"Origin": "https://app.foxglove.dev.evil.example"}, False),
+        ({"Origin": "null"}, False),
+        ({"Host": "evil.example:8765"}, False),  # whose name points here
+        ({"Host": "evil.example", "Origin": "http://evil.example"}, False),
+    ],
+)
+def test_websites_are_let_in_only_by_name(headers, is_let_in):
+    port = FoxglovePort("server", port=0, origins=["https://Robots.example/"])
+    try:
+        ask = "GET / HTTP/1.1\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+        sent = {
+            "Host": f"127.0.0.1:{number_port(port.url)}",
+            "Sec-WebSocket-Key": "AAAAAAAAAAAAAAAAAAAAAA==",
+            "Sec-WebSocket-Version": "13",
+            "Sec-WebSocket-Protocol": "foxglove.sdk.v1",
+            **headers,
+        }
+        ask += "".join(f"{name}: {value}\r\n" for name, value in sent.items()) + "\r\n"
+        with socket.create_connection(("127.0.0.1", number_port(port.url)), timeout=30) as one:
+            one.sendall(ask.encode())
+            assert one.recv(12) == (b"HTTP/1.1 101" if is_let_in else b"HTTP/1.1 403")
+    finally:
+        port.shut_down()
+
+
+def test_clients_may_only_look_unless_edits_are_allowed(capfd):
+    port = FoxglovePort("server", port=0)
+    done = port.response("std_srvs/Trigger")(success=True, message="gone")
+    port.service("clear", "std_srvs/Trigger", lambda _: done, lambda _: done)
+    port.service("look", "std_srvs/Trigger", lambda _: done, lambda _: done)
+    try:
+        with Client(port.url) as client:
+            assert "clientPublish" not in client.info()["capabilities"]
+            with pytest.raises(ServiceFailed, match="start the node with --allow-edits"):
+                client.call("/server/clear", "std_srvs/Trigger")
+            assert client.call("/server/look", "std_srvs/Trigger").message == "gone"
+    finally:
+        port.shut_down()
 
 
 def test_a_channel_carries_its_type_in_full(port, client):
@@ -373,7 +423,11 @@ def test_a_timer_goes_on_until_it_is_closed(port, capfd):
 
 @pytest.mark.parametrize(
     ("host", "expected"),
-    [("127.0.0.1", "in use"), ("192.0.2.1", "assign"), ("nowhere.invalid", "address")],
+    [
+        ("127.0.0.1", "in use"),
+        ("192.0.2.1", "assign"),
+        ("nowhere.invalid", "(address|known|resolution)"),
+    ],
 )
 def test_where_it_cannot_listen_is_said(port, host, expected):
     number = number_port(port.url) if host == "127.0.0.1" else 0

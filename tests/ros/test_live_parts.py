@@ -158,7 +158,10 @@ def test_every_parameter_is_described_and_fits_itself() -> None:
     assert {p.name for p in PARAMETERS} == set(LiveSettings.__dataclass_fields__) - {"origins"}
 
 
-@pytest.mark.parametrize("name", ["../a.hmap", "/a.hmap", "a.txt", "", "link/a.hmap"])
+@pytest.mark.parametrize(
+    "name",
+    ["../a.hmap", "/a.hmap", "a.txt", "", "link/a.hmap", "x" * 300 + ".hmap", "caf\ud83d.hmap"],
+)
 def test_a_client_cannot_name_a_file_elsewhere(tmp_path: Any, name: str) -> None:
     (tmp_path / "maps").mkdir()
     (tmp_path / "maps" / "link").symlink_to(tmp_path)

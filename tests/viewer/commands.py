@@ -65,3 +65,9 @@ def said_and_opened(folder: Path, *arguments: object) -> tuple[str, str]:
 def command(*arguments: object) -> list[str]:
     """Return the words of a command of this checkout."""
     return [sys.executable, "-m", "hypermap", *map(str, arguments)]
+
+
+def at(url: str, path: str) -> str:
+    """Return the address of something beside the page whose address was printed."""
+    base, _, query = url.partition("?")
+    return f"{base}{path}{'&' if '?' in path else '?'}{query}"

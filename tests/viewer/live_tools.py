@@ -70,6 +70,7 @@ def serving(path: Path, *, is_editable: bool = True) -> Iterator[TestClient]:
     """Yield a client of the server of a map's page."""
     app = MapApp(MapDocument(path, is_editable))
     with TestClient(app.app, base_url=HOST, raise_server_exceptions=True) as client:
+        client.get("/", params={"token": app.token})  # it is a cookie from then on
         yield client
 
 

@@ -78,7 +78,7 @@ class Watching:
         self.said = ""
         self._listener = threading.Thread(target=self._listen, daemon=True)
         self._listener.start()
-        self.url = self.wait_for(r"http://127\.0\.0\.1:\d+/")
+        self.url = self.wait_for(r"http://127\.0\.0\.1:\d+/\S*")
 
     def _listen(self) -> None:
         assert self.process.stdout is not None

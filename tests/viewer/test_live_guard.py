@@ -9,18 +9,28 @@ from starlette.testclient import TestClient
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.viewer.live.app import MapApp
 from hypermap.viewer.live.document import MapDocument
-from hypermap.viewer.live.guard import TOKEN_HEADER, Guard, known_hosts
+from hypermap.viewer.live.guard import TOKEN_HEADER, Guard
 from hypermap.viewer.live.requests import MOST_BYTES
+from hypermap.web.hosts import known_hosts
 
 from .live_tools import Window, saved, serving
 
-TOKEN = "the page's"
+TOKEN = "the-pages"
 
 
-def answer_of(method: str, path: str, headers: dict[str, str], host: str = "127.0.0.1") -> int:
+COOKIE = {"Cookie": f"other=1; hypermap-8090={TOKEN}"}
+
+
+def answer_of(
+    method: str,
+    path: str,
+    headers: dict[str, str],
+    host: str = "127.0.0.1",
+    is_private: bool = False,
+) -> int:
     """Return the status of a guarded server's answer."""
     route = Route("/{rest:path}", lambda _: PlainTextResponse("let in"), methods=["GET", "POST"])
-    guard = Guard(Starlette(routes=[route]), known_hosts(host), TOKEN)
+    guard = Guard(Starlette(routes=[route]), known_hosts(host), TOKEN, is_private)
     client = TestClient(guard, base_url="http://127.0.0.1:8090")
     answer = client.request(method, path, headers=headers)
     assert "default-src 'none'" in answer.headers["content-security-policy"]
@@ -75,6 +85,44 @@ def test_other_sites_are_refused(method, path, headers, status):
     assert answer_of(method, path, headers) == status
 
 
+@pytest.mark.parametrize(
+    ("method", "path", "headers", "status"),
+    [
+        ("GET", "/", {}, 403),
+        ("GET", "/page/app.js", {}, 403),
+        ("GET", "/api/map", {}, 403),
+        ("GET", "/api/map?token=", {}, 403),
+        ("GET", "/api/map?token=another", {}, 403),
+        ("GET", f"/?token={TOKEN}", {}, 200),
+        ("GET", f"/api/map?token={TOKEN}", {}, 200),
+        ("GET", f"/?token={TOKEN}", {"Host": "evil.example"}, 403),
+        ("GET", "/api/map", {TOKEN_HEADER: TOKEN}, 200),
+        ("GET", "/api/map", COOKIE, 200),
+        ("GET", "/api/map", {**COOKIE, "Host": "127.0.0.1:9999"}, 403),  # another server's
+        ("GET", "/api/map", {"Cookie": "hypermap-8090=another"}, 403),
+        ("GET", "/api/map", {**COOKIE, "Origin": "http://evil.example"}, 403),
+        ("POST", "/api/save", COOKIE, 403),  # as a form of a page on another port could send
+        ("POST", f"/api/save?token={TOKEN}", {}, 403),
+        ("POST", "/api/save", {**COOKIE, TOKEN_HEADER: TOKEN}, 200),
+    ],
+)
+def test_of_a_private_server_the_token_must_be_known(method, path, headers, status):
+    assert answer_of(method, path, headers, is_private=True) == status
+
+
+def test_a_browser_is_let_in_by_a_token_that_opens_the_page_once():
+    route = Route("/{rest:path}", lambda _: PlainTextResponse("let in"))
+    guard = Guard(Starlette(routes=[route]), known_hosts("127.0.0.1"), TOKEN, once={"once"})
+    ours, theirs = (TestClient(guard, base_url="http://127.0.0.1:8090") for _ in range(2))
+    elsewhere = {"Host": "evil.example"}
+    assert theirs.get("/api/map", params={"token": "once"}).status_code == 403
+    assert theirs.get("/", params={"token": "once"}, headers=elsewhere).status_code == 403
+    assert ours.get("/", params={"token": "once"}).status_code == 200
+    assert theirs.get("/", params={"token": "once"}).status_code == 403
+    assert ours.get("/", params={"token": "once"}).status_code == 200  # loaded anew
+    assert ours.get("/api/map").status_code == 200
+
+
 def test_the_real_server_is_guarded(tmp_path):
     with serving(saved(tmp_path)) as client:
         info = client.get("/api/map")
@@ -115,7 +163,9 @@ def test_a_plug_in_that_does_not_work_is_named_to_the_page(tmp_path, monkeypatch
     path = saved(tmp_path)
     monkeypatch.setattr(OccupancyLayer, "label_at", lambda *_: 1 / 0)
     with TestClient(
-        MapApp(MapDocument(path)).app, "http://127.0.0.1", raise_server_exceptions=False
+        MapApp(MapDocument(path), is_private=False).app,
+        "http://127.0.0.1",
+        raise_server_exceptions=False,
     ) as client:
         answer = client.get("/api/at?x=0&y=0")
         assert answer.status_code == 500

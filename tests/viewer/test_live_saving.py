@@ -127,6 +127,7 @@ def test_saving_under_another_name_asks_if_that_exists(tmp_path):
         ("/tmp/out.hmap", 403, "/tmp/out.hmap"),
         ("link/out.hmap", 403, "leads out of the map's folder"),
         ("a\0b.hmap", 403, ""),
+        ("x" * 300 + ".hmap", 400, "is no name of a file: File name too long"),
         ("notes.txt", 400, "give a name that ends in .hmap"),
         ("no/such.hmap", 400, "there is no such folder"),
         (7, 400, "path: a text is expected, got 7"),
@@ -141,6 +142,29 @@ def test_nothing_is_saved_outside_of_the_maps_folder(tmp_path, name, status, rea
         assert reason in told["error"]
     assert files_in(folder) == ["link", "room.hmap"]
     assert files_in(outside) == []
+
+
+def test_a_write_protected_map_is_replaced_only_when_that_is_said(tmp_path):
+    path = saved(tmp_path)
+    path.chmod(0o444)
+    with serving(path) as client:
+        window = Window(client)
+        window.edit(rename(0, "mug"))
+        told = window.post("/api/save", 409)
+        assert told["error"] == "room.hmap is write-protected; saving would replace it"
+        assert open_map(path)["things"].get(0).name == "cup"
+        window.post("/api/save", overwrite=True)
+    assert open_map(path)["things"].get(0).name == "mug"
+    assert path.stat().st_mode & 0o777 == 0o444
+
+
+def test_half_of_a_character_is_in_no_name(tmp_path):
+    with serving(saved(tmp_path)) as client:
+        content = b'{"path": "caf\\ud83d.hmap"}'
+        answer = client.post("/api/save", content=content, headers=Window(client).headers)
+    assert answer.status_code == 400
+    assert answer.json()["error"] == r"'caf\ud83d.hmap' is no name of a file"
+    assert files_in(tmp_path) == ["room.hmap"]
 
 
 def test_a_map_in_a_folder_is_saved_there_and_kept_as_an_archive(tmp_path):

@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import signal
+import socket
 import threading
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager
+from urllib.request import urlopen
 
 import pytest
 from starlette.applications import Starlette
+from starlette.responses import PlainTextResponse
+from starlette.routing import Route
 
+from hypermap.viewer.live import connections
 from hypermap.viewer.live import serving as module
+from hypermap.viewer.live.connections import MOST_CONNECTIONS
 from hypermap.viewer.live.serving import listen, serving
 
 
@@ -23,12 +30,65 @@ def test_without_a_port_the_next_that_is_free_is_taken(monkeypatch: pytest.Monke
             assert first < found.getsockname()[1] < first + 50
 
 
+class Quick:
+    """A server that answers every request at once."""
+
+    token, is_private, is_closing = "", False, False
+
+    def __init__(self) -> None:
+        self.once: set[str] = set()
+        self.app = Starlette(routes=[Route("/", lambda _: PlainTextResponse("here"))])
+
+
+@contextlib.contextmanager
+def half_open(address: tuple[str, int], count: int) -> Iterator[list[socket.socket]]:
+    """Yield connections that begin to ask for something, and go no further."""
+    with contextlib.ExitStack() as opened:
+        found = []
+        for _ in range(count):
+            one = opened.enter_context(socket.create_connection(address, timeout=30))
+            one.sendall(b"GET / HTTP/1.1\r\nHost: ")
+            found.append(one)
+        yield found
+
+
+def has_ended(connection: socket.socket) -> bool:
+    try:
+        return connection.recv(1) == b""
+    except ConnectionResetError:
+        return True
+
+
+def test_connections_that_ask_for_nothing_keep_nobody_out() -> None:
+    with listen("127.0.0.1", 0) as listening, serving(Quick(), listening):
+        address = listening.getsockname()
+        with half_open(address, 3 * MOST_CONNECTIONS) as idle:
+            assert all(has_ended(one) for one in idle[:MOST_CONNECTIONS])
+            with urlopen(f"http://127.0.0.1:{address[1]}/", timeout=30) as answer:
+                assert answer.read() == b"here"
+
+
+def test_a_request_must_say_in_time_what_it_asks_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(connections, "HEADER_TIME", 0.1)
+    with listen("127.0.0.1", 0) as listening, serving(Quick(), listening):
+        with half_open(listening.getsockname(), 1) as (one,):
+            assert has_ended(one)
+        with socket.create_connection(listening.getsockname(), timeout=30) as again:
+            again.sendall(b"GET / HTTP/1.1\r\nHost: here\r\n\r\n")
+            answer = b""
+            while not answer.endswith(b"here"):
+                answer += again.recv(1000)
+            again.sendall(b"GET / HTTP/1.1\r\n")  # and no more
+            assert has_ended(again)
+
+
 class Interrupted:
     """A server during whose start Ctrl-C is pressed; the start lasts until that is heard."""
 
-    is_closing = False
+    token, is_private, is_closing = "", False, False
 
     def __init__(self) -> None:
+        self.once: set[str] = set()
         self.app = Starlette(lifespan=self._lifespan)
 
     @asynccontextmanager

@@ -4,6 +4,7 @@ import contextlib
 import json
 import os
 import queue
+import re
 import select
 import shutil
 import signal
@@ -16,6 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from urllib.error import HTTPError
+from urllib.parse import urlsplit
 from urllib.request import Request, urlopen
 
 import pytest
@@ -27,7 +29,7 @@ from hypermap.formats import save_map
 from hypermap.testing import square
 from hypermap.viewer.live.page import is_page_built
 
-from .commands import PATIENCE, hypermap, said_and_opened, started
+from .commands import PATIENCE, at, hypermap, said_and_opened, started
 from .live_tools import pixels_of, saved
 
 
@@ -39,13 +41,13 @@ class Server:
     url: str
 
     def get(self, path: str) -> Any:
-        with urlopen(self.url + path, timeout=PATIENCE) as answer:
+        with urlopen(at(self.url, path), timeout=PATIENCE) as answer:
             return json.load(answer)
 
     def post(self, path: str, **body: Any) -> Any:
         token = self.get("api/map")["token"]
         headers = {"X-Hypermap-Token": token, "Content-Type": "application/json"}
-        request = Request(self.url + path, json.dumps(body).encode(), headers)
+        request = Request(at(self.url, path), json.dumps(body).encode(), headers)
         with urlopen(request, timeout=PATIENCE) as answer:
             return json.load(answer)
 
@@ -80,7 +82,7 @@ def viewing(*arguments: object) -> Iterator[Server]:
 def events(server: Server, version: int | None = None) -> Iterator[Callable[[], dict[str, Any]]]:
     """Listen to the server's news, and yield a function that returns the next of them."""
     headers = {} if version is None else {"Last-Event-ID": str(version)}
-    answer = urlopen(Request(server.url + "api/events", headers=headers), timeout=PATIENCE)
+    answer = urlopen(Request(at(server.url, "api/events"), headers=headers), timeout=PATIENCE)
     assert answer.headers["Content-Type"].startswith("text/event-stream")
     heard: queue.Queue[dict[str, Any]] = queue.Queue()
 
@@ -109,7 +111,7 @@ def test_a_map_is_served_asked_changed_and_saved_over_http(tmp_path):
     path = saved(tmp_path)
     with viewing(path, "--port", 0) as server:
         assert server.get("api/map")["path"] == str(path)
-        with urlopen(server.url + "api/tiles/occupancy/3/0/0.png", timeout=PATIENCE) as answer:
+        with urlopen(at(server.url, "api/tiles/occupancy/3/0/0.png"), timeout=PATIENCE) as answer:
             assert answer.headers["Content-Type"] == "image/png"
             assert pixels_of(answer.read()).shape == (256, 256, 4)
         with events(server) as next_news:
@@ -174,7 +176,7 @@ def test_who_ends_the_server_is_warned_of_what_was_not_saved(tmp_path, number):
 def test_a_port_in_use_is_said_so_and_without_one_the_next_is_taken(tmp_path):
     path = saved(tmp_path)
     with viewing(path) as one, viewing(path) as other:
-        ports = [int(server.url.rstrip("/").rpartition(":")[2]) for server in (one, other)]
+        ports = [urlsplit(server.url).port for server in (one, other)]
         assert ports[0] != ports[1]
         assert set(ports) <= set(range(8090, 8140))
         assert other.get("api/map")["name"] == "room.hmap"
@@ -187,11 +189,11 @@ def test_a_port_in_use_is_said_so_and_without_one_the_next_is_taken(tmp_path):
 
 def test_it_listens_where_it_is_told_and_only_there(tmp_path):
     with a_port() as port, viewing(saved(tmp_path), "--port", port, "--read-only") as server:
-        assert server.url == f"http://127.0.0.1:{port}/"
+        assert server.url.startswith(f"http://127.0.0.1:{port}/?token=")
         assert not server.get("api/map")["editable"]
         with pytest.raises(HTTPError, match="403"):
             server.rename(0, "mug")
-        evil = Request(server.url + "api/map", headers={"Host": "evil.example"})
+        evil = Request(at(server.url, "api/map"), headers={"Host": "evil.example"})
         with pytest.raises(HTTPError, match="403"):
             urlopen(evil, timeout=PATIENCE)
         own = socket.gethostbyname_ex(socket.gethostname())[2]
@@ -204,7 +206,30 @@ def test_whoever_lets_others_in_is_told_so(tmp_path):
     with viewing(saved(tmp_path), "--port", 0, "--host", "0.0.0.0") as server:
         assert server.url.startswith("http://127.0.0.1:")
         _, said = server.end()
-    assert "everyone who can reach this machine can see and change the map" in said
+    whom = "everyone who can reach this machine and knows the token"
+    assert f"{whom} can see and change the map" in said
+
+
+def test_nobody_is_let_in_without_the_token_that_is_printed(tmp_path):
+    with viewing(saved(tmp_path), "--port", 0) as server:
+        base, _, query = server.url.partition("?")
+        for path in ("", "page/app.js", "api/map", "api/events", "?token=", "?token=guessed"):
+            with pytest.raises(HTTPError, match="403") as error:
+                urlopen(base + path, timeout=PATIENCE)
+            assert b"open it by the whole address that was printed" in error.value.read()
+        with urlopen(base + "api/map?" + query, timeout=PATIENCE) as answer:
+            cookie = answer.headers["Set-Cookie"]
+        assert "; HttpOnly; SameSite=Strict" in cookie
+        known = Request(base + "api/map", headers={"Cookie": cookie.partition(";")[0]})
+        with urlopen(known, timeout=PATIENCE) as answer:
+            assert json.load(answer)["name"] == "room.hmap"
+
+
+def test_with_no_token_everyone_is_let_in(tmp_path):
+    with viewing(saved(tmp_path), "--port", 0, "--no-token") as server:
+        assert re.fullmatch(r"http://127\.0\.0\.1:\d+/", server.url)
+        assert server.get("api/map")["name"] == "room.hmap"
+        server.rename(0, "mug")
 
 
 @pytest.mark.parametrize(
@@ -245,7 +270,8 @@ def test_nothing_is_begun_where_the_page_is_missing(tmp_path, monkeypatch, argum
 @pytest.mark.skipif(not is_page_built(), reason="the page is not built: make page")
 def test_the_browser_is_opened_at_the_page(tmp_path):
     said, opened = said_and_opened(tmp_path, "view", saved(tmp_path), "--port", 0)
-    assert opened == said
+    assert opened.partition("=")[0] == said.partition("=")[0]
+    assert opened != said  # other users see what programs are started with
 
 
 def test_the_command_explains_itself():

@@ -6,11 +6,14 @@ import contextlib
 import io
 import itertools
 import json
+import socket
+import subprocess
 import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
 
 import mcap.reader
 import numpy as np
@@ -271,6 +274,22 @@ def test_rerun_gets_what_each_frame_showed(rrd_of_mapping: Path) -> None:
     assert len(columns(rrd_of_mapping, "/map/semantic/names")["positions"]) == FRAMES
 
 
+def test_no_website_looks_on_at_foxgloves_log() -> None:
+    pytest.importorskip("foxglove")
+    from hypermap.viewer.logs.foxglove_log import FoxgloveLog
+
+    log = FoxgloveLog(None, "lab", port=0)
+    with contextlib.closing(log):
+        assert log.url is not None
+        address = urlsplit(log.url)
+        assert address.hostname is not None
+        assert address.port is not None
+        with socket.create_connection((address.hostname, address.port), timeout=30) as one:
+            one.sendall(f"GET / HTTP/1.1\r\nHost: {address.netloc}\r\n".encode())
+            one.sendall(b"Origin: https://evil.example\r\n\r\n")
+            assert one.recv(12) == b"HTTP/1.1 403"
+
+
 def test_a_log_of_unknown_kind_is_refused(tmp_path: Path) -> None:
     with pytest.raises(HypermapError, match=r"lab\.txt: a log is a file ending with \.rrd"):
         open_log(str(tmp_path / "lab.txt"), "lab")
@@ -278,8 +297,38 @@ def test_a_log_of_unknown_kind_is_refused(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["map.mcap", "map.rrd"])
 def test_a_log_that_cannot_be_written_is_an_error(tmp_path: Path, name: str) -> None:
-    with pytest.raises(HypermapError, match="cannot log there"):
+    with pytest.raises(HypermapError, match="missing: there is no such folder to save in"):
         open_log(str(tmp_path / "missing" / name), "lab")
+
+
+FULL_DISK = """
+import resource, signal, sys
+from hypermap.core.errors import HypermapError
+from hypermap.core.hypermap import Hypermap
+from hypermap.core.semantic import SemanticLayer
+from hypermap.testing import square
+from hypermap.viewer.logs.log import open_log
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+log = open_log(sys.argv[1], "lab")
+resource.setrlimit(resource.RLIMIT_FSIZE, (4096, resource.RLIM_INFINITY))
+cups = [square("cup", 0.001 * number**2, 0) for number in range(2000)]
+log.add_map(Hypermap([SemanticLayer("objects", "map", cups)]))
+try:
+    log.close()
+except HypermapError as error:
+    print(error)
+"""
+
+
+@pytest.mark.parametrize("name", ["map.mcap", "map.rrd"])
+def test_a_full_disk_is_said_and_leaves_the_old_log(tmp_path: Path, name: str) -> None:
+    path = tmp_path / name
+    path.write_bytes(b"old")
+    command = [sys.executable, "-c", FULL_DISK, str(path)]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert f"{path}: the log could not be written; is the disk full? (" in done.stdout
+    assert path.read_bytes() == b"old"
+    assert list(tmp_path.iterdir()) == [path]
 
 
 @pytest.mark.parametrize(("library", "target"), [("rerun", "map.rrd"), ("foxglove", "map.mcap")])

@@ -331,6 +331,8 @@ def client(watched: tuple[Run, Seen]) -> Iterator[TestClient]:
     app = RunApp(watched[0])
     app.is_closing = True  # so that news end after the first
     with TestClient(app.app, base_url="http://127.0.0.1") as client:
+        assert client.get("/api/run").status_code == 403
+        client.get("/", params={"token": app.token})
         yield client
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import inspect
+import itertools
 import re
 import sys
 from collections.abc import Sequence
@@ -62,6 +63,12 @@ class _Commands(TyperGroup):
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Return the name, the command and the arguments that the user asks for."""
+        for before, word in itertools.pairwise(args):
+            if not word and not before.startswith("-"):  # pathlib would take it for this folder
+                raise HypermapError(
+                    f"{args[0]}: an empty text stands where a file is expected; is a variable of "
+                    "the shell not set?"
+                )
         if args[0] in _MODULES:
             self.commands[args[0]] = _command_of(args[0])
         else:

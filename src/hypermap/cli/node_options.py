@@ -46,6 +46,25 @@ Port = Annotated[
         help="Port to listen on: with --foxglove; 0 for any that is free.",
     ),
 ]
+AllowEdits = Annotated[
+    bool,
+    typer.Option(
+        "--allow-edits",
+        rich_help_panel=_MIDDLEWARE,
+        help="Let clients publish, clear, load and store, with --foxglove; without it they may "
+        "only look and ask.",
+    ),
+]
+AllowOrigin = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="URL",
+        rich_help_panel=_MIDDLEWARE,
+        show_default=False,
+        help="Let in this website, too, with --foxglove; may be repeated. Foxglove, desktop apps "
+        "and sites of this machine are let in anyway.",
+    ),
+]
 Params = Annotated[
     list[str] | None,
     typer.Option(
@@ -92,18 +111,32 @@ def chosen_middleware(ros1: bool, ros2: bool, foxglove: bool) -> Middleware:
     return chosen[0] if chosen else "auto"
 
 
-def address_of(host: str | None, port: int | None, middleware: Middleware) -> Address:
-    """Return where to listen.
+def address_of(
+    host: str | None,
+    port: int | None,
+    middleware: Middleware,
+    allow_edits: bool = False,
+    allow_origin: Sequence[str] | None = None,
+) -> Address:
+    """Return where to listen, and what whom is allowed there.
 
     Raises:
-        HypermapError: If an address was given, but not for Foxglove.
+        HypermapError: If any of that was given, but not for Foxglove.
     """
     from hypermap.ros.nodes import Address
 
-    if middleware != "foxglove" and (host is not None or port is not None):
-        raise HypermapError("--host and --port are for --foxglove alone")
+    is_given = host is not None or port is not None or allow_edits or bool(allow_origin)
+    if middleware != "foxglove" and is_given:
+        raise HypermapError(
+            "--host, --port, --allow-edits and --allow-origin are for --foxglove alone"
+        )
     default = Address()
-    return Address(default.host if host is None else host, default.port if port is None else port)
+    return Address(
+        default.host if host is None else host,
+        default.port if port is None else port,
+        allow_edits,
+        tuple(allow_origin or ()),
+    )
 
 
 def parse_params(pairs: Sequence[str] | None) -> dict[str, Value]:

@@ -36,10 +36,15 @@ ForceMap = Annotated[
 def check_output(path: Path, replace: bool) -> None:
     """Make sure before a long work that its result can be saved.
 
+    Whether a write-protected file may be replaced is asked at a terminal, whatever `replace` says.
+
     Raises:
         HypermapError: If the folder is missing or closed, or the file exists and must not be
             replaced.
+        typer.Exit: If Ctrl-C is the answer.
     """
+    from hypermap.formats.atomic import is_write_protected
+
     folder = path.absolute().parent
     if path.is_dir():
         raise HypermapError(f"{path}: this is a folder, not a file to save to")
@@ -49,6 +54,13 @@ def check_output(path: Path, replace: bool) -> None:
         raise HypermapError(f"{path}: no permission to write in the folder {folder}")
     if path.exists() and not replace:
         raise HypermapError(f"{path} exists already; give --force to replace it")
+    if is_write_protected(path):
+        _ask(
+            f"{path} is write-protected. Replace it?",
+            f"{path} exists already, and is write-protected; make it writable, or give another "
+            "name",
+            path,
+        )
 
 
 def check_map_output(path: Path, force: bool) -> None:
@@ -69,14 +81,21 @@ def check_map_output(path: Path, force: bool) -> None:
     reason = None if force else why_precious(path)
     if reason is None:
         return
+    backup = backup_of(path).name
+    _ask(
+        f"{path} exists already, and {reason}. Replace it? It stays as {backup}.",
+        f"{path} exists already, and {reason}; give --force to replace it (it stays as {backup}), "
+        "or another name",
+        path,
+    )
+
+
+def _ask(question: str, refusal: str, path: Path) -> None:
+    """Ask whether a file may be replaced; where there is no terminal, refuse."""
     if not (sys.stdin.isatty() and sys.stderr.isatty()):
-        raise HypermapError(
-            f"{path} exists already, and {reason}; give --force to replace it (it stays as "
-            f"{backup_of(path).name}), or another name"
-        )
-    asked = f"{path} exists already, and {reason}. Replace it? It stays as {backup_of(path).name}."
+        raise HypermapError(refusal)
     try:
-        is_wanted = typer.confirm(visible(asked), err=True)
+        is_wanted = typer.confirm(visible(question), err=True)
     except typer.Abort:  # Ctrl-C or the end of input
         raise typer.Exit(INTERRUPTED) from None
     if not is_wanted:

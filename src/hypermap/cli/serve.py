@@ -8,6 +8,8 @@ from typing import Annotated
 import typer
 
 from hypermap.cli.node_options import (
+    AllowEdits,
+    AllowOrigin,
     Foxglove,
     Host,
     NodeCommand,
@@ -41,6 +43,8 @@ def command(
     foxglove: Foxglove = False,
     host: Host = None,
     port: Port = None,
+    allow_edits: AllowEdits = False,
+    allow_origin: AllowOrigin = None,
     map_directory: Annotated[
         Path | None,
         typer.Option(
@@ -55,7 +59,8 @@ def command(
     """Serve a map to robots and viewers: topics, services and transforms, until Ctrl-C.
 
     The node hypermap_server publishes every layer and answers questions about it. It runs on the
-    ROS whose setup.bash was sourced; where there is none, --foxglove needs no ROS. At a terminal it
+    ROS whose setup.bash was sourced; where there is none, --foxglove needs no ROS: its clients may
+    look and ask, and change the map with --allow-edits. At a terminal it
     takes the commands of hypermap shell while it serves. Arguments of ROS (NAME:=VALUE,
     --ros-args ...) are handed on to it.
 
@@ -80,5 +85,5 @@ def command(
         [*own, *ros_arguments(context)],
         middleware=middleware,
         values=values,
-        address=address_of(host, port, middleware),
+        address=address_of(host, port, middleware, allow_edits, allow_origin),
     )

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import signal
-import threading
-import webbrowser
 from pathlib import Path
 from types import FrameType
 from typing import Annotated
@@ -31,10 +29,17 @@ def command(
         str,
         typer.Option(
             metavar="ADDRESS",
-            help="Address to listen on: with any other than this machine's own, everyone who can "
-            "reach it can see and change the map.",
+            help="Address to listen on. With any other than this machine's own, others who know "
+            "the token can see and change the map, and the network between can read along.",
         ),
     ] = "127.0.0.1",
+    no_token: Annotated[
+        bool,
+        typer.Option(
+            "--no-token",
+            help="Let in everyone who can reach the address, also other users of this machine.",
+        ),
+    ] = False,
     read_only: Annotated[
         bool, typer.Option("--read-only", help="Let nobody change the map.")
     ] = False,
@@ -53,9 +58,11 @@ def command(
 ) -> None:
     """Show a map in the browser: look, ask by pointing, and change it; until Ctrl-C.
 
-    The page is served to this machine alone. It draws every layer, tells what is at a point and in
-    an area, finds things by name, and adds, renames, reshapes, tags and deletes objects. Nothing
-    is written before it is saved there; the file as it was stays beside it as MAP.bak.
+    The page is served to this machine alone, and private: the address that is printed and opened
+    holds a secret token, without which nothing is answered. The page draws every layer, tells what
+    is at a point and in an area, finds things by name, and adds, renames, reshapes, tags and
+    deletes objects. Nothing is written before it is saved there; the file as it was stays beside it
+    as MAP.bak.
 
     Examples:
         hypermap view lab.hmap
@@ -70,31 +77,32 @@ def command(
     from hypermap.viewer.live.app import MapApp
     from hypermap.viewer.live.document import MapDocument
     from hypermap.viewer.live.page import require_page
-    from hypermap.viewer.live.serving import is_local, listen, serve, url_of
+    from hypermap.viewer.live.serving import is_local, listen, open_browser, serve, url_of
 
     require_page()
-    document = MapDocument(path, is_editable=not read_only)
+    app = MapApp(MapDocument(path, is_editable=not read_only), host, is_private=not no_token)
     listening = listen(host, port)
-    url = url_of(listening)
+    url = url_of(app, listening)
 
     def started() -> None:
         say(url)
         note(f"showing {path}; Ctrl-C ends")
         if not is_local(host):
             rights = "see" if read_only else "see and change"
-            note(f"everyone who can reach this machine can {rights} the map")
+            who = "reach this machine" + ("" if no_token else " and knows the token")
+            note(f"everyone who can {who} can {rights} the map")
         if browser:
-            threading.Thread(target=webbrowser.open, args=(url,), daemon=True).start()
+            open_browser(app, listening)
 
     signal.signal(signal.SIGTERM, _interrupt)
     try:
-        serve(MapApp(document, host), listening, started)
+        serve(app, listening, started)
     except KeyboardInterrupt:
         pass
     finally:
         listening.close()
-    if document.is_unsaved:
-        note(f"{document.file.path}: changes made in the browser were not saved and are lost")
+    if app.document.is_unsaved:
+        note(f"{app.document.file.path}: changes made in the browser were not saved and are lost")
 
 
 def _write(path: Path, html: Path, force: bool) -> None:

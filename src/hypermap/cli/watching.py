@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-import threading
 import time
-import webbrowser
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
@@ -102,8 +100,9 @@ class _Page:
         from hypermap.viewer.live.serving import listen, serving, url_of
 
         document = MapDocument(self._output)
-        with listen("127.0.0.1", None) as listening, serving(MapApp(document), listening):
-            url = url_of(listening)
+        app = MapApp(document)
+        with listen("127.0.0.1", None) as listening, serving(app, listening):
+            url = url_of(app, listening)
             self._run.finish(message, url)
             with stop_on_signal() as stop:
                 note(f"\nthe run stays at {self._url}\nand the map at {url} until Ctrl-C")
@@ -138,7 +137,7 @@ def watching(
         yield _Nobody()
         return
     from hypermap.viewer.live.page import require_page
-    from hypermap.viewer.live.serving import listen, serving, url_of
+    from hypermap.viewer.live.serving import listen, open_browser, serving, url_of
     from hypermap.viewer.watch.app import RunApp
     from hypermap.viewer.watch.run import Run
 
@@ -148,11 +147,12 @@ def watching(
         listen("127.0.0.1", port) as listening,
     ):
         run = Run(Path(folder), recording, output.name, total)
-        with closing(run), serving(RunApp(run), listening):
-            url = url_of(listening)
+        app = RunApp(run)
+        with closing(run), serving(app, listening):
+            url = url_of(app, listening)
             say(url)
             if browser:
-                threading.Thread(target=webbrowser.open, args=(url,), daemon=True).start()
+                open_browser(app, listening)
             try:
                 yield _Page(run, url, output)
             except HypermapError as error:

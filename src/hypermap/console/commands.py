@@ -23,6 +23,7 @@ from hypermap.console.questions import Question, answers, remarks
 from hypermap.core.errors import HypermapError, did_you_mean
 from hypermap.core.hypermap import Hypermap
 from hypermap.formats import open_map, save_map
+from hypermap.formats.backup import keep_backup
 
 _EXAMPLES = """\
 Examples:
@@ -110,6 +111,7 @@ class Console:
         path = _path(arguments[0])
         if path.suffix.lower() in (".yaml", ".yml") or path.is_dir():
             raise HypermapError(f"{path}: save writes an archive; give a name that ends in .hmap")
+        keep_backup(path)
         save_map(self.hypermap, path)
         return f"saved {len(self.hypermap.layers)} layers to {arguments[0]}"
 
@@ -155,7 +157,9 @@ COMMANDS = {
     "help": Command("[COMMAND]", "this list, or more about a command", Console._help),
     "load": Command("FILE", "open an .hmap archive in place of this map", Console._load),
     "loadConfig": Command("FILE", "open a configuration file in a folder", Console._load),
-    "save": Command("FILE", "save this map as an .hmap archive", Console._save),
+    "save": Command(
+        "FILE", "save this map as an .hmap archive; what was there stays as FILE.bak", Console._save
+    ),
     "getString": Command("LAYER X Y", "what is at a point", Console._get_string),
     "getStrings": Command("LAYER X Y X Y X Y ...", "what is in an area", Console._get_strings),
     "getCoords": Command("LAYER STRING", "where something is", Console._get_coords),

@@ -24,7 +24,8 @@ _LEVEL, _FAST_LEVEL = 6, 1  # large files: a third of the time, an eighth more
 _COMPRESSED_ALREADY = (b"\x89PNG", b"\xff\xd8\xff", b"PAR1")
 _PIECE = 1 << 20  # bytes
 _END_OF_DIRECTORY = b"PK\x05\x06"
-_LONGEST_END = 22 + 0xFFFF  # bytes, with a comment
+_ZIP64_LOCATOR, _ZIP64_END = b"PK\x06\x07", b"PK\x06\x06"
+_LONGEST_END = 56 + 20 + 22 + 0xFFFF  # bytes, with ZIP64's and a comment
 
 
 def read_archive(path: str | Path) -> MemoryStore:
@@ -48,7 +49,7 @@ def _files_in(file: BinaryIO, path: Path) -> dict[str, bytes]:
             raise FormatError("is not a zip archive" if start else "is empty")
         _check_member_count(file)
         with zipfile.ZipFile(file) as archive:
-            members = [info for info in archive.infolist() if not info.is_dir()]
+            members = [info for info in archive.infolist() if not info.filename.endswith("/")]
             _check_members(members)
             return {safe_name(info.filename): _unpacked(archive, info) for info in members}
     except FormatError as error:
@@ -102,6 +103,11 @@ def _check_member_count(file: BinaryIO) -> None:
     if end < 0 or len(packed) < end + 22:
         raise zipfile.BadZipFile("its end is missing")
     count, size = struct.unpack_from("<HI", packed, end + 10)
+    locator, record = end - 20, end - 20 - 56
+    if packed[max(locator, 0) :].startswith(_ZIP64_LOCATOR):  # whose numbers count then
+        if record < 0 or not packed[record:].startswith(_ZIP64_END):
+            raise zipfile.BadZipFile("its end is damaged")
+        count, size = struct.unpack_from("<QQ", packed, record + 32)
     if count > limits.MAX_MEMBERS or size > limits.MAX_MEMBERS * 512:
         raise FormatError(f"has more than {limits.MAX_MEMBERS} members")
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from hypermap.core.arrays import BoolArray
 from hypermap.core.errors import FormatError, MissingExtra
+from hypermap.formats.letters import check_savable
 
 
 def has_pyarrow() -> bool:
@@ -130,6 +131,8 @@ def to_arrow(pa: Any, column: Column) -> Any:
             pa.array(column.offsets, pa.int32()), to_arrow(pa, column.items)
         )
     if isinstance(column, Words):
+        for word in column.vocabulary:
+            check_savable(word, "a text")
         indices = pa.array(column.codes, mask=column.codes < 0)
         words = pa.array(list(column.vocabulary), pa.string())
         return pa.DictionaryArray.from_arrays(indices, words).dictionary_decode()

@@ -1,15 +1,28 @@
-"""Files are replaced as a whole or not at all."""
+"""Files are replaced as a whole or not at all, and several that belong together at once."""
 
 from __future__ import annotations
 
 import contextlib
 import os
+import re
 import secrets
 import stat
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 from hypermap.core.errors import FileMissing, HypermapError
+from hypermap.formats.journal import (
+    JOURNAL_NAME,
+    Journal,
+    complete_saves,
+    final_of,
+    flush_folder,
+)
+from hypermap.formats.locks import is_locked, lock_file, turn_to_save
+
+_TEMPORARY = re.compile(r"\.hypermap-[0-9a-f]{16}(-[0-9]+)?\.tmp")
+_PART = re.compile(r"\.hypermap-[0-9a-f]{16}\.part(\.\w+)?")
 
 
 def write_file(path: str | Path, content: bytes) -> None:
@@ -24,10 +37,12 @@ def write_file(path: str | Path, content: bytes) -> None:
 
 
 def write_files(folder: str | Path, files: Mapping[str, bytes]) -> None:
-    """Write several files of a folder; each is replaced as a whole, the last one last.
+    """Write several files of a folder: all are replaced, in their order, or none.
 
     All contents are on the disk before the first file is replaced, so that a full disk leaves
-    everything as it was.
+    everything as it was. Where the program is killed in between, whoever reads the files by
+    `read_as_saved`, or writes in the folder, replaces the rest first. What killed programs have
+    left of files that were not yet written is removed.
 
     Args:
         folder: an existing folder.
@@ -40,29 +55,54 @@ def write_files(folder: str | Path, files: Mapping[str, bytes]) -> None:
     root = Path(folder)
     if not is_folder(root):
         raise FileMissing(f"{root}: there is no such folder to save in")
-    staged: list[tuple[Path, Path]] = []
+    if not files:
+        return
     target = root
     try:
-        for name, content in files.items():
+        for name in files:
             target = root / name
             if target.is_dir():
                 raise HypermapError(f"{target}: is a folder; choose another name to save under")
-            # A link keeps pointing at the file, which is what changes.
-            final = Path(os.path.realpath(target)) if target.is_symlink() else target
-            final.parent.mkdir(parents=True, exist_ok=True)
-            staged.append((_write_beside(final, content), final))
-        for temporary, target in staged:
-            temporary.replace(target)
-        for parent in {target.parent for _, target in staged}:
-            _flush_folder(parent)
+            final_of(target).parent.mkdir(parents=True, exist_ok=True)
+        _save(Journal(root, list(files)), list(files.values()))
+    except OSError as error:
+        where = getattr(error, "filename2", None) or target  # where a rename was to lead
+        raise HypermapError(f"{where}: cannot be saved: {error.strerror}") from error
+    except ValueError:  # a NUL character, or half of a character
+        raise HypermapError(f"{str(target)!r}: cannot be saved: it is no name of a file") from None
+
+
+@contextmanager
+def file_beside(path: str | Path) -> Iterator[Path]:
+    """Yield where another library may write a file, which replaces the old one in the end.
+
+    Raises:
+        FileMissing: If the folder does not exist.
+        HypermapError: If the file cannot be written; the old one is untouched then.
+    """
+    target = Path(path)
+    if not is_folder(target.parent):
+        raise FileMissing(f"{target.parent}: there is no such folder to save in")
+    final = final_of(target)
+    # With its ending, by which a library may know what to write.
+    temporary = final.with_name(f".hypermap-{secrets.token_hex(8)}.part{final.suffix}")
+    try:
+        with contextlib.ExitStack() as open_file:
+            file = open_file.enter_context(os.fdopen(_created(temporary), "wb"))
+            lock_file(file.fileno())  # so that nobody sweeps it away meanwhile
+            yield temporary
+            _look_like(final, file.fileno())
+            os.fsync(file.fileno())
+            if os.name == "nt":  # where no file that is open gets another name
+                file.close()
+            temporary.replace(final)
+        flush_folder(final.parent)
     except OSError as error:
         raise HypermapError(f"{target}: cannot be saved: {error.strerror}") from error
-    except ValueError:  # a NUL character
+    except ValueError:
         raise HypermapError(f"{str(target)!r}: cannot be saved: it is no name of a file") from None
     finally:
-        for temporary, _ in staged:
-            with contextlib.suppress(OSError):
-                temporary.unlink(missing_ok=True)
+        _remove([temporary])
 
 
 def is_folder(path: Path) -> bool:
@@ -73,30 +113,85 @@ def is_folder(path: Path) -> bool:
         return False
 
 
-def _write_beside(target: Path, content: bytes) -> Path:
-    """Write to a new file in the target's folder, and wait until it is on the disk."""
-    temporary = target.with_name(f".hypermap-{secrets.token_hex(8)}.tmp")
+def is_write_protected(path: Path) -> bool:
+    """Return whether a file is there that nobody is to write; to replace it needs no permission."""
     try:
-        # Not the tempfile module: its files are readable by their owner alone.
-        handle = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666)
-        with os.fdopen(handle, "wb") as file:
-            if target.exists():
-                os.fchmod(file.fileno(), stat.S_IMODE(target.stat().st_mode))
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-    except BaseException:
-        with contextlib.suppress(OSError):
-            temporary.unlink(missing_ok=True)
-        raise
-    return temporary
+        return not path.stat().st_mode & (stat.S_IWUSR | stat.S_IWGRP | stat.S_IWOTH)
+    except OSError:
+        return False
 
 
-def _flush_folder(folder: Path) -> None:
-    """Wait until a rename is on the disk; some file systems cannot say."""
-    with contextlib.suppress(OSError):
-        handle = os.open(folder, os.O_RDONLY)
+def _save(journal: Journal, contents: Sequence[bytes]) -> None:
+    moves, root = journal.moves(), journal.folder
+    folders = {root, *(final.parent for _, final in moves)}
+    is_one, is_committed = len(moves) == 1, False
+    with turn_to_save(folders) as turn:
+        if turn == "busy" and not is_one:
+            raise HypermapError(f"{root}: another program is saving here; try again")
+        # A file alone does not care what else is left to be done here.
+        with contextlib.suppress(*([HypermapError] if is_one else [])):
+            complete_saves(root)
+        if turn == "alone":
+            _sweep(folders)
         try:
-            os.fsync(handle)
-        finally:
-            os.close(handle)
+            for (temporary, final), content in zip(moves, contents, strict=True):
+                _write(temporary, final, content)
+            if not is_one:
+                for folder in folders:
+                    flush_folder(folder)
+                is_committed = True  # or nearly so
+                journal.write()
+            journal.put_in_place()
+        except BaseException:
+            if not is_committed or moves[0][0].exists():  # then nothing is replaced yet
+                _remove([*([] if is_one else [journal.path]), *(move[0] for move in moves)])
+            raise
+        if not is_one:
+            journal.path.unlink()
+
+
+def _write(temporary: Path, final: Path, content: bytes) -> None:
+    """Write a new file, and wait until it is on the disk."""
+    with os.fdopen(_created(temporary), "wb") as file:
+        _look_like(final, file.fileno())
+        file.write(content)
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def _created(temporary: Path) -> int:
+    # Not the tempfile module: its files are readable by their owner alone.
+    return os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666)
+
+
+def _look_like(final: Path, handle: int) -> None:
+    """Give a new file the old one's permissions, and its owner as far as the system allows."""
+    try:
+        old = final.stat()
+    except FileNotFoundError:
+        return
+    if hasattr(os, "fchown"):
+        for owner, group in ((old.st_uid, -1), (-1, old.st_gid)):
+            with contextlib.suppress(OSError):
+                os.fchown(handle, owner, group)
+    if hasattr(os, "fchmod"):
+        os.fchmod(handle, stat.S_IMODE(old.st_mode))
+
+
+def _sweep(folders: Iterable[Path]) -> None:
+    """Remove what killed programs have left; nobody else saves in these folders now."""
+    for folder in folders:
+        absolute = folder.absolute()
+        if any((place / JOURNAL_NAME).exists() for place in (absolute, *absolute.parents)):
+            continue  # which may name them
+        with contextlib.suppress(OSError), os.scandir(folder) as entries:
+            names = [entry.name for entry in entries if entry.name.startswith(".hypermap-")]
+            _remove(folder / name for name in names if _TEMPORARY.fullmatch(name))
+            parts = (folder / name for name in names if _PART.fullmatch(name))
+            _remove(part for part in parts if not is_locked(part))
+
+
+def _remove(paths: Iterable[Path]) -> None:
+    for path in paths:
+        with contextlib.suppress(OSError, ValueError):
+            path.unlink()

@@ -40,7 +40,8 @@ def to_csv(layer: SemanticLayer) -> str:
 
 def _row(item: SemanticObject, middle: list[float], area: float) -> dict[str, Any]:
     own = {"id": item.id, "x": middle[0], "y": middle[1], "area": area}
-    record = {str(key): _cell(value) for key, value in record_from_object(item).items()}
+    checked = plain_value(record_from_object(item), f"object {item.id}")
+    record = {str(key): _cell(value) for key, value in checked.items()}
     # An attribute may have a name of ours.
     return {
         **record,
@@ -53,4 +54,4 @@ def _cell(value: Any) -> Any:
     """Return a number or a text as it is, and what is more as JSON."""
     if value is None or isinstance(value, str | float) or type(value) is int:
         return value
-    return json.dumps(plain_value(value), ensure_ascii=False, default=str)
+    return json.dumps(value, ensure_ascii=False, default=str)

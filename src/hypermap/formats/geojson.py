@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import collections
 import json
+import re
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
@@ -23,9 +24,11 @@ from hypermap.core.semantic import SemanticLayer, SemanticObject
 from hypermap.core.shapes import check_footprint
 from hypermap.formats.checked import Checked, Text, check
 from hypermap.formats.crs import System, engineering_wkt, frame_of
+from hypermap.formats.letters import check_read, check_savable
 from hypermap.formats.records import object_from_record, record_from_object
 from hypermap.formats.yaml_text import plain_value
 
+_HALF = re.compile(r"\\u[dD][89a-fA-F]")  # of a character, and often the other half behind it
 _WRONG = (
     ValueError,
     TypeError,
@@ -61,7 +64,10 @@ def to_geojson(layer: SemanticLayer) -> str:
 
     Raises:
         FormatError: If an object has an attribute that JSON cannot hold.
+        HypermapError: If a text holds half of a character.
     """
+    for text in (layer.name, layer.frame_id):
+        check_savable(text, f"layer {layer.name!r}")
     collection = {
         "type": "FeatureCollection",
         "name": layer.name,
@@ -95,6 +101,9 @@ def from_geojson(
     except (ValueError, RecursionError) as error:
         raise FormatError(f"is not valid JSON: {error}", path=path) from error
     collection = check(_Collection, document, path)
+    if _HALF.search(text):
+        for i, item in enumerate(collection.features):
+            check_read(json.dumps(item, ensure_ascii=False), path, f"features[{i}]")
     frame = frame_of(_system(collection), frame_id or collection.frame_id, path, "crs")
     objects = [_object(item, path, i) for i, item in enumerate(collection.features)]
     ids = collections.Counter(item.id for item in objects if item.id is not None)
@@ -118,7 +127,10 @@ def _feature(item: SemanticObject) -> dict[str, Any]:
         "type": "Feature",
         "id": item.id,
         "geometry": shapely.geometry.mapping(item.footprint),
-        "properties": {"id": item.id, **plain_value(record_from_object(item))},
+        "properties": {
+            "id": item.id,
+            **plain_value(record_from_object(item), f"object {item.id}"),
+        },
     }
 
 

@@ -17,6 +17,7 @@ from hypermap.core.hypermap import Hypermap
 from hypermap.core.objects import SemanticObject
 from hypermap.core.semantic import SemanticLayer
 from hypermap.formats.crs import System, engineering_wkt, frame_of
+from hypermap.formats.letters import check_savable
 from hypermap.formats.records import object_from_record, record_from_object
 from hypermap.formats.yaml_text import plain_value
 
@@ -37,6 +38,7 @@ def to_geodataframe(source: SemanticLayer | Hypermap) -> GeoDataFrame:
 
     Raises:
         MissingExtra: If geopandas is not installed.
+        HypermapError: If a text holds half of a character.
     """
     try:
         import geopandas
@@ -52,12 +54,16 @@ def to_geodataframe(source: SemanticLayer | Hypermap) -> GeoDataFrame:
     columns = dict.fromkeys(_COLUMNS)
     for record in records:
         columns.update(dict.fromkeys(record))
-    return geopandas.GeoDataFrame(
-        {key: [record.get(key) for record in records] for key in columns} | layers,
-        geometry=[item.footprint for item in items],
-        index=[item.id for item in items],
-        crs=engineering_wkt(frame_id),
-    ).rename_axis("id")
+    try:
+        return geopandas.GeoDataFrame(
+            {key: [record.get(key) for record in records] for key in columns} | layers,
+            geometry=[item.footprint for item in items],
+            index=[item.id for item in items],
+            crs=engineering_wkt(frame_id),
+        ).rename_axis("id")
+    except UnicodeEncodeError as error:
+        check_savable(error.object, "a text")
+        raise
 
 
 def to_geopackage(layer: SemanticLayer) -> bytes:
@@ -69,8 +75,11 @@ def to_geopackage(layer: SemanticLayer) -> bytes:
         MissingExtra: If geopandas is not installed.
         FormatError: If GDAL cannot write it, as a column that is named `fid`.
     """
+    check_savable(layer.name, "the layer's name")
+    check_savable(layer.frame_id, "the layer's frame")
     frame = to_geodataframe(layer)
     for name in frame.columns.drop("geometry"):
+        check_savable(str(name), "an attribute")
         if frame[name].dtype == object:
             frame[name] = [_text(value) for value in frame[name]]
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
@@ -84,9 +93,10 @@ def to_geopackage(layer: SemanticLayer) -> bytes:
 
 
 def _text(value: Any) -> Any:
-    if value is None or isinstance(value, str):
-        return value
-    return json.dumps(plain_value(value), ensure_ascii=False, default=str)
+    plain = plain_value(value, "an attribute")
+    if plain is None or isinstance(plain, str):
+        return plain
+    return json.dumps(plain, ensure_ascii=False, default=str)
 
 
 def from_geodataframe(

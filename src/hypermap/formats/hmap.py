@@ -26,6 +26,7 @@ from hypermap.formats.config import (
     dump_config,
     parse_config,
 )
+from hypermap.formats.journal import read_as_saved
 from hypermap.formats.map_server import load_occupancy
 from hypermap.formats.plugins import LayerPlugin, blamed_on_plugin, installed_layers, plugin_for
 from hypermap.formats.semantic_yaml import SemanticFiles, SemanticForm
@@ -91,7 +92,7 @@ def save_map(hypermap: Hypermap, path: str | Path, semantic: SemanticForm = "aut
     if path.suffix.lower() in _YAML_ENDINGS:
         files = _write_map(hypermap, path.name, semantic)
         config = files.pop(path.name)
-        # The configuration is replaced last: until then the old one stands.
+        # The configuration comes last, by which readers know that the files are another save's.
         write_files(path.parent, {**files, path.name: config})
     else:
         write_archive(path, _write_map(hypermap, CONFIG_NAME, semantic))
@@ -99,6 +100,10 @@ def save_map(hypermap: Hypermap, path: str | Path, semantic: SemanticForm = "aut
 
 def _open_yaml(path: Path) -> Hypermap:
     """Open a configuration or a map_server map, whichever the keys say."""
+    return read_as_saved(path, lambda: _read_yaml_map(path))
+
+
+def _read_yaml_map(path: Path) -> Hypermap:
     document = read_yaml(read_file(path), str(path))
     if isinstance(document, Mapping) and "layers" in document:
         return _read_map(FolderStore(path.parent), path.name)

@@ -22,6 +22,7 @@ from hypermap.core.layer import Store
 from hypermap.core.occupancy import UNKNOWN, OccupancyLayer
 from hypermap.formats import limits
 from hypermap.formats.checked import Checked, Finite, Pose, Text, check
+from hypermap.formats.journal import read_as_saved
 from hypermap.formats.png import (
     band_rows,
     decode_grey_alpha,
@@ -125,14 +126,7 @@ def load_occupancy(
         FormatError: If it or its picture is wrong, or the picture is missing.
     """
     path = Path(path)
-    described = parse_map_yaml(read_file(path), str(path))
-    image = path.parent / described.image
-    try:
-        content = read_file(image)
-    except FileMissing:
-        raise FormatError(f"there is no picture {image}", path=path, key="image") from None
-    cells = cells_from_file(content, str(image), described)
-    return _layer(described, cells, name, frame_id, {"file": path.stem})
+    return read_as_saved(path, lambda: _read_occupancy(path, name, frame_id))
 
 
 def parse_map_yaml(content: bytes, path: str) -> MapYaml:
@@ -142,6 +136,17 @@ def parse_map_yaml(content: bytes, path: str) -> MapYaml:
         FormatError: Naming the key that is wrong or missing.
     """
     return check(MapYaml, read_yaml(content, path, {("image",), ("mode",)}), path)
+
+
+def _read_occupancy(path: Path, name: str, frame_id: str) -> OccupancyLayer:
+    described = parse_map_yaml(read_file(path), str(path))
+    image = path.parent / described.image
+    try:
+        content = read_file(image)
+    except FileMissing:
+        raise FormatError(f"there is no picture {image}", path=path, key="image") from None
+    cells = cells_from_file(content, str(image), described)
+    return _layer(described, cells, name, frame_id, {"file": path.stem})
 
 
 def cells_from_file(content: bytes, path: str, described: MapYaml) -> Cells:

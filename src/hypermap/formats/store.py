@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
 import stat
@@ -160,6 +161,24 @@ def safe_name(name: str, where: str = "") -> str:
             path=where or None,
         )
     return "/".join(parts)
+
+
+def place_for(folder: Path, name: str) -> Path:
+    """Return where a file lies that someone else names, within a folder.
+
+    Raises:
+        FormatError: If the name leads out of the folder, as `safe_name` says.
+        HypermapError: If the system can have no file of that name, as one too long.
+    """
+    path = folder / safe_name(name)
+    try:
+        with contextlib.suppress(FileNotFoundError):
+            path.lstat()
+    except OSError as error:
+        raise HypermapError(f"{name[:60]!r} is no name of a file: {error.strerror}") from None
+    except ValueError:  # half of a character
+        raise HypermapError(f"{name[:60]!r} is no name of a file") from None
+    return path
 
 
 def _belongs(name: str, file: str) -> bool:

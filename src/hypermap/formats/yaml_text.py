@@ -17,6 +17,7 @@ from yaml.constructor import SafeConstructor
 
 from hypermap.core.errors import FormatError, HypermapError
 from hypermap.formats import limits
+from hypermap.formats.letters import check_savable
 
 _Loader: type[Any] = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 _Dumper: type[Any] = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
@@ -72,7 +73,8 @@ def write_yaml(value: Any) -> bytes:
 
     Raises:
         TypeError: If a value is of a type that YAML does not have.
-        HypermapError: If it is too large or nested too deeply to be read again.
+        HypermapError: If it is too large or nested too deeply to be read again, or a text holds
+            half of a character.
 
     >>> print(write_yaml({"layers": [{"name": "no", "origin": (0.1, 2.0)}]}).decode(), end="")
     layers:
@@ -138,6 +140,7 @@ def _plain_scalar(value: Any, place: str) -> Any:
     if value is None or isinstance(value, bool | bytes | datetime.date):
         return value
     if isinstance(value, str):
+        check_savable(value, place)
         return str.__str__(value)  # the text of an enumeration, not its name
     if isinstance(value, int):
         return int(value)

@@ -35,10 +35,14 @@ class Address:
     Attributes:
         host: its own address; 127.0.0.1 is for programs on the same machine alone.
         port: its port; 0 for any that is free.
+        allow_edits: whether clients may change the map and files.
+        origins: of websites that are let in, beside those of the apps and of this machine.
     """
 
     host: str = "127.0.0.1"
     port: int = 8765
+    allow_edits: bool = False
+    origins: tuple[str, ...] = ()
 
 
 def run_map_server(
@@ -180,7 +184,14 @@ def make_port(
     from hypermap.ros.foxglove.port import FoxglovePort
 
     where = address or Address()
-    return FoxglovePort(name, values, host=where.host, port=where.port)
+    return FoxglovePort(
+        name,
+        values,
+        host=where.host,
+        port=where.port,
+        allow_edits=where.allow_edits,
+        origins=where.origins,
+    )
 
 
 def run_node(port: Port, node: Node) -> None:

@@ -14,6 +14,7 @@ import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from types import FrameType
 from typing import Any
 
@@ -40,10 +41,12 @@ try:
         message_schema,
         schema_of,
     )
+    from hypermap.web.gate import Gate, hidden_address
 except ImportError:
     raise MissingExtra("the server for Foxglove", "foxglove") from None
 
 _LOOK_PERIOD = 0.2  # s
+_EDITING = {"load_map", "store_map", "save_map", "clear"}  # services that change a map or a file
 _LEVELS: dict[Level, tuple[int, int]] = {  # of Python, of rcl_interfaces/Log
     "debug": (logging.DEBUG, 10),
     "info": (logging.INFO, 20),
@@ -63,6 +66,8 @@ class FoxglovePort:
         values: parameters of the node.
         host: address to listen on; 127.0.0.1 is for programs on this machine alone.
         port: port to listen on; 0 for any that is free.
+        allow_edits: whether clients may publish, and call services that change the map or files.
+        origins: of websites that are let in, beside Foxglove's own and those of this machine.
 
     Raises:
         HypermapError: If it cannot listen there.
@@ -75,6 +80,8 @@ class FoxglovePort:
         *,
         host: str = "127.0.0.1",
         port: int = 8765,
+        allow_edits: bool = False,
+        origins: Sequence[str] = (),
     ) -> None:
         self._name = f"/{name.strip('/')}"
         self._host = host
@@ -91,24 +98,28 @@ class FoxglovePort:
         self._context = foxglove.Context()
         self._listener = Listener(f"{self._name}.", self.log)
         self._rosout: Publisher | None = None
+        self._allow_edits = allow_edits
+        hidden = hidden_address()
+        can = [Capability.Parameters, Capability.Services]
         try:
             self._server = foxglove.start_server(
                 name=f"Hypermap {self._name}",
-                host=host,
-                port=port,
-                capabilities=[
-                    Capability.ClientPublish,
-                    Capability.Parameters,
-                    Capability.Services,
-                ],
+                host=hidden,
+                port=0,
+                capabilities=[*can, Capability.ClientPublish] if allow_edits else can,
                 supported_encodings=[CDR],
                 server_listener=self._listener,
                 context=self._context,
             )
-        except (RuntimeError, OverflowError) as error:
-            reason = (
-                str(error).removeprefix("FoxgloveError: ").removeprefix("Failed to bind port: ")
+        except RuntimeError as error:
+            raise HypermapError(f"the server for Foxglove does not start: {error}") from None
+        try:
+            self._gate = Gate(
+                host, port, (hidden, self._server.port), origins, partial(self.log, "warning")
             )
+        except (OSError, OverflowError) as error:
+            self._server.stop()
+            reason = getattr(error, "strerror", None) or error
             raise HypermapError(
                 f"cannot listen on {host}, port {port}: {reason}; give another --port or --host"
             ) from None
@@ -119,7 +130,7 @@ class FoxglovePort:
     @property
     def url(self) -> str:
         """Where to connect to, as "ws://127.0.0.1:8765"."""
-        return f"ws://{self._host}:{self._server.port}"
+        return f"ws://{self._host}:{self._gate.port}"
 
     @property
     def node_name(self) -> str:
@@ -183,6 +194,11 @@ class FoxglovePort:
 
         def handle(call: foxglove.ServiceRequest) -> bytes:
             try:
+                if name in _EDITING and not self._allow_edits:
+                    raise HypermapError(
+                        "clients may only look: start the node with --allow-edits to let them "
+                        "change the map and files"
+                    )
                 if call.encoding != CDR:
                     raise HypermapError(f"the request is {call.encoding!r}, not {CDR!r}")
                 return typestore.encode(handler(typestore.decode(call.payload, request)))
@@ -303,6 +319,7 @@ class FoxglovePort:
             was_stopped, self._is_stopped = self._is_stopped, True
         if not was_stopped:
             self._server.stop()
+            self._gate.close()
             self._sender.shutdown(wait=False, cancel_futures=True)
         if threading.current_thread() is threading.main_thread():
             while self._handlers:

@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 
 from hypermap.core.errors import FileMissing, HypermapError
-from hypermap.formats.store import safe_name
+from hypermap.formats.store import place_for
 
 
 def path_within(directory: Path, filename: str) -> Path:
@@ -15,11 +15,11 @@ def path_within(directory: Path, filename: str) -> Path:
     Raises:
         FileMissing: If there is no such directory.
         HypermapError: If the name leads out of it: it is absolute, has `..` in it, or passes a
-            link to elsewhere.
+            link to elsewhere; or if the system can have no file of that name.
     """
     if not directory.is_dir():
         raise FileMissing(f"{directory}: the map_directory does not exist")
-    path = directory / safe_name(filename)
+    path = place_for(directory, filename)
     if not _real(path).is_relative_to(_real(directory)):
         raise HypermapError(f"{filename!r} is a link that leads out of the map_directory")
     return path

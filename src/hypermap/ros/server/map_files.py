@@ -8,6 +8,7 @@ from pathlib import Path
 from hypermap.core.errors import HypermapError
 from hypermap.core.hypermap import Hypermap
 from hypermap.formats import open_map, save_map
+from hypermap.formats.backup import keep_backup
 from hypermap.ros.port import Message, Parameter, Port
 from hypermap.ros.server.current_map import CurrentMap
 from hypermap.ros.server.map_directory import archive_within, path_within
@@ -48,16 +49,18 @@ class MapFiles:
         return self._port.response("hypermap_msgs/LoadMap")(success=True)
 
     def store(self, request: Message) -> Message:
-        """Answer `hypermap_msgs/StoreMap`: write an archive, in place of an older one.
+        """Answer `hypermap_msgs/StoreMap`: write an archive; an older one stays as NAME.bak.
 
         Raises:
             HypermapError: If the name leads out of the directory, does not end in .hmap, or the
                 file cannot be written.
         """
         path = archive_within(self._named_directory(), request.filename)
+        backup = keep_backup(path)
         save_map(self._current.hypermap, path)
         self._current.stored(path)
-        self._port.log("info", f"stored the map in {request.filename}")
+        kept = f"; what was there stays as {backup.name}" if backup else ""
+        self._port.log("info", f"stored the map in {request.filename}{kept}")
         return self._port.response("hypermap_msgs/StoreMap")(success=True)
 
     def clear(self, request: Message) -> Message:  # noqa: ARG002 - there is nothing in it

@@ -24,7 +24,7 @@ from hypermap.viewer.live.description import describe_map
 from hypermap.viewer.live.document import MapDocument, Snapshot
 from hypermap.viewer.live.downloads import rows_as_csv, rows_as_geojson
 from hypermap.viewer.live.editing import carry_out, operations_in
-from hypermap.viewer.live.guard import Guard, known_hosts
+from hypermap.viewer.live.guard import Guard
 from hypermap.viewer.live.layers import LayerView, LayerViews
 from hypermap.viewer.live.news import news_of
 from hypermap.viewer.live.page import page_file
@@ -47,6 +47,7 @@ from hypermap.viewer.live.requests import (
 )
 from hypermap.viewer.live.spelling import spell_evidence
 from hypermap.viewer.live.tiles import Tile, draw_tile
+from hypermap.web.hosts import known_hosts
 
 _CACHE = 64_000_000  # bytes of tiles
 _FOREVER = "private, max-age=31536000, immutable"
@@ -58,14 +59,20 @@ class MapApp:
 
     Attributes:
         document: the map.
-        token: what the page sends with each change.
+        token: what its visitors must know.
+        is_private: whether they must know it to look, too.
+        once: tokens that open the page a single time.
         is_closing: set when the server ends, so that windows are not waited for.
         app: what a server of the ASGI standard runs.
     """
 
-    def __init__(self, document: MapDocument, host: str = "127.0.0.1") -> None:
+    def __init__(
+        self, document: MapDocument, host: str = "127.0.0.1", is_private: bool = True
+    ) -> None:
         self.document = document
         self.token = secrets.token_urlsafe(24)
+        self.is_private = is_private
+        self.once: set[str] = set()
         self.is_closing = False
         self._views = LayerViews()
         self._tiles = ByteCache(_CACHE)
@@ -89,7 +96,9 @@ class MapApp:
                 Route("/api/reload", self._reload, methods=["POST"]),
                 Route("/api/events", self._events),
             ],
-            middleware=[Middleware(Guard, hosts=known_hosts(host), token=self.token)],
+            middleware=[
+                Middleware(Guard, hosts=known_hosts(host), token=self.token, is_private=is_private)
+            ],
             exception_handlers={
                 HypermapError: refuse,
                 HTTPException: refuse_http,

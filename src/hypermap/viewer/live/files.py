@@ -9,10 +9,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, TypeAlias
 
-from hypermap.core.errors import HypermapError
+from hypermap.core.errors import FormatError
 from hypermap.core.hypermap import Hypermap
+from hypermap.formats.atomic import is_write_protected
 from hypermap.formats.config import CONFIG_NAME
-from hypermap.formats.store import FolderStore, read_file, safe_name
+from hypermap.formats.store import FolderStore, place_for, read_file
 from hypermap.formats.yaml_text import read_yaml
 from hypermap.viewer.live.refusals import Refused
 
@@ -56,11 +57,12 @@ class MapFile:
 
         Raises:
             Refused: If the name leads out of the folder, or does not end in .hmap.
+            HypermapError: If the system can have no file of that name.
         """
         folder = self.path.parent
         try:
-            path = folder / safe_name(name)
-        except HypermapError as error:
+            path = place_for(folder, name)
+        except FormatError as error:
             raise Refused(str(error), 403) from None
         if not _real(path).is_relative_to(_real(folder)):
             raise Refused(f"{name!r} leads out of the map's folder", 403)
@@ -93,6 +95,8 @@ class MapFile:
                 409,
                 "disk",
             )
+        if is_write_protected(self.path) and not overwrite:
+            raise Refused(f"{name} is write-protected; saving would replace it", 409, "exists")
         if not self.is_own and self.path.exists() and not overwrite:
             raise Refused(f"{name} exists already; saving would replace it", 409, "exists")
 

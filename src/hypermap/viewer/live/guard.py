@@ -1,25 +1,33 @@
-"""Keeps other sites away from the server, and the page away from other sites.
+"""Keeps other sites and other users away from the server, and the page away from other sites.
 
-A server on one's own machine can be reached by every page in one's own browser. So requests must
-name this machine as their host, which a site that lets its name point here (DNS rebinding) does
-not; they must not come from another site's page; and what changes anything needs a token that
-only this server's page knows.
+A server on one's own machine can be reached by every program on it, and by every page in one's own
+browser. So it is private: whoever asks must know a token, which stands in the address that is
+printed and opened, and is a cookie from then on. Requests must name this machine as their host,
+which a site that lets its name point here (DNS rebinding) does not; they must not come from another
+site's page; and what changes anything carries the token in a header, too, as only this server's
+page does.
 """
 
 from __future__ import annotations
 
-import ipaddress
 import secrets
-import socket
 from collections.abc import Iterable
 from urllib.parse import urlsplit
 
 from starlette.datastructures import Headers, MutableHeaders
-from starlette.responses import JSONResponse
+from starlette.requests import HTTPConnection
+from starlette.responses import JSONResponse, PlainTextResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-TOKEN_HEADER = "X-Hypermap-Token"
+from hypermap.web.hosts import is_known
 
+TOKEN_HEADER = "X-Hypermap-Token"
+TOKEN_QUERY = "token"
+
+_PRIVATE = (
+    "this page is private: open it by the whole address that was printed at the start of the "
+    "server; it ends with ?token= and a secret"
+)
 _READING = ("GET", "HEAD")
 _POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; "
@@ -38,14 +46,28 @@ _HEADERS = {
 class Guard:
     """Lets a request through to the server, or answers it with 403.
 
-    Attributes:
-        token: what requests that change anything must carry.
+    Args:
+        app: the server.
+        hosts: by which names it is addressed, as `known_hosts` says.
+        token: what requests must know.
+        is_private: whether also those must that change nothing.
+        once: other tokens, each of which opens the page a single time: other users see the words
+            with which a browser is started.
     """
 
-    def __init__(self, app: ASGIApp, hosts: Iterable[str], token: str) -> None:
+    def __init__(
+        self,
+        app: ASGIApp,
+        hosts: Iterable[str],
+        token: str,
+        is_private: bool = True,
+        once: set[str] | None = None,
+    ) -> None:
         self._app = app
+        self._once = set() if once is None else once
         self._hosts = set(hosts)
-        self.token = token
+        self._token = token
+        self._is_private = is_private
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer one request."""
@@ -53,22 +75,46 @@ class Guard:
             await self._app(scope, receive, send)
             return
 
+        request = HTTPConnection(scope)
+        method, path = scope["method"], scope["path"]
+        problem = self._problem(method, path, request.headers)
+        given = request.query_params.get(TOKEN_QUERY)
+        was_given = self._is_token(given)
+        if not problem and path == "/" and method == "GET" and given in self._once:
+            self._once.discard(given)
+            was_given = True
+
         async def send_guarded(message: Message) -> None:
             if message["type"] == "http.response.start":
-                MutableHeaders(scope=message).update(_HEADERS)
+                headers = MutableHeaders(scope=message)
+                headers.update(_HEADERS)
+                if was_given:
+                    cookie = f"{_cookie_name(request)}={self._token}"
+                    headers.append("Set-Cookie", f"{cookie}; Path=/; HttpOnly; SameSite=Strict")
             await send(message)
 
-        problem = self._problem(scope["method"], scope["path"], Headers(scope=scope))
-        if problem:
-            refusal = JSONResponse({"error": problem, "reason": "refused"}, 403)
-            await refusal(scope, receive, send_guarded)
-        else:
+        if not problem and self._is_private and not (was_given or self._knows_token(request)):
+            problem = _PRIVATE
+        if not problem:
             await self._app(scope, receive, send_guarded)
+            return
+        refusal: Response = PlainTextResponse(problem, 403)
+        if path.startswith("/api/"):
+            refusal = JSONResponse({"error": problem, "reason": "refused"}, 403)
+        await refusal(scope, receive, send_guarded)
+
+    def _knows_token(self, request: HTTPConnection) -> bool:
+        return self._is_token(request.cookies.get(_cookie_name(request))) or self._is_token(
+            request.headers.get(TOKEN_HEADER)
+        )
+
+    def _is_token(self, given: str | None) -> bool:
+        return secrets.compare_digest((given or "").encode(), self._token.encode())
 
     def _problem(self, method: str, path: str, headers: Headers) -> str:
         """Return why a request is refused; nothing if it is not."""
         host = headers.get("host", "")
-        if not self._is_known(host):
+        if not is_known(host, self._hosts):
             return f"this server is not {host[:200]!r}; open it by the address that it printed"
         origin = headers.get("origin")
         if origin is not None and urlsplit(origin).netloc.lower() != host.lower():
@@ -77,39 +123,15 @@ class Guard:
         is_opened = path == "/" and headers.get("sec-fetch-mode") == "navigate"
         if came_from not in ("none", "same-origin") and not (is_opened and method in _READING):
             return "requests from other sites are refused"
-        if method not in _READING and not secrets.compare_digest(
-            headers.get(TOKEN_HEADER, "").encode(), self.token.encode()
-        ):
+        if method not in _READING and not self._is_token(headers.get(TOKEN_HEADER)):
             return "this window is from an earlier start of the server; reload the page"
         return ""
 
-    def _is_known(self, host: str) -> bool:
-        name = _host_name(host)
-        if name in self._hosts:
-            return True
-        # Whoever listens everywhere may be addressed by any number, but by no other's name.
-        return "*" in self._hosts and _is_number(name)
 
-
-def known_hosts(listening_on: str) -> set[str]:
-    """Return by which names a server is addressed that listens on an address; "*": any number."""
-    hosts = {"localhost", "127.0.0.1", "::1", listening_on.lower()}
-    if _is_number(listening_on) and ipaddress.ip_address(listening_on).is_unspecified:
-        hosts |= {"*", socket.gethostname().lower(), socket.getfqdn().lower()}
-    return hosts
-
-
-def _host_name(host: str) -> str:
-    """Return the name or number in a Host header, without the port."""
+def _cookie_name(request: HTTPConnection) -> str:
+    """Return a name of its own for each port, as browsers do not keep their cookies apart."""
     try:
-        return (urlsplit(f"//{host}").hostname or "").lower()
+        port = urlsplit(f"//{request.headers.get('host', '')}").port
     except ValueError:
-        return ""
-
-
-def _is_number(name: str) -> bool:
-    try:
-        ipaddress.ip_address(name)
-    except ValueError:
-        return False
-    return True
+        port = None
+    return f"hypermap-{port or 80}"

@@ -5,8 +5,10 @@ from __future__ import annotations
 import contextlib
 import errno
 import ipaddress
+import secrets
 import socket
 import threading
+import webbrowser
 from collections.abc import Callable, Iterator
 from types import FrameType
 from typing import Protocol
@@ -15,12 +17,15 @@ import uvicorn
 from starlette.applications import Starlette
 
 from hypermap.core.errors import HypermapError
+from hypermap.viewer.live.connections import Connection
+from hypermap.viewer.live.guard import TOKEN_QUERY
 
 FIRST_PORT = 8090
 """Where to listen if nothing else is said, or on the next port that is free."""
 
 _TRIED = 50  # ports
 _LONGEST_URL = 512 * 1024  # bytes; a polygon may stand in it
+_BACKLOG = 64  # connections that are taken at once, before any of them is looked at
 _LONGEST_END = 5.0  # seconds that a server may take to end
 
 
@@ -29,10 +34,16 @@ class Served(Protocol):
 
     Attributes:
         app: what answers.
+        token: what its visitors must know.
+        is_private: whether they must know it to look, too.
+        once: tokens that open the page a single time.
         is_closing: set when the server ends, so that windows that listen for news are let go.
     """
 
     app: Starlette
+    token: str
+    is_private: bool
+    once: set[str]
     is_closing: bool
 
 
@@ -69,12 +80,25 @@ def is_local(host: str) -> bool:
         return host == "localhost"
 
 
-def url_of(listening: socket.socket) -> str:
-    """Return the address to open in a browser."""
+def url_of(app: Served, listening: socket.socket) -> str:
+    """Return the address of the page, with the token if visitors must know it."""
+    return _url(listening, app.token if app.is_private else None)
+
+
+def open_browser(app: Served, listening: socket.socket) -> None:
+    """Open the page in the browser, by a token that is worth nothing once that is done."""
+    token = secrets.token_urlsafe(24)
+    app.once.add(token)
+    url = _url(listening, token if app.is_private else None)
+    threading.Thread(target=webbrowser.open, args=(url,), daemon=True).start()
+
+
+def _url(listening: socket.socket, token: str | None) -> str:
     host, port = listening.getsockname()[:2]
     if host in ("0.0.0.0", "::"):  # everywhere; this machine's browser goes the short way
         host = "127.0.0.1" if host == "0.0.0.0" else "::1"
-    return f"http://[{host}]:{port}/" if ":" in host else f"http://{host}:{port}/"
+    query = "" if token is None else f"?{TOKEN_QUERY}={token}"
+    return f"http://{f'[{host}]' if ':' in host else host}:{port}/{query}"
 
 
 def serve(app: Served, listening: socket.socket, on_start: Callable[[], None]) -> None:
@@ -135,7 +159,8 @@ def _config(app: Served) -> uvicorn.Config:
         proxy_headers=False,
         timeout_graceful_shutdown=1,
         h11_max_incomplete_event_size=_LONGEST_URL,
-        http="h11",
+        http=Connection,
+        backlog=_BACKLOG,
         ws="none",
         loop="asyncio",
     )

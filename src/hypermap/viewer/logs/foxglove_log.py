@@ -16,6 +16,7 @@ from hypermap.mapping.mapper import MappedFrame
 from hypermap.perception.detections import Detections
 from hypermap.viewer.logs.images import jpeg, millimetres
 from hypermap.viewer.logs.scene import Scene, Shapes, Surface, class_rgb, seen_area, seen_shapes
+from hypermap.web.gate import Gate, hidden_address
 
 try:
     import foxglove
@@ -38,7 +39,7 @@ _NANOSECONDS = 1_000_000_000
 
 
 class FoxgloveLog:
-    """A map, and how it is made, as Foxglove's own messages.
+    """A map, and how it is made, as Foxglove's own messages; no website reads along.
 
     Topics are `/map/LAYER`, `/tf`, `/camera/calibration`, `/camera/color`, `/camera/depth`,
     `/camera/detections` and `/seen`, what the camera's last frame says about the floor. What
@@ -63,15 +64,20 @@ class FoxgloveLog:
         self._context = foxglove.Context()
         self._channels: dict[str, Any] = {}
         self._sink: Any
+        self._gate: Gate | None = None
         try:
             if path is None:
-                self._sink = foxglove.start_server(name=name, port=port, context=self._context)
+                hidden = hidden_address()
+                self._sink = foxglove.start_server(
+                    name=name, host=hidden, port=0, context=self._context
+                )
+                self._gate = Gate("127.0.0.1", port, (hidden, self._sink.port))
             else:
                 self._sink = foxglove.open_mcap(path, allow_overwrite=True, context=self._context)
         except (OSError, RuntimeError) as error:
             where = f"port {port}" if path is None else path
             raise HypermapError(f"{where}: cannot log there: {error}") from None
-        self.url = None if path is not None else f"ws://127.0.0.1:{self._sink.port}"
+        self.url = None if self._gate is None else f"ws://127.0.0.1:{self._gate.port}"
 
     def add_map(self, hypermap: Hypermap, stamp: float | None = None) -> None:
         """Log some or all layers of a map as they are at a time; None if they never change."""
@@ -136,10 +142,11 @@ class FoxgloveLog:
 
     def close(self) -> None:
         """Finish the file, or end the server."""
-        if self.url is None:
+        if self._gate is None:
             self._sink.close()
         else:
             self._sink.stop()
+            self._gate.close()
 
     def _log(self, topic: str, message: Any, stamp: float | None) -> None:
         if topic not in self._channels:

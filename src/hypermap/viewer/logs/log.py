@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Callable
 from pathlib import Path
 from typing import Protocol
 
 from hypermap.core.errors import HypermapError
 from hypermap.core.hypermap import Hypermap
+from hypermap.formats.atomic import file_beside
 from hypermap.mapping.mapper import MappedFrame, Mapper
 
 RERUN_SUFFIX, FOXGLOVE_SUFFIX = ".rrd", ".mcap"
@@ -47,15 +50,45 @@ def open_log(target: str, name: str, frame_id: str = "map") -> MapLog:
     if suffix == RERUN_SUFFIX or target == "rerun":
         from hypermap.viewer.logs.rerun_log import RerunLog
 
-        return RerunLog(Path(target) if suffix else None, name)
+        if not suffix:
+            return RerunLog(None, name)
+        return _LogFile(Path(target), lambda beside: RerunLog(beside, name))
     if suffix == FOXGLOVE_SUFFIX or target == "foxglove":
         from hypermap.viewer.logs.foxglove_log import FoxgloveLog
 
-        return FoxgloveLog(Path(target) if suffix else None, name, frame_id)
+        if not suffix:
+            return FoxgloveLog(None, name, frame_id)
+        return _LogFile(Path(target), lambda beside: FoxgloveLog(beside, name, frame_id))
     raise HypermapError(
         f"{target}: a log is a file ending with .rrd (Rerun) or .mcap (Foxglove), or `rerun` or "
         "`foxglove` to look on while the map is made"
     )
+
+
+class _LogFile:
+    """A log in a file, which replaces an older one when it is finished."""
+
+    def __init__(self, path: Path, begin: Callable[[Path], MapLog]) -> None:
+        self._path = path
+        with contextlib.ExitStack() as opening:
+            self._log = begin(opening.enter_context(file_beside(path)))
+            self._file = opening.pop_all()
+        self.add_map = self._log.add_map
+        self.add_frame = self._log.add_frame
+
+    def close(self) -> None:
+        """Finish the file.
+
+        Raises:
+            HypermapError: If all of it could not be written; the old one stays then.
+        """
+        with self._file:
+            try:
+                self._log.close()
+            except (OSError, RuntimeError) as error:  # whose texts do not tell what the system said
+                raise HypermapError(
+                    f"{self._path}: the log could not be written; is the disk full? ({error})"
+                ) from None
 
 
 class LoggedMapping:

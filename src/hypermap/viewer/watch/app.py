@@ -14,7 +14,7 @@ from starlette.responses import Response, StreamingResponse
 from starlette.routing import Route
 
 from hypermap.core.errors import HypermapError
-from hypermap.viewer.live.guard import Guard, known_hosts
+from hypermap.viewer.live.guard import Guard
 from hypermap.viewer.live.json_text import json_bytes
 from hypermap.viewer.live.page import page_file
 from hypermap.viewer.live.refusals import Refused
@@ -22,6 +22,7 @@ from hypermap.viewer.live.replies import fail, json_reply, json_reply_of, refuse
 from hypermap.viewer.live.requests import whole_number_in
 from hypermap.viewer.watch.history import NoSuchStep
 from hypermap.viewer.watch.run import Heard, Run
+from hypermap.web.hosts import known_hosts
 
 _FOREVER = "private, max-age=31536000, immutable"
 _LISTEN, _STILL_THERE = 0.1, 15.0  # seconds
@@ -32,12 +33,18 @@ class RunApp:
 
     Attributes:
         run: what is shown.
+        token: what its visitors must know.
+        is_private: whether they must.
+        once: tokens that open the page a single time.
         is_closing: set when the server ends, so that windows are not waited for.
         app: what a server of the ASGI standard runs.
     """
 
     def __init__(self, run: Run, host: str = "127.0.0.1") -> None:
         self.run = run
+        self.token = secrets.token_urlsafe(24)
+        self.is_private = True
+        self.once: set[str] = set()
         self.is_closing = False
         self._id = secrets.token_urlsafe(8)
         self.app = Starlette(
@@ -50,9 +57,8 @@ class RunApp:
                 Route("/api/grids/{number}.png", self._grid),
                 Route("/api/events", self._events),
             ],
-            # Nothing can be changed here, so nobody needs to know the token.
             middleware=[
-                Middleware(Guard, hosts=known_hosts(host), token=secrets.token_urlsafe(24))
+                Middleware(Guard, hosts=known_hosts(host), token=self.token, once=self.once)
             ],
             exception_handlers={
                 HypermapError: refuse,

@@ -1,0 +1,178 @@
+"""Several files are saved as one: what a killed save leaves undone is done by whoever comes next.
+
+Before the first of the files is replaced, all lie beside their places, and a journal names them.
+From then on the save stands: whoever finds the journal puts the rest in place. A save without a
+journal has not happened.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import re
+import secrets
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path, PurePosixPath
+from typing import TypeVar
+
+from hypermap.core.errors import FormatError, HypermapError
+from hypermap.formats.locks import turn_to_save
+
+JOURNAL_NAME = ".hypermap-save.json"
+_TOKEN = re.compile(r"[0-9a-f]{16}")
+_MOST_BYTES = 4_000_000
+_TRIES = 20  # to read a map that is saved again and again
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Journal:
+    """Files of a folder that are replaced together.
+
+    Attributes:
+        folder: where they lie.
+        names: of the files, in the order in which they are replaced.
+        token: in the names of what is to replace them.
+    """
+
+    folder: Path
+    names: Sequence[str]
+    token: str = field(default_factory=lambda: secrets.token_hex(8))
+
+    @property
+    def path(self) -> Path:
+        """Where the journal lies."""
+        return self.folder / JOURNAL_NAME
+
+    def moves(self) -> list[tuple[Path, Path]]:
+        """Return each temporary file, and the file that it replaces."""
+        finals = [final_of(self.folder / name) for name in self.names]
+        return [
+            (final.with_name(f".hypermap-{self.token}-{number}.tmp"), final)
+            for number, final in enumerate(finals)
+        ]
+
+    def write(self) -> None:
+        """Make the save stand: from now on it will be completed."""
+        temporary = self.folder / f".hypermap-{self.token}.tmp"
+        try:
+            with temporary.open("xb") as file:
+                file.write(json.dumps({"token": self.token, "names": list(self.names)}).encode())
+                file.flush()
+                os.fsync(file.fileno())
+            temporary.replace(self.path)
+        finally:
+            temporary.unlink(missing_ok=True)
+        flush_folder(self.folder)
+
+    def put_in_place(self) -> None:
+        """Replace all files that are not replaced yet; another may do the same meanwhile.
+
+        Raises:
+            OSError: If one cannot be replaced.
+        """
+        moves = self.moves()
+        for temporary, final in moves:
+            with contextlib.suppress(FileNotFoundError):  # it is in place already
+                temporary.replace(final)
+        for folder in {final.parent for _, final in moves}:
+            flush_folder(folder)
+
+
+def final_of(target: Path) -> Path:
+    """Return what is replaced: a link keeps pointing at the file, which is what changes."""
+    return Path(os.path.realpath(target)) if target.is_symlink() else target
+
+
+def complete_saves(folder: Path) -> None:
+    """Complete a save of several files that was cut off.
+
+    Raises:
+        HypermapError: If that is not possible.
+    """
+    journal = _journal_in(folder)
+    if journal is None:
+        return
+    try:
+        journal.put_in_place()
+        journal.path.unlink(missing_ok=True)
+    except OSError as error:
+        raise HypermapError(
+            f"{folder}: a save was cut off here, and cannot be completed ({error.strerror}): open "
+            "the map once where you may write in this folder"
+        ) from error
+
+
+def read_as_saved(path: Path, read: Callable[[], T]) -> T:
+    """Return what is read from several files, all of the same save.
+
+    Args:
+        path: one of the files, which each save replaces.
+        read: reads them.
+
+    Raises:
+        HypermapError: If a save was cut off and cannot be completed, the files are saved again and
+            again meanwhile, or `read` raises it.
+    """
+    journal = path.parent / JOURNAL_NAME
+    for _ in range(_TRIES):
+        before = _look_at(path)
+        if os.path.lexists(journal):
+            with turn_to_save([path.parent]) as turn:
+                if turn == "busy":
+                    raise HypermapError(f"{path}: is being saved; try again later")
+                complete_saves(path.parent)
+            continue
+        try:
+            value = read()
+        except HypermapError:
+            if not os.path.lexists(journal) and _look_at(path) == before:
+                raise
+            continue
+        if not os.path.lexists(journal) and _look_at(path) == before:
+            return value
+    raise HypermapError(f"{path}: is saved again and again while it is read; try again later")
+
+
+def flush_folder(folder: Path) -> None:
+    """Wait until a rename is on the disk; some file systems cannot say."""
+    with contextlib.suppress(OSError):
+        handle = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(handle)
+        finally:
+            os.close(handle)
+
+
+def _journal_in(folder: Path) -> Journal | None:
+    path = folder / JOURNAL_NAME
+    try:
+        with path.open("rb") as file:
+            document = json.loads(file.read(_MOST_BYTES))
+        token, names = document["token"], [str(name) for name in document["names"]]
+        if not _TOKEN.fullmatch(token) or not all(map(_is_within, names)):
+            raise ValueError
+    except FileNotFoundError:
+        return None
+    except OSError as error:
+        raise HypermapError(f"{path}: cannot be read: {error.strerror}") from error
+    except (ValueError, TypeError, LookupError, RecursionError):
+        raise FormatError("is no journal of a save; delete it", path=path) from None
+    return Journal(folder, names, token)
+
+
+def _is_within(name: str) -> bool:
+    path = PurePosixPath(name)
+    return bool(path.name) and not path.is_absolute() and ".." not in path.parts
+
+
+def _look_at(path: Path) -> tuple[int, int, int] | None:
+    """Return what tells a file from what replaces it."""
+    try:
+        found = path.stat()
+    except (OSError, ValueError):  # whoever reads it says why
+        return None
+    return found.st_mtime_ns, found.st_size, found.st_ino

@@ -1,0 +1,1 @@
+"""Who may ask the servers of this package: by which names, and from which sites."""

@@ -1,0 +1,90 @@
+"""The door before a server: who is let in, and that those who say nothing keep nobody out."""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+import threading
+from collections.abc import Iterator
+
+import pytest
+
+from hypermap.web import gate as module
+from hypermap.web.gate import Gate
+
+ASK = b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n"
+
+
+@pytest.fixture
+def gate() -> Iterator[Gate]:
+    """A door before a server that sends back what it is sent."""
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+
+        def serve(client: socket.socket) -> None:
+            with client, contextlib.suppress(OSError):
+                while piece := client.recv(1 << 16):
+                    client.sendall(piece)
+
+        def accept() -> None:
+            with contextlib.suppress(OSError):
+                while True:
+                    client, _ = listening.accept()
+                    threading.Thread(target=serve, args=(client,), daemon=True).start()
+
+        threading.Thread(target=accept, daemon=True).start()
+        gate = Gate("127.0.0.1", 0, listening.getsockname()[:2])
+        try:
+            yield gate
+        finally:
+            gate.close()
+
+
+def connected(gate: Gate) -> socket.socket:
+    return socket.create_connection(("127.0.0.1", gate.port), timeout=30)
+
+
+def received(client: socket.socket, size: int) -> bytes:
+    found = b""
+    while len(found) < size and (piece := client.recv(1 << 20)):
+        found += piece
+    return found
+
+
+def test_what_is_sent_goes_both_ways_however_much_it_is(gate: Gate) -> None:
+    with connected(gate) as client:
+        client.sendall(ASK)
+        assert received(client, len(ASK)) == ASK
+        many = bytes(range(256)) * 40_000
+        sending = threading.Thread(target=client.sendall, args=(many,))
+        sending.start()
+        assert received(client, len(many)) == many
+        sending.join()
+
+
+def test_those_who_say_nothing_keep_nobody_out(gate: Gate) -> None:
+    with contextlib.ExitStack() as opened, connected(gate) as known:
+        known.sendall(ASK)
+        assert received(known, len(ASK)) == ASK
+        for _ in range(3 * module._MOST_CLIENTS):
+            opened.enter_context(connected(gate)).sendall(b"GET / HT")
+        for client in (opened.enter_context(connected(gate)), known):
+            client.sendall(ASK)
+            assert received(client, len(ASK)) == ASK
+
+
+@pytest.mark.parametrize("said", [b"GET / HT", b"x" * 100_000])
+def test_who_says_nothing_in_time_or_too_much_is_left(
+    gate: Gate, said: bytes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(module, "_HEADER_TIME", 0.2)
+    with connected(gate) as client, contextlib.suppress(ConnectionError):
+        client.sendall(said)
+        assert client.recv(1) == b""
+
+
+def test_a_refused_site_is_told_why(gate: Gate) -> None:
+    with connected(gate) as client:
+        client.sendall(ASK[:-2] + b"Origin: https://evil.example\r\n\r\n")
+        answer = received(client, 1 << 20)
+    assert answer.startswith(b"HTTP/1.1 403 Forbidden\r\n")
+    assert b"--allow-origin https://evil.example" in answer
