@@ -38,7 +38,8 @@ def loop(*, allocates: bool = False, **options: Any) -> Callable[[Function], Fun
         allocates: whether it makes arrays or returns any. Others are called with arrays to fill.
         options: of numba.
     """
-    decorate: Any = njit(**_OPTIONS, _nrt=allocates, **options)
+    options |= _OPTIONS | {"_nrt": allocates}  # "NumPy runtime", numba's name for that count
+    decorate: Any = njit(**options)
 
     def decorated(function: Function) -> Function:
         dispatcher = decorate(function)

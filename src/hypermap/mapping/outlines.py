@@ -45,8 +45,8 @@ class Outline:
         if isinstance(geometry, shapely.Polygon) and not shapely.get_num_interior_rings(geometry):
             points = shapely.get_coordinates(geometry)
             edges = np.empty((max(len(points) - 1, 0), 5))
-            *box, area = _measure_ring(points, edges)
-            return cls(geometry, tuple(box), area, edges)
+            x0, y0, x1, y1, area = _measure_ring(points, edges)
+            return cls(geometry, (x0, y0, x1, y1), area, edges)
         return cls.all_of([geometry])[0]
 
     @classmethod

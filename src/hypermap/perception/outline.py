@@ -51,8 +51,19 @@ def outer_points(
     # A centroid may lie a diagonal from a point of its cell: once for the polygon's corner, once
     # for the point in question.
     edges = _edges(*_sample(rows, some, to_floor), 2 * math.sqrt(2) * voxel_size + ROUNDING)
-    room, outer = np.empty((6, some.shape[1]), np.float32), np.empty((some.size, 3), np.float32)
-    return outer[: _find_outside(rows, some, to_floor, edges, room[:3], *room[3:], outer)]
+    width, outer = some.shape[1], np.empty((some.size, 3), np.float32)
+    count = _find_outside(
+        rows,
+        some,
+        to_floor,
+        edges,
+        points=np.empty((3, width), np.float32),
+        x=np.empty(width, np.float32),
+        y=np.empty(width, np.float32),
+        distances=np.empty(width, np.float32),
+        outer=outer,
+    )
+    return outer[:count]
 
 
 def outer_xy(points_xy: NDArray[np.float64]) -> NDArray[np.float64]:

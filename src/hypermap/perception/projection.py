@@ -96,7 +96,7 @@ def fill_row(rows: Rows, row: int, points: NDArray[np.float32]) -> None:
     else:
         x, y, z, d = points[0], points[1], points[2], depth[row]
         below = below_axis[row]
-        for i in range(uint64(len(d))):  # type: ignore[call-overload]
+        for i in range(uint64(len(d))):
             z[i] = d[i]
             x[i] = right_of_axis[i] * d[i] * per_fx
             y[i] = below * d[i] * per_fy

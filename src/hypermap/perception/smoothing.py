@@ -44,9 +44,10 @@ def smoothed(
     columns -= left
     shape = int(rows.max()) + 1 + radius, int(columns.max()) + 1 + radius
     disparity, means = np.zeros(shape, np.float32), np.empty(shape, np.float32)
-    sums, moved = np.empty((2, shape[1]), np.float32), np.empty_like(points_xyz)
+    totals, counts = np.empty(shape[1], np.float32), np.empty(shape[1], np.float32)
+    moved = np.empty_like(points_xyz)
     across, tolerance = (0,) * (2 * radius + 1), SAME * config.depth_noise
-    _smooth(points_xyz, rows, columns, across, tolerance, disparity, means, *sums, moved)
+    _smooth(points_xyz, rows, columns, across, tolerance, disparity, means, totals, counts, moved)
     return moved
 
 

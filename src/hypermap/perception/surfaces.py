@@ -54,19 +54,26 @@ def find_surfaces(
         camera: intrinsics.
         config: noise and thresholds.
     """
-    disparity = np.empty(valid.shape, np.float32)
+    height, width = valid.shape
+    disparity = np.empty((height, width), np.float32)
     _invert(depth, valid, disparity)
     labels, planes = find_planes(disparity, camera, config)
     tolerance = SAME * config.depth_noise
-    flat = disparity.ravel(), labels.ravel()
-    runs = np.empty((3, disparity.size), np.int32)
-    first_of_row = np.zeros(disparity.shape[0] + 1, np.int64)
     count = _label_rest(
-        *flat, disparity.shape[1], planes, config.max_gap, tolerance, *runs, first_of_row
+        disparity.ravel(),
+        labels.ravel(),
+        width,
+        planes,
+        config.max_gap,
+        tolerance,
+        starts=np.empty(disparity.size, np.int32),
+        ends=np.empty(disparity.size, np.int32),
+        roots=np.empty(disparity.size, np.int32),
+        first_of_row=np.zeros(height + 1, np.int64),
     )
     # The last one is what is no surface, -1; its ends are not counted.
-    sizes, (near, far) = np.zeros(count + 1, np.int64), np.zeros((2, count))
-    above = np.full(disparity.shape[1], -1 - LOST, np.int32)
+    sizes, near, far = np.zeros(count + 1, np.int64), np.zeros(count), np.zeros(count)
+    above = np.full(width, -1 - LOST, np.int32)
     _measure(disparity, labels, above, sizes, near, far, config.max_gap, tolerance)
     sizes, ends = sizes[:count], near + far
     return Surfaces(

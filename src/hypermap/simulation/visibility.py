@@ -38,7 +38,8 @@ def nearest_triangles(
     """
     depths = np.full((height, width), np.inf)
     found = np.full((height, width), -1, dtype=np.int32)
-    _draw(triangles, projection, *np.empty((2, 3, 3)), depths, found)
+    p, planes = np.empty((3, 3)), np.empty((3, 3))
+    _draw(triangles, projection, p, planes, depths, found)
     return depths, found
 
 
