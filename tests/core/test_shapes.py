@@ -11,6 +11,7 @@ from hypermap.core.arrays import as_objects
 from hypermap.core.errors import AreaError
 from hypermap.core.shapes import (
     as_area,
+    box_of,
     can_be_footprints,
     check_footprint,
     repaired,
@@ -50,6 +51,48 @@ def test_only_invalid_shapes_are_replaced() -> None:
     assert given[1] is bad
     alone = given[:1]
     assert valid_copies(alone) is alone
+
+
+def test_shapes_beside_one_too_small_to_compute_with_are_repaired_to_the_last_digit() -> None:
+    tiny = shapely.from_wkt(
+        "POLYGON ((-2e-100 0, -1e-310 0, 3e-310 0, 0 2e-100, -2e-100 0), "
+        "(-2e-320 1e-165, -1e-310 1e-310, 2e-320 2e-320, -2e-320 1e-165))"
+    )
+    bow_tie = shapely.transform(shapely.from_wkt(BOW_TIE), lambda xy: xy / 3)
+    small, fine = valid_copies(as_objects([tiny, bow_tie]))
+    assert small.is_valid
+    assert fine.equals_exact(repaired(bow_tie))
+
+
+@pytest.mark.parametrize("turn", range(4))
+@pytest.mark.parametrize("is_reversed", [False, True])
+def test_a_box_is_known_as_one_whatever_corner_it_begins_with(turn: int, is_reversed: bool) -> None:
+    corners = [(1, 2), (4, 2), (4, 7), (1, 7)]
+    corners = corners[turn:] + corners[:turn]
+    assert box_of(shapely.Polygon(corners[::-1] if is_reversed else corners)) == (1, 2, 4, 7)
+
+
+@pytest.mark.parametrize(
+    "area",
+    [
+        shapely.Point(1, 2),
+        shapely.Polygon(),
+        shapely.Polygon([(0, 0), (2, 0), (0, 2)]),
+        shapely.Polygon([(0, 0), (2, 0), (3, 2), (0, 2)]),
+        shapely.Polygon([(0, 0), (2, 0), (2, 2), (1, 2)]),
+        shapely.Polygon([(0, 1), (2, 0), (2, 2), (0, 2)]),
+        shapely.Polygon([(0, 0), (2, 1), (2, 2), (0, 2)]),
+        shapely.Polygon([(0, 0), (2, 0), (1, 2), (0, 2)]),
+        shapely.from_wkt(BOW_TIE),
+        shapely.box(0, 0, 0, 3),
+        shapely.box(0, 0, 3, 0),
+        shapely.box(-2e9, 0, 1, 1),
+        shapely.box(0, 0, 1, 2e9),
+        shapely.box(0, 0, 9, 9) - shapely.box(1, 1, 2, 2),
+    ],
+)
+def test_another_area_is_no_box(area: shapely.Geometry) -> None:
+    assert box_of(area) is None
 
 
 def test_a_shape_whose_hole_is_as_large_as_itself_becomes_its_outline() -> None:

@@ -12,7 +12,8 @@ from hypermap.core.errors import FrameError
 from hypermap.core.frames import FrameTree, Pose2D, Transform
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.semantic import SemanticLayer
-from hypermap.ros.server.floor_frames import FloorFrames
+from hypermap.core.trajectory import pose_from_rpy
+from hypermap.ros.server.floor_frames import FloorFrames, floor_pose
 
 
 class Tf:
@@ -73,3 +74,15 @@ def test_what_nobody_knows_is_an_error_that_names_both() -> None:
     tf: Any = Tf()
     with pytest.raises(FrameError, match=r"'moon' is unknown to the map, .* tf does not know"):
         FloorFrames(tf).pose(old_map(), "/map", "moon")
+
+
+@pytest.mark.parametrize("roll", [0, math.radians(4.9), math.radians(-4.9)])
+def test_a_frame_that_hardly_leans_is_seen_from_above(roll: float) -> None:
+    pose = floor_pose(pose_from_rpy(3, 4, 5, roll, 0, 2.0), "robot")
+    np.testing.assert_allclose([pose.x, pose.y, pose.yaw], [3, 4, 2.0], atol=0.01)
+
+
+@pytest.mark.parametrize("turn", [(0.1, 0), (0, -0.1), (math.pi, 0), (math.pi / 2, 0)])
+def test_a_frame_that_leans_is_refused(turn: tuple[float, float]) -> None:
+    with pytest.raises(FrameError, match="'camera' is tilted by"):
+        floor_pose(pose_from_rpy(0, 0, 0, *turn, 1.0), "camera")
