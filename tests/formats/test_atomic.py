@@ -29,6 +29,15 @@ def test_a_file_is_replaced_and_keeps_its_permissions(tmp_path: Path) -> None:
     assert names(tmp_path) == ["map.hmap"]
 
 
+def test_saving_leaves_no_file_open(tmp_path: Path) -> None:
+    next_number = os.dup(0)
+    os.close(next_number)
+    write_files(tmp_path, {"a": b"1", "folder/b": b"2"})
+    again = os.dup(0)
+    os.close(again)
+    assert again == next_number
+
+
 def test_a_link_keeps_pointing_at_the_file_that_is_replaced(tmp_path: Path) -> None:
     (tmp_path / "real").mkdir()
     target = tmp_path / "real" / "map.hmap"

@@ -62,7 +62,7 @@ def write_files(folder: str | Path, files: Mapping[str, bytes]) -> None:
     finally:
         for temporary, _ in staged:
             with contextlib.suppress(OSError):
-                temporary.unlink(missing_ok=True)
+                temporary.unlink()
 
 
 def is_folder(path: Path) -> bool:
@@ -87,7 +87,7 @@ def _write_beside(target: Path, content: bytes) -> Path:
             os.fsync(file.fileno())
     except BaseException:
         with contextlib.suppress(OSError):
-            temporary.unlink(missing_ok=True)
+            temporary.unlink()
         raise
     return temporary
 
