@@ -170,6 +170,8 @@ def test_the_window_masks_the_part_of_the_grid_around_the_area() -> None:
     expected = [r * 10 + c for r, c in cells_in(grid, shapely.Polygon([(2, 3), (6, 3), (2, 7)]))]
     assert cells[window.slices][window.inside].tolist() == expected
     assert window.inside.shape == (4, 4)
+    nothing = grid.window_in(shapely.Polygon())
+    assert nothing.inside.shape == cells[nothing.slices].shape == (0, 0)
 
 
 @given(grids, st.none() | areas(), st.integers(1, 60))

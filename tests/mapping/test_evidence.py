@@ -231,11 +231,18 @@ def test_published_shapes_are_up_to_date_even_where_renewal_is_lazy() -> None:
     ],
     ids=["empty", "line", "flat", "bow tie", "infinite"],
 )
-def test_what_is_no_area_is_left_out_and_counted(shape: BaseGeometry) -> None:
+def test_what_is_no_area_is_left_out_and_counted(
+    shape: BaseGeometry, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level("INFO")
     evidence = EvidenceMap(published_all(THESIS))
-    evidence.update(seen(shape, square(0)))
-    assert only(evidence).footprint.equals(square(0))
-    assert evidence.ignored == 1
+    evidence.update(seen(square(0)))
+    assert (evidence.ignored, caplog.messages) == (0, [])
+    for count in (1, 2):
+        evidence.update(seen(shape, square(0)))
+        assert only(evidence).footprint.equals(square(0))
+        assert evidence.ignored == count
+    assert caplog.messages == ["frame 0.000000: shapes without area left out"] * 2
 
 
 def test_frames_without_anything_change_nothing() -> None:

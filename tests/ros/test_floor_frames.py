@@ -48,6 +48,15 @@ def test_a_frame_is_known_without_the_slash_of_old_maps(
     assert tf.asked == []
 
 
+def test_a_frame_that_the_map_has_with_and_without_the_slash_is_the_one_named() -> None:
+    tf: Any = Tf()
+    layers = [SemanticLayer("a", "map"), SemanticLayer("b", "/lab"), SemanticLayer("c", "lab")]
+    poses = {"/lab": Pose2D(1, 2), "lab": Pose2D(3, 4)}
+    tree = FrameTree([Transform("map", name, pose) for name, pose in poses.items()])
+    for name, pose in poses.items():
+        assert FloorFrames(tf).pose(Hypermap(layers, tree), "map", name) == pose
+
+
 def test_tf_is_asked_without_the_slash() -> None:
     tf: Any = Tf()
     pose = FloorFrames(tf, timeout=0.25).pose(old_map(), "/map", "odom", stamp=7)
@@ -82,7 +91,10 @@ def test_a_frame_that_hardly_leans_is_seen_from_above(roll: float) -> None:
     np.testing.assert_allclose([pose.x, pose.y, pose.yaw], [3, 4, 2.0], atol=0.01)
 
 
-@pytest.mark.parametrize("turn", [(0.1, 0), (0, -0.1), (math.pi, 0), (math.pi / 2, 0)])
-def test_a_frame_that_leans_is_refused(turn: tuple[float, float]) -> None:
-    with pytest.raises(FrameError, match="'camera' is tilted by"):
+@pytest.mark.parametrize(
+    ("turn", "degrees"),
+    [((0.1, 0), 6), ((0, -0.1), 6), ((math.pi, 0), 180), ((math.pi / 2, 0), 90)],
+)
+def test_a_frame_that_leans_is_refused(turn: tuple[float, float], degrees: int) -> None:
+    with pytest.raises(FrameError, match=f"'camera' is tilted by {degrees} degrees"):
         floor_pose(pose_from_rpy(0, 0, 0, *turn, 1.0), "camera")
