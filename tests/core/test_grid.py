@@ -163,6 +163,11 @@ def test_an_outline_that_crosses_itself_holds_what_it_winds_around() -> None:
     assert (2, 2) in cells_in(grid, twice_around)
 
 
+def test_a_grid_may_have_more_cells_than_32_bits_can_count() -> None:
+    grid = GridGeometry(2**31, 3, 1e-3)
+    assert cells_in(grid, shapely.Point(*grid.centers([2], [2**31 - 1])[0])) == [(2, 2**31 - 1)]
+
+
 def test_the_window_masks_the_part_of_the_grid_around_the_area() -> None:
     grid = GridGeometry(10, 10, 1.0)
     window = grid.window_in(shapely.Polygon([(2, 3), (6, 3), (2, 7)]))

@@ -55,12 +55,14 @@ def test_only_invalid_shapes_are_replaced() -> None:
 
 def test_shapes_beside_one_too_small_to_compute_with_are_repaired_to_the_last_digit() -> None:
     tiny = shapely.from_wkt(
-        "POLYGON ((-2e-100 0, -1e-310 0, 3e-310 0, 0 2e-100, -2e-100 0), "
-        "(-2e-320 1e-165, -1e-310 1e-310, 2e-320 2e-320, -2e-320 1e-165))"
+        "POLYGON ((-3.455465665045885e-240 -4.814646484771862e-163, 3.780068949868091e-162 "
+        "5.533130070571995e-183, 6.682429073782668e-225 -3.657606209172671e-213, "
+        "-3.455465665045885e-240 -4.814646484771862e-163))"
     )
     bow_tie = shapely.transform(shapely.from_wkt(BOW_TIE), lambda xy: xy / 3)
     small, fine = valid_copies(as_objects([tiny, bow_tie]))
     assert small.is_valid
+    assert repaired(tiny).equals(shapely.Point(0, 0))
     assert fine.equals_exact(repaired(bow_tie))
 
 

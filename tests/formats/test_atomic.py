@@ -90,6 +90,23 @@ def test_files_are_replaced_in_their_order_when_all_are_on_the_disk(
     assert seen == [[b"old"] * 3, [b"new", b"old", b"old"], [b"new", b"new", b"old"]]
 
 
+def test_what_is_saved_is_on_the_disk_contents_first_and_names_last(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    flushed = []
+    fsync = os.fsync
+
+    def note(handle: int) -> None:
+        flushed.append(os.fstat(handle).st_ino)
+        fsync(handle)
+
+    monkeypatch.setattr(os, "fsync", note)
+    write_files(tmp_path, {"a": b"1", "folder/b": b"2"})
+    files, folders = ([tmp_path / "a", tmp_path / "folder/b"], [tmp_path, tmp_path / "folder"])
+    assert flushed[:2] == [file.stat().st_ino for file in files]
+    assert sorted(flushed[2:]) == sorted(folder.stat().st_ino for folder in folders)
+
+
 # A limit on the size of files is the nearest thing to a full disk that needs no rights: the write
 # fails half way with an error of the operating system.
 FULL_DISK = """

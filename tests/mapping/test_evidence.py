@@ -96,6 +96,10 @@ def test_in_the_default_profile_the_edge_of_the_view_and_distant_things_lose_not
     evidence.update(seen(area=square(0, side=1.1)))
     evidence.update(seen(area=square(6, side=3)))  # the camera stands at the origin
     assert [found.existence for found in evidence.objects()] == [1.5, 1.5]
+    elsewhere = np.eye(4)
+    elsewhere[:2, 3] = 6, 3
+    evidence.update(dataclasses.replace(seen(), map_T_camera=elsewhere))
+    assert [found.existence for found in evidence.objects()] == [1.5, 1.2]
 
 
 def test_evidence_goes_to_the_object_it_overlaps_by_a_fifth() -> None:

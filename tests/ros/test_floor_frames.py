@@ -62,6 +62,8 @@ def test_tf_is_asked_without_the_slash() -> None:
     pose = FloorFrames(tf, timeout=0.25).pose(old_map(), "/map", "odom", stamp=7)
     assert pose == Pose2D(3, 4)
     assert tf.asked == [("map", "odom", 7, 0.25)]
+    assert FloorFrames(tf).pose(old_map(), "/map", "odom") == Pose2D(3, 4)
+    assert tf.asked[1:] == [("map", "odom", None, 0.5)]
 
 
 def test_a_turned_frame_of_tf_turns_the_same_way() -> None:
