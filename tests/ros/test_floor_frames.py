@@ -83,8 +83,10 @@ def test_a_turned_frame_of_tf_turns_the_same_way() -> None:
 
 def test_what_nobody_knows_is_an_error_that_names_both() -> None:
     tf: Any = Tf()
-    with pytest.raises(FrameError, match=r"'moon' is unknown to the map, .* tf does not know"):
-        FloorFrames(tf).pose(old_map(), "/map", "moon")
+    for hypermap, known in ((old_map(), "/map, /lab"), (Hypermap(), "none")):
+        message = f"'moon' is unknown to the map, .* frames {known}; tf does not know 'moon'"
+        with pytest.raises(FrameError, match=message):
+            FloorFrames(tf).pose(hypermap, "/map", "moon")
 
 
 @pytest.mark.parametrize("roll", [0, math.radians(4.9), math.radians(-4.9)])
