@@ -12,6 +12,7 @@ from hypermap.core.errors import AreaError
 from hypermap.core.shapes import (
     as_area,
     box_of,
+    can_be_corners,
     can_be_footprints,
     check_footprint,
     repaired,
@@ -115,6 +116,11 @@ def test_areas_keep_all_their_corners_where_they_are_sound() -> None:
         assert as_area(area).equals_exact(area)
 
 
+def test_what_is_no_geometry_is_no_area() -> None:
+    with pytest.raises(TypeError, match="an area must be a shapely geometry, got list"):
+        as_area([BOW_TIE])
+
+
 @pytest.mark.parametrize("size", [1e12, 1e30, 1e60, 1e100])
 @pytest.mark.parametrize(
     ("corners", "share"),  # of the square within 1e9 m
@@ -187,6 +193,21 @@ def test_what_no_object_can_stand_on_is_refused(
 
 def test_a_footprint_may_cross_itself() -> None:
     check_footprint(shapely.from_wkt(BOW_TIE))
+
+
+@pytest.mark.parametrize(
+    ("points", "good"),
+    [
+        ([], True),
+        ([(1e9, -1e9), (-1e9, 1e9)], True),
+        ([(0, 0), (0, 1.1e9)], False),
+        ([(-1.1e9, 0), (0, 0)], False),
+        ([(0, math.nan), (0, 0)], False),
+        ([(0, 0), (-math.inf, 0)], False),
+    ],
+)
+def test_corners_lie_within_all_maps(points: list[tuple[float, float]], good: bool) -> None:
+    assert can_be_corners(np.array(points, dtype=float).reshape(-1, 2)) is good
 
 
 def test_many_shapes_are_judged_as_each_alone() -> None:

@@ -142,6 +142,14 @@ def test_a_slip_of_the_detector_adds_nothing() -> None:
     assert (table.name, table.attributes["evidence"], table.existence) == ("table", 4, 6)
 
 
+def test_without_slips_the_same_shape_of_another_class_is_another_object() -> None:
+    evidence = EvidenceMap(published_all(dataclasses.replace(DEFAULT, slip=1.0)))
+    for _ in range(4):
+        evidence.update(seen(square(0), name="table"))
+    evidence.update(seen(square(0), name="chair"))
+    assert [found.name for found in evidence.objects()] == ["table", "chair"]
+
+
 def test_what_is_like_an_object_of_its_own_class_is_no_slip() -> None:
     evidence = EvidenceMap(published_all(DEFAULT))
     evidence.update(seen(square(0), name="chair"))

@@ -95,6 +95,15 @@ def test_a_frame_that_hardly_leans_is_seen_from_above(roll: float) -> None:
     np.testing.assert_allclose([pose.x, pose.y, pose.yaw], [3, 4, 2.0], atol=0.01)
 
 
+def test_a_rounded_rotation_is_no_tilt() -> None:
+    pose = np.eye(4)
+    pose[2, 2] = 1 + 1e-15
+    assert floor_pose(pose, "robot") == Pose2D()
+    pose[2, 2] = -1 - 1e-15
+    with pytest.raises(FrameError, match="tilted by 180 degrees"):
+        floor_pose(pose, "camera")
+
+
 @pytest.mark.parametrize(
     ("turn", "degrees"),
     [((0.1, 0), 6), ((0, -0.1), 6), ((math.pi, 0), 180), ((math.pi / 2, 0), 90)],
