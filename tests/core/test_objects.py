@@ -104,3 +104,5 @@ def test_columns_from_outside_are_checked(column: str, values: Any, message: str
 
 def test_columns_from_outside_may_have_the_first_and_the_last_id() -> None:
     ObjectTable.of([square("a", 0, 0, id=2**31 - 1), square("b", 0, 0, id=0)]).check()
+    ObjectTable.of([square("a", 0, 0, id=2**31 - 1)]).check()
+    ObjectTable.of([]).check()
