@@ -79,6 +79,8 @@ def test_a_box_is_known_as_one_whatever_corner_it_begins_with(turn: int, is_reve
     "area",
     [
         shapely.Point(1, 2),
+        shapely.LineString(shapely.box(0, 0, 1, 1).exterior),
+        shapely.MultiPoint(shapely.box(0, 0, 1, 1).exterior.coords),
         shapely.Polygon(),
         shapely.Polygon([(0, 0), (2, 0), (0, 2)]),
         shapely.Polygon([(0, 0), (2, 0), (2, 2), (1, 3), (0, 2)]),
