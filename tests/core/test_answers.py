@@ -125,6 +125,16 @@ def test_areas_of_all_sizes_hold_what_meets_them_by_name_or_all(side: float, tur
                 assert layer.find(name, area).tolist() == places.tolist()
 
 
+@pytest.mark.parametrize("begin", range(7))
+def test_a_shape_has_its_corners_whichever_comes_first(begin: int) -> None:
+    corners = [(0.0, 0.0), (3.0, 2.0), (5.0, -1.0), (6.0, 4.0), (3.0, 4.0), (1.0, 6.0), (-1.0, 2.0)]
+    ring = corners[begin:] + corners[:begin]
+    for shape in (shapely.Polygon(ring), shapely.Polygon(ring[::-1])):
+        layer = SemanticLayer("s", "map", [SemanticObject("a", shape)])
+        assert [int(layer.value_at([x, y])[0]) for x, y in corners] == [0] * 7
+        assert layer.value_at([[0.0, -0.1], [3.0, 1.9], [5.0, -1.1]]).tolist() == [-1] * 3
+
+
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
 def test_a_point_that_is_nowhere_is_refused(bad: float) -> None:
     for objects in ([], [SemanticObject("a", shapely.box(0, 0, 1, 1))]):
