@@ -4,47 +4,53 @@ from __future__ import annotations
 
 import numpy as np
 import shapely
-from hypothesis import given
-from hypothesis import strategies as st
+from numpy.typing import NDArray
 
 from hypermap.mapping.known_shapes import KnownShapes
 from hypermap.mapping.outlines import Outline
 
-sides = st.integers(-5, 5), st.integers(-5, 5), st.integers(1, 4), st.integers(1, 4)
-boxes = st.builds(lambda x, y, width, height: (x, y, x + width, y + height), *sides)
-limits = st.builds(lambda x, y, size: (x, y, x + size, y + size), *sides[:2], st.integers(3, 14))
-tables = st.lists(st.tuples(st.integers(0, 2), boxes), max_size=12)
+ROUNDS = 300
 
 
-def known(rows: list[tuple[int, tuple[int, ...]]]) -> KnownShapes:
+def any_boxes(rng: np.random.Generator, count: int, largest: int) -> NDArray[np.int64]:
+    """Whole numbers of which many are equal, so that boxes touch each other."""
+    corners = rng.integers(-4, 5, (count, 2))
+    return np.hstack([corners, corners + rng.integers(1, largest + 1, (count, 2))])
+
+
+def known(classes: NDArray[np.int64], boxes: NDArray[np.int64]) -> KnownShapes:
     shapes = KnownShapes()
-    for class_, box in rows:
-        shapes.append(class_, Outline.of(shapely.box(*box)))
+    for class_, shape in zip(classes.tolist(), shapely.box(*boxes.T), strict=True):
+        shapes.append(class_, Outline.of(shape))
     return shapes
 
 
-@given(tables, boxes, st.none() | st.integers(0, 3))
-def test_near_is_what_touches_the_box_and_is_of_the_class(rows, box, class_) -> None:
-    asked = shapely.box(*box)
-    expected = [
-        row
-        for row, (its_class, its_box) in enumerate(rows)
-        if class_ in (None, its_class) and shapely.intersects(shapely.box(*its_box), asked)
-    ]
-    assert known(rows).near(class_, box) == expected
+def test_near_is_what_touches_the_box_and_is_of_the_class() -> None:
+    rng = np.random.default_rng(1)
+    for _ in range(ROUNDS):
+        classes, boxes, (asked,) = rng.integers(0, 3, 8), any_boxes(rng, 8, 3), any_boxes(rng, 1, 3)
+        touches = shapely.intersects(shapely.box(*boxes.T), shapely.box(*asked))
+        shapes, box = known(classes, boxes), tuple(asked.tolist())
+        assert shapes.near(None, box) == np.flatnonzero(touches).tolist()
+        for class_ in range(4):
+            expected = np.flatnonzero(touches & (classes == class_))
+            assert shapes.near(class_, box) == expected.tolist()
 
 
-@given(tables, limits, st.integers(-5, 5), st.integers(-5, 5), st.integers(0, 6))
-def test_within_is_what_lies_inside_and_has_its_middle_in_range(rows, inside, x, y, far) -> None:
-    middles = [((x0 + x1) / 2, (y0 + y1) / 2) for _, (x0, y0, x1, y1) in rows]
-    covers = [shapely.covers(shapely.box(*inside), shapely.box(*box)) for _, box in rows]
-    is_near = [np.hypot(a - x, b - y) <= far for a, b in middles]
-    expected = [row for row in range(len(rows)) if covers[row] and is_near[row]]
-    assert known(rows).within(inside, np.array([x, y]), float(far)) == expected
+def test_within_is_what_lies_inside_and_has_its_middle_in_range() -> None:
+    rng = np.random.default_rng(2)
+    for _ in range(ROUNDS):
+        boxes, (limits,) = any_boxes(rng, 8, 3), any_boxes(rng, 1, 12)
+        position, far = rng.integers(-4, 5, 2), rng.integers(0, 11) / 2
+        is_inside = shapely.covers(shapely.box(*limits), shapely.box(*boxes.T))
+        away = (boxes[:, :2] + boxes[:, 2:]) / 2 - position
+        expected = np.flatnonzero(is_inside & (np.hypot(*away.T) <= far))
+        shapes = known(np.zeros(8, dtype=np.int64), boxes)
+        assert shapes.within(tuple(limits.tolist()), position, far) == expected.tolist()
 
 
 def test_the_rows_behind_one_that_is_removed_move_up() -> None:
-    shapes = known([(0, (0, 0, 1, 1)), (1, (2, 0, 3, 1)), (2, (4, 0, 5, 1))])
+    shapes = known(np.arange(3), np.array([[0, 0, 1, 1], [2, 0, 3, 1], [4, 0, 5, 1]]))
     shapes.heights[2] = 0.5, 0.75
     shapes.keep(np.array([True, False, True]))
     assert len(shapes) == 2
