@@ -118,6 +118,12 @@ def test_areas_keep_all_their_corners_where_they_are_sound() -> None:
         assert as_area(area).equals_exact(area)
 
 
+def test_areas_whose_outline_crosses_itself_are_repaired() -> None:
+    area = as_area(shapely.from_wkt(BOW_TIE))
+    assert area.is_valid
+    assert area.area == 2
+
+
 def test_what_is_no_geometry_is_no_area() -> None:
     with pytest.raises(TypeError, match="an area must be a shapely geometry, got list"):
         as_area([BOW_TIE])

@@ -29,6 +29,13 @@ def test_a_file_is_replaced_and_keeps_its_permissions(tmp_path: Path) -> None:
     assert names(tmp_path) == ["map.hmap"]
 
 
+def test_folders_below_are_made_and_may_be_there_already(tmp_path: Path) -> None:
+    for content in (b"1", b"2"):
+        write_files(tmp_path, {"one/two/a": content, "one/b": content})
+        assert (tmp_path / "one/two/a").read_bytes() == content
+        assert (tmp_path / "one/b").read_bytes() == content
+
+
 def test_saving_leaves_no_file_open(tmp_path: Path) -> None:
     next_number = os.dup(0)
     os.close(next_number)

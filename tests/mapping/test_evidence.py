@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -150,6 +151,20 @@ def test_objects_that_grow_into_each_other_are_combined_in_the_default_profile()
         evidence.update(seen(whole))
     assert only(evidence).id == 0
     assert only(evidence).attributes["evidence"] == 5
+
+
+@pytest.mark.parametrize(("combine", "count"), [("matches", 2), ("overlapping", 1)])
+def test_an_object_that_grows_over_another_takes_it_in_as_configured(
+    combine: Literal["matches", "overlapping"], count: int
+) -> None:
+    config = dataclasses.replace(
+        THESIS, association="overlap", min_overlap=0.2, fusion="convex_hull", combine=combine
+    )
+    evidence = EvidenceMap(published_all(config))
+    within = shapely.box(2, 1.2, 2.6, 1.8)  # meets neither of two shapes whose hull covers it
+    for shape in (shapely.box(0, 0, 4, 1), within, shapely.box(0, 0, 1, 3)):
+        evidence.update(seen(shape, area=NOWHERE))
+    assert len(evidence) == count
 
 
 def test_best_shape_and_hull_of_three_shapes() -> None:

@@ -246,9 +246,18 @@ def test_footprints_that_show_a_part_are_not_aligned() -> None:
     assert moves == pytest.approx(np.array([[0.02, 0], [0, 0], [-0.04, 0], [0, 0]]))
 
 
-def test_drifting_footprints_are_aligned_before_they_vote() -> None:
-    shapes = [square(x, side=0.09) for x in (0.0, 0.03, -0.03, 0.05, -0.05)]
-    assert iou(votes(pile(*shapes), CONFIG), square(0, side=0.09)) > 0.7
+@pytest.mark.parametrize("along", [(1, 0), (0, 1), (1, -1)])
+def test_drifting_footprints_are_aligned_before_they_vote(along: tuple[int, int]) -> None:
+    drifts = (0.0, 0.03, -0.03, 0.05, -0.05)
+    shapes = [square(along[0] * far, along[1] * far, side=0.1) for far in drifts]
+    assert iou(votes(pile(*shapes), CONFIG), square(0, side=0.1)) > 0.95
+    apart = votes(pile(*shapes), dataclasses.replace(CONFIG, align=0.0))
+    assert iou(apart, square(0, side=0.1)) < 0.7
+
+
+def test_votes_are_as_fine_far_away_from_where_the_map_begins() -> None:
+    for x, y in [(50, 70), (-30, 40), (5, -8)]:
+        assert iou(votes(pile(square(x, y)), CONFIG), square(x, y)) > 0.95
 
 
 @given(st.lists(st.tuples(st.floats(-0.3, 0.3), st.floats(-0.3, 0.3)), min_size=1, max_size=12))
