@@ -398,6 +398,7 @@ def test_an_object_says_what_it_is_and_where() -> None:
 
 
 def test_a_layer_is_a_collection_of_its_objects_by_id() -> None:
+    assert all(number in desk() for number in (7, 8, 9, 10, 2))
     layer = desk()
     assert [item.id for item in layer] == [7, 8, 9, 10, 2]
     assert layer[8].name == "cup"

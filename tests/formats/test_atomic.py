@@ -104,7 +104,9 @@ def test_what_is_saved_is_on_the_disk_contents_first_and_names_last(
     fsync = os.fsync
 
     def note(handle: int) -> None:
-        flushed.append(os.fstat(handle).st_ino)
+        status = os.fstat(handle)
+        assert stat.S_ISDIR(status.st_mode) or status.st_size == 1  # all of it was handed over
+        flushed.append(status.st_ino)
         fsync(handle)
 
     monkeypatch.setattr(os, "fsync", note)
