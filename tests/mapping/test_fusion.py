@@ -246,6 +246,13 @@ def test_footprints_that_show_a_part_are_not_aligned() -> None:
     assert moves == pytest.approx(np.array([[0.02, 0], [0, 0], [-0.04, 0], [0, 0]]))
 
 
+def test_a_footprint_well_below_the_area_of_most_is_a_part() -> None:
+    areas = np.array([1.5, 2.0, 4.0])  # a quarter of such areas exceed 3; 0.6 of it is 1.8
+    centroids = np.array([[0.0, 0.0], [0.02, 0.01], [0.06, 0.03]])
+    moves = aligning_moves(areas, centroids, np.ones(3), 0.1)
+    assert moves == pytest.approx(np.array([[0, 0], [0, 0], [-0.04, -0.02]]))
+
+
 @pytest.mark.parametrize("along", [(1, 0), (0, 1), (1, -1)])
 def test_drifting_footprints_are_aligned_before_they_vote(along: tuple[int, int]) -> None:
     drifts = (0.0, 0.03, -0.03, 0.05, -0.05)
