@@ -105,20 +105,34 @@ def test_answers_are_those_of_looking_at_each_object(
 
 @pytest.mark.parametrize("side", [0.7, 3, 11, 45])
 @pytest.mark.parametrize("turn", [0, 30])
-def test_areas_of_all_sizes_hold_what_meets_them(side: float, turn: float) -> None:
+def test_areas_of_all_sizes_hold_what_meets_them_by_name_or_all(side: float, turn: float) -> None:
     rng = np.random.default_rng(5)
     centers, sizes = rng.uniform(0, 50, (2000, 2)), rng.choice([0.2, 0.8, 4, 15], 2000)
     shapes = shapely.buffer(shapely.points(centers), sizes, quad_segs=2)
-    layer = SemanticLayer("s", "map", [SemanticObject("a", shape) for shape in shapes])
+    named = zip("abc" * 667, shapes, strict=False)
+    layer = SemanticLayer("s", "map", [SemanticObject(name, shape) for name, shape in named])
     moved = shapely.transform(shapes[7], lambda xy: xy + 3)
-    for x, y in rng.uniform(-5, 50, (12, 2)):
-        area = shapely.affinity.rotate(shapely.box(x, y, x + side, y + side), turn)
-        assert layer.values_in(area).values.tolist() == expected_in(layer, area)
-    layer.update(7, SemanticObject("b", moved))
-    layer.remove([9])
-    for x, y in rng.uniform(-5, 50, (12, 2)):
-        area = shapely.affinity.rotate(shapely.box(x, y, x + side, y + side), turn)
-        assert layer.values_in(area).values.tolist() == expected_in(layer, area)
+    for is_changed in (False, True):
+        if is_changed:
+            layer.update(7, SemanticObject("b", moved))
+            layer.remove([9])
+        for x, y in rng.uniform(-5, 50, (12, 2)):
+            area = shapely.affinity.rotate(shapely.box(x, y, x + side, y + side), turn)
+            assert layer.values_in(area).values.tolist() == expected_in(layer, area)
+            held = layer.labels_in(area)
+            for name in "abcd":
+                places = held.points_xy[held.values == name]
+                assert layer.find(name, area).tolist() == places.tolist()
+
+
+@pytest.mark.parametrize("begin", range(7))
+def test_a_shape_has_its_corners_whichever_comes_first(begin: int) -> None:
+    corners = [(0.0, 0.0), (3.0, 2.0), (5.0, -1.0), (6.0, 4.0), (3.0, 4.0), (1.0, 6.0), (-1.0, 2.0)]
+    ring = corners[begin:] + corners[:begin]
+    for shape in (shapely.Polygon(ring), shapely.Polygon(ring[::-1])):
+        layer = SemanticLayer("s", "map", [SemanticObject("a", shape)])
+        assert [int(layer.value_at([x, y])[0]) for x, y in corners] == [0] * 7
+        assert layer.value_at([[0.0, -0.1], [3.0, 1.9], [5.0, -1.1]]).tolist() == [-1] * 3
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])

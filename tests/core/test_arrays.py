@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import shapely
 
-from hypermap.core.arrays import as_objects, as_point_xy, as_points_xy, true_in
+from hypermap.core.arrays import as_objects, as_point_xy, as_points_xy, single_xy, true_in
 
 
 @pytest.mark.parametrize(
@@ -90,6 +90,22 @@ def test_one_point_may_be_given_flat_or_as_a_row() -> None:
 def test_none_or_two_are_not_one_point(points: Any) -> None:
     with pytest.raises(ValueError, match=f"expected a single point, got {len(points)}"):
         as_point_xy(points)
+
+
+@pytest.mark.parametrize("points", [[1.0, 2.0], ((1.0, 2.0),), np.array([1, 2]) / 1, np.eye(2)[:1]])
+def test_a_single_point_is_told_at_once(points: Any) -> None:
+    assert single_xy(points) == tuple(as_point_xy(points).tolist())
+
+
+@pytest.mark.parametrize(
+    "points",
+    [
+        [np.nan, 1.0], [1.0, np.inf], [[1.0, np.nan]], [1, 2], ["1", 2.0], [1.0, "2"], [1.0],
+        [1.0, 2.0, 3.0], [[1.0], [2.0]], [[[1.0, 2.0]]], [], np.zeros((2, 2)), HERE, "ab",
+    ],
+)  # fmt: skip
+def test_of_other_points_nothing_is_said_at_once(points: Any) -> None:
+    assert single_xy(points) is None
 
 
 def test_sequences_stay_single_elements_of_an_object_array() -> None:

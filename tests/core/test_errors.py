@@ -34,6 +34,12 @@ def test_messages_name_the_place_and_the_remedy(error: HypermapError, message: s
     assert str(error) == message
 
 
+def test_what_is_wrong_in_which_file_can_be_asked_for() -> None:
+    error = FormatError("is wrong", path="a.hmap", key="file")
+    assert (error.path, error.key) == ("a.hmap", "file")
+    assert (FormatError("is wrong").path, FormatError("is wrong").key) == (None, None)
+
+
 @pytest.mark.parametrize(
     ("error", "builtin"),
     [

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from hypermap.core.arrays import as_objects
@@ -25,6 +25,7 @@ def test_a_pose_takes_points_of_the_child_to_the_parent(child, parent) -> None:
 
 
 @given(poses, points())
+@example(Pose2D(1.0, 2.0, 1.0), np.array([[3.0, 4.0]]))
 def test_a_pose_does_what_its_matrix_does(pose: Pose2D, xy: np.ndarray) -> None:
     homogeneous = np.column_stack([xy, np.ones(len(xy))])
     np.testing.assert_allclose(pose.apply(xy), (homogeneous @ pose.matrix().T)[:, :2], atol=1e-9)

@@ -7,7 +7,7 @@ from unittest import mock
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from shapely.geometry.base import BaseGeometry
 
@@ -163,6 +163,24 @@ def test_an_outline_that_crosses_itself_holds_what_it_winds_around() -> None:
     assert (2, 2) in cells_in(grid, twice_around)
 
 
+quarters = st.tuples(st.integers(-2, 22), st.integers(-2, 18))
+
+
+@given(st.lists(quarters, min_size=3, max_size=6))
+@example([(2, 2), (14, 2), (14, 12), (10, 12), (10, 8), (2, 8)])  # level between two rows
+def test_corners_and_edges_may_lie_on_centres_and_between(corners: list[tuple[int, int]]) -> None:
+    grid = GridGeometry(5, 4, 1.0)
+    ring = shapely.Polygon(corners)
+    area = shapely.transform(ring if ring.is_valid else ring.convex_hull, lambda xy: xy / 4)
+    assert cells_in(grid, area) == cells_in_by_brute_force(grid, area)
+
+
+def test_a_grid_may_have_more_cells_than_32_bits_can_count() -> None:
+    grid = GridGeometry(2**31, 3, 1e-3)
+    ends = [(0, 0), (2, 2**31 - 1)]
+    assert cells_in(grid, shapely.MultiPoint(grid.centers([0, 2], [0, 2**31 - 1]))) == ends
+
+
 def test_the_window_masks_the_part_of_the_grid_around_the_area() -> None:
     grid = GridGeometry(10, 10, 1.0)
     window = grid.window_in(shapely.Polygon([(2, 3), (6, 3), (2, 7)]))
@@ -170,6 +188,8 @@ def test_the_window_masks_the_part_of_the_grid_around_the_area() -> None:
     expected = [r * 10 + c for r, c in cells_in(grid, shapely.Polygon([(2, 3), (6, 3), (2, 7)]))]
     assert cells[window.slices][window.inside].tolist() == expected
     assert window.inside.shape == (4, 4)
+    nothing = grid.window_in(shapely.Polygon())
+    assert nothing.inside.shape == cells[nothing.slices].shape == (0, 0)
 
 
 @given(grids, st.none() | areas(), st.integers(1, 60))

@@ -293,8 +293,19 @@ def test_the_nearest_objects_of_all_layers_come_first() -> None:
         found[0].object.footprint.symmetric_difference(shapely.box(8.5, 2.5, 9.5, 3.5)).area < 1e-9
     )
     np.testing.assert_allclose(found[0].point_xy, [9, 3])
+    from_hall = near_building().nearest("chair", [-1, 0], k=2)  # whose layer comes after the lab's
+    assert ids(from_hall) == [("hall", 0), ("lab", 3)]
+    assert ids(near_building().nearest("chair", [-1, 0])) == [("hall", 0)]
     in_hall = near_building().nearest("chair", [9, 2.5], k=3, layer="hall")
     assert ids(in_hall) == [("hall", 0)]
+
+
+def test_of_objects_equally_near_to_a_place_the_one_with_the_nearer_centroid_comes_first() -> None:
+    boxes = [shapely.box(0, 0, 9, 9), shapely.box(0, 0, 3, 3), shapely.box(0, 0, 5, 5)]
+    room = SemanticLayer("room", "map", [SemanticObject("rug", box) for box in boxes])
+    found = Hypermap([room]).objects("rug", near=[1, 1])
+    assert ids(found) == [("room", 1), ("room", 2), ("room", 0)]
+    assert [item.distance for item in found] == [0, 0, 0]
 
 
 def test_the_nearest_cells_of_a_grid_are_places_without_an_object() -> None:

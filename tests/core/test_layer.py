@@ -3,7 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hypermap.core.layer import Hits
+from hypermap.core.layer import Hits, Layer
+from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.semantic import SemanticLayer
 
 
@@ -21,6 +22,13 @@ def test_a_layer_needs_a_name_and_a_frame(name: str, frame_id: str, message: str
     with pytest.raises(ValueError) as caught:
         SemanticLayer(name, frame_id)
     assert str(caught.value) == message
+
+
+@pytest.mark.parametrize("k", [0, -1])
+@pytest.mark.parametrize("kind", [SemanticLayer, OccupancyLayer])
+def test_the_nearest_of_none_is_an_error_in_any_layer(kind: type[Layer], k: int) -> None:
+    with pytest.raises(ValueError, match=f"k must be at least 1, got {k}"):
+        kind("rooms", "map").nearest("occupied", [0, 0], k)
 
 
 def test_a_layer_keeps_its_own_copy_of_the_settings() -> None:

@@ -117,6 +117,9 @@ def test_the_last_zone_counts_where_zones_overlap() -> None:
     assert mask.value_at(at).tolist() == [80, 30, 30]
     mask = draw_mask(Hypermap([floor(), layer]), zones[::-1], outside=0)
     assert mask.value_at(at).tolist() == [80, 80, 30]
+    zones = [Zone("desk"), Zone("plant", value=0)]  # free again
+    mask = draw_mask(Hypermap([floor(), layer]), zones, outside=50)
+    assert mask.value_at([*at, [0.25, 0.25]]).tolist() == [100, 0, 0, 50]
 
 
 def test_a_rotated_grid_gives_an_upright_mask_around_it() -> None:

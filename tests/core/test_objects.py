@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Any
 
@@ -25,6 +26,36 @@ def test_everything_that_an_object_holds_comes_back_from_the_table() -> None:
     assert table.names.tolist() == ["cup", "cup", "ring"]
     assert table.ids.tolist() == [4, 1, 2**31 - 1]
     assert table.take(np.array([2, 0])).names.tolist() == ["ring", "cup"]
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"name": 3}, "an object's name must be text, got 3"),
+        ({"id": -1}, "an object's id must lie between 0 and 2147483647, got -1"),
+        ({"id": 2**31}, "an object's id must lie between 0 and 2147483647, got 2147483648"),
+        ({"id": 1.0}, "an object's id must be an integer, got 1.0"),
+        ({"id": True}, "an object's id must be an integer, got True"),
+        ({"tags": "cup"}, "tags must be several texts, got the text 'cup'"),
+        ({"confidence": [0.5, math.nan]}, "confidence must be finite, got (0.5, nan)"),
+        ({"existence": math.inf}, "existence must be finite, got inf"),
+        ({"first_seen": math.nan}, "first_seen must be finite, got nan"),
+        ({"last_seen": -math.inf}, "last_seen must be finite, got -inf"),
+    ],
+)
+def test_what_no_object_can_hold_is_refused(wrong: dict[str, Any], message: str) -> None:
+    with pytest.raises((ValueError, TypeError)) as caught:
+        SemanticObject(**{"name": "cup", "footprint": shapely.box(0, 0, 1, 1), **wrong})
+    assert str(caught.value) == message
+
+
+def test_an_object_may_have_the_first_and_the_last_id_and_keeps_tuples() -> None:
+    for number in (0, np.int64(2**31 - 1)):
+        cup = square("cup", 0, 0, tags=["cup", "mug"], confidence=[0.5, 0.25]).with_id(number)
+        assert (cup.id, cup.tags, cup.confidence) == (number, ("cup", "mug"), (0.5, 0.25))
+        assert cup.with_id(number) is cup
+        with pytest.raises(ValueError, match="id must lie between"):
+            cup.with_id(2**31)
 
 
 @given(
@@ -69,3 +100,9 @@ def test_columns_from_outside_are_checked(column: str, values: Any, message: str
     table.check()
     with pytest.raises((ValueError, TypeError), match=message):
         replace(table, **{column: values}).check()
+
+
+def test_columns_from_outside_may_have_the_first_and_the_last_id() -> None:
+    ObjectTable.of([square("a", 0, 0, id=2**31 - 1), square("b", 0, 0, id=0)]).check()
+    ObjectTable.of([square("a", 0, 0, id=2**31 - 1)]).check()
+    ObjectTable.of([]).check()

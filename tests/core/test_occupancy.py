@@ -92,6 +92,7 @@ def test_the_nearest_cells_come_by_rows_where_they_are_equally_near() -> None:
     places, distances = MIXED.nearest("Unknown", [1.5, 1.0], k=3)
     assert places.tolist() == [[1.5, 1.5], [0.5, 0.5], [2.5, 0.5]]
     np.testing.assert_allclose(distances, [0.5, math.hypot(1, 0.5), math.hypot(1, 0.5)])
+    assert MIXED.nearest("Unknown", [1.5, 1.0])[0].tolist() == [[1.5, 1.5]]
 
 
 @given(occupancy_layers(), points())

@@ -40,6 +40,15 @@ def test_the_nearest_other_is_that_of_measuring_all(limit: float) -> None:
         np.testing.assert_array_equal(found, expected)
 
 
+def test_of_one_other_alone_the_distances_of_centroids_decide() -> None:
+    rows = np.arange(4)
+    one = placed(SHAPES, rows).centroid_distances_to(placed(SHAPES, np.array([2])))
+    np.testing.assert_allclose(one, [0.5, 0.5, 0, np.hypot(5, 6)])
+    for others in ([], [0, 2]):
+        none = placed(SHAPES, rows).centroid_distances_to(placed(SHAPES, np.array(others, int)))
+        assert none.tolist() == [0, 0, 0, 0]
+
+
 def test_no_table_of_all_pairs_is_made() -> None:
     corners = np.random.default_rng(1).uniform(0, 300, (3000, 2))
     things = placed(np.asarray(shapely.box(*corners.T, *(corners.T + 0.5))), np.arange(3000))

@@ -132,6 +132,11 @@ def test_of_equally_near_objects_the_one_with_the_nearer_centroid_comes_first() 
     assert [x.id for x in layer.nearest_objects("rug", [-0.5, 0], 2)[0]] == [0, 1]
 
 
+def test_one_object_is_the_nearest_unless_more_are_asked_for() -> None:
+    assert [item.id for item in desk().nearest_objects("chair", [3, 0.25])[0]] == [9]
+    assert len(desk().nearest("chair", [3, 0.25])[0]) == 1
+
+
 def test_the_nearest_of_none_is_an_error() -> None:
     with pytest.raises(ValueError, match="k must be at least 1, got 0"):
         desk().nearest_objects("chair", [0, 0], 0)
@@ -393,6 +398,7 @@ def test_an_object_says_what_it_is_and_where() -> None:
 
 
 def test_a_layer_is_a_collection_of_its_objects_by_id() -> None:
+    assert all(number in desk() for number in (7, 8, 9, 10, 2))
     layer = desk()
     assert [item.id for item in layer] == [7, 8, 9, 10, 2]
     assert layer[8].name == "cup"

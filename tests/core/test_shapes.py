@@ -11,6 +11,8 @@ from hypermap.core.arrays import as_objects
 from hypermap.core.errors import AreaError
 from hypermap.core.shapes import (
     as_area,
+    box_of,
+    can_be_corners,
     can_be_footprints,
     check_footprint,
     repaired,
@@ -52,6 +54,58 @@ def test_only_invalid_shapes_are_replaced() -> None:
     assert valid_copies(alone) is alone
 
 
+def test_shapes_beside_one_too_small_to_compute_with_are_repaired_to_the_last_digit() -> None:
+    tiny = shapely.from_wkt(
+        "POLYGON ((-3.455465665045885e-240 -4.814646484771862e-163, 3.780068949868091e-162 "
+        "5.533130070571995e-183, 6.682429073782668e-225 -3.657606209172671e-213, "
+        "-3.455465665045885e-240 -4.814646484771862e-163))"
+    )
+    bow_tie = shapely.transform(shapely.from_wkt(BOW_TIE), lambda xy: xy / 3)
+    small, fine = valid_copies(as_objects([tiny, bow_tie]))
+    assert small.is_valid
+    assert repaired(tiny).equals(shapely.Point(0, 0))
+    assert fine.equals_exact(repaired(bow_tie))
+
+
+@pytest.mark.parametrize("turn", range(4))
+@pytest.mark.parametrize("is_reversed", [False, True])
+def test_a_box_is_known_as_one_whatever_corner_it_begins_with(turn: int, is_reversed: bool) -> None:
+    corners = [(1, 2), (4, 2), (4, 7), (1, 7)]
+    corners = corners[turn:] + corners[:turn]
+    assert box_of(shapely.Polygon(corners[::-1] if is_reversed else corners)) == (1, 2, 4, 7)
+
+
+@pytest.mark.parametrize(
+    "area",
+    [
+        shapely.Point(1, 2),
+        shapely.LineString(shapely.box(0, 0, 1, 1).exterior),
+        shapely.MultiPoint(shapely.box(0, 0, 1, 1).exterior.coords),
+        shapely.Polygon(),
+        shapely.Polygon([(0, 0), (2, 0), (0, 2)]),
+        shapely.Polygon([(0, 0), (2, 0), (2, 2), (1, 3), (0, 2)]),
+        shapely.from_wkt(BOW_TIE),
+        shapely.box(0, 0, 0, 3),
+        shapely.box(0, 0, 3, 0),
+        shapely.box(-2e9, 0, 1, 1),
+        shapely.box(0, 0, 1, 2e9),
+        shapely.box(0, 0, 9, 9) - shapely.box(1, 1, 2, 2),
+    ],
+)
+def test_another_area_is_no_box(area: shapely.Geometry) -> None:
+    assert box_of(area) is None
+
+
+@pytest.mark.parametrize("turn", range(4))
+@pytest.mark.parametrize("moved", range(4))
+@pytest.mark.parametrize("by", [(0, 1), (1, 0), (0, -1), (-1, 0), (1, 1)])
+def test_a_box_with_one_corner_moved_is_none(moved: int, by: tuple[int, int], turn: int) -> None:
+    corners = np.array([(0, 0), (3, 0), (3, 3), (0, 3)])
+    corners[moved] += by
+    for ring in (np.roll(corners, turn, axis=0), np.roll(corners, turn, axis=0)[::-1]):
+        assert box_of(shapely.Polygon(ring)) is None
+
+
 def test_a_shape_whose_hole_is_as_large_as_itself_becomes_its_outline() -> None:
     ring = [(0, 0), (0, 1), (1, 0), (0, 0)]
     (valid,) = valid_copies(as_objects([shapely.Polygon(ring, [ring])]))
@@ -62,6 +116,17 @@ def test_a_shape_whose_hole_is_as_large_as_itself_becomes_its_outline() -> None:
 def test_areas_keep_all_their_corners_where_they_are_sound() -> None:
     for area in (shapely.box(0, 0, 1, 1), shapely.Polygon(), shapely.Point(1, 2)):
         assert as_area(area).equals_exact(area)
+
+
+def test_areas_whose_outline_crosses_itself_are_repaired() -> None:
+    area = as_area(shapely.from_wkt(BOW_TIE))
+    assert area.is_valid
+    assert area.area == 2
+
+
+def test_what_is_no_geometry_is_no_area() -> None:
+    with pytest.raises(TypeError, match="an area must be a shapely geometry, got list"):
+        as_area([BOW_TIE])
 
 
 @pytest.mark.parametrize("size", [1e12, 1e30, 1e60, 1e100])
@@ -138,6 +203,21 @@ def test_a_footprint_may_cross_itself() -> None:
     check_footprint(shapely.from_wkt(BOW_TIE))
 
 
+@pytest.mark.parametrize(
+    ("points", "good"),
+    [
+        ([], True),
+        ([(1e9, -1e9), (-1e9, 1e9)], True),
+        ([(0, 0), (0, 1.1e9)], False),
+        ([(-1.1e9, 0), (0, 0)], False),
+        ([(0, math.nan), (0, 0)], False),
+        ([(0, 0), (-math.inf, 0)], False),
+    ],
+)
+def test_corners_lie_within_all_maps(points: list[tuple[float, float]], good: bool) -> None:
+    assert can_be_corners(np.array(points, dtype=float).reshape(-1, 2)) is good
+
+
 def test_many_shapes_are_judged_as_each_alone() -> None:
     many = as_objects(
         [
@@ -148,6 +228,8 @@ def test_many_shapes_are_judged_as_each_alone() -> None:
             shapely.Polygon([(0, 0, 1), (1, 0, 1), (1, 1, 1)]),
             shapely.Polygon(),
             shapely.Point(0, 0),
+            shapely.MultiPoint([(0, 0), (1, 1)]),
+            shapely.GeometryCollection([shapely.box(0, 0, 1, 1)]),
             None,
         ]
     )
@@ -157,4 +239,4 @@ def test_many_shapes_are_judged_as_each_alone() -> None:
         else:
             with pytest.raises((ValueError, TypeError)):
                 check_footprint(shape)
-    assert can_be_footprints(many).tolist() == [True] * 2 + [False] * 6
+    assert can_be_footprints(many).tolist() == [True] * 2 + [False] * 8

@@ -126,6 +126,16 @@ def test_changes_of_a_large_layer_write_behind_its_table_and_copy_nothing() -> N
     assert layer.names.tolist() == ["a"] * 3900 + ["c"] * 100 + ["d"] * 700
 
 
+def test_an_object_that_is_updated_again_and_again_stays_in_its_place() -> None:
+    layer = SemanticLayer("s", "map", [square("a", 3 * i, 0) for i in range(4000)])
+    for number in (7, 9):
+        for name in "bcd":
+            layer.update(number, square(name, 3 * number, 5))
+            assert layer.ids.tolist() == list(range(4000))
+            assert layer.names[number] == name
+            assert layer.find("a").shape == (3999 if number == 7 else 3998, 2)
+
+
 def test_the_nearest_are_the_same_as_by_measuring_all() -> None:
     rng = np.random.default_rng(3)
     sizes = rng.choice([0.3, 1, 12], 600)

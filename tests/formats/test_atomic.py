@@ -35,6 +35,22 @@ def test_a_file_is_replaced_and_keeps_its_permissions(tmp_path: Path) -> None:
     assert names(tmp_path) == ["map.hmap"]
 
 
+def test_folders_below_are_made_and_may_be_there_already(tmp_path: Path) -> None:
+    for content in (b"1", b"2"):
+        write_files(tmp_path, {"one/two/a": content, "one/b": content})
+        assert (tmp_path / "one/two/a").read_bytes() == content
+        assert (tmp_path / "one/b").read_bytes() == content
+
+
+def test_saving_leaves_no_file_open(tmp_path: Path) -> None:
+    next_number = os.dup(0)
+    os.close(next_number)
+    write_files(tmp_path, {"a": b"1", "folder/b": b"2"})
+    again = os.dup(0)
+    os.close(again)
+    assert again == next_number
+
+
 def test_a_link_keeps_pointing_at_the_file_that_is_replaced(tmp_path: Path) -> None:
     (tmp_path / "real").mkdir()
     target = tmp_path / "real" / "map.hmap"
@@ -242,6 +258,25 @@ def test_another_library_writes_beside_and_replaces_the_file_in_the_end(tmp_path
     killed.touch()
     write_file(tmp_path / "map.hmap", b"")
     assert names(tmp_path) == ["log.mcap", "map.hmap"]
+
+
+def test_what_is_saved_is_on_the_disk_contents_first_and_names_last(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    flushed = []
+    fsync = os.fsync
+
+    def note(handle: int) -> None:
+        status = os.fstat(handle)
+        assert stat.S_ISDIR(status.st_mode) or status.st_size == 1  # all of it was handed over
+        flushed.append(status.st_ino)
+        fsync(handle)
+
+    monkeypatch.setattr(os, "fsync", note)
+    write_files(tmp_path, {"a": b"1", "folder/b": b"2"})
+    files, folders = ([tmp_path / "a", tmp_path / "folder/b"], [tmp_path, tmp_path / "folder"])
+    assert flushed[:2] == [file.stat().st_ino for file in files]
+    assert sorted(flushed[2:]) == sorted(folder.stat().st_ino for folder in folders)
 
 
 # A limit on the size of files is the nearest thing to a full disk that needs no rights: the write

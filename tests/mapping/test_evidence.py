@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -98,6 +99,10 @@ def test_in_the_default_profile_the_edge_of_the_view_and_distant_things_lose_not
     evidence.update(seen(area=square(0, side=1.1)))
     evidence.update(seen(area=square(6, side=3)))  # the camera stands at the origin
     assert [found.existence for found in evidence.objects()] == [1.5, 1.5]
+    elsewhere = np.eye(4)
+    elsewhere[:2, 3] = 6, 3
+    evidence.update(dataclasses.replace(seen(), map_T_camera=elsewhere))
+    assert [found.existence for found in evidence.objects()] == [1.5, 1.2]
 
 
 def test_evidence_goes_to_the_object_it_overlaps_by_a_fifth() -> None:
@@ -148,6 +153,20 @@ def test_objects_that_grow_into_each_other_are_combined_in_the_default_profile()
         evidence.update(seen(whole))
     assert only(evidence).id == 0
     assert only(evidence).attributes["evidence"] == 5
+
+
+@pytest.mark.parametrize(("combine", "count"), [("matches", 2), ("overlapping", 1)])
+def test_an_object_that_grows_over_another_takes_it_in_as_configured(
+    combine: Literal["matches", "overlapping"], count: int
+) -> None:
+    config = dataclasses.replace(
+        THESIS, association="overlap", min_overlap=0.2, fusion="convex_hull", combine=combine
+    )
+    evidence = EvidenceMap(published_all(config))
+    within = shapely.box(2, 1.2, 2.6, 1.8)  # meets neither of two shapes whose hull covers it
+    for shape in (shapely.box(0, 0, 4, 1), within, shapely.box(0, 0, 1, 3)):
+        evidence.update(seen(shape, area=NOWHERE))
+    assert len(evidence) == count
 
 
 def test_best_shape_and_hull_of_three_shapes() -> None:
@@ -233,11 +252,18 @@ def test_published_shapes_are_up_to_date_even_where_renewal_is_lazy() -> None:
     ],
     ids=["empty", "line", "flat", "bow tie", "infinite"],
 )
-def test_what_is_no_area_is_left_out_and_counted(shape: BaseGeometry) -> None:
+def test_what_is_no_area_is_left_out_and_counted(
+    shape: BaseGeometry, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level("INFO")
     evidence = EvidenceMap(published_all(THESIS))
-    evidence.update(seen(shape, square(0)))
-    assert only(evidence).footprint.equals(square(0))
-    assert evidence.ignored == 1
+    evidence.update(seen(square(0)))
+    assert (evidence.ignored, caplog.messages) == (0, [])
+    for count in (1, 2):
+        evidence.update(seen(shape, square(0)))
+        assert only(evidence).footprint.equals(square(0))
+        assert evidence.ignored == count
+    assert caplog.messages == ["frame 0.000000: shapes without area left out"] * 2
 
 
 def test_frames_without_anything_change_nothing() -> None:

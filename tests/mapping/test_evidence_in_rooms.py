@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -56,6 +57,13 @@ def test_what_is_hidden_loses_nothing() -> None:
     assert only(evidence).existence == pytest.approx(0.2)
 
 
+def test_where_only_the_area_counts_what_is_hidden_loses_too() -> None:
+    evidence = EvidenceMap(published_all(dataclasses.replace(DEFAULT, sight="area")))
+    evidence.update(viewed(seen(CHAIR), level(2.0)))
+    evidence.update(viewed(seen(), level(1.0)))
+    assert only(evidence).existence == 1.2
+
+
 def test_a_false_train_does_not_survive_a_second_look() -> None:
     evidence = EvidenceMap(DEFAULT)
     wall = shapely.box(3.0, -1.5, 3.05, 1.5)
@@ -90,6 +98,34 @@ def test_two_chairs_side_by_side_stay_two(seed: int, gap: float) -> None:
     assert ys == pytest.approx([0.0, 0.5 + gap], abs=0.08)
 
 
+def test_what_was_seen_beside_a_part_of_an_object_is_not_combined_with_the_whole() -> None:
+    evidence = EvidenceMap(published_all(DEFAULT))
+    left, right, beside = (shapely.box(x, 0, x + 1, 1) for x in (0, 1.5, 2.6))
+    for _ in range(5):
+        evidence.update(seen(left, area=NOWHERE))
+        evidence.update(seen(right, beside, area=NOWHERE))
+    for _ in range(5):  # left and right are parts of one
+        evidence.update(seen(shapely.box(0, 0, 2.5, 1), area=NOWHERE))
+    assert [found.id for found in evidence.objects()] == [0, 2]
+    for _ in range(5):  # now the other one grows into it, by wrong shapes
+        evidence.update(seen(shapely.box(0.5, 0, 3.6, 1), area=NOWHERE))
+    assert [found.id for found in evidence.objects()] == [0, 2]
+
+
+@pytest.mark.parametrize(("abstain", "width"), [("outside", 0.5), ("hidden", 1.0)])
+def test_what_is_hidden_behind_walls_votes_as_configured(
+    abstain: Literal["hidden", "outside"], width: float
+) -> None:
+    """A wall at x = 2 hides the second half of a table that most frames look at from afar."""
+    evidence = EvidenceMap(dataclasses.replace(published_all(DEFAULT), abstain=abstain, align=0))
+    table, half = shapely.box(1.5, -0.25, 2.5, 0.25), shapely.box(1.5, -0.25, 2.0, 0.25)
+    evidence.update(viewed(seen(table), level(4.0)))
+    for _ in range(9):
+        evidence.update(viewed(seen(half), level(2.0)))
+    xmin, _, xmax, _ = only(evidence).footprint.bounds
+    assert xmax - xmin == pytest.approx(width, abs=0.05)
+
+
 def test_two_shapes_of_one_frame_go_to_two_objects() -> None:
     evidence = EvidenceMap(published_all(DEFAULT))
     evidence.update(seen(square(0)))
@@ -104,6 +140,24 @@ def test_a_slip_of_the_detector_adds_nothing() -> None:
     evidence.update(seen(square(0.1), name="chair"))
     table = only(evidence)
     assert (table.name, table.attributes["evidence"], table.existence) == ("table", 4, 6)
+
+
+def test_without_slips_the_same_shape_of_another_class_is_another_object() -> None:
+    evidence = EvidenceMap(published_all(dataclasses.replace(DEFAULT, slip=1.0)))
+    for _ in range(4):
+        evidence.update(seen(square(0), name="table"))
+    evidence.update(seen(square(0), name="chair"))
+    assert [found.name for found in evidence.objects()] == ["table", "chair"]
+
+
+def test_what_is_like_an_object_of_its_own_class_is_no_slip() -> None:
+    evidence = EvidenceMap(published_all(DEFAULT))
+    evidence.update(seen(square(0), name="chair"))
+    for _ in range(4):
+        evidence.update(seen(square(0), name="table", area=NOWHERE))
+    evidence.update(seen(square(0), name="chair", area=NOWHERE))
+    counts = {found.name: found.attributes["evidence"] for found in evidence.objects()}
+    assert counts == {"chair": 2, "table": 4}
 
 
 def test_what_stands_on_a_table_is_no_slip() -> None:

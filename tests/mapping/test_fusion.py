@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from shapely.geometry.base import BaseGeometry
 
@@ -59,6 +59,24 @@ def test_best_shape_is_nearest_to_the_mean_centroid_and_not_the_newest() -> None
     # Centroids at x = 0, 0.5 and 4: their mean is 1.5, and 0.5 is the nearest to it.
     shapes = [square(0), square(0.5, side=0.7), square(4)]
     assert best_shape(pile(*shapes), CONFIG).geometry is shapes[1]
+    upright = [shapely.transform(shape, lambda xy: xy[:, ::-1]) for shape in shapes]
+    assert best_shape(pile(*upright), CONFIG).geometry is upright[1]
+
+
+seeds = st.integers(0, 2**32 - 1)
+
+
+def any_hull(rng: np.random.Generator) -> BaseGeometry:
+    return shapely.MultiPoint(rng.uniform(-3, 13, (rng.integers(3, 7), 2))).convex_hull
+
+
+@given(seeds)
+def test_best_shape_is_that_of_measuring_all(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    shapes = [any_hull(rng) for _ in range(rng.integers(3, 7))]  # two would be equally near
+    centroids = shapely.get_coordinates(shapely.centroid(shapes))
+    nearest = np.hypot(*(centroids - centroids.mean(axis=0)).T).argmin()
+    assert best_shape(pile(*shapes), CONFIG).geometry is shapes[nearest]
 
 
 def test_of_equally_good_shapes_the_oldest_is_kept() -> None:
@@ -183,6 +201,45 @@ def test_votes_are_counted_as_shapely_decides_about_each_cell(
     assert counted.ravel()[clear] == pytest.approx(3.0 * covered[clear])
 
 
+ROWS, COLS = (side.ravel() for side in np.indices((18, 18)) - 4)  # cells of 1 m around all shapes
+CENTERS = shapely.points(COLS + 0.5, ROWS + 0.5)
+
+
+@given(seed=seeds, share=st.sampled_from([0.3, 0.5, 1.0]), half_weight=st.sampled_from([2, np.inf]))
+def test_the_shape_is_the_hull_of_the_cells_that_get_their_share_of_the_votes(
+    seed: int, share: float, half_weight: float
+) -> None:
+    rng = np.random.default_rng(seed)
+    count = rng.integers(1, 6)
+    shapes, areas = ([any_hull(rng) for _ in range(count)] for _ in range(2))
+    areas = [area if rng.random() < 0.7 else shapely.Polygon() for area in areas]
+    scores = rng.choice([0, 0.25, 0.5, 1], count).tolist()
+    seen = pile(*shapes, areas=areas, scores=scores)
+    votes_for, votes_cast = np.zeros((2, len(CENTERS)))
+    for k, (shape, area, score) in enumerate(zip(shapes, areas, scores, strict=True)):
+        away = rng.integers(6)
+        camera = np.eye(4)
+        camera[:2, 3] = shape.centroid.x, shape.centroid.y + away
+        seen.items[k] = dataclasses.replace(seen.items[k], map_T_camera=camera)
+        weight = (score if any(scores) else 1) / (1 + (away / half_weight) ** 2)
+        votes_for += weight * shapely.contains(shape, CENTERS)
+        votes_cast += weight * (shapely.contains(area, CENTERS) | area.is_empty)
+    needed = share * np.maximum(votes_for, votes_cast)
+    chosen = (votes_for > 0) & (votes_for >= needed - 1e-9)
+    assume(chosen.any())
+    cells = shapely.box(COLS[chosen], ROWS[chosen], COLS[chosen] + 1, ROWS[chosen] + 1)
+
+    config = dataclasses.replace(
+        CONFIG, vote_resolution=1.0, vote_share=share, half_weight=half_weight, align=0.0
+    )
+    hull = shapely.union_all(cells).convex_hull
+    assert shapely.hausdorff_distance(votes(seen, config).geometry, hull) < 1e-6
+
+
+def test_votes_may_have_whole_numbers_as_scores() -> None:
+    assert iou(votes(pile(square(0), scores=[1]), CONFIG), square(0)) > 0.9
+
+
 def test_footprints_that_show_a_part_are_not_aligned() -> None:
     centroids = np.array([[0.0, 0.0], [0.02, 0.0], [0.06, 0.0], [0.05, 0.0]])
     areas = np.array([1.0, 1.0, 1.0, 0.5])
@@ -190,9 +247,25 @@ def test_footprints_that_show_a_part_are_not_aligned() -> None:
     assert moves == pytest.approx(np.array([[0.02, 0], [0, 0], [-0.04, 0], [0, 0]]))
 
 
-def test_drifting_footprints_are_aligned_before_they_vote() -> None:
-    shapes = [square(x, side=0.09) for x in (0.0, 0.03, -0.03, 0.05, -0.05)]
-    assert iou(votes(pile(*shapes), CONFIG), square(0, side=0.09)) > 0.7
+def test_a_footprint_well_below_the_area_of_most_is_a_part() -> None:
+    areas = np.array([1.5, 2.0, 4.0])  # a quarter of such areas exceed 3; 0.6 of it is 1.8
+    centroids = np.array([[0.0, 0.0], [0.02, 0.01], [0.06, 0.03]])
+    moves = aligning_moves(areas, centroids, np.ones(3), 0.1)
+    assert moves == pytest.approx(np.array([[0, 0], [0, 0], [-0.04, -0.02]]))
+
+
+@pytest.mark.parametrize("along", [(1, 0), (0, 1), (1, -1)])
+def test_drifting_footprints_are_aligned_before_they_vote(along: tuple[int, int]) -> None:
+    drifts = (0.0, 0.03, -0.03, 0.05, -0.05)
+    shapes = [square(along[0] * far, along[1] * far, side=0.1) for far in drifts]
+    assert iou(votes(pile(*shapes), CONFIG), square(0, side=0.1)) > 0.95
+    apart = votes(pile(*shapes), dataclasses.replace(CONFIG, align=0.0))
+    assert iou(apart, square(0, side=0.1)) < 0.7
+
+
+def test_votes_are_as_fine_far_away_from_where_the_map_begins() -> None:
+    for x, y in [(50, 70), (-30, 40), (5, -8)]:
+        assert iou(votes(pile(square(x, y)), CONFIG), square(x, y)) > 0.95
 
 
 @given(st.lists(st.tuples(st.floats(-0.3, 0.3), st.floats(-0.3, 0.3)), min_size=1, max_size=12))

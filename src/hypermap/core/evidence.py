@@ -73,8 +73,8 @@ class EvidenceTable:
         if shapely.is_empty(self.footprints).any():
             raise ValueError("a footprint must not be empty")
         for shapes in (self.footprints, self.areas):
-            if np.abs(shapely.get_coordinates(shapes)).max(initial=0) > _FAR:
-                raise ValueError(f"shapes must lie within {_FAR:g} m")
+            if not np.abs(shapely.get_coordinates(shapes)).max(initial=0) <= _FAR:
+                raise ValueError(f"shapes must be finite and within {_FAR:g} m")
 
     @classmethod
     def empty(cls) -> EvidenceTable:

@@ -180,7 +180,7 @@ class EvidenceMap:
             known.pile.merge(self._known.objects[other].pile for other in others)
             known.unfused = len(known.pile)
             for other in others:
-                known.beside.update(self._known.objects[other].beside)
+                self._pass_on_neighbors(self._known.objects[other], known)
             self._known.change_existence(row, float(self._known.existence[others].sum()))
             self._known.remove(others)
         return row
@@ -211,6 +211,13 @@ class EvidenceMap:
         shown = [self._touch(row) for row in self._known.rows_of(self._shown)]
         for known in shown:
             known.beside.update(o.id for o in shown if o is not known and o.name == known.name)
+
+    def _pass_on_neighbors(self, gone: KnownObject, kept: KnownObject) -> None:
+        """Let an object take another's place beside its neighbors, on both sides."""
+        kept.beside.update(gone.beside)
+        for row in self._known.rows_of(gone.beside):
+            neighbor = self._known.objects[row]
+            neighbor.beside[kept.id] += neighbor.beside.pop(gone.id)
 
     def _renew(self, row: int) -> None:
         """Fuse an object's shape from its evidence."""

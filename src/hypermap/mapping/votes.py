@@ -32,7 +32,7 @@ def agreed_points(pile: Pile, config: EvidenceConfig) -> NDArray[np.float64]:
     Returns:
         Points in the map frame [m], shape (N, 2); none if no cell belongs to the object.
     """
-    scores = np.array([evidence.score for evidence in pile.items])
+    scores = np.array([evidence.score for evidence in pile.items], dtype=np.float64)
     if not scores.any():
         scores = np.ones(len(pile))
     if config.half_weight < np.inf:
