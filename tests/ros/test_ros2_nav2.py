@@ -180,6 +180,11 @@ def test_a_map_that_cannot_be_loaded_has_a_result_and_leaves_the_old_one(
     assert len(graph.latest(f"{NODE}/occupancy_map").data) == 6
 
 
+def test_the_service_of_ours_takes_the_same_files(graph: Graph, load: Any) -> None:
+    assert graph.call(f"{NODE}/load_map", filename="floor 2.yaml").success
+    assert len(graph.latest(f"{NODE}/occupancy_map").data) == 6
+
+
 def test_a_map_without_a_grid_is_loaded_too(
     graph: Graph, load: Callable[[str], Any], folder: Path
 ) -> None:
