@@ -16,7 +16,7 @@ import pytest
 from .conftest import ROS, Process
 
 NEEDS_ROS2 = "ROS 2 is not here, or not for this Python, or without hypermap_msgs (docs/ros2.md)"
-_CHECK = "import rclpy, tf2_ros, launch_ros, nav_msgs.msg, hypermap_msgs.msg"
+_CHECK = "import rclpy, tf2_ros, nav_msgs.msg, hypermap_msgs.msg"
 
 
 @pytest.fixture(scope="session")
@@ -84,7 +84,8 @@ class Ros2:
         )
 
     def close(self) -> None:
-        self._client.communicate(timeout=60)
+        with self._client:  # closes its pipes
+            self._client.communicate(timeout=60)
 
     def ask(self, do: str, **what: Any) -> Any:
         """Let the node do something; see ros2_client.py."""
@@ -105,7 +106,7 @@ class Ros2:
         return self.ask("heard", topic=topic)[-1]
 
     def tool(self, *words: str, is_ok: bool = True) -> str:
-        """Run `ros2 WORDS` and return what it prints."""
+        """Run `ros2 WORDS` and return what it prints, errors too."""
         done = subprocess.run(
             ["ros2", *words],
             env=self.environment,
@@ -115,7 +116,13 @@ class Ros2:
             check=False,
         )
         assert (done.returncode == 0) or not is_ok, done.stdout + done.stderr
-        return done.stdout
+        return done.stdout + done.stderr
+
+    def has(self, package: str) -> bool:
+        """Whether a package can be imported."""
+        check = f"import importlib.util as u, sys; sys.exit(u.find_spec({package!r}) is None)"
+        done = subprocess.run([sys.executable, "-c", check], env=self.environment, check=False)
+        return done.returncode == 0
 
 
 @pytest.fixture(scope="module")
@@ -135,3 +142,15 @@ def launch2(ros2: Ros2, start: Callable[..., Process]) -> Callable[..., Process]
         return start("ros2", "launch", "hypermap", file, *words, env=ros2.environment)
 
     return run
+
+
+def point(x: float, y: float, frame: str = "map") -> dict[str, Any]:
+    """A `geometry_msgs/PointStamped`."""
+    return {"header": {"frame_id": frame}, "point": {"x": float(x), "y": float(y)}}
+
+
+def string_at(ros2: Ros2, layer: str, where: dict[str, Any]) -> str:
+    """Ask the map server for the label of a place."""
+    kind = "hypermap_msgs/srv/GetStringAtPoint"
+    service = "/hypermap_server/get_string_at_point"
+    return str(ros2.call(service, kind, layer=layer, location=where)["name"])
