@@ -124,7 +124,6 @@ def main() -> None:
     for frame in drive(int(sys.argv[1])):
         robot.show(frame)
         time.sleep(float(sys.argv[2]))
-    sys.stdin.read()  # what was sent last may be on its way
     rclpy.shutdown()
 
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import re
 import signal
-import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -26,7 +27,6 @@ __all__ = ["environment", "launch2", "ros2"]
 pytestmark = [pytest.mark.xdist_group("ros2"), pytest.mark.slow]
 
 NODE = "/hypermap_server"
-ENDS = pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=["INT", "TERM"])
 
 
 @pytest.fixture
@@ -106,14 +106,27 @@ def test_what_cannot_be_configured_says_why_and_may_be_tried_again(
     assert "Traceback" not in process.output, process.output
 
 
-@ENDS
-def test_a_launched_node_ends_in_order(launch2: Any, folder: Path, number: signal.Signals) -> None:
+def test_ctrl_c_ends_a_launched_node_in_order(launch2: Any, folder: Path) -> None:
     process = launch2("show_map.launch.xml", file=folder / "building.hmap", rviz="false")
     process.expect("loaded ", 90)
-    process.stop(number)
+    process.stop(signal.SIGINT)
+    ended_in_order(process)
+
+
+def test_a_signal_ends_a_launched_node_in_order(launch2: Any, folder: Path) -> None:
+    process = launch2("show_map.launch.xml", file=folder / "building.hmap", rviz="false")
+    process.expect("loaded ", 90)
+    found = re.search(r"process started with pid \[(\d+)\]", process.output)
+    assert found is not None
+    os.kill(int(found[1]), signal.SIGTERM)  # `ros2 launch` passes none on to its nodes
+    process.popen.wait(20)
+    ended_in_order(process)
+
+
+def ended_in_order(process: Process) -> None:
     assert "process has finished cleanly" in process.output, process.output
     assert "SIGKILL" not in process.output
-    assert "Traceback" not in process.output
+    assert "Traceback" not in process.output, process.output
 
 
 def test_a_map_that_is_missing_is_one_line(ros2: Ros2, launch2: Any, tmp_path: Path) -> None:
@@ -152,7 +165,7 @@ def test_a_drive_becomes_a_map(
         save_to=file,
     )
     robot = Path(__file__).with_name("ros2_robot.py")
-    start(sys.executable, robot, "12", "0.5", env=ros2.environment, stdin=subprocess.PIPE)
+    start(sys.executable, robot, "12", "0.5", env=ros2.environment)
     ros2.ask("listen", topic="/semantic_map", type="hypermap_msgs/msg/SemanticMap", latched=True)
     wait_for(lambda: ros2.ask("heard", topic="/semantic_map")[-1]["objects"], "objects", 120)
     wait_for(lambda: string_of_objects(ros2), "objects of the map server")

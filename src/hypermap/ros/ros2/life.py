@@ -33,6 +33,7 @@ class LifecycleNode(RclpyNode):  # type: ignore[misc] # rclpy carries no types h
         self._starting = False
         self._finalized = False
         self._bond: Bond | None = None
+        self._step = ""  # what a signal has interrupted, if one has
         super().__init__(name)
 
     def manage(self, node: Node) -> None:
@@ -56,6 +57,12 @@ class LifecycleNode(RclpyNode):  # type: ignore[misc] # rclpy carries no types h
     def finish(self) -> None:
         """Let the node end, from whatever state it is in."""
         if self._finalized:
+            return
+        if self._step in ("activate", "deactivate"):  # of these, ROS knows no way to the end
+            self._finalized = True
+            self._break_bond()
+            self._outcome("deactivate")
+            self._outcome("cleanup")
             return
         try:
             self.trigger_shutdown()
@@ -107,8 +114,11 @@ class LifecycleNode(RclpyNode):  # type: ignore[misc] # rclpy carries no types h
         try:
             if self._ours is None:
                 raise HypermapError("the node is not ready yet")
+            self._step = step
             getattr(self._ours, step)()
+            self._step = ""
         except Exception as error:
+            self._step = ""
             self._error = error
             if not self._starting:
                 known = isinstance(error, HypermapError)
