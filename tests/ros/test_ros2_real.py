@@ -149,7 +149,7 @@ def test_errors_reach_the_caller(ros2: Ros2, server: Process) -> None:
 
 def test_questions_come_in_a_frame_of_tf(ros2: Ros2, server: Process) -> None:
     robot = {
-        "header": {"frame_id": "map"},
+        "header": {"frame_id": "map", "stamp": {"sec": 1}},
         "child_frame_id": "robot",
         "transform": {"translation": {"x": 2.0}, "rotation": {"w": 1.0}},
     }
