@@ -84,6 +84,7 @@ class Ros2:
         )
 
     def close(self) -> None:
+        self.tool("daemon", "stop")  # which the tools have started to know the graph
         with self._client:  # closes its pipes
             self._client.communicate(timeout=60)
 
