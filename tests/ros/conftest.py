@@ -22,7 +22,7 @@ import pytest
 
 from hypermap.core.errors import HypermapError
 
-collect_ignore = ["port_node.py"]  # a program, which doctest would import
+collect_ignore = ["port_node.py", "ros2_client.py"]  # programs, which doctest would import
 
 # rospy leaves the sockets of its calls of the roscore to the garbage collector.
 ROSPY_SOCKETS = pytest.mark.filterwarnings("ignore:unclosed <socket:ResourceWarning")

@@ -20,6 +20,7 @@ from typing import Any
 
 from .fake_rclpy_node import Graph, Node
 from .fake_rclpy_values import (
+    ClockType,
     DurabilityPolicy,
     Duration,
     ExternalShutdownException,
@@ -27,6 +28,7 @@ from .fake_rclpy_values import (
     JumpThreshold,
     MutuallyExclusiveCallbackGroup,
     NameValidationException,
+    OwnClock,
     ParameterException,
     QoSProfile,
     ReentrantCallbackGroup,
@@ -213,7 +215,7 @@ def modules(graph: Graph) -> dict[str, Any]:
     contents: dict[str, dict[str, Any]] = {
         "rclpy": rclpy_functions(graph),
         "rclpy.callback_groups": _named(MutuallyExclusiveCallbackGroup, ReentrantCallbackGroup),
-        "rclpy.clock": _named(JumpThreshold),
+        "rclpy.clock": {"Clock": OwnClock, **_named(ClockType, JumpThreshold)},
         "rclpy.duration": _named(Duration),
         "rclpy.exceptions": _named(NameValidationException, ParameterException),
         "rclpy.executors": {

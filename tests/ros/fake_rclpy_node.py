@@ -122,8 +122,8 @@ class Service:
 
 
 class Timer:
-    def __init__(self, node: Node, period: float, callback: Callable[[], None]) -> None:
-        self.node, self.period, self.callback = node, period, callback
+    def __init__(self, node: Node, period: float, callback: Callable[[], None], clock: Any) -> None:
+        self.node, self.period, self.callback, self.clock = node, period, callback, clock
         self.callback_group: Any = None
 
 
@@ -252,7 +252,7 @@ class Node:
         callback_group: Any = None,
         clock: Any = None,
     ) -> Timer:
-        made = Timer(self, timer_period_sec, callback)
+        made = Timer(self, timer_period_sec, callback, clock)
         made.callback_group = callback_group
         self._timers.append(made)
         return made

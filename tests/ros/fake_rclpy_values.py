@@ -95,6 +95,19 @@ class JumpHandle:
         self.clock.jumps.remove(self)
 
 
+class ClockType(enum.IntEnum):
+    ROS_TIME = 1
+    SYSTEM_TIME = 2
+    STEADY_TIME = 3
+
+
+class OwnClock:
+    """A clock that belongs to no node."""
+
+    def __init__(self, *, clock_type: ClockType = ClockType.SYSTEM_TIME) -> None:
+        self.clock_type = clock_type
+
+
 class Clock:
     def __init__(self, graph: Any) -> None:
         self.graph, self.jumps = graph, list[JumpHandle]()

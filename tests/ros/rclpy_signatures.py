@@ -89,6 +89,7 @@ SIGNATURES = {
         "rclpy/rclpy/callback_groups.py",
     ),
     "rclpy.callback_groups.ReentrantCallbackGroup": ("()", "rclpy/rclpy/callback_groups.py"),
+    "rclpy.clock.Clock": ("(*, clock_type=...)", _CLOCK),
     "rclpy.clock.JumpThreshold": ("(*, min_forward, min_backward, on_clock_change=True)", _CLOCK),
     "rclpy.duration.Duration": ("(*, seconds=0, nanoseconds=0)", "rclpy/rclpy/duration.py"),
     "rclpy.time.Time": (

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 from rosbags.interfaces import Nodetype
-from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 from hypermap.ros.typestore import typestore
@@ -40,19 +40,36 @@ TYPE_CODES = {
 LIMITS = {"float32": 3.402823466e38, "float64": 1.7976931348623157e308}
 DEFAULTS = {("geometry_msgs/msg/Quaternion", "w"): 1.0}  # Quaternion.msg
 
+# Source: bond_core (branch ros2) and navigation2 (branch jazzy).
+OF_NAV2 = {
+    "bond/msg/Status": (
+        "std_msgs/Header header\nstring id\nstring instance_id\nbool active\n"
+        "float32 heartbeat_timeout\nfloat32 heartbeat_period"
+    ),
+    "nav2_msgs/msg/LoadMap_Request": "string map_url",
+    "nav2_msgs/msg/LoadMap_Response": (
+        "uint8 RESULT_SUCCESS=0\nuint8 RESULT_MAP_DOES_NOT_EXIST=1\n"
+        "uint8 RESULT_INVALID_MAP_DATA=2\nuint8 RESULT_INVALID_MAP_METADATA=3\n"
+        "uint8 RESULT_UNDEFINED_FAILURE=255\nnav_msgs/OccupancyGrid map\nuint8 result"
+    ),
+}
+
 
 def humble_store() -> Typestore:
-    """Return Humble's types, and of ours those that it has not."""
-    store = get_typestore(Stores.ROS2_HUMBLE)
-    ours = typestore().fielddefs
-    store.register({name: ours[name] for name in ours.keys() - store.fielddefs.keys()})
-    return store
+    """Return Humble's types, and of ours and nav2's those that it has not."""
+    return _store(Stores.ROS2_HUMBLE)
 
 
 def jazzy_store() -> Typestore:
-    store = get_typestore(Stores.ROS2_JAZZY)
+    return _store(Stores.ROS2_JAZZY)
+
+
+def _store(distribution: Stores) -> Typestore:
+    store = get_typestore(distribution)
     ours = typestore().fielddefs
     store.register({name: ours[name] for name in ours.keys() - store.fielddefs.keys()})
+    for name, text in OF_NAV2.items():
+        store.register(get_types_from_msg(text, name))
     return store
 
 

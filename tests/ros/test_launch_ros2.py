@@ -1,7 +1,8 @@
 """The launch files for ROS 2, as far as they can be read without it.
 
-`ros2 launch` itself does not run here. Source of the rules: launch_xml, launch_ros
-(actions/node.py, utilities/evaluate_parameters.py) and launch (actions/execute_process.py).
+`ros2 launch` itself runs in test_ros2_real_life.py, where there is one. Source of the rules:
+launch_xml, launch_ros (actions/node.py, utilities/evaluate_parameters.py) and launch
+(actions/execute_process.py).
 """
 
 from __future__ import annotations

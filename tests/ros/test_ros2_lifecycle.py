@@ -105,6 +105,32 @@ def test_signals_end_it_while_it_can_still_publish(
     assert signal.getsignal(number) is before
 
 
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_amid_the_start_ends_it_in_order_and_another_disturbs_nothing(
+    graph: Graph, make_port: Any, number: signal.Signals
+) -> None:
+    port, node = make_port(), Idle()
+    saved: list[str] = []
+
+    def activate() -> None:
+        os.kill(os.getpid(), number)
+        saved.append("too much")
+
+    def cleanup() -> None:
+        os.kill(os.getpid(), number)  # as `ros2 launch` sends it after a terminal
+        saved.append("the map")
+
+    node.activate, node.cleanup = activate, cleanup  # type: ignore[method-assign]
+    before = signal.getsignal(number)
+    with pytest.raises(KeyboardInterrupt):
+        port.manage(node)
+    assert saved == ["the map"]
+    assert node.calls == ["configure", "deactivate"]
+    assert not [text for level, text in graph.logged if level == "error"]
+    assert graph.nodes == []
+    assert signal.getsignal(number) is before
+
+
 def test_a_callback_that_does_not_end_keeps_no_node_from_ending(
     graph: Graph, make_port: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:

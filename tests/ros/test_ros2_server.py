@@ -98,7 +98,7 @@ def test_topics_are_those_of_ros_1_and_latched(graph: Graph, serve: Any) -> None
             "/tf_static": "tf2_msgs/msg/TFMessage",
         }.items()
     )
-    for topic in graph.topics().keys() - {"/diagnostics"}:
+    for topic in graph.topics().keys() - {"/diagnostics", "/bond"}:
         (publisher,) = graph.publishers(topic)
         assert publisher.qos.durability == DurabilityPolicy.TRANSIENT_LOCAL, topic
         assert publisher.qos.reliability == ReliabilityPolicy.RELIABLE, topic

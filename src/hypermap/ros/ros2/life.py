@@ -11,6 +11,7 @@ from rclpy.lifecycle import TransitionCallbackReturn
 
 from hypermap.core.errors import HypermapError
 from hypermap.ros.port import Level, Node
+from hypermap.ros.ros2.bond import Bond
 
 _SUCCESS, _FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
 
@@ -31,6 +32,8 @@ class LifecycleNode(RclpyNode):  # type: ignore[misc] # rclpy carries no types h
         self._error: Exception | None = None
         self._starting = False
         self._finalized = False
+        self._bond: Bond | None = None
+        self._step = ""  # what a signal has interrupted, if one has
         super().__init__(name)
 
     def manage(self, node: Node) -> None:
@@ -55,6 +58,12 @@ class LifecycleNode(RclpyNode):  # type: ignore[misc] # rclpy carries no types h
         """Let the node end, from whatever state it is in."""
         if self._finalized:
             return
+        if self._step in ("activate", "deactivate"):  # of these, ROS knows no way to the end
+            self._finalized = True
+            self._break_bond()
+            self._outcome("deactivate")
+            self._outcome("cleanup")
+            return
         try:
             self.trigger_shutdown()
         except Exception as error:
@@ -71,10 +80,16 @@ class LifecycleNode(RclpyNode):  # type: ignore[misc] # rclpy carries no types h
             error, self._error = self._error, None
             self._outcome("deactivate")
             self._error = error
+            return outcome
+        try:
+            self._bond = Bond(self)
+        except HypermapError as error:  # then there is no manager of nav2's, either
+            self._write("debug", f"no bond with a lifecycle manager: {error}")
         return outcome
 
     def on_deactivate(self, state: Any) -> Any:  # noqa: ARG002
         """Answer the transition "deactivate"."""
+        self._break_bond()
         return self._outcome("deactivate")
 
     def on_cleanup(self, state: Any) -> Any:  # noqa: ARG002
@@ -85,17 +100,25 @@ class LifecycleNode(RclpyNode):  # type: ignore[misc] # rclpy carries no types h
         """Answer the transition "shutdown"; nothing keeps it from happening."""
         self._finalized = True
         if state.label == "active":
-            self._outcome("deactivate")
+            self.on_deactivate(state)
         if state.label in ("active", "inactive"):
             self._outcome("cleanup")
         return _SUCCESS
+
+    def _break_bond(self) -> None:
+        bond, self._bond = self._bond, None
+        if bond is not None:
+            bond.break_()
 
     def _outcome(self, step: str) -> Any:
         try:
             if self._ours is None:
                 raise HypermapError("the node is not ready yet")
+            self._step = step
             getattr(self._ours, step)()
+            self._step = ""
         except Exception as error:
+            self._step = ""
             self._error = error
             if not self._starting:
                 known = isinstance(error, HypermapError)

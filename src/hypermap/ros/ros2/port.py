@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 import threading
 import time
 import traceback
@@ -34,7 +33,7 @@ from hypermap.ros.ros2.messages import message_class, service_class
 from hypermap.ros.ros2.parameters import Changes, declared, overrides, warn_of_others
 from hypermap.ros.ros2.qos import publisher_qos, subscription_qos
 from hypermap.ros.ros2.tf import Transforms
-from hypermap.ros.signals import end_signals
+from hypermap.ros.signals import on_end_signals
 
 _THREADS = 4
 _AUTOSTART = Parameter(
@@ -231,16 +230,17 @@ class Ros2Port:
         Raises:
             HypermapError: If it cannot be configured or activated.
         """
-        try:
-            self._node.manage(node)
-            self._thread.start()
-            if declared(self._node, _AUTOSTART):
-                self._node.start()
-            else:
-                self.log("info", "waiting for a lifecycle manager to configure and activate")
-        except BaseException:
-            self._close()
-            raise
+        with on_end_signals(self._interrupt):
+            try:
+                self._node.manage(node)
+                self._thread.start()
+                if declared(self._node, _AUTOSTART):
+                    self._node.start()
+                else:
+                    self.log("info", "waiting for a lifecycle manager to configure and activate")
+            except BaseException:
+                self._close()
+                raise
 
     @property
     def is_shut_down(self) -> bool:
@@ -249,20 +249,22 @@ class Ros2Port:
 
     def spin(self) -> None:
         """Return when the node is to end, and has ended."""
-        in_main = threading.current_thread() is threading.main_thread()
-        numbers = end_signals() if in_main else ()
-        before = [signal.signal(number, lambda *_: self.shut_down()) for number in numbers]
-        try:
-            while not self.is_shut_down:
-                time.sleep(0.1)  # a lock in a handler of signals could wait for itself
-        finally:
-            self._close()
-            for number, handler in zip(numbers, before, strict=True):
-                signal.signal(number, handler)
+        with on_end_signals(lambda *_: self.shut_down()):
+            try:
+                while not self.is_shut_down:
+                    time.sleep(0.1)  # a lock in a handler of signals could wait for itself
+            finally:
+                self._close()
 
     def shut_down(self) -> None:
         """End the node: `spin` returns."""
         self._end.set()
+
+    def _interrupt(self, *_: object) -> None:
+        """End the start at once. What comes again, as from `ros2 launch`, disturbs no end."""
+        if not self._end.is_set():
+            self._end.set()
+            raise KeyboardInterrupt
 
     def _run(self, executor: Any) -> None:
         """Run an executor until the node ends, whatever a callback of rclpy's own raises."""

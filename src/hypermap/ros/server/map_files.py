@@ -7,7 +7,8 @@ from pathlib import Path
 
 from hypermap.core.errors import HypermapError
 from hypermap.core.hypermap import Hypermap
-from hypermap.formats import open_map, save_map
+from hypermap.formats import save_map
+from hypermap.formats.any_file import open_any
 from hypermap.formats.backup import keep_backup
 from hypermap.ros.port import Message, Parameter, Port
 from hypermap.ros.server.current_map import CurrentMap
@@ -22,7 +23,7 @@ MAP_DIRECTORY = Parameter(
 
 
 class MapFiles:
-    """The services `load_map`, `store_map` and `clear`.
+    """The services `load_map`, `store_map` and `clear`, and what that of nav2 needs of them.
 
     Attributes:
         directory: where the maps are; None if the operator has named none.
@@ -42,10 +43,7 @@ class MapFiles:
         Raises:
             HypermapError: If the name leads out of the directory, or the file is no map.
         """
-        path = path_within(self._named_directory(), request.filename)
-        hypermap = open_map(path)
-        self._current.replace(hypermap, path)
-        self._announce(hypermap, request.filename)
+        self.show(self.path(request.filename))
         return self._port.response("hypermap_msgs/LoadMap")(success=True)
 
     def store(self, request: Message) -> Message:
@@ -68,6 +66,25 @@ class MapFiles:
         self._current.replace(Hypermap())
         self._port.log("info", "the map is empty now")
         return self._port.response("std_srvs/Trigger")(success=True, message="the map is empty now")
+
+    def path(self, filename: str) -> Path:
+        """Return where a file lies that a client names.
+
+        Raises:
+            HypermapError: If its name leads out of the directory, or there is none.
+        """
+        return path_within(self._named_directory(), filename)
+
+    def show(self, path: Path) -> Hypermap:
+        """Put the map of a file in the place of the one that is served, and return it.
+
+        Raises:
+            HypermapError: If the file is no map; the old one stays.
+        """
+        hypermap = open_any(path)
+        self._current.replace(hypermap, path)
+        self._announce(hypermap, str(path.relative_to(self._named_directory())))
+        return hypermap
 
     def _named_directory(self) -> Path:
         """Return the directory.

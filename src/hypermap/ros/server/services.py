@@ -12,6 +12,7 @@ from hypermap.ros.server.current_map import CurrentMap, KeptOpen
 from hypermap.ros.server.health import Tally
 from hypermap.ros.server.layer_topics import global_layers
 from hypermap.ros.server.map_files import MapFiles
+from hypermap.ros.server.nav2_loading import SERVICE, TYPE, Nav2Loading
 from hypermap.ros.server.object_queries import ObjectQueries
 from hypermap.ros.server.queries import Queries
 from hypermap.ros.server.requests import Requests
@@ -55,6 +56,9 @@ class Services:
             "store_map": ("hypermap_msgs/StoreMap", files.store),
             "clear": ("std_srvs/Trigger", files.clear),
         }
+        nav2 = Nav2Loading(port, files)
+        if nav2.is_possible:
+            self._fixed[SERVICE] = TYPE, nav2.load
 
     def set(self, values: Mapping[str, Value]) -> None:
         """Take parameters: there are none."""
@@ -97,10 +101,11 @@ class Services:
 def failed_response(port: Port, type_name: str, text: str) -> Message:
     """Return the response that tells of an error as well as its type can.
 
-    Types of ours have `success` and `message`; a string is empty, a number -1, a list empty.
+    Types of ours have `success` and `message`; a string is empty, a number -1, a list empty. The
+    `result` of nav2's is 255, an undefined failure.
     """
     response = port.response(type_name)()
-    for field, value in (("message", text), ("value", -1)):
+    for field, value in (("message", text), ("value", -1), ("result", 255)):
         if hasattr(response, field):
             setattr(response, field, value)
     return response
