@@ -7,6 +7,7 @@ from every shell, and as a background job.
 from __future__ import annotations
 
 import importlib.util
+import logging
 import os
 import shutil
 import signal
@@ -28,6 +29,7 @@ collect_ignore_glob = [
 if importlib.util.find_spec("rerun") is None:  # whose SDK needs Python 3.11
     collect_ignore_glob.append("src/hypermap/viewer/logs/rerun_log.py")
 
+LOGGERS = ("hypermap", "hypermap._loops", "py.warnings", "matplotlib")  # that commands set up
 KEPT = ("PATH", "TMPDIR", "CI", "HYPERMAP_CHROMIUM", "HOME")
 SET = {
     "LANG": "C.UTF-8",
@@ -65,9 +67,14 @@ def pytest_configure(config: pytest.Config) -> None:
 
 @pytest.fixture(autouse=True)
 def _what_a_test_changes_ends_with_it() -> Iterator[None]:
-    """Restore the environment and the working folder after each test."""
+    """Restore the environment, the working folder and what is logged after each test."""
     environment, folder = dict(os.environ), Path.cwd()
+    loggers = [logging.getLogger(name) for name in LOGGERS]
+    before = [(logger, logger.level, logger.handlers) for logger in loggers]
     yield
+    for logger, level, handlers in before:
+        logger.setLevel(level)
+        logger.handlers = handlers
     os.chdir(folder)
     if dict(os.environ) != environment:
         os.environ.clear()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,3 +17,11 @@ def _on_the_path() -> Iterator[None]:
     sys.path.insert(0, str(BENCHMARKS))
     yield
     sys.path.remove(str(BENCHMARKS))
+
+
+@pytest.fixture(autouse=True)
+def _little_garbage_to_look_through() -> Iterator[None]:
+    """Leave out what earlier tests have made when the stopwatch has garbage collected."""
+    gc.freeze()
+    yield
+    gc.unfreeze()

@@ -29,7 +29,7 @@ def command(
         str,
         typer.Option(
             metavar="ADDRESS",
-            help="Address to listen on. With any other than this machine's own, others who know "
+            help="Address to listen on: with any other than this machine's own, others who know "
             "the token can see and change the map, and the network between can read along.",
         ),
     ] = "127.0.0.1",
