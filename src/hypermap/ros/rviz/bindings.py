@@ -99,14 +99,16 @@ def main() -> int:
         orders.put(None)
 
     def work() -> None:
-        while not orders.empty():
-            line = orders.get()
-            if line is None:
-                window.close()
-                application.quit()
-                return
-            window.obey(json.loads(line))
-            window.show()
+        # One order at a time: rviz may crash where displays go that it has not drawn yet.
+        if orders.empty():
+            return
+        line = orders.get()
+        if line is None:
+            window.close()
+            application.quit()
+            return
+        window.obey(json.loads(line))
+        window.show()
 
     timer = QTimer()
     timer.timeout.connect(work)
