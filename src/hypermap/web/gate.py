@@ -115,10 +115,13 @@ class Gate:
             header = await asyncio.wait_for(reader.readuntil(b"\r\n\r\n"), _HEADER_TIME)
             self._silent.pop(task, None)
             await self._let_in(header, reader, writer)
-        except (OSError, asyncio.IncompleteReadError, asyncio.LimitOverrunError):
+        except (
+            OSError,
+            asyncio.TimeoutError,  # no OSError before Python 3.11
+            asyncio.IncompleteReadError,
+            asyncio.LimitOverrunError,
+        ):
             pass  # a client that is gone, says nothing, or too much
-        except TimeoutError:
-            pass
         finally:
             self._clients.discard(task)
             self._silent.pop(task, None)
