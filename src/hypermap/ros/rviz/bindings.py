@@ -51,7 +51,6 @@ class Window(rviz.VisualizationFrame):  # type: ignore[misc]
             shown = [group.getDisplayAt(place) for place in range(group.numDisplays())]
             self._displays = {display.getName(): display for display in shown}
         elif what == "put":
-            self.remove(order["name"])
             self.put(order["name"], order["class"], order["config"], order["open"])
         elif what == "remove":
             self.remove(order["name"])
@@ -62,8 +61,15 @@ class Window(rviz.VisualizationFrame):  # type: ignore[misc]
         self.setWindowModified(False)
 
     def put(self, name: str, class_name: str, config: str, opened: list[str]) -> None:
-        """Add a display."""
-        display = self.getManager().createDisplay(class_name, name, True)
+        """Add a display, or change the one of that name, as rviz may crash where one goes."""
+        display = self._displays.get(name)
+        try:
+            is_there = display is not None and display.getClassId() == class_name
+        except RuntimeError:  # the user has removed it: Qt's object is gone
+            is_there = False
+        if not is_there:
+            self.remove(name)
+            display = self.getManager().createDisplay(class_name, name, True)
         display.load(_parsed(config))
         for name_of_property in opened:
             display.expand()
