@@ -125,7 +125,7 @@ def test_sources_of_an_earlier_run_do_not_contradict_those_of_the_next(
     first = launch(
         "semantic_mapping.launch", depth_topic="/d", detections_topic="/boxes", save_to=""
     )
-    rospy.wait_for_service("/semantic_mapper/clear", 120)
+    first.expect("waiting for")
     assert first.stop() == 0
     assert rospy.get_param("/semantic_mapper", {}) == {}
     rospy.set_param("/semantic_mapper/detections_topic", "/boxes")  # of a run that was killed

@@ -240,9 +240,12 @@ class Ros1Port:
     def shut_down(self) -> None:
         """End the node."""
         if not rospy.is_shutdown():
-            with contextlib.suppress(Exception):  # of a roscore that is gone
-                if owns_its_name():
-                    self._forget(self._names)
+            # Ctrl-C amid a request leaves that connection unfit for one more, which mends it.
+            for _ in range(3):
+                with contextlib.suppress(Exception):  # or the roscore is gone
+                    if owns_its_name():
+                        self._forget(self._names)
+                    break
         self._end()
 
     def _end(self) -> None:

@@ -62,7 +62,7 @@ class Window(rviz.VisualizationFrame):  # type: ignore[misc]
 
     def put(self, name: str, class_name: str, config: str, opened: list[str]) -> None:
         """Add a display, or change the one of that name, as rviz may crash where one goes."""
-        display = self._displays.get(name)
+        display: Any = self._displays.get(name)
         try:
             is_there = display is not None and display.getClassId() == class_name
         except RuntimeError:  # the user has removed it: Qt's object is gone
