@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import os
 import signal
+import subprocess
+import sys
 import xmlrpc.client
 from pathlib import Path
 from typing import Any
@@ -163,3 +165,29 @@ def test_a_node_that_roslaunch_may_start_again_finds_its_parameters(start, rospy
     start("rosnode", "kill", "/reborn").expect("killed")
     assert node.popen.wait(240) == 0
     assert rospy.get_param("/reborn") == {"label_height": 0.3}
+
+
+HALF_ASKED = """
+import gc, xmlrpc.client
+from hypermap.ros.port import Parameter
+from hypermap.ros.ros1.libraries import rospy
+from hypermap.ros.ros1.port import Ros1Port
+
+port = Ros1Port("half_asked", ["half_asked", "_height:=2.0"])
+port.parameters([Parameter("height", 0.5, "Height.")], lambda _: None)
+print(rospy.get_param("/half_asked"))
+for transport in [o for o in gc.get_objects() if isinstance(o, xmlrpc.client.Transport)]:
+    if (connection := transport._connection[1]) is not None:
+        connection.putrequest("POST", "/RPC2")  # as if Ctrl-C had come before the answer
+        connection.putheader("Content-Length", "0")
+        connection.endheaders()
+port.shut_down()
+"""
+
+
+def test_a_request_that_was_interrupted_leaves_no_parameters(rospy) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", HALF_ASKED], capture_output=True, text=True, timeout=240, check=True
+    )
+    assert "{'height': 2.0}" in done.stdout
+    assert rospy.get_param("/half_asked", {}) == {}
