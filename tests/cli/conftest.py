@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import json
 import math
-from collections.abc import Callable, Iterator
+import os
+import pty
+import subprocess
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -56,6 +60,20 @@ def hypermap(
 
     yield run
     set_verbosity(0)
+
+
+def answered(command: Sequence[object], answer: str) -> tuple[int, bytes]:
+    """Run a command at a terminal, type an answer, and return the exit code and what was shown."""
+    ours, theirs = pty.openpty()
+    with subprocess.Popen(list(map(str, command)), stdin=theirs, stderr=theirs) as process:
+        os.close(theirs)
+        os.write(ours, answer.encode())
+        said = b""
+        with contextlib.suppress(OSError):  # the terminal is gone with its last program
+            while part := os.read(ours, 1 << 16):
+                said += part
+        os.close(ours)
+    return process.returncode, said
 
 
 def assert_one_error(result: Result, *words: str) -> None:

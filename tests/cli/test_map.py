@@ -1,9 +1,6 @@
 from __future__ import annotations
 
-import contextlib
 import json
-import os
-import pty
 import signal
 import subprocess
 import sys
@@ -23,7 +20,7 @@ from hypermap.simulation import SimulatedRecording, demo_world, write_tum
 from hypermap.testing import square
 from hypermap.viewer.live.document import MapDocument
 
-from .conftest import INTRINSICS, assert_one_error, write_drive
+from .conftest import INTRINSICS, answered, assert_one_error, write_drive
 
 
 def objects_in(path: Path) -> list[tuple[str, float, float]]:
@@ -153,16 +150,8 @@ def test_at_a_terminal_it_is_asked(drive, tmp_path, answer, code, name):
     out = tmp_path / "out.hmap"
     drawn(out)
     command = [sys.executable, "-m", "hypermap", "map", drive, "--intrinsics", INTRINSICS]
-    ours, theirs = pty.openpty()
-    with subprocess.Popen([*command, "-o", out], stdin=theirs, stderr=theirs) as process:
-        os.close(theirs)
-        os.write(ours, answer.encode())
-        said = b""
-        with contextlib.suppress(OSError):  # the terminal is gone with its last program
-            while part := os.read(ours, 1 << 16):
-                said += part
-        os.close(ours)
-    assert process.returncode == code, said
+    ended, said = answered([*command, "-o", out], answer)
+    assert ended == code, said
     assert b"it was not made by mapping. Replace it? It stays as out.hmap.bak." in said
     assert (tmp_path / "out.hmap.bak").exists() == (code == 0)
     assert [each for each, _, _ in objects_in(out)] == [name]

@@ -1,9 +1,5 @@
 from __future__ import annotations
 
-import contextlib
-import os
-import pty
-import subprocess
 import sys
 
 import pytest
@@ -14,6 +10,8 @@ from hypermap.core.hypermap import Hypermap
 from hypermap.core.semantic import SemanticLayer
 from hypermap.formats import open_map, save_map
 from hypermap.testing import square
+
+from .conftest import answered
 
 
 def test_an_output_is_checked_before_the_work_begins(tmp_path):
@@ -42,16 +40,8 @@ def test_whether_to_replace_a_write_protected_file_is_asked(hypermap, tmp_path, 
     refused = hypermap(*command[3:])
     assert refused.code == 2
     assert f"{target} exists already, and is write-protected; make it writable" in refused.err
-    ours, theirs = pty.openpty()
-    with subprocess.Popen(command, stdin=theirs, stderr=theirs) as process:
-        os.close(theirs)
-        os.write(ours, answer.encode())
-        said = b""
-        with contextlib.suppress(OSError):  # the terminal is gone with its last program
-            while part := os.read(ours, 1 << 16):
-                said += part
-        os.close(ours)
-    assert process.returncode == code, said
+    ended, said = answered(command, answer)
+    assert ended == code, said
     assert b"out.hmap is write-protected. Replace it?" in said
     names = [found.object.name for found in open_map(target).objects()]
     assert names == ["in" if code == 0 else "out"]
