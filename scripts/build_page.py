@@ -13,6 +13,7 @@ import re
 import shutil
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -101,11 +102,23 @@ def _run(npm: Command, script: str) -> None:
 def _call(command: Command) -> None:
     """Run npm; what it starts finds the same Node.js."""
     path = os.pathsep.join([str(Path(command[0]).parent), os.environ.get("PATH", os.defpath)])
-    # Both outputs go to stderr, for whoever reads the stdout of a build.
-    done = subprocess.run(command, cwd=SOURCES, env={**os.environ, "PATH": path}, stdout=sys.stderr)
+    environment = {**os.environ, "PATH": path}
+    with tempfile.TemporaryDirectory() as folder:
+        if not _has_cache():
+            environment["npm_config_cache"] = folder
+        # Both outputs go to stderr, for whoever reads the stdout of a build.
+        done = subprocess.run(command, cwd=SOURCES, env=environment, stdout=sys.stderr)
     if done.returncode != 0:
         shown = " ".join(command)
         raise PageError(f"the page was not built: `{shown}` ended with {done.returncode}")
+
+
+def _has_cache() -> bool:
+    """Return whether npm can keep downloads where it wants to: it ends without a place for them."""
+    home = Path.home()
+    cache = home / ".npm"
+    named = "npm_config_cache" in map(str.lower, os.environ)
+    return named or os.access(cache if cache.exists() else home, os.W_OK)
 
 
 def _hash_of_sources() -> str:

@@ -15,6 +15,7 @@ import pytest
 SCRIPTS = Path(__file__).resolve().parents[1] / "scripts"
 NPM = """#!/bin/sh
 echo "$1" >>../calls
+mkdir -p "${{npm_config_cache:-$HOME/.npm}}/_cacache" || exit 243
 [ "$1" != ci ] || {{ mkdir -p node_modules && touch node_modules/.package-lock.json; }}
 [ "$1" != run ] || echo built >../src/hypermap/viewer/page/app.js
 exit {status}
@@ -46,7 +47,7 @@ def node(checkout: Path, version: str = "v20.1.0", *, npm: bool = True, status: 
         (checkout / "bin" / name).chmod(0o755)
 
 
-def python(checkout: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+def python(checkout: Path, *arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
     """Run this Python in the checkout, with what a shell needs and its Node.js on PATH."""
     for name in ("sh", "mkdir", "touch"):
         if not (checkout / "bin" / name).exists():
@@ -54,15 +55,21 @@ def python(checkout: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
         [sys.executable, *arguments],
         cwd=checkout,
-        env={**os.environ, "PATH": str(checkout / "bin"), "PYTHONPATH": "scripts"},
+        env={
+            **os.environ,
+            "PATH": str(checkout / "bin"),
+            "PYTHONPATH": "scripts",
+            "HOME": str(checkout),
+            **environment,
+        },
         capture_output=True,
         text=True,
         check=False,
     )
 
 
-def build(checkout: Path) -> subprocess.CompletedProcess[str]:
-    return python(checkout, "scripts/build_page.py")
+def build(checkout: Path, **environment: str) -> subprocess.CompletedProcess[str]:
+    return python(checkout, "scripts/build_page.py", **environment)
 
 
 def backend(checkout: Path, code: str) -> subprocess.CompletedProcess[str]:
@@ -87,6 +94,14 @@ def test_the_page_is_built_with_the_node_at_hand_and_only_after_a_change(checkou
     (checkout / "src/hypermap/viewer/page/sources.sha256").unlink()  # as if it had been stopped
     assert build(checkout).returncode == 0
     assert calls(checkout) == ["ci", "run", "run", "run"]
+
+
+def test_a_home_that_cannot_be_written_is_no_hindrance(checkout: Path) -> None:
+    node(checkout)
+    (checkout / "file").write_text("")
+    done = build(checkout, HOME=str(checkout / "file" / "home"))  # not even root can make it
+    assert done.returncode == 0, done.stderr
+    assert calls(checkout) == ["ci", "run"]
 
 
 def test_what_was_built_needs_no_node(checkout: Path) -> None:
