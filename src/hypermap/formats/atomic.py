@@ -19,7 +19,7 @@ from hypermap.formats.journal import (
     final_of,
     flush_folder,
 )
-from hypermap.formats.locks import is_locked, lock_file, turn_to_save
+from hypermap.formats.locks import HAS_LOCKS, is_locked, lock_file, turn_to_save
 
 _TEMPORARY = re.compile(r"\.hypermap-[0-9a-f]{16}(-[0-9]+)?\.tmp")
 _PART = re.compile(r"\.hypermap-[0-9a-f]{16}\.part(\.\w+)?")
@@ -93,7 +93,7 @@ def file_beside(path: str | Path) -> Iterator[Path]:
             yield temporary
             _look_like(final, file.fileno())
             os.fsync(file.fileno())
-            if os.name == "nt":  # where no file that is open gets another name
+            if not HAS_LOCKS:  # on Windows, where no file that is open gets another name
                 file.close()
             temporary.replace(final)
         flush_folder(final.parent)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import hashlib
 import http.client
 import os
@@ -16,6 +15,13 @@ from typing import IO, Any
 
 from hypermap.core.errors import HypermapError
 from hypermap.perception.detectors.catalog import KnownNetwork
+
+try:
+    import fcntl
+except ImportError:  # Windows
+    _HAS_LOCKS = False
+else:
+    _HAS_LOCKS = True
 
 _CHUNK = 65536  # bytes
 _SILENCE = 30.0  # seconds without a byte after which a connection counts as broken
@@ -65,6 +71,8 @@ def download(
             _fill(file, network, address, on_progress)
             file.flush()
             os.fsync(file.fileno())
+            if not _HAS_LOCKS:  # on Windows, where no file that is open gets another name
+                file.close()
             part.replace(target)
     except OSError as error:
         raise HypermapError(
@@ -180,9 +188,10 @@ def _read(answer: Any, most: int) -> bytes:
 
 @contextlib.contextmanager
 def _locked(file: IO[bytes], path: Path) -> Iterator[None]:
-    """Keep other processes off the part as long as the caller fills it."""
+    """Keep other processes off the part as long as the caller fills it, if there are locks."""
     try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        if _HAS_LOCKS:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         raise HypermapError(f"{path}: another process is downloading this already") from None
     yield
