@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hypermap.core.arrays import as_objects
-from hypermap.core.outlines import Outlines, Rings
+from hypermap.core.store.outlines import Outlines, Rings
 
 # Few different coordinates, so that points lie on corners, edges and their extensions.
 coordinates = st.tuples(st.integers(0, 6), st.integers(0, 6))
@@ -54,7 +54,7 @@ def test_points_a_hair_from_an_outline_are_told_apart(corners: int) -> None:
 
 
 def test_outlines_that_are_no_longer_kept_are_looked_at_again(monkeypatch) -> None:
-    monkeypatch.setattr("hypermap.core.outlines._MOST_KEPT", 2)
+    monkeypatch.setattr("hypermap.core.store.outlines._MOST_KEPT", 2)
     rings = Rings([shapely.box(i, 0, i + 1, 1) for i in range(5)].__getitem__)
     for row in [0, 1, 2, 3, 4, 0, 1]:
         assert [rings.cover(row, x + 0.5, 0.5) for x in range(5)] == [x == row for x in range(5)]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
@@ -12,36 +12,12 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.arrays import BoolArray, IntArray, ObjectArray, as_objects
+from hypermap.core.found import FoundObject
 from hypermap.core.frames import Pose2D
-from hypermap.core.objects import SemanticObject
-from hypermap.core.snapshot import Snapshot
+from hypermap.core.store.object_store import ObjectStore
 
 NO_OBJECT = -1
 _ROWS = 2**32  # keys count rows, and above them layers
-
-
-@dataclass(frozen=True, eq=False)
-class Found:
-    """Something that a question across layers has found.
-
-    Attributes:
-        layer: name of the layer that holds it.
-        point_xy: its location in the base frame [m], shape (2,); an object's centroid.
-        distance: metres to what the question named; None where it named nothing to be near to.
-        object: the object, its footprint in the base frame; None in layers without objects.
-    """
-
-    layer: str
-    point_xy: NDArray[np.float64]
-    distance: float | None = None
-    object: SemanticObject | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class FoundObject(Found):
-    """An object that a question has found; as `Found`, but there always is one."""
-
-    object: SemanticObject = field(kw_only=True)
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,7 +112,7 @@ class PlacedLayer:
     """The objects of a semantic layer at one moment, where they are, and where the layer lies."""
 
     name: str
-    snapshot: Snapshot
+    store: ObjectStore
     base_T_layer: Pose2D
 
     def rows(self, names: Collection[str] | None, area: BaseGeometry | None) -> IntArray:
@@ -148,12 +124,12 @@ class PlacedLayer:
         """
         asked = None if area is None else self.base_T_layer.inverse().apply_geometry(area)
         if names is not None:
-            return self.snapshot.rows_of_names(names, asked)
-        return self.snapshot.rows if asked is None else self.snapshot.rows_in(asked)
+            return self.store.with_names(names, asked)
+        return self.store.rows if asked is None else self.store.in_area(asked)
 
     def found(self, rows: IntArray, distances: Sequence[float | None]) -> list[FoundObject]:
         """Return some objects, brought into the base frame."""
-        table = self.snapshot.take(rows)
+        table = self.store.take(rows)
         points = self.base_T_layer.apply(table.centroids)
         table = replace(table, footprints=self.base_T_layer.apply_geometries(table.footprints))
         columns = zip(points, distances, range(len(table)), strict=True)
@@ -164,7 +140,7 @@ class PlacedLayer:
 
     def at(self, point_xy: NDArray[np.float64]) -> list[FoundObject]:
         """Return all objects at a point of the base frame, the smallest first."""
-        rows = self.snapshot.all_rows_at(self.base_T_layer.inverse().apply(point_xy)[0])
+        rows = self.store.all_at(self.base_T_layer.inverse().apply(point_xy)[0])
         return self.found(rows, [None] * len(rows))
 
     def nearest(
@@ -172,7 +148,7 @@ class PlacedLayer:
     ) -> list[FoundObject]:
         """Return the k objects with a name or id that are nearest to a point in the base frame."""
         point = self.base_T_layer.inverse().apply(point_xy)[0]
-        rows, distances = self.snapshot.nearest(what, point, k)
+        rows, distances = self.store.nearest(what, point, k)
         return self.found(rows, distances.tolist())
 
 
@@ -206,7 +182,7 @@ class PlacedLayers:
     def have_tags(self, keys: NDArray[np.int64], tags: set[str]) -> BoolArray:
         """Return whether the objects with these keys, shape (N,), have all the tags."""
         places = zip(*(part.tolist() for part in np.divmod(keys, _ROWS)), strict=True)
-        own = (self._layers[number].snapshot.object(row).tags for number, row in places)
+        own = (self._layers[number].store.object(row).tags for number, row in places)
         return np.fromiter((tags.issubset(texts) for texts in own), dtype=bool, count=len(keys))
 
     def found(
@@ -252,7 +228,7 @@ class Matches:
 
 def _placed(number: int, layer: PlacedLayer, rows: IntArray) -> Placed:
     return Placed(
-        layer.base_T_layer.apply_geometries(layer.snapshot.column("shapes", rows)),
-        layer.base_T_layer.apply(layer.snapshot.column("centroids", rows)),
+        layer.base_T_layer.apply_geometries(layer.store.column("shapes", rows)),
+        layer.base_T_layer.apply(layer.store.column("centroids", rows)),
         number * _ROWS + rows,
     )

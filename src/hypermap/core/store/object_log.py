@@ -19,11 +19,11 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.arrays import IntArray, ObjectArray, as_objects, as_view
-from hypermap.core.box_grid import BoxGrid
 from hypermap.core.objects import ObjectTable, SemanticObject
-from hypermap.core.outlines import Outlines, Rings
-from hypermap.core.recent_boxes import RecentBoxes
 from hypermap.core.shapes import valid_copies
+from hypermap.core.store.box_grid import BoxGrid
+from hypermap.core.store.outlines import Outlines, Rings
+from hypermap.core.store.recent_boxes import RecentBoxes
 from hypermap.core.tangles import is_sound
 
 _FEWEST = 1024  # rows written or ended before a new log begins

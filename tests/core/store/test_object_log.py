@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 import shapely
 
-from hypermap.core import object_log
 from hypermap.core.semantic import SemanticLayer, SemanticObject
+from hypermap.core.store import object_log
 from hypermap.testing import assert_same_objects, square
 
 Change = Callable[[SemanticLayer], Any]

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hypermap.core.arrays import IntArray, as_view, of_rows
-from hypermap.core.box_grid import BoxGrid
+from hypermap.core.store.box_grid import BoxGrid
 
 _FINER = 4  # as in a BoxGrid
 _FEW_CELLS = 9  # that are looked at one by one

@@ -10,9 +10,8 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hypermap.core import object_log
 from hypermap.core.semantic import SemanticLayer
-from hypermap.core.snapshot import Snapshot
+from hypermap.core.store import ObjectStore, object_log
 from hypermap.testing import assert_same_objects, square
 
 AREAS = [
@@ -27,34 +26,34 @@ POINTS = np.array([(x, y) for x in range(-4, 5, 2) for y in range(-4, 5, 2)], dt
 Model = dict[int, tuple[str, int, int, float]]
 
 
-def assert_holds(snapshot: Snapshot, model: Model) -> None:
+def assert_holds(store: ObjectStore, model: Model) -> None:
     """Assert that all answers are those of a layer that was made of the objects just now."""
     objects = [square(*item, id=number) for number, item in model.items()]
     fresh = SemanticLayer("s", "map", objects)
     other = fresh.snapshot
-    assert len(snapshot) == len(model)
-    assert_same_objects([snapshot.object(row) for row in snapshot.rows.tolist()], objects)
-    assert_same_objects([snapshot.table.object(row) for row in range(len(model))], objects)
-    assert_ids(snapshot, snapshot.rows_at(POINTS), other, other.rows_at(POINTS))
+    assert len(store) == len(model)
+    assert_same_objects([store.object(row) for row in store.rows.tolist()], objects)
+    assert_same_objects([store.table.object(row) for row in range(len(model))], objects)
+    assert_ids(store, store.at_each(POINTS), other, other.at_each(POINTS))
     for point in POINTS[::5]:
-        assert_ids(
-            snapshot, snapshot.rows_at(point[np.newaxis]), other, other.rows_at(point[np.newaxis])
-        )
+        assert_ids(store, store.at_each(point[np.newaxis]), other, other.at_each(point[np.newaxis]))
     for area in AREAS:
-        assert_ids(snapshot, snapshot.rows_in(area), other, other.rows_in(area))
+        assert_ids(store, store.in_area(area), other, other.in_area(area))
         for what in ("a", "z", 3, 3.5):
-            mine = snapshot.rows_of(what, area)
-            assert_ids(snapshot, mine, other, other.rows_of(what, area))
+            mine = store.named(what, area)
+            assert_ids(store, mine, other, other.named(what, area))
     for what in ("a", "b", 0, 7):
-        assert_ids(snapshot, snapshot.rows_of(what), other, other.rows_of(what))
+        assert_ids(store, store.named(what), other, other.named(what))
         (mine, far), (rows, distances) = (
-            each.nearest(what, np.array([1.0, 0.5]), 3) for each in (snapshot, other)
+            each.nearest(what, np.array([1.0, 0.5]), 3) for each in (store, other)
         )
-        assert_ids(snapshot, mine, other, rows)
+        assert_ids(store, mine, other, rows)
         np.testing.assert_array_equal(far, distances)
 
 
-def assert_ids(mine: Snapshot, rows: np.ndarray, other: Snapshot, expected: np.ndarray) -> None:
+def assert_ids(
+    mine: ObjectStore, rows: np.ndarray, other: ObjectStore, expected: np.ndarray
+) -> None:
     assert (rows < 0).tolist() == (expected < 0).tolist()
     there = mine.column("ids", rows[rows >= 0])
     assert there.tolist() == other.column("ids", expected[expected >= 0]).tolist()
@@ -72,7 +71,7 @@ def test_copies_and_what_was_seen_before_keep_apart(data: st.DataObject) -> None
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(object_log, "_FEWEST", data.draw(st.sampled_from([0, 5, 40])))
         branches = [Branch(SemanticLayer("s", "map"), {})]
-        seen: list[tuple[Snapshot, Model]] = []
+        seen: list[tuple[ObjectStore, Model]] = []
         for _ in range(data.draw(st.integers(1, 12))):
             branch = data.draw(st.sampled_from(branches))
             change(branch, data)
@@ -80,8 +79,8 @@ def test_copies_and_what_was_seen_before_keep_apart(data: st.DataObject) -> None
                 seen.append((branch.layer.snapshot, dict(branch.model)))
             if data.draw(st.booleans()):
                 branches.append(Branch(branch.layer.copy(), dict(branch.model)))
-        for snapshot, model in seen:
-            assert_holds(snapshot, model)
+        for store, model in seen:
+            assert_holds(store, model)
         for branch in branches:
             assert_holds(branch.layer.snapshot, branch.model)
 
@@ -107,7 +106,7 @@ def change(branch: Branch, data: st.DataObject) -> None:
 
 def test_changes_of_a_large_layer_write_behind_its_table_and_copy_nothing() -> None:
     layer = SemanticLayer("s", "map", [square("a", 3 * i, 0) for i in range(4000)])
-    log = layer.snapshot.log
+    log = layer.snapshot.seen.log
     before = layer.snapshot
     for i in range(100):
         (number,) = layer.add([square("b", 3 * i, 9)])
@@ -118,11 +117,11 @@ def test_changes_of_a_large_layer_write_behind_its_table_and_copy_nothing() -> N
             "Empty",
             "Empty",
         ]
-    assert layer.snapshot.log is log
+    assert layer.snapshot.seen.log is log
     assert len(layer) == 4000
-    assert before.rows_of("a").tolist() == list(range(4000))
+    assert before.named("a").tolist() == list(range(4000))
     layer.add([square("d", 3 * i, 30) for i in range(700)])
-    assert layer.snapshot.log is not log
+    assert layer.snapshot.seen.log is not log
     assert layer.names.tolist() == ["a"] * 3900 + ["c"] * 100 + ["d"] * 700
 
 
@@ -155,7 +154,7 @@ def test_a_large_change_makes_no_room_in_the_log_that_it_leaves() -> None:
     layer = SemanticLayer("s", "map", [square("a", 3 * i, 0) for i in range(2000)])
     other = layer.copy()
     other.add([square("b", 3 * i, 9) for i in range(2000)])
-    assert "written" not in vars(layer.snapshot.log)
+    assert "written" not in vars(layer.snapshot.seen.log)
     assert other.names.tolist() == ["a"] * 2000 + ["b"] * 2000
 
 

@@ -7,7 +7,7 @@ import pytest
 import shapely
 
 from hypermap.core.arrays import as_objects
-from hypermap.core.placed import Placed
+from hypermap.core.store.placed import Placed
 
 LINE = shapely.LineString([(3, 3), (4, 4)])  # of a footprint without area
 SHAPES = as_objects(

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hypermap.core.arrays import IntArray, as_view, of_rows
-from hypermap.core.outlines import ranges
+from hypermap.core.store.outlines import ranges
 
 _FINER = 4  # a grid's cells are so many times as wide as those of the next finer one
 _MOST_LEVELS = 32

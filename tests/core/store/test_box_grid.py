@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hypermap.core.box_grid import BoxGrid
-from hypermap.core.recent_boxes import RecentBoxes
+from hypermap.core.store.box_grid import BoxGrid
+from hypermap.core.store.recent_boxes import RecentBoxes
 
 lengths = st.one_of(st.integers(0, 3), st.sampled_from([0.1, 40.0, 1e6]))
 boxes = st.tuples(st.integers(-9, 9), st.integers(-9, 9), lengths, lengths).map(
@@ -69,7 +69,7 @@ def test_a_small_box_on_the_grid_is_answered_from_its_cells() -> None:
 
 
 def test_cells_that_are_no_longer_kept_are_looked_up_again(monkeypatch) -> None:
-    monkeypatch.setattr("hypermap.core.box_grid._MOST_KEPT", 4)
+    monkeypatch.setattr("hypermap.core.store.box_grid._MOST_KEPT", 4)
     drawn = [(i, j, i + 1.5, j + 1.0) for i in range(6) for j in range(6)]
     grid = grid_of(drawn)
     for x, y in [(i + 0.25, j + 0.25) for _ in range(2) for i in range(7) for j in range(7)]:
