@@ -127,7 +127,7 @@ def command(
     from hypermap.cli.detection_source import detection_source
     from hypermap.formats import save_map
     from hypermap.formats.backup import keep_backup
-    from hypermap.formats.map_server import load_occupancy
+    from hypermap.formats.grid.map_server import load_occupancy
     from hypermap.mapping.config import chosen_config
     from hypermap.recordings import open_recording
 

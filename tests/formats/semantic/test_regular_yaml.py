@@ -13,14 +13,14 @@ from hypothesis import strategies as st
 from hypermap.core.objects import ObjectTable, SemanticObject
 from hypermap.core.semantic import SemanticLayer
 from hypermap.formats import limits
-from hypermap.formats.footprints import footprint_to_wkt
-from hypermap.formats.records import record_from_object
-from hypermap.formats.semantic_regular import read_regular
-from hypermap.formats.semantic_writing import dump_table
-from hypermap.formats.semantic_yaml import parse_objects
+from hypermap.formats.columns.footprints import footprint_to_wkt
+from hypermap.formats.semantic.records import record_from_object
+from hypermap.formats.semantic.regular_yaml import read_regular
+from hypermap.formats.semantic.yaml_files import parse_objects
+from hypermap.formats.semantic.yaml_writing import dump_table
 from hypermap.formats.yaml_text import write_yaml
 
-from .strategies import object_facts, semantic_layers
+from ..strategies import object_facts, semantic_layers
 
 SQUARE = "POLYGON((0 0, 1 0, 1 1, 0 1, 0 0))"
 ENTRY = f"- name: cup\n  shape: {SQUARE}\n"

@@ -7,7 +7,7 @@ import json
 import shapely
 
 from hypermap.core.semantic import SemanticLayer, SemanticObject
-from hypermap.formats.csv_table import to_csv
+from hypermap.formats.semantic.csv_table import to_csv
 from hypermap.testing import square
 
 

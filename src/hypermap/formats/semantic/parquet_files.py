@@ -21,18 +21,18 @@ from hypermap.core.arrays import ObjectArray, as_objects
 from hypermap.core.errors import FormatError
 from hypermap.core.objects import ObjectTable
 from hypermap.core.semantic import Rejected, SemanticLayer
-from hypermap.formats.arrow import Column, Lists, Numbers, Words, kinds_of
 from hypermap.formats.checked import Checked, check
-from hypermap.formats.crs import check_metres, frame_of
-from hypermap.formats.geoparquet import (
+from hypermap.formats.columns.arrow import Column, Lists, Numbers, Words, kinds_of
+from hypermap.formats.columns.crs import check_metres, frame_of
+from hypermap.formats.columns.geoparquet import (
     GEOMETRY,
     GeoParquet,
     read_geoparquet,
     system_of,
     write_geoparquet,
 )
-from hypermap.formats.ragged import as_tuples
-from hypermap.formats.records import KNOWN_KEYS
+from hypermap.formats.columns.ragged import as_tuples
+from hypermap.formats.semantic.records import KNOWN_KEYS
 from hypermap.formats.yaml_text import plain_value, read_yaml, write_yaml
 
 NOTES = "hypermap"

@@ -16,9 +16,9 @@ from hypermap.core.errors import FormatError, MissingExtra
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.objects import SemanticObject
 from hypermap.core.semantic import SemanticLayer
-from hypermap.formats.crs import System, engineering_wkt, frame_of
+from hypermap.formats.columns.crs import System, engineering_wkt, frame_of
 from hypermap.formats.letters import check_savable
-from hypermap.formats.records import object_from_record, record_from_object
+from hypermap.formats.semantic.records import object_from_record, record_from_object
 from hypermap.formats.yaml_text import plain_value
 
 if TYPE_CHECKING:

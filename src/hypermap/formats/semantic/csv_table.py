@@ -10,7 +10,7 @@ from typing import Any
 import shapely
 
 from hypermap.core.semantic import SemanticLayer, SemanticObject
-from hypermap.formats.records import record_from_object
+from hypermap.formats.semantic.records import record_from_object
 from hypermap.formats.yaml_text import plain_value
 
 _FIRST = ("id", "name", "x", "y", "area", "existence", "first_seen", "last_seen", "tags")

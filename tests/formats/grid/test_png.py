@@ -14,8 +14,8 @@ from hypothesis.extra import numpy as npst
 from numpy.typing import NDArray
 from PIL import Image
 
-from hypermap.formats import png
-from hypermap.formats.png import decode_grey_alpha, encode_grey_alpha, grey_alpha_size
+from hypermap.formats.grid import png
+from hypermap.formats.grid.png import decode_grey_alpha, encode_grey_alpha, grey_alpha_size
 
 pictures = npst.arrays(np.uint8, st.tuples(st.integers(1, 9), st.integers(1, 5), st.just(2)))
 

@@ -13,7 +13,7 @@ from hypermap.core.errors import HypermapError
 from hypermap.core.frames import Pose2D
 from hypermap.core.grid import GridGeometry
 from hypermap.core.occupancy import OccupancyLayer
-from hypermap.formats.geotiff import GridLayer, to_geotiff
+from hypermap.formats.grid.geotiff import GridLayer, to_geotiff
 
 CELLS = np.array([[0, 100, -1], [5, 255, 7]])
 ORIGINS = [Pose2D(), Pose2D(-1.5, 2.25), Pose2D(-1.5, 2.25, 0.5), Pose2D(3, -4, math.pi)]

@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 
 from hypermap.core.errors import FormatError
 from hypermap.core.semantic import Rejected, SemanticLayer, SemanticObject
-from hypermap.formats.semantic_yaml import PLUGIN, dump_objects, parse_objects, parse_table
+from hypermap.formats.semantic.yaml_files import PLUGIN, dump_objects, parse_objects, parse_table
 from hypermap.formats.store import MemoryStore
 
-from .strategies import layer_facts, object_facts, semantic_layers
+from ..strategies import layer_facts, object_facts, semantic_layers
 
 SQUARE = "POLYGON((0 0, 1 0, 1 1, 0 1, 0 0))"
 SCRIBBLE = shapely.Polygon(np.random.default_rng(0).random((3000, 2)) * 10).wkt

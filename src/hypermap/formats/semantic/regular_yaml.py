@@ -21,11 +21,11 @@ from hypermap.core.arrays import ObjectArray, as_objects
 from hypermap.core.objects import MAX_ID, ObjectTable
 from hypermap.core.shapes import can_be_footprints
 from hypermap.formats import limits
-from hypermap.formats.footprints import footprint_from_wkt
-from hypermap.formats.numbers import numbers_from_json
-from hypermap.formats.outlines import outlines_from_wkt
-from hypermap.formats.ragged import as_tuples
-from hypermap.formats.records import KNOWN_KEYS
+from hypermap.formats.columns.footprints import footprint_from_wkt
+from hypermap.formats.columns.numbers import numbers_from_json
+from hypermap.formats.columns.outlines import outlines_from_wkt
+from hypermap.formats.columns.ragged import as_tuples
+from hypermap.formats.semantic.records import KNOWN_KEYS
 from hypermap.formats.yaml_text import plain_scalar
 
 _CHUNK = 1 << 18  # bytes; what is taken apart at a time should fit into the processor's cache

@@ -20,7 +20,7 @@ from hypermap.core.frames import Pose2D
 from hypermap.core.grid import GridGeometry
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.formats import limits
-from hypermap.formats.map_server import PLUGIN, load_occupancy
+from hypermap.formats.grid.map_server import PLUGIN, load_occupancy
 from hypermap.formats.store import MemoryStore
 
 YAML = """\

@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 
 from hypermap.core.errors import FormatError, MissingExtra
 from hypermap.core.semantic import SemanticLayer, SemanticObject
-from hypermap.formats.geojson import from_geojson, to_geojson
-from hypermap.formats.geopandas_bridge import to_geodataframe
+from hypermap.formats.semantic.geojson import from_geojson, to_geojson
+from hypermap.formats.semantic.geopandas_bridge import to_geodataframe
 
-from .strategies import layer_facts, semantic_layers
+from ..strategies import layer_facts, semantic_layers
 
 CUP = SemanticObject(
     name="cup",

@@ -18,12 +18,13 @@ from shapely.geometry.base import BaseGeometry
 from hypermap.core.errors import FormatError, HypermapError, MissingExtra
 from hypermap.core.objects import ObjectTable, SemanticObject
 from hypermap.core.semantic import Rejected, SemanticLayer
-from hypermap.formats import arrow, geoparquet, limits
-from hypermap.formats.arrow import Lists, Numbers, Words
-from hypermap.formats.geoparquet import write_geoparquet
-from hypermap.formats.semantic_parquet import dump_parquet, parse_parquet
+from hypermap.formats import limits
+from hypermap.formats.columns import arrow, geoparquet
+from hypermap.formats.columns.arrow import Lists, Numbers, Words
+from hypermap.formats.columns.geoparquet import write_geoparquet
+from hypermap.formats.semantic.parquet_files import dump_parquet, parse_parquet
 
-from .strategies import exact, layer_facts, object_facts, semantic_layers
+from ..strategies import exact, layer_facts, object_facts, semantic_layers
 
 pa = pytest.importorskip("pyarrow")
 parquet = pytest.importorskip("pyarrow.parquet")

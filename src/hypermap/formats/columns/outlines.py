@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from hypermap.core.arrays import ObjectArray
 from hypermap.core.shapes import can_be_corners
 from hypermap.core.tangles import are_untangled
-from hypermap.formats.numbers import numbers_from_json
+from hypermap.formats.columns.numbers import numbers_from_json
 
 _NUMBER = b"-+0123456789.eE"
 _DENSE = re.compile(rb"POLYGON\(\( (?:, )*\)\)")  # 0 0,1 0,1 1 without the numbers

@@ -20,10 +20,10 @@ from hypermap.core.evidence import EvidenceTable
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.semantic import SemanticLayer
 from hypermap.formats import limits, open_map, save_map
-from hypermap.formats.evidence_file import dump_evidence, parse_evidence
+from hypermap.formats.semantic.evidence_file import dump_evidence, parse_evidence
 from hypermap.testing import assert_same_evidence, assert_same_objects, square
 
-from .strategies import polygons
+from ..strategies import polygons
 
 numbers = st.floats(-1e6, 1e6)
 # A multipolygon of one comes back as the polygon that it is.

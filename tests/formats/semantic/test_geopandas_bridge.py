@@ -20,7 +20,7 @@ from hypermap import (
     from_geodataframe,
     to_geodataframe,
 )
-from hypermap.formats.geopandas_bridge import to_geopackage
+from hypermap.formats.semantic.geopandas_bridge import to_geopackage
 from hypermap.testing import assert_same_layer, square
 
 geopandas = pytest.importorskip("geopandas")

@@ -22,18 +22,18 @@ from hypermap.core.layer import Store
 from hypermap.core.occupancy import UNKNOWN, OccupancyLayer
 from hypermap.formats import limits
 from hypermap.formats.checked import Checked, Finite, Pose, Text, check
-from hypermap.formats.journal import read_as_saved
-from hypermap.formats.png import (
+from hypermap.formats.grid.png import (
     band_rows,
     decode_grey_alpha,
     encode_grey_alpha,
     grey_alpha_size,
 )
+from hypermap.formats.journal import read_as_saved
 from hypermap.formats.store import read_file
 from hypermap.formats.yaml_text import read_yaml, write_yaml
 
 if TYPE_CHECKING:
-    from hypermap.formats.pictures import GreyPicture
+    from hypermap.formats.grid.pictures import GreyPicture
 
 Cells = NDArray[np.int8] | NDArray[np.int16]
 _Fraction = Annotated[float, Field(ge=0, le=1)]
@@ -167,7 +167,7 @@ def cells_from_file(content: bytes, path: str, described: MapYaml) -> Cells:
             return _cells_from_bands(*size, decode_grey_alpha(content, *size), described)
         except (ValueError, zlib.error):  # Pillow reads more, and says what is wrong
             pass
-    from hypermap.formats.pictures import decode_grey  # with Pillow, which few maps need
+    from hypermap.formats.grid.pictures import decode_grey  # with Pillow, which few maps need
 
     return cells_from_picture(decode_grey(content, path), described)
 

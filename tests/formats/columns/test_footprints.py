@@ -10,14 +10,14 @@ from hypothesis import strategies as st
 from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.arrays import as_objects
-from hypermap.formats.footprints import (
+from hypermap.formats.columns.footprints import (
     footprint_from_wkt,
     footprint_to_wkt,
     footprints_from_wkb,
     footprints_to_wkt,
 )
 
-from .strategies import exact, footprints
+from ..strategies import exact, footprints
 
 SQUARE = [(0, 0), (2, 0), (2, 2), (0, 2), (0, 0)]
 HOLE = [(0.5, 0.5), (1, 0.5), (1, 1), (0.5, 0.5)]

@@ -15,8 +15,8 @@ from hypermap.core.errors import HypermapError
 from hypermap.core.objects import ObjectTable
 from hypermap.core.semantic import Rejected
 from hypermap.formats import limits
-from hypermap.formats.footprints import footprints_to_wkt
-from hypermap.formats.records import KNOWN_KEYS, record_from_object
+from hypermap.formats.columns.footprints import footprints_to_wkt
+from hypermap.formats.semantic.records import KNOWN_KEYS, record_from_object
 from hypermap.formats.yaml_text import count_values, plain_scalar, plain_value, write_yaml
 
 _WORDS = re.compile(r"\w+(?:[ ./-]\w+)*", re.ASCII)

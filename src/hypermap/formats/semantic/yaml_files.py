@@ -17,17 +17,17 @@ from hypermap.core.errors import FormatError
 from hypermap.core.layer import Store
 from hypermap.core.objects import MAX_ID, ObjectTable
 from hypermap.core.semantic import Rejected, SemanticLayer, SemanticObject
-from hypermap.formats.arrow import has_pyarrow
 from hypermap.formats.checked import found
 from hypermap.formats.collector import paused_collector
+from hypermap.formats.columns.arrow import has_pyarrow
+from hypermap.formats.columns.footprints import footprint_from_wkt
+from hypermap.formats.columns.geoparquet import MAGIC
 from hypermap.formats.config import BINARY_FILE
-from hypermap.formats.evidence_file import load_evidence, save_evidence, without_evidence
-from hypermap.formats.footprints import footprint_from_wkt
-from hypermap.formats.geoparquet import MAGIC
-from hypermap.formats.records import object_from_record
-from hypermap.formats.semantic_parquet import dump_parquet, parse_parquet
-from hypermap.formats.semantic_regular import read_regular
-from hypermap.formats.semantic_writing import TooLarge, dump_table
+from hypermap.formats.semantic.evidence_file import load_evidence, save_evidence, without_evidence
+from hypermap.formats.semantic.parquet_files import dump_parquet, parse_parquet
+from hypermap.formats.semantic.records import object_from_record
+from hypermap.formats.semantic.regular_yaml import read_regular
+from hypermap.formats.semantic.yaml_writing import TooLarge, dump_table
 from hypermap.formats.yaml_text import read_yaml
 
 logger = logging.getLogger(__name__)

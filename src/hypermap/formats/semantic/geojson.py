@@ -23,9 +23,9 @@ from hypermap.core.objects import MAX_ID
 from hypermap.core.semantic import SemanticLayer, SemanticObject
 from hypermap.core.shapes import check_footprint
 from hypermap.formats.checked import Checked, Text, check
-from hypermap.formats.crs import System, engineering_wkt, frame_of
+from hypermap.formats.columns.crs import System, engineering_wkt, frame_of
 from hypermap.formats.letters import check_read, check_savable
-from hypermap.formats.records import object_from_record, record_from_object
+from hypermap.formats.semantic.records import object_from_record, record_from_object
 from hypermap.formats.yaml_text import plain_value
 
 _HALF = re.compile(r"\\u[dD][89a-fA-F]")  # of a character, and often the other half behind it

@@ -13,10 +13,10 @@ from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.arrays import ObjectArray
 from hypermap.core.shapes import can_be_footprints
-from hypermap.formats.footprints import footprint_from_wkt, footprint_to_wkt
-from hypermap.formats.outlines import outlines_from_wkb, outlines_from_wkt
+from hypermap.formats.columns.footprints import footprint_from_wkt, footprint_to_wkt
+from hypermap.formats.columns.outlines import outlines_from_wkb, outlines_from_wkt
 
-from .strategies import exact, footprints
+from ..strategies import exact, footprints
 
 RIGHT = "POLYGON((0 0, 1 0, 1 1))"
 SQUARE = [(0, 0), (2, 0), (2, 2), (0, 2), (0, 0)]

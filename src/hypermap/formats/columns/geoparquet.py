@@ -20,7 +20,7 @@ from hypermap.core.arrays import ObjectArray, as_objects
 from hypermap.core.errors import FormatError, HypermapError
 from hypermap.core.shapes import can_be_footprints, check_footprint
 from hypermap.formats import limits
-from hypermap.formats.arrow import (
+from hypermap.formats.columns.arrow import (
     Column,
     from_arrow,
     leaf_of,
@@ -30,10 +30,10 @@ from hypermap.formats.arrow import (
     whole,
     words_in,
 )
-from hypermap.formats.crs import System, engineering_projjson
-from hypermap.formats.footprints import footprints_from_wkb
-from hypermap.formats.outlines import outlines_from_wkb
-from hypermap.formats.parquet_description import WIDTH, Leaf, leaves_of
+from hypermap.formats.columns.crs import System, engineering_projjson
+from hypermap.formats.columns.footprints import footprints_from_wkb
+from hypermap.formats.columns.outlines import outlines_from_wkb
+from hypermap.formats.columns.parquet_description import WIDTH, Leaf, leaves_of
 
 if TYPE_CHECKING:
     import pyarrow
