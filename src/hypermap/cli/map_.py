@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from hypermap.mapping.config import MappingConfig
     from hypermap.mapping.floor import Floor
     from hypermap.mapping.mapper import MappedFrame, Mapper, Progress
-    from hypermap.perception.detections import DetectionSource
+    from hypermap.perception.frame import DetectionSource
     from hypermap.perception.recording import Recording
     from hypermap.recordings import RecordingOptions
 
