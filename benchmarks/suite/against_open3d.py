@@ -121,7 +121,7 @@ def noisy_desk(camera: Camera) -> tuple[RgbdFrame, NDArray[np.float64]]:
 
 def all_normals(frame: RgbdFrame, valid: NDArray[np.bool_]) -> NDArray[np.float64]:
     """Return the normals of all points of a frame, shape (N, 3)."""
-    planes = planes_of(rows_of(frame), valid, 0, 0, *valid.shape)
+    planes = planes_of(rows_of(frame.depth, frame.camera.K, frame.cloud), valid, 0, 0, *valid.shape)
     K = frame.camera.K
     normals, *_ = fit_planes(planes, np.pad(valid, MARGIN), NEIGHBORS, (K[0, 0], K[1, 1]))
     inner = normals[:, MARGIN:-MARGIN, MARGIN:-MARGIN]

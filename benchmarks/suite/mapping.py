@@ -15,9 +15,8 @@ from hypermap.mapping.evidence import EvidenceMap
 from hypermap.mapping.keyframes import KeyframeSelector
 from hypermap.mapping.mapper import Mapper
 from hypermap.mapping.occupancy import OccupancyMapper
-from hypermap.perception.detections import DetectionSource
 from hypermap.perception.detectors.sources import detections_from_file
-from hypermap.perception.frame import RgbdFrame
+from hypermap.perception.frame import DetectionSource, RgbdFrame
 from hypermap.perception.observe import observe
 from hypermap.perception.recording import Recording
 from hypermap.recordings import RecordingOptions, open_recording

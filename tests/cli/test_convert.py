@@ -15,7 +15,7 @@ from hypermap.core.hypermap import Hypermap
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.semantic import SemanticLayer
 from hypermap.formats import open_map, save_map
-from hypermap.formats.map_server import load_occupancy
+from hypermap.formats.grid.map_server import load_occupancy
 from hypermap.ros.server.zones import draw, keepout_filter, speed_filter
 
 from .conftest import assert_one_error

@@ -8,8 +8,10 @@ import pytest
 from hypermap.core.errors import HypermapError
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.occupancy import OccupancyLayer
-from hypermap.formats import map_server, open_map, save_map, semantic_yaml
+from hypermap.formats import open_map, save_map
+from hypermap.formats.grid import map_server
 from hypermap.formats.plugins import installed_layers, plugin_for
+from hypermap.formats.semantic import yaml_files as semantic_yaml
 
 PLUGIN = """
 from hypermap.core.occupancy import OccupancyLayer

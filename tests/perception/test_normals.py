@@ -46,7 +46,7 @@ def rough_cloud(seed: int, holes: float = 0.0) -> NDArray[np.float32]:
 
 def padded(points: NDArray[np.float32], valid: NDArray[np.bool_]) -> NDArray[np.float32]:
     frame = RgbdFrame(0.0, points[..., 2], CAMERA, np.eye(4), cloud=points)
-    return planes_of(rows_of(frame), valid, 0, 0, *valid.shape)
+    return planes_of(rows_of(frame.depth, frame.camera.K, frame.cloud), valid, 0, 0, *valid.shape)
 
 
 def fit_all(

@@ -15,7 +15,7 @@ from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.opaque import OpaqueLayer
 from hypermap.core.semantic import SemanticLayer
 from hypermap.formats import open_map
-from hypermap.formats.geojson import from_geojson
+from hypermap.formats.semantic.geojson import from_geojson
 from hypermap.testing import square
 
 from .live_tools import Window, a_map, saved, serving

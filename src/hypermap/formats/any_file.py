@@ -7,12 +7,12 @@ from pathlib import Path
 from hypermap.core.errors import HypermapError
 from hypermap.core.hypermap import DEFAULT_FRAME, Hypermap
 from hypermap.core.semantic import SemanticLayer
-from hypermap.formats.geojson import from_geojson
-from hypermap.formats.geoparquet import MAGIC
+from hypermap.formats.columns.geoparquet import MAGIC
+from hypermap.formats.grid.map_server import load_occupancy
 from hypermap.formats.hmap import open_map
-from hypermap.formats.map_server import load_occupancy
-from hypermap.formats.semantic_parquet import layer_of_parquet
-from hypermap.formats.semantic_yaml import parse_content
+from hypermap.formats.semantic.geojson import from_geojson
+from hypermap.formats.semantic.parquet_files import layer_of_parquet
+from hypermap.formats.semantic.yaml_files import parse_content
 from hypermap.formats.store import read_file
 from hypermap.formats.yaml_text import read_yaml
 

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 ENTRY_POINT_GROUP = "hypermap.layers"
 
 _OURS = {
-    "OccupancyGridLayer": "hypermap.formats.map_server:PLUGIN",
-    "SemanticLayer": "hypermap.formats.semantic_yaml:PLUGIN",
+    "OccupancyGridLayer": "hypermap.formats.grid.map_server:PLUGIN",
+    "SemanticLayer": "hypermap.formats.semantic.yaml_files:PLUGIN",
 }
 
 

@@ -21,9 +21,9 @@ from hypermap.mapping.evidence import EvidenceMap
 from hypermap.mapping.floor import Floor, FloorCheck
 from hypermap.mapping.keyframes import KeyframeSelector
 from hypermap.mapping.occupancy import OccupancyMapper
-from hypermap.perception.detections import Detections, DetectionSource
+from hypermap.perception.detections import Detections
 from hypermap.perception.detectors.sources import detections_of
-from hypermap.perception.frame import RgbdFrame
+from hypermap.perception.frame import DetectionSource, RgbdFrame
 from hypermap.perception.observation import Observation
 from hypermap.perception.observe import observe, those_that_count
 from hypermap.perception.recording import Recording

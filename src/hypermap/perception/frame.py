@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -144,3 +146,7 @@ class RgbdFrame:
     @cached_property
     def _points(self) -> dict[int, NDArray[np.float32]]:
         return {}
+
+
+DetectionSource: TypeAlias = Callable[[RgbdFrame], Detections]
+"""Whatever says what is in a frame: a detector, a file, or the recording itself."""

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
+from hypermap.perception.segments import Segment
 from hypermap.perception.view import View
-
-if TYPE_CHECKING:
-    from hypermap.perception.segmentation import Segment
 
 
 @dataclass(frozen=True, eq=False)

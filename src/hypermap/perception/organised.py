@@ -44,7 +44,9 @@ def grow_regions(
     parts = np.array([_part(*each, width) for each in zip(objects, starts, strict=True)])
     top, left = parts[:, :2].min(axis=0)
     bottom, right = parts[:, 2:].max(axis=0)
-    planes = planes_of(rows_of(frame), valid, top, left, bottom, right)
+    planes = planes_of(
+        rows_of(frame.depth, frame.camera.K, frame.cloud), valid, top, left, bottom, right
+    )
     size, stride = planes[0].size, planes.shape[2]
     shift = (MARGIN - top) * stride + MARGIN - left  # where the image's first pixel would lie
     places = [_places(*each, width, stride, shift) for each in zip(objects, starts, strict=True)]

@@ -146,7 +146,7 @@ class Questions:
         if isinstance(layer, SemanticLayer):
             now = layer.snapshot
             in_layer = (self._pose_of(layer.frame_id).inverse() @ self._pose_of(frame)).apply(point)
-            rows = now.all_rows_at(in_layer[0])
+            rows = now.all_at(in_layer[0])
             for item, area in zip(map(now.object, rows), now.column("areas", rows), strict=True):
                 shown: dict[str, Any] = {"id": item.id, "name": item.name, "area": float(area)}
                 objects.append({**shown, "existence": item.existence, "tags": list(item.tags)})
