@@ -50,7 +50,7 @@ class Seen:
 
     def __init__(self) -> None:
         self.frames: list[MappedFrame] = []
-        self.standing: list[list[tuple[int, int, float]]] = []
+        self.summary: list[list[tuple[int, int, float]]] = []
         self.map: Hypermap | None = None
 
     def objects(self) -> SemanticLayer:
@@ -68,7 +68,7 @@ def mapped(
 
     def watch(frame: MappedFrame, mapper: Mapper) -> None:
         seen.frames.append(frame)
-        seen.standing.append(mapper.evidence.standing())
+        seen.summary.append(mapper.evidence.summary())
         run.watch(frame, mapper)
 
     recording = open_recording(drive, RecordingOptions(intrinsics=INTRINSICS))
@@ -142,10 +142,10 @@ def test_each_step_tells_what_its_frame_saw(watched: tuple[Run, Seen]) -> None:
 def test_the_objects_of_each_step_are_those_of_the_map_then(watched: tuple[Run, Seen]) -> None:
     run, seen = watched
     names = []
-    for number, standing in enumerate(seen.standing, start=1):
+    for number, summary in enumerate(seen.summary, start=1):
         told = step(run, number)["objects"]
         assert told["since"] is None
-        assert [(id_, count, value) for id_, _, value, count, _ in told["set"]] == standing
+        assert [(id_, count, value) for id_, _, value, count, _ in told["set"]] == summary
         names.append({name for _, name, *_ in told["set"]})
     assert [("cup" in known) for known in names[:CUP_FROM]] == [False] * CUP_FROM
     assert names[-1] == {"chair", "cup"}
@@ -237,7 +237,7 @@ def test_of_a_long_run_every_nth_frame_is_kept_and_the_last_one(
         for number in numbers:
             told = step(run, number)["objects"]["set"]
             kept = [(id_, count, value) for id_, _, value, count, _ in told]
-            assert kept == seen.standing[number - 1]
+            assert kept == seen.summary[number - 1]
         assert step(run, numbers[-1] - 1)["sight"]["number"] == numbers[-2]
         with pytest.raises(NoSuchStep):
             run.step(numbers[0] - 1, None)

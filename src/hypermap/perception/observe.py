@@ -43,7 +43,7 @@ def observe(
     Source: section 3.4 of the thesis behind the first Hypermap program.
     """
     valid = valid_pixels(frame, config)
-    detections = those_that_count(detections, config)
+    detections = usable_detections(detections, config)
 
     # In float32 a millimetre counts only near the origin, so shapes far from it are made as if the
     # camera stood there, and then moved back.
@@ -78,7 +78,7 @@ def observe(
     return Observation(frame.stamp, frame.map_T_camera, tuple(objects), visible_area, view)
 
 
-def those_that_count(detections: Detections, config: PerceptionConfig) -> Detections:
+def usable_detections(detections: Detections, config: PerceptionConfig) -> Detections:
     """Return the detections that are sure enough, and of very many of them the best, in order."""
     sure = detections[detections.scores >= config.min_score]
     if len(sure) <= config.max_detections:

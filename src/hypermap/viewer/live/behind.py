@@ -16,7 +16,7 @@ from hypermap.core.frames import Pose2D
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.semantic import SemanticLayer
 from hypermap.core.shapes import valid_copies
-from hypermap.mapping.look_back import config_of, fused_shapes
+from hypermap.mapping.evidence_table import config_of, fused_shapes
 from hypermap.viewer.live.shapes import polygons_of
 
 _SLACK = 0.001  # metres by which an outline may be simplified

@@ -49,11 +49,11 @@ def things_of(evidence: EvidenceMap, before: Things) -> Things:
         evidence: what the map knows.
         before: an earlier answer; the shapes that cannot have changed since are taken from it.
     """
-    standing = evidence.standing()
-    changed = {number for number, count, _ in standing if not _is_known(before.get(number), count)}
+    summary = evidence.summary()
+    changed = {number for number, count, _ in summary if not _is_known(before.get(number), count)}
     shapes = {thing.id: thing for thing in evidence.objects(changed)} if changed else {}
     things: Things = {}
-    for number, count, existence in standing:
+    for number, count, existence in summary:
         if number in changed:
             thing = shapes[number]
             things[number] = Thing(thing.name, existence, count, polygons_of(thing.footprint))
