@@ -11,7 +11,7 @@ import {
 import { complain, el } from "./dom";
 import { BehindSection } from "./evidence";
 import { objectFacts } from "./facts";
-import { metres, plural, rounded } from "./format";
+import { meters, plural, rounded } from "./format";
 import { fromBase } from "./frames";
 import type { MapView } from "./mapview";
 import type { Panel } from "./panel";
@@ -248,4 +248,4 @@ function backButton(onclick: () => void): HTMLElement {
   return el("button", { type: "button", class: "button small", text: "Back", data, onclick });
 }
 
-const where = ([x, y]: Point): string => `${metres(x)}, ${metres(y)}`;
+const where = ([x, y]: Point): string => `${meters(x)}, ${meters(y)}`;

@@ -1,6 +1,6 @@
 /** What the page knows of a map, and the questions that it can ask: the joint with the server. */
 
-/** Metres, in the base frame unless said. */
+/** Meters, in the base frame unless said. */
 export type Point = [number, number];
 export type Ring = Point[];
 /** The outer ring, then the holes. */
@@ -34,7 +34,7 @@ export interface LayerInfo {
   kind: "raster" | "shapes" | "none";
   count: number;
   extent: Extent | null;
-  /** Metres per cell, of raster layers. */
+  /** Meters per cell, of raster layers. */
   resolution?: number;
   editable?: boolean;
   /** That of the last change of this layer. */
@@ -189,7 +189,7 @@ export interface Seen {
   /** The detector's, 0 to 1. */
   score: number;
   polygons: Polygon[];
-  /** Square metres. */
+  /** Square meters. */
   area: number;
   camera: Point;
   /** Where the camera looked [rad]. */
@@ -275,7 +275,7 @@ export interface Questions {
     row: number,
     version: number,
   ): Promise<TileImage>;
-  /** What meets an extent, at so many metres per pixel; only these names, if any are given. */
+  /** What meets an extent, at so many meters per pixel; only these names, if any are given. */
   shapes(
     layer: string,
     extent: Extent,
@@ -324,7 +324,7 @@ export interface EmbeddedRaster {
   /** Base64 of a PNG that lies straight in the base frame; its first row has the largest y. */
   png: string;
   bounds: Extent;
-  /** Metres per pixel. */
+  /** Meters per pixel. */
   resolution: number;
   /** The cells that are drawn: the pose of their corner in the base frame, their side, how many. */
   grid: { x: number; y: number; yaw: number; resolution: number; width: number; height: number };

@@ -1,6 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { clock, csv, geojson, length, metres, niceLength, squareMetres } from "../src/format";
+import { clock, csv, geojson, length, meters, niceLength, squareMeters } from "../src/format";
 import { placeFromHash, placeToHash } from "../src/place";
 import { shellWord, spellAt, spellFind } from "../src/questions";
 import type { AreaRow, Point, Ring } from "../src/source";
@@ -31,10 +31,10 @@ test("lengths on a scale bar are 1, 2 or 5 of something", () => {
 });
 
 test("a place has the digits that a pixel deserves, and no negative zero", () => {
-  assert.equal(metres(1.23456, 0.05), "1.23");
-  assert.equal(metres(-0.0001, 0.05), "0.00");
-  assert.equal(metres(-3, 1), "−3");
-  assert.equal(squareMetres(0.0042), "42 cm²");
+  assert.equal(meters(1.23456, 0.05), "1.23");
+  assert.equal(meters(-0.0001, 0.05), "0.00");
+  assert.equal(meters(-3, 1), "−3");
+  assert.equal(squareMeters(0.0042), "42 cm²");
 });
 
 test("a time since the start reads like a clock", () => {

@@ -289,7 +289,9 @@ def test_of_very_many_detections_the_best_count(caplog: pytest.LogCaptureFixture
     hypermap = map_recording(walk(), crowd, config)
     assert [item.name for item in hypermap["semantic"].objects()] == ["box"]
     assert hypermap.metadata["surplus_detections"] == 6
-    assert caplog.text.count("dropped 1 detections, because only the best 1 of a frame are used") == 1
+    assert (
+        caplog.text.count("dropped 1 detections, because only the best 1 of a frame are used") == 1
+    )
 
 
 def test_progress_is_reported_after_each_frame() -> None:

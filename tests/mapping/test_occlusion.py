@@ -23,7 +23,7 @@ HEIGHTS = np.array([[0.6, 1.4]])
 def looking_along_x(
     depth: float | np.ndarray, x: float = 0.0, y: float = 0.0, yaw: float = 0.0
 ) -> View:
-    """A camera one metre high that measures the same depth everywhere, or a given image."""
+    """A camera one meter high that measures the same depth everywhere, or a given image."""
     pose = pose_from_rpy(x, y, 1.0, 0.0, 0.0, yaw) @ OPTICAL
     image = np.full((240, 320), depth, dtype=np.float32)
     return View.of(RgbdFrame(0.0, image, CAMERA, pose))

@@ -194,7 +194,7 @@ def test_who_hears_of_a_change_at_once_hears_all_of_it(tmp_path):
         (
             add(polygon=[[0, 0], [1e8, 0], [0, 1]]),
             400,
-            "the shape is 100000 km long, more than 100 km; corners are given in metres",
+            "the shape is 100000 km long, more than 100 km; corners are given in meters",
         ),
         (
             {**add(), "polygon": None, "polygons": [[BED], [[[2e5, 0], [2e5, 1], [2e5 + 1, 0]]]]},

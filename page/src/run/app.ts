@@ -221,9 +221,9 @@ export class RunPage {
 
   private showScale(): void {
     const { resolution } = this.map;
-    const metres = niceLength(LONGEST * resolution);
-    byId("scale-text").textContent = length(metres);
-    byId("scale-bar").style.width = `${metres / resolution}px`;
+    const meters = niceLength(LONGEST * resolution);
+    byId("scale-text").textContent = length(meters);
+    byId("scale-bar").style.width = `${meters / resolution}px`;
   }
 
   private fit(): void {

@@ -57,7 +57,7 @@ export class RunMap {
     private readonly insets: () => Insets,
   ) {
     this.view = new View({
-      projection: new Projection({ code: "metres", units: "m", global: false }),
+      projection: new Projection({ code: "meters", units: "m", global: false }),
       center: [0, 0],
       resolution: 0.02,
       minResolution: FINEST,

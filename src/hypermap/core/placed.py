@@ -27,7 +27,7 @@ class Found:
     Attributes:
         layer: name of the layer that holds it.
         point_xy: its location in the base frame [m], shape (2,); an object's centroid.
-        distance: metres to what the question named; None where it named nothing to be near to.
+        distance: meters to what the question named; None where it named nothing to be near to.
         object: the object, its footprint in the base frame; None in layers without objects.
     """
 
@@ -84,7 +84,7 @@ class Placed:
         """Return the distance from each shape to the nearest of the others that is not itself.
 
         Returns:
-            Metres, shape (N,); infinite where there is none within the limit.
+            Meters, shape (N,); infinite where there is none within the limit.
         """
         tree = shapely.STRtree(others.shapes)
         nearest = np.full(len(self), np.inf)

@@ -29,7 +29,7 @@ class Drive:
     Attributes:
         world: what there is to see.
         seed: of all chance.
-        errors: of camera, localisation and detector.
+        errors: of camera, localization and detector.
         rate: frames per second.
     """
 

@@ -212,7 +212,7 @@ def _count(found: tuple[Floor, int]) -> int:
 def _points_and_normals(
     frame: RgbdFrame,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return points of smooth surfaces and their normals towards the camera, in the map."""
+    """Return points of smooth surfaces and their normals toward the camera, in the map."""
     step = max(1, round(frame.camera.width / _COLUMNS))
     points = frame.points(step).astype(np.float64)
     with np.errstate(invalid="ignore", over="ignore"):  # depth may be NaN or infinite

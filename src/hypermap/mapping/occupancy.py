@@ -74,7 +74,7 @@ class OccupancyMapper:
         Args:
             ranges: meters, shape (N,). A range of `range_max` or more, as infinity, is a ray that
                 met nothing; NaN, zero and less are no measurements (REP 117).
-            angle_min: angle of the first ray from the laser's x axis towards its y axis [rad].
+            angle_min: angle of the first ray from the laser's x axis toward its y axis [rad].
             angle_increment: from one ray to the next [rad].
             map_T_laser: pose of the laser in the map, shape (4, 4).
             range_max: rays are used up to here [m]; `max_range` if None.

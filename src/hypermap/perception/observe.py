@@ -45,7 +45,7 @@ def observe(
     valid = valid_pixels(frame, config)
     detections = usable_detections(detections, config)
 
-    # In float32 a millimetre counts only near the origin, so shapes far from it are made as if the
+    # In float32 a millimeter counts only near the origin, so shapes far from it are made as if the
     # camera stood there, and then moved back.
     offset = np.round(frame.map_T_camera[:2, 3], -2)
     near_T_camera = frame.map_T_camera.copy()

@@ -21,7 +21,7 @@ from hypermap.recordings.options import RecordingOptions, nearest_rigid
 from hypermap.recordings.problems import problems_of
 from hypermap.recordings.textfiles import read_matrix
 
-DEPTH_SCALE = 1000.0  # units per metre
+DEPTH_SCALE = 1000.0  # units per meter
 FRAME_RATE = 30.0  # frames per second; the files carry no times
 _FILE = re.compile(r"frame-(\d+)\.(color\.jpg|color\.png|depth\.png|pose\.txt)")
 
@@ -54,7 +54,7 @@ class NumberedFrame:
 class SevenScenesRecording:
     """A folder with `frame-000000.color.jpg`, `.depth.png` and `.pose.txt`, and so on.
 
-    Depth is of 16 bits, in millimetres, 0 and 65535 for no return. A pose is a 4 x 4 matrix that
+    Depth is of 16 bits, in millimeters, 0 and 65535 for no return. A pose is a 4 x 4 matrix that
     takes camera points to the world, whose axes need not be level (`map_T_world`). The 3 x 3
     matrix of the intrinsics lies in `camera-intrinsics.txt`, beside the frames or one folder up.
 

@@ -25,7 +25,7 @@ from hypermap.recordings.pairing import FramePlan, plan_frames
 from hypermap.recordings.problems import problems_of
 from hypermap.recordings.textfiles import finite_numbers, read_lines
 
-DEPTH_SCALE = 5000.0  # units per metre
+DEPTH_SCALE = 5000.0  # units per meter
 
 
 class TumRecording:
@@ -33,7 +33,7 @@ class TumRecording:
 
     `associations.txt` may stand in place of the two lists. Their stamps are associated one to one,
     and poses interpolated between those of the ground truth. Depth is of 16 bits, 5000 to the
-    metre, 0 and 65535 for no return.
+    meter, 0 and 65535 for no return.
 
     Source: the benchmark's page on file formats (Sturm et al., IROS 2012).
     """
@@ -68,11 +68,11 @@ class TumRecording:
         for d, c, pose in zip(plan.depth, plan.color, plan.map_T_camera, strict=True):
             stamp = float(depth.stamps[d])
             load = partial(load_depth, depth.paths[d], camera, scale)
-            if (metres := or_report(load, stamp, on_bad)) is None:
+            if (meters := or_report(load, stamp, on_bad)) is None:
                 continue
             yield RgbdFrame(
                 stamp=stamp,
-                depth=metres,
+                depth=meters,
                 camera=camera,
                 map_T_camera=pose,
                 color=partial(load_color, color.paths[c], camera) if color else None,

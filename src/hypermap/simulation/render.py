@@ -25,7 +25,7 @@ class View:
     """What is really there, pixel by pixel.
 
     Attributes:
-        depth: metres along the optical axis, float32, NaN where there is nothing, shape (H, W).
+        depth: meters along the optical axis, float32, NaN where there is nothing, shape (H, W).
         color: RGB, uint8, shape (H, W, 3).
         instances: which of the world's objects, -1 for none, int32, shape (H, W).
         incidence: angle between the ray and the surface's normal [rad], NaN where there is
@@ -60,7 +60,7 @@ class Renderer:
 
         triangles = found.ravel()  # -1 for nothing: what it stands for is overwritten below
         nothing = triangles < 0
-        # A ray advances one metre along the optical axis per unit of length.
+        # A ray advances one meter along the optical axis per unit of length.
         depth = np.where(nothing, np.nan, depths.ravel()).astype(np.float32)
         points = pose[:3, 3] + depth[:, np.newaxis] * directions
         cosine = np.einsum("ij,ij->i", directions, self._normals[triangles]) / self._lengths

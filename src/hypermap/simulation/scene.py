@@ -18,7 +18,7 @@ from hypermap.simulation.world import Floor, Point, Thing, Wall, World
 
 BACKGROUND = -1  # the instance of floor, walls and nothing at all
 FLOOR_THICKNESS = 0.1
-_TOUCH = 1e-3  # metres by which two things may overlap where they touch
+_TOUCH = 1e-3  # meters by which two things may overlap where they touch
 
 
 @dataclass(frozen=True, eq=False)

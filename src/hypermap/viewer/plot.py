@@ -28,7 +28,7 @@ def plot(
 ) -> Axes:
     """Draw a map from above into matplotlib's axes, in its base frame, and return them.
 
-    What is drawn afterwards lies above the map, as `axes.plot(xs, ys)`; the axes are in metres.
+    What is drawn afterwards lies above the map, as `axes.plot(xs, ys)`; the axes are in meters.
 
     Args:
         hypermap: the map.

@@ -20,7 +20,7 @@ from hypermap.recordings.messages.images import (
     depth_of_image,
 )
 from hypermap.ros.mapper.settings import CLOUD, COMPRESSED, LiveSettings
-from hypermap.ros.mapper.synchroniser import Match
+from hypermap.ros.mapper.synchronizer import Match
 
 
 class FrameMaker:

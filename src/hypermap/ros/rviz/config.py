@@ -28,7 +28,7 @@ MASKS = {"Keepout zones": "keepout_mask", "Speed limits": "speed_mask"}
 _WINDOW = (1280, 860)  # pixels
 _MAP_VIEW = (880, 700)  # what of the window is left for the map
 _MARGIN = 0.9  # how much of it the map fills
-_COARSE = 12  # pixels per metre, below which lines at whole metres are too many
+_COARSE = 12  # pixels per meter, below which lines at whole meters are too many
 _MASK_ALPHA = 0.4
 _BACKGROUND = "226; 229; 233"
 
@@ -40,7 +40,7 @@ class View:
     Attributes:
         x: of the middle [m].
         y: of the middle [m].
-        scale: pixels per metre.
+        scale: pixels per meter.
     """
 
     x: float = 0.0
@@ -215,7 +215,7 @@ def views(view: View, *, ros2: bool = False) -> dict[str, Any]:
 
 
 def ground(view: View, *, ros2: bool = False) -> dict[str, Any]:
-    """Return the display of lines at whole or each ten metres, wherever the view may soon go."""
+    """Return the display of lines at whole or each ten meters, wherever the view may soon go."""
     cell = 1 if view.scale > _COARSE else 10
     lines = 2 * math.ceil(max(_WINDOW) / view.scale / cell)
     return {

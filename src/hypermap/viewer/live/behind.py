@@ -19,8 +19,8 @@ from hypermap.core.shapes import valid_copies
 from hypermap.mapping.evidence_table import config_of, fused_shapes
 from hypermap.viewer.live.shapes import polygons_of
 
-_SLACK = 0.001  # metres by which an outline may be simplified
-_DECIMALS = 4  # of metres
+_SLACK = 0.001  # meters by which an outline may be simplified
+_DECIMALS = 4  # of meters
 NO_EVIDENCE = (
     "This map keeps no evidence. Maps made by `hypermap map` keep it, unless with --drop-evidence."
 )

@@ -23,7 +23,7 @@ MOST_METRES = 100_000
 MOST_ASKED_CORNERS = 2_000
 """Corners of the largest area that is asked about; each costs time on a large grid."""
 
-_FAR = 1e9  # metres
+_FAR = 1e9  # meters
 
 
 async def read_body(request: Request) -> dict[str, Any]:
@@ -149,7 +149,7 @@ def _of_size(shape: BaseGeometry, key: str) -> BaseGeometry:
     if side > MOST_METRES:
         raise Refused(
             f"{key}: the shape is {side / 1000:.0f} km long, more than {MOST_METRES // 1000} km; "
-            "corners are given in metres"
+            "corners are given in meters"
         )
     return shape
 

@@ -27,7 +27,7 @@ MOST = 5000
 
 _SMALLEST = 2  # pixels; what is smaller is sent as a point
 _ZOOMS_KEPT = 6  # of what was sent
-_SHARPEST = 1e-4  # metres; no coordinate is told more exactly
+_SHARPEST = 1e-4  # meters; no coordinate is told more exactly
 
 Polygons = list[list[list[list[float]]]]
 

@@ -12,7 +12,7 @@ import numpy as np
 from hypermap.core.errors import HypermapError, MissingExtra
 from hypermap.core.hypermap import Hypermap
 from hypermap.mapping.mapper import MappedFrame
-from hypermap.viewer.logs.images import MILLIMETRES, jpeg, millimetres
+from hypermap.viewer.logs.images import MILLIMETRES, jpeg, millimeters
 from hypermap.viewer.logs.scene import Scene, Shapes, Surface, class_rgb, seen_area, seen_shapes
 
 try:
@@ -92,7 +92,7 @@ class RerunLog:
         if frame.color is not None:
             color = rerun.EncodedImage(contents=jpeg(frame.color), media_type="image/jpeg")
             self._log.log("camera/image/color", color)
-        depth = rerun.DepthImage(millimetres(frame.depth), meter=MILLIMETRES)
+        depth = rerun.DepthImage(millimeters(frame.depth), meter=MILLIMETRES)
         self._log.log("camera/image/depth", depth)
         found = mapped.detections
         boxes = rerun.Boxes2D(

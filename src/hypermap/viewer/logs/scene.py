@@ -17,8 +17,8 @@ from hypermap.core.shapes import valid_copies
 from hypermap.perception.observation import Observation
 from hypermap.triangles import label_points, outlines, triangles
 
-_STEP = 0.01  # metres by which each layer lies above the one before it
-_HIGH = 0.05  # metres above the floor at which a frame's own shapes are drawn
+_STEP = 0.01  # meters by which each layer lies above the one before it
+_HIGH = 0.05  # meters above the floor at which a frame's own shapes are drawn
 _TINT = 140  # opacity of fills, 0..255
 
 

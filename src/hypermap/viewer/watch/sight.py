@@ -18,7 +18,7 @@ from hypermap.viewer.watch.picture import CameraPicture
 
 Polygons = list[list[list[list[float]]]]
 
-_SHARPEST = 3  # decimals of a coordinate in metres
+_SHARPEST = 3  # decimals of a coordinate in meters
 _TOLERANCE = 0.01  # by which the outline of the observed area is simplified [m]
 
 
@@ -27,7 +27,7 @@ def describe_sight(
 ) -> dict[str, Any]:
     """Return the detections, footprints, observed area and camera of a frame.
 
-    Pixels are those of the picture; metres are in the map frame.
+    Pixels are those of the picture; meters are in the map frame.
     """
     observation = seen.observation
     found = {o.segment.detection: o for o in observation.objects if o.segment is not None}

@@ -48,7 +48,7 @@ class Settled:
     has_jumped: bool = False
 
 
-class Synchroniser:
+class Synchronizer:
     """Matches messages of a reference stream with the nearest ones of all other streams.
 
     A message belongs to at most one match, and two messages are matched only if neither has a
