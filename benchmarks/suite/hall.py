@@ -12,9 +12,9 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from hypermap.perception.depth_view import DepthView
 from hypermap.perception.frame import Camera
 from hypermap.perception.observation import Observation, ObservedObject
-from hypermap.perception.view import View
 
 CLASSES, PER_FRAME = 20, 5
 CORNERS = 12  # of a thing's outline
@@ -113,7 +113,7 @@ class Hall:
             map_T_camera=map_T_camera,
             objects=tuple(self._found(thing) for thing in look.things),
             visible_area=shapely.convex_hull(shapely.linestrings(points)),
-            view=View(_CAMERA, map_T_camera, reach, _MAX_RANGE),
+            view=DepthView(_CAMERA, map_T_camera, reach, _MAX_RANGE),
         )
 
     def _pose_before(self, place: NDArray[np.float64]) -> _Pose:

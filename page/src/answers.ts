@@ -12,7 +12,7 @@ import type {
   MapInfo,
   ObjectAt,
   PointAnswer,
-  Wanted,
+  ObjectQuery,
 } from "./source";
 import type { Column } from "./sorting";
 import { table } from "./table";
@@ -280,7 +280,7 @@ function commonest(info: MapInfo): string[] {
 }
 
 /** A question in words: "cup within 1 m of table, inside kitchen". */
-export function wantedInWords({ name, near, within, inside, ring }: Wanted): string {
+export function wantedInWords({ name, near, within, inside, ring }: ObjectQuery): string {
   const named = typeof near === "string" ? near : null;
   const parts = [
     within !== null

@@ -7,7 +7,7 @@ import { clock, meters, squareMeters } from "./format";
 import { extentOf } from "./geometry";
 import type { MapView } from "./mapview";
 import { cameraSample, lineSample, looksSample } from "./samples";
-import { spelledContent } from "./panel";
+import { snippetsContent } from "./panel";
 import type { DataSource, Evidence, Extent, ObjectDetails } from "./source";
 import { timeline } from "./timeline";
 import { often } from "./words";
@@ -75,7 +75,7 @@ export class BehindSection {
       el("p", { class: "quiet", text: summary(evidence) }),
       this.looks(evidence, draw),
       this.legend(evidence, object, draw),
-      ...(python && command ? [spelledContent({ python, command })] : []),
+      ...(python && command ? [snippetsContent({ python, command })] : []),
     );
     draw();
     body.parentElement?.scrollIntoView({ block: "start" });

@@ -86,7 +86,7 @@ export interface Shapes {
 }
 
 /** The same question, as a program would ask it. */
-export interface Spelled {
+export interface Snippets {
   python: string;
   command: string;
 }
@@ -106,7 +106,7 @@ export interface LayerAnswer {
   objects: ObjectAt[];
 }
 
-export interface PointAnswer extends Spelled {
+export interface PointAnswer extends Snippets {
   /** In the base frame. */
   point: Point;
   frame: string;
@@ -126,7 +126,7 @@ export interface AreaRow {
   tags: string[];
 }
 
-export interface AreaAnswer extends Spelled {
+export interface AreaAnswer extends Snippets {
   rows: AreaRow[];
   /** How many rows there are, where not all are sent. */
   total?: number;
@@ -135,7 +135,7 @@ export interface AreaAnswer extends Spelled {
 }
 
 /** What is looked for: objects for which all of this is true. */
-export interface Wanted {
+export interface ObjectQuery {
   /** Null for any. */
   name: string | null;
   /** From what the distance is measured: a place, or the nearest other object of that name. */
@@ -158,7 +158,7 @@ export interface FoundRow {
 }
 
 /** `name`, `near` and `inside` are as they were understood. */
-export interface FindAnswer extends Spelled, Pick<Wanted, "name" | "near" | "inside"> {
+export interface FindAnswer extends Snippets, Pick<ObjectQuery, "name" | "near" | "inside"> {
   rows: FoundRow[];
   total: number;
   /** The asked names that no object has, each with those that are like it. */
@@ -210,7 +210,7 @@ export interface Fused {
 }
 
 /** What is behind an object. */
-export interface Evidence extends Partial<Spelled> {
+export interface Evidence extends Partial<Snippets> {
   first_seen: number | null;
   last_seen: number | null;
   /** How often it was seen; older observations may not be kept. */
@@ -287,7 +287,7 @@ export interface Questions {
   at(point: Point, frame: string): Promise<PointAnswer>;
   area(ring: Ring, frame: string): Promise<AreaAnswer>;
   download(kind: Download, ring: Ring, frame: string): Promise<Blob>;
-  find(wanted: Wanted, limit: number): Promise<FindAnswer>;
+  find(wanted: ObjectQuery, limit: number): Promise<FindAnswer>;
   object(layer: string, id: number): Promise<ObjectDetails>;
   evidence(layer: string, id: number): Promise<Evidence>;
 }

@@ -2,7 +2,7 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 import { clock, csv, geojson, length, meters, niceLength, squareMeters } from "../src/format";
 import { placeFromHash, placeToHash } from "../src/place";
-import { shellWord, spellAt, spellFind } from "../src/questions";
+import { shellWord, snippetsAt, snippetsForSearch } from "../src/snippets";
 import type { AreaRow, Point, Ring } from "../src/source";
 import { existenceInWords, seenInWords, whenInWords } from "../src/words";
 
@@ -89,18 +89,18 @@ test("commands and programs quote what they must", () => {
   assert.equal(shellWord("lab.hmap"), "lab.hmap");
   assert.equal(shellWord("it's"), `'it'"'"'s'`);
   assert.equal(
-    spellAt("-a b.hmap", [1, -2], "room", ["occupancy"]).command,
+    snippetsAt("-a b.hmap", [1, -2], "room", ["occupancy"]).command,
     "hypermap query './-a b.hmap' --at=1,-2 --frame=room",
   );
   const wanted = { name: '"chair', near: [0, 0] as Point, within: null, inside: null, ring: null };
-  assert.match(spellFind("m.hmap", wanted).python, /objects\("\\"chair", near=\[0, 0\]\)/);
+  assert.match(snippetsForSearch("m.hmap", wanted).python, /objects\("\\"chair", near=\[0, 0\]\)/);
   const much = { ...wanted, name: null, near: "a sink", within: 0.5, inside: "lab", ring };
   assert.match(
-    spellFind("m.hmap", much).python,
+    snippetsForSearch("m.hmap", much).python,
     /area = shapely.Polygon\(\[\(0, 0\), \(1, 0\), \(0, 1\)\]\)\nfor found in hypermap.objects\(near="a sink", within=0.5, inside="lab", area=area\)/,
   );
   assert.equal(
-    spellFind("m.hmap", much).command,
+    snippetsForSearch("m.hmap", much).command,
     "hypermap query m.hmap '--near=a sink' --within=0.5 --inside=lab '--in=0,0 1,0 0,1'",
   );
 });

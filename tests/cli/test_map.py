@@ -103,9 +103,9 @@ def test_an_output_that_exists_is_replaced_and_stays_beside_it(hypermap, drive, 
 def edited(path: Path) -> None:
     """Rename an object, as someone does on the page, and save the map."""
     document = MapDocument(path)
-    (item,) = document.snapshot.hypermap["semantic"].objects()  # type: ignore[attr-defined]
+    (item,) = document.current.hypermap["semantic"].objects()  # type: ignore[attr-defined]
     document.edit(
-        document.snapshot.version,
+        document.current.version,
         lambda draft: draft.update("semantic", item.id, replace(item, name="throne")),
     )
     document.save()

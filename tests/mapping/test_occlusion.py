@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from hypermap.core.trajectory import pose_from_rpy
 from hypermap.mapping.occlusion import sample_points, visible_shares
 from hypermap.mapping.prepared_polygon import PreparedPolygon
+from hypermap.perception.depth_view import DepthView
 from hypermap.perception.frame import Camera, RgbdFrame
-from hypermap.perception.view import View
 
 CAMERA = Camera.from_intrinsics(262.5, 262.5, 159.5, 119.5, 320, 240)
 OPTICAL = np.array([[0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 0], [0, 0, 0, 1.0]])
@@ -22,14 +22,14 @@ HEIGHTS = np.array([[0.6, 1.4]])
 
 def looking_along_x(
     depth: float | np.ndarray, x: float = 0.0, y: float = 0.0, yaw: float = 0.0
-) -> View:
+) -> DepthView:
     """A camera one meter high that measures the same depth everywhere, or a given image."""
     pose = pose_from_rpy(x, y, 1.0, 0.0, 0.0, yaw) @ OPTICAL
     image = np.full((240, 320), depth, dtype=np.float32)
-    return View.of(RgbdFrame(0.0, image, CAMERA, pose))
+    return DepthView.of(RgbdFrame(0.0, image, CAMERA, pose))
 
 
-def shares(view: View, shape: shapely.Polygon = CHAIR) -> tuple[float, float]:
+def shares(view: DepthView, shape: shapely.Polygon = CHAIR) -> tuple[float, float]:
     visible, through = visible_shares(
         view, [sample_points(PreparedPolygon.of(shape))], HEIGHTS, tolerance=0.15
     )
@@ -108,5 +108,5 @@ def test_without_returns_there_is_no_ground() -> None:
 
 def test_a_camera_that_looks_down_is_not_level() -> None:
     pose = np.array([[1, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, 2], [0, 0, 0, 1.0]])
-    view = View.of(RgbdFrame(0.0, np.ones((240, 320), np.float32), CAMERA, pose))
+    view = DepthView.of(RgbdFrame(0.0, np.ones((240, 320), np.float32), CAMERA, pose))
     assert not view.is_level

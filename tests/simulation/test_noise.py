@@ -14,14 +14,14 @@ from hypermap.simulation.noise import (
     axial_sigma,
     quantized,
 )
-from hypermap.simulation.render import View
+from hypermap.simulation.render import Rendering
 
 SHAPE = (120, 160)
 
 
-def plane(depth: float, incidence_deg: float = 0.0) -> View:
+def plane(depth: float, incidence_deg: float = 0.0) -> Rendering:
     """A wall that fills the image."""
-    return View(
+    return Rendering(
         depth=np.full(SHAPE, depth, dtype=np.float32),
         color=np.zeros((*SHAPE, 3), dtype=np.uint8),
         instances=np.full(SHAPE, -1, dtype=np.int32),

@@ -12,8 +12,8 @@ from hypermap.mapping.footprint_iou import footprint_ious
 from hypermap.mapping.occlusion import sample_points, visible_shares
 from hypermap.mapping.stages import EvidenceConfig
 from hypermap.mapping.tracks import TrackTable
+from hypermap.perception.depth_view import DepthView
 from hypermap.perception.observation import Observation
-from hypermap.perception.view import View
 
 _VISIBLE = 0.5  # share of an object that a frame must be able to see for it to count as missed
 _ABSENT = 0.9  # share of what can be observed of it that rays must pass for it to be absent
@@ -47,7 +47,7 @@ def prune(tracks: TrackTable, below: float) -> None:
 
 
 def _penalize_by_rays(
-    tracks: TrackTable, view: View, observed: Set[int], config: EvidenceConfig
+    tracks: TrackTable, view: DepthView, observed: Set[int], config: EvidenceConfig
 ) -> None:
     """Lower the existence of the tracks that the rays should have shown."""
     near = tracks.shapes.within(_EVERYWHERE, view.position[:2], config.max_range)

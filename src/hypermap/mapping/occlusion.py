@@ -10,7 +10,7 @@ import shapely
 from numpy.typing import NDArray
 
 from hypermap.mapping.prepared_polygon import PreparedPolygon
-from hypermap.perception.view import View
+from hypermap.perception.depth_view import DepthView
 
 _AROUND = np.arange(8) / 8  # samples along the contour
 _INWARD = 0.75  # where the samples lie between centroid and contour
@@ -45,7 +45,7 @@ def sample_points(shape: PreparedPolygon) -> SamplePoints:
 
 
 def visible_shares(
-    view: View, samples: Sequence[SamplePoints], heights: NDArray[np.float64], tolerance: float
+    view: DepthView, samples: Sequence[SamplePoints], heights: NDArray[np.float64], tolerance: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return how much of each object a frame could see, and how much it saw through.
 

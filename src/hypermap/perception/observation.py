@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from hypermap.perception.view import View
+from hypermap.perception.depth_view import DepthView
 
 if TYPE_CHECKING:
     from hypermap.perception.segmentation import Segment
@@ -57,7 +57,7 @@ class Observation:
     map_T_camera: NDArray[np.float64]
     objects: tuple[ObservedObject, ...]
     visible_area: BaseGeometry
-    view: View | None = None
+    view: DepthView | None = None
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.stamp) and np.isfinite(self.map_T_camera).all()):

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from hypermap.perception.config import PerceptionConfig
+from hypermap.perception.depth_view import DepthView
 from hypermap.perception.detections import Detections
 from hypermap.perception.frame import RgbdFrame
 from hypermap.perception.observation import Observation, ObservedObject
@@ -15,7 +16,6 @@ from hypermap.perception.outline import outer_points
 from hypermap.perception.projection import transform
 from hypermap.perception.segmentation import segment, valid_pixels
 from hypermap.perception.shapes import footprint
-from hypermap.perception.view import View
 
 PIECE_WEIGHT = 0.5  # of the score of what its box cut out of a surface that runs on
 
@@ -74,7 +74,7 @@ def observe(
         )
     outer = outer_points(frame, valid, near_T_camera, config.voxel_size, config.visible_step)
     visible_area = on_floor(transform(near_T_camera, outer))
-    view = View.of(frame, config.max_depth)
+    view = DepthView.of(frame, config.max_depth)
     return Observation(frame.stamp, frame.map_T_camera, tuple(objects), visible_area, view)
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hypermap.simulation.render import View
+from hypermap.simulation.render import Rendering
 
 # The disparity [pixels] of a Kinect at 1 m: focal length times baseline of its infrared pair.
 FOCAL_BASELINE = 580.0 * 0.075
@@ -46,7 +46,7 @@ class DepthNoise:
             raise ValueError(f"min_range must lie below max_range, got {self}")
         check_not_negative(self, "axial", "disparity_step", "edge_loss", "max_incidence_deg")
 
-    def measure(self, view: View, rng: np.random.Generator) -> NDArray[np.float32]:
+    def measure(self, view: Rendering, rng: np.random.Generator) -> NDArray[np.float32]:
         """Return the depth that the camera measures, float32, NaN for no return, shape (H, W)."""
         true = view.depth
         z = true.copy()

@@ -21,7 +21,7 @@ _BOARD = 0.16  # width of a floor board [m]
 
 
 @dataclass(frozen=True, eq=False)
-class View:
+class Rendering:
     """What is really there, pixel by pixel.
 
     Attributes:
@@ -49,7 +49,7 @@ class Renderer:
         self._lengths = np.linalg.norm(self._rays, axis=1)
         self._shadows = Shadows.of(scene.triangles, _lamp(scene))
 
-    def render(self, map_T_camera: NDArray[np.float64]) -> View:
+    def render(self, map_T_camera: NDArray[np.float64]) -> Rendering:
         """Return the view from a pose of the optical frame."""
         shape = (self.camera.height, self.camera.width)
         pose = map_T_camera.astype(np.float32)
@@ -70,7 +70,7 @@ class Renderer:
         incidence[nothing] = np.nan
         color = self._shade(points, triangles)
         color[nothing] = SKY
-        return View(
+        return Rendering(
             depth=depth.reshape(shape),
             color=np.round(255 * np.clip(color, 0, 1)).astype(np.uint8).reshape(*shape, 3),
             instances=instances.reshape(shape),

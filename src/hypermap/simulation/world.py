@@ -32,7 +32,7 @@ _TEXTS = {("name",), ("objects", "*", "name")}  # texts even where they look lik
 
 
 @dataclass(frozen=True)
-class Floor:
+class FloorPlan:
     """The floor; where there is floor and nothing on it, the map is free.
 
     Attributes:
@@ -120,7 +120,7 @@ class Wall:
 
 
 @dataclass(frozen=True)
-class Thing:
+class WorldObject:
     """A piece of furniture, a person, a cup: one object of the truth.
 
     Attributes:
@@ -196,8 +196,8 @@ class World:
     """
 
     name: str
-    floor: Floor
-    objects: Annotated[tuple[Thing, ...], Field(max_length=10_000)] = ()
+    floor: FloorPlan
+    objects: Annotated[tuple[WorldObject, ...], Field(max_length=10_000)] = ()
     walls: Annotated[tuple[Wall, ...], Field(max_length=10_000)] = ()
     drive: Drive | None = None
 
@@ -207,10 +207,10 @@ class World:
 # What stands under each key of a world file, to suggest the nearest known key.
 _KINDS: dict[str, type] = {
     "": World,
-    "floor": Floor,
+    "floor": FloorPlan,
     "walls": Wall,
     "doors": Door,
-    "objects": Thing,
+    "objects": WorldObject,
     "drive": Drive,
 }
 

@@ -32,8 +32,8 @@ from hypermap.viewer.paper import (
     SHAPE_ALPHA,
     SMALL,
     TITLE,
-    fill,
-    outline,
+    fill_style,
+    line_style,
     text_width,
 )
 
@@ -164,11 +164,11 @@ def _draw_shapes(axes: Axes, drawing: Drawing) -> None:
         for name, shape in zip(part.names, part.shapes, strict=True):
             rings, color = _rings(shape), drawing.colors[name]
             if part.are_outlines:
-                axes.add_patch(PathPatch(rings, **outline(color)))
+                axes.add_patch(PathPatch(rings, **line_style(color)))
                 continue
             # White in between keeps the color that of the legend where the ground is black.
             axes.add_patch(PathPatch(rings, facecolor=PAPER, alpha=_VEIL, linewidth=0))
-            axes.add_patch(PathPatch(rings, **fill(color, SHAPE_ALPHA)))
+            axes.add_patch(PathPatch(rings, **fill_style(color, SHAPE_ALPHA)))
 
 
 def _draw_links(axes: Axes, drawing: Drawing) -> None:

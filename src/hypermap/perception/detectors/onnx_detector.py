@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from hypermap.core.errors import FormatError
 from hypermap.perception.detections import Detections
+from hypermap.perception.detectors.instance_masks import mix_masks
 from hypermap.perception.detectors.labels import COCO, parse_names, read_labels
 from hypermap.perception.detectors.layout import Candidates, Layout, Outputs
 from hypermap.perception.detectors.layouts import LAYOUTS, recognize
-from hypermap.perception.detectors.masks import mix_masks
 from hypermap.perception.detectors.nms import suppress
 from hypermap.perception.detectors.onnx_model import OnnxModel
 from hypermap.perception.detectors.placement import BORDER

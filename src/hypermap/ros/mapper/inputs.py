@@ -13,7 +13,7 @@ from hypermap.recordings.messages.detections import detections_of
 from hypermap.recordings.messages.header import nanoseconds
 from hypermap.ros.mapper.settings import CAMERA_INFO, LiveSettings
 from hypermap.ros.mapper.statistics import Fate, Statistics
-from hypermap.ros.mapper.synchronizer import Match, Synchronizer
+from hypermap.ros.mapper.synchronizer import MatchedMessages, Synchronizer
 from hypermap.ros.port import Closable, Message, Port
 from hypermap.ros.throttle import Throttle
 
@@ -30,7 +30,7 @@ class Work:
         arrived: when its depth came [s], by `time.monotonic`.
     """
 
-    match: Match
+    match: MatchedMessages
     arrived: float
 
     @property
@@ -141,7 +141,7 @@ class LiveInputs:
                 self._next_due = self._due_after(match.stamp)
                 geometry, arrived = match.items[""]
                 items = {**match.items, "": geometry}
-                self._on_work(Work(Match(match.stamp, items, match.stamps), arrived))
+                self._on_work(Work(MatchedMessages(match.stamp, items, match.stamps), arrived))
 
     def _due_after(self, stamp: int) -> int:
         """Return the stamp from which on the next frame is taken."""

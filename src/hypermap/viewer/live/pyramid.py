@@ -1,4 +1,4 @@
-"""The cells of a grid and ever coarser copies of them, to be drawn at every zoom."""
+"""An image pyramid: a grid and coarser copies of it, to be drawn at every zoom level."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ class Pyramid:
     def draw(
         self, xs: NDArray[np.float64], ys: NDArray[np.float64], pixel: float, base_T_layer: Pose2D
     ) -> Pixels:
-        """Return what is to be seen around points on a raster in the base frame.
+        """Resample the grid at points of a raster in the base frame.
 
         Where a pixel is smaller than a cell, it shows the cell at its center. Where it is
         not, no cell is left out: each is part of one pixel at least.

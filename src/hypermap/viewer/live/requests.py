@@ -1,4 +1,4 @@
-"""What requests say, checked: bodies, numbers, points, polygons."""
+"""Parsing and checking of requests: bodies, numbers, points, polygons."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from starlette.datastructures import QueryParams
 from starlette.requests import Request
 
 from hypermap.core.tangles import check_tangle
-from hypermap.viewer.live.refusals import Refused
+from hypermap.viewer.live.request_errors import Refused
 
 MOST_BYTES = 8_000_000
 """Size of the largest request body."""

@@ -15,7 +15,14 @@ from hypermap.core.hypermap import Hypermap
 from hypermap.mapping.mapper import MappedFrame
 from hypermap.perception.detections import Detections
 from hypermap.viewer.logs.images import jpeg, millimeters
-from hypermap.viewer.logs.scene import Scene, Shapes, Surface, class_rgb, seen_area, seen_shapes
+from hypermap.viewer.logs.scene import (
+    MapScene,
+    SceneShapes,
+    Surface,
+    class_rgb,
+    seen_area,
+    seen_shapes,
+)
 from hypermap.web.gate import Gate, hidden_address
 
 try:
@@ -81,7 +88,7 @@ class FoxgloveLog:
 
     def add_map(self, hypermap: Hypermap, stamp: float | None = None) -> None:
         """Log some or all layers of a map as they are at a time; None if they never change."""
-        scene = Scene.of(hypermap)
+        scene = MapScene.of(hypermap)
         for surface in scene.surfaces:
             self._log(f"/map/{surface.layer}", _grid(surface, scene.base_frame, stamp), stamp)
         for shapes in scene.shapes:
@@ -182,7 +189,7 @@ def _grid(surface: Surface, frame_id: str, stamp: float | None) -> fox.Grid:
     )
 
 
-def _entity(shapes: Shapes, frame_id: str, stamp: float | None) -> fox.SceneEntity:
+def _entity(shapes: SceneShapes, frame_id: str, stamp: float | None) -> fox.SceneEntity:
     """Return shapes as one entity, which takes the place of the one before it."""
     fills = fox.TriangleListPrimitive(
         points=_points(shapes.corners), colors=[_color(*rgba) for rgba in shapes.corner_colors]

@@ -17,7 +17,7 @@ from hypermap import save_map
 from hypermap.core.errors import HypermapError
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.semantic import SemanticLayer, SemanticObject
-from hypermap.ros.server.masks import CostmapMasks
+from hypermap.ros.server.costmap_masks import CostmapMasks
 from hypermap.ros.typestore import Types, decode, encode
 from hypermap.testing.builders import occupancy_from_text, square
 
