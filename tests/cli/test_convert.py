@@ -183,7 +183,7 @@ def test_files_that_gis_programs_have_saved_say_their_frame_or_need_one(
         if crs is not None:
             for options in ([], ["--frame", "room"]):
                 refused = hypermap("convert", theirs, made, *options)
-                assert_one_error(refused, str(theirs), "not in metres in a frame of the map")
+                assert_one_error(refused, str(theirs), "not in meters in a frame of the map")
             continue
         assert_one_error(
             hypermap("convert", theirs, made), str(theirs), "crs: is missing", "--frame"

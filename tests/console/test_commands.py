@@ -138,7 +138,7 @@ def test_the_questions_of_query_are_answered(lab, line, answer):
         ("query --name chair -k two", "-k 'two': expected a whole number"),
         ("query --name chair --near sink --within -1", "--within -1: expected at least 0"),
         ("query --id seven", "--value 'seven': expected a number"),
-        ("query --at 1", "--at '1': a point is given as X,Y in metres"),
+        ("query --at 1", "--at '1': a point is given as X,Y in meters"),
         ("query --name chair --id 1", "give either --name or --value, not both"),
         ("query --name chair --layer rooms", "there is no layer 'rooms'"),
         ("help fly", "unknown command 'fly'"),

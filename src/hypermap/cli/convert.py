@@ -81,7 +81,7 @@ def command(
     """Convert a map, or one of its layers, to another kind of file. OUT's ending says which.
 
     .hmap and a folder (a name without an ending) hold whole maps. .geojson, .parquet, .gpkg and
-    .csv hold the objects of one layer, in metres. .yaml holds one layer: a map_server map with its
+    .csv hold the objects of one layer, in meters. .yaml holds one layer: a map_server map with its
     picture, or a list of objects. .pgm holds a grid as map_saver writes it, for old programs:
     free, occupied or unknown, with its YAML beside it; .tif holds one as GeoTIFF. .rrd shows a map
     in Rerun, .mcap in Foxglove and Lichtblick. What OUT cannot hold is named on standard error.

@@ -16,19 +16,19 @@ _MOST = 20  # objects that are looked behind as text; --json has all
 
 
 def add_evidence(hypermap: Hypermap, rows: list[Row]) -> None:
-    """Give each row of an object the key `evidence`: see `look_behind`.
+    """Give each row of an object the key `evidence`: see `describe_evidence`.
 
     Raises:
         HypermapError: If there are rows, but none is of an object.
     """
-    from hypermap.viewer.live.behind import look_behind
+    from hypermap.viewer.live.object_evidence import describe_evidence
 
     objects = [row for row in rows if "object" in row]
     if rows and not objects:
         raise HypermapError("--evidence looks behind objects; ask for some by --name, --id or --in")
     for row in objects:
-        told = look_behind(hypermap, row["layer"], row["object"]["id"])
-        row["evidence"] = {k: v for k, v in told.items() if k not in ("layer", "id", "name")}
+        answer = describe_evidence(hypermap, row["layer"], row["object"]["id"])
+        row["evidence"] = {k: v for k, v in answer.items() if k not in ("layer", "id", "name")}
 
 
 def show_evidence(rows: list[Row]) -> None:

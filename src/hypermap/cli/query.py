@@ -52,7 +52,7 @@ def command(
 ) -> None:
     """Ask a map: what is here, where is that, and what is near to it?
 
-    Points and areas are in metres; answers are in the map's base frame. To an object, the distance
+    Points and areas are in meters; answers are in the map's base frame. To an object, the distance
     is that to its shape. An empty answer is an answer: the exit code is 0.
 
     Examples:

@@ -63,5 +63,5 @@ def plain(answer: Shown) -> str:
 
 
 def _number(value: object) -> str:
-    """Return a number to the millimetre, whole ones as they are."""
+    """Return a number to the millimeter, whole ones as they are."""
     return f"{value:.3f}" if isinstance(value, float) else "-" if value is None else str(value)

@@ -233,5 +233,5 @@ def _area(words: list[str]) -> shapely.Polygon:
 
 
 def _lines(points_xy: NDArray[np.float64]) -> list[str]:
-    """Return each point as "x y", to the millimetre."""
+    """Return each point as "x y", to the millimeter."""
     return [f"{x:.3f} {y:.3f}" for x, y in points_xy.round(3) + 0.0]

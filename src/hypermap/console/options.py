@@ -43,7 +43,7 @@ OPTIONS = {
     "-k": Option("K", "The K nearest ones.", int, least=1),
     "--from": Option("X,Y", "From where --nearest and -k measure."),
     "--near": Option("NAME|X,Y", "Only objects near this one."),
-    "--within": Option("METRES", "How near --near is.", float, least=0),
+    "--within": Option("METERS", "How near --near is.", float, least=0),
     "--inside": Option("NAME|AREA", "Only objects whose middle lies in this one."),
     "--layer": Option("NAME", "Only this layer: may be repeated.", repeats=True),
     "--frame": Option(

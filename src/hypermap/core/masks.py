@@ -22,7 +22,7 @@ DEFAULT_RESOLUTION = 0.05
 """Side of a cell [m] where the map has no occupancy layer to take it from."""
 
 MAX_CELLS = 1 << 28
-MAX_MARGIN = 1e9  # metres; as far as objects may lie
+MAX_MARGIN = 1e9  # meters; as far as objects may lie
 
 _EXACT = 1e-6  # of a cell; shorter lengths do not count, as in GridGeometry
 _ARC = 64  # corners of a quarter circle: it lies at most 0.01 % of the margin within the true one
@@ -63,7 +63,7 @@ def draw_mask(
 ) -> OccupancyLayer:
     """Return a layer in which the cells of zones are marked.
 
-    A cell is marked if its centre lies within the margin of an object of the zone's name, in any
+    A cell is marked if its center lies within the margin of an object of the zone's name, in any
     semantic layer. Where zones overlap, the last one counts.
 
     The grid is that of the first occupancy layer that has cells, so that a costmap need not be

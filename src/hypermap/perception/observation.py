@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
+from hypermap.perception.depth_view import DepthView
 from hypermap.perception.segments import Segment
-from hypermap.perception.view import View
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +54,7 @@ class Observation:
     map_T_camera: NDArray[np.float64]
     objects: tuple[ObservedObject, ...]
     visible_area: BaseGeometry
-    view: View | None = None
+    view: DepthView | None = None
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.stamp) and np.isfinite(self.map_T_camera).all()):

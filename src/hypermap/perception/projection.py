@@ -26,7 +26,7 @@ def project(
     """Return the organised cloud of a depth image in the camera's optical frame.
 
     Args:
-        depth: metres along the optical axis, float32, shape (H, W).
+        depth: meters along the optical axis, float32, shape (H, W).
         K: intrinsic matrix [pixels], shape (3, 3).
         step: every n-th row and column is projected.
 
@@ -34,7 +34,7 @@ def project(
         Points [m], float32, shape (H, W, 3), or of fewer rows and columns.
 
     Source: depth_image_proc's order of operations, so that the points are the same to the last
-    bit; neighbours at equal distance, common on flat surfaces, then rank alike.
+    bit; neighbors at equal distance, common on flat surfaces, then rank alike.
     """
     rays = _rays(K, np.arange(0, depth.shape[0], step), np.arange(0, depth.shape[1], step))
     some = np.ascontiguousarray(depth[::step, ::step])
@@ -49,7 +49,7 @@ def project_pixels(
     """Return the points of some pixels, the same as in the cloud of the whole image.
 
     Args:
-        depth: metres along the optical axis, float32, shape (H, W).
+        depth: meters along the optical axis, float32, shape (H, W).
         K: intrinsic matrix [pixels], shape (3, 3).
         pixels: row-major indices, shape (N,).
 

@@ -11,10 +11,10 @@ from hypermap._loops import loop
 from hypermap.core.arrays import BoolArray, IntArray
 from hypermap.perception import enclosed, organised, unorganised
 from hypermap.perception.config import PerceptionConfig
+from hypermap.perception.denoising import smoothed
 from hypermap.perception.detections import Detections
 from hypermap.perception.frame import RgbdFrame
 from hypermap.perception.segments import Segment
-from hypermap.perception.smoothing import smoothed
 
 FARTHEST = 1e4  # what is farther away than any camera sees is a broken number [m]
 

@@ -109,7 +109,7 @@ class ImageFolder(ABC):
 
 
 def load_depth(path: Path, camera: Camera, units_per_metre: float) -> NDArray[np.float32]:
-    """Return a depth image in metres with NaN for no return, shape (H, W).
+    """Return a depth image in meters with NaN for no return, shape (H, W).
 
     Raises:
         FileMissing: If there is no such file.

@@ -63,7 +63,7 @@ def decode_color(content: bytes) -> NDArray[np.uint8]:
 
 
 def decode_integers(content: bytes) -> NDArray[np.uint16]:
-    """Return an encoded picture of 16 bit grey values, shape (H, W).
+    """Return an encoded picture of 16 bit gray values, shape (H, W).
 
     Raises:
         FormatError: If it is no picture, damaged, or of another depth.
@@ -77,7 +77,7 @@ def decode_integers(content: bytes) -> NDArray[np.uint16]:
 
 
 def depth_in_metres(integers: NDArray[np.uint16], units_per_metre: float) -> NDArray[np.float32]:
-    """Return integer depth as metres, float32; 0 and the largest number are no return, NaN."""
+    """Return integer depth as meters, float32; 0 and the largest number are no return, NaN."""
     depth = np.divide(integers, np.float32(units_per_metre), dtype=np.float32)
     for value in (0, np.iinfo(np.uint16).max):
         np.copyto(depth, np.nan, where=integers == value)

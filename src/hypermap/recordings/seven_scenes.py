@@ -52,7 +52,7 @@ class NumberedFrame:
 class SevenScenesRecording(ImageFolder):
     """A folder with `frame-000000.color.jpg`, `.depth.png` and `.pose.txt`, and so on.
 
-    Depth is of 16 bits, in millimetres, 0 and 65535 for no return. A pose is a 4 x 4 matrix that
+    Depth is of 16 bits, in millimeters, 0 and 65535 for no return. A pose is a 4 x 4 matrix that
     takes camera points to the world, whose axes need not be level (`map_T_world`). The 3 x 3
     matrix of the intrinsics lies in `camera-intrinsics.txt`, beside the frames or one folder up.
 

@@ -30,7 +30,7 @@ class TumRecording(ImageFolder):
 
     `associations.txt` may stand in place of the two lists. Their stamps are associated one to one,
     and poses interpolated between those of the ground truth. Depth is of 16 bits, 5000 to the
-    metre, 0 and 65535 for no return.
+    meter, 0 and 65535 for no return.
 
     Source: the benchmark's page on file formats (Sturm et al., IROS 2012).
     """

@@ -18,9 +18,9 @@ from hypermap.simulation.parts import Part
 from hypermap.simulation.scene import footprint, placed, wall_parts
 from hypermap.simulation.world import World
 
-RESOLUTION = 0.05  # metres per cell
-BLOCKING = (0.05, 1.8)  # metres above the floor between which a body blocks a robot
-_MARGIN = 0.5  # metres of the unknown around the world
+RESOLUTION = 0.05  # meters per cell
+BLOCKING = (0.05, 1.8)  # meters above the floor between which a body blocks a robot
+_MARGIN = 0.5  # meters of the unknown around the world
 
 
 def ground_truth(world: World, frame_id: str = "map") -> Hypermap:

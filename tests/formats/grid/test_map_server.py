@@ -55,9 +55,9 @@ def mode(name: str, yaml: str = YAML) -> str:
     return f"{yaml}mode: {name}\n"
 
 
-# How the map_server table reads, worked out by hand for grey values around the thresholds:
+# How the map_server table reads, worked out by hand for gray values around the thresholds:
 # p = (255 - c) / 255 is 0.651 for c = 89, 0.647 for 90, 0.196 for 205 and 0.192 for 206.
-GREYS = [[0, 89, 90, 205, 206, 255]]
+GRAYS = [[0, 89, 90, 205, 206, 255]]
 TRINARY = [[100, 100, -1, -1, 0, 0]]
 
 
@@ -68,7 +68,7 @@ TRINARY = [[100, 100, -1, -1, 0, 0]]
         (mode("trinary"), TRINARY),
         # 100 * (p - 0.196) / 0.454: for c = 90 99.36, for c = 205 0.017
         (mode("scale"), [[100, 100, 99, 0, 0, 0]]),
-        (mode("raw"), GREYS),
+        (mode("raw"), GRAYS),
         # negated: c = 255, 166, 165, 50, 49, 0, so p = 0, 0.349, 0.353, 0.804, 0.808, 1
         (YAML.replace("negate: 0", "negate: 1"), [[0, -1, -1, 100, 100, 100]]),
         (mode("raw", YAML.replace("negate: 0", "negate: true")), [[255, 166, 165, 50, 49, 0]]),
@@ -76,14 +76,14 @@ TRINARY = [[100, 100, -1, -1, 0, 0]]
     ],
 )
 def test_grey_values_become_cells_as_map_server_says(yaml: str, expected: list[list[int]]) -> None:
-    assert cells(picture(GREYS), yaml) == expected
+    assert cells(picture(GRAYS), yaml) == expected
 
 
 def test_the_scale_is_linear_to_100_and_not_to_99() -> None:
     yaml = mode("scale", YAML.replace("0.65", "1").replace("0.196", "0"))
-    greys = np.arange(256)[np.newaxis]
+    grays = np.arange(256)[np.newaxis]
     expected = [[round(100 * (255 - c) / 255) for c in range(256)]]
-    assert cells(picture(greys), yaml) == expected
+    assert cells(picture(grays), yaml) == expected
 
 
 def test_the_top_of_a_picture_is_the_far_end_of_the_map() -> None:
@@ -187,7 +187,7 @@ def test_a_broken_or_huge_picture_is_one_clear_error(image: bytes, message: str)
 def test_a_picture_of_floating_point_numbers_is_refused() -> None:
     file = io.BytesIO()
     Image.fromarray(np.zeros((2, 2), np.float32)).save(file, "TIFF")
-    with pytest.raises(FormatError, match="floating point numbers, not of grey values"):
+    with pytest.raises(FormatError, match="floating point numbers, not of gray values"):
         load(file.getvalue())
 
 
@@ -227,14 +227,14 @@ def test_a_picture_of_floating_point_numbers_is_refused() -> None:
 def test_a_wrong_key_is_named_with_its_value(old: str, new: str, message: str) -> None:
     assert old in YAML
     with pytest.raises(FormatError) as error:
-        load(picture(GREYS), YAML.replace(old, new))
+        load(picture(GRAYS), YAML.replace(old, new))
     assert message in str(error.value)
     assert str(error.value).startswith("t.hmap")
 
 
 def test_a_yaml_file_that_is_a_list_is_refused() -> None:
     with pytest.raises(FormatError) as error:
-        load(picture(GREYS), "- image: map.png\n")
+        load(picture(GRAYS), "- image: map.png\n")
     assert str(error.value) == "t.hmap/map.yaml: expected keys and values, found a list"
 
 
@@ -298,9 +298,9 @@ def test_a_raw_map_keeps_values_to_255_and_old_readers_find_unknown_cells() -> N
     layer = OccupancyLayer("occupancy", "map", GridGeometry(257, 1, 0.05), values)
     files = saved(layer).files
     assert b"mode: raw" in files["map.yaml"]
-    greys = np.asarray(Image.open(io.BytesIO(files["map.png"])))[0, :, 0]
-    # The first program casts the grey value to a signed byte, whatever the alpha.
-    old_reader = greys.astype(np.int8)
+    grays = np.asarray(Image.open(io.BytesIO(files["map.png"])))[0, :, 0]
+    # The first program casts the gray value to a signed byte, whatever the alpha.
+    old_reader = grays.astype(np.int8)
     assert (old_reader == values[0].astype(np.int8)).all()
     again = reloaded(layer).cells
     assert again is not None

@@ -66,7 +66,7 @@ def test_a_file_without_frame_needs_one_and_a_name_can_be_given() -> None:
     with pytest.raises(FormatError) as error:
         from_geojson(json.dumps(document), path="cups.geojson")
     assert str(error.value) == (
-        "cups.geojson: crs: is missing, as GIS programs leave it out; if coordinates are metres in "
+        "cups.geojson: crs: is missing, as GIS programs leave it out; if coordinates are meters in "
         'a frame of the map, name it: --frame map, or frame_id="map" in Python'
     )
     layer = from_geojson(json.dumps(document), frame_id="odom")
@@ -100,7 +100,7 @@ def test_coordinates_in_another_system_are_refused(
     document["crs"] = {"type": "name", "properties": {"name": crs}}
     with pytest.raises(FormatError) as error:
         from_geojson(json.dumps(document), frame_id=frame_id, path="t.geojson")
-    assert str(error.value).startswith(f"t.geojson: crs: coordinates are in {named}, not in metres")
+    assert str(error.value).startswith(f"t.geojson: crs: coordinates are in {named}, not in meters")
 
 
 def test_gis_programs_may_leave_open_rings_nulls_and_ids_of_their_own() -> None:

@@ -86,11 +86,11 @@ def test_rows_without_ids_are_numbered_by_the_layer() -> None:
     [
         (lambda frame: frame.set_crs(None, allow_override=True), None,
          "the GeoDataFrame: crs: is missing, as GIS programs leave it out; if coordinates are "
-         "metres in a frame of the map, name it: --frame map, or frame_id=\"map\" in Python"),
+         "meters in a frame of the map, name it: --frame map, or frame_id=\"map\" in Python"),
         (lambda frame: frame.set_crs(4326, allow_override=True), "map",
-         "the GeoDataFrame: crs: coordinates are in WGS 84, not in metres in a frame of the map"),
+         "the GeoDataFrame: crs: coordinates are in WGS 84, not in meters in a frame of the map"),
         (lambda frame: frame.set_crs(32632, allow_override=True), None,
-         "the GeoDataFrame: crs: coordinates are in WGS 84 / UTM zone 32N, not in metres"),
+         "the GeoDataFrame: crs: coordinates are in WGS 84 / UTM zone 32N, not in meters"),
         (lambda frame: frame.drop(columns="name"), None, "the GeoDataFrame: row 0: name: is requ"),
         (lambda frame: frame.set_geometry(frame.centroid), None,
          "the GeoDataFrame: row 0: a footprint must be a polygon or multipolygon, got Point"),

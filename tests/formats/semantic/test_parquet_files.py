@@ -221,7 +221,7 @@ def test_coordinates_on_the_globe_are_refused(tmp_path: Path) -> None:
     frame.to_parquet(path)
     assert len(parse_parquet(path.read_bytes(), "t")[0]) == 1
     frame.set_crs("EPSG:4326").to_parquet(path)
-    with pytest.raises(FormatError, match=r"t: geometry: coordinates are in WGS 84, not in metres"):
+    with pytest.raises(FormatError, match=r"t: geometry: coordinates are in WGS 84, not in meters"):
         parse_parquet(path.read_bytes(), "t")
 
 

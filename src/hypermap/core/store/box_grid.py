@@ -29,7 +29,7 @@ class _Level:
     Attributes:
         x: of the corner of cell (0, 0) [m].
         y: the same.
-        per_metre: cells per metre.
+        per_metre: cells per meter.
         width: cells along x.
         height: cells along y.
         starts: where each cell begins in `rows`, and the end of the last one.

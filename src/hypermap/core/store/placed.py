@@ -60,7 +60,7 @@ class Placed:
         """Return the distance from each shape to the nearest of the others that is not itself.
 
         Returns:
-            Metres, shape (N,); infinite where there is none within the limit.
+            Meters, shape (N,); infinite where there is none within the limit.
         """
         tree = shapely.STRtree(others.shapes)
         nearest = np.full(len(self), np.inf)

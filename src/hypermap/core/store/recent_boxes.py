@@ -13,7 +13,7 @@ from hypermap.core.store.box_grid import BoxGrid
 _FINER = 4  # as in a BoxGrid
 _FEW_CELLS = 9  # that are looked at one by one
 _FEWER = 6  # so many times fewer points than boxes are not worth a grid of all boxes
-_FAR = 1e12  # metres; what lies beyond is found there
+_FAR = 1e12  # meters; what lies beyond is found there
 
 Cells = dict[tuple[int, int], list[int]]
 
@@ -32,7 +32,7 @@ class RecentBoxes:
         self.boxes = np.zeros((capacity, 4))
         self._all_boxes = as_view(self.boxes.ravel())
         self._cell = cell
-        self._levels: list[tuple[float, Cells]] = []  # cells per metre, and positions in cells
+        self._levels: list[tuple[float, Cells]] = []  # cells per meter, and positions in cells
         self._level_of: dict[int, Cells] = {}
         self._grid = 0, BoxGrid(self.boxes[:0], self.boxes[:0, 0])
 

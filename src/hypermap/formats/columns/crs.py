@@ -1,8 +1,8 @@
-"""Coordinate reference systems in GIS files: metres in a frame of a map, or something else.
+"""Coordinate reference systems in GIS files: meters in a frame of a map, or something else.
 
 Our files name an engineering system, which lies nowhere on the globe, after the frame. One rule
-holds for what other programs write: a system of another kind (degrees, or metres of a projection)
-is refused; where a file names none, the user has to say in which frame its metres are.
+holds for what other programs write: a system of another kind (degrees, or meters of a projection)
+is refused; where a file names none, the user has to say in which frame its meters are.
 
 Source: OGC 18-010r7, section 11 (engineering coordinate reference systems).
 """
@@ -25,7 +25,7 @@ class System:
 
     Attributes:
         name: as a person knows it.
-        frame_id: the frame in which coordinates are metres; None if it is a system of another kind.
+        frame_id: the frame in which coordinates are meters; None if it is a system of another kind.
     """
 
     name: str
@@ -48,10 +48,10 @@ class System:
 
 
 def check_metres(system: System | None, path: str | None, key: str) -> None:
-    """Raise a FormatError if coordinates are not metres in a frame; None where nothing is said."""
+    """Raise a FormatError if coordinates are not meters in a frame; None where nothing is said."""
     if system is not None and system.frame_id is None:
         raise FormatError(
-            f"coordinates are in {system.name}, not in metres in a frame of the map; move them "
+            f"coordinates are in {system.name}, not in meters in a frame of the map; move them "
             "there first (a file of such coordinates names no crs)",
             path=path,
             key=key,
@@ -59,7 +59,7 @@ def check_metres(system: System | None, path: str | None, key: str) -> None:
 
 
 def frame_of(system: System | None, given: str | None, path: str | None, key: str) -> str:
-    """Return the frame of a file's coordinates, which are metres.
+    """Return the frame of a file's coordinates, which are meters.
 
     Args:
         system: that the file names; None if it names none.
@@ -74,7 +74,7 @@ def frame_of(system: System | None, given: str | None, path: str | None, key: st
     frame = given or (system.frame_id if system else None)
     if frame is None:
         raise FormatError(
-            "is missing, as GIS programs leave it out; if coordinates are metres in a frame of the "
+            "is missing, as GIS programs leave it out; if coordinates are meters in a frame of the "
             'map, name it: --frame map, or frame_id="map" in Python',
             path=path,
             key=key,
@@ -83,14 +83,14 @@ def frame_of(system: System | None, given: str | None, path: str | None, key: st
 
 
 def engineering_wkt(frame_id: str) -> str:
-    """Return a system of metres in a frame, as well-known text."""
+    """Return a system of meters in a frame, as well-known text."""
     name = frame_id.replace('"', '""')
     axes = 'AXIS["x",unspecified],AXIS["y",unspecified]'
     return f'ENGCRS["{name}",EDATUM["{name}"],CS[Cartesian,2],{axes},LENGTHUNIT["metre",1]]'
 
 
 def engineering_projjson(frame_id: str) -> dict[str, Any]:
-    """Return a system of metres in a frame, as PROJJSON."""
+    """Return a system of meters in a frame, as PROJJSON."""
     axes = [
         {"name": axis, "abbreviation": axis, "direction": "unspecified", "unit": "metre"}
         for axis in "xy"

@@ -1,6 +1,6 @@
 """Grids as GeoTIFF, for programs of geographic information systems.
 
-The coordinates are metres in the layer's frame: an engineering system, which lies nowhere on the
+The coordinates are meters in the layer's frame: an engineering system, which lies nowhere on the
 globe and has the frame's name, as in our other files for such programs.
 
 Sources: TIFF 6.0; OGC 19-008r4 (GeoTIFF 1.1); GDAL's GTiff driver for the tag of "no data".

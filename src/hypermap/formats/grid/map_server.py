@@ -187,7 +187,7 @@ def _cells_from_bands(
     width: int, height: int, bands: Iterable[NDArray[np.uint8]], described: MapYaml
 ) -> Cells:
     of_grey = _cell_of_value(255, described)
-    of_pair = np.full(1 << 16, UNKNOWN, of_grey.dtype)  # grey and above it alpha
+    of_pair = np.full(1 << 16, UNKNOWN, of_grey.dtype)  # gray and above it alpha
     of_pair[0xFF00:] = of_grey
     cells: Cells = np.empty((height, width), of_grey.dtype)
     top = height
@@ -204,7 +204,7 @@ def _narrowed(cells: Cells) -> Cells:
 
 
 def _cell_of_value(white: int, described: MapYaml) -> Cells:
-    """Return the cell for each grey value from 0 to `white`."""
+    """Return the cell for each gray value from 0 to `white`."""
     c = np.arange(white + 1) * 255 / white
     if described.negate:
         c = 255 - c
@@ -230,7 +230,7 @@ def _mode(cells: Cells, layer_name: str) -> str:
 
 
 def _bands(cells: Cells, mode: str) -> Iterator[NDArray[np.uint8]]:
-    """Yield a picture's rows from the top: grey and alpha of the cells, whose row 0 is below."""
+    """Yield a picture's rows from the top: gray and alpha of the cells, whose row 0 is below."""
     table = np.zeros((257, 2), np.uint8)  # the last row is the unknown cell's, at index -1
     table[:256, 1] = 255
     if mode == "raw":

@@ -14,7 +14,7 @@ from hypermap.core.errors import HypermapError
 from hypermap.core.occupancy import OCCUPIED, OccupancyLayer
 from hypermap.formats.yaml_text import write_yaml
 
-BLACK, GREY, WHITE = 0, 205, 254
+BLACK, GRAY, WHITE = 0, 205, 254
 OCCUPIED_THRESH, FREE_THRESH = 0.65, 0.196
 _RAW_UNKNOWN = 255
 
@@ -27,7 +27,7 @@ def dump_trinary(layer: OccupancyLayer, name: str) -> dict[str, bytes]:
     Raises:
         HypermapError: If the layer is empty, or a raw map, whose values mean something else.
     """
-    shades = np.full(len(_VALUES), GREY, np.uint8)
+    shades = np.full(len(_VALUES), GRAY, np.uint8)
     shades[(_VALUES >= 0) & (_VALUES < 100 * FREE_THRESH)] = WHITE
     shades[_VALUES > 100 * OCCUPIED_THRESH] = BLACK
     return _dump(layer, name, shades, {})

@@ -1,4 +1,4 @@
-"""Pictures as grey values: any file that Pillow decodes by itself."""
+"""Pictures as gray values: any file that Pillow decodes by itself."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class GreyPicture:
 
 
 def decode_grey(content: bytes, path: str) -> GreyPicture:
-    """Return a picture's grey values; those of colors are the mean of their channels.
+    """Return a picture's gray values; those of colors are the mean of their channels.
 
     Args:
         content: the picture file.
@@ -87,7 +87,7 @@ def _check_size(image: Image.Image, path: str) -> None:
 
 def _grey(image: Image.Image, path: str) -> GreyPicture:
     if image.mode == "F":
-        raise FormatError("is a picture of floating point numbers, not of grey values", path=path)
+        raise FormatError("is a picture of floating point numbers, not of gray values", path=path)
     if image.mode.startswith("I"):  # 16 bits
         values = np.asarray(image)
         if values.min() < 0 or values.max() > 0xFFFF:

@@ -1,4 +1,4 @@
-"""PNG pictures of grey values and alpha, row by row: nothing larger than a band is held.
+"""PNG pictures of gray values and alpha, row by row: nothing larger than a band is held.
 
 Written are pictures of this kind alone; what is read of others is left to Pillow. Rows are filtered
 by the row above or not at all, which is all that maps need.
@@ -31,7 +31,7 @@ def encode_grey_alpha(width: int, height: int, bands: Iterable[NDArray[np.uint8]
     Args:
         width: of the picture.
         height: of the picture.
-        bands: its rows from the top, in pieces of shape (rows, width, 2): grey and alpha.
+        bands: its rows from the top, in pieces of shape (rows, width, 2): gray and alpha.
     """
     chunks = [SIGNATURE, _chunk(b"IHDR", _HEADER.pack(width, height, *_GREY_ALPHA))]
     packer = zlib.compressobj(_LEVEL)

@@ -15,14 +15,14 @@ from hypermap.formats.yaml_text import plain_value
 
 _FIRST = ("id", "name", "x", "y", "area", "existence", "first_seen", "last_seen", "tags")
 _GEOMETRY = "geometry"
-_DECIMALS = 9  # of metres
+_DECIMALS = 9  # of meters
 
 
 def to_csv(layer: SemanticLayer) -> str:
     """Return a layer's objects as CSV text (RFC 4180) with a head.
 
     `x` and `y` are the centroid [m] and `area` that of the shape [m^2]; both and the `geometry`
-    (well-known text) are in the layer's frame, to a nanometre. What is more than a number or a
+    (well-known text) are in the layer's frame, to a nanometer. What is more than a number or a
     text, as `tags`, is JSON. Attributes stand behind, in the order of their first object.
     """
     table = layer.table

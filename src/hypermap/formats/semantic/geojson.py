@@ -1,8 +1,8 @@
 """Semantic layers as GeoJSON, for GIS programs; the specification is docs/formats/geojson.md.
 
-Coordinates are metres in the layer's frame, which `frame_id` names. GeoJSON means degrees unless
+Coordinates are meters in the layer's frame, which `frame_id` names. GeoJSON means degrees unless
 the parties agree otherwise (RFC 7946, section 4), so a `crs` says the same to GDAL, and with it to
-QGIS and geopandas: an engineering system with metres, which lies nowhere on the globe.
+QGIS and geopandas: an engineering system with meters, which lies nowhere on the globe.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ def from_geojson(
     """Return the layer that GeoJSON text holds.
 
     Args:
-        text: a FeatureCollection of polygons and multipolygons in metres.
+        text: a FeatureCollection of polygons and multipolygons in meters.
         name: the layer's name; None takes the collection's own.
         frame_id: the frame of the coordinates; None takes the collection's own. Many GIS
             programs drop it. Coordinates in another `crs` than that of a frame are refused.

@@ -31,7 +31,7 @@ _COLUMNS = ["name", "tags", "confidence", "existence", "first_seen", "last_seen"
 def to_geodataframe(source: SemanticLayer | Hypermap) -> GeoDataFrame:
     """Return one row per object: its id (the index), name, what else is known, and geometry.
 
-    Coordinates are metres in the layer's frame, or in the base frame of a map, whose objects have
+    Coordinates are meters in the layer's frame, or in the base frame of a map, whose objects have
     the name of their layer in the column `layer`; ids are unique within a layer. Layers without a
     place in that frame are left out, and the log tells of them. The coordinate reference system has
     the frame's name.
@@ -109,13 +109,13 @@ def from_geodataframe(
     the layer gives them.
 
     Args:
-        frame: polygons and multipolygons in metres, with a column `name`.
+        frame: polygons and multipolygons in meters, with a column `name`.
         name: the layer's name.
         frame_id: the frame of the coordinates; None takes the one that the coordinate reference
             system names.
 
     Raises:
-        FormatError: Naming the row that is wrong; or if the coordinates are no metres of a frame.
+        FormatError: Naming the row that is wrong; or if the coordinates are no meters of a frame.
     """
     frame_id = frame_of(_system_of(frame), frame_id, _WHERE, "crs")
     geometries, rows = list(frame.geometry), frame.drop(columns=frame.geometry.name)

@@ -85,7 +85,7 @@ def parse_parquet(content: bytes, path: str) -> tuple[ObjectTable, list[Rejected
     Raises:
         MissingExtra: If pyarrow is not installed.
         FormatError: If it is damaged, a column or value is none of an object, or coordinates are
-            not metres in a frame.
+            not meters in a frame.
     """
     file = read_geoparquet(content, path)
     check_metres(system_of(file.notes), path, GEOMETRY)

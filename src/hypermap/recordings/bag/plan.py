@@ -25,7 +25,7 @@ from hypermap.recordings.options import RecordingOptions
 from hypermap.recordings.pairing import FramePlan, associate, plan_frames
 from hypermap.recordings.problems import problems_of
 
-DEPTH_SCALE = 1000.0  # units per metre, REP 118
+DEPTH_SCALE = 1000.0  # units per meter, REP 118
 MAP_FRAME = "map"  # REP 105
 _Image = TypeVar("_Image", Geometry, NDArray[np.uint8])
 
@@ -107,7 +107,7 @@ class BagPlan:
 
     @property
     def depth_scale(self) -> float:
-        """Units of integer depth per metre."""
+        """Units of integer depth per meter."""
         return self._options.depth_scale or DEPTH_SCALE
 
     @cached_property

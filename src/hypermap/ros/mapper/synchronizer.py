@@ -16,7 +16,7 @@ _STEPS = 10  # steps between stamps by which it is judged how soon the next mess
 
 
 @dataclass(frozen=True)
-class Match:
+class MatchedMessages:
     """Messages that belong together.
 
     Attributes:
@@ -42,13 +42,13 @@ class Settled:
         has_jumped: whether it did.
     """
 
-    matches: list[Match] = field(default_factory=list)
+    matches: list[MatchedMessages] = field(default_factory=list)
     lost: list[str] = field(default_factory=list)
     forgotten: int = 0
     has_jumped: bool = False
 
 
-class Synchroniser:
+class Synchronizer:
     """Matches messages of a reference stream with the nearest ones of all other streams.
 
     A message belongs to at most one match, and two messages are matched only if neither has a
@@ -98,9 +98,9 @@ class Synchroniser:
         """Return how many messages wait, of all streams."""
         return sum(len(stream.items) for stream in self._streams.values())
 
-    def _settle(self) -> tuple[list[Match], list[str]]:
+    def _settle(self) -> tuple[list[MatchedMessages], list[str]]:
         """Decide what can be decided."""
-        matches: list[Match] = []
+        matches: list[MatchedMessages] = []
         lost: list[str] = []
         reference = self._streams[""]
         for stamp in list(reference.stamps):
@@ -124,7 +124,7 @@ class Synchroniser:
                 for name, at in stamps.items():
                     self._streams[name].drop_before(at)
                     self._streams[name].matched = at
-                matches.append(Match(stamp, items, stamps))
+                matches.append(MatchedMessages(stamp, items, stamps))
         return matches, lost
 
     def _partner(self, stamp: int, name: str) -> int | None:

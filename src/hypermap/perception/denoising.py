@@ -20,9 +20,9 @@ SAME = 4.0  # standard deviations of the noise by which points of one surface di
 def smoothed(
     points_xyz: NDArray[np.float32], pixels: IntArray, width: int, config: PerceptionConfig
 ) -> NDArray[np.float32]:
-    """Return an object's points, moved along their rays to the mean disparity of their neighbours.
+    """Return an object's points, moved along their rays to the mean disparity of their neighbors.
 
-    Neighbours are those of the same object, up to `config.smoothing` pixels away to each side,
+    Neighbors are those of the same object, up to `config.smoothing` pixels away to each side,
     whose disparity differs by no more than noise does.
 
     Args:

@@ -7,8 +7,8 @@ import pytest
 import shapely
 
 from hypermap.core.trajectory import pose_from_rpy
+from hypermap.perception.depth_view import DepthView
 from hypermap.perception.frame import Camera, RgbdFrame
-from hypermap.perception.view import View
 
 CAMERA = Camera.from_intrinsics(65, 65, 39.5, 29.5, 80, 60)
 
@@ -17,7 +17,7 @@ def ground_of(
     depth: np.ndarray, roll: float = -np.pi / 2, max_range: float = 5.0
 ) -> shapely.Geometry:
     pose = pose_from_rpy(3.0, -2.0, 1.2, roll, 0.1, 0.7)
-    return View.of(RgbdFrame(0.0, depth.astype(np.float32), CAMERA, pose), max_range).ground
+    return DepthView.of(RgbdFrame(0.0, depth.astype(np.float32), CAMERA, pose), max_range).ground
 
 
 def expected_ground(depth: np.ndarray, roll: float) -> shapely.Geometry:
@@ -82,7 +82,7 @@ def test_what_is_no_depth_shows_no_ground(fill: float) -> None:
 
 def test_rays_that_all_end_equally_far_away_show_no_ground() -> None:
     pose = pose_from_rpy(3.0, -2.0, 1.2, -np.pi / 2, 0.0, 0.0)  # looks level
-    view = View(CAMERA, pose, np.full((60, 80), 2.0, np.float32))
+    view = DepthView(CAMERA, pose, np.full((60, 80), 2.0, np.float32))
     assert view.ground.is_empty
 
 
@@ -90,6 +90,6 @@ def test_columns_that_all_look_the_same_way_show_no_ground() -> None:
     pose = np.eye(4)
     pose[:3, :3] = [[0, 0, 1], [0, 1, 0], [-1, 0, 0]]  # on its side: columns look up and down
     frame = RgbdFrame(0.0, np.full((60, 80), 2.0, np.float32), CAMERA, pose)
-    view = View.of(frame)
-    middle = View(Camera(np.diag([16.0, 16.0, 1.0]), 20, 1), pose, view.reach[:1])
+    view = DepthView.of(frame)
+    middle = DepthView(Camera(np.diag([16.0, 16.0, 1.0]), 20, 1), pose, view.reach[:1])
     assert middle.ground.is_empty

@@ -1,4 +1,4 @@
-"""What the server refuses, and how it says so."""
+"""Requests that the server refuses."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from hypermap.core.errors import HypermapError
 
 
 class Refused(HypermapError):
-    """A request that is not carried out.
+    """A request that the server refuses.
 
     Attributes:
-        status: of the answer in HTTP.
+        status: the HTTP status of the response.
         reason: a word for the page, such as "behind", "disk" or "exists"; may be empty.
-        others: what else the page is told.
+        others: further values for the page.
     """
 
     def __init__(self, message: str, status: int = 400, reason: str = "", **others: Any) -> None:

@@ -4,15 +4,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hypermap.ros.mapper.synchroniser import Settled, Synchroniser
+from hypermap.ros.mapper.synchronizer import Settled, Synchronizer
 
 MS = 1_000_000
 PERIOD = 100  # ms
 
 
-def feed(synchroniser: Synchroniser, messages: list[tuple[str, int]]) -> list[Settled]:
+def feed(synchronizer: Synchronizer, messages: list[tuple[str, int]]) -> list[Settled]:
     """Add (stream, stamp in ms); each item is its own stamp."""
-    return [synchroniser.add(stream, at * MS, at) for stream, at in messages]
+    return [synchronizer.add(stream, at * MS, at) for stream, at in messages]
 
 
 def matched(results: list[Settled]) -> list[tuple[int, ...]]:
@@ -25,65 +25,65 @@ def lost(results: list[Settled]) -> list[str]:
 
 
 def test_without_other_streams_every_message_is_a_match() -> None:
-    assert matched(feed(Synchroniser((), 0.02, 1), [("", 1), ("", 2)])) == [(1,), (2,)]
+    assert matched(feed(Synchronizer((), 0.02, 1), [("", 1), ("", 2)])) == [(1,), (2,)]
 
 
 @pytest.mark.parametrize("first", ["", "color"])
 def test_equal_stamps_match_at_once_whatever_comes_first(first: str) -> None:
     second = {"": "color", "color": ""}[first]
-    results = feed(Synchroniser(("color",), 0.02, 1), [(first, 100), (second, 100)])
+    results = feed(Synchronizer(("color",), 0.02, 1), [(first, 100), (second, 100)])
     assert [len(result.matches) for result in results] == [0, 1]
 
 
 def test_the_nearer_of_two_messages_is_taken_though_it_comes_later() -> None:
     messages = [("color", 982), ("", 1000), ("color", 1015), ("", 1033), ("color", 1048)]
-    assert matched(feed(Synchroniser(("color",), 0.02, 1), messages))[0] == (1000, 1015)
+    assert matched(feed(Synchronizer(("color",), 0.02, 1), messages))[0] == (1000, 1015)
 
 
 def test_a_message_goes_to_the_nearer_of_two_references() -> None:
     messages = [("", 1000), ("", 1033), ("color", 1020), ("", 1066), ("color", 1090)]
-    assert matched(feed(Synchroniser(("color",), 0.05, 1), messages)) == [(1033, 1020)]
+    assert matched(feed(Synchronizer(("color",), 0.05, 1), messages)) == [(1033, 1020)]
 
 
 def test_no_wait_for_a_nearer_message_once_the_period_is_known() -> None:
     """Color precedes depth by 10 ms in each period of 100 ms: no color of 90 ms later is nearer."""
-    synchroniser = Synchroniser(("color",), 0.02, 1)
-    feed(synchroniser, [("color", 90), ("", 100), ("color", 190), ("", 200)])
-    assert matched(feed(synchroniser, [("color", 290), ("", 300)])) == [(300, 290)]
+    synchronizer = Synchronizer(("color",), 0.02, 1)
+    feed(synchronizer, [("color", 90), ("", 100), ("color", 190), ("", 200)])
+    assert matched(feed(synchronizer, [("color", 290), ("", 300)])) == [(300, 290)]
 
 
 def test_what_lacks_a_partner_is_lost_as_soon_as_the_stream_has_gone_past() -> None:
-    results = feed(Synchroniser(("color",), 0.02, 5), [("", 100), ("", 200), ("color", 200)])
+    results = feed(Synchronizer(("color",), 0.02, 5), [("", 100), ("", 200), ("color", 200)])
     assert lost(results[:2]) == []
     assert (lost(results), matched(results)) == (["color"], [(200, 200)])
 
 
 def test_a_silent_stream_is_waited_for_no_longer_than_patience() -> None:
-    results = feed(Synchroniser(("detections",), 0.02, 1), [("", 100), ("", 1000), ("", 1200)])
+    results = feed(Synchronizer(("detections",), 0.02, 1), [("", 100), ("", 1000), ("", 1200)])
     assert [lost([result]) for result in results] == [[], [], ["detections"]]
 
 
 def test_late_detections_find_their_image() -> None:
     messages = [("", 100), ("", 200), ("", 300), ("", 400), ("detections", 200)]
-    results = feed(Synchroniser(("detections",), 0.02, 1), messages)
+    results = feed(Synchronizer(("detections",), 0.02, 1), messages)
     assert (matched(results), lost(results)) == ([(200, 200)], ["detections"])
 
 
 def test_a_jump_back_forgets_what_waits_and_starts_anew() -> None:
-    synchroniser = Synchroniser(("color",), 0.02, 1)
-    feed(synchroniser, [("", 5000), ("color", 4900), ("", 5100)])
-    result = synchroniser.add("color", 1000 * MS, 1000)
-    assert (result.has_jumped, result.forgotten, len(synchroniser)) == (True, 2, 1)
-    assert matched(feed(synchroniser, [("", 1000)])) == [(1000, 1000)]
+    synchronizer = Synchronizer(("color",), 0.02, 1)
+    feed(synchronizer, [("", 5000), ("color", 4900), ("", 5100)])
+    result = synchronizer.add("color", 1000 * MS, 1000)
+    assert (result.has_jumped, result.forgotten, len(synchronizer)) == (True, 2, 1)
+    assert matched(feed(synchronizer, [("", 1000)])) == [(1000, 1000)]
 
 
 def test_what_comes_too_late_is_lost() -> None:
-    results = feed(Synchroniser((), 0.02, 1), [("", 200), ("", 100), ("", 200)])
+    results = feed(Synchronizer((), 0.02, 1), [("", 200), ("", 100), ("", 200)])
     assert (matched(results), lost(results)) == ([(200,)], ["", ""])
 
 
 def test_a_repeated_stamp_is_left_out() -> None:
-    results = feed(Synchroniser(("color",), 0.02, 1), [("", 100), ("", 100), ("color", 100)])
+    results = feed(Synchronizer(("color",), 0.02, 1), [("", 100), ("", 100), ("color", 100)])
     assert matched(results) == [(100, 100)]
 
 
@@ -115,8 +115,8 @@ def test_regular_streams_are_matched_frame_by_frame(
     drive: tuple[list[tuple[str, int]], set[tuple[int, int, int]]],
 ) -> None:
     messages, truth = drive
-    synchroniser = Synchroniser(("color", "detections"), 0.02, 2)
-    results = feed(synchroniser, messages)
+    synchronizer = Synchronizer(("color", "detections"), 0.02, 2)
+    results = feed(synchronizer, messages)
     pairs = matched(results)
     assert set(pairs) <= truth
     assert lost(results) == []
@@ -132,8 +132,8 @@ def test_regular_streams_are_matched_frame_by_frame(
 def test_whatever_comes_nothing_is_used_twice_or_out_of_reach(
     messages: list[tuple[str, int]],
 ) -> None:
-    synchroniser = Synchroniser(("color", "detections"), 0.03, 0.5)
-    results = feed(synchroniser, [(stream, 25 * number) for stream, number in messages])
+    synchronizer = Synchronizer(("color", "detections"), 0.03, 0.5)
+    results = feed(synchronizer, [(stream, 25 * number) for stream, number in messages])
     pairs = matched(results)
     assert all(abs(partner - row[0]) <= 30 for row in pairs for partner in row)
     forgotten = sum(result.forgotten for result in results)
@@ -149,8 +149,8 @@ def test_whatever_comes_nothing_is_used_twice_or_out_of_reach(
 
 
 def test_memory_is_bounded() -> None:
-    synchroniser = Synchroniser(("color",), 0.0, 60)
+    synchronizer = Synchronizer(("color",), 0.0, 60)
     for i in range(1000):
-        synchroniser.add("", 2 * i * MS, None)
-        synchroniser.add("color", (2 * i + 1) * MS, None)  # never at the same time
-    assert len(synchroniser) <= 400
+        synchronizer.add("", 2 * i * MS, None)
+        synchronizer.add("color", (2 * i + 1) * MS, None)  # never at the same time
+    assert len(synchronizer) <= 400

@@ -17,7 +17,7 @@ from hypermap import save_map
 from hypermap.core.errors import HypermapError
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.semantic import SemanticLayer, SemanticObject
-from hypermap.ros.server.masks import CostmapMasks
+from hypermap.ros.server.costmap_masks import CostmapMasks
 from hypermap.ros.typestore import Types, decode, encode
 from hypermap.testing.builders import occupancy_from_text, square
 
@@ -340,7 +340,7 @@ def test_a_map_server_publishes_masks_and_takes_new_zones_while_it_runs(
         )
 
         rospy.set_param("/masks_server/keepout", ["plant"])
-        server.expect("keepout: 'plant' is no zone; expected a class and a margin in metres")
+        server.expect("keepout: 'plant' is no zone; expected a class and a margin in meters")
         rospy.set_param("/masks_server/speed", ["desk 0 50%"])
         speed = rospy.wait_for_message("/masks_server/speed_mask", OccupancyGrid, timeout=120)
         assert sorted(np.unique(cells(speed))) == [0, 50]

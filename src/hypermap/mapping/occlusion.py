@@ -1,4 +1,4 @@
-"""What a frame could see of a place where an object is known to be."""
+"""The occlusion test: how much of an object on the map a frame could see."""
 
 from __future__ import annotations
 
@@ -9,23 +9,23 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from hypermap.mapping.outlines import Outline
-from hypermap.perception.view import View
+from hypermap.mapping.prepared_polygon import PreparedPolygon
+from hypermap.perception.depth_view import DepthView
 
-_AROUND = np.arange(8) / 8  # samples along an outline
-_INWARD = 0.75  # where the samples lie between centroid and outline
+_AROUND = np.arange(8) / 8  # samples along the contour
+_INWARD = 0.75  # where the samples lie between centroid and contour
 _HEIGHTS = np.array([0.25, 0.5, 0.75])  # where they lie between lowest and highest point
-_FEWEST_RAYS = 10  # that must be able to hit a thing for it to be large enough to be found
+_FEWEST_RAYS = 10  # that must be able to hit an object for it to be large enough to detect
 
 
 @dataclass(frozen=True, eq=False)
-class Samples:
+class SamplePoints:
     """Where to look for an object.
 
     Attributes:
-        around: points of its outline [m], shape (8, 2).
-        xy: its middle, and points between that and its outline [m], shape (9, 2).
-        width: the largest distance between opposite points of its outline [m].
+        around: points of its contour [m], shape (8, 2).
+        xy: its center, and points between that and its contour [m], shape (9, 2).
+        width: the largest distance between opposite points of its contour [m].
     """
 
     around: NDArray[np.float64]
@@ -33,31 +33,31 @@ class Samples:
     width: float
 
 
-def samples_of(shape: Outline) -> Samples:
-    """Return where to look for an object with a shape, of which the convex hull is taken."""
+def sample_points(shape: PreparedPolygon) -> SamplePoints:
+    """Return where to look for an object: sample points of the convex hull of its shape."""
     hull = shapely.convex_hull(shape.geometry)
     ring = shapely.get_exterior_ring(hull)
     around = shapely.get_coordinates(shapely.line_interpolate_point(ring, _AROUND, normalized=True))
-    middle = shapely.get_coordinates(shapely.centroid(hull))
-    xy = np.concatenate([middle, middle + _INWARD * (around - middle)])
+    center = shapely.get_coordinates(shapely.centroid(hull))
+    xy = np.concatenate([center, center + _INWARD * (around - center)])
     across = np.linalg.norm(around[:4] - around[4:], axis=1)
-    return Samples(around, xy, float(across.max()))
+    return SamplePoints(around, xy, float(across.max()))
 
 
-def sights(
-    view: View, samples: Sequence[Samples], heights: NDArray[np.float64], tolerance: float
+def visible_shares(
+    view: DepthView, samples: Sequence[SamplePoints], heights: NDArray[np.float64], tolerance: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return how much of some objects a frame could see, and how much it saw through.
+    """Return how much of each object a frame could see, and how much it saw through.
 
-    Samples of each object are looked up in the depth image. A ray that ended before the object
-    shows nothing of it; one that ended behind it went through the place where it should be. Of
-    things too small or too far away to be found nothing is seen.
+    Sample points of each object are looked up in the depth image. A ray that ended before the
+    object shows nothing of it; one that ended behind it went through the place where it should be.
+    Of things too small or too far away to be found nothing is seen.
 
     Args:
         view: where the frame's rays ended.
         samples: of each object, N.
-        heights: lowest and highest point of each [m], shape (N, 2).
-        tolerance: how far before and behind an object its surface may be measured [m].
+        heights: lowest and highest point of each object [m], shape (N, 2).
+        tolerance: by how much the measured surface of an object may be off [m].
 
     Returns:
         Share of each object's samples whose rays ended at the object or behind it, and share of
@@ -73,7 +73,7 @@ def sights(
     xyz[..., :2] = xy[:, :, np.newaxis]
     xyz[..., 2] = z[:, np.newaxis]
     reach = view.reach_towards(xyz.reshape(-1, 3)).reshape(len(samples), -1)
-    # Where there was no return, the comparisons with NaN are false: nothing was seen.
+    # Where there was no return, the comparisons with NaN are false: not visible.
     visible = reach >= distances.min(axis=1, keepdims=True) - tolerance
     through = reach > distances.max(axis=1, keepdims=True) + tolerance
     sizes = np.array([one.width for one in samples]) * (heights[:, 1] - heights[:, 0])

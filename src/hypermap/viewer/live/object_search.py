@@ -1,4 +1,4 @@
-"""Finding objects by what they are called and where they are: near, within, inside, in an area."""
+"""Object search: by name and by place: near, within, inside, in an area."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ import shapely
 
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.semantic import SemanticLayer
-from hypermap.viewer.live.names import names_like, names_of
-from hypermap.viewer.live.refusals import Refused
+from hypermap.viewer.live.names import names_of, similar_names
+from hypermap.viewer.live.request_errors import Refused
 from hypermap.viewer.live.requests import corners_in, number_in, text_in, whole_number_in
-from hypermap.viewer.live.spelling import spell_find
+from hypermap.viewer.live.snippets import snippets_for_search
 
 MOST_FOUND = 5000
 """How many rows an answer has at most."""
@@ -22,17 +22,17 @@ _FOUND = 100  # rows, unless another limit is asked for
 
 
 @dataclass(frozen=True)
-class Wanted:
-    """What is looked for; None where nothing is said.
+class ObjectQuery:
+    """A search for objects; None where there is no condition.
 
     Attributes:
-        name: that objects have.
+        name: the name of the objects.
         near: a name, or a point [m], from which the distance is measured.
         within: the largest distance [m].
-        inside: the name of what they stand in.
-        corners: of a polygon that they meet [m].
+        inside: the name of the object that contains them.
+        corners: of a polygon that they intersect [m].
         frame: of point and polygon; None for the base frame.
-        limit: how many rows the answer has at most.
+        limit: the maximum number of rows in the answer.
     """
 
     name: str | None = None
@@ -44,11 +44,11 @@ class Wanted:
     limit: int = _FOUND
 
 
-def wanted_in(values: Mapping[str, Any], hypermap: Hypermap) -> Wanted:
-    """Return what a request looks for.
+def query_in(values: Mapping[str, Any], hypermap: Hypermap) -> ObjectQuery:
+    """Return the search of a request.
 
     Raises:
-        Refused: If it says nothing of that, or something wrong.
+        Refused: If there is no condition, or a wrong one.
     """
     limit = whole_number_in(values, "limit") if "limit" in values else _FOUND
     if not 1 <= limit <= MOST_FOUND:
@@ -56,10 +56,10 @@ def wanted_in(values: Mapping[str, Any], hypermap: Hypermap) -> Wanted:
     near = text_in(values, "near")
     within = number_in(values, "within") if values.get("within") else None
     if within is not None and near is None:
-        raise Refused("within: a distance from what? Give near, too")
+        raise Refused("within: needs near, from which the distance is measured")
     if within is not None and within < 0:
         raise Refused(f"within: must not be negative, got {within:g}")
-    wanted = Wanted(
+    query = ObjectQuery(
         name=text_in(values, "name"),
         near=None if near is None else _place_or_name(near, hypermap),
         within=within,
@@ -68,19 +68,18 @@ def wanted_in(values: Mapping[str, Any], hypermap: Hypermap) -> Wanted:
         frame=text_in(values, "frame"),
         limit=limit,
     )
-    is_near = isinstance(wanted.near, str) or within is not None
-    if not (wanted.name or is_near or wanted.inside or wanted.corners):
-        raise Refused("name: what is to be found?")
-    return wanted
+    is_near = isinstance(query.near, str) or within is not None
+    if not (query.name or is_near or query.inside or query.corners):
+        raise Refused("name: missing; give name, near, inside or polygon")
+    return query
 
 
-def find(hypermap: Hypermap, path: str, wanted: Wanted) -> dict[str, Any]:
-    """Return the objects for which all that is wanted is true, as the page shows them.
+def find(hypermap: Hypermap, path: str, query: ObjectQuery) -> dict[str, Any]:
+    """Return the objects that meet all conditions, as the page shows them.
 
-    They are the nearest first where `near` is given. `name`, `near` and `inside` are as they were
-    understood: where no object has exactly such a name, the only other one that it is a part of, or
-    is like, is taken. Under `unknown`, all that were not known stand with the names that are like
-    them.
+    With `near`, the nearest come first. `name`, `near` and `inside` are returned as they were
+    understood: if no object has exactly this name, the only similar one is taken. `unknown` lists
+    the names that were not found, each with the similar ones.
 
     Raises:
         FrameError: If the frame is unknown.
@@ -91,18 +90,18 @@ def find(hypermap: Hypermap, path: str, wanted: Wanted) -> dict[str, Any]:
     def meant(asked: str | None) -> str | None:
         if asked is None or asked in known:
             return asked
-        unknown[asked] = names_like(asked, known)
+        unknown[asked] = similar_names(asked, known)
         return unknown[asked][0] if len(unknown[asked]) == 1 else asked
 
-    near = meant(wanted.near) if isinstance(wanted.near, str) else wanted.near
-    understood = replace(wanted, name=meant(wanted.name), near=near, inside=meant(wanted.inside))
+    near = meant(query.near) if isinstance(query.near, str) else query.near
+    understood = replace(query, name=meant(query.name), near=near, inside=meant(query.inside))
     matches = hypermap.matching(
         understood.name,
         near=understood.near,
         within=understood.within,
         inside=understood.inside,
-        area=None if wanted.corners is None else shapely.Polygon(wanted.corners),
-        frame_id=wanted.frame,
+        area=None if query.corners is None else shapely.Polygon(query.corners),
+        frame_id=query.frame,
     )
     rows = [
         {
@@ -113,7 +112,7 @@ def find(hypermap: Hypermap, path: str, wanted: Wanted) -> dict[str, Any]:
             "y": float(found.point_xy[1]),
             "distance": found.distance,
         }
-        for found in matches.first(wanted.limit)
+        for found in matches.first(query.limit)
     ]
     return {
         "name": understood.name,
@@ -121,22 +120,22 @@ def find(hypermap: Hypermap, path: str, wanted: Wanted) -> dict[str, Any]:
         "inside": understood.inside,
         "rows": rows,
         "total": len(matches),
-        "names": [] if wanted.name is None else names_like(wanted.name, known),
+        "names": [] if query.name is None else similar_names(query.name, known),
         "unknown": unknown,
-        **spell_find(
+        **snippets_for_search(
             path,
             understood.name,
             near=understood.near,
-            within=wanted.within,
+            within=query.within,
             inside=understood.inside,
-            corners=wanted.corners,
-            frame=wanted.frame,
+            corners=query.corners,
+            frame=query.frame,
         ),
     }
 
 
 def known_names(hypermap: Hypermap) -> list[str]:
-    """Return the names of all objects that have a place, each once, in order."""
+    """Return the sorted names of all objects in layers that a transform places."""
     layers = [layer for layer in hypermap.placed_layers() if isinstance(layer, SemanticLayer)]
     return sorted({name for layer in layers for name in names_of(layer.table)})
 

@@ -1,4 +1,4 @@
-"""Polygons as their edges: what compiled loops compute with, again and again."""
+"""Prepared polygons: geometry with the edges that compiled loops compute with."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from hypermap._loops import loop
 from hypermap.core.arrays import ObjectArray, as_objects
 
 _POLYGON = 3  # shapely's number of this type
-_NOTHING = 1e-12  # of a shape's area: less is what rounding leaves where shapes only touch
+_NOTHING = 1e-12  # share of a shape's area; less is what rounding leaves where shapes only touch
 
-Made = TypeVar("Made")
+T = TypeVar("T")
 Box: TypeAlias = tuple[float, float, float, float]  # xmin, ymin, xmax, ymax [m]
 
 
 @dataclass(frozen=True, eq=False)
-class Outline:
-    """A polygon, and what is computed from it once.
+class PreparedPolygon:
+    """A polygon with what is computed from it once, like a prepared geometry of GEOS.
 
     Attributes:
         geometry: polygon or multipolygon in the map frame [m]; may be empty.
@@ -37,11 +37,11 @@ class Outline:
     box: Box
     area: float
     edges: NDArray[np.float64]
-    _made: dict[object, Any] = field(default_factory=dict, repr=False)
+    _cache: dict[object, Any] = field(default_factory=dict, repr=False)
 
     @classmethod
-    def of(cls, geometry: BaseGeometry) -> Outline:
-        """Return the outline of one geometry."""
+    def of(cls, geometry: BaseGeometry) -> PreparedPolygon:
+        """Prepare one geometry."""
         if isinstance(geometry, shapely.Polygon) and not shapely.get_num_interior_rings(geometry):
             points = shapely.get_coordinates(geometry)
             edges = np.empty((max(len(points) - 1, 0), 5))
@@ -50,8 +50,8 @@ class Outline:
         return cls.all_of([geometry])[0]
 
     @classmethod
-    def all_of(cls, geometries: Sequence[BaseGeometry]) -> list[Outline]:
-        """Return the outlines of many geometries, which is faster than of one by one."""
+    def all_of(cls, geometries: Sequence[BaseGeometry]) -> list[PreparedPolygon]:
+        """Prepare many geometries, which is faster than one by one."""
         shapes = as_objects(geometries)
         boxes = shapely.bounds(shapes).tolist()
         areas = shapely.area(shapes).tolist()
@@ -63,20 +63,20 @@ class Outline:
             )
         ]
 
-    def once(self, make: Callable[..., Made], *arguments: Hashable) -> Made:
-        """Return what a function makes of this outline; it is called once for all times.
+    def cached(self, make: Callable[..., T], *arguments: Hashable) -> T:
+        """Return the result of a function, which is called once per polygon and arguments.
 
         Args:
-            make: takes the outline and the other arguments.
+            make: takes the polygon and the other arguments.
             arguments: the other arguments.
         """
         key = (make, *arguments)
-        if key not in self._made:
-            self._made[key] = make(self, *arguments)
-        return cast(Made, self._made[key])
+        if key not in self._cache:
+            self._cache[key] = make(self, *arguments)
+        return cast(T, self._cache[key])
 
 
-def shared_area(one: Outline, other: Outline) -> float:
+def shared_area(one: PreparedPolygon, other: PreparedPolygon) -> float:
     """Return the area that two shapes share [m²]; 0 where they only touch."""
     shared = float(_shared_area(one.edges, other.edges))
     return shared if shared > _NOTHING * min(one.area, other.area) else 0.0
@@ -91,7 +91,7 @@ def _shared_area(edges: NDArray[np.float64], others: NDArray[np.float64]) -> flo
     strips shares: the lower one of two lines, integrated over the stretch that they have in common.
 
     Args:
-        edges: of one shape, as `Outline.edges`.
+        edges: of one shape, as `PreparedPolygon.edges`.
         others: those of the other shape.
     """
     total = 0.0

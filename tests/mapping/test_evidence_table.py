@@ -14,8 +14,8 @@ from hypermap.core.semantic import SemanticLayer
 from hypermap.formats import open_map, save_map
 from hypermap.mapping import EvidenceMap, map_recording, profile
 from hypermap.mapping.config import to_dict
+from hypermap.mapping.evidence_table import config_of, fused_shapes
 from hypermap.mapping.fusion import FUSIONS
-from hypermap.mapping.look_back import config_of, fused_shapes
 from hypermap.perception.detectors.sources import detections_from_recording
 from hypermap.perception.observation import Observation, ObservedObject
 from hypermap.simulation import SimulatedRecording, demo_world

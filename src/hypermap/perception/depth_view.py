@@ -21,7 +21,7 @@ _NEAREST = 0.05  # points nearer to the camera's plane than this are beside it [
 
 
 @dataclass(frozen=True, eq=False)
-class View:
+class DepthView:
     """The ends of some of a frame's rays.
 
     Attributes:
@@ -38,7 +38,7 @@ class View:
     max_range: float = np.inf
 
     @classmethod
-    def of(cls, frame: RgbdFrame, max_range: float = np.inf) -> View:
+    def of(cls, frame: RgbdFrame, max_range: float = np.inf) -> DepthView:
         """Return what a frame could see."""
         some = (slice(None, None, _STEP),) * 2
         z = frame.depth[some]
@@ -104,7 +104,7 @@ def _ground(
     nearest: float,
     position: NDArray[np.float64],
 ) -> BaseGeometry:
-    """Return what lies between a circle and the ends of rays, for `View.ground`.
+    """Return what lies between a circle and the ends of rays, for `DepthView.ground`.
 
     Args:
         directions: of the image's columns over the floor, of length 1, shape (W, 2).

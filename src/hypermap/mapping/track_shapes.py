@@ -1,4 +1,4 @@
-"""The shapes of all known objects, as columns."""
+"""The shapes of all tracks, as columns."""
 
 from __future__ import annotations
 
@@ -11,41 +11,41 @@ from numpy.typing import NDArray
 
 from hypermap.core.arrays import BoolArray, IntArray, ObjectArray, as_objects
 from hypermap.mapping.columns import Column
-from hypermap.mapping.outlines import Box, Outline
+from hypermap.mapping.prepared_polygon import Box, PreparedPolygon
 
 Rows: TypeAlias = list[int]
 
 
-class KnownShapes:
-    """The shapes of all known objects as columns, so that most are ruled out by their boxes.
+class TrackShapes:
+    """The shapes of all tracks as columns, so that most are ruled out by their bounding boxes.
 
-    Rows are in the order in which objects were added; removing one moves those behind it up.
+    Rows are in the order in which tracks were added; removing one moves the rows after it up.
 
     Attributes:
-        outlines: the shape of each object, in the map frame.
+        polygons: the shape of each track, in the map frame.
     """
 
     def __init__(self) -> None:
-        self.outlines: list[Outline] = []
+        self.polygons: list[PreparedPolygon] = []
         self._classes = Column(np.empty(0, dtype=np.int64))
         self._boxes = Column(np.empty((0, 4)))
         self._heights = Column(np.empty((0, 2)))
 
-    def copy(self) -> KnownShapes:
-        """Return the same shapes; a change of one does not change the other."""
-        other = KnownShapes()
-        other.outlines = list(self.outlines)
+    def copy(self) -> TrackShapes:
+        """Return an independent copy."""
+        other = TrackShapes()
+        other.polygons = list(self.polygons)
         other._classes = self._classes.copy()
         other._boxes = self._boxes.copy()
         other._heights = self._heights.copy()
         return other
 
     def __len__(self) -> int:
-        return len(self.outlines)
+        return len(self.polygons)
 
     @property
     def classes(self) -> IntArray:
-        """A number for the class of each object, int64, shape (N,)."""
+        """A number for the class of each track, int64, shape (N,)."""
         return self._classes.values
 
     @property
@@ -55,31 +55,33 @@ class KnownShapes:
 
     @property
     def heights(self) -> NDArray[np.float64]:
-        """Lowest and highest point of each object [m], shape (N, 2); may be written to."""
+        """Lowest and highest point of each track [m], shape (N, 2); may be written to."""
         return self._heights.values
 
     def geometries(self, rows: Sequence[int]) -> ObjectArray:
-        """Return the shapely geometries of some rows."""
-        return as_objects([self.outlines[row].geometry for row in rows])
+        """Return the shapely geometries of rows."""
+        return as_objects([self.polygons[row].geometry for row in rows])
 
-    def append(self, class_: int, shape: Outline, heights: tuple[float, float] = (0.0, 0.0)) -> int:
+    def append(
+        self, class_: int, shape: PreparedPolygon, heights: tuple[float, float] = (0.0, 0.0)
+    ) -> int:
         """Add a shape and return its row."""
-        self.outlines.append(shape)
+        self.polygons.append(shape)
         self._classes.append(class_)
         self._boxes.append(shape.box)
         self._heights.append(heights)
         return len(self) - 1
 
-    def replace(self, row: int, shape: Outline) -> None:
-        """Give the object in a row another shape."""
-        self.outlines[row] = shape
+    def replace(self, row: int, shape: PreparedPolygon) -> None:
+        """Replace the shape in a row."""
+        self.polygons[row] = shape
         self.boxes[row] = shape.box
 
     def keep(self, wanted: BoolArray) -> None:
         """Remove the rows that are not wanted, shape (N,)."""
         for column in (self._classes, self._boxes, self._heights):
             column.keep(wanted)
-        self.outlines = list(compress(self.outlines, wanted))
+        self.polygons = list(compress(self.polygons, wanted))
 
     def near(self, class_: int | None, box: Box) -> Rows:
         """Return the rows of a class, or of all classes, whose boxes meet a box."""
@@ -92,7 +94,7 @@ class KnownShapes:
         return rows
 
     def within(self, limits: Box, position: NDArray[np.float64], max_range: float) -> Rows:
-        """Return the rows whose boxes lie within limits and are centred near a place.
+        """Return the rows whose boxes lie within limits and are centered near a place.
 
         Args:
             limits: xmin, ymin, xmax, ymax [m].

@@ -1,4 +1,4 @@
-"""What a frame could see of a place where an object is known to be."""
+"""The occlusion test: how much of an object a frame could see."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hypermap.core.trajectory import pose_from_rpy
-from hypermap.mapping.outlines import Outline
-from hypermap.mapping.sight import samples_of, sights
+from hypermap.mapping.occlusion import sample_points, visible_shares
+from hypermap.mapping.prepared_polygon import PreparedPolygon
+from hypermap.perception.depth_view import DepthView
 from hypermap.perception.frame import Camera, RgbdFrame
-from hypermap.perception.view import View
 
 CAMERA = Camera.from_intrinsics(262.5, 262.5, 159.5, 119.5, 320, 240)
 OPTICAL = np.array([[0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 0], [0, 0, 0, 1.0]])
@@ -22,15 +22,17 @@ HEIGHTS = np.array([[0.6, 1.4]])
 
 def looking_along_x(
     depth: float | np.ndarray, x: float = 0.0, y: float = 0.0, yaw: float = 0.0
-) -> View:
-    """A camera one metre high that measures the same depth everywhere, or a given image."""
+) -> DepthView:
+    """A camera one meter high that measures the same depth everywhere, or a given image."""
     pose = pose_from_rpy(x, y, 1.0, 0.0, 0.0, yaw) @ OPTICAL
     image = np.full((240, 320), depth, dtype=np.float32)
-    return View.of(RgbdFrame(0.0, image, CAMERA, pose))
+    return DepthView.of(RgbdFrame(0.0, image, CAMERA, pose))
 
 
-def sight(view: View, shape: shapely.Polygon = CHAIR) -> tuple[float, float]:
-    visible, through = sights(view, [samples_of(Outline.of(shape))], HEIGHTS, tolerance=0.15)
+def shares(view: DepthView, shape: shapely.Polygon = CHAIR) -> tuple[float, float]:
+    visible, through = visible_shares(
+        view, [sample_points(PreparedPolygon.of(shape))], HEIGHTS, tolerance=0.15
+    )
     return float(visible[0]), float(through[0])
 
 
@@ -40,18 +42,18 @@ def sight(view: View, shape: shapely.Polygon = CHAIR) -> tuple[float, float]:
     ids=["a wall behind it", "the object itself", "something before it", "no return"],
 )
 def test_what_the_rays_show_of_an_object(depth: float, expected: tuple[float, float]) -> None:
-    assert sight(looking_along_x(depth)) == expected
+    assert shares(looking_along_x(depth)) == expected
 
 
 @pytest.mark.parametrize("yaw", [np.pi, np.pi / 2, -np.pi / 2])
 def test_nothing_is_seen_outside_the_image(yaw: float) -> None:
-    assert sight(looking_along_x(4.0, yaw=yaw)) == (0, 0)
+    assert shares(looking_along_x(4.0, yaw=yaw)) == (0, 0)
 
 
 def test_half_of_an_object_may_be_hidden() -> None:
     depth = np.full((240, 320), 4.0)
     depth[:, :160] = 1.0  # the left half of the image
-    visible, through = sight(looking_along_x(depth))
+    visible, through = shares(looking_along_x(depth))
     assert 0.3 < visible < 0.7
     assert visible == through
 
@@ -59,13 +61,13 @@ def test_half_of_an_object_may_be_hidden() -> None:
 def test_what_is_too_small_to_be_found_is_not_missed() -> None:
     cup = shapely.box(3.0, 0.0, 3.08, 0.08)
     heights = np.array([[1.0, 1.1]])
-    samples = [samples_of(Outline.of(cup))]
-    assert sights(looking_along_x(6.0), samples, heights, 0.15)[0] == 0
-    assert sights(looking_along_x(6.0, x=2.0), samples, heights, 0.15)[0] == 1
+    samples = [sample_points(PreparedPolygon.of(cup))]
+    assert visible_shares(looking_along_x(6.0), samples, heights, 0.15)[0] == 0
+    assert visible_shares(looking_along_x(6.0, x=2.0), samples, heights, 0.15)[0] == 1
 
 
 def test_without_objects_there_is_nothing_to_see() -> None:
-    visible, through = sights(looking_along_x(4.0), [], np.empty((0, 2)), 0.15)
+    visible, through = visible_shares(looking_along_x(4.0), [], np.empty((0, 2)), 0.15)
     assert len(visible) == len(through) == 0
 
 
@@ -76,10 +78,10 @@ def test_without_objects_there_is_nothing_to_see() -> None:
 def test_sight_does_not_depend_on_where_the_map_begins(
     x: float, y: float, yaw: float, depth: float
 ) -> None:
-    here = sight(looking_along_x(depth))
+    here = shares(looking_along_x(depth))
     cos, sin = np.cos(yaw), np.sin(yaw)
     moved = shapely.transform(CHAIR, lambda xy: xy @ [[cos, sin], [-sin, cos]] + [x, y])
-    there = sight(looking_along_x(depth, x, y, yaw), moved)
+    there = shares(looking_along_x(depth, x, y, yaw), moved)
     assert there == pytest.approx(here, abs=0.25)  # samples may fall on the outline's other side
     assert there[1] <= there[0]
 
@@ -106,5 +108,5 @@ def test_without_returns_there_is_no_ground() -> None:
 
 def test_a_camera_that_looks_down_is_not_level() -> None:
     pose = np.array([[1, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, 2], [0, 0, 0, 1.0]])
-    view = View.of(RgbdFrame(0.0, np.ones((240, 320), np.float32), CAMERA, pose))
+    view = DepthView.of(RgbdFrame(0.0, np.ones((240, 320), np.float32), CAMERA, pose))
     assert not view.is_level

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapely.geometry.base import BaseGeometry
 
-from hypermap.mapping.outlines import Outline, shared_area
+from hypermap.mapping.prepared_polygon import PreparedPolygon, shared_area
 
 
 def star(seed: int, origin: tuple[float, float]) -> BaseGeometry:
@@ -37,14 +37,14 @@ def test_two_shapes_share_what_shapely_says(
 ) -> None:
     shapes = [star(one, origin), star(other, origin)]
     expected = shapely.area(shapely.intersection(*shapes))
-    outlines = Outline.all_of(shapes)
+    outlines = PreparedPolygon.all_of(shapes)
     assert shared_area(*outlines) == pytest.approx(expected, abs=1e-10)
     assert shared_area(*reversed(outlines)) == pytest.approx(expected, abs=1e-10)
 
 
 @given(seed=st.integers(0, 10_000), origin=origins)
 def test_a_shape_shares_all_of_itself(seed: int, origin: tuple[float, float]) -> None:
-    outline = Outline.of(star(seed, origin))
+    outline = PreparedPolygon.of(star(seed, origin))
     assert shared_area(outline, outline) == pytest.approx(outline.area, abs=1e-10)
 
 
@@ -59,7 +59,7 @@ def test_a_shape_shares_all_of_itself(seed: int, origin: tuple[float, float]) ->
     ids=["beside", "above", "at one corner", "empty"],
 )
 def test_shapes_that_touch_share_nothing(other: BaseGeometry) -> None:
-    square, touching = Outline.all_of([shapely.box(0, 0, 1, 1), other])
+    square, touching = PreparedPolygon.all_of([shapely.box(0, 0, 1, 1), other])
     assert shared_area(square, touching) == 0
     assert shared_area(touching, square) == 0
 
@@ -67,7 +67,7 @@ def test_shapes_that_touch_share_nothing(other: BaseGeometry) -> None:
 def test_shapes_that_touch_along_a_slope_share_nothing() -> None:
     lower = shapely.Polygon([(0.1, 0.1), (0.8, 0.1), (0.8, 0.33)])
     upper = shapely.Polygon([(0.1, 0.1), (0.8, 0.33), (0.1, 0.7)])
-    assert shared_area(*Outline.all_of([lower, upper])) == 0
+    assert shared_area(*PreparedPolygon.all_of([lower, upper])) == 0
 
 
 def test_the_inside_lies_on_the_side_that_the_edges_tell() -> None:
@@ -80,17 +80,17 @@ def test_the_inside_lies_on_the_side_that_the_edges_tell() -> None:
         shapely.Polygon(ring, [hole]),
         shapely.Polygon(ring, [hole[::-1]]),
     ]
-    sides = [outline.edges[:, 4].tolist() for outline in Outline.all_of(shapes)]
+    sides = [outline.edges[:, 4].tolist() for outline in PreparedPolygon.all_of(shapes)]
     assert sides == [[1] * 4, [-1] * 4, [], [1] * 4 + [-1] * 3, [1] * 7]
 
 
 def test_what_is_made_of_an_outline_is_made_once() -> None:
     calls = []
 
-    def make(outline: Outline, factor: float) -> float:
+    def make(outline: PreparedPolygon, factor: float) -> float:
         calls.append(factor)
         return outline.area * factor
 
-    outline = Outline.of(shapely.box(0, 0, 2, 1))
-    assert [outline.once(make, factor) for factor in (1.0, 2.0, 1.0)] == [2, 4, 2]
+    outline = PreparedPolygon.of(shapely.box(0, 0, 2, 1))
+    assert [outline.cached(make, factor) for factor in (1.0, 2.0, 1.0)] == [2, 4, 2]
     assert calls == [1, 2]

@@ -1,4 +1,4 @@
-"""The shapes of known objects: which of them come into question, by their boxes."""
+"""The shapes of tracks: which of them are candidates, by their bounding boxes."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from hypermap.mapping.known_shapes import KnownShapes
-from hypermap.mapping.outlines import Outline
+from hypermap.mapping.prepared_polygon import PreparedPolygon
+from hypermap.mapping.track_shapes import TrackShapes
 
 ROUNDS = 300
 
@@ -18,10 +18,10 @@ def any_boxes(rng: np.random.Generator, count: int, largest: int) -> NDArray[np.
     return np.hstack([corners, corners + rng.integers(1, largest + 1, (count, 2))])
 
 
-def known(classes: NDArray[np.int64], boxes: NDArray[np.int64]) -> KnownShapes:
-    shapes = KnownShapes()
+def known(classes: NDArray[np.int64], boxes: NDArray[np.int64]) -> TrackShapes:
+    shapes = TrackShapes()
     for class_, shape in zip(classes.tolist(), shapely.box(*boxes.T), strict=True):
-        shapes.append(class_, Outline.of(shape))
+        shapes.append(class_, PreparedPolygon.of(shape))
     return shapes
 
 
@@ -57,6 +57,6 @@ def test_the_rows_behind_one_that_is_removed_move_up() -> None:
     assert shapes.classes.tolist() == [0, 2]
     assert shapes.boxes.tolist() == [[0, 0, 1, 1], [4, 0, 5, 1]]
     assert shapes.heights.tolist() == [[0, 0], [0.5, 0.75]]
-    assert [shape.geometry.centroid.x for shape in shapes.outlines] == [0.5, 4.5]
-    shapes.replace(0, Outline.of(shapely.box(7, 0, 8, 1)))
+    assert [shape.geometry.centroid.x for shape in shapes.polygons] == [0.5, 4.5]
+    shapes.replace(0, PreparedPolygon.of(shapely.box(7, 0, 8, 1)))
     assert shapes.near(None, (7.5, 0, 7.5, 0)) == [0]

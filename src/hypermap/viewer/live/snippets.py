@@ -1,4 +1,4 @@
-"""A question of the page as Python and as a call of the command line, to copy."""
+"""Snippets: a query of the page as Python code and as a shell command, to copy."""
 
 from __future__ import annotations
 
@@ -6,25 +6,25 @@ import shlex
 from collections.abc import Iterable, Sequence
 from typing import TypeAlias
 
-Spelled: TypeAlias = dict[str, str]
+Snippets: TypeAlias = dict[str, str]
 Point: TypeAlias = Sequence[float]
 
 
-def spell_at(path: str, point: Point, frame: str | None, layers: Iterable[str]) -> Spelled:
-    """Return how to ask what every layer says at a point."""
+def snippets_at(path: str, point: Point, frame: str | None, layers: Iterable[str]) -> Snippets:
+    """Return snippets for a query at a point."""
     python = (
-        f"{_opened(path)}for layer in {list(layers)!r}:\n"
+        f"{_open_lines(path)}for layer in {list(layers)!r}:\n"
         f"    print(layer, *hypermap.labels_at(layer, {_pair(point)}{_in_frame(frame)}))\n"
     )
-    return _both(python, path, f"--at={_text(point)}", frame)
+    return _snippets(python, path, f"--at={_text(point)}", frame)
 
 
-def spell_area(
+def snippets_in_area(
     path: str, corners: Sequence[Point], frame: str | None, grids: Sequence[str]
-) -> Spelled:
-    """Return how to ask what is in a polygon."""
+) -> Snippets:
+    """Return snippets for a query in a polygon."""
     python = (
-        f"import shapely\n{_opened(path)}area = {_polygon(corners)}\n"
+        f"import shapely\n{_open_lines(path)}area = {_polygon(corners)}\n"
         f"for found in hypermap.objects(area=area{_in_frame(frame)}):\n"
         "    print(found.layer, found.object.id, found.object.name)\n"
     )
@@ -33,10 +33,10 @@ def spell_area(
             f"for layer in {list(grids)!r}:\n"
             f"    print(layer, len(hypermap.labels_in(layer, area{_in_frame(frame)})), 'cells')\n"
         )
-    return _both(python, path, f"--in={' '.join(map(_text, corners))}", frame)
+    return _snippets(python, path, f"--in={' '.join(map(_text, corners))}", frame)
 
 
-def spell_find(
+def snippets_for_search(
     path: str,
     name: str | None,
     *,
@@ -45,8 +45,8 @@ def spell_find(
     inside: str | None = None,
     corners: Sequence[Point] | None = None,
     frame: str | None = None,
-) -> Spelled:
-    """Return how to ask where things are, the nearest first."""
+) -> Snippets:
+    """Return snippets for a search for objects, the nearest first."""
     asked_near = near if near is None or isinstance(near, str) else _text(near)
     where = {
         "near": None if near is None else repr(near) if isinstance(near, str) else _pair(near),
@@ -58,7 +58,7 @@ def spell_find(
     given = [] if name is None else [repr(name)]
     given += [f"{key}={value}" for key, value in where.items() if value is not None]
     shown = "" if near is None else ", found.distance"
-    opened = _opened(path)
+    opened = _open_lines(path)
     if corners is not None:
         opened = f"import shapely\n{opened}area = {_polygon(corners)}\n"
     python = (
@@ -73,24 +73,24 @@ def spell_find(
         "in": None if corners is None else " ".join(map(_text, corners)),
     }
     words = [f"--{key}={value}" for key, value in options.items() if value is not None]
-    return _both(python, path, *words, frame)
+    return _snippets(python, path, *words, frame)
 
 
-def spell_evidence(path: str, layer: str, number: int) -> Spelled:
-    """Return how to look behind an object."""
+def snippets_for_evidence(path: str, layer: str, number: int) -> Snippets:
+    """Return snippets for the evidence of an object."""
     python = (
-        f"{_opened(path)}seen = hypermap[{layer!r}].evidence_of({number})\n"
+        f"{_open_lines(path)}seen = hypermap[{layer!r}].evidence_of({number})\n"
         "for view, score, shape in zip(seen.views, seen.scores, seen.footprints):\n"
         "    print(seen.stamps[view], score, shape)\n"
     )
-    return _both(python, path, f"--id={number}", f"--layer={layer}", "--evidence", None)
+    return _snippets(python, path, f"--id={number}", f"--layer={layer}", "--evidence", None)
 
 
-def _opened(path: str) -> str:
+def _open_lines(path: str) -> str:
     return f"from hypermap import open_map\n\nhypermap = open_map({path!r})\n"
 
 
-def _both(python: str, path: str, *options: str | None) -> Spelled:
+def _snippets(python: str, path: str, *options: str | None) -> Snippets:
     *asked, frame = options
     words = ["hypermap", "query", f"./{path}" if path.startswith("-") else path]
     words += [option for option in asked if option is not None]
@@ -117,5 +117,5 @@ def _text(point: Point) -> str:
 
 
 def _number(value: float) -> str:
-    """Return a number exactly, and as short as that can be."""
+    """Return a number exactly, in its shortest form."""
     return repr(int(value)) if value == int(value) and abs(value) < 1e15 else repr(float(value))

@@ -1,4 +1,4 @@
-"""Looking behind an object: what was seen of it, from where, and its shape by other methods."""
+"""The evidence for an object as the page shows it: observations, cameras, and other fusions."""
 
 from __future__ import annotations
 
@@ -16,26 +16,26 @@ from hypermap.core.frames import Pose2D
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.semantic import SemanticLayer
 from hypermap.core.shapes import valid_copies
-from hypermap.mapping.look_back import config_of, fused_shapes
-from hypermap.viewer.live.shapes import polygons_of
+from hypermap.mapping.evidence_table import config_of, fused_shapes
+from hypermap.viewer.live.shapes import polygons_in_base
 
-_SLACK = 0.001  # metres by which an outline may be simplified
-_DECIMALS = 4  # of metres
+_TOLERANCE = 0.001  # meters by which an outline may be simplified
+_DECIMALS = 4  # of meters
 NO_EVIDENCE = (
-    "This map keeps no evidence. Maps made by `hypermap map` keep it, unless with --drop-evidence."
+    "This map contains no evidence. `hypermap map` saves it unless you pass --drop-evidence."
 )
-NONE_HERE = "No evidence is kept for this object; perhaps it was drawn by hand."
+NONE_HERE = "There is no evidence for this object; it may have been drawn by hand."
 
 
-def look_behind(hypermap: Hypermap, layer_name: str, number: int) -> dict[str, Any]:
-    """Return the evidence behind an object as the page shows it, in the base frame [m].
+def describe_evidence(hypermap: Hypermap, layer_name: str, number: int) -> dict[str, Any]:
+    """Return the evidence for an object as the page shows it, in the base frame [m].
 
     Observations are in the order of time. Of each there are `stamp`, `score`, `polygons`, `area`,
     `camera` (x, y), `yaw` (where the camera looked) and `distance` from camera to shape. `fused`
     has for each method the shape that it makes of all of them, its area, and the Jaccard index
     with the shape in the map. `start` is the first stamp of the layer's evidence.
 
-    Where nothing is kept, there are no observations, and a `reason`.
+    Without evidence there are no observations, but a `reason`.
 
     Raises:
         LayerNotFound, ObjectNotFound: If there is none.
@@ -48,7 +48,7 @@ def look_behind(hypermap: Hypermap, layer_name: str, number: int) -> dict[str, A
     item = layer.get(number)
     kept = layer.evidence()
     table = layer.evidence_of(number)
-    told: dict[str, Any] = {
+    answer: dict[str, Any] = {
         "layer": layer_name,
         "id": number,
         "name": item.name,
@@ -59,16 +59,16 @@ def look_behind(hypermap: Hypermap, layer_name: str, number: int) -> dict[str, A
         "fused": [],
     }
     if len(table) == 0:
-        return {**told, "reason": NO_EVIDENCE if kept is None else NONE_HERE}
+        return {**answer, "reason": NO_EVIDENCE if kept is None else NONE_HERE}
     assert kept is not None  # it holds the table's rows
     base_T_layer = hypermap.frames.lookup(hypermap.base_frame, layer.frame_id)
     config = config_of(hypermap.metadata)
-    told["start"] = float(kept.stamps.min())
-    told["observations"] = _observations(table, base_T_layer)
+    answer["start"] = float(kept.stamps.min())
+    answer["observations"] = _observations(table, base_T_layer)
     fused = fused_shapes(table, config)
     own = config.fusion if "config" in hypermap.metadata else None
-    told["fused"] = _compared(fused, item.footprint, own, base_T_layer)
-    return told
+    answer["fused"] = _compared(fused, item.footprint, own, base_T_layer)
+    return answer
 
 
 def _observations(table: EvidenceTable, base_T_layer: Pose2D) -> list[dict[str, Any]]:
@@ -99,7 +99,7 @@ def _observations(table: EvidenceTable, base_T_layer: Pose2D) -> list[dict[str, 
 def _compared(
     fused: dict[str, BaseGeometry], footprint: BaseGeometry, own: str | None, base_T_layer: Pose2D
 ) -> list[dict[str, Any]]:
-    """Return what the methods make of the evidence, that of the map first."""
+    """Return the shapes of all fusion methods, the one used for the map first."""
     shapes = valid_copies(as_objects(fused.values()))
     (in_map,) = valid_copies(as_objects([footprint]))
     common = shapely.area(shapely.intersection(shapes, in_map))
@@ -107,18 +107,18 @@ def _compared(
     jaccard = np.divide(common, together, out=np.zeros(len(shapes)), where=together > 0)
     outlines = _outlines(shapes, base_T_layer)
     areas = _rounded(shapely.area(shapes)).tolist()
-    told = [
+    answer = [
         {"method": method, "is_own": method == own, "area": area, "jaccard": index, "polygons": at}
         for method, area, index, at in zip(
             fused, areas, _rounded(jaccard).tolist(), outlines, strict=True
         )
     ]
-    return sorted(told, key=lambda one: not one["is_own"])
+    return sorted(answer, key=lambda one: not one["is_own"])
 
 
 def _outlines(shapes: ObjectArray, base_T_layer: Pose2D) -> list[Any]:
-    simple = shapely.simplify(shapes, _SLACK, preserve_topology=True)
-    return polygons_of(simple, base_T_layer, _DECIMALS)
+    simple = shapely.simplify(shapes, _TOLERANCE, preserve_topology=True)
+    return polygons_in_base(simple, base_T_layer, _DECIMALS)
 
 
 def _rounded(values: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -126,5 +126,5 @@ def _rounded(values: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _count(value: Any) -> int:
-    """Return how often an object was seen, if its attribute tells."""
+    """Return how often an object was seen, if its attribute is a count."""
     return value if isinstance(value, int) and not isinstance(value, bool) and value > 0 else 0

@@ -1,4 +1,4 @@
-"""Looking behind objects: the evidence for them as a table, and what other fusions make of it."""
+"""The evidence for objects as a table, and the shapes that each fusion method makes of it."""
 
 from __future__ import annotations
 
@@ -14,30 +14,30 @@ from hypermap.core.arrays import as_objects
 from hypermap.core.errors import FormatError
 from hypermap.core.evidence import EvidenceTable
 from hypermap.mapping.config import profile
+from hypermap.mapping.evidence_buffer import Evidence, EvidenceBuffer
 from hypermap.mapping.fusion import FUSIONS
 from hypermap.mapping.overrides import override
-from hypermap.mapping.pile import Evidence, Pile
 from hypermap.mapping.stages import EvidenceConfig
 
-_SLACK = 0.005  # metres by which the ground seen may be simplified: a quarter of a voting cell
+_TOLERANCE = 0.005  # meters by which visible areas may be simplified: a quarter of a voting cell
 
 
-def later_table(evidence: Mapping[int, Sequence[Evidence]]) -> Callable[[], EvidenceTable]:
-    """Return a function that makes the `evidence_table` when it is called first."""
+def lazy_evidence_table(evidence: Mapping[int, Sequence[Evidence]]) -> Callable[[], EvidenceTable]:
+    """Return a function that makes the `evidence_table` on its first call."""
     return functools.cache(functools.partial(evidence_table, evidence))
 
 
 def evidence_table(evidence: Mapping[int, Sequence[Evidence]]) -> EvidenceTable:
-    """Return the evidence for objects, by their ids, as a table as files keep it.
+    """Return the evidence for objects, by their ids, as the table that files keep.
 
-    The ground that a view has seen is simplified by up to 5 mm.
+    Visible areas are simplified by up to 5 mm.
     """
     observations = [(number, item) for number, items in evidence.items() for item in items]
     rows: dict[tuple[float, int, int], int] = {}
     views: list[Evidence] = []
     view_of = np.empty(len(observations), dtype=np.int64)
     for i, (_, item) in enumerate(observations):
-        # What one frame shows shares its pose and its area.
+        # Observations of one frame share its pose and its area.
         key = (item.stamp, id(item.map_T_camera), id(item.visible_area))
         view_of[i] = rows.setdefault(key, len(views))
         if view_of[i] == len(views):
@@ -53,7 +53,7 @@ def evidence_table(evidence: Mapping[int, Sequence[Evidence]]) -> EvidenceTable:
         heights=heights.reshape(-1, 2),
         stamps=np.array([view.stamp for view in views], dtype=np.float64),
         poses=poses.reshape(-1, 4, 4),
-        areas=shapely.simplify(as_objects(view.visible_area for view in views), _SLACK),
+        areas=shapely.simplify(as_objects(view.visible_area for view in views), _TOLERANCE),
     ).rounded()
 
 
@@ -72,12 +72,12 @@ def fused_shapes(table: EvidenceTable, config: EvidenceConfig) -> dict[str, Base
     """
     if len(table) == 0:
         raise ValueError("there is no evidence to fuse")
-    pile = Pile(len(table))
+    buffer = EvidenceBuffer(len(table))
     centroids = shapely.get_coordinates(shapely.centroid(table.footprints))
     for row in np.argsort(table.stamps[table.views], kind="stable"):
         view = table.views[row]
         z_min, z_max = table.heights[row].tolist()
-        pile.add(
+        buffer.add(
             Evidence(
                 stamp=float(table.stamps[view]),
                 map_T_camera=table.poses[view],
@@ -89,13 +89,13 @@ def fused_shapes(table: EvidenceTable, config: EvidenceConfig) -> dict[str, Base
                 z_max=z_max,
             )
         )
-    return {method: fuse(pile, config).geometry for method, fuse in FUSIONS.items()}
+    return {method: fuse(buffer, config).geometry for method, fuse in FUSIONS.items()}
 
 
 def config_of(metadata: Mapping[str, Any]) -> EvidenceConfig:
-    """Return the settings of the evidence map that made a map, as its metadata tell.
+    """Return the settings of the evidence map that made a map, as its metadata says.
 
-    Where they tell nothing, or what this program does not know, it is the profile "default".
+    Where it says nothing, or something unknown, these are the settings of the profile "default".
     """
     default = profile("default").evidence
     config = metadata.get("config")

@@ -1,4 +1,4 @@
-"""What was seen of one object, observation by observation."""
+"""The evidence for one object: its newest observations."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.arrays import ObjectArray, as_objects
 from hypermap.mapping.columns import Column
-from hypermap.mapping.outlines import Outline
+from hypermap.mapping.prepared_polygon import PreparedPolygon
 from hypermap.perception.observation import Observation
 
 
@@ -49,14 +49,14 @@ class Evidence:
     z_max: float
 
     @cached_property
-    def outline(self) -> Outline:
-        """The footprint."""
-        return Outline.of(self.footprint)
+    def prepared(self) -> PreparedPolygon:
+        """The footprint, prepared."""
+        return PreparedPolygon.of(self.footprint)
 
     @cached_property
-    def ground(self) -> Outline:
-        """The visible area."""
-        return Outline.of(self.visible_area)
+    def prepared_area(self) -> PreparedPolygon:
+        """The visible area, prepared."""
+        return PreparedPolygon.of(self.visible_area)
 
     @cached_property
     def distance(self) -> float:
@@ -65,15 +65,15 @@ class Evidence:
         return math.hypot(self.centroid_xy[0] - x, self.centroid_xy[1] - y)
 
 
-def evidence_of(
+def evidence_from(
     observation: Observation, abstain: Literal["hidden", "outside"] = "outside"
 ) -> list[tuple[str, Evidence]]:
     """Return name and evidence of each object of a frame whose footprint is an area.
 
     Args:
         observation: the frame.
-        abstain: "outside": the frame has seen all of its visible area; "hidden": what lies behind
-            walls it has not seen.
+        abstain: "outside": the frame has seen all of its visible area; "hidden": it has not seen
+            what lies behind walls.
     """
     footprints = as_objects(observed.footprint for observed in observation.objects)
     is_usable = shapely.is_valid(footprints)
@@ -85,10 +85,12 @@ def evidence_of(
     if abstain == "hidden" and view is not None and view.is_level:
         area = view.ground
     centroids = shapely.get_coordinates(shapely.centroid(footprints[is_usable]))
-    # All outlines of a frame at once, which is faster than each when it is asked for.
-    *outlines, ground = Outline.all_of([*(observed.footprint for observed in usable), area])
+    # Preparing all shapes of a frame at once is faster than one by one.
+    *prepared, prepared_area = PreparedPolygon.all_of(
+        [*(observed.footprint for observed in usable), area]
+    )
     found = []
-    for observed, outline, centroid_xy in zip(usable, outlines, centroids, strict=True):
+    for observed, polygon, centroid_xy in zip(usable, prepared, centroids, strict=True):
         evidence = Evidence(
             stamp=observation.stamp,
             map_T_camera=observation.map_T_camera,
@@ -99,17 +101,17 @@ def evidence_of(
             z_min=observed.z_min,
             z_max=observed.z_max,
         )
-        vars(evidence).update(outline=outline, ground=ground)
+        vars(evidence).update(prepared=polygon, prepared_area=prepared_area)
         found.append((observed.name, evidence))
     return found
 
 
-class Pile:
-    """The newest evidence for one object, at most `limit` pieces, and figures about all of it.
+class EvidenceBuffer:
+    """The newest evidence for one object, at most `limit` pieces, and statistics of all of it.
 
     Attributes:
-        items: what is kept, oldest first.
-        count: how many pieces there were altogether.
+        items: the kept evidence, oldest first.
+        count: how many pieces there were in total.
         score_sum: the sum of all their scores.
         first_seen: the oldest stamp of all [s].
         last_seen: the newest stamp of all [s].
@@ -128,7 +130,7 @@ class Pile:
     def __len__(self) -> int:
         return len(self.items)
 
-    def copy(self) -> Pile:
+    def copy(self) -> EvidenceBuffer:
         """Return the same evidence; a change of one does not change the other."""
         other = copy.copy(self)
         other.items = list(self.items)
@@ -136,7 +138,7 @@ class Pile:
         return other
 
     def add(self, evidence: Evidence) -> None:
-        """Put one piece on top; the lowest one goes when the pile is full."""
+        """Add one piece; the oldest one is dropped when the buffer is full."""
         self.items.append(evidence)
         self._centroids.append(evidence.centroid_xy)
         if len(self.items) > self._limit:
@@ -144,8 +146,8 @@ class Pile:
             self._centroids.remove_first()
         self._count(1, evidence.score, evidence.stamp, evidence.stamp)
 
-    def merge(self, others: Iterable[Pile]) -> None:
-        """Take over all evidence of other piles, in order of time."""
+    def merge(self, others: Iterable[EvidenceBuffer]) -> None:
+        """Take over the evidence of other buffers, in order of time."""
         for other in others:
             self.items.extend(other.items)
             self._count(other.count, other.score_sum, other.first_seen, other.last_seen)

@@ -1,4 +1,4 @@
-"""What one frame saw, as the page draws it."""
+"""The observation of one frame, as the page draws it."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from hypermap.viewer.watch.picture import CameraPicture
 
 Polygons = list[list[list[list[float]]]]
 
-_SHARPEST = 3  # decimals of a coordinate in metres
+_SHARPEST = 3  # decimals of a coordinate in meters
 _TOLERANCE = 0.01  # by which the outline of the observed area is simplified [m]
 
 
-def describe_sight(
+def describe_observation(
     seen: MappedFrame, picture: CameraPicture, config: MappingConfig
 ) -> dict[str, Any]:
     """Return the detections, footprints, observed area and camera of a frame.
 
-    Pixels are those of the picture; metres are in the map frame.
+    Pixels are those of the picture; meters are in the map frame.
     """
     observation = seen.observation
     found = {o.segment.detection: o for o in observation.objects if o.segment is not None}
@@ -51,12 +51,14 @@ def describe_sight(
                 )
             )
         ],
-        "observed": polygons_of(shapely.simplify(_observed_area(observation, config), _TOLERANCE)),
+        "observed": polygon_rings(
+            shapely.simplify(_observed_area(observation, config), _TOLERANCE)
+        ),
         "camera": _camera(observation, seen.frame.camera.K[0, 0], shape[1]),
     }
 
 
-def polygons_of(shape: BaseGeometry) -> Polygons:
+def polygon_rings(shape: BaseGeometry) -> Polygons:
     """Return the polygons of a shape, each as its rings without the last point, the outer first."""
     parts = [p for p in shapely.get_parts(shape) if p.geom_type == "Polygon" and not p.is_empty]
     return [[_ring(ring) for ring in (part.exterior, *part.interiors)] for part in parts]
@@ -103,7 +105,7 @@ def _on_floor(found: ObservedObject | None, shape: tuple[int, ...], step: int) -
         return {"runs": [], "footprint": []}
     return {
         "runs": runs_of(found.segment.pixels, shape, step),
-        "footprint": polygons_of(found.footprint),
+        "footprint": polygon_rings(found.footprint),
     }
 
 

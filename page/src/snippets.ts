@@ -1,6 +1,6 @@
 /** How a program or the command line asks the same, where no server says it. */
 
-import type { Point, Ring, Spelled, Wanted } from "./source";
+import type { Point, Ring, Snippets, ObjectQuery } from "./source";
 
 /** A word of a shell command. */
 export const shellWord = (text: string): string =>
@@ -10,12 +10,12 @@ const python = (text: string): string => JSON.stringify(text);
 const pair = ([x, y]: Point): string => `[${x}, ${y}]`;
 const list = (words: string[]): string => `[${words.map(python).join(", ")}]`;
 
-export function spellAt(
+export function snippetsAt(
   path: string,
   point: Point,
   frame: string | null,
   layers: string[],
-): Spelled {
+): Snippets {
   return {
     python:
       `${opened(path)}for layer in ${list(layers)}:\n` +
@@ -24,7 +24,7 @@ export function spellAt(
   };
 }
 
-export function spellArea(path: string, ring: Ring, frame: string | null): Spelled {
+export function snippetsInArea(path: string, ring: Ring, frame: string | null): Snippets {
   return {
     python:
       `import shapely\n${opened(path)}area = ${polygon(ring)}\n` +
@@ -34,7 +34,7 @@ export function spellArea(path: string, ring: Ring, frame: string | null): Spell
   };
 }
 
-export function spellFind(path: string, wanted: Wanted): Spelled {
+export function snippetsForSearch(path: string, wanted: ObjectQuery): Snippets {
   const { name, near, within, inside, ring } = wanted;
   const given = [
     name === null ? null : python(name),
@@ -60,7 +60,7 @@ export function spellFind(path: string, wanted: Wanted): Spelled {
   };
 }
 
-export function spellEvidence(path: string, layer: string, id: number): Spelled {
+export function snippetsForEvidence(path: string, layer: string, id: number): Snippets {
   return {
     python:
       `${opened(path)}seen = hypermap[${python(layer)}].evidence_of(${id})\n` +

@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from hypermap.core.arrays import IntArray
-from hypermap.perception import smoothing
+from hypermap.perception import denoising
 from hypermap.perception.config import PerceptionConfig
 
 HEIGHT, WIDTH = 40, 60
@@ -24,7 +24,7 @@ def cloud(z: NDArray[np.float64]) -> NDArray[np.float32]:
 def smoothed(
     points: NDArray[np.float32], pixels: IntArray, config: PerceptionConfig
 ) -> NDArray[np.float32]:
-    return smoothing.smoothed(points.reshape(-1, 3)[pixels], pixels, WIDTH, config)
+    return denoising.smoothed(points.reshape(-1, 3)[pixels], pixels, WIDTH, config)
 
 
 def noisy(z: NDArray[np.float64]) -> NDArray[np.float64]:

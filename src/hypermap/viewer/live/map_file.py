@@ -1,4 +1,4 @@
-"""The file of an open map: whether it is still the one that was opened, and how it is replaced."""
+"""The file of an open map: detects changes on disk, and checks before it is replaced."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from hypermap.formats.atomic import is_write_protected
 from hypermap.formats.config import CONFIG_NAME
 from hypermap.formats.store import FolderStore, place_for, read_file
 from hypermap.formats.yaml_text import read_yaml
-from hypermap.viewer.live.refusals import Refused
+from hypermap.viewer.live.request_errors import Refused
 
 _YAML_ENDINGS = (".yaml", ".yml")
 _Look: TypeAlias = tuple[tuple[int, int, int], ...]
@@ -23,7 +23,7 @@ _Look: TypeAlias = tuple[tuple[int, int, int], ...]
 
 @dataclass
 class MapFile:
-    """Where a map lies, and how the file looked when the map was last the same as it.
+    """Where a map is stored, and the state of the file when it was last read or written.
 
     Attributes:
         path: an archive, or a configuration in a folder.
