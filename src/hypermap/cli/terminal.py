@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
-BAD_INPUT, INTERRUPTED = 2, 130  # exit codes
+NO_MEMORY, BAD_INPUT, INTERRUPTED = 1, 2, 130  # exit codes
 _LONGEST = 2000  # characters of a message
 _PIPED_WIDTH = 160  # columns of a table that goes to a file or another program
 
