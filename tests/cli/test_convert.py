@@ -17,6 +17,7 @@ from hypermap.core.semantic import SemanticLayer
 from hypermap.formats import open_map, save_map
 from hypermap.formats.grid.map_server import load_occupancy
 from hypermap.ros.server.zones import draw, keepout_filter, speed_filter
+from hypermap.testing import square
 
 from .conftest import assert_one_error
 
@@ -316,6 +317,16 @@ def read_as_nav2(path):
     with Image.open(path.parent / described["image"]) as picture:
         shades = np.asarray(picture).astype(int)
     return np.where(shades <= 100, shades, -1)[::-1], described
+
+
+def test_the_origin_of_a_mask_is_written_as_a_person_would(hypermap, tmp_path):
+    things = SemanticLayer("semantic", "map", [square("cup", 0.35, 0.35)])
+    save_map(Hypermap([things]), tmp_path / "cups.hmap")
+    out = tmp_path / "keepout.yaml"
+    result = hypermap("convert", tmp_path / "cups.hmap", out, "--keepout", "cup 0.2")
+    assert result.code == 0, result.err
+    origin = yaml.safe_load(out.read_text())["origin"]
+    assert origin == [-0.35, -0.35, 0]  # -7 * 0.05 is -0.35000000000000003
 
 
 @pytest.mark.parametrize(

@@ -273,6 +273,21 @@ def test_depth_in_a_wrong_unit_is_told_with_its_likely_cause(hypermap, tmp_path)
     assert not out.exists()
 
 
+def test_what_is_wrong_with_many_frames_alike_is_told_once_with_their_number(hypermap, tmp_path):
+    drive, out = write_drive(tmp_path / "drive", frames=6), tmp_path / "out.hmap"
+    for line in range(4):
+        spoil(drive, line, "missing")
+    arguments = ["map", drive, "--intrinsics", INTRINSICS, "--max-bad", "1", "-o", out]
+    told = hypermap(*arguments)
+    assert told.code == 0
+    assert told.err.count(" left out: ") == 1
+    assert "warning: 3 more frames were left out for the same reasons (-v lists them)" in told.err
+    assert "4 unusable" in told.err
+    assert hypermap(*arguments, "-v").err.count(" left out: ") == 4
+    wrong_unit = hypermap(*arguments, "--depth-scale", "1")
+    assert wrong_unit.err.count("half of its depth lies beyond") == 1
+
+
 @pytest.mark.parametrize("name", ["cut.bag", "cut.mcap"])
 def test_map_and_info_find_the_same_damage(hypermap, tmp_path, name):
     bag = tmp_path / name

@@ -245,6 +245,14 @@ def test_a_source_that_fails_at_one_frame_costs_this_frame_alone(
         map_recording(frames, source, CONFIG, max_bad=0)
 
 
+def test_that_the_memory_is_full_is_not_told_as_a_bad_frame() -> None:
+    def source(of: RgbdFrame) -> Any:
+        raise MemoryError
+
+    with pytest.raises(MemoryError):
+        map_recording(walk(), source, CONFIG)
+
+
 @pytest.mark.parametrize(("bad", "is_enough"), [(2, True), (3, False)])
 def test_too_many_frames_that_fail_end_it(bad: int, is_enough: bool) -> None:
     frames = walk(6)

@@ -45,10 +45,12 @@ OPTIONS = {
     "--near": Option("NAME|X,Y", "Only objects near this one."),
     "--within": Option("METERS", "How near --near is.", float, least=0),
     "--inside": Option("NAME|AREA", "Only objects whose middle lies in this one."),
+    "--evidence": Option("", "Look behind the objects found.", bool),
     "--layer": Option("NAME", "Only this layer: may be repeated.", repeats=True),
     "--frame": Option(
         "FRAME", "Frame of the coordinates: of the points and areas in the question."
     ),
+    "--json": Option("", "Print JSON, for programs.", bool),
 }
 _BY_NAME = {name: first for first in OPTIONS for name in (first, *OPTIONS[first].also)}
 

@@ -161,6 +161,15 @@ class GridGeometry:
             yield Window(first, 0, shape, np.array([0, math.prod(shape)]))
 
 
+def along(cells: float, resolution: float) -> float:
+    """Return how far some cells reach [m], as the shortest number that is right.
+
+    >>> along(-3, 0.05), -3 * 0.05
+    (-0.15, -0.15000000000000002)
+    """
+    return float(f"{cells * resolution:.14g}")
+
+
 def check_resolution(resolution: float) -> None:
     """Raise a ValueError if a length [m] is no side of a cell."""
     smallest, largest = RESOLUTIONS

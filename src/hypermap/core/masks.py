@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from hypermap.core.arrays import ObjectArray, as_objects
 from hypermap.core.errors import HypermapError
 from hypermap.core.frames import Pose2D
-from hypermap.core.grid import GridGeometry, check_resolution
+from hypermap.core.grid import GridGeometry, along, check_resolution
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.occupancy import OCCUPIED, UNKNOWN, OccupancyLayer
 from hypermap.core.semantic import SemanticLayer
@@ -162,8 +162,7 @@ def _grid_over(
     """Return a grid over a rectangle, whose lines lie at multiples of the resolution."""
     first = np.floor(lowest / resolution + _EXACT)
     count = np.maximum(np.ceil(highest / resolution - _EXACT) - first, 1)
-    origin = first * resolution
-    pose = Pose2D(float(origin[0]), float(origin[1]))
+    pose = Pose2D(along(first[0], resolution), along(first[1], resolution))
     return GridGeometry(int(count[0]), int(count[1]), resolution, pose)
 
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import logging
+import re
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 
@@ -138,6 +140,7 @@ class Mapper:
         self._aligner = None if occupancy is None else Aligner(occupancy, config.alignment)
         self._frame_id = frame_id
         self._occupancy = OccupancyMapper(config.occupancy)
+        self._left_out: Counter[str] = Counter()  # by what the reasons have in common
 
     def add(self, frame: RgbdFrame) -> Observation | None:
         """Map one frame.
@@ -223,10 +226,19 @@ class Mapper:
         return self._occupancy.layer(frame_id=self._frame_id)
 
     def leave_out(self, stamp: float, reason: str) -> None:
-        """Count an unusable frame, and log why."""
-        _log.warning("frame %.6f left out: %s", stamp, reason)
+        """Count an unusable frame, and log why: once for each kind of reason."""
+        kind = re.sub(r"\d+", "#", reason)
+        say = _log.info if kind in self._left_out else _log.warning
+        say("frame %.6f left out: %s", stamp, reason)
+        self._left_out[kind] += 1
         self.first_reason = self.first_reason or reason
         self._count(unusable=1)
+
+    def tell_left_out(self) -> None:
+        """Log how many frames more were left out for reasons that were logged once."""
+        more = self._left_out.total() - len(self._left_out)
+        if more:
+            _log.warning("%d more frames were left out for the same reasons (-v lists them)", more)
 
     def _detections(self, frame: RgbdFrame) -> Detections:
         """Return the usable detections of a frame."""
@@ -311,6 +323,7 @@ def map_recording(
             counts = mapper.counts
             on_progress(Progress(counts.frames, len(recording), len(mapper.evidence), counts))
     bad.finish()
+    mapper.tell_left_out()
     check.finish()
     depth_check.finish()
     hypermap = mapper.hypermap()

@@ -16,7 +16,7 @@ from hypermap._loops import loop
 from hypermap.core.arrays import BoolArray
 from hypermap.core.errors import HypermapError
 from hypermap.core.frames import Pose2D
-from hypermap.core.grid import GridGeometry
+from hypermap.core.grid import GridGeometry, along
 from hypermap.core.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyLayer
 from hypermap.mapping.rays import Rays
 from hypermap.mapping.stages import OccupancyConfig
@@ -155,7 +155,7 @@ class OccupancyMapper:
             width=int(shape[1]),
             height=int(shape[0]),
             resolution=side,
-            origin=Pose2D(x=int(first[1]) * side, y=int(first[0]) * side),
+            origin=Pose2D(x=along(int(first[1]), side), y=along(int(first[0]), side)),
         )
 
 

@@ -63,6 +63,8 @@ class OnnxModel:
         """
         try:
             outputs = self._session.run(None, self._inputs(image))
+        except MemoryError:
+            raise
         except Exception as error:  # ONNX Runtime's errors have no common class of their own
             raise FormatError(
                 f"the model fails on an image of {image.shape[1]} x {image.shape[0]} pixels: "

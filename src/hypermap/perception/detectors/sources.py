@@ -43,7 +43,7 @@ def detections_of(name: str, look: Callable[[], Any]) -> Detections:
     """
     try:
         found = look()
-    except HypermapError:
+    except (HypermapError, MemoryError):  # that memory is full is not its fault
         raise
     except Exception as error:
         logger.debug("%s failed", name, exc_info=True)
