@@ -1,11 +1,13 @@
 """The build backend of pip and build: setuptools', with the page of `hypermap view` built first.
 
 A wheel or a source archive without the page cannot be made. An editable install needs no page, so
-that it stays quick: `make page` builds it.
+that it stays quick: `make page` builds it. The same sources give the same wheel, byte by byte.
 """
 
 from __future__ import annotations
 
+import os
+import re
 from typing import Any
 
 from build_page import PIN, NoNode, PageError, build, find_npm, is_current
@@ -30,6 +32,10 @@ __all__ = [
 
 Settings = Any
 
+# When a wheel's files were changed, for those who do not say it by SOURCE_DATE_EPOCH: the first
+# moment that a ZIP archive can name.
+_EPOCH = "315532800"
+
 
 def get_requires_for_build_wheel(config_settings: Settings = None) -> list[str]:
     """Return what has to be installed to build a wheel."""
@@ -44,6 +50,7 @@ def get_requires_for_build_sdist(config_settings: Settings = None) -> list[str]:
 def build_wheel(folder: str, config_settings: Settings = None, metadata: str | None = None) -> str:
     """Build the page and a wheel with it, and return the wheel's name."""
     _build_page()
+    os.environ.setdefault("SOURCE_DATE_EPOCH", _EPOCH)
     return build_meta.build_wheel(folder, config_settings, metadata)
 
 
@@ -60,7 +67,8 @@ def _node() -> list[str]:
     try:
         find_npm()
     except NoNode:
-        return [line for line in PIN.read_text().splitlines() if not line.startswith("#")]
+        # Without the hashes, which pip takes from files alone.
+        return re.findall(r"^[\w.-]+==[\w.]+", PIN.read_text(), re.MULTILINE)
     return []
 
 
