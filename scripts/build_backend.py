@@ -8,6 +8,9 @@ from __future__ import annotations
 
 import os
 import re
+import stat
+import zipfile
+from pathlib import Path
 from typing import Any
 
 from build_page import PIN, NoNode, PageError, build, find_npm, is_current
@@ -51,7 +54,9 @@ def build_wheel(folder: str, config_settings: Settings = None, metadata: str | N
     """Build the page and a wheel with it, and return the wheel's name."""
     _build_page()
     os.environ.setdefault("SOURCE_DATE_EPOCH", _EPOCH)
-    return build_meta.build_wheel(folder, config_settings, metadata)
+    name = build_meta.build_wheel(folder, config_settings, metadata)
+    _give_usual_modes(Path(folder) / name)
+    return name
 
 
 def build_sdist(folder: str, config_settings: Settings = None) -> str:
@@ -83,3 +88,13 @@ def _build_page() -> None:
         ) from None
     except PageError as error:
         raise SystemExit(f"Hypermap cannot be packed: {error}.") from None
+
+
+def _give_usual_modes(wheel: Path) -> None:
+    """Let everyone read what is in a wheel, whatever the umask with which its sources came."""
+    with zipfile.ZipFile(wheel) as archive:
+        contents = [(member, archive.read(member)) for member in archive.infolist()]
+    with zipfile.ZipFile(wheel, "w") as archive:
+        for member, content in contents:
+            member.external_attr = (stat.S_IFREG | 0o644) << 16
+            archive.writestr(member, content, zipfile.ZIP_DEFLATED)
