@@ -14,7 +14,7 @@ ENDING := $(if $(shell command -v timeout),timeout --foreground --kill-after=60 
 WORKERS := $(shell expr $$(getconf _NPROCESSORS_ONLN) + 1)
 PAGE := src/hypermap/viewer/page/app.js
 
-.PHONY: demo test bench ros1 chromium pictures lint types tests coverage core-tests package platforms lowest newest format lock clean help
+.PHONY: demo test bench ros1 chromium pictures lint types tests coverage core-tests package platforms lowest newest sbom audit format lock clean help
 
 help:  ## list what can be made
 	@grep -hE '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -66,6 +66,13 @@ lowest: $(VENV)/.dev  ## tests with the lowest versions that are promised: some 
 newest: $(VENV)/.dev  ## tests with the newest versions that pip finds: some minutes
 	scripts/check_versions.sh newest
 
+sbom: $(VENV)/.dev  ## what an install brings, as CycloneDX: dist/hypermap.cdx.json
+	mkdir -p dist
+	$(BIN)/python scripts/sbom.py requirements/hypermap.txt dist/hypermap.cdx.json
+
+audit: .venv-audit$(VERSION)/.audit  ## whether packages that an install brings have known vulnerabilities
+	.venv-audit$(VERSION)/bin/python scripts/audit.py requirements/hypermap.txt
+
 bench: $(VENV)/.bench  ## ours and its peers, measured side by side: 18 minutes
 	scripts/peers.sh
 	$(BIN)/hypermap bench --times benchmarks/races.json --markdown benchmarks/races.md \
@@ -99,4 +106,8 @@ $(VENV)/.bench: requirements/hypermap.txt requirements/bench.txt pyproject.toml 
 
 .venv-core$(VERSION)/.core: requirements/core.txt scripts/venv.sh
 	VENV=.venv-core$(VERSION) scripts/venv.sh requirements/core.txt
+	touch $@
+
+.venv-audit$(VERSION)/.audit: requirements/audit.txt scripts/venv.sh
+	VENV=.venv-audit$(VERSION) scripts/venv.sh requirements/audit.txt
 	touch $@
