@@ -14,7 +14,7 @@ ENDING := $(if $(shell command -v timeout),timeout --foreground --kill-after=60 
 WORKERS := $(shell expr $$(getconf _NPROCESSORS_ONLN) + 1)
 PAGE := src/hypermap/viewer/page/app.js
 
-.PHONY: demo test bench ros1 chromium pictures lint types tests coverage core-tests package platforms lowest newest sbom audit format lock clean help
+.PHONY: demo test bench docs ros1 chromium pictures lint types tests coverage core-tests package platforms lowest newest sbom audit format lock clean help
 
 help:  ## list what can be made
 	@grep -hE '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -73,6 +73,9 @@ sbom: $(VENV)/.dev  ## what an install brings, as CycloneDX: dist/hypermap.cdx.j
 audit: .venv-audit$(VERSION)/.audit  ## whether packages that an install brings have known vulnerabilities
 	.venv-audit$(VERSION)/bin/python scripts/audit.py requirements/hypermap.txt
 
+docs: $(VENV)/.docs  ## build the documentation as a site, build/site/index.html: every link checked, notebooks run
+	$(BIN)/mkdocs build
+
 bench: $(VENV)/.bench  ## ours and its peers, measured side by side: 18 minutes
 	scripts/peers.sh
 	$(BIN)/hypermap bench --times benchmarks/races.json --markdown benchmarks/races.md \
@@ -98,6 +101,10 @@ $(VENV)/.hypermap: requirements/hypermap.txt pyproject.toml scripts/venv.sh
 
 $(VENV)/.dev: requirements/hypermap.txt requirements/dev.txt pyproject.toml scripts/venv.sh
 	scripts/venv.sh requirements/dev.txt
+	touch $(VENV)/.hypermap $@
+
+$(VENV)/.docs: requirements/hypermap.txt requirements/docs.txt pyproject.toml scripts/venv.sh
+	scripts/venv.sh requirements/docs.txt
 	touch $(VENV)/.hypermap $@
 
 $(VENV)/.bench: requirements/hypermap.txt requirements/bench.txt pyproject.toml scripts/venv.sh

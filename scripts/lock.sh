@@ -17,6 +17,7 @@ pin() {  # pin OUTPUT ARGUMENTS...
 
 pin requirements/dev.txt pyproject.toml requirements/build.in --all-extras --group dev
 pin requirements/bench.txt pyproject.toml requirements/build.in --group bench -c requirements/dev.txt
+pin requirements/docs.txt pyproject.toml requirements/build.in --group docs -c requirements/dev.txt
 pin requirements/hypermap.txt pyproject.toml requirements/build.in -c requirements/dev.txt
 pin requirements/core.txt requirements/core.in -c requirements/dev.txt
 pin requirements/node.txt requirements/node.in
