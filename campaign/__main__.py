@@ -8,20 +8,15 @@ Exit codes: 0 nothing fell; 1 something did; 2 bad input; 130 Ctrl-C.
 from __future__ import annotations
 
 import argparse
-import importlib
-import multiprocessing
 import random
-import resource
 import signal
 import sys
-import time
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 
 from campaign import report
-from campaign.part import Budget, Finding, Result
+from campaign.own_process import row_of
+from campaign.part import Budget
 
 # Each part, and its share of the time. A part is a module with a function `run(budget)`.
 PARTS = {"kill": 3, "fuzz": 5, "differential": 2, "long_runs": 3, "world_faults": 2}
@@ -49,7 +44,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             print(f"{name}, with seed {seed}", flush=True)
             folder = options.folder.absolute() / name
             folder.mkdir(parents=True, exist_ok=True)
-            rows.append(_row(name, Budget(PARTS[name] * seconds, seed, options.short, folder)))
+            rows.append(row_of(name, Budget(PARTS[name] * seconds, seed, options.short, folder)))
             for lines in (report.figures(rows[-1].result), report.findings(rows[-1].result)):
                 if lines:
                     print(lines, flush=True)
@@ -59,26 +54,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     finally:
         print(f"\n{report.table(rows)}", flush=True)
     return FOUND if any(row.result.findings for row in rows) else 0
-
-
-def _row(name: str, budget: Budget) -> report.Row:
-    """Run a part in a process of its own, whose end does not end the campaign."""
-    started = time.monotonic()
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(1, mp_context=context) as pool:
-        try:
-            result, peak_mb = pool.submit(_run, name, budget).result()
-        except BrokenProcessPool:
-            died = Finding("the part's process was killed", budget.seed)
-            result, peak_mb = Result(name, 0, [died]), 0.0
-    return report.Row(result, time.monotonic() - started, peak_mb)
-
-
-def _run(name: str, budget: Budget) -> tuple[Result, float]:
-    """Return what a part hands back, and the most memory that one of its processes held, in MB."""
-    result: Result = importlib.import_module(f"campaign.{name}").run(budget)
-    whose = (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
-    return result, max(resource.getrusage(who).ru_maxrss for who in whose) * 1024 / 1e6
 
 
 def _parser() -> argparse.ArgumentParser:

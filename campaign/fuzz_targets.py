@@ -14,7 +14,7 @@ import shutil
 import socket
 import threading
 import zipfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -23,6 +23,7 @@ from urllib.parse import urlencode
 
 import numpy as np
 
+from campaign.in_process_port import InProcessPort
 from campaign.mutation import (
     Mutator,
     joined,
@@ -390,88 +391,6 @@ def onnx(folder: Path) -> Target:
 # Nodes and servers
 
 
-class _Silent:
-    """A publisher to whom nobody listens, or a subscription."""
-
-    listeners = 1
-
-    def publish(self, message: Any) -> None:
-        from hypermap.ros.typestore import encode
-
-        encode(message)
-
-    def close(self) -> None:
-        pass
-
-
-class _InProcessPort:
-    """A port that hands bytes to a node as Foxglove's does, without a network between."""
-
-    node_name = "/hypermap_server"
-    is_shut_down = False
-
-    def __init__(self, values: Mapping[str, Any]) -> None:
-        self.services: dict[str, Callable[[bytes], bytes]] = {}
-        self.topics: dict[str, Callable[[bytes], None]] = {}
-        self._values = values
-
-    def message(self, type_name: str) -> type[Any]:
-        from hypermap.ros.typestore import message_class
-
-        return message_class(type_name)
-
-    def response(self, type_name: str) -> type[Any]:
-        from hypermap.ros.typestore import response_class
-
-        return response_class(type_name)
-
-    def publisher(self, *_: Any, **__: Any) -> _Silent:
-        return _Silent()
-
-    def subscribe(self, topic: str, type_name: str, callback: Any, **_: Any) -> _Silent:
-        from hypermap.ros.typestore import decode, message_class
-
-        self.topics[topic] = lambda data: callback(decode(data, message_class(type_name)))
-        return _Silent()
-
-    def service(self, name: str, type_name: str, handler: Any, *_: Any) -> _Silent:
-        from hypermap.ros.typestore import decode, encode, request_class
-
-        self.services[name] = lambda data: encode(handler(decode(data, request_class(type_name))))
-        return _Silent()
-
-    def timer(self, *_: Any) -> _Silent:
-        return _Silent()
-
-    def now(self) -> int:
-        return 1_600_000_000_000_000_000
-
-    def stamp(self, nanoseconds: int) -> Any:
-        from hypermap.ros.typestore import stamp
-
-        return stamp(nanoseconds)
-
-    def static_transforms(self, transforms: Any) -> None:
-        pass
-
-    def lookup(self, target: str, source: str, *_: Any) -> Any:
-        from hypermap.core.errors import FrameError
-
-        raise FrameError(f"no way leads from {source!r} to {target!r}")
-
-    def forget_transforms(self) -> None:
-        pass
-
-    def parameters(self, parameters: Any, *_: Any) -> dict[str, Any]:
-        return {p.name: self._values.get(p.name, p.default) for p in parameters}
-
-    def origins(self) -> dict[str, str]:
-        return {}
-
-    def log(self, _: str, text: str) -> None:
-        text.encode()  # as a terminal and /rosout do
-
-
 def ros_messages(folder: Path) -> Target:
     """Requests to the map server's services and messages on its topics, as CDR."""
     from hypermap.ros import typestore
@@ -483,7 +402,7 @@ def ros_messages(folder: Path) -> Target:
         layer.settings.update(subscribe_mode=True, publish_global_topics=True)
     save_map(made, path)
     (folder / "maps").mkdir()
-    port = _InProcessPort({"console": False, "map_directory": str(folder / "maps")})
+    port = InProcessPort({"console": False, "map_directory": str(folder / "maps")})
 
     def server() -> None:
         port.services.clear()

@@ -139,9 +139,11 @@ def _save(journal: Journal, contents: Sequence[bytes]) -> None:
             if not is_one:
                 for folder in folders:
                     flush_folder(folder)
+                for temporary, _ in moves:
+                    temporary.stat()  # nobody has removed it
                 is_committed = True  # or nearly so
                 journal.write()
-            journal.put_in_place()
+            journal.put_in_place(is_first=is_one or turn == "alone")
         except BaseException:
             if not is_committed or moves[0][0].exists():  # then nothing is replaced yet
                 _remove([*([] if is_one else [journal.path]), *(move[0] for move in moves)])
