@@ -659,7 +659,10 @@ def http(folder: Path) -> Target:
         + json.dumps(body).encode()
         for way, body in bodies
     ]
-    corpus.append(b"GET /\nhost: 127.0.0.1\norigin: http://127.0.0.1\nsec-fetch-site: none\n\n")
+    head = b"host: 127.0.0.1\norigin: http://127.0.0.1\nsec-fetch-site: none\n\n"
+    corpus.append(b"GET /\n" + head)
+    corpus.append(b"POST /api/save\ncookie: hypermap-80=x\n" + head + b"{}")
+    corpus.append(b"GET /api/events?v=1\nlast-event-id: 123\nhost: 127.0.0.1\n\n")
     state: dict[str, Any] = {}
 
     def server() -> None:
@@ -681,8 +684,6 @@ def http(folder: Path) -> Target:
         for line in lines:
             name, _, value = line.partition(b":")
             headers.append((name.strip().lower(), value.strip()))
-        if way.endswith(b"/events"):  # which does not end
-            return
         scope = {
             "type": "http",
             "asgi": {"version": "3.0"},

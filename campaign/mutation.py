@@ -14,7 +14,15 @@ Mutator = Callable[[bytes, random.Random], bytes]
 MOST_BYTES = 1 << 16
 _PNG = b"\x89PNG\r\n\x1a\n"
 _NUMBERS = [b"0", b"-1", b"nan", b"inf", b"-inf", b"1e308", b"-1e308", b"1e-320", b"1e9", b"-0.0"]
-_NUMBERS += [b"9999999999999999999", b"4294967296", b"2147483648", b"0.1", b"1" * 5000]
+_NUMBERS += [
+    b"9999999999999999999",
+    b"4294967296",
+    b"2147483648",
+    b"0.1",
+    b"1" * 5000,
+    b"1" * 400,
+    b"http://[",
+]
 _WORDS = [b"", b"null", b"true", b"~", b"[]", b"{}", b'""', b"\x00", b"\xff\xfe", b"\xed\xa0\x80"]
 _WORDS += ["Ärger\u202e".encode(), b"../../x", b"/dev/null", b"POLYGON EMPTY", b"POLYGON(())"]
 _WORDS += [b"!!python/object:os.system", b"&a", b"*a", b"<<", b"[" * 200, b"\\ud800"]
