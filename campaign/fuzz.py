@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +17,9 @@ from campaign.part import Budget, Finding, Result
 
 CHECKOUT = Path(__file__).resolve().parent.parent
 SHORT_RUNS = 15  # of each target, beside its examples
-_START = 40.0  # seconds in which a process imports, warms up and ends
-_PATIENCE = 120.0  # seconds beyond that, until a process counts as hanging
+_START = 10.0  # seconds in which a process imports, warms up and ends
+_LEAST = 5.0  # seconds, however short the time is
+_PATIENCE = 300.0  # seconds beyond that, until a process counts as hanging
 
 
 def run(budget: Budget) -> Result:
@@ -30,44 +34,41 @@ def target_names() -> list[str]:
     return list(TARGETS)
 
 
-def fuzz(budget: Budget, names: list[str]) -> Result:
-    """Fuzz some targets; see `run`."""
-    share = max(budget.seconds / len(names) - _START, 5.0)
+def fuzz(budget: Budget, names: Sequence[str]) -> Result:
+    """Fuzz some targets, as many at a time as there are cores; see `run`."""
+    workers = os.cpu_count() or 1
+    share = max(budget.seconds * workers / len(names) - _START, _LEAST)
     runs, refused, slowest, way = 0, 0, (0.0, ""), ""
     findings: list[Finding] = []
     figures: dict[str, float | str] = {}
-    peak = 0.0
-    for name in names:
-        started = time.monotonic()
-        folder = budget.folder / name
-        told = _of_process(name, share, budget, folder)
-        if told is None:
-            findings.append(
-                Finding(f"{name}: the process hung or died", budget.seed, folder / "now")
+    with ThreadPoolExecutor(workers) as pool:
+        all_told = pool.map(lambda name: _of_process(name, share, budget), names)
+        for name, told in zip(names, all_told, strict=True):
+            now = budget.folder / name / "now"
+            if told is None:
+                findings.append(Finding(f"{name}: the process hung or died", budget.seed, now))
+                continue
+            runs, refused, way = runs + told["runs"], refused + told["refused"], told["way"]
+            slowest = max(slowest, (told["slowest"], name))
+            figures[name] = (
+                f"{told['runs']:,} runs in {told['seconds']:.0f} s, {told['refused']:,} refused, "
+                f"slowest {told['slowest']:.2f} s, {told['peak'] / 1e6:.0f} MB, "
+                f"{len(told['findings'])} findings"
             )
-            continue
-        runs, refused, way = runs + told["runs"], refused + told["refused"], told["way"]
-        slowest = max(slowest, (told["slowest"], name))
-        peak = max(peak, told["peak"] / 1e6)
-        figures[name] = (
-            f"{told['runs']:,} runs in {time.monotonic() - started:.0f} s, "
-            f"{told['refused']:,} refused, slowest {told['slowest']:.2f} s, "
-            f"{told['peak'] / 1e6:.0f} MB, {len(told['findings'])} findings"
-        )
-        if not budget.short:
-            print(f"  {name}: {figures[name]}", flush=True)
-        findings += [
-            Finding(f"{name}: {found['what']}", budget.seed, Path(found["file"]))
-            for found in told["findings"]
-        ]
+            findings += [
+                Finding(f"{name}: {found['what']}", budget.seed, Path(found["file"]))
+                for found in told["findings"]
+            ]
     figures["guided by"] = way
     figures["refused"] = refused
     figures["slowest"] = f"{slowest[0]:.2f} s ({slowest[1]})"
     return Result("fuzz", runs, findings, figures)
 
 
-def _of_process(name: str, seconds: float, budget: Budget, folder: Path) -> dict[str, Any] | None:
+def _of_process(name: str, seconds: float, budget: Budget) -> dict[str, Any] | None:
     """Return what a process says that fuzzes one target; None if it had to be ended."""
+    folder = budget.folder / name
+    started = time.monotonic()
     shutil.rmtree(folder, ignore_errors=True)
     command = [sys.executable, "-m", "campaign.fuzz_worker", name, f"{seconds:.1f}"]
     command += [str(budget.seed), str(folder)]
@@ -84,4 +85,6 @@ def _of_process(name: str, seconds: float, budget: Budget, folder: Path) -> dict
     except subprocess.TimeoutExpired:
         return None
     lines = done.stdout.splitlines()
-    return json.loads(lines[-1]) if lines else None
+    if not lines:
+        return None
+    return {**json.loads(lines[-1]), "seconds": time.monotonic() - started}

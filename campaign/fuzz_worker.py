@@ -15,12 +15,14 @@ import os
 import random
 import re
 import resource
+import shutil
 import sys
 import tempfile
 import time
 import traceback
 import warnings
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -135,11 +137,7 @@ def main() -> None:
         tries.warm_up(target.corpus)
         arguments = tries, target, float(seconds), int(seed)
         if guide is not None:
-
-            def report() -> None:
-                _say(said, name, tries, "coverage")
-
-            _guided(guide, *arguments, kept, report)  # does not return
+            _guided(guide, *arguments, kept, partial(_end, said, name, tries, scratch))
         _at_random(*arguments, int(runs[0]) if runs else None)
         _say(said, name, tries, "random")
     os._exit(0)  # threads of servers do not hold us up
@@ -158,13 +156,20 @@ def _say(handle: int, name: str, tries: Tries, way: str) -> None:
     os.write(handle, json.dumps(told).encode() + b"\n")
 
 
+def _end(handle: int, name: str, tries: Tries, scratch: str) -> None:
+    """Say what was done, and end: libFuzzer does not return."""
+    _say(handle, name, tries, "coverage")
+    shutil.rmtree(scratch, ignore_errors=True)
+    os._exit(0)
+
+
 def _at_random(
     tries: Tries, target: Any, seconds: float, seed: int, runs: int | None = None
 ) -> None:
     """Spoil examples without a guide: for a time, or so many of them."""
     draw = random.Random(seed)
     ends = time.monotonic() + seconds
-    corpus, known = list(target.corpus), 0
+    corpus, known = list(target.corpus), tries.runs
     while (tries.runs < runs + known) if runs is not None else (time.monotonic() < ends):
         data = spoiled(draw.choice(corpus), target, corpus, draw)
         before = tries.refused
@@ -191,7 +196,7 @@ def _guided(
     seconds: float,
     seed: int,
     kept: Path,
-    report: Callable[[], None],
+    end: Callable[[], None],
 ) -> None:
     """Let libFuzzer choose what is spoiled further: what reaches new lines."""
     from campaign.mutation import MOST_BYTES as LONGEST
@@ -205,8 +210,7 @@ def _guided(
     def once(data: bytes) -> None:
         tries(data)
         if time.monotonic() > ends:
-            report()
-            os._exit(0)
+            end()
 
     def mutate(data: bytes, most: int, number: int) -> bytes:
         draw = random.Random(number)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import random
+import re
 import signal
 import tempfile
 import time
@@ -40,7 +41,7 @@ _SHORT_STEP = 7  # of the operations, in the short form, one in so many
 
 
 @dataclass
-class _Trial:
+class Trial:
     """A way to save, and what it leaves when nothing happens to it.
 
     Attributes:
@@ -106,6 +107,18 @@ class _Trial:
         return ""
 
 
+def kill_at_operations(trial: Trial) -> list[str]:
+    """Return what is wrong after a way to save was killed at each of its operations."""
+    problems = []
+    for number in range(trial.operations):
+        trial.again()
+        prepare = partial(Operations, trial.folder, number)
+        outcome = in_a_process(partial(trial.way.save, trial.folder, 1), prepare)
+        if problem := trial.check(outcome):
+            problems.append(problem)
+    return problems
+
+
 def run(budget: Budget) -> Result:
     """Do all of it, as far as the time lasts; the short form takes a sample of fixed size."""
     return _Campaign(budget).run()
@@ -122,10 +135,10 @@ class _Campaign:
         self._figures: dict[str, float | str] = {}
 
     def run(self) -> Result:
-        memory = (
-            "/dev/shm" if os.access("/dev/shm", os.W_OK) else None
-        )  # where no disk is waited for
+        # Where no disk is waited for, if there is such a place.
+        memory = "/dev/shm" if os.access("/dev/shm", os.W_OK) else None
         with tempfile.TemporaryDirectory(prefix="hypermap-kill-", dir=memory) as work:
+            Path(work).chmod(0o755)  # for the one who may only read
             return self._run(Path(work))
 
     def _run(self, root: Path) -> Result:
@@ -137,13 +150,13 @@ class _Campaign:
             place = root / f"way-{number}"
             place.mkdir()
             (place / "sources").symlink_to(root / "sources")
-            trials.append(_Trial(way, place))
+            trials.append(Trial(way, place))
         for trial in trials:
             trial.prepare()
         operations = sum(trial.operations for trial in trials)
         self._figures["ways to save"] = len(trials)
         self._figures["operations on files"] = operations
-        kinds: list[tuple[str, Callable[[_Trial], None]]] = [
+        kinds: list[tuple[str, Callable[[Trial], None]]] = [
             ("killed at an operation", partial(self._at_operations, "kill")),
             ("disk broken at an operation", partial(self._at_operations, "EIO")),
             ("files vanished at an operation", partial(self._at_operations, "vanish")),
@@ -177,7 +190,7 @@ class _Campaign:
 
     def _try(
         self,
-        trial: _Trial,
+        trial: Trial,
         what: str,
         prepare: Callable[[], Any],
         fault: str = "",
@@ -191,23 +204,23 @@ class _Campaign:
         if problem:
             text = f"{trial.way.name}, {what}: {problem}"
             self._found.setdefault(
-                f"{trial.way.name}{what.split(' at ')[0]}{problem[:30]}",
+                re.sub(r"[0-9a-f]{16}|\d+", "", f"{trial.way.name} {what} {problem}"),
                 Finding(text, self._budget.seed),
             )
 
-    def _at_operations(self, fault: Fault, trial: _Trial) -> None:
+    def _at_operations(self, fault: Fault, trial: Trial) -> None:
         for number in self._steps(trial.operations):
             trial.again()
             prepare = partial(Operations, trial.folder, number, fault)
             self._try(trial, f"{fault} at operation {number}", prepare, fault)
 
-    def _on_a_full_disk(self, kills: bool, trial: _Trial) -> None:
+    def _on_a_full_disk(self, kills: bool, trial: Trial) -> None:
         for size in _DISK_SIZES[1::3] if self._budget.short else _DISK_SIZES:
             trial.again()
             what = f"{'killed' if kills else 'disk full'} at {size} bytes of a file"
             self._try(trial, what, partial(full_disk, size, kills=kills))
 
-    def _read_only(self, trial: _Trial) -> None:
+    def _read_only(self, trial: Trial) -> None:
         trial.again()
         made = trial.folder
         outcome = in_a_process(partial(trial.way.save, made, 1), partial(_be_a_reader, made))
@@ -226,7 +239,7 @@ class _Campaign:
                 f"{trial.way.name}, in a read-only folder: {problem}", self._budget.seed
             )
 
-    def _through_links(self, trial: _Trial) -> None:
+    def _through_links(self, trial: Trial) -> None:
         """Save over links to files of a folder below: the links stay, what they name changes."""
         for number in [None, *self._steps(trial.operations)]:
             trial.again()
@@ -245,7 +258,7 @@ class _Campaign:
             if self._budget.short:
                 break
 
-    def _at_random_times(self, trial: _Trial) -> None:
+    def _at_random_times(self, trial: Trial) -> None:
         count = 3 if self._budget.short else RANDOM_KILLS // len(ways()) + 1
         trial.again()
         started = time.monotonic()

@@ -17,6 +17,7 @@ from hypermap.core.evidence import EvidenceTable
 from hypermap.core.grid import GridGeometry
 from hypermap.core.hypermap import Hypermap
 from hypermap.formats.any_file import open_any
+from hypermap.formats.store import read_file
 from hypermap.perception.detections import Detections
 from hypermap.perception.detectors.recorded import RecordedDetections
 from hypermap.testing import square
@@ -69,7 +70,7 @@ def told(hypermap: Hypermap) -> str:
 
 
 def _bytes(name: str) -> Callable[[Path], str]:
-    return lambda folder: hashlib.sha256((folder / name).read_bytes()).hexdigest()[:16]
+    return lambda folder: hashlib.sha256(read_file(folder / name)).hexdigest()[:16]
 
 
 def _opened(name: str) -> Callable[[Path], str]:
@@ -229,7 +230,7 @@ def ways() -> list[Way]:
 
 def _read_mcap(folder: Path) -> str:
     """Return how large a log is, which has a beginning and an end; its stamps differ."""
-    content = (folder / "map.mcap").read_bytes()
+    content = read_file(folder / "map.mcap")
     magic = b"\x89MCAP0\r\n"
     if not (content.startswith(magic) and content.endswith(magic)):
         raise HypermapError("the log is not whole")
