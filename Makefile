@@ -9,12 +9,14 @@ export VENV := .venv$(VERSION)
 BIN := $(VENV)/bin
 # Should the tests as a whole hang: they end after so many seconds (none: make test LIMIT=0).
 LIMIT := 3600
+# How long the campaign may take, all parts together.
+MINUTES := 60
 ENDING := $(if $(shell command -v timeout),timeout --foreground --kill-after=60 $(LIMIT))
 # One more than there are cores, as some tests wait for other programs.
 WORKERS := $(shell expr $$(getconf _NPROCESSORS_ONLN) + 1)
 PAGE := src/hypermap/viewer/page/app.js
 
-.PHONY: demo test bench docs ros1 chromium pictures lint types tests coverage core-tests package platforms lowest newest sbom audit format lock clean help
+.PHONY: demo test bench campaign docs ros1 chromium pictures lint types tests coverage core-tests package platforms lowest newest sbom audit format lock clean help
 
 help:  ## list what can be made
 	@grep -hE '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -80,6 +82,11 @@ bench: $(VENV)/.bench  ## ours and its peers, measured side by side: 18 minutes
 	scripts/peers.sh
 	$(BIN)/hypermap bench --times benchmarks/races.json --markdown benchmarks/races.md \
 	  --plots docs/images
+
+campaign: $(VENV)/.dev $(PAGE)  ## faults, hostile input and long runs: an hour (MINUTES=10), PARTS="kill fuzz"
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements/campaign.txt || \
+	  echo "without atheris, fuzzing draws its input at random"
+	$(BIN)/python -m campaign $(PARTS) --minutes $(MINUTES)
 
 format: $(VENV)/.dev  ## format the code
 	$(BIN)/ruff check --fix .

@@ -98,7 +98,8 @@ def __getattr__(name: str) -> Any:
 
 
 def _for_the_core(name: str) -> Any:
-    home = _HOMES.get(name, "hypermap.viewer.notebook")
+    files = {"write_file": "hypermap.formats.atomic"}
+    home = (_HOMES | files).get(name, "hypermap.viewer.notebook")
     return getattr(importlib.import_module(home), name)
 
 

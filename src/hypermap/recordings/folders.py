@@ -166,7 +166,7 @@ def usual_size(pictures: Sequence[tuple[Path, Path | None]]) -> tuple[int, int]:
 
 def _frame_size(depth: Path, color: Path | None) -> tuple[int, int]:
     width, height = _size_of(depth)
-    if color is not None and color.is_file() and _size_of(color) != (width, height):
+    if color is not None and _is_there(color) and _size_of(color) != (width, height):
         color_width, color_height = _size_of(color)
         raise FormatError(
             f"color has {color_width} x {color_height} pixels, but depth in {depth} has "
@@ -190,13 +190,20 @@ def absence_of(paths: Sequence[Path], kind: str, source: Path) -> list[str]:
     Raises:
         FileMissing: If all of them are.
     """
-    absent = [path for path in paths if not path.is_file()]
+    absent = [path for path in paths if not _is_there(path)]
     if not absent:
         return []
     what = f"{len(absent)} of {len(paths)} {kind} are missing, the first is {absent[0]}"
     if len(absent) == len(paths):
         raise FileMissing(f"{source}: {what}")
     return [what]
+
+
+def _is_there(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except OSError:  # a list may name anything, as what is too long for a name
+        return False
 
 
 def _check_size(path: Path, shape: tuple[int, ...], camera: Camera, other: str) -> None:

@@ -14,8 +14,11 @@ from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 
 from hypermap.core.errors import FileMissing, FormatError
+from hypermap.formats.atomic import is_folder
+from hypermap.formats.store import open_file
 
 MAX_PIXELS = 50_000_000
+MAX_BYTES = 8 * MAX_PIXELS  # of a picture's file
 _DAMAGE = (
     OSError,
     SyntaxError,
@@ -33,11 +36,13 @@ def read_file(path: Path) -> bytes:
 
     Raises:
         FileMissing: If there is no such file.
+        FormatError: If it is a device, which a list may name, too, or too large.
+        HypermapError: If it cannot be read.
     """
-    try:
-        return path.read_bytes()
-    except (FileNotFoundError, IsADirectoryError):
-        raise FileMissing(f"{path}: there is no such file") from None
+    if is_folder(path):
+        raise FileMissing(f"{path}: there is no such file")
+    with open_file(path, MAX_BYTES) as file:
+        return file.read()
 
 
 def picture_size(content: bytes) -> tuple[int, int]:

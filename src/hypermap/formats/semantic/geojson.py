@@ -35,6 +35,7 @@ _WRONG = (
     LookupError,
     AttributeError,
     RecursionError,
+    OverflowError,  # of whole numbers beyond those of floats
     shapely.errors.ShapelyError,
 )
 

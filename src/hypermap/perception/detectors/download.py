@@ -6,6 +6,7 @@ import contextlib
 import hashlib
 import http.client
 import os
+import re
 import urllib.error
 import urllib.parse
 import urllib.request
@@ -27,6 +28,7 @@ _CHUNK = 65536  # bytes
 _SILENCE = 30.0  # seconds without a byte after which a connection counts as broken
 _TRIES = 3  # in a row that bring not one byte
 _OTHER = "name a mirror with --url, or get the file with a browser and give it as --detector FILE"
+_LENGTH = re.compile("[0-9]{1,18}")  # in a header; int takes other digits, too, but not any number
 _BROKEN = (OSError, http.client.HTTPException)
 
 Progress = Callable[[int], None]
@@ -135,7 +137,7 @@ def _append(file: IO[bytes], size: int, address: str, on_progress: Progress) -> 
             file.truncate(0)
             have = 0
         length = answer.headers.get("Content-Length", "")
-        if length.isdigit() and have + int(length) != size:
+        if _LENGTH.fullmatch(length) and have + int(length) != size:
             file.write(_read(answer, min(int(length), _CHUNK)))
             raise _OtherFile
         while have < size:

@@ -96,6 +96,11 @@ class BagPlan:
         if self._topics.color is None or self._first.color is not None:
             return None
         topic = self._topics.color
+        if not self._contents.color.firsts:  # the bag counts some, but none can be read
+            for _, error in self.damaged:
+                if error.key == topic.name:
+                    raise error
+            return None
         colors = _readable(partial(decode_color, topic), self._contents.color.firsts)
         self.check_color(_usual(colors, lambda color: color.shape))
         return topic

@@ -51,6 +51,7 @@ from hypermap.web.hosts import known_hosts
 
 _CACHE = 64_000_000  # bytes of tiles
 _FOREVER = "private, max-age=31536000, immutable"
+_MOST_DIGITS = 20  # of a version
 _LOOK = 1.0  # seconds between two looks at the file
 
 
@@ -252,7 +253,8 @@ class MapApp:
 
     async def _events(self, request: Request) -> Response:
         seen = request.headers.get("last-event-id") or request.query_params.get("v") or ""
-        version = int(seen) if seen.isdecimal() else self.document.current.version
+        is_version = seen.isdecimal() and len(seen) <= _MOST_DIGITS
+        version = int(seen) if is_version else self.document.current.version
         news = event_stream(self.document, version, lambda: self.is_closing)
         headers = {"Cache-Control": "no-store"}
         return StreamingResponse(news, media_type="text/event-stream", headers=headers)
