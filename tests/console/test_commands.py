@@ -109,7 +109,7 @@ def test_exit_and_quit_leave(lab, word):
 
 
 def test_evidence_is_refused_where_no_one_tells_it(lab):
-    with pytest.raises(HypermapError, match="--evidence is not told here; ask `hypermap query`"):
+    with pytest.raises(HypermapError, match="--evidence is for `hypermap query`"):
         lab.run("query --name sink --evidence")
 
 
