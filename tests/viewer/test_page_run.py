@@ -334,7 +334,7 @@ def test_a_run_is_followed_stopped_and_looked_at_and_its_end_is_said(
         assert output.exists()
         said = page.locator("#state").inner_text()
         assert said == (
-            "saved room.hmap, the map of a part of the recording: Ctrl-C ended it early"
+            "saved room.hmap, the map of a part of the recording: stopped early by Ctrl-C"
         )
         last = window.page.evaluate("() => window.hypermapRun.steps.numbers.at(-1)")
         window.wait_until_shown(last)

@@ -25,11 +25,11 @@ MapPath = Annotated[
 _YAML_HEAD = 65536  # bytes of a YAML file beside a picture that are looked at
 
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON, for programs.")]
-Force = Annotated[bool, typer.Option("--force", "-f", help="Replace what is there: the old OUT.")]
+Force = Annotated[bool, typer.Option("--force", "-f", help="Replace an existing OUT.")]
 
 ForceMap = Annotated[
     bool,
-    typer.Option("--force", "-f", help="Replace what is there: also an OUT edited by hand."),
+    typer.Option("--force", "-f", help="Replace an existing OUT, even if it was edited by hand."),
 ]
 
 
