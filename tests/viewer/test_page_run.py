@@ -193,7 +193,7 @@ def test_the_slider_goes_back_to_what_was_then(window: RunWindow) -> None:
     with_cup = window.map_color(x, y)
     window.go(2)
     assert window.objects() == {"chair": 1}
-    assert page.locator("#objects-title").inner_text() == "On the map by then: 1 object"
+    assert page.locator("#objects-title").inner_text() == "In the map at this step: 1 object"
     assert page.locator("#frame").inner_text() == "frame 2"
     assert page.locator("#time").inner_text() == f"0.1 s / {SECONDS}"
     seen = page.locator("#seen .name").all_inner_texts()
