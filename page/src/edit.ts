@@ -178,7 +178,7 @@ export class Editor {
     void this.apply([{ op: "merge", layer, id, others: [other.id] }], `Merged into ${name}`);
   }
 
-  /** Adds another of the same kind and shape beside the object in the hand. */
+  /** Adds another of the same kind and shape next to the object in the hand. */
   private duplicate(): void {
     if (!this.chosen) return;
     const { layer, id, name, polygons } = this.chosen;

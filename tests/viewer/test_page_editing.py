@@ -378,7 +378,7 @@ def test_a_drawing_that_is_refused_stays_to_be_corrected(edited: Edited) -> None
     window.page.locator("#object-add").click()
     expect(window.page.get_by_role("alert").filter(has_text="crosses itself")).to_be_visible()
     window.wait_until_nothing_is_drawn()
-    window.click_at(2.5, 2.5)  # a click beside it is not the end of it
+    window.click_at(2.5, 2.5)  # a click next to it is not the end of it
     window.drag((6.2, 6.2), (5.3, 3.4))
     expect(window.page.locator("#object-name")).to_have_value("carpet")
     window.page.locator("#object-add").click()

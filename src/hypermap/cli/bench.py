@@ -1,4 +1,4 @@
-"""`hypermap bench`: measure ours beside its peers, in a checkout of the source."""
+"""`hypermap bench`: compare Hypermap with its peers, in a checkout of the source."""
 
 from __future__ import annotations
 

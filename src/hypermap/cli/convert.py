@@ -201,7 +201,7 @@ def _save_pgm(hypermap: Hypermap, target: Path, force: bool) -> None:
     if lost := rounded(layer):
         note(f"rounded to free, occupied or unknown: {counted(lost, 'cell')}")
     note(
-        f"{beside.name} beside it says where the grid lies, but not that its frame is "
+        f"{beside.name} next to it says where the grid lies, but not that its frame is "
         f"{layer.frame_id!r}"
     )
 

@@ -81,7 +81,7 @@ def command(
     depth_topic: Annotated[str | None, _topic("depth_topic", "registered to color.")] = None,
     cloud_topic: Annotated[str | None, _topic("cloud_topic", "in place of depth.")] = None,
     camera_info_topic: Annotated[
-        str | None, _topic("camera_info_topic", "else camera_info beside the depth images.")
+        str | None, _topic("camera_info_topic", "else camera_info next to the depth images.")
     ] = None,
     color_topic: Annotated[str | None, _topic("color_topic", "for --detector.")] = None,
     detections_topic: Annotated[str | None, _topic("detections_topic", "of another node.")] = None,

@@ -66,7 +66,7 @@ def save_mask(
         wrong = "one file holds one mask" if keepout else "--mask-resolution is about a mask"
         raise HypermapError(f"{wrong}; give either --keepout or --speed")
     if target.suffix not in (".yaml", ".pgm"):
-        raise HypermapError(f"{target}: a mask is saved as .yaml, with its picture beside it")
+        raise HypermapError(f"{target}: a mask is saved as .yaml, with its picture next to it")
     wanted = keepout_filter(keepout) if keepout else speed_filter(speed)
     try:
         mask = draw(hypermap, wanted, resolution)

@@ -35,7 +35,7 @@ def command() -> None:
     say(done if count else "everything is compiled already")
     folder, package = _loops.cache_folder(), Path(_loops.__file__).parent
     if folder.is_relative_to(package):
-        say(f"kept in {folder}, beside the code, for all users")
+        say(f"kept in {folder}, next to the code, for all users")
     else:
         say(f"kept in {folder}, for those who can write there")
         if not has_own_place():
