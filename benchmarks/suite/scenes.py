@@ -47,7 +47,7 @@ class Scene:
     visible_area: shapely.Polygon
 
     def frame(self) -> RgbdFrame:
-        """Return the frame anew, so that nothing of it is kept from run to run."""
+        """Return the frame again, so that nothing of it is kept from run to run."""
         return RgbdFrame(0.0, self.depth, self.camera, self.map_T_camera)
 
     def detections(self) -> Detections:

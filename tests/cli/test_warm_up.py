@@ -113,7 +113,7 @@ def test_nothing_is_compiled_after_warming_up(
     assert COMPILING not in done.stderr
     again = run(folder, "warm-up")
     assert COMPILING not in again.stderr
-    assert "all is compiled already" in again.stdout
+    assert "everything is compiled already" in again.stdout
 
 
 @pytest.mark.timeout(600)

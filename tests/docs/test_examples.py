@@ -1,6 +1,6 @@
 """Every example in the documents is run: Python blocks as they stand, console blocks by a shell.
 
-A page's blocks run from top to bottom, in one namespace and one folder, beside the
+A page's blocks run from top to bottom, in one namespace and one folder, next to the
 `hypermap-demo/` that `hypermap demo` makes. Python blocks with prompts are compared with the
 output that they show. Of a console block, the lines after `$` are run and must succeed. What
 cannot run in a test (a robot, a download) stands in a plain `text` block.

@@ -378,7 +378,7 @@ def test_a_drawing_that_is_refused_stays_to_be_corrected(edited: Edited) -> None
     window.page.locator("#object-add").click()
     expect(window.page.get_by_role("alert").filter(has_text="crosses itself")).to_be_visible()
     window.wait_until_nothing_is_drawn()
-    window.click_at(2.5, 2.5)  # a click beside it is not the end of it
+    window.click_at(2.5, 2.5)  # a click next to it is not the end of it
     window.drag((6.2, 6.2), (5.3, 3.4))
     expect(window.page.locator("#object-name")).to_have_value("carpet")
     window.page.locator("#object-add").click()
@@ -496,8 +496,8 @@ def test_a_file_that_can_no_longer_be_read_is_told_and_the_map_stays(edited: Edi
     edited.path.write_bytes(b"no map at all")
     banner = window.page.locator("#banner")
     expect(banner).to_contain_text("has changed on the disk")
-    banner.get_by_role("button", name="Open it anew").click()
-    window.page.get_by_role("dialog").get_by_role("button", name="Open anew").click()
+    banner.get_by_role("button", name="Reload").click()
+    window.page.get_by_role("dialog").get_by_role("button", name="Reload").click()
     alert = window.page.get_by_role("alert").filter(has_text="room.hmap")
     expect(alert.last).to_contain_text("is not a zip archive")
     above, below = banner.bounding_box(), alert.last.bounding_box()
@@ -527,7 +527,7 @@ def test_the_view_goes_to_another_map_that_comes_in_every_window(
     corners = [(-300.0, 200.0), (-280.0, 230.0)]
     assert not any(is_seen(window, corners) for window in windows)
     save_map(elsewhere, edited.path)
-    edited.window.page.get_by_role("button", name="Open it anew").click()
+    edited.window.page.get_by_role("button", name="Reload").click()
     for window in windows:
         expect(window.page.locator('[data-class="shelf"]')).to_be_attached()
         window.wait_until_at_rest()
@@ -540,7 +540,7 @@ def test_the_view_stays_when_the_same_map_is_opened_anew_or_changed(edited: Edit
     hypermap = open_map(edited.path)
     hypermap["semantic"].rename(CHAIR, "armchair")
     save_map(hypermap, edited.path)
-    window.page.get_by_role("button", name="Open it anew").click()
+    window.page.get_by_role("button", name="Reload").click()
     expect(window.page.locator('[data-class="armchair"]')).to_be_attached()
     start_editing(window)
     take(window, CHAIR, "armchair")

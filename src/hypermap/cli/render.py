@@ -26,22 +26,24 @@ def command(
     ] = None,
     names: Annotated[
         list[str] | None,
-        typer.Option("--name", metavar="NAME", help="Only what is called so: may be repeated."),
+        typer.Option(
+            "--name", metavar="NAME", help="Only objects with this name: may be repeated."
+        ),
     ] = None,
     area: Annotated[
         str | None,
         typer.Option("--in", metavar="AREA", help=f"Only this area: {AN_AREA}."),
     ] = None,
     full: Annotated[
-        bool, typer.Option("--full", help="Show the whole grid, unknown borders too.")
+        bool, typer.Option("--full", help="Show the whole grid, including unknown borders.")
     ] = False,
     labels: Annotated[
         bool,
-        typer.Option("--show-labels/--hide-labels", help="Write names at the objects."),
+        typer.Option("--show-labels/--hide-labels", help="Show the names of objects."),
     ] = True,
     title: Annotated[
         str | None,
-        typer.Option("--title", show_default="the file's name", help="First line."),
+        typer.Option("--title", show_default="the file's name", help="Title."),
     ] = None,
     size: Annotated[
         int, typer.Option("--size", min=200, max=10000, help="Longer side of the map in pixels.")
@@ -49,8 +51,8 @@ def command(
 ) -> None:
     """Draw a map from above: occupancy, objects in a color per class, names, a scale bar.
 
-    The picture shows what is known; --full shows the grid as far as it reaches. A class has the
-    same color in every picture, and the same map gives the same file.
+    The picture shows the known area, or the whole grid with --full. A class has the same color in
+    every picture, and the same map gives the same file.
 
     Examples:
         hypermap render lab.hmap -o lab.png
