@@ -12,6 +12,8 @@ import pytest
 
 from hypermap.simulation import SimulatedRecording, demo_world, write_tum
 
+pytestmark = pytest.mark.xdist_group("warm_up")  # they share what takes long to make
+
 COMPILING = "compiling for this machine, once"
 
 # What numba makes of sorting, sums and error messages takes longer to compile than the loops do.

@@ -24,6 +24,8 @@ from .commands import PATIENCE, at, hypermap, said_and_opened, started
 from .live_tools import saved
 from .run_tools import Watching, watching, write_run
 
+pytestmark = pytest.mark.xdist_group("watch_command")  # they share what takes long to make
+
 
 @pytest.fixture(scope="module")
 def long_drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
