@@ -23,7 +23,7 @@ from mkdocs.structure.pages import Page
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = ("*.md", "docs/**/*.md", "benchmarks/*.md", "examples/*/*.md")
-OTHER_FILES = ("docs/images/*", "docs/site.css", "docs/site.js")
+OTHER_FILES = ("docs/images/*", "docs/site.css", "docs/iframe-worker.js")
 LINK = re.compile(r"(?<=\]\()(?![a-z]+:)([^)#\s]+)")
 PYTHON = "reference/python/"  # in mkdocs.yml: all pages of that folder
 
@@ -50,7 +50,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     return whole
 
 
-def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
+def on_page_markdown(markdown: str, page: Page, files: Files, **_: Any) -> str:
     """Let links to folders and source files lead to the pages that show them."""
     here = posixpath.dirname(page.file.src_uri)
 
@@ -91,8 +91,8 @@ def _page_of_folder(folder: Path) -> str:
     parts.append(
         "\n".join(f"- [{_title(page)}]({page.relative_to(folder).as_posix()})" for page in pages)
     )
-    for script in sorted(folder.glob("*.py")):
-        parts.append(f"## {script.name}\n\n{_as_code(script)}")
+    scripts = sorted(folder.glob("*.py"))
+    parts += [f"## {script.name}\n\n{_as_code(script)}" for script in scripts]
     return "\n\n".join(parts)
 
 
