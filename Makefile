@@ -9,12 +9,14 @@ export VENV := .venv$(VERSION)
 BIN := $(VENV)/bin
 # Should the tests as a whole hang: they end after so many seconds (none: make test LIMIT=0).
 LIMIT := 3600
+# How long the campaign may take, all parts together.
+MINUTES := 60
 ENDING := $(if $(shell command -v timeout),timeout --foreground --kill-after=60 $(LIMIT))
 # One more than there are cores, as some tests wait for other programs.
 WORKERS := $(shell expr $$(getconf _NPROCESSORS_ONLN) + 1)
 PAGE := src/hypermap/viewer/page/app.js
 
-.PHONY: demo test bench docs ros1 chromium pictures lint types tests coverage core-tests package platforms lowest newest format lock clean help
+.PHONY: demo test bench campaign docs ros1 chromium pictures lint types tests coverage core-tests package platforms lowest newest sbom audit format lock clean help
 
 help:  ## list what can be made
 	@grep -hE '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -66,6 +68,13 @@ lowest: $(VENV)/.dev  ## tests with the lowest versions that are promised: some 
 newest: $(VENV)/.dev  ## tests with the newest versions that pip finds: some minutes
 	scripts/check_versions.sh newest
 
+sbom: $(VENV)/.dev  ## what an install brings, as CycloneDX: dist/hypermap.cdx.json
+	mkdir -p dist
+	$(BIN)/python scripts/sbom.py requirements/hypermap.txt dist/hypermap.cdx.json
+
+audit: .venv-audit$(VERSION)/.audit  ## whether packages that an install brings have known vulnerabilities
+	.venv-audit$(VERSION)/bin/python scripts/audit.py requirements/hypermap.txt
+
 docs: $(VENV)/.docs  ## build the documentation as a site, build/site/index.html: every link checked, notebooks run
 	$(BIN)/mkdocs build
 
@@ -73,6 +82,11 @@ bench: $(VENV)/.bench  ## ours and its peers, measured side by side: 18 minutes
 	scripts/peers.sh
 	$(BIN)/hypermap bench --times benchmarks/races.json --markdown benchmarks/races.md \
 	  --plots docs/images
+
+campaign: $(VENV)/.dev $(PAGE)  ## faults, hostile input and long runs: an hour (MINUTES=10), PARTS="kill fuzz"
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements/campaign.txt || \
+	  echo "without atheris, fuzzing draws its input at random"
+	$(BIN)/python -m campaign $(PARTS) --minutes $(MINUTES)
 
 format: $(VENV)/.dev  ## format the code
 	$(BIN)/ruff check --fix .
@@ -106,4 +120,8 @@ $(VENV)/.bench: requirements/hypermap.txt requirements/bench.txt pyproject.toml 
 
 .venv-core$(VERSION)/.core: requirements/core.txt scripts/venv.sh
 	VENV=.venv-core$(VERSION) scripts/venv.sh requirements/core.txt
+	touch $@
+
+.venv-audit$(VERSION)/.audit: requirements/audit.txt scripts/venv.sh
+	VENV=.venv-audit$(VERSION) scripts/venv.sh requirements/audit.txt
 	touch $@

@@ -15,7 +15,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 
-from hypermap.experiments.drives import Drive, map_drives
+from hypermap.experiments.drives import SimulatedDrive, map_drives
 from hypermap.experiments.results import WorldResult
 from hypermap.mapping.config import MappingConfig, profile
 from hypermap.mapping.stages import EvidenceConfig
@@ -92,7 +92,7 @@ def main() -> None:
         world = built_in_world(name)
         for kind, errors in budget().items():
             methods = variants() if kind == "all errors" else {"default": profile("default")}
-            drives = [Drive(world, seed, errors, RATE) for seed in seeds]
+            drives = [SimulatedDrive(world, seed, errors, RATE) for seed in seeds]
             result = WorldResult.of(list(map_drives(drives, methods, arguments.jobs)))
             for method in methods:
                 show(name, method if kind == "all errors" else kind, result, method)

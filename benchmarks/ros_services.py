@@ -109,8 +109,8 @@ def make_map(cells: int, objects: int, rng: np.random.Generator) -> Hypermap:
     values = rng.choice(np.array([-1, 0, 0, 100], dtype=np.int8), grid.shape)
     layers: list[Any] = [OccupancyLayer("occupancy", "map", grid, values)]
     for name, count in (("few", FEW), ("many", objects)):
-        centres = rng.uniform(0, cells * RESOLUTION, (count, 2))
-        boxes = shapely.box(*(centres - 0.25).T, *(centres + 0.25).T)
+        centers = rng.uniform(0, cells * RESOLUTION, (count, 2))
+        boxes = shapely.box(*(centers - 0.25).T, *(centers + 0.25).T)
         layers.append(
             SemanticLayer(
                 name,

@@ -1,11 +1,16 @@
 """The build backend of pip and build: setuptools', with the page of `hypermap view` built first.
 
 A wheel or a source archive without the page cannot be made. An editable install needs no page, so
-that it stays quick: `make page` builds it.
+that it stays quick: `make page` builds it. The same sources give the same wheel, byte by byte.
 """
 
 from __future__ import annotations
 
+import os
+import re
+import stat
+import zipfile
+from pathlib import Path
 from typing import Any
 
 from build_page import PIN, NoNode, PageError, build, find_npm, is_current
@@ -30,6 +35,10 @@ __all__ = [
 
 Settings = Any
 
+# When a wheel's files were changed, for those who do not say it by SOURCE_DATE_EPOCH: the first
+# moment that a ZIP archive can name.
+_EPOCH = "315532800"
+
 
 def get_requires_for_build_wheel(config_settings: Settings = None) -> list[str]:
     """Return what has to be installed to build a wheel."""
@@ -44,7 +53,10 @@ def get_requires_for_build_sdist(config_settings: Settings = None) -> list[str]:
 def build_wheel(folder: str, config_settings: Settings = None, metadata: str | None = None) -> str:
     """Build the page and a wheel with it, and return the wheel's name."""
     _build_page()
-    return build_meta.build_wheel(folder, config_settings, metadata)
+    os.environ.setdefault("SOURCE_DATE_EPOCH", _EPOCH)
+    name = build_meta.build_wheel(folder, config_settings, metadata)
+    _give_usual_modes(Path(folder) / name)
+    return name
 
 
 def build_sdist(folder: str, config_settings: Settings = None) -> str:
@@ -60,7 +72,8 @@ def _node() -> list[str]:
     try:
         find_npm()
     except NoNode:
-        return [line for line in PIN.read_text().splitlines() if not line.startswith("#")]
+        # Without the hashes, which pip takes from files alone.
+        return re.findall(r"^[\w.-]+==[\w.]+", PIN.read_text(), re.MULTILINE)
     return []
 
 
@@ -75,3 +88,13 @@ def _build_page() -> None:
         ) from None
     except PageError as error:
         raise SystemExit(f"Hypermap cannot be packed: {error}.") from None
+
+
+def _give_usual_modes(wheel: Path) -> None:
+    """Let everyone read what is in a wheel, whatever the umask with which its sources came."""
+    with zipfile.ZipFile(wheel) as archive:
+        contents = [(member, archive.read(member)) for member in archive.infolist()]
+    with zipfile.ZipFile(wheel, "w") as archive:
+        for member, content in contents:
+            member.external_attr = (stat.S_IFREG | 0o644) << 16
+            archive.writestr(member, content, zipfile.ZIP_DEFLATED)

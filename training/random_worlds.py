@@ -24,7 +24,7 @@ HUNG = ("panel",)
 _OWN_COLOR = 0.35  # share of things in their model's own color
 _CROOKED = 0.25  # share of things that fill a crooked quadrilateral
 _TRIES = 4  # to find a place for a thing
-_CAMERA_MARGIN = 0.25  # metres between the camera and what stands around
+_CAMERA_MARGIN = 0.25  # meters between the camera and what stands around
 
 
 class RandomWorld:
@@ -64,7 +64,7 @@ class RandomWorld:
             place = rng.uniform([0.3, 0.3], self._room - 0.3)
             if around.distance(shapely.Point(place)) > _CAMERA_MARGIN:
                 break
-        if self._things and rng.random() < 0.8:  # towards a thing
+        if self._things and rng.random() < 0.8:  # toward a thing
             x, y = self._things[rng.integers(len(self._things))].place
             yaw = math.atan2(y - place[1], x - place[0]) + rng.normal(0, 0.3)
         else:
@@ -185,7 +185,7 @@ class RandomWorld:
     ) -> bool:
         """Add a thing if its place is free; return whether it was.
 
-        What stands on something is kept apart from its neighbours there alone.
+        What stands on something is kept apart from its neighbors there alone.
         """
         rng = self._rng
         size = self._size(model) if size is None else size

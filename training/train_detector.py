@@ -24,7 +24,7 @@ from loss import detection_loss
 from network import INPUT_SIZE, Exported, Network
 from torch import Tensor, distributed, multiprocessing
 
-from hypermap.perception.detectors.placement import BORDER, centred
+from hypermap.perception.detectors.placement import BORDER, centered
 from hypermap.simulation.network import CLASSES
 
 IMAGE_SIZE = (320, 240)
@@ -59,7 +59,7 @@ class Images:
             Images, shape (B, 3, 256, 320); boxes, shape (B, M, 4); classes, shape (B, M).
         """
         count = max(1, *(len(self.boxes[i]) for i in chosen))
-        placement = centred(IMAGE_SIZE, INPUT_SIZE)
+        placement = centered(IMAGE_SIZE, INPUT_SIZE)
         images = np.full((len(chosen), INPUT_SIZE[1], INPUT_SIZE[0], 3), BORDER / 255, np.float32)
         boxes = np.zeros((len(chosen), count, 4), np.float32)
         classes = np.full((len(chosen), count), -1)

@@ -1,7 +1,7 @@
 """What Open3D can do of one frame's perception: normals, and clusters of points.
 
 Open3D's normals on a real frame are not the right ones, and neither are ours: a camera's noise
-turns them by degrees, and other ones with other neighbours. So a made-up frame with such noise says
+turns them by degrees, and other ones with other neighbors. So a made-up frame with such noise says
 whose are nearer to the true ones. Its clusters look at distances alone; so do our regions where
 normals may differ by a right angle.
 """
@@ -27,7 +27,7 @@ from suite.scenes import ORGANISED, SIZES, Scene, load_scenes, pixel_iou
 
 NEIGHBORS = 50  # of a normal, as in PCL
 BY_DISTANCE = replace(ORGANISED, smoothness_deg=90.0)
-# Our distance is that of a point's nearest neighbours. This one is about as large at 320 x 240 in
+# Our distance is that of a point's nearest neighbors. This one is about as large at 320 x 240 in
 # the room of the frames; the denser clouds of 640 x 480 hang together otherwise.
 CLUSTERED, DISTANCE = 240, 0.03  # the height of the frames [pixels], and the distance there [m]
 SAME_CLUSTERS = 0.97  # least mean IoU of the largest clusters
@@ -86,7 +86,7 @@ def _normals(o3d: Any, scene: Scene, settings: Settings) -> Race:
 def noisy_desk(camera: Camera) -> tuple[RgbdFrame, NDArray[np.float64]]:
     """Return a frame of a desk, a wall, a slanted board and three balls, and its true normals.
 
-    The noise is a Kinect's, in disparity and quantised there, and one pixel of a hundred is lost.
+    The noise is a Kinect's, in disparity and quantized there, and one pixel of a hundred is lost.
     """
     rng = np.random.default_rng(0)
     rows, columns = np.mgrid[: camera.height, : camera.width]
@@ -121,7 +121,7 @@ def noisy_desk(camera: Camera) -> tuple[RgbdFrame, NDArray[np.float64]]:
 
 def all_normals(frame: RgbdFrame, valid: NDArray[np.bool_]) -> NDArray[np.float64]:
     """Return the normals of all points of a frame, shape (N, 3)."""
-    planes = planes_of(rows_of(frame), valid, 0, 0, *valid.shape)
+    planes = planes_of(rows_of(frame.depth, frame.camera.K, frame.cloud), valid, 0, 0, *valid.shape)
     K = frame.camera.K
     normals, *_ = fit_planes(planes, np.pad(valid, MARGIN), NEIGHBORS, (K[0, 0], K[1, 1]))
     inner = normals[:, MARGIN:-MARGIN, MARGIN:-MARGIN]

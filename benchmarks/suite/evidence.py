@@ -21,7 +21,7 @@ from suite.plain_evidence import PlainEvidenceMap
 from suite.race import Disagreement, Figure, Growth, Race, Row, Settings, each_of, seconds_of
 
 _SEED = 7
-_SAME = 1e-9  # square metres by which two shapes may differ
+_SAME = 1e-9  # square meters by which two shapes may differ
 _HELD = "memory: the evidence map, pickled"
 
 

@@ -1,8 +1,8 @@
 """Questions to grids: which cells an area covers, and where a value occurs.
 
-A cell belongs to an area if the area covers its centre. rasterio, shapely and scikit-image are
+A cell belongs to an area if the area covers its center. rasterio, shapely and scikit-image are
 asked for the same mask, of the part of the grid around the area, which is all that we return; the
-areas' corners lie on no cell's centre, where their rules would differ.
+areas' corners lie on no cell's center, where their rules would differ.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from suite.race import (
     seconds_of,
 )
 
-SIDE, RESOLUTION = 2000, 0.05  # cells, metres
+SIDE, RESOLUTION = 2000, 0.05  # cells, meters
 LIKE_RASTERIO, LIKE_SHAPELY = 3.0, 100.0  # the ratios asked
 CELLS = 100_000_000
 GIGABYTE = 1e9
@@ -56,7 +56,7 @@ def rows(settings: Settings) -> Iterator[Row]:
 
 
 def shapes() -> dict[str, BaseGeometry]:
-    """Return areas over a grid of 100 m x 100 m, whose corners lie on no centre of a cell."""
+    """Return areas over a grid of 100 m x 100 m, whose corners lie on no center of a cell."""
     turns = np.arange(40) * np.pi / 20
     radii = np.where(np.arange(40) % 2, 45.0, 20.0)
     star = np.column_stack([50.013 + radii * np.cos(turns), 50.017 + radii * np.sin(turns)])

@@ -12,15 +12,15 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from hypermap.perception.depth_view import DepthView
 from hypermap.perception.frame import Camera
 from hypermap.perception.observation import Observation, ObservedObject
-from hypermap.perception.view import View
 
 CLASSES, PER_FRAME = 20, 5
 CORNERS = 12  # of a thing's outline
-_SPACING = 1.43  # metres from one thing to the next
+_SPACING = 1.43  # meters from one thing to the next
 _HEIGHT = 0.8  # of the things [m]
-_CAMERA_HEIGHT = 1.2  # metres
+_CAMERA_HEIGHT = 1.2  # meters
 _DRIFT = 0.03  # by which a footprint is off [m]
 _MAX_RANGE = 5.0  # of the observed area [m]
 _SENSOR_RANGE = 6.0  # rays that would end farther away have no return [m]
@@ -113,11 +113,11 @@ class Hall:
             map_T_camera=map_T_camera,
             objects=tuple(self._found(thing) for thing in look.things),
             visible_area=shapely.convex_hull(shapely.linestrings(points)),
-            view=View(_CAMERA, map_T_camera, reach, _MAX_RANGE),
+            view=DepthView(_CAMERA, map_T_camera, reach, _MAX_RANGE),
         )
 
     def _pose_before(self, place: NDArray[np.float64]) -> _Pose:
-        """Return a free place some two metres before a thing, looking at it."""
+        """Return a free place some two meters before a thing, looking at it."""
         while True:
             yaw = self._rng.uniform(-np.pi, np.pi)
             forward = np.array([np.cos(yaw), np.sin(yaw)])

@@ -15,16 +15,15 @@ from hypermap.mapping.evidence import EvidenceMap
 from hypermap.mapping.keyframes import KeyframeSelector
 from hypermap.mapping.mapper import Mapper
 from hypermap.mapping.occupancy import OccupancyMapper
-from hypermap.perception.detections import DetectionSource
 from hypermap.perception.detectors.sources import detections_from_file
-from hypermap.perception.frame import RgbdFrame
+from hypermap.perception.frame import DetectionSource, RgbdFrame
 from hypermap.perception.observe import observe
 from hypermap.perception.recording import Recording
 from hypermap.recordings import RecordingOptions, open_recording
 from suite.race import Disagreement, Figure, Growth, Row, Settings, each_of
 
 _SIZES = (10, 32, 100, 316, 1000)  # frames, for the growth
-_THESIS_FRAMES = 3  # its search for neighbours takes seconds per frame
+_THESIS_FRAMES = 3  # its search for neighbors takes seconds per frame
 _STEPS = ("reading", "perception", "occupancy", "evidence")
 
 

@@ -15,8 +15,8 @@ from hypermap.core.objects import ObjectTable
 from hypermap.core.semantic import SemanticLayer
 
 CLASSES, CORNERS = 50, 8
-SPACING = 1.5  # metres; as many times the number of objects' root, the floor is wide
-AREA_SIDES = (1.0, 10.0, 0.25, 1.0)  # metres of the first two, parts of the floor of the others
+SPACING = 1.5  # meters; as many times the number of objects' root, the floor is wide
+AREA_SIDES = (1.0, 10.0, 0.25, 1.0)  # meters of the first two, parts of the floor of the others
 
 
 # The number of an object, its new shape, and the centroid of that.

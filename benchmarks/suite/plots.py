@@ -175,7 +175,7 @@ def _spread(wanted: NDArray[np.float64], least: float) -> NDArray[np.float64]:
     """Return heights in the same order that keep a distance and lie near the wanted ones."""
     order = np.argsort(wanted, kind="stable")
     steps = np.arange(len(wanted)) * least
-    rest = wanted[order] - steps  # may not descend any more: neighbours that do share their mean
+    rest = wanted[order] - steps  # may not descend any more: neighbors that do share their mean
     blocks: list[list[float]] = []
     for value in rest:
         blocks.append([value])

@@ -25,7 +25,7 @@ class Scene:
 
     Attributes:
         key: its name in the recorded answers.
-        depth: metres, shape (H, W).
+        depth: meters, shape (H, W).
         camera: intrinsics.
         map_T_camera: pose, shape (4, 4).
         boxes: xmin, ymin, xmax, ymax, int32, shape (N, 4).

@@ -1,7 +1,7 @@
 /** Answers as elements: what is at a place, in an area, under a name, and of one object. */
 
 import { complain, el, icon, saveFile } from "./dom";
-import { count, metres, plural, squareMetres, stamp, trim } from "./format";
+import { count, meters, plural, squareMeters, stamp, trim } from "./format";
 import { swatch } from "./layers";
 import type {
   AreaAnswer,
@@ -12,7 +12,7 @@ import type {
   MapInfo,
   ObjectAt,
   PointAnswer,
-  Wanted,
+  ObjectQuery,
 } from "./source";
 import type { Column } from "./sorting";
 import { table } from "./table";
@@ -51,7 +51,7 @@ export function pointContent(
         labelled(info, layer, name),
         el("span", {
           class: "quiet",
-          text: [`id ${id}`, area === undefined ? "" : squareMetres(area)]
+          text: [`id ${id}`, area === undefined ? "" : squareMeters(area)]
             .filter(Boolean)
             .join(" · "),
         }),
@@ -103,9 +103,9 @@ export function areaContent(
     { title: "Name", key: (row) => row.name, text: (row) => labelled(info, row.layer, row.name) },
     { title: "Id", key: (row) => row.id, numeric: true },
     new Set(rows.map((row) => row.layer)).size > 1 && { title: "Layer", key: (row) => row.layer },
-    { title: "Area", key: (row) => row.area, text: (row) => squareMetres(row.area), numeric: true },
-    { title: "x", key: (row) => row.x, text: (row) => metres(row.x), numeric: true },
-    { title: "y", key: (row) => row.y, text: (row) => metres(row.y), numeric: true },
+    { title: "Area", key: (row) => row.area, text: (row) => squareMeters(row.area), numeric: true },
+    { title: "x", key: (row) => row.x, text: (row) => meters(row.x), numeric: true },
+    { title: "y", key: (row) => row.y, text: (row) => meters(row.y), numeric: true },
     has("existence") && {
       title: "Existence",
       key: (row) => row.existence,
@@ -181,7 +181,7 @@ function cellCounts({ cells }: AreaAnswer, info: MapInfo): HTMLElement {
           labelled(info, layer, label || "Nothing"),
           el("span", {
             class: "quiet",
-            text: `${about ? "about " : ""}${count(n)} · ${squareMetres(area)}`,
+            text: `${about ? "about " : ""}${count(n)} · ${squareMeters(area)}`,
           }),
         );
       }),
@@ -216,7 +216,7 @@ export function findContent(
         labelled(info, found.layer, found.name),
         el("span", {
           class: "quiet",
-          text: [several ? found.layer : "", `${metres(found.distance)} m`]
+          text: [several ? found.layer : "", `${meters(found.distance)} m`]
             .filter(Boolean)
             .join(" · "),
         }),
@@ -280,7 +280,7 @@ function commonest(info: MapInfo): string[] {
 }
 
 /** A question in words: "cup within 1 m of table, inside kitchen". */
-export function wantedInWords({ name, near, within, inside, ring }: Wanted): string {
+export function wantedInWords({ name, near, within, inside, ring }: ObjectQuery): string {
   const named = typeof near === "string" ? near : null;
   const parts = [
     within !== null

@@ -11,7 +11,7 @@ import {
 import { complain, el } from "./dom";
 import { BehindSection } from "./evidence";
 import { objectFacts } from "./facts";
-import { metres, plural, rounded } from "./format";
+import { meters, plural, rounded } from "./format";
 import { fromBase } from "./frames";
 import type { MapView } from "./mapview";
 import type { Panel } from "./panel";
@@ -23,7 +23,7 @@ import type {
   ObjectDetails,
   Point,
   Ring,
-  Wanted,
+  ObjectQuery,
 } from "./source";
 
 const MOST_FOUND = 100;
@@ -35,7 +35,7 @@ export interface Context {
 }
 
 /** What someone looks for; without a name to be near to, it is measured from the marked place. */
-export type Sought = Omit<Wanted, "near"> & { near: string | null };
+export type Sought = Omit<ObjectQuery, "near"> & { near: string | null };
 
 export class Ask {
   /** The place asked last; names are sought from here. */
@@ -80,7 +80,7 @@ export class Ask {
           (layer, id) => this.object(layer, id),
           only && this.facts(only),
         ),
-        spelled: answer,
+        snippets: answer,
       });
       this.view.reveal(place);
     });
@@ -103,7 +103,7 @@ export class Ask {
           (layer, id) => this.object(layer, id, true),
           (kind) => this.source.download(kind, asked, frame.frame_id),
         ),
-        spelled: answer,
+        snippets: answer,
       });
     });
   }
@@ -115,7 +115,7 @@ export class Ask {
     const ring = sought.ring?.map(rounded) ?? null;
     // As it is now: whoever comes back to the matches finds them in the same order.
     const near = sought.near ?? rounded(place ?? this.view.center);
-    const wanted: Wanted = { ...sought, near, ring };
+    const wanted: ObjectQuery = { ...sought, near, ring };
     this.run(async (isCurrent) => {
       const answer = await this.source.find(wanted, MOST_FOUND);
       const { rows, name, inside } = answer;
@@ -141,7 +141,7 @@ export class Ask {
             only ? this.facts(only) : [],
           ),
         ],
-        spelled: answer,
+        snippets: answer,
       });
       if (isNew) this.view.showAny(places);
       if (isNew && focus) this.panel.focus();
@@ -248,4 +248,4 @@ function backButton(onclick: () => void): HTMLElement {
   return el("button", { type: "button", class: "button small", text: "Back", data, onclick });
 }
 
-const where = ([x, y]: Point): string => `${metres(x)}, ${metres(y)}`;
+const where = ([x, y]: Point): string => `${meters(x)}, ${meters(y)}`;

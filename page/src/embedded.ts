@@ -4,7 +4,7 @@ import { findObjects } from "./finding";
 import { csv, geojson } from "./format";
 import { toBase } from "./frames";
 import { extentOf, holds, meet, overlap, wkt } from "./geometry";
-import { spellArea, spellAt, spellEvidence, spellFind } from "./questions";
+import { snippetsInArea, snippetsAt, snippetsForEvidence, snippetsForSearch } from "./snippets";
 import { Raster } from "./raster";
 import {
   Refused,
@@ -25,7 +25,7 @@ import {
   type PointAnswer,
   type Ring,
   type Shapes,
-  type Wanted,
+  type ObjectQuery,
 } from "./source";
 
 export class EmbeddedSource implements DataSource {
@@ -83,10 +83,10 @@ export class EmbeddedSource implements DataSource {
       point,
       frame,
       layers,
-      ...spellAt(
+      ...snippetsAt(
         this.blob.map.name,
         asked,
-        this.spelled(frame),
+        this.snippets(frame),
         layers.map(({ name }) => name),
       ),
     };
@@ -103,7 +103,7 @@ export class EmbeddedSource implements DataSource {
         cells.push({ layer: name, label, count, about: raster.isReduced });
       }
     }
-    return { rows, cells, ...spellArea(this.blob.map.name, asked, this.spelled(frame)) };
+    return { rows, cells, ...snippetsInArea(this.blob.map.name, asked, this.snippets(frame)) };
   }
 
   async download(kind: Download, asked: Ring, frame: string): Promise<Blob> {
@@ -113,13 +113,13 @@ export class EmbeddedSource implements DataSource {
     return new Blob([geojson(rows)], { type: "application/geo+json" });
   }
 
-  async find(wanted: Wanted, limit: number): Promise<FindAnswer> {
+  async find(wanted: ObjectQuery, limit: number): Promise<FindAnswer> {
     const { rows, ...understood } = findObjects(this.blob.shapes, wanted);
     return {
       ...understood,
       rows: rows.slice(0, limit),
       total: rows.length,
-      ...spellFind(this.blob.map.name, { ...wanted, ...understood }),
+      ...snippetsForSearch(this.blob.map.name, { ...wanted, ...understood }),
     };
   }
 
@@ -144,7 +144,7 @@ export class EmbeddedSource implements DataSource {
   async evidence(layer: string, id: number): Promise<Evidence> {
     const known = this.blob.evidence?.[layer]?.[id];
     const object = await this.object(layer, id);
-    if (known) return { ...known, ...spellEvidence(this.blob.map.name, layer, id) };
+    if (known) return { ...known, ...snippetsForEvidence(this.blob.map.name, layer, id) };
     return {
       first_seen: numberOf(object.attributes["first_seen"]),
       last_seen: numberOf(object.attributes["last_seen"]),
@@ -171,7 +171,7 @@ export class EmbeddedSource implements DataSource {
     return frame;
   }
 
-  private spelled(frame: string): string | null {
+  private snippets(frame: string): string | null {
     return frame === this.blob.map.base_frame ? null : frame;
   }
 

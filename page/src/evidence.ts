@@ -3,11 +3,11 @@
 
 import { complain, el, icon, iconButton } from "./dom";
 import { lookOf } from "./evidencelooks";
-import { clock, metres, squareMetres } from "./format";
+import { clock, meters, squareMeters } from "./format";
 import { extentOf } from "./geometry";
 import type { MapView } from "./mapview";
 import { cameraSample, lineSample, looksSample } from "./samples";
-import { spelledContent } from "./panel";
+import { snippetsContent } from "./panel";
 import type { DataSource, Evidence, Extent, ObjectDetails } from "./source";
 import { timeline } from "./timeline";
 import { often } from "./words";
@@ -75,7 +75,7 @@ export class BehindSection {
       el("p", { class: "quiet", text: summary(evidence) }),
       this.looks(evidence, draw),
       this.legend(evidence, object, draw),
-      ...(python && command ? [spelledContent({ python, command })] : []),
+      ...(python && command ? [snippetsContent({ python, command })] : []),
     );
     draw();
     body.parentElement?.scrollIntoView({ block: "start" });
@@ -155,9 +155,9 @@ export class BehindSection {
       el(
         "ul",
         { class: "outlines" },
-        line("in_map", squareMetres(object.area), ""),
+        line("in_map", squareMeters(object.area), ""),
         ...evidence.fused.map(({ method, area, jaccard }) =>
-          line(method, squareMetres(area), alike(jaccard)),
+          line(method, squareMeters(area), alike(jaccard)),
         ),
       ),
       el("p", { class: "quiet", text: explained(evidence) }),
@@ -199,7 +199,7 @@ function factsOf({ observations, start = 0 }: Evidence, i: number | null): (Node
     el("strong", { text: `Observation ${i + 1} of ${count}` }),
     ` at ${clock(stamp - start)}`,
     el("br"),
-    `score ${score.toFixed(2)}, from ${metres(distance, 0.1)} m away, ${squareMetres(area)}`,
+    `score ${score.toFixed(2)}, from ${meters(distance, 0.1)} m away, ${squareMeters(area)}`,
   ];
 }
 

@@ -1,7 +1,7 @@
 /** What is known of one object, in words and units. */
 
 import { el } from "./dom";
-import { metres, squareMetres, trim } from "./format";
+import { meters, squareMeters, trim } from "./format";
 import { fromBase } from "./frames";
 import type { Frame, ObjectDetails } from "./source";
 import { existenceInWords, seenInWords, whenInWords } from "./words";
@@ -13,7 +13,7 @@ const TOLD = ["evidence", "z_min", "z_max", "existence", "first_seen", "last_see
 
 export function objectFacts(object: ObjectDetails, frame: Frame, now = new Date()): HTMLElement {
   const { area, at, tags, attributes } = object;
-  const [x, y] = fromBase(frame, at).map((value) => metres(value));
+  const [x, y] = fromBase(frame, at).map((value) => meters(value));
   // A page of one file has them all as attributes.
   const number = (key: keyof ObjectDetails) => numberOf(object[key] ?? attributes[key]);
   const [existence, first, last] = [number("existence"), number("first_seen"), number("last_seen")];
@@ -25,9 +25,9 @@ export function objectFacts(object: ObjectDetails, frame: Frame, now = new Date(
       : ["Certainty", existenceInWords(existence), `log-odds ${trim(existence.toFixed(2))}`],
     seen === null ? null : ["Seen", seen],
     first === null || first === last ? null : ["First seen", whenInWords(first, now)],
-    ["Area", squareMetres(area)],
+    ["Area", squareMeters(area)],
     ["Middle", `x ${x}, y ${y} m in ${frame.frame_id}`],
-    low === null || high === null ? null : ["Height", `${metres(low)} to ${metres(high)} m`],
+    low === null || high === null ? null : ["Height", `${meters(low)} to ${meters(high)} m`],
     tags.length
       ? ["Tags", tags.map((tag, i) => tagInWords(tag, sureness(object)[i])).join(", ")]
       : null,

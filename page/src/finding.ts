@@ -2,11 +2,11 @@
 
 import { distance, gap, holds, meet } from "./geometry";
 import { namesLike } from "./names";
-import type { EmbeddedShape, FindAnswer, FoundRow, Point, Wanted } from "./source";
+import type { EmbeddedShape, FindAnswer, FoundRow, Point, ObjectQuery } from "./source";
 
 type Found = Pick<FindAnswer, "name" | "near" | "inside" | "rows" | "unknown">;
 
-export function findObjects(shapes: Record<string, EmbeddedShape[]>, wanted: Wanted): Found {
+export function findObjects(shapes: Record<string, EmbeddedShape[]>, wanted: ObjectQuery): Found {
   const all = Object.entries(shapes).flatMap(([layer, own]) =>
     own.map((shape) => ({ layer, shape })),
   );

@@ -10,20 +10,20 @@ export const count = (n: number): string => COUNT.format(n);
 export const plural = (n: number, one: string, many = one + "s"): string =>
   `${count(n)} ${n === 1 ? one : many}`;
 
-/** Metres with as many digits as a pixel of this size deserves. */
-export function metres(value: number, resolution = 0.01): string {
+/** Meters with as many digits as a pixel of this size deserves. */
+export function meters(value: number, resolution = 0.01): string {
   const digits = Math.min(4, Math.max(0, Math.ceil(-Math.log10(resolution))));
   const text = value.toFixed(digits);
   return Number(text) === 0 ? (0).toFixed(digits) : text.replace("-", "−");
 }
 
-export const squareMetres = (area: number): string =>
+export const squareMeters = (area: number): string =>
   area < 0.01 ? `${(area * 1e4).toPrecision(2)} cm²` : `${trim(area.toFixed(area < 1 ? 3 : 2))} m²`;
 
 export const trim = (text: string): string =>
   text.includes(".") ? text.replace(/0+$/, "").replace(/\.$/, "") : text;
 
-/** A place to a tenth of a millimetre: as exact as a pointer is, and short in a command. */
+/** A place to a tenth of a millimeter: as exact as a pointer is, and short in a command. */
 export const rounded = ([x, y]: Point): Point => [Number(x.toFixed(4)), Number(y.toFixed(4))];
 
 /** 1, 2 or 5 times a power of ten: the largest such number that is not above `most`. */

@@ -1,4 +1,4 @@
-/** Lines every so many metres of the chosen frame, with their coordinates at the map's edge. */
+/** Lines every so many meters of the chosen frame, with their coordinates at the map's edge. */
 
 import Layer from "ol/layer/Layer.js";
 import type { FrameState } from "ol/Map.js";

@@ -38,7 +38,7 @@ export interface ShownLayer {
   shapes?: ShapesLayer;
 }
 
-/** Metres per pixel: from a tenth of a millimetre to a city. */
+/** Meters per pixel: from a tenth of a millimeter to a city. */
 const FINEST = 0.0001;
 const COARSEST = 100;
 /** How far from a panel a marked place should lie [pixels]. */
@@ -47,7 +47,7 @@ const EDGE = 30;
 const SEEN_WELL = 0.25;
 /** Around a part that is looked at, in its own sizes. */
 const MARGIN = 0.5;
-/** Close enough to see what a place is [metres per pixel]. */
+/** Close enough to see what a place is [meters per pixel]. */
 const CLOSE = 0.01;
 /** Shapes are asked for at most so often while the map moves [ms]. */
 const PAUSE = 150;
@@ -58,7 +58,7 @@ export class MapView {
   readonly grid: GridLines;
   private readonly evidence: EvidenceLayer;
   readonly frames = new FramesLayer();
-  private readonly projection = new Projection({ code: "metres", units: "m", global: false });
+  private readonly projection = new Projection({ code: "meters", units: "m", global: false });
   private readonly marks = {
     area: marksLayer(80),
     chosen: marksLayer(81),

@@ -6,7 +6,7 @@ import { placeLabels, type Box, type Side } from "./labels";
 import type { Extent } from "./source";
 
 export interface Naming {
-  /** Those that are named at so many metres per pixel. */
+  /** Those that are named at so many meters per pixel. */
   features: (resolution: number) => Feature[];
   /** Of a feature's name [pixels]. */
   sizeOf: (feature: Feature) => [number, number];

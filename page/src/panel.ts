@@ -1,18 +1,18 @@
 /** The panel at the side: one answer at a time, and how a program asks the same. */
 
 import { byId, copyText, el, icon, iconButton } from "./dom";
-import type { Spelled } from "./source";
+import type { Snippets } from "./source";
 
 export interface Answer {
   title: string;
   /** One line that is also read out. */
   summary: string;
   content: (Node | null)[];
-  spelled?: Spelled;
+  snippets?: Snippets;
 }
 
 /** The language that was chosen last. */
-let chosenLanguage: keyof Spelled = "python";
+let chosenLanguage: keyof Snippets = "python";
 
 export class Panel {
   private readonly element = byId("panel");
@@ -29,7 +29,7 @@ export class Panel {
     return !this.element.hidden;
   }
 
-  show({ title, summary, content, spelled }: Answer): void {
+  show({ title, summary, content, snippets }: Answer): void {
     const hadFocus = this.element.contains(document.activeElement);
     this.rememberHit();
     this.element.replaceChildren(
@@ -48,7 +48,7 @@ export class Panel {
         "div",
         { class: "panel-scroll" },
         ...content.filter((node) => node !== null),
-        spelled ? spelledContent(spelled) : null,
+        snippets ? snippetsContent(snippets) : null,
       ),
     );
     const wasClosed = this.element.hidden;
@@ -82,9 +82,9 @@ export class Panel {
 const keyOf = ({ dataset }: HTMLElement): string => `${dataset["layer"]} ${dataset["id"]}`;
 
 /** How a program asks the same. */
-export function spelledContent(spelled: Spelled): HTMLElement {
+export function snippetsContent(snippets: Snippets): HTMLElement {
   const code = el("code");
-  const names: [keyof Spelled, string][] = [
+  const names: [keyof Snippets, string][] = [
     ["python", "Python"],
     ["command", "Command line"],
   ];
@@ -99,9 +99,9 @@ export function spelledContent(spelled: Spelled): HTMLElement {
   );
   const copy = el("button", { type: "button", class: "button small" }, icon("copy"), " Copy");
   copy.onclick = () => void copyText(code.textContent ?? "", copy);
-  const show = (language: keyof Spelled) => {
+  const show = (language: keyof Snippets) => {
     chosenLanguage = language;
-    code.textContent = spelled[language];
+    code.textContent = snippets[language];
     code.className = language;
     for (const tab of tabs) {
       tab.setAttribute("aria-selected", String(tab.dataset["language"] === language));
@@ -116,7 +116,7 @@ export function spelledContent(spelled: Spelled): HTMLElement {
   block.tabIndex = 0;
   return el(
     "section",
-    { class: "spelled" },
+    { class: "snippets" },
     el("h3", { text: "Ask the same from a program" }),
     el("div", { class: "tabs" }, el("div", { class: "tab-list", role: "tablist" }, ...tabs), copy),
     block,

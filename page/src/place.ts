@@ -4,7 +4,7 @@ import type { Point } from "./source";
 
 export interface Place {
   center: Point;
-  /** Metres per pixel. */
+  /** Meters per pixel. */
   resolution: number;
   frame: string | null;
   /** Names of the layers that are switched off. */

@@ -67,7 +67,7 @@ export class Raster {
     return this.reducedBy > 1;
   }
 
-  /** How many of the layer's cells with their centre in a ring have each label. */
+  /** How many of the layer's cells with their center in a ring have each label. */
   countsIn(ring: Ring): Map<string, number> {
     const counts = new Map<string, number>();
     const { width, height } = this.grid;
@@ -92,7 +92,7 @@ export class Raster {
     return [cos * (x - x0) + sin * (y - y0), cos * (y - y0) - sin * (x - x0)];
   }
 
-  /** The color of a cell: that of the pixel over its centre, also where the grid is turned. */
+  /** The color of a cell: that of the pixel over its center, also where the grid is turned. */
   private colorOf(column: number, row: number): string {
     const { x: x0, y: y0, yaw, resolution, width, height } = this.grid;
     if (column < 0 || row < 0 || column >= width || row >= height) return "";

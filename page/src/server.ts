@@ -18,7 +18,7 @@ import {
   type Ring,
   type SaveRequest,
   type Shapes,
-  type Wanted,
+  type ObjectQuery,
 } from "./source";
 
 type Values = Record<string, string | number | string[] | undefined>;
@@ -78,7 +78,7 @@ export class ServerSource implements DataSource, Editing {
     return (await ask(address(`/api/area.${kind}`, values), {})).blob();
   }
 
-  find({ name, near, within, inside, ring }: Wanted, limit: number): Promise<FindAnswer> {
+  find({ name, near, within, inside, ring }: ObjectQuery, limit: number): Promise<FindAnswer> {
     return this.get("/api/find", {
       name: name ?? undefined,
       near: typeof near === "string" ? near : near.join(","),

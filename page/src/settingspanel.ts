@@ -31,7 +31,7 @@ export function settingsPanel(settings: Settings, changed: () => void): void {
   byId("settings").replaceChildren(
     toggle("labels", "Names of objects"),
     el("label", { class: "slider" }, el("span", { text: "Size" }), size, say),
-    toggle("grid", "Grid lines in metres"),
+    toggle("grid", "Grid lines in meters"),
     toggle("frames", "Frames"),
   );
 }

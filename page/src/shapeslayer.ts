@@ -55,7 +55,7 @@ export class ShapesLayer {
   ) {
     // Drawn once as a picture, which moves with the map: many shapes anew for each frame stutter.
     this.layer = new VectorImageLayer({
-      // Neighbours of one look may be drawn in one stroke.
+      // Neighbors of one look may be drawn in one stroke.
       source: new VectorSource({ overlaps: false }),
       declutter: true,
       imageRatio: PICTURE,

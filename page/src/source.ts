@@ -1,6 +1,6 @@
 /** What the page knows of a map, and the questions that it can ask: the joint with the server. */
 
-/** Metres, in the base frame unless said. */
+/** Meters, in the base frame unless said. */
 export type Point = [number, number];
 export type Ring = Point[];
 /** The outer ring, then the holes. */
@@ -34,7 +34,7 @@ export interface LayerInfo {
   kind: "raster" | "shapes" | "none";
   count: number;
   extent: Extent | null;
-  /** Metres per cell, of raster layers. */
+  /** Meters per cell, of raster layers. */
   resolution?: number;
   editable?: boolean;
   /** That of the last change of this layer. */
@@ -86,7 +86,7 @@ export interface Shapes {
 }
 
 /** The same question, as a program would ask it. */
-export interface Spelled {
+export interface Snippets {
   python: string;
   command: string;
 }
@@ -106,7 +106,7 @@ export interface LayerAnswer {
   objects: ObjectAt[];
 }
 
-export interface PointAnswer extends Spelled {
+export interface PointAnswer extends Snippets {
   /** In the base frame. */
   point: Point;
   frame: string;
@@ -126,7 +126,7 @@ export interface AreaRow {
   tags: string[];
 }
 
-export interface AreaAnswer extends Spelled {
+export interface AreaAnswer extends Snippets {
   rows: AreaRow[];
   /** How many rows there are, where not all are sent. */
   total?: number;
@@ -135,7 +135,7 @@ export interface AreaAnswer extends Spelled {
 }
 
 /** What is looked for: objects for which all of this is true. */
-export interface Wanted {
+export interface ObjectQuery {
   /** Null for any. */
   name: string | null;
   /** From what the distance is measured: a place, or the nearest other object of that name. */
@@ -158,7 +158,7 @@ export interface FoundRow {
 }
 
 /** `name`, `near` and `inside` are as they were understood. */
-export interface FindAnswer extends Spelled, Pick<Wanted, "name" | "near" | "inside"> {
+export interface FindAnswer extends Snippets, Pick<ObjectQuery, "name" | "near" | "inside"> {
   rows: FoundRow[];
   total: number;
   /** The asked names that no object has, each with those that are like it. */
@@ -189,7 +189,7 @@ export interface Seen {
   /** The detector's, 0 to 1. */
   score: number;
   polygons: Polygon[];
-  /** Square metres. */
+  /** Square meters. */
   area: number;
   camera: Point;
   /** Where the camera looked [rad]. */
@@ -210,7 +210,7 @@ export interface Fused {
 }
 
 /** What is behind an object. */
-export interface Evidence extends Partial<Spelled> {
+export interface Evidence extends Partial<Snippets> {
   first_seen: number | null;
   last_seen: number | null;
   /** How often it was seen; older observations may not be kept. */
@@ -275,7 +275,7 @@ export interface Questions {
     row: number,
     version: number,
   ): Promise<TileImage>;
-  /** What meets an extent, at so many metres per pixel; only these names, if any are given. */
+  /** What meets an extent, at so many meters per pixel; only these names, if any are given. */
   shapes(
     layer: string,
     extent: Extent,
@@ -287,7 +287,7 @@ export interface Questions {
   at(point: Point, frame: string): Promise<PointAnswer>;
   area(ring: Ring, frame: string): Promise<AreaAnswer>;
   download(kind: Download, ring: Ring, frame: string): Promise<Blob>;
-  find(wanted: Wanted, limit: number): Promise<FindAnswer>;
+  find(wanted: ObjectQuery, limit: number): Promise<FindAnswer>;
   object(layer: string, id: number): Promise<ObjectDetails>;
   evidence(layer: string, id: number): Promise<Evidence>;
 }
@@ -324,7 +324,7 @@ export interface EmbeddedRaster {
   /** Base64 of a PNG that lies straight in the base frame; its first row has the largest y. */
   png: string;
   bounds: Extent;
-  /** Metres per pixel. */
+  /** Meters per pixel. */
   resolution: number;
   /** The cells that are drawn: the pose of their corner in the base frame, their side, how many. */
   grid: { x: number; y: number; yaw: number; resolution: number; width: number; height: number };

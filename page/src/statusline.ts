@@ -1,7 +1,7 @@
 /** The foot of the map: axes, scale bar, coordinates under the pointer, and their frame. */
 
 import { byId, el } from "./dom";
-import { length, metres, niceLength } from "./format";
+import { length, meters, niceLength } from "./format";
 import { fromBase } from "./frames";
 import type { Frame, Point } from "./source";
 
@@ -39,9 +39,9 @@ export class StatusLine {
 
   setResolution(resolution: number): void {
     this.resolution = resolution;
-    const metresLong = niceLength(LONGEST * resolution);
-    byId("scale-text").textContent = length(metresLong);
-    byId("scale-bar").style.width = `${metresLong / resolution}px`;
+    const metersLong = niceLength(LONGEST * resolution);
+    byId("scale-text").textContent = length(metersLong);
+    byId("scale-bar").style.width = `${metersLong / resolution}px`;
     this.write();
   }
 
@@ -52,7 +52,7 @@ export class StatusLine {
       return;
     }
     const resolution = Math.min(0.1, this.resolution);
-    const [x, y] = fromBase(this.frame, this.pointer).map((v) => metres(v, resolution));
+    const [x, y] = fromBase(this.frame, this.pointer).map((v) => meters(v, resolution));
     output.textContent = `x ${x}  y ${y} m`;
   }
 }

@@ -1,4 +1,4 @@
-/** A raster layer on the map: tiles in metres, crisp when magnified. */
+/** A raster layer on the map: tiles in meters, crisp when magnified. */
 
 import TileLayer from "ol/layer/Tile.js";
 import type Projection from "ol/proj/Projection.js";

@@ -1,9 +1,9 @@
-/** Which tiles there are: 256 pixels wide, at zoom 0 of a centimetre each. */
+/** Which tiles there are: 256 pixels wide, at zoom 0 of a centimeter each. */
 
 import type { Extent } from "./source";
 
 export const TILE = 256;
-/** Metres, at zoom 0. */
+/** Meters, at zoom 0. */
 export const PIXEL = 0.01;
 
 /** The finest zoom that is of use: a cell is four pixels then, or a whole number of them. */

@@ -3,7 +3,7 @@ import { test } from "node:test";
 import { fromBase, toBase } from "../src/frames";
 import { findObjects } from "../src/finding";
 import { closed, distance, extentOf, gap, holds, meet, wkt } from "../src/geometry";
-import type { EmbeddedShape, Point, Polygon, Ring, Wanted } from "../src/source";
+import type { EmbeddedShape, Point, Polygon, Ring, ObjectQuery } from "../src/source";
 
 const box = (x0: number, y0: number, x1: number, y1: number): Ring => [
   [x0, y0],
@@ -79,8 +79,8 @@ test("things are found near, within, inside and in an area, as the map itself fi
     things: [thing(0, "cup", 0, 0), thing(1, "cup", 4, 0), thing(2, "room", 4, 0, 4)],
     more: [thing(0, "cup", 9, 0)],
   };
-  const any: Wanted = { name: null, near: [0, 0], within: null, inside: null, ring: null };
-  const found = (asked: Partial<Wanted>) =>
+  const any: ObjectQuery = { name: null, near: [0, 0], within: null, inside: null, ring: null };
+  const found = (asked: Partial<ObjectQuery>) =>
     findObjects(shapes, { ...any, ...asked }).rows.map(({ layer, id }) => `${layer} ${id}`);
   assert.deepEqual(found({ name: "cup" }), ["things 0", "things 1", "more 0"]);
   assert.deepEqual(found({ name: "cup", near: "room" }), ["things 1", "things 0", "more 0"]);

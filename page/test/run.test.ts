@@ -7,7 +7,7 @@ import {
   Steps,
   thingAt,
   type Changes,
-  type Things,
+  type ObjectStates,
 } from "../src/run/steps";
 import type { Point, Polygon } from "../src/source";
 
@@ -22,11 +22,11 @@ const SQUARE: Polygon[] = [
 ];
 
 function changes(given: Partial<Changes>): Changes {
-  return { since: 1, set: [], existence: [], gone: [], ...given };
+  return { since: 1, set: [], existence: [], removed: [], ...given };
 }
 
 test("changes make the objects of one step of those of another, which stay as they were", () => {
-  const none: Things = new Map();
+  const none: ObjectStates = new Map();
   const first = changedBy(
     none,
     changes({
@@ -39,7 +39,7 @@ test("changes make the objects of one step of those of another, which stay as th
   );
   const second = changedBy(
     first,
-    changes({ set: [[3, "cup", 1, 1, SQUARE]], existence: [[2, 1.8]], gone: [1] }),
+    changes({ set: [[3, "cup", 1, 1, SQUARE]], existence: [[2, 1.8]], removed: [1] }),
   );
   assert.equal(none.size, 0);
   assert.deepEqual([...first.keys()], [1, 2]);

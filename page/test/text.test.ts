@@ -1,8 +1,8 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { clock, csv, geojson, length, metres, niceLength, squareMetres } from "../src/format";
+import { clock, csv, geojson, length, meters, niceLength, squareMeters } from "../src/format";
 import { placeFromHash, placeToHash } from "../src/place";
-import { shellWord, spellAt, spellFind } from "../src/questions";
+import { shellWord, snippetsAt, snippetsForSearch } from "../src/snippets";
 import type { AreaRow, Point, Ring } from "../src/source";
 import { existenceInWords, seenInWords, whenInWords } from "../src/words";
 
@@ -31,10 +31,10 @@ test("lengths on a scale bar are 1, 2 or 5 of something", () => {
 });
 
 test("a place has the digits that a pixel deserves, and no negative zero", () => {
-  assert.equal(metres(1.23456, 0.05), "1.23");
-  assert.equal(metres(-0.0001, 0.05), "0.00");
-  assert.equal(metres(-3, 1), "−3");
-  assert.equal(squareMetres(0.0042), "42 cm²");
+  assert.equal(meters(1.23456, 0.05), "1.23");
+  assert.equal(meters(-0.0001, 0.05), "0.00");
+  assert.equal(meters(-3, 1), "−3");
+  assert.equal(squareMeters(0.0042), "42 cm²");
 });
 
 test("a time since the start reads like a clock", () => {
@@ -89,18 +89,18 @@ test("commands and programs quote what they must", () => {
   assert.equal(shellWord("lab.hmap"), "lab.hmap");
   assert.equal(shellWord("it's"), `'it'"'"'s'`);
   assert.equal(
-    spellAt("-a b.hmap", [1, -2], "room", ["occupancy"]).command,
+    snippetsAt("-a b.hmap", [1, -2], "room", ["occupancy"]).command,
     "hypermap query './-a b.hmap' --at=1,-2 --frame=room",
   );
   const wanted = { name: '"chair', near: [0, 0] as Point, within: null, inside: null, ring: null };
-  assert.match(spellFind("m.hmap", wanted).python, /objects\("\\"chair", near=\[0, 0\]\)/);
+  assert.match(snippetsForSearch("m.hmap", wanted).python, /objects\("\\"chair", near=\[0, 0\]\)/);
   const much = { ...wanted, name: null, near: "a sink", within: 0.5, inside: "lab", ring };
   assert.match(
-    spellFind("m.hmap", much).python,
+    snippetsForSearch("m.hmap", much).python,
     /area = shapely.Polygon\(\[\(0, 0\), \(1, 0\), \(0, 1\)\]\)\nfor found in hypermap.objects\(near="a sink", within=0.5, inside="lab", area=area\)/,
   );
   assert.equal(
-    spellFind("m.hmap", much).command,
+    snippetsForSearch("m.hmap", much).command,
     "hypermap query m.hmap '--near=a sink' --within=0.5 --inside=lab '--in=0,0 1,0 0,1'",
   );
 });

@@ -29,10 +29,10 @@ if TYPE_CHECKING:
     from hypermap.core.occupancy import OccupancyLayer
     from hypermap.core.opaque import OpaqueLayer
     from hypermap.core.semantic import SemanticLayer, SemanticObject
-    from hypermap.formats.geojson import from_geojson, to_geojson
-    from hypermap.formats.geopandas_bridge import from_geodataframe, to_geodataframe
+    from hypermap.formats.grid.map_server import load_occupancy
     from hypermap.formats.hmap import open_map, save_map
-    from hypermap.formats.map_server import load_occupancy
+    from hypermap.formats.semantic.geojson import from_geojson, to_geojson
+    from hypermap.formats.semantic.geopandas_bridge import from_geodataframe, to_geodataframe
     from hypermap.viewer.picture import render
     from hypermap.viewer.plot import plot
 
@@ -49,10 +49,10 @@ _HOMES = {
         "hypermap.core.occupancy": "OccupancyLayer",
         "hypermap.core.opaque": "OpaqueLayer",
         "hypermap.core.semantic": "SemanticLayer SemanticObject",
-        "hypermap.formats.geojson": "from_geojson to_geojson",
-        "hypermap.formats.geopandas_bridge": "from_geodataframe to_geodataframe",
+        "hypermap.formats.semantic.geojson": "from_geojson to_geojson",
+        "hypermap.formats.semantic.geopandas_bridge": "from_geodataframe to_geodataframe",
         "hypermap.formats.hmap": "open_map save_map",
-        "hypermap.formats.map_server": "load_occupancy",
+        "hypermap.formats.grid.map_server": "load_occupancy",
         "hypermap.viewer.picture": "render",
         "hypermap.viewer.plot": "plot",
     }.items()
@@ -98,7 +98,8 @@ def __getattr__(name: str) -> Any:
 
 
 def _for_the_core(name: str) -> Any:
-    home = _HOMES.get(name, "hypermap.viewer.notebook")
+    files = {"write_file": "hypermap.formats.atomic"}
+    home = (_HOMES | files).get(name, "hypermap.viewer.notebook")
     return getattr(importlib.import_module(home), name)
 
 

@@ -16,6 +16,8 @@ def find_a_cache() -> None:
     """
     if "NUMBA_CACHE_DIR" in os.environ or os.access(Path(__file__).parent, os.W_OK):
         return
+    if not hasattr(os, "getuid"):
+        return  # Windows, where every user has a folder for such files
     caches = Path(os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache"))  # noqa: PTH111
     if os.access(next(p for p in (caches, *caches.parents) if p.exists()), os.W_OK):
         return

@@ -62,7 +62,7 @@ def _palette() -> tuple[Color, ...]:
     """Return 256 colors that keep apart from each other, from white and from black.
 
     Source: Glasbey et al., "Colour displays for categorical images", 2007; computed by colorcet
-    with lightness up to 70 and chroma from 20, so that no color is lost on a map's white and grey.
+    with lightness up to 70 and chroma from 20, so that no color is lost on a map's white and gray.
     """
     import colorcet
 

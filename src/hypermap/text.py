@@ -1,6 +1,10 @@
-"""Names from files and recordings, made fit to be shown."""
+"""Names and numbers from files and recordings, made fit to be shown."""
 
 from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
 
 
 def printable(text: object, longest: int = 28) -> str:
@@ -14,6 +18,19 @@ def printable(text: object, longest: int = 28) -> str:
     visible = "".join(c if c.isprintable() else " " for c in str(text))
     line = " ".join(visible.split())
     return line if len(line) <= longest else line[: longest - 1] + "…"
+
+
+def fit_for_json(value: Any) -> Any:
+    """Return a value with keys that are texts, and null for numbers that are not finite.
+
+    >>> fit_for_json({1: float("nan"), "b": (2, 3.5)})
+    {'1': None, 'b': [2, 3.5]}
+    """
+    if isinstance(value, Mapping):
+        return {str(key): fit_for_json(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [fit_for_json(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def counted(number: int, one: str, many: str = "") -> str:

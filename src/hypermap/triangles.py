@@ -56,10 +56,10 @@ def triangles(shapes: ObjectArray) -> Corners:
     return Corners(points[chosen], np.repeat(owners, counts))
 
 
-def outlines(shapes: ObjectArray) -> Corners:
+def ring_segments(shapes: ObjectArray) -> Corners:
     """Return the line segments of all rings of polygons and multipolygons, shape (N,).
 
-    >>> len(outlines(np.array([shapely.box(0, 0, 2, 1)])).points_xy)
+    >>> len(ring_segments(np.array([shapely.box(0, 0, 2, 1)])).points_xy)
     8
     """
     polygons, owners = _polygons(shapes)

@@ -15,8 +15,9 @@ from hypermap.core.hypermap import Hypermap
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.semantic import SemanticLayer
 from hypermap.formats import open_map, save_map
-from hypermap.formats.map_server import load_occupancy
+from hypermap.formats.grid.map_server import load_occupancy
 from hypermap.ros.server.zones import draw, keepout_filter, speed_filter
+from hypermap.testing import square
 
 from .conftest import assert_one_error
 
@@ -183,7 +184,7 @@ def test_files_that_gis_programs_have_saved_say_their_frame_or_need_one(
         if crs is not None:
             for options in ([], ["--frame", "room"]):
                 refused = hypermap("convert", theirs, made, *options)
-                assert_one_error(refused, str(theirs), "not in metres in a frame of the map")
+                assert_one_error(refused, str(theirs), "not in meters in a frame of the map")
             continue
         assert_one_error(
             hypermap("convert", theirs, made), str(theirs), "crs: is missing", "--frame"
@@ -316,6 +317,16 @@ def read_as_nav2(path):
     with Image.open(path.parent / described["image"]) as picture:
         shades = np.asarray(picture).astype(int)
     return np.where(shades <= 100, shades, -1)[::-1], described
+
+
+def test_the_origin_of_a_mask_is_written_as_a_person_would(hypermap, tmp_path):
+    things = SemanticLayer("semantic", "map", [square("cup", 0.35, 0.35)])
+    save_map(Hypermap([things]), tmp_path / "cups.hmap")
+    out = tmp_path / "keepout.yaml"
+    result = hypermap("convert", tmp_path / "cups.hmap", out, "--keepout", "cup 0.2")
+    assert result.code == 0, result.err
+    origin = yaml.safe_load(out.read_text())["origin"]
+    assert origin == [-0.35, -0.35, 0]  # -7 * 0.05 is -0.35000000000000003
 
 
 @pytest.mark.parametrize(

@@ -56,7 +56,7 @@ def test_the_tables_show_each_class_and_all(hypermap, maps):
     result = hypermap("evaluate", near, truth)
     assert (result.code, result.err) == (0, "")
     assert result.out.startswith("near.hmap against truth.hmap, frame map\n")
-    # Moved by 0.2 of 1 m, 0.8 of 1.2 square metres are shared.
+    # Moved by 0.2 of 1 m, 0.8 of 1.2 square meters are shared.
     shapes, loose, strict = cells_of(result, "chair")
     assert shapes == ["3", "3", "1.00", "0.20", "0.67", "0.20", "0%"]
     assert loose == strict == ["3", "0", "0", "0", "1.00", "1.00", "1.00", "0.67"]

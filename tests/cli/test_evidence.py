@@ -66,7 +66,7 @@ def test_evidence_can_be_left_out(hypermap: Run, drive: Path, made: Path, tmp_pa
     assert hypermap("info", out, "--json").json["layers"][1]["observations"] == 0
     result = hypermap("query", out, "--name", "chair", "--evidence")
     assert result.code == 0
-    assert "This map keeps no evidence." in result.out
+    assert "This map contains no evidence." in result.out
 
 
 def test_only_objects_can_be_looked_behind(hypermap: Run, tmp_path: Path) -> None:

@@ -220,6 +220,17 @@ def test_other_errors_of_python_itself_are_not_hidden(hypermap, monkeypatch, roo
         hypermap("info", room_map)
 
 
+def test_too_little_memory_is_one_line_and_no_bad_input(hypermap, monkeypatch, room_map):
+    def too_large(*_arguments, **_options):
+        raise MemoryError
+
+    monkeypatch.setattr("hypermap.formats.open_map", too_large)
+    result = hypermap("info", room_map)
+    assert (result.code, result.out) == (1, "")
+    assert result.err.startswith("hypermap: error: there is not enough memory")
+    assert result.err.count("\n") == 1
+
+
 def order(command: list[str], option: str) -> list[list[str]]:
     """Return a command line with an option in each place where it may stand."""
     return [[*command[:i], option, *command[i:]] for i in (0, 1, 2, len(command))]

@@ -103,9 +103,9 @@ def test_an_output_that_exists_is_replaced_and_stays_beside_it(hypermap, drive, 
 def edited(path: Path) -> None:
     """Rename an object, as someone does on the page, and save the map."""
     document = MapDocument(path)
-    (item,) = document.snapshot.hypermap["semantic"].objects()  # type: ignore[attr-defined]
+    (item,) = document.current.hypermap["semantic"].objects()  # type: ignore[attr-defined]
     document.edit(
-        document.snapshot.version,
+        document.current.version,
         lambda draft: draft.update("semantic", item.id, replace(item, name="throne")),
     )
     document.save()
@@ -268,9 +268,24 @@ def test_depth_in_a_wrong_unit_is_told_with_its_likely_cause(hypermap, tmp_path)
     result = hypermap("map", drive, "--intrinsics", INTRINSICS, "--depth-scale", "1", "-o", out)
     assert result.code == 2
     last = result.err.splitlines()[-1]
-    assert "there is nothing to map: of 3 frames none can be used; the first: half of its" in last
+    assert "nothing to map: none of 3 frames can be used; the first one: half of its" in last
     assert "--depth-scale" in last
     assert not out.exists()
+
+
+def test_what_is_wrong_with_many_frames_alike_is_told_once_with_their_number(hypermap, tmp_path):
+    drive, out = write_drive(tmp_path / "drive", frames=6), tmp_path / "out.hmap"
+    for line in range(4):
+        spoil(drive, line, "missing")
+    arguments = ["map", drive, "--intrinsics", INTRINSICS, "--max-bad", "1", "-o", out]
+    told = hypermap(*arguments)
+    assert told.code == 0
+    assert told.err.count(" left out: ") == 1
+    assert "warning: 3 more frames were left out for the same reasons (-v lists them)" in told.err
+    assert "4 unusable" in told.err
+    assert hypermap(*arguments, "-v").err.count(" left out: ") == 4
+    wrong_unit = hypermap(*arguments, "--depth-scale", "1")
+    assert wrong_unit.err.count("half of its depth lies beyond") == 1
 
 
 @pytest.mark.parametrize("name", ["cut.bag", "cut.mcap"])

@@ -17,7 +17,7 @@ from hypermap.formats import open_map
 from hypermap.ros.nodes import found_middleware, split_arguments
 from hypermap.ros.typestore import message_class
 
-from ..ros.foxglove_client import Client, ServiceFailed  # noqa: TID252 - the one client for all tests
+from ..ros.foxglove_client import Client, ServiceFailed
 from .conftest import Result, assert_one_error
 
 GET_STRING = "/hypermap_server/get_string_at_point", "hypermap_msgs/GetStringAtPoint"

@@ -12,9 +12,12 @@ from hypermap.cli.shell import command
 from hypermap.console.commands import Console
 from hypermap.console.completion import ConsoleCompleter
 from hypermap.console.prompt import history
-from hypermap.formats import open_map
+from hypermap.core.hypermap import Hypermap
+from hypermap.core.semantic import SemanticLayer
+from hypermap.formats import open_map, save_map
+from hypermap.testing import square
 
-from .conftest import assert_one_error
+from .conftest import INTRINSICS, assert_one_error
 
 
 def test_lines_from_standard_input_are_answered_until_its_end(hypermap, room_map):
@@ -22,8 +25,10 @@ def test_lines_from_standard_input_are_answered_until_its_end(hypermap, room_map
     assert (result.code, result.out, result.err) == (0, "2\n7.500 2.500\n", "")
 
 
-def test_exit_ends_before_the_end_of_input(hypermap, room_map):
-    assert hypermap("shell", room_map, stdin="getLayerCount\nexit\ngetLayerCount\n").out == "2\n"
+@pytest.mark.parametrize("word", ["exit", "quit"])
+def test_exit_and_quit_end_before_the_end_of_input(hypermap, room_map, word):
+    result = hypermap("shell", room_map, stdin=f"getLayerCount\n{word}\nfly\n")
+    assert (result.code, result.out, result.err) == (0, "2\n", "")
 
 
 def test_a_line_that_fails_does_not_stop_the_others(hypermap, room_map, tmp_path):
@@ -61,6 +66,8 @@ def test_a_map_that_cannot_be_opened_ends_the_shell(hypermap, tmp_path):
         ("help getC", ["getCoords", "getCoordsArea"]),
         ("query --nea", ["--nearest", "--near"]),
         ("query --name chair --na", ["--name"]),
+        ("query --name chair --e", ["--evidence"]),
+        ("query --name chair --json --j", []),
         ("query --near chair --ne", ["--nearest"]),
         ("query --name c", ["chair"]),
         ('query --near "po', ['"potted plant"']),
@@ -143,6 +150,32 @@ def test_the_shell_answers_as_query_does(hypermap, room_map, question):
     result = hypermap("shell", room_map, stdin=line)
     assert (asked.code, result.code, result.err) == (0, 0, "")
     assert sorted(words(result.out)) == sorted(words(asked.out + asked.err))
+
+
+@pytest.mark.parametrize("question", QUESTIONS, ids=" ".join)
+def test_the_shell_gives_programs_the_same_json(hypermap, room_map, question):
+    asked = hypermap("query", room_map, *question, "--json")
+    line = " ".join(f'"{word}"' for word in ["query", *question, "--json"])
+    assert hypermap("shell", room_map, stdin=line).json == asked.json
+
+
+def test_the_shell_looks_behind_objects_as_query_does(hypermap, drive, tmp_path):
+    made, drawn = tmp_path / "made.hmap", tmp_path / "drawn.hmap"
+    assert hypermap("map", drive, "--intrinsics", INTRINSICS, "-o", made).code == 0
+    save_map(Hypermap([SemanticLayer("semantic", "map", [square("chair", 0, 0)])]), drawn)
+    for path, told in [(made, "votes (made the map)"), (drawn, "This map keeps no evidence.")]:
+        question = ["--name", "chair", "--evidence"]
+        asked = hypermap("query", path, *question)
+        as_json = hypermap("query", path, *question, "--json")
+        line = " ".join(["query", *question])
+        result = hypermap("shell", path, stdin=line)
+        assert (result.code, result.err) == (0, "")
+        assert told in result.out
+        assert words(result.out) == words(asked.out)
+        assert hypermap("shell", path, stdin=f"{line} --json").json == as_json.json
+    result = hypermap("shell", drawn, stdin="query --at 0,0 --evidence")
+    assert (result.code, result.out) == (2, "")
+    assert "--evidence looks behind objects" in result.err
 
 
 def test_the_old_commands_and_the_new_one_stand_side_by_side(hypermap, room_map):

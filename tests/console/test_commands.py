@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
@@ -100,9 +101,28 @@ def test_help_names_every_command(lab):
         assert f"\n{name}" in f"\n{text}"
 
 
-def test_exit_leaves(lab):
+@pytest.mark.parametrize("word", ["exit", "quit"])
+def test_exit_and_quit_leave(lab, word):
+    assert f"\n{word}  " in lab.run("help")
     with pytest.raises(Leave):
-        lab.run("exit")
+        lab.run(word)
+
+
+def test_evidence_is_refused_where_no_one_tells_it(lab):
+    with pytest.raises(HypermapError, match="--evidence is not told here; ask `hypermap query`"):
+        lab.run("query --name sink --evidence")
+
+
+def test_json_says_where_the_map_comes_from(lab, tmp_path):
+    asked = "query --name sink --json"
+    assert json.loads(lab.run(asked))["map"] is None
+    lab.run(f"save {tmp_path / 'lab.hmap'}")
+    lab.run(f"load {tmp_path / 'lab.hmap'}")
+    answer = json.loads(lab.run(asked))
+    assert (answer["map"], answer["frame_id"]) == (str(tmp_path / "lab.hmap"), "map")
+    assert [row["value"] for row in answer["answers"]] == [14]
+    lab.run("clear")
+    assert json.loads(lab.run(asked)) == {"map": None, "frame_id": "map", "answers": []}
 
 
 def test_republish_is_what_the_owner_of_the_console_makes_of_it():
@@ -134,11 +154,12 @@ def test_the_questions_of_query_are_answered(lab, line, answer):
         ("query chair", "a question has no option 'chair'; known: --at, --in, --name"),
         ("query --name", "--name needs a value: --name NAME"),
         ("query --name chair --nearest=2", "--nearest takes no value"),
+        ("query --name chair --json=yes", "--json takes no value"),
         ("query --name chair -k 0", "-k 0: expected at least 1"),
         ("query --name chair -k two", "-k 'two': expected a whole number"),
         ("query --name chair --near sink --within -1", "--within -1: expected at least 0"),
         ("query --id seven", "--value 'seven': expected a number"),
-        ("query --at 1", "--at '1': a point is given as X,Y in metres"),
+        ("query --at 1", "--at '1': a point is given as X,Y in meters"),
         ("query --name chair --id 1", "give either --name or --value, not both"),
         ("query --name chair --layer rooms", "there is no layer 'rooms'"),
         ("help fly", "unknown command 'fly'"),
@@ -165,7 +186,7 @@ def test_help_teaches_how_to_ask_and_its_examples_are_answered(lab):
 def test_many_rows_are_cut_and_cells_of_an_area_are_counted(lab):
     lines = lab.run("query --name Occupied").splitlines()
     assert len(lines) == 52
-    assert lines[-1] == "and 904 more"
+    assert lines[-1] == "and 904 more; --json lists all"
     assert "occupancy: 51 Occupied" in lab.run("query --in 0,0,3,3").splitlines()
 
 

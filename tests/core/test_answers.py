@@ -11,10 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapely.geometry.base import BaseGeometry
 
-from hypermap.core import object_log
 from hypermap.core.arrays import as_objects
 from hypermap.core.semantic import SemanticLayer, SemanticObject
 from hypermap.core.shapes import as_area, valid_copies
+from hypermap.core.store import object_log
 
 # Few different coordinates, so that points lie on corners, on edges and in line with them.
 numbers = st.integers(-6, 6)

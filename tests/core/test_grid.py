@@ -20,7 +20,7 @@ LAB = GridGeometry(width=320, height=576, resolution=0.05, origin=Pose2D(-8.0, -
 
 
 def cells_in_by_brute_force(grid: GridGeometry, area: BaseGeometry) -> list[tuple[int, int]]:
-    """Ask shapely about each centre by itself."""
+    """Ask shapely about each center by itself."""
     rows, cols = np.indices(grid.shape).reshape(2, -1)
     centers = grid.centers(rows, cols)
     return [
@@ -42,7 +42,7 @@ def cells_in(grid: GridGeometry, area: BaseGeometry) -> list[tuple[int, int]]:
         ((0.99, 2.01), (0, 0)),
         ((0.99, 3.99), (0, 3)),
         ((-0.49, 2.01), (2, 0)),
-        ((1.01, 2.01), (-1, 0)),  # rounded down, not towards zero
+        ((1.01, 2.01), (-1, 0)),  # rounded down, not toward zero
         ((0.99, 1.99), (0, -1)),
     ],
 )
@@ -100,7 +100,7 @@ def test_the_corners_go_round_from_the_origin() -> None:
 @given(st.data(), grids)
 def test_an_area_holds_the_cells_whose_centre_it_covers(data: st.DataObject, grid) -> None:
     area = data.draw(areas(around=grid.outline().buffer(grid.resolution)))
-    # Centres this near to the boundary may be counted either way.
+    # Centers this near to the boundary may be counted either way.
     margin = grid.resolution * 1e-5
     found = set(cells_in(grid, area))
     assert found >= set(cells_in_by_brute_force(grid, area.buffer(-margin)))
@@ -135,7 +135,7 @@ def test_an_area_of_a_large_grid_holds_the_centres_that_it_covers(data: st.DataO
         (shapely.Polygon(), 0),
         (shapely.MultiPolygon(), 0),
         (shapely.box(100, 100, 101, 101), 0),
-        (shapely.box(-8.0, -20.8, -8.0 + 0.024, -20.8 + 0.024), 0),  # short of the first centre
+        (shapely.box(-8.0, -20.8, -8.0 + 0.024, -20.8 + 0.024), 0),  # short of the first center
         (shapely.box(-8.0, -20.8, -8.0 + 0.026, -20.8 + 0.026), 1),
         (shapely.box(-8.0, -20.8, -7.0, -19.8), 400),
         (shapely.box(-9.0, -21.8, -7.0, -19.8), 400),  # what lies off the grid is not reported

@@ -17,12 +17,12 @@ from hypermap.testing import square
 
 
 def bar(name: str, x0: float, x1: float) -> SemanticObject:
-    """An object one metre deep from x0 to x1."""
+    """An object one meter deep from x0 to x1."""
     return SemanticObject(name, shapely.box(x0, 0, x1, 1))
 
 
 def test_the_shape_measure_moves_the_nearest_object_onto_the_true_one() -> None:
-    # A bar of 2 m beside one of 4 m: moved onto each other they share 2 of 4 square metres.
+    # A bar of 2 m beside one of 4 m: moved onto each other they share 2 of 4 square meters.
     (closest,) = closest_shapes([bar("sofa", 100, 140), bar("sofa", 11, 13)], [bar("sofa", 0, 4)])
     assert (closest.ground_truth, closest.estimate) == (0, 1)
     assert closest.distance == pytest.approx(10)
@@ -100,7 +100,7 @@ def test_it_agrees_with_a_search_through_all_pairs(
                 thing.footprint.centroid.distance(true.footprint.centroid) for thing in same
             ]
             assert by_true[j].distance == pytest.approx(min(distances))
-            # Squares about the same centre: the smaller over the larger.
+            # Squares about the same center: the smaller over the larger.
             chosen = estimate[by_true[j].estimate].footprint.area
             areas = sorted([chosen, true.footprint.area])
             assert by_true[j].iou == pytest.approx(areas[0] / areas[1])

@@ -12,7 +12,7 @@ from hypermap.evaluation.metrics import Detection, evaluate
 
 
 def bar(name: str, x0: float, x1: float) -> SemanticObject:
-    """An object one metre deep from x0 to x1."""
+    """An object one meter deep from x0 to x1."""
     return SemanticObject(name, shapely.box(x0, 0, x1, 1))
 
 

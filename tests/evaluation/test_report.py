@@ -12,7 +12,7 @@ import pytest
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.semantic import SemanticLayer, SemanticObject
 from hypermap.evaluation import compare, evaluate, map_objects
-from hypermap.evaluation.report import COLUMNS, RULES, Run, csv_text, report
+from hypermap.evaluation.report import COLUMNS, RULES, EvaluationRun, csv_text, report
 from hypermap.testing import square
 
 TRUE = [square("cup", 0, 0), square("cup", 5, 0), square("sink", 9, 0)]
@@ -27,9 +27,9 @@ def example(has_other: bool = True) -> dict[str, Any]:
     true_map = hypermap(TRUE)
     truth = map_objects(true_map, "truth.hmap")
 
-    def run(things: list[SemanticObject], name: str) -> Run:
+    def run(things: list[SemanticObject], name: str) -> EvaluationRun:
         objects = map_objects(hypermap(things), name, true_map, truth.name)
-        return Run(objects, evaluate(objects.objects, truth.objects))
+        return EvaluationRun(objects, evaluate(objects.objects, truth.objects))
 
     ours, other = run(SEEN, "ours.hmap"), run(TRUE, "other.hmap")
     if not has_other:

@@ -14,14 +14,14 @@ import shapely
 
 from hypermap.core.semantic import SemanticObject
 from hypermap.evaluation.significance import signed_rank
-from hypermap.experiments.drives import Drive, Mapped, map_drive
+from hypermap.experiments.drives import Mapped, SimulatedDrive, map_drive
 from hypermap.experiments.methods import OURS, PUBLISHED, methods
 from hypermap.experiments.results import WorldResult, to_data
 from hypermap.mapping.config import profile
 from hypermap.mapping.mapper import Mapper
 from hypermap.perception.detectors.sources import detections_from_recording
 from hypermap.simulation import SimulatedRecording, errors_of_level
-from hypermap.simulation.trajectory import Drive as Route
+from hypermap.simulation.trajectory import SimulatedDrive as Route
 from hypermap.simulation.world import Floor, Thing, World
 
 WORLD = """
@@ -88,7 +88,7 @@ def test_the_same_drive_gives_the_same_map_as_the_mapper() -> None:
         drive=Route(((0.5, 2), (0.9, 2, 20)), speed=0.1, turn_rate_deg=10),
     )
     errors = errors_of_level("fair")
-    mapped = map_drive(Drive(world, 3, errors, 3.0), {OURS: profile("default")})
+    mapped = map_drive(SimulatedDrive(world, 3, errors, 3.0), {OURS: profile("default")})
     recording = SimulatedRecording(
         world,
         rate=3.0,
@@ -117,7 +117,11 @@ def test_figures_are_means_over_all_true_objects_of_all_drives() -> None:
 
     exact, off = shifted("table", 2, 2, (0.4, 0.7)), shifted("table", 2.5, 2, (0.2, 0.7))
     drives = [
-        Mapped(Drive(world, seed, errors, 1.0), 1, {OURS: (exact,), "best shape, overlap": (off,)})
+        Mapped(
+            SimulatedDrive(world, seed, errors, 1.0),
+            1,
+            {OURS: (exact,), "best shape, overlap": (off,)},
+        )
         for seed in (2, 1)
     ]
     result = WorldResult.of(drives)

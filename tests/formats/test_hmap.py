@@ -18,9 +18,10 @@ from hypermap.core.grid import GridGeometry
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.semantic import SemanticLayer, SemanticObject
-from hypermap.formats import limits, open_map, save_map, semantic_yaml
+from hypermap.formats import limits, open_map, save_map
 from hypermap.formats.backup import keep_backup
 from hypermap.formats.config import CONFIG_NAME
+from hypermap.formats.semantic import yaml_files as semantic_yaml
 from hypermap.formats.yaml_text import read_yaml
 
 from .killed import killed_at

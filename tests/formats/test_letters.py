@@ -14,9 +14,9 @@ from hypermap.core.errors import FormatError, HypermapError
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.semantic import SemanticLayer, SemanticObject
 from hypermap.formats import save_map
-from hypermap.formats.csv_table import to_csv
-from hypermap.formats.geojson import from_geojson, to_geojson
-from hypermap.formats.geopandas_bridge import to_geopackage
+from hypermap.formats.semantic.csv_table import to_csv
+from hypermap.formats.semantic.geojson import from_geojson, to_geojson
+from hypermap.formats.semantic.geopandas_bridge import to_geopackage
 
 HALF = "caf\ud83d"
 SHAPE = shapely.box(0, 0, 1, 1)

@@ -8,8 +8,10 @@ import pytest
 from hypermap.core.errors import HypermapError
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.occupancy import OccupancyLayer
-from hypermap.formats import map_server, open_map, save_map, semantic_yaml
-from hypermap.formats.plugins import installed_layers, plugin_for
+from hypermap.formats import open_map, save_map
+from hypermap.formats.grid import map_server
+from hypermap.formats.plugins import blamed_on_plugin, installed_layers, plugin_for
+from hypermap.formats.semantic import yaml_files as semantic_yaml
 
 PLUGIN = """
 from hypermap.core.occupancy import OccupancyLayer
@@ -37,6 +39,7 @@ def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "some_rooms.py").write_text(PLUGIN)
     (tmp_path / "broken_rooms.py").write_text("import no_such_library")
     (tmp_path / "failing_rooms.py").write_text(FAILING)
+    (tmp_path / "full_rooms.py").write_text("raise MemoryError")
     (tmp_path / "half_rooms.py").write_text("def empty(): ...\ndef load(): ...\n")
     info = tmp_path / "some_rooms-1.0.dist-info"
     info.mkdir()
@@ -46,6 +49,7 @@ def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         "RoomLayer = some_rooms:PLUGIN\n"
         "BrokenLayer = broken_rooms:PLUGIN\n"
         "HalfLayer = half_rooms\n"
+        "FullLayer = full_rooms:PLUGIN\n"
         "FailingLayer = failing_rooms:PLUGIN\n"
         "NowhereLayer = some_rooms:NOTHING\n"
         "SemanticLayer = some_rooms:PLUGIN\n"
@@ -113,3 +117,11 @@ def test_what_a_plugin_raises_is_told_as_the_plugins(tmp_path: Path) -> None:
     )
     with pytest.raises(HypermapError, match="cannot read layer 'rooms': RuntimeError: no license"):
         open_map(config.parent)
+
+
+@pytest.mark.usefixtures("install")
+def test_that_the_memory_is_full_is_not_the_plugins_fault() -> None:
+    with pytest.raises(MemoryError):
+        plugin_for("FullLayer")
+    with pytest.raises(MemoryError), blamed_on_plugin("FailingLayer", "cannot read it"):
+        raise MemoryError

@@ -52,7 +52,7 @@ def off_by(frame: RgbdFrame, dx: float, dy: float, turn: float) -> RgbdFrame:
 
 
 def error(found: RgbdFrame, true: RgbdFrame) -> tuple[float, float]:
-    """How far a pose is off: metres over the floor, and degrees."""
+    """How far a pose is off: meters over the floor, and degrees."""
     distance = np.hypot(*(found.map_T_camera - true.map_T_camera)[:2, 3])
     cosine = (np.trace(found.map_T_camera[:3, :3].T @ true.map_T_camera[:3, :3]) - 1) / 2
     return float(distance), math.degrees(math.acos(min(cosine, 1.0)))
@@ -132,7 +132,7 @@ def test_what_the_depth_image_does_not_show_stays_as_it_was() -> None:
     cells[:20] = cells[40:] = OCCUPIED
     corridor = OccupancyLayer("occupancy", "map", GridGeometry(1000, 60, 0.05), cells)
     camera = Camera.from_intrinsics(150, 150, 79.5, 59.5, 160, 120)
-    # It looks along the x axis, half a metre from each of the walls, which are at y = 1 and 2 m.
+    # It looks along the x axis, half a meter from each of the walls, which are at y = 1 and 2 m.
     pose = np.array([[0, 0, 1, 25.0], [-1, 0, 0, 1.5], [0, -1, 0, 1.2], [0, 0, 0, 1]])
     right = (np.arange(160) - 79.5) / 150
     depth = np.tile((0.5 + 0.025) / np.abs(right), (120, 1)).astype(np.float32)

@@ -1,4 +1,4 @@
-"""Which known objects an observed shape belongs to."""
+"""Which tracks an observed shape belongs to."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ import pytest
 import shapely
 
 from hypermap.mapping.association import jaccard, overlap, radius
-from hypermap.mapping.known_shapes import KnownShapes
-from hypermap.mapping.outlines import Outline
+from hypermap.mapping.prepared_polygon import PreparedPolygon
 from hypermap.mapping.stages import EvidenceConfig
+from hypermap.mapping.track_shapes import TrackShapes
 
 CHAIR, TABLE = 0, 1
 CONFIG = EvidenceConfig()
 
 
-def outline(xmin: float, ymin: float, xmax: float, ymax: float) -> Outline:
-    return Outline.of(shapely.box(xmin, ymin, xmax, ymax))
+def outline(xmin: float, ymin: float, xmax: float, ymax: float) -> PreparedPolygon:
+    return PreparedPolygon.of(shapely.box(xmin, ymin, xmax, ymax))
 
 
-def known(*boxes: tuple[float, float, float, float], class_: int = CHAIR) -> KnownShapes:
-    shapes = KnownShapes()
+def known(*boxes: tuple[float, float, float, float], class_: int = CHAIR) -> TrackShapes:
+    shapes = TrackShapes()
     for box in boxes:
         shapes.append(class_, outline(*box))
     return shapes
@@ -99,7 +99,7 @@ def test_only_objects_of_the_same_class_match(associate: object) -> None:
 
 @pytest.mark.parametrize("associate", [jaccard, overlap, radius])
 def test_nothing_matches_in_an_empty_map(associate: object) -> None:
-    assert len(associate(outline(0, 0, 1, 1), CHAIR, KnownShapes(), CONFIG)) == 0
+    assert len(associate(outline(0, 0, 1, 1), CHAIR, TrackShapes(), CONFIG)) == 0
 
 
 def test_the_best_match_comes_first_and_of_equal_ones_the_oldest() -> None:
@@ -112,8 +112,8 @@ def test_of_two_that_hold_the_whole_shape_the_oldest_comes_first() -> None:
     # All of the shape's area is shared with both, but summed up in different pieces.
     hexagon = shapely.Point(0.1, 0.2).buffer(0.3, quad_segs=3)
     shapes = known((-1, -1, 1, 1))
-    shapes.append(CHAIR, Outline.of(shapely.Point(0.13, 0.17).buffer(0.9, quad_segs=7)))
-    assert overlap(Outline.of(hexagon), CHAIR, shapes, CONFIG) == [0, 1]
+    shapes.append(CHAIR, PreparedPolygon.of(shapely.Point(0.13, 0.17).buffer(0.9, quad_segs=7)))
+    assert overlap(PreparedPolygon.of(hexagon), CHAIR, shapes, CONFIG) == [0, 1]
 
 
 def test_the_nearest_comes_first_for_radius() -> None:
@@ -132,4 +132,4 @@ def test_removing_a_row_moves_the_later_ones_up() -> None:
     shapes.keep(np.array([True, False, True]))
     assert len(shapes) == 2
     assert shapes.near(CHAIR, (4.5, 0.5, 4.5, 0.5)) == [1]
-    assert [shape.area for shape in shapes.outlines] == [1, 1]
+    assert [shape.area for shape in shapes.polygons] == [1, 1]

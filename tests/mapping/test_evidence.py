@@ -37,7 +37,7 @@ def test_an_object_is_published_above_two() -> None:
     counts = []
     for _ in range(3):
         evidence.update(seen(square(0)))
-        published = evidence.objects(), evidence.standing(), evidence.layer()
+        published = evidence.objects(), evidence.summary(), evidence.layer()
         counts.append((len(evidence), *map(len, published)))
     assert counts == [(0, 0, 0, 0), (0, 0, 0, 0), (1, 1, 1, 1)]  # existence 1, 2, 3
 
@@ -263,7 +263,7 @@ def test_what_is_no_area_is_left_out_and_counted(
         evidence.update(seen(shape, square(0)))
         assert only(evidence).footprint.equals(square(0))
         assert evidence.ignored == count
-    assert caplog.messages == ["frame 0.000000: shapes without area left out"] * 2
+    assert caplog.messages == ["frame 0.000000: skipped shapes without area"] * 2
 
 
 def test_frames_without_anything_change_nothing() -> None:
@@ -352,7 +352,14 @@ def test_what_is_never_seen_again_is_forgotten(config: EvidenceConfig) -> None:
 
 @pytest.mark.parametrize("config", [DEFAULT, THESIS], ids=["default", "thesis"])
 @pytest.mark.parametrize(
-    "point", ["evidence._fuse", "evidence._associate", "evidence._note_neighbors", "lose", "forget"]
+    "point",
+    [
+        "evidence._fuse",
+        "evidence._associate",
+        "evidence._count_co_occurrences",
+        "penalize_missed",
+        "prune",
+    ],
 )
 @pytest.mark.parametrize("calls", [0, 1, 2])
 def test_an_update_that_fails_leaves_all_as_it_was(
@@ -398,7 +405,7 @@ def _facts(evidence: EvidenceMap) -> list[object]:
     pieces = [evidence.evidence(int(number)) for number in layer.ids]
     return [
         evidence.ignored,
-        evidence.standing(),
+        evidence.summary(),
         [(item.name, item.footprint.wkt, item.existence) for item in layer],
         [[piece.footprint.wkt for piece in some] for some in pieces],
     ]

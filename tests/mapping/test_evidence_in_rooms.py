@@ -13,22 +13,22 @@ from hypothesis import strategies as st
 from shapely import affinity
 
 from hypermap.mapping.evidence import EvidenceMap
+from hypermap.perception.depth_view import DepthView
 from hypermap.perception.frame import Camera, RgbdFrame
 from hypermap.perception.observation import Observation, ObservedObject
-from hypermap.perception.view import View
 
 from .evidence_tools import DEFAULT, NOWHERE, only, published_all, seen, square
 
 
-def level(depth: float, x: float = 0.0) -> View:
-    """What a camera one metre high sees that looks along the map's x axis at a wall."""
+def level(depth: float, x: float = 0.0) -> DepthView:
+    """What a camera one meter high sees that looks along the map's x axis at a wall."""
     camera = Camera.from_intrinsics(262.5, 262.5, 159.5, 119.5, 320, 240)
     pose = np.array([[0, 0, 1, x], [-1, 0, 0, 0], [0, -1, 0, 1], [0, 0, 0, 1.0]])
     image = np.full((240, 320), depth, dtype=np.float32)
-    return View.of(RgbdFrame(0.0, image, camera, pose))
+    return DepthView.of(RgbdFrame(0.0, image, camera, pose))
 
 
-def viewed(observation: Observation, view: View) -> Observation:
+def viewed(observation: Observation, view: DepthView) -> Observation:
     return dataclasses.replace(observation, map_T_camera=view.map_T_camera, view=view)
 
 
@@ -80,7 +80,7 @@ def test_a_false_train_does_not_survive_a_second_look() -> None:
 @given(st.integers(0, 2**32 - 1), st.floats(0.0, 0.1))
 @settings(deadline=None, max_examples=25)
 def test_two_chairs_side_by_side_stay_two(seed: int, gap: float) -> None:
-    # Their footprints wander by several centimetres, so that they overlap now and then.
+    # Their footprints wander by several centimeters, so that they overlap now and then.
     rng = np.random.default_rng(seed)
     evidence = EvidenceMap(DEFAULT)
     for k in range(30):

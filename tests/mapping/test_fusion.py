@@ -13,9 +13,9 @@ from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.frames import Pose2D
 from hypermap.core.grid import GridGeometry
+from hypermap.mapping.evidence_buffer import Evidence, EvidenceBuffer
 from hypermap.mapping.fusion import best_shape, convex_hull, votes
-from hypermap.mapping.outlines import Outline
-from hypermap.mapping.pile import Evidence, Pile
+from hypermap.mapping.prepared_polygon import PreparedPolygon
 from hypermap.mapping.stages import EvidenceConfig
 from hypermap.mapping.votes import _add_steps, _joined, aligning_moves
 
@@ -23,13 +23,13 @@ CONFIG = EvidenceConfig()
 EVERYWHERE = shapely.box(-100, -100, 100, 100)
 
 
-def pile(
+def buffer(
     *shapes: BaseGeometry,
     areas: list[BaseGeometry] | None = None,
     scores: list[float] | None = None,
     limit: int = 100,
-) -> Pile:
-    result = Pile(limit)
+) -> EvidenceBuffer:
+    result = EvidenceBuffer(limit)
     for i, shape in enumerate(shapes):
         result.add(
             Evidence(
@@ -50,7 +50,7 @@ def square(x: float, y: float = 0.0, side: float = 1.0) -> shapely.Polygon:
     return shapely.box(x - side / 2, y - side / 2, x + side / 2, y + side / 2)
 
 
-def iou(fused: Outline, b: BaseGeometry) -> float:
+def iou(fused: PreparedPolygon, b: BaseGeometry) -> float:
     a = fused.geometry
     return a.intersection(b).area / a.union(b).area
 
@@ -58,9 +58,9 @@ def iou(fused: Outline, b: BaseGeometry) -> float:
 def test_best_shape_is_nearest_to_the_mean_centroid_and_not_the_newest() -> None:
     # Centroids at x = 0, 0.5 and 4: their mean is 1.5, and 0.5 is the nearest to it.
     shapes = [square(0), square(0.5, side=0.7), square(4)]
-    assert best_shape(pile(*shapes), CONFIG).geometry is shapes[1]
+    assert best_shape(buffer(*shapes), CONFIG).geometry is shapes[1]
     upright = [shapely.transform(shape, lambda xy: xy[:, ::-1]) for shape in shapes]
-    assert best_shape(pile(*upright), CONFIG).geometry is upright[1]
+    assert best_shape(buffer(*upright), CONFIG).geometry is upright[1]
 
 
 seeds = st.integers(0, 2**32 - 1)
@@ -76,16 +76,16 @@ def test_best_shape_is_that_of_measuring_all(seed: int) -> None:
     shapes = [any_hull(rng) for _ in range(rng.integers(3, 7))]  # two would be equally near
     centroids = shapely.get_coordinates(shapely.centroid(shapes))
     nearest = np.hypot(*(centroids - centroids.mean(axis=0)).T).argmin()
-    assert best_shape(pile(*shapes), CONFIG).geometry is shapes[nearest]
+    assert best_shape(buffer(*shapes), CONFIG).geometry is shapes[nearest]
 
 
 def test_of_equally_good_shapes_the_oldest_is_kept() -> None:
     shapes = [square(-1), square(1)]
-    assert best_shape(pile(*shapes), CONFIG).geometry is shapes[0]
+    assert best_shape(buffer(*shapes), CONFIG).geometry is shapes[0]
 
 
 def test_the_convex_hull_covers_all_shapes() -> None:
-    hull = convex_hull(pile(square(0), square(3, side=0.5)), CONFIG).geometry
+    hull = convex_hull(buffer(square(0), square(3, side=0.5)), CONFIG).geometry
     # Worked out by hand: corners (-0.5, +-0.5) and (3.25, +-0.25) and what lies between them.
     expected = shapely.Polygon(
         [(-0.5, -0.5), (0.5, -0.5), (3.25, -0.25), (3.25, 0.25), (0.5, 0.5), (-0.5, 0.5)]
@@ -95,13 +95,13 @@ def test_the_convex_hull_covers_all_shapes() -> None:
 
 def test_votes_leave_out_what_few_views_show() -> None:
     good = [square(0)] * 9
-    fused = votes(pile(*good, square(2, side=3)), CONFIG)
+    fused = votes(buffer(*good, square(2, side=3)), CONFIG)
     assert iou(fused, square(0)) > 0.95
 
 
 def test_votes_keep_what_enough_views_show() -> None:
     left, right = shapely.box(0, 0, 1, 1), shapely.box(1, 0, 2, 1)
-    fused = votes(pile(left, right, left, right), CONFIG)
+    fused = votes(buffer(left, right, left, right), CONFIG)
     assert iou(fused, shapely.box(0, 0, 2, 1)) > 0.95
 
 
@@ -109,46 +109,46 @@ def test_a_view_does_not_vote_on_what_it_could_not_see() -> None:
     table, corner = shapely.box(0, 0, 2, 1), shapely.box(0, 0, 0.4, 1)
     edge_of_image = shapely.box(-5, -5, 0.4, 5)
     shapes, areas = [table] + [corner] * 9, [EVERYWHERE] + [edge_of_image] * 9
-    assert iou(votes(pile(*shapes, areas=areas), CONFIG), table) > 0.95
-    seen_everywhere = votes(pile(*shapes), CONFIG)
+    assert iou(votes(buffer(*shapes, areas=areas), CONFIG), table) > 0.95
+    seen_everywhere = votes(buffer(*shapes), CONFIG)
     assert iou(seen_everywhere, corner) > 0.9
 
 
 def test_an_empty_observed_area_abstains_from_nothing() -> None:
     shapes = [square(0)] * 9 + [square(2, side=3)]
-    fused = votes(pile(*shapes, areas=[shapely.Polygon()] * 10), CONFIG)
+    fused = votes(buffer(*shapes, areas=[shapely.Polygon()] * 10), CONFIG)
     assert iou(fused, square(0)) > 0.95
 
 
 def test_votes_weigh_by_score() -> None:
     small, large = square(0, side=1), square(0, side=2)
     shapes = [small, large]
-    assert iou(votes(pile(*shapes, scores=[0.9, 0.1]), CONFIG), small) > 0.9
-    assert iou(votes(pile(*shapes, scores=[0.5, 0.5]), CONFIG), large) > 0.9
+    assert iou(votes(buffer(*shapes, scores=[0.9, 0.1]), CONFIG), small) > 0.9
+    assert iou(votes(buffer(*shapes, scores=[0.5, 0.5]), CONFIG), large) > 0.9
 
 
 def test_votes_with_scores_of_zero_count_alike() -> None:
-    assert iou(votes(pile(square(0), square(0), scores=[0.0, 0.0]), CONFIG), square(0)) > 0.9
+    assert iou(votes(buffer(square(0), square(0), scores=[0.0, 0.0]), CONFIG), square(0)) > 0.9
 
 
 def test_a_shape_smaller_than_a_cell_stays_as_it_is() -> None:
     tiny = square(0.0101, 0.0099, side=0.0001)
-    assert votes(pile(tiny), CONFIG).area > 0
+    assert votes(buffer(tiny), CONFIG).area > 0
 
 
 def test_votes_on_a_huge_shape_take_coarser_cells() -> None:
     huge = shapely.box(0, 0, 1000, 10)
-    assert iou(votes(pile(huge), CONFIG), huge) > 0.5
+    assert iou(votes(buffer(huge), CONFIG), huge) > 0.5
 
 
 @pytest.mark.parametrize("fuse", [best_shape, convex_hull, votes])
 def test_one_shape_is_its_own_fusion(fuse: object) -> None:
     triangle = shapely.Polygon([(0, 0), (1, 0), (0.5, 1)])
-    assert iou(fuse(pile(triangle), CONFIG), triangle) > 0.9
+    assert iou(fuse(buffer(triangle), CONFIG), triangle) > 0.9
 
 
 def test_only_the_newest_evidence_is_kept_but_all_is_counted() -> None:
-    full = pile(*(square(i) for i in range(5)), limit=3)
+    full = buffer(*(square(i) for i in range(5)), limit=3)
     assert [evidence.stamp for evidence in full.items] == [2, 3, 4]
     assert full.centroids[:, 0].tolist() == [2, 3, 4]
     assert (full.count, full.first_seen, full.last_seen) == (5, 0, 4)
@@ -156,14 +156,14 @@ def test_only_the_newest_evidence_is_kept_but_all_is_counted() -> None:
 
 
 def test_merged_evidence_is_in_order_of_time() -> None:
-    first, second = pile(square(0), square(1)), pile(square(5), square(6))
+    first, second = buffer(square(0), square(1)), buffer(square(5), square(6))
     first.merge([second])
     assert [evidence.stamp for evidence in first.items] == [0, 0, 1, 1]
     assert first.count == 4
 
 
 def test_of_merged_evidence_the_newest_is_kept_and_all_is_counted() -> None:
-    first, second = pile(square(0), square(1), square(2), limit=3), pile(square(5), square(6))
+    first, second = buffer(square(0), square(1), square(2), limit=3), buffer(square(5), square(6))
     first.merge([second])  # their stamps are 0, 1, 2 and 0, 1
     assert [evidence.stamp for evidence in first.items] == [1, 1, 2]
     assert sorted(first.centroids[:, 0].tolist()) == [1, 2, 6]
@@ -189,7 +189,7 @@ def test_votes_are_counted_as_shapely_decides_about_each_cell(
     if polygon.area == 0 or not isinstance(polygon, shapely.Polygon | shapely.MultiPolygon):
         return
     polygon = polygon.reverse() if reverse else polygon
-    edges, first = _joined(Outline.all_of([polygon, polygon]))
+    edges, first = _joined(PreparedPolygon.all_of([polygon, polygon]))
     weights, to_cells = np.array([1.0, 2.0]), grid.to_cells_matrix()
     steps = np.zeros((grid.height, grid.width + 1))
     _add_steps(edges, first, weights, np.zeros((2, 2)), to_cells, steps)
@@ -214,7 +214,7 @@ def test_the_shape_is_the_hull_of_the_cells_that_get_their_share_of_the_votes(
     shapes, areas = ([any_hull(rng) for _ in range(count)] for _ in range(2))
     areas = [area if rng.random() < 0.7 else shapely.Polygon() for area in areas]
     scores = rng.choice([0, 0.25, 0.5, 1], count).tolist()
-    seen = pile(*shapes, areas=areas, scores=scores)
+    seen = buffer(*shapes, areas=areas, scores=scores)
     votes_for, votes_cast = np.zeros((2, len(CENTERS)))
     for k, (shape, area, score) in enumerate(zip(shapes, areas, scores, strict=True)):
         away = rng.integers(6)
@@ -237,7 +237,7 @@ def test_the_shape_is_the_hull_of_the_cells_that_get_their_share_of_the_votes(
 
 
 def test_votes_may_have_whole_numbers_as_scores() -> None:
-    assert iou(votes(pile(square(0), scores=[1]), CONFIG), square(0)) > 0.9
+    assert iou(votes(buffer(square(0), scores=[1]), CONFIG), square(0)) > 0.9
 
 
 def test_footprints_that_show_a_part_are_not_aligned() -> None:
@@ -258,14 +258,14 @@ def test_a_footprint_well_below_the_area_of_most_is_a_part() -> None:
 def test_drifting_footprints_are_aligned_before_they_vote(along: tuple[int, int]) -> None:
     drifts = (0.0, 0.03, -0.03, 0.05, -0.05)
     shapes = [square(along[0] * far, along[1] * far, side=0.1) for far in drifts]
-    assert iou(votes(pile(*shapes), CONFIG), square(0, side=0.1)) > 0.95
-    apart = votes(pile(*shapes), dataclasses.replace(CONFIG, align=0.0))
+    assert iou(votes(buffer(*shapes), CONFIG), square(0, side=0.1)) > 0.95
+    apart = votes(buffer(*shapes), dataclasses.replace(CONFIG, align=0.0))
     assert iou(apart, square(0, side=0.1)) < 0.7
 
 
 def test_votes_are_as_fine_far_away_from_where_the_map_begins() -> None:
     for x, y in [(50, 70), (-30, 40), (5, -8)]:
-        assert iou(votes(pile(square(x, y)), CONFIG), square(x, y)) > 0.95
+        assert iou(votes(buffer(square(x, y)), CONFIG), square(x, y)) > 0.95
 
 
 @given(st.lists(st.tuples(st.floats(-0.3, 0.3), st.floats(-0.3, 0.3)), min_size=1, max_size=12))
@@ -284,7 +284,7 @@ def test_near_views_weigh_more() -> None:
     near, far = square(0, side=0.4), square(1, side=0.4)
     away = np.eye(4)
     away[0, 3] = 8.0
-    seen = pile(near, far, far)
+    seen = buffer(near, far, far)
     seen.items[1:] = [
         dataclasses.replace(evidence, map_T_camera=away) for evidence in seen.items[1:]
     ]

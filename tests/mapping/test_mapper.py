@@ -148,7 +148,7 @@ def _with_pose(pose: NDArray[np.float64]) -> RgbdFrame:
         ),
         (
             dataclasses.replace(frame(0), depth=np.full((120, 160), 65.535, np.float32)),
-            "half of its depth lies beyond 66 m; are the units of depth per metre right",
+            "half of its depth lies beyond 66 m; are the units of depth per meter right",
         ),
         (
             dataclasses.replace(frame(0), depth=np.full((120, 160), 13.107, np.float32)),
@@ -156,8 +156,8 @@ def _with_pose(pose: NDArray[np.float64]) -> RgbdFrame:
         ),
         (dataclasses.replace(frame(0), stamp=np.nan), "its stamp is not finite"),
         (_with_pose(np.full((4, 4), np.nan)), "its pose is not finite"),
-        (_with_pose(np.diag([2.0, 2.0, 2.0, 1.0])), "its pose is no rigid motion"),
-        (_with_pose(np.diag([1.0, 1.0, -1.0, 1.0])), "its pose is no rigid motion"),
+        (_with_pose(np.diag([2.0, 2.0, 2.0, 1.0])), "its pose is not a rigid transform"),
+        (_with_pose(np.diag([1.0, 1.0, -1.0, 1.0])), "its pose is not a rigid transform"),
         (
             dataclasses.replace(frame(0, x=0), map_T_camera=frame(0, x=1e7).map_T_camera),
             "the occupancy map would grow to",
@@ -197,8 +197,8 @@ def test_a_recording_without_a_usable_frame_is_an_error(count: int) -> None:
     with pytest.raises(HypermapError) as error:
         map_recording(Frames([empty] * count), boxes, CONFIG)
     assert str(error.value) == (
-        f"some/where/walk: there is nothing to map: of {count} frames none can be used"
-        + ("; the first: its depth image is empty" if count else "")
+        f"some/where/walk: nothing to map: none of {count} frames can be used"
+        + ("; the first one: its depth image is empty" if count else "")
     )
 
 
@@ -245,6 +245,14 @@ def test_a_source_that_fails_at_one_frame_costs_this_frame_alone(
         map_recording(frames, source, CONFIG, max_bad=0)
 
 
+def test_that_the_memory_is_full_is_not_told_as_a_bad_frame() -> None:
+    def source(of: RgbdFrame) -> Any:
+        raise MemoryError
+
+    with pytest.raises(MemoryError):
+        map_recording(walk(), source, CONFIG)
+
+
 @pytest.mark.parametrize(("bad", "is_enough"), [(2, True), (3, False)])
 def test_too_many_frames_that_fail_end_it(bad: int, is_enough: bool) -> None:
     frames = walk(6)
@@ -263,7 +271,7 @@ def test_where_nothing_works_it_is_not_tried_to_the_end() -> None:
         tried.append(of.stamp)
         raise HypermapError("there is no color")
 
-    with pytest.raises(HypermapError, match="the first: there is no color"):
+    with pytest.raises(HypermapError, match="the first one: there is no color"):
         map_recording(Frames([frame(i) for i in range(1000)]), failing, CONFIG)
     assert len(tried) <= 100
 
@@ -289,7 +297,9 @@ def test_of_very_many_detections_the_best_count(caplog: pytest.LogCaptureFixture
     hypermap = map_recording(walk(), crowd, config)
     assert [item.name for item in hypermap["semantic"].objects()] == ["box"]
     assert hypermap.metadata["surplus_detections"] == 6
-    assert caplog.text.count("1 detections are left out, as only the best 1 of a frame count") == 1
+    assert (
+        caplog.text.count("dropped 1 detections, because only the best 1 of a frame are used") == 1
+    )
 
 
 def test_progress_is_reported_after_each_frame() -> None:
@@ -357,7 +367,7 @@ def test_who_watches_sees_each_mapped_frame_its_segments_and_the_map_as_it_is_th
 
     def watch(mapped: MappedFrame, mapper: Mapper) -> None:
         known = mapper.occupancy().value_at([[0.0, 0.0]])[0]
-        seen.append((mapped, mapper.counts, mapper.evidence.standing(), known))
+        seen.append((mapped, mapper.counts, mapper.evidence.summary(), known))
 
     hypermap = map_recording(frames, unsure_too, config, watch=watch)
     assert [mapped.frame.stamp for mapped, *_ in seen] == [0, 1, 2, 3, 4, 5]
@@ -370,11 +380,11 @@ def test_who_watches_sees_each_mapped_frame_its_segments_and_the_map_as_it_is_th
         on_box = np.flatnonzero(mapped.frame.depth.ravel() < 1.7)
         assert np.isin(found.segment.pixels, on_box).all()
         assert len(found.segment.pixels) > 0.9 * len(on_box)
-    *_, standing, known = seen[-1]
+    *_, summary, known = seen[-1]
     (thing,) = hypermap["semantic"].objects()
-    assert standing == [(thing.id, 6, thing.existence)]
+    assert summary == [(thing.id, 6, thing.existence)]
     assert known == 100
-    evidence = [{id_: count for id_, count, _ in standing} for _, _, standing, _ in seen]
+    evidence = [{id_: count for id_, count, _ in summary} for _, _, summary, _ in seen]
     assert [counts.get(thing.id, 0) for counts in evidence][-3:] == [4, 5, 6]
 
 

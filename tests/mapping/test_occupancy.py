@@ -150,7 +150,7 @@ def test_a_far_away_pose_is_an_error_and_leaves_the_map_as_it_was() -> None:
         mapper.add_depth(corridor(1e6 + 3, pose(x=1e6)))
     assert str(error.value) == (
         "the occupancy map would grow to 1000013 m x 26 m, more than its 50000000 cells of "
-        "0.05 m allow; is a pose far off, or are the poses not in metres?"
+        "0.05 m allow; is a pose far off, or are the poses not in meters?"
     )
     assert mapper.layer().cells.tolist() == before.cells.tolist()
 

@@ -96,12 +96,12 @@ def test_an_impossible_camera_is_refused(change: dict[str, Any], message: str) -
         ),
         (
             {"depth": np.full((2, 4), 1000, np.uint16)},
-            "depth must be metres as float32, got uint16",
+            "depth must be meters as float32, got uint16",
         ),
-        ({"depth": np.ones((2, 4), ">f4")}, "depth must be metres as float32, got >f4"),
+        ({"depth": np.ones((2, 4), ">f4")}, "depth must be meters as float32, got >f4"),
         (
             {"cloud": np.ones((2, 4, 3), np.float16)},
-            "cloud must be metres as float32, got float16",
+            "cloud must be meters as float32, got float16",
         ),
     ],
 )

@@ -29,7 +29,7 @@ def cloud_of(depth: NDArray[np.floating]) -> NDArray[np.float32]:
 
 
 def tilted_plane(normal: tuple[float, float, float]) -> NDArray[np.float32]:
-    """Return the cloud of a plane two metres in front of the camera."""
+    """Return the cloud of a plane two meters in front of the camera."""
     rays = cloud_of(np.ones((30, 40))).astype(float)
     return cloud_of(2.0 * normal[2] / (rays @ np.array(normal)))
 
@@ -46,7 +46,7 @@ def rough_cloud(seed: int, holes: float = 0.0) -> NDArray[np.float32]:
 
 def padded(points: NDArray[np.float32], valid: NDArray[np.bool_]) -> NDArray[np.float32]:
     frame = RgbdFrame(0.0, points[..., 2], CAMERA, np.eye(4), cloud=points)
-    return planes_of(rows_of(frame), valid, 0, 0, *valid.shape)
+    return planes_of(rows_of(frame.depth, frame.camera.K, frame.cloud), valid, 0, 0, *valid.shape)
 
 
 def fit_all(
@@ -111,7 +111,7 @@ def test_the_fast_normals_are_about_those_of_the_reference(holes: float) -> None
     angles = np.degrees(
         np.arccos(np.clip(np.abs(np.sum(normals * expected_normals, axis=1)), 0, 1))
     )
-    assert np.median(angles) < 1  # as the reference's own with 45 neighbours
+    assert np.median(angles) < 1  # as the reference's own with 45 neighbors
     assert np.percentile(angles, 95) < 10  # half of what two points that join may differ by
     assert np.median(np.abs(curvatures - expected_curvatures)) < 0.001
 
@@ -172,4 +172,4 @@ def test_points_far_apart_have_the_plane_of_those_around() -> None:
     normals, curvatures, radii2 = fit_all(cloud_of(depth))
     np.testing.assert_allclose(np.abs(normals), [[0, 0, 1]] * len(normals), atol=1e-3)
     np.testing.assert_allclose(curvatures, 0, atol=1e-6)
-    assert radii2.max() <= UNREACHED2  # no place without a point is among the neighbours
+    assert radii2.max() <= UNREACHED2  # no place without a point is among the neighbors

@@ -22,7 +22,7 @@ HALF_X, HALF_Y = 0.15, 0.10  # of the box [m]
 TABLE, TOP, HEIGHT = 0.70, 0.85, 2.0  # heights in the map [m]
 METHODS: list[Method] = ["enclosed", "organised", "unorganised"]
 
-# Two metres above the map's origin, looking straight down, image right along the map's x.
+# Two meters above the map's origin, looking straight down, image right along the map's x.
 LOOKING_DOWN = np.array([[1, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, HEIGHT], [0, 0, 0, 1.0]])
 SEEN = Detections.of([[120, 92, 199, 147]], ["box"], [0.8])
 

@@ -80,7 +80,7 @@ def test_every_frame_of_the_golden_file_is_tested(shared_data: Path) -> None:
 
 
 def test_the_reference_gives_what_pcl_gives(golden: Golden) -> None:
-    # Points at equal distances, which are common where the depth is quantised coarsely, may be
+    # Points at equal distances, which are common where the depth is quantized coarsely, may be
     # ranked differently; so may the points of a region's edge join the next region.
     for box, (cluster, shape) in enumerate(agreement(golden, "unorganised")):
         assert cluster >= 0.999, box

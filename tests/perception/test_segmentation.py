@@ -11,7 +11,8 @@ from hypermap.perception import organised, unorganised
 from hypermap.perception.config import Method, PerceptionConfig
 from hypermap.perception.detections import Detections
 from hypermap.perception.frame import Camera, RgbdFrame
-from hypermap.perception.segmentation import Segment, segment, valid_pixels
+from hypermap.perception.segmentation import segment, valid_pixels
+from hypermap.perception.segments import Segment
 
 HEIGHT, WIDTH = 60, 80
 CAMERA = Camera.from_intrinsics(120, 120, 39.5, 29.5, WIDTH, HEIGHT)

@@ -3,7 +3,7 @@
 Usage: ros_player.py FOLDER COUNT RECORDERS, which plays the first COUNT pairs of images once so
 many recorders listen. Then it says "played" and stays until its standard input ends: who loses a
 publisher does not read what is left of it. The intrinsics are those of the benchmark, depth has
-5000 units to the metre, and frames are called as in the benchmark's own bags, with leading slashes.
+5000 units to the meter, and frames are called as in the benchmark's own bags, with leading slashes.
 """
 
 import sys

@@ -65,7 +65,7 @@ def seconds(stamp: int) -> str:
 
 
 def write_tum(folder: Path, shots: list[Shot]) -> Path:
-    """Write a TUM folder; its depth has 1000 units to the metre."""
+    """Write a TUM folder; its depth has 1000 units to the meter."""
     lists: dict[str, list[str]] = {"depth.txt": [], "rgb.txt": [], "groundtruth.txt": ["# stamps"]}
     for name in ("depth", "rgb"):
         (folder / name).mkdir(parents=True)

@@ -80,8 +80,8 @@ def test_frames_of_the_desk_come_back_from_a_bag(
 
 
 def as_metres(shot: Shot) -> Any:
-    metres = np.where(shot.depth_mm == 0, np.nan, shot.depth_mm / 1000).astype(np.float32)
-    return IMAGE, image(metres, "32FC1", shot.stamp)
+    meters = np.where(shot.depth_mm == 0, np.nan, shot.depth_mm / 1000).astype(np.float32)
+    return IMAGE, image(meters, "32FC1", shot.stamp)
 
 
 DEPTHS: dict[str, Callable[[Shot], Any]] = {

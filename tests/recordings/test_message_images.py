@@ -38,7 +38,7 @@ def compressed(data: bytes, kind: str) -> SimpleNamespace:
 
 
 @pytest.mark.parametrize(
-    ("pixels", "encoding", "metres"),
+    ("pixels", "encoding", "meters"),
     [
         ([[0, 1, 1500]], "16UC1", [[NAN, 0.001, 1.5]]),
         ([[0, 1, 1500]], "mono16", [[NAN, 0.001, 1.5]]),
@@ -48,13 +48,13 @@ def compressed(data: bytes, kind: str) -> SimpleNamespace:
 )
 @pytest.mark.parametrize("order", ["<", ">"])
 def test_depth_is_in_metres_with_nan_for_no_return(
-    pixels: list[list[float]], encoding: str, metres: list[list[float]], order: str
+    pixels: list[list[float]], encoding: str, meters: list[list[float]], order: str
 ) -> None:
     kind = np.dtype(np.float32 if encoding == "32FC1" else np.uint16).newbyteorder(order)
     image = message(np.array(pixels, kind), encoding, is_bigendian=int(order == ">"))
     depth = depth_of_image(image, 1000)
     assert depth.dtype == np.float32
-    np.testing.assert_array_equal(depth, np.array(metres, np.float32))
+    np.testing.assert_array_equal(depth, np.array(meters, np.float32))
 
 
 @pytest.mark.parametrize(
@@ -122,7 +122,7 @@ def bilinear(mosaic: NDArray[np.uint8], pattern: str, row: int, col: int, color:
         found = [float(mosaic[at]) for at in ring if measures(*at)]
         if found:
             return sum(found) / len(found)
-    raise AssertionError("every 3 x 3 neighbourhood has all colors")
+    raise AssertionError("every 3 x 3 neighborhood has all colors")
 
 
 @given(
@@ -163,27 +163,27 @@ def test_padding_and_byte_order_change_nothing(
     np.testing.assert_array_equal(depth_of_image(image, 1000), expected)
 
 
-GREY = np.zeros((2, 3), np.uint16)
+GRAY = np.zeros((2, 3), np.uint16)
 
 
 @pytest.mark.parametrize(
     ("image", "text"),
     [
         (
-            message(GREY, "8UC1"),
+            message(GRAY, "8UC1"),
             "expected a depth image of encoding 16UC1 or 32FC1, found '8UC1'",
         ),
-        (message(GREY, "16UC1", width=0), "the image has 0 x 2 pixels"),
+        (message(GRAY, "16UC1", width=0), "the image has 0 x 2 pixels"),
         (
-            message(GREY, "16UC1", data=np.zeros(11, np.uint8)),
+            message(GRAY, "16UC1", data=np.zeros(11, np.uint8)),
             "an image of 3 x 2 pixels of 16UC1 needs rows of 6 bytes, found 11 bytes in rows of 6",
         ),
         (
-            message(GREY, "16UC1", step=5),
+            message(GRAY, "16UC1", step=5),
             "an image of 3 x 2 pixels of 16UC1 needs rows of 6 bytes, found 12 bytes in rows of 5",
         ),
         (
-            message(GREY, "32FC1", width=4_000_000_000),
+            message(GRAY, "32FC1", width=4_000_000_000),
             "an image of 4000000000 x 2 pixels of 32FC1 needs rows of 16000000000 bytes, found 12 "
             "bytes in rows of 6",
         ),
@@ -197,7 +197,7 @@ def test_depth_that_cannot_be_read_is_an_error(image: SimpleNamespace, text: str
 
 def test_color_of_another_encoding_is_an_error_with_a_remedy() -> None:
     with pytest.raises(FormatError) as caught:
-        color_of_image(message(GREY, "nv21"))
+        color_of_image(message(GRAY, "nv21"))
     assert str(caught.value) == (
         "color images of encoding 'nv21' cannot be read, only rgb8, bgr8, 8UC3, rgba8, bgra8, "
         "8UC4, mono8, 8UC1, mono16, yuv422, uyvy, yuv422_yuy2, yuyv and bayer_*; record a topic "
@@ -232,8 +232,8 @@ def test_compressed_color_is_what_the_picture_shows() -> None:
 def test_quantised_depth_comes_back_by_the_transports_formula() -> None:
     # The transport's own defaults: depth_quantization 100 and depth_max 10 give
     # A = 100 * 101 and B = 1 - A / 10; depth 2 m is kept as A / 2 + B = 4041.
-    quantised = np.array([[0, 4041, 9091]], np.uint16)
-    data = struct.pack("<iff", 0, 10100, -1009) + picture(quantised)
+    quantized = np.array([[0, 4041, 9091]], np.uint16)
+    data = struct.pack("<iff", 0, 10100, -1009) + picture(quantized)
     depth = depth_of_compressed(compressed(data, "32FC1; compressedDepth"), 1000)
     np.testing.assert_array_equal(depth, np.float32([[NAN, 2.0, 1.0]]))
 
@@ -305,7 +305,7 @@ RANDOM = np.random.default_rng(1).integers(0, 65535, (4, 4), dtype=np.uint16)
     ("image", "text"),
     [
         (
-            compressed(picture(GREY), "jpeg"),
+            compressed(picture(GRAY), "jpeg"),
             "expected a depth image of format '16UC1; compressedDepth' or "
             "'32FC1; compressedDepth', found 'jpeg'",
         ),

@@ -60,8 +60,8 @@ def depth(frame: RgbdFrame) -> Any:
 def compressed_depth(frame: RgbdFrame) -> Any:
     message = new(COMPRESSED_DEPTH, frame.stamp)
     message.format = "16UC1; compressedDepth"
-    millimetres = np.round(np.nan_to_num(frame.depth) * 1000).astype(np.uint16)
-    message.data = struct.pack("<iff", 0, 0, 0) + picture(millimetres, "png")
+    millimeters = np.round(np.nan_to_num(frame.depth) * 1000).astype(np.uint16)
+    message.data = struct.pack("<iff", 0, 0, 0) + picture(millimeters, "png")
     return message
 
 

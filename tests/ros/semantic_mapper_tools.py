@@ -129,7 +129,7 @@ class Room:
         Frames that are shown faster, seconds apart by their stamps, arrive as if one topic lagged
         by seconds behind the other, as the threads that take them happen to run.
         """
-        streams = self.node._life._inputs._synchroniser._streams  # type: ignore[union-attr]
+        streams = self.node._life._inputs._synchronizer._streams  # type: ignore[union-attr]
         stamp = round(frame.stamp * 1e9)
         wait_for(lambda: streams[""].matched == stamp, f"a match at {frame.stamp:.1f}")
 

@@ -21,7 +21,7 @@ from hypermap.ros.mapper.mailbox import Mailbox
 from hypermap.ros.mapper.semantic_mapper import SemanticMapper
 from hypermap.ros.mapper.settings import PARAMETERS, LiveSettings
 from hypermap.ros.mapper.statistics import WINDOW, Fate, State, Statistics
-from hypermap.ros.mapper.synchroniser import Match
+from hypermap.ros.mapper.synchronizer import Match
 from hypermap.ros.mapper.worker import Worker
 from hypermap.ros.parameters import checked
 from hypermap.ros.server.map_directory import archive_within

@@ -21,7 +21,7 @@ from hypermap.ros.messages.marker_array import MarkerStyle, marker_array, tint
 from hypermap.ros.server.markers import LayerMarkers
 from hypermap.testing import occupancy_from_text, square
 from hypermap.testing.strategies import areas, semantic_layers
-from hypermap.triangles import label_points, outlines, triangles
+from hypermap.triangles import label_points, ring_segments, triangles
 
 from .strict_messages import StrictTypes, humble_store, jazzy_store
 
@@ -78,7 +78,7 @@ def test_triangles_cover_a_shape_and_no_more(shape: Any) -> None:
 
 @given(shapes=st.lists(areas(), max_size=5))
 def test_each_corner_belongs_to_its_shape(shapes: list[Any]) -> None:
-    for found, size in ((triangles(as_objects(shapes)), 3), (outlines(as_objects(shapes)), 2)):
+    for found, size in ((triangles(as_objects(shapes)), 3), (ring_segments(as_objects(shapes)), 2)):
         assert len(found.points_xy) == len(found.owners)
         assert len(found.owners) % size == 0
         for shape, owner in zip(shapes, range(len(shapes)), strict=True):
@@ -89,7 +89,7 @@ def test_each_corner_belongs_to_its_shape(shapes: list[Any]) -> None:
 
 @given(shape=areas())
 def test_outlines_are_as_long_as_all_rings(shape: Any) -> None:
-    ends = outlines(as_objects([shape])).points_xy.reshape(-1, 2, 2)
+    ends = ring_segments(as_objects([shape])).points_xy.reshape(-1, 2, 2)
     assert np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).sum() == pytest.approx(shape.length)
 
 
@@ -105,7 +105,7 @@ def test_a_name_stands_within_its_shape(shape: Any) -> None:
 
 def test_nothing_has_no_corners() -> None:
     assert len(triangles(as_objects([])).points_xy) == 0
-    assert len(outlines(as_objects([])).points_xy) == 0
+    assert len(ring_segments(as_objects([])).points_xy) == 0
     assert len(triangles(as_objects([shapely.LineString([(0, 0), (1, 1)])])).points_xy) == 0
 
 

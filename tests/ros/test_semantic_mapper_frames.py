@@ -75,7 +75,7 @@ def test_tf_that_comes_late_is_waited_for(
     node = room(camera.INFO, camera.DARKNET, camera.DEPTH, **RAW)
     node.show_camera_info(drive[0])
     node.camera.show(drive[0], camera.DARKNET, camera.DEPTH)
-    time.sleep(0.3)  # the robot's localisation is late
+    time.sleep(0.3)  # the robot's localization is late
     assert node.totals == {}
     node.camera.show(drive[0], camera.TF)
     node.wait_for(MAPPED=1)

@@ -13,12 +13,12 @@ from hypermap.perception.detectors.sources import detections_from_recording
 from hypermap.recordings import open_recording
 from hypermap.simulation import SimulatedRecording, write_bag
 from hypermap.simulation.trajectory import Drive
-from hypermap.simulation.world import Floor, Thing, World
+from hypermap.simulation.world import FloorPlan, World, WorldObject
 
 WORLD = World(
     "test",
-    Floor((0, 0, 6, 4)),
-    objects=(Thing("table", (3, 2)), Thing("plant", (3, 3.2))),
+    FloorPlan((0, 0, 6, 4)),
+    objects=(WorldObject("table", (3, 2)), WorldObject("plant", (3, 3.2))),
     drive=Drive(((0.5, 2), (0.9, 2, 20)), speed=0.4, turn_rate_deg=30),
 )
 

@@ -13,7 +13,7 @@ from hypermap.simulation.network import CLASSES, class_of
 from hypermap.simulation.render import Renderer
 from hypermap.simulation.scene import Scene
 from hypermap.simulation.trajectory import camera_poses, planar_poses
-from hypermap.simulation.world import Thing
+from hypermap.simulation.world import WorldObject
 
 
 def test_it_is_small_and_read_like_any_network() -> None:
@@ -26,8 +26,8 @@ def test_it_is_small_and_read_like_any_network() -> None:
 
 
 def test_every_model_of_the_built_in_worlds_has_a_class() -> None:
-    assert class_of(Thing("screen", (0, 0), name="tvmonitor")) == "monitor"
-    assert class_of(Thing("sitter", (0, 0), name="person")) == "person"
+    assert class_of(WorldObject("screen", (0, 0), name="tvmonitor")) == "monitor"
+    assert class_of(WorldObject("sitter", (0, 0), name="person")) == "person"
     for world in ("demo", "lab", "office", "floor"):
         assert {class_of(thing) for thing in built_in_world(world).objects} <= set(CLASSES)
 

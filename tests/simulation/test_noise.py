@@ -1,4 +1,4 @@
-"""The errors of the camera and of localisation, against the published models."""
+"""The errors of the camera and of localization, against the published models."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from hypermap.simulation.noise import (
     DepthNoise,
     PoseNoise,
     axial_sigma,
-    quantised,
+    quantized,
 )
-from hypermap.simulation.render import View
+from hypermap.simulation.render import Rendering
 
 SHAPE = (120, 160)
 
 
-def plane(depth: float, incidence_deg: float = 0.0) -> View:
+def plane(depth: float, incidence_deg: float = 0.0) -> Rendering:
     """A wall that fills the image."""
-    return View(
+    return Rendering(
         depth=np.full(SHAPE, depth, dtype=np.float32),
         color=np.zeros((*SHAPE, 3), dtype=np.uint8),
         instances=np.full(SHAPE, -1, dtype=np.int32),
@@ -60,13 +60,13 @@ def test_measured_depth_scatters_as_the_model_says() -> None:
 @pytest.mark.parametrize(("z", "step"), [(1.0, 0.0029), (2.0, 0.0115), (5.0, 0.072)])
 def test_steps_of_depth_grow_with_its_square(z: float, step: float) -> None:
     # Khoshelham and Elberink 2012: about 2.85e-3 z^2 [m]: 7 cm at 5 m.
-    depths = np.unique(quantised(np.linspace(z, z * 1.2, 20_000, dtype=np.float32), 1 / 8))
+    depths = np.unique(quantized(np.linspace(z, z * 1.2, 20_000, dtype=np.float32), 1 / 8))
     assert np.diff(depths)[0] == pytest.approx(step, rel=0.12)
 
 
 def test_quantising_twice_changes_nothing_more() -> None:
-    once = quantised(np.linspace(0.5, 8, 1000, dtype=np.float32), 1 / 8)
-    assert quantised(once, 1 / 8) == pytest.approx(once, rel=1e-6)
+    once = quantized(np.linspace(0.5, 8, 1000, dtype=np.float32), 1 / 8)
+    assert quantized(once, 1 / 8) == pytest.approx(once, rel=1e-6)
 
 
 def test_an_exact_camera_measures_the_truth_within_its_range() -> None:

@@ -17,12 +17,16 @@ from hypermap.simulation import (
     SimulatedRecording,
 )
 from hypermap.simulation.trajectory import Drive
-from hypermap.simulation.world import Floor, Thing, Wall, World
+from hypermap.simulation.world import FloorPlan, Wall, World, WorldObject
 
 WORLD = World(
     "test",
-    Floor((0, 0, 6, 4)),
-    objects=(Thing("table", (3, 2)), Thing("cup", (3, 2), z=0.74), Thing("chair", (4.2, 2.7))),
+    FloorPlan((0, 0, 6, 4)),
+    objects=(
+        WorldObject("table", (3, 2)),
+        WorldObject("cup", (3, 2), z=0.74),
+        WorldObject("chair", (4.2, 2.7)),
+    ),
     walls=(Wall(rectangle=(0, 0, 6, 4)),),
     drive=Drive(((0.5, 2), (1.5, 2)), speed=0.5),
 )

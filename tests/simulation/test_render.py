@@ -8,15 +8,15 @@ import shapely
 
 from hypermap.core.trajectory import invert
 from hypermap.perception.frame import Camera
-from hypermap.simulation.render import DEFAULT_CAMERA, Renderer, View
+from hypermap.simulation.render import DEFAULT_CAMERA, Renderer, Rendering
 from hypermap.simulation.scene import BACKGROUND, Scene, footprint, placed
 from hypermap.simulation.trajectory import Drive, camera_poses
-from hypermap.simulation.world import Floor, Thing, Wall, World, demo_world
+from hypermap.simulation.world import FloorPlan, Wall, World, WorldObject, demo_world
 
 CAMERA = Camera.from_intrinsics(50, 50, 31.5, 23.5, width=64, height=48)
 
 
-def look(world: World, x: float, y: float, pitch_deg: float = 0, height: float = 1.0) -> View:
+def look(world: World, x: float, y: float, pitch_deg: float = 0, height: float = 1.0) -> Rendering:
     """Return the view from (x, y) along +x."""
     drive = Drive(((x, y),), pitch_deg=pitch_deg, camera_height=height)
     return Renderer(Scene.of(world), CAMERA).render(camera_poses([[x, y, 0]], drive)[0])
@@ -24,7 +24,7 @@ def look(world: World, x: float, y: float, pitch_deg: float = 0, height: float =
 
 def test_a_wall_straight_ahead_has_the_same_depth_everywhere() -> None:
     wall = Wall(line=((5, -10), (5, 10)), height=10, thickness=0.2)
-    view = look(World("w", Floor((0, 0, 1, 1)), walls=(wall,)), 1, 0, height=5)
+    view = look(World("w", FloorPlan((0, 0, 1, 1)), walls=(wall,)), 1, 0, height=5)
     # Depth is measured along the optical axis, not along the ray.
     assert view.depth == pytest.approx(np.full((48, 64), 3.9), abs=1e-4)
     assert (view.instances == BACKGROUND).all()
@@ -33,7 +33,7 @@ def test_a_wall_straight_ahead_has_the_same_depth_everywhere() -> None:
 
 
 def test_where_there_is_nothing_depth_is_nan() -> None:
-    view = look(World("w", Floor((0, 0, 1, 1))), 5, 0)
+    view = look(World("w", FloorPlan((0, 0, 1, 1))), 5, 0)
     assert np.isnan(view.depth).all()
     assert np.isnan(view.incidence).all()
     assert (view.instances == BACKGROUND).all()
@@ -43,14 +43,17 @@ def test_where_there_is_nothing_depth_is_nan() -> None:
 def test_the_floor_lies_at_height_zero() -> None:
     drive = Drive(((5, 5),), pitch_deg=60)
     (pose,) = camera_poses([[5, 5, 0.3]], drive)
-    view = Renderer(Scene.of(World("w", Floor((0, 0, 10, 10)))), CAMERA).render(pose)
+    view = Renderer(Scene.of(World("w", FloorPlan((0, 0, 10, 10)))), CAMERA).render(pose)
     points = _points(view, CAMERA) @ pose[:3, :3].T + pose[:3, 3]
     assert points[:, 2] == pytest.approx(np.zeros(48 * 64), abs=1e-4)
 
 
 def test_the_nearer_of_two_things_is_seen() -> None:
-    near, far = Thing("cupboard", (3, 0), yaw_deg=180), Thing("cupboard", (5, 0), yaw_deg=180)
-    view = look(World("w", Floor((0, 0, 1, 1)), (far, near)), 1, 0)
+    near, far = (
+        WorldObject("cupboard", (3, 0), yaw_deg=180),
+        WorldObject("cupboard", (5, 0), yaw_deg=180),
+    )
+    view = look(World("w", FloorPlan((0, 0, 1, 1)), (far, near)), 1, 0)
     assert view.instances[24, 32] == 1
     assert view.depth[24, 32] == pytest.approx(2 - 0.225, abs=1e-4)
     assert 0 not in view.instances  # wholly behind the near one
@@ -75,8 +78,10 @@ def test_all_points_of_an_object_lie_on_it() -> None:
 
 
 def test_a_projected_corner_appears_where_the_pinhole_model_puts_it() -> None:
-    cupboard = Thing("cupboard", (4, 0), yaw_deg=180, size={"length": 1, "width": 1, "height": 1.5})
-    view = look(World("w", Floor((0, 0, 1, 1)), (cupboard,)), 1, 0, height=0.75)
+    cupboard = WorldObject(
+        "cupboard", (4, 0), yaw_deg=180, size={"length": 1, "width": 1, "height": 1.5}
+    )
+    view = look(World("w", FloorPlan((0, 0, 1, 1)), (cupboard,)), 1, 0, height=0.75)
     drive = Drive(((1, 0),), pitch_deg=0, camera_height=0.75)
     (pose,) = camera_poses([[1, 0, 0]], drive)
     # The front's upper left corner, seen from the camera: x = 3.52 (the doors' plane), y = 0.5.
@@ -88,8 +93,8 @@ def test_a_projected_corner_appears_where_the_pinhole_model_puts_it() -> None:
 
 
 def test_a_lit_surface_is_brighter_than_one_in_the_shadow() -> None:
-    table = Thing("table", (5, 5), size={"length": 2, "width": 2})
-    view = look(World("w", Floor((0, 0, 10, 10), color="white"), (table,)), 2, 5, 30)
+    table = WorldObject("table", (5, 5), size={"length": 2, "width": 2})
+    view = look(World("w", FloorPlan((0, 0, 10, 10), color="white"), (table,)), 2, 5, 30)
     floor = (view.instances == BACKGROUND) & ~np.isnan(view.depth)
     points = np.full((48, 64, 3), np.nan)
     (pose,) = camera_poses([[2, 5, 0]], Drive(((2, 5),), pitch_deg=30, camera_height=1.0))
@@ -112,7 +117,7 @@ def test_the_same_pose_gives_the_same_picture() -> None:
         assert (first.instances == second.instances).all()
 
 
-def _points(view: View, camera: Camera) -> np.ndarray:
+def _points(view: Rendering, camera: Camera) -> np.ndarray:
     """Return the seen points in the optical frame, worked out from depth and K, shape (N, 3)."""
     v, u = np.nonzero(~np.isnan(view.depth))
     z = view.depth[v, u]

@@ -15,11 +15,11 @@ from hypermap.simulation.scene import (
     placed,
     wall_parts,
 )
-from hypermap.simulation.world import Door, Floor, Thing, Wall, World
+from hypermap.simulation.world import Door, FloorPlan, Wall, World, WorldObject
 
 
-def world(*objects: Thing, walls: tuple[Wall, ...] = ()) -> World:
-    return World("test", Floor((0, 0, 10, 10)), objects, walls)
+def world(*objects: WorldObject, walls: tuple[Wall, ...] = ()) -> World:
+    return World("test", FloorPlan((0, 0, 10, 10)), objects, walls)
 
 
 def test_walls_around_a_rectangle_are_closed_at_the_corners_and_open_at_the_doors() -> None:
@@ -42,10 +42,12 @@ def test_a_door_wider_than_its_wall_leaves_no_wall() -> None:
 
 def test_a_thing_stands_where_its_pose_says() -> None:
     chair = footprint(
-        placed(Thing("chair", (3, 4), yaw_deg=90, size={"length": 0.4, "width": 0.6}))
+        placed(WorldObject("chair", (3, 4), yaw_deg=90, size={"length": 0.4, "width": 0.6}))
     )
     assert chair.bounds == pytest.approx((2.7, 3.8, 3.3, 4.2))
-    heights = np.concatenate([part.vertices[:, 2] for part in placed(Thing("cup", (0, 0), z=0.7))])
+    heights = np.concatenate(
+        [part.vertices[:, 2] for part in placed(WorldObject("cup", (0, 0), z=0.7))]
+    )
     assert (heights.min(), heights.max()) == pytest.approx((0.7, 0.81))
 
 
@@ -57,21 +59,31 @@ def test_a_footprint_is_the_union_of_its_parts() -> None:
 @pytest.mark.parametrize(
     ("first", "second", "overlap"),
     [
-        (Thing("table", (2, 2)), Thing("cup", (2, 2), z=0.74), False),  # on it
-        (Thing("table", (2, 2)), Thing("cup", (2, 2), z=0.70), True),  # in its top
-        (Thing("table", (2, 2)), Thing("cup", (2, 2)), False),  # under it
-        (Thing("table", (2, 2)), Thing("chair", (2.45, 2), yaw_deg=180), False),  # pushed under
-        (Thing("table", (2, 2)), Thing("chair", (2.15, 2), yaw_deg=180), True),  # back in the top
-        (Thing("cupboard", (2, 2)), Thing("cupboard", (2, 3)), False),  # side by side
-        (Thing("cupboard", (2, 2)), Thing("cupboard", (2, 2.99)), True),
+        (WorldObject("table", (2, 2)), WorldObject("cup", (2, 2), z=0.74), False),  # on it
+        (WorldObject("table", (2, 2)), WorldObject("cup", (2, 2), z=0.70), True),  # in its top
+        (WorldObject("table", (2, 2)), WorldObject("cup", (2, 2)), False),  # under it
+        (
+            WorldObject("table", (2, 2)),
+            WorldObject("chair", (2.45, 2), yaw_deg=180),
+            False,
+        ),  # pushed under
+        (
+            WorldObject("table", (2, 2)),
+            WorldObject("chair", (2.15, 2), yaw_deg=180),
+            True,
+        ),  # back in the top
+        (WorldObject("cupboard", (2, 2)), WorldObject("cupboard", (2, 3)), False),  # side by side
+        (WorldObject("cupboard", (2, 2)), WorldObject("cupboard", (2, 2.99)), True),
     ],
 )
-def test_things_overlap_where_parts_share_space(first: Thing, second: Thing, overlap: bool) -> None:
+def test_things_overlap_where_parts_share_space(
+    first: WorldObject, second: WorldObject, overlap: bool
+) -> None:
     assert overlaps(world(first, second)) == ([(0, 1)] if overlap else [])
 
 
 def test_the_triangles_of_a_scene_know_what_they_belong_to() -> None:
-    scene = Scene.of(world(Thing("cup", (5, 5)), walls=(Wall(line=((0, 0), (1, 0))),)))
+    scene = Scene.of(world(WorldObject("cup", (5, 5)), walls=(Wall(line=((0, 0), (1, 0))),)))
     assert len(scene.triangles) == len(scene.colors) == len(scene.instances) == len(scene.is_floor)
     cup = scene.triangles[scene.instances == 0]
     assert cup[..., :2].mean(axis=(0, 1)) == pytest.approx([5, 5], abs=0.05)

@@ -7,15 +7,17 @@ import pytest
 import shapely
 
 from hypermap.simulation.truth import ground_truth, true_occupancy
-from hypermap.simulation.world import Door, Floor, Thing, Wall, World, demo_world
+from hypermap.simulation.world import Door, FloorPlan, Wall, World, WorldObject, demo_world
 
 WORLD = World(
     "test",
-    Floor((0, 0, 4, 3)),
+    FloorPlan((0, 0, 4, 3)),
     objects=(
-        Thing("table", (2, 1.5), size={"length": 0.8, "width": 1.2}),
-        Thing("cup", (2, 1.5), z=0.74, name="mug"),
-        Thing("lamp", (3.5, 2.5), z=2.0, size={"height": 0.4}),  # hangs above everybody's head
+        WorldObject("table", (2, 1.5), size={"length": 0.8, "width": 1.2}),
+        WorldObject("cup", (2, 1.5), z=0.74, name="mug"),
+        WorldObject(
+            "lamp", (3.5, 2.5), z=2.0, size={"height": 0.4}
+        ),  # hangs above everybody's head
     ),
     walls=(Wall(rectangle=(-0.05, -0.05, 4.05, 3.05), doors=(Door((-0.05, 1), 1.0),)),),
 )
@@ -56,7 +58,7 @@ def test_the_true_occupancy(point: tuple[float, float], value: int) -> None:
 
 
 def test_every_cell_that_an_obstacle_shares_area_with_is_occupied_and_no_other() -> None:
-    slanted = World("w", Floor((0, 0, 2, 2)), (Thing("sofa", (1, 1), yaw_deg=30),))
+    slanted = World("w", FloorPlan((0, 0, 2, 2)), (WorldObject("sofa", (1, 1), yaw_deg=30),))
     layer = true_occupancy(slanted, resolution=0.1)
     (sofa,) = ground_truth(slanted)["semantic"].objects()
     rows, cols = np.indices(layer.grid.shape).reshape(2, -1)

@@ -12,15 +12,15 @@ from hypermap.perception.detectors.sources import detections_from_file
 from hypermap.recordings import open_recording
 from hypermap.simulation import EXACT_DETECTOR, SimulatedRecording, ground_truth, write_tum
 from hypermap.simulation.trajectory import Drive
-from hypermap.simulation.world import Floor, Thing, Wall, World
+from hypermap.simulation.world import FloorPlan, Wall, World, WorldObject
 
 ROOM = World(
     "room",
-    Floor((0, 0, 5, 4)),
+    FloorPlan((0, 0, 5, 4)),
     objects=(
-        Thing("table", (3.2, 2.8), size={"length": 0.8, "width": 0.8}),
-        Thing("cup", (3.1, 2.7), z=0.74),
-        Thing("plant", (3.2, 0.8)),
+        WorldObject("table", (3.2, 2.8), size={"length": 0.8, "width": 0.8}),
+        WorldObject("cup", (3.1, 2.7), z=0.74),
+        WorldObject("plant", (3.2, 0.8)),
     ),
     walls=(Wall(rectangle=(-0.05, -0.05, 5.05, 4.05)),),
     drive=Drive(((0.8, 2.0), (1.8, 2.2, 30), (1.8, 1.6, -30)), speed=0.6),

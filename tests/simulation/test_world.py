@@ -15,9 +15,9 @@ from hypermap.simulation.scene import footprint, placed, wall_parts
 from hypermap.simulation.trajectory import planar_poses
 from hypermap.simulation.world import (
     Door,
-    Floor,
-    Thing,
+    FloorPlan,
     Wall,
+    WorldObject,
     built_in_world,
     built_in_worlds,
     demo_world,
@@ -41,10 +41,10 @@ def test_a_world_file_becomes_plain_data(tmp_path: Path) -> None:
         "drive: {waypoints: [[1, 1], [2, 1, 90]], speed: 1}\n"
     )
     world = load(tmp_path, text)
-    assert world.floor == Floor((0, 0, 4, 3))
+    assert world.floor == FloorPlan((0, 0, 4, 3))
     assert world.walls == (Wall(line=((0, 0), (4, 0)), doors=(Door((2, 0), 0.9),)),)
     assert world.objects == (
-        Thing("cup", (1, 2.5), yaw_deg=90, z=0.7, name="no", size={"height": 0.2}),
+        WorldObject("cup", (1, 2.5), yaw_deg=90, z=0.7, name="no", size={"height": 0.2}),
     )
     assert world.objects[0].label == "no"
     assert world.drive.waypoints == ((1, 1), (2, 1, 90))
@@ -206,7 +206,7 @@ def test_a_table_fills_its_outline_exactly(corners: list[tuple[int, int]], yaw: 
     outline = shapely.Polygon(corners)
     assume(outline.is_valid and outline.convex_hull.area == outline.area)
     assume(outline.minimum_clearance > 0.3)
-    table = Thing("table", yaw_deg=yaw, outline=tuple((x / 2, y / 2) for x, y in corners))
+    table = WorldObject("table", yaw_deg=yaw, outline=tuple((x / 2, y / 2) for x, y in corners))
     filled = shapely.Polygon(table.outline)
     assert footprint(table.parts()).symmetric_difference(filled).area < 1e-6 * filled.area
 
@@ -215,7 +215,7 @@ def test_a_table_fills_its_outline_exactly(corners: list[tuple[int, int]], yaw: 
 @pytest.mark.parametrize("turn", [1, -1])
 def test_an_outline_looks_where_it_is_told(yaw: float, back: tuple[int, int], turn: int) -> None:
     square = ((0, 0), (2, 0), (2, 2), (0, 2))[::turn]
-    chair = Thing("chair", yaw_deg=yaw, outline=square)
+    chair = WorldObject("chair", yaw_deg=yaw, outline=square)
     highest = max(chair.parts(), key=lambda part: part.vertices[:, 2].max())
     assert shapely.Point(back).distance(footprint([highest])) < 0.1
     assert shapely.Point(1, 1).distance(footprint([highest])) > 0.5

@@ -28,9 +28,9 @@ CHAIR_LOOKS = [
 CAMERAS_XY = [(5.0, 5.0), (5.5, 6.0), (6.0, 7.0), (9.0, 5.0)]
 
 
-def looking(x: float, y: float, towards: tuple[float, float]) -> np.ndarray:
-    """Return the pose of a camera that looks level towards a point."""
-    ahead = np.array([towards[0] - x, towards[1] - y, 0.0])
+def looking(x: float, y: float, toward: tuple[float, float]) -> np.ndarray:
+    """Return the pose of a camera that looks level toward a point."""
+    ahead = np.array([toward[0] - x, toward[1] - y, 0.0])
     ahead /= np.linalg.norm(ahead)
     down = np.array([0.0, 0.0, -1.0])
     pose = np.eye(4)

@@ -85,7 +85,7 @@ def test_the_picture_shows_each_kind_in_its_color(tmp_path: Path) -> None:
     counts = {name: pixels_of(pixels, name, 0.55).shape[1] for name in ("right", "false")}
     assert counts["right"] > counts["false"] > 1000
     rows, cols = pixels_of(pixels, "missed", 1)
-    scale = 700 / 5.9  # pixels per metre: 5.5 m and a margin of 0.2 m on each side
+    scale = 700 / 5.9  # pixels per meter: 5.5 m and a margin of 0.2 m on each side
     assert np.ptp(cols) == pytest.approx(1 * scale, abs=4)
     assert np.ptp(rows) == pytest.approx(1 * scale, abs=4)
 

@@ -109,7 +109,7 @@ def test_two_windows_never_lose_a_change(tmp_path):
             told = stale.edit(operation, expected=409)
             assert told["reason"] == "behind"
             assert told["version"] == other.version
-            assert "has changed meanwhile, in another window" in told["error"]
+            assert "has been changed in another window" in told["error"]
         assert one.names() == {0: "mug", 1: "desk", 2: "rug", 3: "lamp"}
         assert one.go("/api/undo", 409)["reason"] == "behind", "it has not seen the last step"
         one.version = other.version
@@ -123,7 +123,7 @@ def test_two_windows_never_lose_a_change(tmp_path):
 def test_changes_from_many_threads_are_all_kept(tmp_path):
     path = saved(tmp_path)
     document = MapDocument(path)
-    version = document.snapshot.version
+    version = document.current.version
 
     def draw(start: int) -> None:
         for i in range(20):
@@ -135,9 +135,9 @@ def test_changes_from_many_threads_are_all_kept(tmp_path):
         thread.start()
     for thread in threads:
         thread.join()
-    layer = document.snapshot.hypermap["things"]
+    layer = document.current.hypermap["things"]
     assert len(set(layer.names)) == len(layer) == 3 + 160
-    assert document.snapshot.version == version + 160
+    assert document.current.version == version + 160
     assert len(a_map()["things"]) == 3
 
 
@@ -145,14 +145,14 @@ def test_who_hears_of_a_change_at_once_hears_all_of_it(tmp_path):
     class Listened(MapDocument):
         def __setattr__(self, name, value):
             super().__setattr__(name, value)
-            if name == "beat" and value:
+            if name == "event_count" and value:
                 heard.append(self.status())
 
     heard = []
     document = Listened(saved(tmp_path))
 
     def now():
-        return document.snapshot.version
+        return document.current.version
 
     for change in (
         lambda: document.edit(now(), lambda draft: draft.remove("things", 0)),
@@ -194,7 +194,7 @@ def test_who_hears_of_a_change_at_once_hears_all_of_it(tmp_path):
         (
             add(polygon=[[0, 0], [1e8, 0], [0, 1]]),
             400,
-            "the shape is 100000 km long, more than 100 km; corners are given in metres",
+            "the shape is 100000 km long, more than 100 km; corners are given in meters",
         ),
         (
             {**add(), "polygon": None, "polygons": [[BED], [[[2e5, 0], [2e5, 1], [2e5 + 1, 0]]]]},
@@ -302,7 +302,7 @@ def test_a_new_layer_needs_a_name_that_no_other_has(tmp_path):
     with serving(saved(tmp_path)) as client:
         window = Window(client)
         for name, said in {
-            "things": "there is a layer 'things' already",
+            "things": "layer 'things' already exists",
             "  ": "a text is expected",
             "a\nb": "cannot be shown",
             "x" * 201: "too long",

@@ -1,4 +1,4 @@
-"""The server's answer to what is behind an object, and the same in a page of one file."""
+"""The server's response with the evidence for an object, and the same in a page of one file."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ import shapely
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.semantic import SemanticLayer
 from hypermap.formats import open_map, save_map
-from hypermap.viewer.live.behind import NO_EVIDENCE, NONE_HERE, look_behind
 from hypermap.viewer.live.embedded_evidence import embed_evidence
+from hypermap.viewer.live.object_evidence import NO_EVIDENCE, NONE_HERE, describe_evidence
 
 from .live_tools import Window, serving
 from .seen_map import CAMERAS_XY, CHAIR_LOOKS, HAS_NONE, SCORES, STAMPS, START, seen_map
@@ -160,7 +160,7 @@ def test_a_page_of_one_file_holds_the_evidence_of_as_many_objects_as_fit() -> No
     hypermap = seen_map()
     whole, note = embed_evidence(hypermap, hypermap["semantic"])
     assert (set(whole), note) == ({str(DESK), str(CHAIR)}, "")
-    assert whole[str(CHAIR)] == look_behind(hypermap, "semantic", CHAIR)
+    assert whole[str(CHAIR)] == describe_evidence(hypermap, "semantic", CHAIR)
     part, note = embed_evidence(hypermap, hypermap["semantic"], most=3)
     assert set(part) == {str(DESK)}
     assert note == "layer 'semantic': the evidence behind 1 object is not in this file"

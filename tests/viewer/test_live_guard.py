@@ -147,7 +147,7 @@ def test_the_real_server_is_guarded(tmp_path):
         (b"{}", 400, "version: a whole number is expected, got None"),
         (b'{"version": 1}', 400, "operations: a list with at least one operation"),
         (b'{"version": 1, "operations": [1]}', 400, "each must be an object"),
-        (b'{"version": 1, "operations": [{"op": "add"}]}', 409, "the map was opened anew"),
+        (b'{"version": 1, "operations": [{"op": "add"}]}', 409, "the map has been reloaded"),
         (b'{"version": 1, "operations": [' + b"{}," * 600 + b"{}]}", 400, "601 operations"),
         (b'{"a": "' + b"x" * MOST_BYTES + b'"}', 413, "larger than 8 MB"),
     ],

@@ -15,7 +15,7 @@ from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.opaque import OpaqueLayer
 from hypermap.core.semantic import SemanticLayer
 from hypermap.formats import open_map
-from hypermap.formats.geojson import from_geojson
+from hypermap.formats.semantic.geojson import from_geojson
 from hypermap.testing import square
 
 from .live_tools import Window, a_map, saved, serving
@@ -338,11 +338,11 @@ def test_the_view_begins_with_what_is_known(tmp_path):
         ("/api/at", {"x": "a", "y": 1}, "x: a number within 1e+09 m is expected, got 'a'"),
         ("/api/at", {"x": 1}, "y: a number within 1e+09 m is expected, got None"),
         ("/api/at", {"x": 1, "y": 1, "frame": "lba"}, "frame 'lba' is unknown to the map; did you"),
-        ("/api/find", {}, "name: what is to be found?"),
+        ("/api/find", {}, "name: missing; give name, near, inside or polygon"),
         ("/api/find", {"name": "cup", "near": "1"}, "near: a point x,y is expected, got '1'"),
-        ("/api/find", {"name": "cup", "within": "1"}, "within: a distance from what? Give near"),
+        ("/api/find", {"name": "cup", "within": "1"}, "within: needs near"),
         ("/api/find", {"name": "cup", "near": "rug", "within": "-1"}, "within: must not be neg"),
-        ("/api/find", {"near": "1,2"}, "name: what is to be found?"),
+        ("/api/find", {"near": "1,2"}, "name: missing; give name, near, inside or polygon"),
         ("/api/find", {"name": "cup", "polygon": "1,2,3,4"}, "a polygon needs at least three"),
         ("/api/find", {"name": "cup", "limit": 0}, "limit: must be from 1 to 5000, got 0"),
         ("/api/area.csv", {"polygon": "0,0,1,1"}, "at least three corners, got 2"),

@@ -74,9 +74,9 @@ def test_no_occupied_cell_disappears_when_reduced(layer, pose, ratio, shift):
     pixels = Pyramid.of(layer).draw(xs, ys, pixel, pose)
     rows, cols = np.nonzero(np.asarray(layer.cells) >= 100)
     drawn = np.argwhere(pixels == 100)
-    centres = np.column_stack([xs[drawn[:, 1]], ys[drawn[:, 0]]])
+    centers = np.column_stack([xs[drawn[:, 1]], ys[drawn[:, 0]]])
     for place in pose.apply(grid.centers(rows, cols)) if len(rows) else []:
-        off = np.abs(centres - place).max(axis=1)
+        off = np.abs(centers - place).max(axis=1)
         # A pixel reaches half its side; a merged cell may be as large as that again.
         assert off.min() <= pixel * 1.5 + grid.resolution
 

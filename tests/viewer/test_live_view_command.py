@@ -264,7 +264,7 @@ def test_nothing_is_begun_where_the_page_is_missing(tmp_path, monkeypatch, argum
     saved(tmp_path)
     done = hypermap(*arguments, cwd=tmp_path)
     assert (done.returncode, done.stdout) == (2, "")
-    assert f"{tmp_path}/src/hypermap/viewer/page: the page is not built; make" in done.stderr
+    assert f"{tmp_path}/src/hypermap/viewer/page: the page is not built; build" in done.stderr
 
 
 @pytest.mark.skipif(not is_page_built(), reason="the page is not built: make page")

@@ -49,7 +49,7 @@ ROOM = """
 
 
 def small_map() -> Hypermap:
-    """A grid of half a metre a cell; a chair and a table in a frame that is turned and moved."""
+    """A grid of half a meter a cell; a chair and a table in a frame that is turned and moved."""
     grid = occupancy_from_text(ROOM, 0.5, Pose2D(-1.0, 2.0, 0.0))
     objects = SemanticLayer("things", "desk", [square("chair", 1, 0), square("table", 3, 0, 2.0)])
     turned = Transform("map", "desk", Pose2D(5.0, 1.0, np.pi / 2))

@@ -161,9 +161,9 @@ def test_coordinates_and_scale_are_those_of_the_map(window: Window) -> None:
         r"([\d.]+) (\w+)", page.locator("#scale-text").inner_text()
     ).groups()
     bar = page.locator("#scale-bar").bounding_box()
-    metres = float(length) * {"m": 1, "cm": 0.01, "km": 1000}[unit]
+    meters = float(length) * {"m": 1, "cm": 0.01, "km": 1000}[unit]
     assert bar is not None
-    assert bar["width"] * METRES_PER_PIXEL == pytest.approx(metres, rel=0.05)
+    assert bar["width"] * METRES_PER_PIXEL == pytest.approx(meters, rel=0.05)
 
 
 def test_grid_lines_lie_at_whole_metres(window: Window) -> None:

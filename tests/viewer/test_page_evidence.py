@@ -1,4 +1,4 @@
-"""Looking behind an object in the page: what was seen of it, and its shape by other methods."""
+"""The evidence panel of the page: observations of an object, and its shape by other methods."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def choose(window: Window, thing: int) -> None:
     expect(window.page.locator("#panel .behind .opener")).to_be_visible()
 
 
-def look_behind(window: Window, thing: int) -> Locator:
+def open_evidence(window: Window, thing: int) -> Locator:
     choose(window, thing)
     window.page.locator("#panel .behind .opener").click()
     expect(window.page.locator("#panel .outlines").first).to_be_visible()
@@ -79,7 +79,7 @@ def strokes_at(window: Window, place: tuple[float, float], color: str) -> int:
 
 
 def test_a_section_says_how_often_and_when_an_object_was_seen(window: Window) -> None:
-    section = look_behind(window, CHAIR)
+    section = open_evidence(window, CHAIR)
     expect(section).to_contain_text("Seen 4 times")
     expect(section).to_contain_text("All 4 observations")
     assert section.locator(".timeline .look").count() == 4
@@ -96,7 +96,7 @@ def test_a_section_says_how_often_and_when_an_object_was_seen(window: Window) ->
 
 
 def test_the_slider_and_a_click_choose_one_observation(window: Window) -> None:
-    section = look_behind(window, CHAIR)
+    section = open_evidence(window, CHAIR)
     slider = section.get_by_label("Observation", exact=True)
     slider.fill("2")
     facts = section.locator(".look-facts")
@@ -115,7 +115,7 @@ def test_the_slider_and_a_click_choose_one_observation(window: Window) -> None:
 
 
 def test_the_chosen_observation_stands_out_on_the_map(window: Window) -> None:
-    section = look_behind(window, CHAIR)
+    section = open_evidence(window, CHAIR)
     edge = (8.0, 5.2)
     for outline in ("votes", "best_shape", "convex_hull", "in_map"):
         switch(window, outline)
@@ -129,7 +129,7 @@ def test_the_chosen_observation_stands_out_on_the_map(window: Window) -> None:
 
 
 def test_seen_shapes_are_the_stronger_the_more_often_they_were_seen(window: Window) -> None:
-    look_behind(window, CHAIR)
+    open_evidence(window, CHAIR)
     for outline in ("votes", "best_shape", "convex_hull", "in_map"):
         switch(window, outline)
     four, one = color_at(window, (6.75, 5.2)), color_at(window, HULL_ONLY)
@@ -144,7 +144,7 @@ def test_seen_shapes_are_the_stronger_the_more_often_they_were_seen(window: Wind
 def test_each_outline_can_be_switched_off_and_on(window: Window, theme: str) -> None:
     if theme == "dark":
         window.page.locator("#theme").click()
-    look_behind(window, CHAIR)
+    open_evidence(window, CHAIR)
     switch(window, "seen")
     shown = strokes_at(window, HULL_EDGE, "--convex-hull")
     assert shown > 40
@@ -155,7 +155,7 @@ def test_each_outline_can_be_switched_off_and_on(window: Window, theme: str) -> 
 
 
 def test_cameras_stand_where_they_stood(window: Window) -> None:
-    look_behind(window, CHAIR)
+    open_evidence(window, CHAIR)
     window.look_at(6.5, 5.5, 0.01)
     camera = (6.0, 7.0)
     before = color_at(window, camera)
@@ -190,11 +190,11 @@ def test_closing_puts_everything_away(window: Window) -> None:
 
 
 def test_another_object_closes_what_was_open(window: Window) -> None:
-    look_behind(window, CHAIR)
+    open_evidence(window, CHAIR)
     window.look_at(5, 4, METRES_PER_PIXEL)
     choose(window, DESK)
     expect(window.page.locator("#panel .timeline")).to_have_count(0)
-    section = look_behind(window, DESK)
+    section = open_evidence(window, DESK)
     expect(section).to_contain_text("Seen once")
     expect(section.locator(".timeline .look")).to_have_count(1)
 
@@ -203,7 +203,7 @@ def test_an_object_without_evidence_says_so(window: Window) -> None:
     choose(window, HAS_NONE)
     window.page.locator("#panel .behind .opener").click()
     expect(window.page.locator("#panel .behind-body")).to_contain_text(
-        "No evidence is kept for this object; perhaps it was drawn by hand."
+        "There is no evidence for this object; it may have been drawn by hand."
     )
 
 
@@ -213,7 +213,7 @@ def test_a_map_without_evidence_says_so(browser: Browser, tmp_path: Path) -> Non
         choose(window, CHAIR)
         window.page.locator("#panel .behind .opener").click()
         expect(window.page.locator("#panel .behind-body")).to_contain_text(
-            "This map keeps no evidence."
+            "This map contains no evidence."
         )
         assert window.complaints == []
 
@@ -227,7 +227,7 @@ def test_what_is_open_stays_so_when_another_window_changes_the_map(
         a_window(browser, url) as other,
     ):
         one.look_at(5, 4, METRES_PER_PIXEL)
-        section = look_behind(one, CHAIR)
+        section = open_evidence(one, CHAIR)
         section.get_by_label("Observation", exact=True).fill("3")
         other.look_at(5, 4, METRES_PER_PIXEL)
         other.page.locator("#tool-edit").click()
@@ -243,7 +243,7 @@ def test_a_page_of_one_file_looks_behind_objects_too(browser: Browser, tmp_path:
     url = export(saved_seen_map(tmp_path)).as_uri()
     with a_window(browser, url, offline=True) as window:
         window.look_at(5, 4, METRES_PER_PIXEL)
-        section = look_behind(window, CHAIR)
+        section = open_evidence(window, CHAIR)
         expect(section).to_contain_text("Seen 4 times")
         expect(section.locator("pre code")).to_contain_text("evidence_of(1)")
         switch(window, "seen")

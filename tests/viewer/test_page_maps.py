@@ -13,8 +13,8 @@ import shapely
 from numpy.typing import NDArray
 from playwright.sync_api import Browser
 
+from hypermap.core.found import Found
 from hypermap.core.hypermap import Hypermap
-from hypermap.core.placed import Found
 from hypermap.core.semantic import EMPTY, SemanticLayer
 from hypermap.formats import open_map
 

@@ -63,7 +63,7 @@ def test_cells_and_shapes_lie_where_the_map_says(tmp_path):
     render(room(), tmp_path / "room.png", labels=False, size=880)
     image = pixels(tmp_path / "room.png")[:, :980]  # without the legend
     left, top, right, bottom = bounds_of(image, OCCUPIED)
-    scale = 880 / 4.4  # pixels per metre: the margin is 0.2 m on each side
+    scale = 880 / 4.4  # pixels per meter: the margin is 0.2 m on each side
     assert right - left == pytest.approx(2 * scale, abs=2)
     assert bottom - top == pytest.approx(2 * scale, abs=2)
     chair = bounds_of(image, chair_color())

@@ -24,7 +24,7 @@ WHITE, WALL, UNKNOWN = (255, 255, 255), (104, 112, 126), (229, 232, 236)
 
 
 def room() -> Hypermap:
-    """Six by three metres: a wall at the left, the unknown at the right, a chair in between."""
+    """Six by three meters: a wall at the left, the unknown at the right, a chair in between."""
     things = [square("chair", 2.5, 1.5), square("$\\frac", 4.5, 0.5, 0.2)]
     return Hypermap(
         [occupancy_from_text("#....?\n#....?\n#....?"), SemanticLayer("things", "map", things)]

@@ -86,8 +86,8 @@ def test_ctrl_c_saves_what_there_is_and_again_ends_the_page(
         assert told["state"] == "saved"
         assert "saved room.hmap, the map of a part of the recording" in told["message"]
         assert told["counts"]["used"] == used == len(told["steps"]["numbers"]) < 4000
-        assert get(watched, "api/steps/1")["sight"]["number"] == 1
-        assert get(watched, f"api/steps/{used}")["sight"]["number"] == used
+        assert get(watched, "api/steps/1")["observation"]["number"] == 1
+        assert get(watched, f"api/steps/{used}")["observation"]["number"] == used
         watched.interrupt()
         assert watched.end() == 130
     assert "Traceback" not in watched.said

@@ -30,10 +30,10 @@ from hypermap.perception.frame import Camera, RgbdFrame
 from hypermap.recordings import RecordingOptions, open_recording
 from hypermap.viewer.watch.app import RunApp
 from hypermap.viewer.watch.history import NoSuchStep
-from hypermap.viewer.watch.objects import Things, changed_by
+from hypermap.viewer.watch.objects import ObjectStates, changed_by
+from hypermap.viewer.watch.observation import runs_of
 from hypermap.viewer.watch.picture import picture_of
-from hypermap.viewer.watch.run import Heard, Run
-from hypermap.viewer.watch.sight import runs_of
+from hypermap.viewer.watch.run import ClientState, WatchedRun
 
 from .run_tools import BLUE, CHAIR, CUP, EVIL, INTRINSICS, RED, SIZE, write_run
 
@@ -50,7 +50,7 @@ class Seen:
 
     def __init__(self) -> None:
         self.frames: list[MappedFrame] = []
-        self.standing: list[list[tuple[int, int, float]]] = []
+        self.summary: list[list[tuple[int, int, float]]] = []
         self.map: Hypermap | None = None
 
     def objects(self) -> SemanticLayer:
@@ -61,14 +61,14 @@ class Seen:
 
 
 def mapped(
-    drive: Path, run: Run, occupancy: OccupancyLayer | None = None, method: str = "default"
+    drive: Path, run: WatchedRun, occupancy: OccupancyLayer | None = None, method: str = "default"
 ) -> Seen:
     """Map a recording, watched by a run."""
     seen = Seen()
 
     def watch(frame: MappedFrame, mapper: Mapper) -> None:
         seen.frames.append(frame)
-        seen.standing.append(mapper.evidence.standing())
+        seen.summary.append(mapper.evidence.summary())
         run.watch(frame, mapper)
 
     recording = open_recording(drive, RecordingOptions(intrinsics=INTRINSICS))
@@ -81,19 +81,21 @@ def mapped(
 
 
 @contextmanager
-def a_run(folder: Path, **bounds: Any) -> Iterator[Run]:
+def a_run(folder: Path, **bounds: Any) -> Iterator[WatchedRun]:
     folder.mkdir(exist_ok=True)
-    with closing(Run(folder, "drive", "room.hmap", FRAMES, **bounds)) as run:
+    with closing(WatchedRun(folder, "drive", "room.hmap", FRAMES, **bounds)) as run:
         yield run
 
 
 @pytest.fixture(scope="module")
-def watched(drive: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Run, Seen]]:
+def watched(
+    drive: Path, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[tuple[WatchedRun, Seen]]:
     with a_run(tmp_path_factory.mktemp("run")) as run:
         yield run, mapped(drive, run)
 
 
-def step(run: Run, number: int, since: int | None = None) -> Any:
+def step(run: WatchedRun, number: int, since: int | None = None) -> Any:
     return json.loads(run.step(number, since))
 
 
@@ -104,14 +106,14 @@ def mask_of(runs: list[int]) -> NDArray[np.bool_]:
     return mask
 
 
-def test_each_step_tells_what_its_frame_saw(watched: tuple[Run, Seen]) -> None:
+def test_each_step_tells_what_its_frame_saw(watched: tuple[WatchedRun, Seen]) -> None:
     run, seen = watched
-    numbers = run.news(Heard())[0]["steps"]["numbers"]
+    numbers = run.update_for(ClientState())[0]["steps"]["numbers"]
     assert numbers == list(range(1, FRAMES + 1))
     for number, frame in zip(numbers, seen.frames, strict=True):
-        sight = step(run, number)["sight"]
-        assert (sight["number"], sight["stamp"]) == (number, frame.observation.stamp)
-        detections = sight["detections"]
+        observation = step(run, number)["observation"]
+        assert (observation["number"], observation["stamp"]) == (number, frame.observation.stamp)
+        detections = observation["detections"]
         assert [found["name"] for found in detections] == [
             "chair",
             EVIL,
@@ -133,19 +135,21 @@ def test_each_step_tells_what_its_frame_saw(watched: tuple[Run, Seen]) -> None:
             [[ring]] = found["footprint"]
             wanted = np.array(thing.footprint.exterior.coords)[:-1]
             np.testing.assert_allclose(ring, wanted, atol=6e-4)
-        camera = sight["camera"]
+        camera = observation["camera"]
         assert (camera["x"], camera["yaw"]) == (0.0, 0.0)
         assert camera["width"] == pytest.approx(2 * np.arctan(80 / 131.25), abs=1e-3)
-        assert sight["observed"]
+        assert observation["observed"]
 
 
-def test_the_objects_of_each_step_are_those_of_the_map_then(watched: tuple[Run, Seen]) -> None:
+def test_the_objects_of_each_step_are_those_of_the_map_then(
+    watched: tuple[WatchedRun, Seen],
+) -> None:
     run, seen = watched
     names = []
-    for number, standing in enumerate(seen.standing, start=1):
+    for number, summary in enumerate(seen.summary, start=1):
         told = step(run, number)["objects"]
         assert told["since"] is None
-        assert [(id_, count, value) for id_, _, value, count, _ in told["set"]] == standing
+        assert [(id_, count, value) for id_, _, value, count, _ in told["set"]] == summary
         names.append({name for _, name, *_ in told["set"]})
     assert [("cup" in known) for known in names[:CUP_FROM]] == [False] * CUP_FROM
     assert names[-1] == {"chair", "cup"}
@@ -161,10 +165,12 @@ def test_the_objects_of_each_step_are_those_of_the_map_then(watched: tuple[Run, 
         np.testing.assert_allclose(polygons[0][0], wanted, atol=6e-4)
 
 
-def test_a_step_may_be_told_as_the_difference_to_any_other(watched: tuple[Run, Seen]) -> None:
+def test_a_step_may_be_told_as_the_difference_to_any_other(
+    watched: tuple[WatchedRun, Seen],
+) -> None:
     run, _ = watched
 
-    def whole(number: int) -> Things:
+    def whole(number: int) -> ObjectStates:
         return changed_by({}, step(run, number)["objects"])
 
     for since, number in [(1, 2), (9, 3), (3, 12), (7, 7)]:
@@ -175,7 +181,7 @@ def test_a_step_may_be_told_as_the_difference_to_any_other(watched: tuple[Run, S
     assert step(run, 7, 99)["objects"]["since"] is None  # there is no step 99
 
 
-def test_pictures_are_those_of_the_camera_and_of_the_grid(watched: tuple[Run, Seen]) -> None:
+def test_pictures_are_those_of_the_camera_and_of_the_grid(watched: tuple[WatchedRun, Seen]) -> None:
     run, seen = watched
     with Image.open(io.BytesIO(run.picture(FRAMES))) as image:
         pixels = np.asarray(image).astype(int)
@@ -186,7 +192,7 @@ def test_pictures_are_those_of_the_camera_and_of_the_grid(watched: tuple[Run, Se
         assert np.abs(np.asarray(image)[60, 28].astype(int) - 128).max() < 12
 
     assert seen.map is not None
-    grid = step(run, FRAMES)["sight"]["grid"]
+    grid = step(run, FRAMES)["observation"]["grid"]
     occupancy = seen.map["occupancy"]
     assert isinstance(occupancy, OccupancyLayer)
     assert occupancy.grid is not None
@@ -204,22 +210,22 @@ def test_pictures_are_those_of_the_camera_and_of_the_grid(watched: tuple[Run, Se
     assert [x1, y1] == pytest.approx(corners.max(axis=0))
 
 
-def test_news_tell_what_is_new_once(watched: tuple[Run, Seen]) -> None:
+def test_news_tell_what_is_new_once(watched: tuple[WatchedRun, Seen]) -> None:
     run, _ = watched
-    news, heard = run.news(Heard())
+    news, heard = run.update_for(ClientState())
     assert (news["state"], news["message"]) == ("saved", "saved room.hmap")
     assert (news["total"], news["done"]) == (FRAMES, FRAMES)
     assert news["counts"] == {"used": FRAMES, "skipped": 0, "unusable": 0}
     assert set(news["colors"]) == {"chair", "cup", EVIL}
     assert len(news["steps"]["stamps"]) == len(news["steps"]["places"]) == FRAMES
     assert news["steps"]["objects"][-1] == 2
-    again, _ = run.news(heard)
+    again, _ = run.update_for(heard)
     assert "colors" not in again
     assert again["steps"]["numbers"] == []
     assert again["steps"]["first"] == FRAMES
-    half, _ = run.news(heard._replace(steps=10))
+    half, _ = run.update_for(heard._replace(steps=10))
     assert half["steps"]["numbers"] == [11, 12]
-    thinned, _ = run.news(heard._replace(thinned=1))
+    thinned, _ = run.update_for(heard._replace(thinned=1))
     assert thinned["steps"]["first"] == 0
     assert len(thinned["steps"]["numbers"]) == FRAMES
 
@@ -229,7 +235,7 @@ def test_of_a_long_run_every_nth_frame_is_kept_and_the_last_one(
 ) -> None:
     with a_run(tmp_path / "run", most_steps=4) as run:
         seen = mapped(drive, run)
-        news, _ = run.news(Heard())
+        news, _ = run.update_for(ClientState())
         numbers = news["steps"]["numbers"]
         assert news["stride"] == 4
         assert numbers[-1] == FRAMES
@@ -237,8 +243,8 @@ def test_of_a_long_run_every_nth_frame_is_kept_and_the_last_one(
         for number in numbers:
             told = step(run, number)["objects"]["set"]
             kept = [(id_, count, value) for id_, _, value, count, _ in told]
-            assert kept == seen.standing[number - 1]
-        assert step(run, numbers[-1] - 1)["sight"]["number"] == numbers[-2]
+            assert kept == seen.summary[number - 1]
+        assert step(run, numbers[-1] - 1)["observation"]["number"] == numbers[-2]
         with pytest.raises(NoSuchStep):
             run.step(numbers[0] - 1, None)
 
@@ -263,7 +269,9 @@ def test_a_given_grid_is_drawn_once(drive: Path, tmp_path: Path) -> None:
     grid = OccupancyLayer("floor", "map", GridGeometry(60, 40, 0.1), cells)
     with a_run(tmp_path / "run") as run:
         mapped(drive, run, grid)
-        shown = [step(run, number)["sight"]["grid"]["number"] for number in range(1, FRAMES + 1)]
+        shown = [
+            step(run, number)["observation"]["grid"]["number"] for number in range(1, FRAMES + 1)
+        ]
     assert shown == [1] * FRAMES
     assert len(list((tmp_path / "run").glob("*.png"))) == 1
 
@@ -277,8 +285,8 @@ def test_a_full_disk_ends_what_is_kept_and_not_the_mapping(
             seen = mapped(drive, run)
         assert len(seen.objects()) == 2
         assert len(seen.frames) == FRAMES
-        assert run.news(Heard())[0]["steps"]["numbers"] == []
-    assert sum("cannot be looked at" in text for text in caplog.messages) == 1
+        assert run.update_for(ClientState())[0]["steps"]["numbers"] == []
+    assert sum("cannot be recorded" in text for text in caplog.messages) == 1
 
 
 def frame_of(width: int, height: int, **parts: Any) -> RgbdFrame:
@@ -327,7 +335,7 @@ def test_depth_is_shown_where_there_is_no_color_and_where_that_is_broken(
 
 
 @pytest.fixture
-def client(watched: tuple[Run, Seen]) -> Iterator[TestClient]:
+def client(watched: tuple[WatchedRun, Seen]) -> Iterator[TestClient]:
     app = RunApp(watched[0])
     app.is_closing = True  # so that news end after the first
     with TestClient(app.app, base_url="http://127.0.0.1") as client:
@@ -337,7 +345,7 @@ def client(watched: tuple[Run, Seen]) -> Iterator[TestClient]:
 
 
 def test_the_server_answers_what_the_page_asks(
-    client: TestClient, watched: tuple[Run, Seen]
+    client: TestClient, watched: tuple[WatchedRun, Seen]
 ) -> None:
     run, _ = watched
     info = client.get("/api/run").json()
@@ -348,7 +356,7 @@ def test_the_server_answers_what_the_page_asks(
     assert picture.content == run.picture(8)
     assert picture.headers["Content-Type"] == "image/jpeg"
     assert "immutable" in picture.headers["Cache-Control"]
-    number = answer.json()["sight"]["grid"]["number"]
+    number = answer.json()["observation"]["grid"]["number"]
     grid = client.get(f"/api/grids/{number}.png")
     assert grid.content == run.grid(number)
     assert grid.headers["Cache-Control"] == "no-store"  # it may be another run's later
@@ -392,8 +400,8 @@ def test_other_sites_are_kept_out(client: TestClient, headers: dict[str, str]) -
         assert client.get(path, headers=headers).status_code == 403
 
 
-def test_the_cup_is_boxed_where_it_is(watched: tuple[Run, Seen]) -> None:
-    found = {d["name"]: d for d in step(watched[0], FRAMES)["sight"]["detections"]}
+def test_the_cup_is_boxed_where_it_is(watched: tuple[WatchedRun, Seen]) -> None:
+    found = {d["name"]: d for d in step(watched[0], FRAMES)["observation"]["detections"]}
     assert found["cup"]["box"] == list(CUP)
     rows, columns = np.nonzero(mask_of(found["cup"]["runs"]))
     assert columns.min() >= CUP[0]

@@ -48,12 +48,12 @@ class TestContract(LayerContract):
 @pytest.mark.parametrize(
     ("point", "value"),
     [
-        ((0.5, 0.5), 20),  # at a centre, its own number
-        ((1.0, 0.5), 21),  # half way between two centres
+        ((0.5, 0.5), 20),  # at a center, its own number
+        ((1.0, 0.5), 21),  # half way between two centers
         ((0.75, 0.5), 20.5),
         ((0.5, 1.0), 20),  # half way up
         ((2.5, 1.0), 26),
-        ((0.1, 0.5), 20),  # beyond the outermost centres, the outermost cells go on
+        ((0.1, 0.5), 20),  # beyond the outermost centers, the outermost cells go on
         ((2.99, 0.01), 24),
         ((0.0, 0.0), 20),
         ((1.0, 0.75), 20.8571428),  # (0.75 * 21 + 0.125 * 20) / 0.875, the unknown one left out

@@ -13,9 +13,9 @@ import {
   Steps,
   thingAt,
   type Counts,
-  type News,
-  type Sight,
-  type Things,
+  type RunUpdate,
+  type Observation,
+  type ObjectStates,
 } from "./steps";
 import { Timeline } from "./timeline";
 
@@ -26,12 +26,12 @@ export class RunPage {
   readonly steps = new Steps();
   readonly map = new RunMap(byId("map"), insets);
   /** The step that is drawn. */
-  shown: { number: number; sight: Sight; things: Things } | null = null;
+  shown: { number: number; observation: Observation; things: ObjectStates } | null = null;
   private readonly settings = loadSettings();
   private readonly camera: CameraView;
   private readonly timeline: Timeline;
   private readonly theme: HTMLButtonElement;
-  private news: News | null = null;
+  private news: RunUpdate | null = null;
   private colors: Record<string, string> = {};
   /** Number of the grid's picture that is drawn. */
   private grid: number | null = null;
@@ -77,7 +77,7 @@ export class RunPage {
     this.source.watch((news) => this.hear(news));
   }
 
-  private hear(news: News | null): void {
+  private hear(news: RunUpdate | null): void {
     if (!news) {
       if (this.news?.state === "failed") return; // which says enough
       const text =
@@ -122,10 +122,11 @@ export class RunPage {
 
   private async show(number: number): Promise<void> {
     const before = this.shown;
-    const { sight, objects } = await this.source.step(number, before?.number ?? null);
-    const grid = sight.grid && sight.grid.number !== this.grid ? sight.grid : null;
+    const { observation, objects } = await this.source.step(number, before?.number ?? null);
+    const grid =
+      observation.grid && observation.grid.number !== this.grid ? observation.grid : null;
     const [picture, gridPicture] = await Promise.all([
-      this.source.picture(sight.number),
+      this.source.picture(observation.number),
       grid ? this.source.grid(grid.number) : null,
     ]);
     // Everything of a step appears at once.
@@ -134,17 +135,17 @@ export class RunPage {
       this.grid = grid.number;
       this.map.showGrid(gridPicture, grid.extent);
     }
-    const position = this.steps.positionOf(sight.number);
-    this.camera.show(sight, picture, this.colors);
-    this.map.show(sight, things, this.steps.places, position);
-    this.showSeen(sight);
+    const position = this.steps.positionOf(observation.number);
+    this.camera.show(observation, picture, this.colors);
+    this.map.show(observation, things, this.steps.places, position);
+    this.showSeen(observation);
     this.showObjects(things);
-    byId("frame").textContent = `frame ${count(sight.number)}`;
-    this.shown = { number: sight.number, sight, things };
-    if (sight.number !== number) this.wanted = sight.number; // the asked one was dropped
+    byId("frame").textContent = `frame ${count(observation.number)}`;
+    this.shown = { number: observation.number, observation, things };
+    if (observation.number !== number) this.wanted = observation.number; // the asked one was dropped
   }
 
-  private showState(news: News): void {
+  private showState(news: RunUpdate): void {
     const { state, done, total, message, stride } = news;
     document.body.dataset["state"] = state;
     const every = stride > 1 ? `, every ${ordinal(stride)} is kept` : "";
@@ -164,7 +165,7 @@ export class RunPage {
     if (news.map_url) link.href = news.map_url;
   }
 
-  private showSeen({ detections }: Sight): void {
+  private showSeen({ detections }: Observation): void {
     const items = [...detections]
       .sort((a, b) => b.score - a.score)
       .map(({ name, score, footprint }) =>
@@ -181,7 +182,7 @@ export class RunPage {
     byId("seen").replaceChildren(...(items.length ? items : [nothing]));
   }
 
-  private showObjects(things: Things): void {
+  private showObjects(things: ObjectStates): void {
     byId("objects-title").textContent = `On the map by then: ${plural(things.size, "object")}`;
     const items = countsOf(things).map(([name, number]) =>
       el(
@@ -221,9 +222,9 @@ export class RunPage {
 
   private showScale(): void {
     const { resolution } = this.map;
-    const metres = niceLength(LONGEST * resolution);
-    byId("scale-text").textContent = length(metres);
-    byId("scale-bar").style.width = `${metres / resolution}px`;
+    const meters = niceLength(LONGEST * resolution);
+    byId("scale-text").textContent = length(meters);
+    byId("scale-bar").style.width = `${meters / resolution}px`;
   }
 
   private fit(): void {

@@ -1,7 +1,7 @@
 /** What the camera saw: its picture with the segments and boxes of what was detected. */
 
 import { FONT, shortened, withAlpha } from "../looks";
-import type { Detection, Sight } from "./steps";
+import type { Detection, Observation } from "./steps";
 
 const LABEL = 12; // pixels
 const LONGEST = 24; // letters of a name
@@ -13,7 +13,7 @@ export interface CameraOptions {
 }
 
 export class CameraView {
-  private shown: { sight: Sight; picture: HTMLImageElement } | null = null;
+  private shown: { observation: Observation; picture: HTMLImageElement } | null = null;
   private colors: Record<string, string> = {};
 
   constructor(
@@ -23,12 +23,12 @@ export class CameraView {
     new ResizeObserver(() => this.draw()).observe(canvas);
   }
 
-  show(sight: Sight, picture: HTMLImageElement, colors: Record<string, string>): void {
-    this.shown = { sight, picture };
+  show(observation: Observation, picture: HTMLImageElement, colors: Record<string, string>): void {
+    this.shown = { observation, picture };
     this.colors = colors;
-    const { width, height, kind } = sight.picture;
+    const { width, height, kind } = observation.picture;
     this.canvas.style.aspectRatio = `${width} / ${height}`;
-    const found = sight.detections.map(({ name, score }) => `${name} ${percent(score)}`);
+    const found = observation.detections.map(({ name, score }) => `${name} ${percent(score)}`);
     this.canvas.setAttribute(
       "aria-label",
       `${kind === "color" ? "Color" : "Depth"} picture; detected: ${found.join(", ") || "nothing"}`,
@@ -40,8 +40,8 @@ export class CameraView {
     const context = this.canvas.getContext("2d");
     const { clientWidth } = this.canvas;
     if (!context || !this.shown || !clientWidth) return;
-    const { sight, picture } = this.shown;
-    const { width, height } = sight.picture;
+    const { observation, picture } = this.shown;
+    const { width, height } = observation.picture;
     const ratio = window.devicePixelRatio;
     this.canvas.width = Math.round(clientWidth * ratio);
     this.canvas.height = Math.round((clientWidth * ratio * height) / width);
@@ -50,7 +50,7 @@ export class CameraView {
     const scale = clientWidth / width;
     context.setTransform(ratio, 0, 0, ratio, 0, 0);
     // The surest comes last, and so lies on top.
-    const detections = [...sight.detections].sort((a, b) => a.score - b.score);
+    const detections = [...observation.detections].sort((a, b) => a.score - b.score);
     if (this.options.segments) {
       context.imageSmoothingEnabled = false;
       for (const detection of detections) this.tint(context, detection, width, height, scale);

@@ -17,7 +17,7 @@ import { NameSides } from "../namesides";
 import type { Extent, Point, Polygon } from "../source";
 import { GridLayer } from "./gridlayer";
 import { cameraLook, footprintLook, observedLook, wayLook } from "./runlooks";
-import type { Sight, Thing, Things } from "./steps";
+import type { Observation, ObjectState, ObjectStates } from "./steps";
 
 export interface Insets {
   top: number;
@@ -57,7 +57,7 @@ export class RunMap {
     private readonly insets: () => Insets,
   ) {
     this.view = new View({
-      projection: new Projection({ code: "metres", units: "m", global: false }),
+      projection: new Projection({ code: "meters", units: "m", global: false }),
       center: [0, 0],
       resolution: 0.02,
       minResolution: FINEST,
@@ -116,8 +116,8 @@ export class RunMap {
   }
 
   /** Shows a step: what its frame saw, the objects then, and the way up to it. */
-  show(sight: Sight, things: Things, places: Point[], position: number): void {
-    fill(this.observed, [shape(sight.observed)]);
+  show(observation: Observation, things: ObjectStates, places: Point[], position: number): void {
+    fill(this.observed, [shape(observation.observed)]);
     const objects = [...things.values()].sort((a, b) => areaOf(b) - areaOf(a)).map(featureOf);
     fill(this.objects, objects);
     fill(this.labels, objects);
@@ -125,15 +125,15 @@ export class RunMap {
     fill(this.way, [way(places.slice(position), true), way(places.slice(0, position + 1), false)]);
     fill(
       this.footprints,
-      sight.detections
+      observation.detections
         .filter(({ footprint }) => footprint.length)
         .map(({ footprint, name }) => shape(footprint, { color: this.colors[name] ?? "#808080" })),
     );
-    const { x, y, yaw, width } = sight.camera;
+    const { x, y, yaw, width } = observation.camera;
     const eye = new Feature(new PointGeometry([x, y]));
     eye.setProperties({ yaw, width });
     fill(this.camera, [eye]);
-    this.setExtent(sight, things);
+    this.setExtent(observation, things);
   }
 
   fit(animate = true): void {
@@ -157,12 +157,12 @@ export class RunMap {
     this.labels.changed();
   }
 
-  private setExtent(sight: Sight, things: Things): void {
+  private setExtent(observation: Observation, things: ObjectStates): void {
     const known = createEmpty();
-    if (sight.grid) extend(known, sight.grid.extent);
+    if (observation.grid) extend(known, observation.grid.extent);
     for (const { polygons } of things.values())
       extend(known, new MultiPolygon(polygons).getExtent());
-    const { x, y } = sight.camera;
+    const { x, y } = observation.camera;
     extend(known, [x, y, x, y]);
     if (isEmpty(known)) extend(known, [x - 1, y - 1, x + 1, y + 1]);
     const isFirst = this.extent === null;
@@ -215,7 +215,7 @@ function way(places: Point[], ahead: boolean): Feature {
   return feature;
 }
 
-function featureOf(thing: Thing): Feature {
+function featureOf(thing: ObjectState): Feature {
   const geometry = new MultiPolygon(thing.polygons);
   const feature = new Feature(geometry);
   const middle = geometry.getInteriorPoints().getFirstCoordinate() ?? [0, 0];
@@ -223,4 +223,4 @@ function featureOf(thing: Thing): Feature {
   return feature;
 }
 
-const areaOf = ({ polygons }: Thing): number => new MultiPolygon(polygons).getArea();
+const areaOf = ({ polygons }: ObjectState): number => new MultiPolygon(polygons).getArea();

@@ -1,7 +1,7 @@
 /** The run behind `hypermap map --view`: its steps, pictures and news through HTTP. */
 
 import { ask } from "../server";
-import type { Changes, News, Sight } from "./steps";
+import type { Changes, RunUpdate, Observation } from "./steps";
 
 export interface RunInfo {
   /** Of this run, and no other at the same address. */
@@ -13,7 +13,7 @@ export interface RunInfo {
 }
 
 export interface StepAnswer {
-  sight: Sight;
+  observation: Observation;
   objects: Changes;
 }
 
@@ -41,9 +41,9 @@ export class RunSource {
   }
 
   /** Calls back with all news; with null while the server does not answer. */
-  watch(heard: (news: News | null) => void): void {
+  watch(heard: (news: RunUpdate | null) => void): void {
     const events = new EventSource("/api/events");
-    events.onmessage = (event: MessageEvent<string>) => heard(JSON.parse(event.data) as News);
+    events.onmessage = (event: MessageEvent<string>) => heard(JSON.parse(event.data) as RunUpdate);
     events.onerror = () => heard(null);
   }
 }

@@ -13,7 +13,7 @@ export interface Counts {
 }
 
 /** What the server tells whenever something has happened. */
-export interface News {
+export interface RunUpdate {
   /** Of which run; the same address may be another one's later. */
   run: string;
   state: State;
@@ -53,7 +53,7 @@ export interface Detection {
 }
 
 /** What one frame saw. */
-export interface Sight {
+export interface Observation {
   number: number;
   stamp: number;
   picture: { width: number; height: number; kind: "color" | "depth" };
@@ -64,7 +64,7 @@ export interface Sight {
   grid: { number: number; extent: Extent } | null;
 }
 
-export interface Thing {
+export interface ObjectState {
   id: number;
   name: string;
   existence: number;
@@ -73,7 +73,7 @@ export interface Thing {
   polygons: Polygon[];
 }
 
-export type Things = Map<number, Thing>;
+export type ObjectStates = Map<number, ObjectState>;
 
 /** What makes the objects at one step of those at another. */
 export interface Changes {
@@ -81,13 +81,16 @@ export interface Changes {
   since: number | null;
   set: [number, string, number, number, Polygon[]][];
   existence: [number, number][];
-  gone: number[];
+  removed: number[];
 }
 
 /** The objects after changes; those before stay as they are. */
-export function changedBy(things: Things, { since, set, existence, gone }: Changes): Things {
-  const after: Things = since === null ? new Map() : new Map(things);
-  for (const id of gone) after.delete(id);
+export function changedBy(
+  things: ObjectStates,
+  { since, set, existence, removed }: Changes,
+): ObjectStates {
+  const after: ObjectStates = since === null ? new Map() : new Map(things);
+  for (const id of removed) after.delete(id);
   for (const [id, name, value, evidence, polygons] of set) {
     after.set(id, { id, name, existence: value, evidence, polygons });
   }
@@ -99,15 +102,15 @@ export function changedBy(things: Things, { since, set, existence, gone }: Chang
 }
 
 /** The classes of objects and how many there are of each, the commonest first. */
-export function countsOf(things: Things): [string, number][] {
+export function countsOf(things: ObjectStates): [string, number][] {
   const counts = new Map<string, number>();
   for (const { name } of things.values()) counts.set(name, (counts.get(name) ?? 0) + 1);
   return [...counts].sort(([a, m], [b, n]) => n - m || (a < b ? -1 : 1));
 }
 
 /** The object at a place; of several, the smallest, which lies on top. */
-export function thingAt(things: Things, place: Point): Thing | null {
-  const size = ({ polygons }: Thing) => {
+export function thingAt(things: ObjectStates, place: Point): ObjectState | null {
+  const size = ({ polygons }: ObjectState) => {
     const [x0, y0, x1, y1] = extentOf(polygons);
     return (x1 - x0) * (y1 - y0);
   };
@@ -126,7 +129,7 @@ export class Steps {
     return this.numbers.length;
   }
 
-  take({ first, numbers, stamps, places, objects }: News["steps"]): void {
+  take({ first, numbers, stamps, places, objects }: RunUpdate["steps"]): void {
     this.numbers = [...this.numbers.slice(0, first), ...numbers];
     this.stamps = [...this.stamps.slice(0, first), ...stamps];
     this.places = [...this.places.slice(0, first), ...places];

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from hypermap.core.hypermap import Hypermap
     from hypermap.core.layer import Layer
     from hypermap.core.semantic import SemanticLayer
-    from hypermap.formats.semantic_yaml import SemanticForm
+    from hypermap.formats.semantic.yaml_files import SemanticForm
 
     L = TypeVar("L", bound=Layer)
 
@@ -81,7 +81,7 @@ def command(
     """Convert a map, or one of its layers, to another kind of file. OUT's ending says which.
 
     .hmap and a folder (a name without an ending) hold whole maps. .geojson, .parquet, .gpkg and
-    .csv hold the objects of one layer, in metres. .yaml holds one layer: a map_server map with its
+    .csv hold the objects of one layer, in meters. .yaml holds one layer: a map_server map with its
     picture, or a list of objects. .pgm holds a grid as map_saver writes it, for old programs:
     free, occupied or unknown, with its YAML beside it; .tif holds one as GeoTIFF. .rrd shows a map
     in Rerun, .mcap in Foxglove and Lichtblick. What OUT cannot hold is named on standard error.
@@ -168,18 +168,18 @@ def _save_objects(hypermap: Hypermap, target: Path, force: bool) -> None:
 
 def _dump_objects(layer: SemanticLayer, ending: str) -> bytes:
     if ending in {".geojson", ".json"}:
-        from hypermap.formats.geojson import to_geojson
+        from hypermap.formats.semantic.geojson import to_geojson
 
         return to_geojson(layer).encode()
     if ending == ".csv":
-        from hypermap.formats.csv_table import to_csv
+        from hypermap.formats.semantic.csv_table import to_csv
 
         return to_csv(layer).encode()
     if ending == ".gpkg":
-        from hypermap.formats.geopandas_bridge import to_geopackage
+        from hypermap.formats.semantic.geopandas_bridge import to_geopackage
 
         return to_geopackage(layer)
-    from hypermap.formats.semantic_parquet import dump_parquet
+    from hypermap.formats.semantic.parquet_files import dump_parquet
 
     return dump_parquet(layer.table, layer.frame_id, layer.rejected)
 
@@ -187,7 +187,7 @@ def _dump_objects(layer: SemanticLayer, ending: str) -> bytes:
 def _save_pgm(hypermap: Hypermap, target: Path, force: bool) -> None:
     from hypermap.core.occupancy import OccupancyLayer
     from hypermap.formats.atomic import write_files
-    from hypermap.formats.pgm import dump_trinary, rounded
+    from hypermap.formats.grid.pgm import dump_trinary, rounded
 
     beside = target.with_suffix(".yaml")
     if target.suffix != ".pgm":
@@ -207,7 +207,7 @@ def _save_pgm(hypermap: Hypermap, target: Path, force: bool) -> None:
 
 def _save_geotiff(hypermap: Hypermap, target: Path, force: bool) -> None:
     from hypermap.formats.atomic import write_file
-    from hypermap.formats.geotiff import GridLayer, to_geotiff
+    from hypermap.formats.grid.geotiff import GridLayer, to_geotiff
 
     check_output(target, force)
     kinds = tuple({type(layer) for layer in hypermap if isinstance(layer, GridLayer)})
@@ -221,8 +221,8 @@ def _save_yaml(hypermap: Hypermap, target: Path, force: bool) -> None:
     from hypermap.core.occupancy import OccupancyLayer
     from hypermap.core.semantic import SemanticLayer
     from hypermap.formats.atomic import write_file, write_files
-    from hypermap.formats.map_server import OccupancyFiles
-    from hypermap.formats.semantic_writing import dump_table
+    from hypermap.formats.grid.map_server import OccupancyFiles
+    from hypermap.formats.semantic.yaml_writing import dump_table
     from hypermap.formats.store import MemoryStore
 
     check_output(target, force)

@@ -9,7 +9,7 @@ from hypermap.cli.terminal import note
 from hypermap.core.errors import HypermapError
 
 if TYPE_CHECKING:
-    from hypermap.perception.detections import DetectionSource
+    from hypermap.perception.frame import DetectionSource
     from hypermap.perception.recording import Recording, RecordingInfo
 
 FILE = "detections.json"  # in the recording's folder

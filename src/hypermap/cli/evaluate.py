@@ -63,7 +63,7 @@ def command(
     """
     from hypermap.cli.evaluation_tables import show
     from hypermap.evaluation import compare, evaluate, map_objects
-    from hypermap.evaluation.report import Run, csv_text, report
+    from hypermap.evaluation.report import EvaluationRun, csv_text, report
     from hypermap.formats.any_file import open_any
     from hypermap.formats.atomic import write_file
     from hypermap.viewer.comparison import render_comparison
@@ -75,11 +75,11 @@ def command(
     truth = map_objects(true_map, str(ground_truth))
     _note_repairs(truth)
 
-    def measure(path: Path) -> Run:
+    def measure(path: Path) -> EvaluationRun:
         objects = map_objects(open_any(path), str(path), true_map, truth.name)
         _note_repairs(objects)
         _note_strangers(objects, truth)
-        return Run(objects, evaluate(objects.objects, truth.objects))
+        return EvaluationRun(objects, evaluate(objects.objects, truth.objects))
 
     run = measure(estimate)
     other = None if against is None else measure(against)

@@ -48,7 +48,7 @@ def command(
         hypermap experiment thesis
         hypermap experiment thesis --seeds 2 --worlds lab -o quick.html
     """
-    from hypermap.experiments.drives import Drive, map_drives
+    from hypermap.experiments.drives import SimulatedDrive, map_drives
     from hypermap.experiments.methods import methods
     from hypermap.experiments.report import write_report
     from hypermap.experiments.results import WorldResult, to_data
@@ -62,7 +62,7 @@ def command(
     _check_names([world.name for world in described], worlds.split(","))
     chosen = errors_of(errors)
     drives = [
-        Drive(world, seed, chosen, rate)
+        SimulatedDrive(world, seed, chosen, rate)
         for world in described
         for seed in range(first_seed, first_seed + seeds)
     ]

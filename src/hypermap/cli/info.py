@@ -134,7 +134,7 @@ def _counts(names: Any) -> dict[str, int]:
 
 def show_map(content: dict[str, Any], with_settings: bool) -> None:
     """Print a map as text."""
-    rows = table("layer", "class", "frame", "extent in metres", "content")
+    rows = table("layer", "class", "frame", "extent in meters", "content")
     for layer in content["layers"]:
         rows.add_row(
             printable(layer["name"]),

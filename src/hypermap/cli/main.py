@@ -20,6 +20,7 @@ from hypermap.cli.signals import ended_by_signals
 from hypermap.cli.terminal import (
     BAD_INPUT,
     INTERRUPTED,
+    NO_MEMORY,
     complain,
     describe,
     finish_writing,
@@ -124,7 +125,10 @@ def _command_of(name: str) -> Any:
 
 
 def main(args: Sequence[str] | None = None) -> NoReturn:
-    """Run the command line and exit: 0 done, 2 bad input or usage, 130 Ctrl-C, 143 SIGTERM."""
+    """Run the command line and exit.
+
+    The codes: 0 done, 1 no memory, 2 bad input or usage, 130 Ctrl-C, 143 SIGTERM.
+    """
     prepare_streams()
     try:
         try:
@@ -136,6 +140,11 @@ def main(args: Sequence[str] | None = None) -> NoReturn:
         sys.exit(1)  # the reader has seen enough, as `head` has; typer says so, too
     except (HypermapError, OSError) as error:
         complain(describe(error))
+    except MemoryError:
+        complain(
+            "there is not enough memory for this; close other programs, or give it less at once"
+        )
+        sys.exit(NO_MEMORY)
     except KeyboardInterrupt:
         sys.exit(INTERRUPTED)
     sys.exit(BAD_INPUT)

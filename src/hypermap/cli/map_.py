@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from hypermap.mapping.config import MappingConfig
     from hypermap.mapping.floor import Floor
     from hypermap.mapping.mapper import MappedFrame, Mapper, Progress
-    from hypermap.perception.detections import DetectionSource
+    from hypermap.perception.frame import DetectionSource
     from hypermap.perception.recording import Recording
     from hypermap.recordings import RecordingOptions
 
@@ -127,7 +127,7 @@ def command(
     from hypermap.cli.detection_source import detection_source
     from hypermap.formats import save_map
     from hypermap.formats.backup import keep_backup
-    from hypermap.formats.map_server import load_occupancy
+    from hypermap.formats.grid.map_server import load_occupancy
     from hypermap.mapping.config import chosen_config
     from hypermap.recordings import open_recording
 

@@ -22,7 +22,7 @@ Keepout = Annotated[
     typer.Option(
         metavar='"CLASS MARGIN"',
         rich_help_panel=PANEL,
-        help="Keep out of these objects and a margin in metres around them: may be repeated.",
+        help="Keep out of these objects and a margin in meters around them: may be repeated.",
     ),
 ]
 Speed = Annotated[
@@ -37,7 +37,7 @@ Speed = Annotated[
 MaskResolution = Annotated[
     float | None,
     typer.Option(
-        metavar="METRES",
+        metavar="METERS",
         show_default="the grid of the first occupancy layer",
         rich_help_panel=PANEL,
         help="Side of a cell of a grid of its own around the zones.",

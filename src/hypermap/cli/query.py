@@ -6,12 +6,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from hypermap.cli.options import AsJson, MapPath
+from hypermap.cli.options import MapPath
 from hypermap.cli.terminal import note, out, say, say_json, table
 from hypermap.console.options import OPTIONS
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from hypermap.console.answer import Shown
+    from hypermap.console.questions import Row
 
 _WHAT, _WHERE = "What", "Where"
 
@@ -42,17 +45,14 @@ def command(
     near: Annotated[str | None, _option("--near", _WHERE)] = None,
     within: Annotated[float | None, _option("--within", _WHERE)] = None,
     inside: Annotated[str | None, _option("--inside", _WHERE)] = None,
-    evidence: Annotated[
-        bool,
-        typer.Option("--evidence", help="Look behind the objects found.", rich_help_panel=_WHAT),
-    ] = False,
+    evidence: Annotated[bool, _option("--evidence", _WHAT)] = False,
     layer: Annotated[list[str] | None, _option("--layer")] = None,
     frame_id: Annotated[str | None, _option("--frame", None, "the map's base frame")] = None,
-    as_json: AsJson = False,
+    as_json: Annotated[bool, _option("--json")] = False,
 ) -> None:
     """Ask a map: what is here, where is that, and what is near to it?
 
-    Points and areas are in metres; answers are in the map's base frame. To an object, the distance
+    Points and areas are in meters; answers are in the map's base frame. To an object, the distance
     is that to its shape. An empty answer is an answer: the exit code is 0.
 
     Examples:
@@ -64,8 +64,7 @@ def command(
         hypermap query lab.hmap --name chair --in "1,2 2,2 2,3 1,3" --json
         hypermap query lab.hmap --id 7 --evidence
     """
-    from hypermap.cli.evidence import add_evidence, show_evidence
-    from hypermap.console.answer import shown
+    from hypermap.console.answer import document, shown
     from hypermap.console.questions import Question, answers, remarks
     from hypermap.formats import open_map
 
@@ -87,13 +86,16 @@ def command(
     hypermap = open_map(path)
     rows = answers(hypermap, question)
     if evidence:
-        add_evidence(hypermap, rows)
+        from hypermap.console.evidence import add_evidence
+        from hypermap.viewer.live.object_evidence import describe_evidence
+
+        add_evidence(hypermap, rows, describe_evidence)
     if as_json:
-        say_json({"map": str(path), "frame_id": hypermap.base_frame, "answers": rows})
+        say_json(document(str(path), hypermap, rows))
         return
     _show(shown(question, rows))
     if evidence:
-        show_evidence(rows)
+        _show_evidence(rows)
     for remark in remarks(hypermap, question, rows):
         note(remark)
 
@@ -108,3 +110,18 @@ def _show(answer: Shown) -> None:
         note(f"and {answer.left_out} more; --json lists all")
     for line in answer.counts:
         say(line)
+
+
+def _show_evidence(rows: Sequence[Row]) -> None:
+    from hypermap.console.evidence import FUSED, left_out, summaries
+
+    for one in summaries(rows):
+        say(f"\n{one.title}", style="bold")
+        say(one.text)
+        if one.fused:
+            grid = table(*FUSED, right=FUSED[1:])
+            for cells in one.fused:
+                grid.add_row(*cells)
+            out().print(grid)
+    if more := left_out(rows):
+        say(more)

@@ -35,11 +35,11 @@ OPTIONS = {
     "map_T_world": _Option(
         str,
         "X,Y,Z,ROLL,PITCH,YAW",
-        "Pose of the recording's world in the map (metres, radians), or a 4 x 4 matrix row by "
+        "Pose of the recording's world in the map (meters, radians), or a 4 x 4 matrix row by "
         "row, where the world's z axis does not point up.",
         "--world-transform",
     ),
-    "depth_scale": _Option(float, "UNITS", "Units of the depth images per metre."),
+    "depth_scale": _Option(float, "UNITS", "Units of the depth images per meter."),
     "map_frame": _Option(
         str,
         "FRAME",

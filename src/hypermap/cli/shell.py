@@ -6,7 +6,7 @@ import contextlib
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -15,6 +15,7 @@ from hypermap.core.errors import HypermapError
 
 if TYPE_CHECKING:
     from hypermap.console.commands import Console
+    from hypermap.core.hypermap import Hypermap
 
 
 def command(
@@ -33,11 +34,15 @@ def command(
         hypermap shell lab.hmap
         echo 'getCoords semantic sink' | hypermap shell lab.hmap
         echo 'query --name chair --near sink --within 2' | hypermap shell lab.hmap
+        echo 'query --id 7 --evidence --json' | hypermap shell lab.hmap
     """
     from hypermap.console.commands import Console, Leave
     from hypermap.formats import open_map
 
-    console = Console(None if path is None else open_map(path))
+    if path is None:
+        console = Console(describe_evidence=_describe_evidence)
+    else:
+        console = Console(open_map(path), source=str(path), describe_evidence=_describe_evidence)
     is_typed = sys.stdin.isatty()
     all_went_well = True
     with contextlib.suppress(Leave):
@@ -45,6 +50,13 @@ def command(
             all_went_well &= _answer(console, line)
     if not (is_typed or all_went_well):
         raise typer.Exit(BAD_INPUT)
+
+
+def _describe_evidence(hypermap: Hypermap, layer: str, number: int) -> dict[str, Any]:
+    """Return the evidence for an object; what finds it is loaded when it is asked for."""
+    from hypermap.viewer.live.object_evidence import describe_evidence
+
+    return describe_evidence(hypermap, layer, number)
 
 
 def _answer(console: Console, line: str) -> bool:
@@ -64,7 +76,7 @@ def _typed_lines(console: Console) -> Iterator[str]:
     from hypermap.console.prompt import Prompt
 
     prompt = Prompt(console)
-    say("Type help for the commands, exit to leave.", style="dim")
+    say("Type help for the commands, exit or quit to leave.", style="dim")
     with contextlib.suppress(EOFError):
         while True:
             with contextlib.suppress(KeyboardInterrupt):

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from hypermap.simulation import World
     from hypermap.simulation.levels import Errors
 
-WHAT_ERRS = "What camera, localisation and detector get wrong: or a YAML file that says it."
+WHAT_ERRS = "What camera, localization and detector get wrong: or a YAML file that says it."
 _SIZES = {"320x240": 1, "640x480": 2}
 
 
@@ -120,7 +120,7 @@ def _camera(size: str) -> Camera:
         raise HypermapError(f"--image-size {size}: images are {' or '.join(_SIZES)}")
     k = _SIZES[size]
     K = SMALL.K.copy()
-    K[:2, 2] += 0.5  # from the corner of the first pixel, not its centre
+    K[:2, 2] += 0.5  # from the corner of the first pixel, not its center
     K[:2] *= k
     K[:2, 2] -= 0.5
     return Camera(K, k * SMALL.width, k * SMALL.height)

@@ -6,20 +6,20 @@ import functools
 import io
 import json
 import logging
-import math
 import os
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
 from hypermap.core.errors import HypermapError
+from hypermap.text import fit_for_json
 
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
-BAD_INPUT, INTERRUPTED = 2, 130  # exit codes
+NO_MEMORY, BAD_INPUT, INTERRUPTED = 1, 2, 130  # exit codes
 _LONGEST = 2000  # characters of a message
 _PIPED_WIDTH = 160  # columns of a table that goes to a file or another program
 
@@ -115,16 +115,10 @@ def describe(error: HypermapError | OSError) -> str:
 def say_json(value: Any) -> None:
     """Print JSON; a number that is not finite becomes null, and what JSON does not know, text."""
     knows_all_letters = (getattr(sys.stdout, "encoding", None) or "").lower().startswith("utf")
-    json.dump(_finite(value), sys.stdout, indent=2, ensure_ascii=not knows_all_letters, default=str)
+    json.dump(
+        fit_for_json(value), sys.stdout, indent=2, ensure_ascii=not knows_all_letters, default=str
+    )
     sys.stdout.write("\n")
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {str(key): _finite(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def table(*columns: str, right: Sequence[str] = ()) -> Table:

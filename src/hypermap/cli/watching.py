@@ -18,7 +18,7 @@ from hypermap.core.errors import HypermapError
 if TYPE_CHECKING:
     from hypermap.cli.progress import Report
     from hypermap.mapping.mapper import MappedFrame, Mapper, Progress
-    from hypermap.viewer.watch.run import Run
+    from hypermap.viewer.watch.run import WatchedRun
 
 PANEL = "Watch it in the browser"
 _LOOK_PERIOD = 0.2  # s
@@ -81,7 +81,7 @@ class _Nobody:
 class _Page:
     """The page in the browser."""
 
-    def __init__(self, run: Run, url: str, output: Path) -> None:
+    def __init__(self, run: WatchedRun, url: str, output: Path) -> None:
         self._run = run
         self._url = url
         self._output = output
@@ -139,14 +139,14 @@ def watching(
     from hypermap.viewer.live.page import require_page
     from hypermap.viewer.live.serving import listen, open_browser, serving, url_of
     from hypermap.viewer.watch.app import RunApp
-    from hypermap.viewer.watch.run import Run
+    from hypermap.viewer.watch.run import WatchedRun
 
     require_page()
     with (
         tempfile.TemporaryDirectory(prefix="hypermap-run-") as folder,
         listen("127.0.0.1", port) as listening,
     ):
-        run = Run(Path(folder), recording, output.name, total)
+        run = WatchedRun(Path(folder), recording, output.name, total)
         app = RunApp(run)
         with closing(run), serving(app, listening):
             url = url_of(app, listening)

@@ -1,12 +1,14 @@
-"""How the answer to a question is shown: which of its rows, and in which columns."""
+"""How the answer to a question is shown: which of its rows, and in which columns, or as JSON."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 from hypermap.console.questions import Question, Row
+from hypermap.core.hypermap import Hypermap
 from hypermap.text import printable
 
 _MOST_ROWS = 50
@@ -51,17 +53,29 @@ def shown(question: Question, rows: Sequence[Row]) -> Shown:
 
 def plain(answer: Shown) -> str:
     """Return an answer as lines whose columns stand below one another."""
-    table = [answer.columns, *answer.rows] if answer.rows else []
-    widths = [max(map(len, column)) for column in zip(*table, strict=True)]
-    lines = []
-    for row in table:
-        texts = [text.ljust(width) for text, width in zip(row[:2], widths[:2], strict=True)]
-        texts += [text.rjust(width) for text, width in zip(row[2:], widths[2:], strict=True)]
-        lines.append("  ".join(texts))
-    more = [f"and {answer.left_out} more"] if answer.left_out else []
+    lines = aligned([answer.columns, *answer.rows], texts=2) if answer.rows else []
+    more = [f"and {answer.left_out} more; --json lists all"] if answer.left_out else []
     return "\n".join([*lines, *more, *answer.counts])
 
 
+def aligned(table: Sequence[Sequence[str]], texts: int) -> list[str]:
+    """Return a line for each row; columns of `texts` stand at the left, those of numbers after."""
+    widths = [max(map(len, column)) for column in zip(*table, strict=True)]
+    lines = []
+    for row in table:
+        cells = [
+            cell.ljust(width) if i < texts else cell.rjust(width)
+            for i, (cell, width) in enumerate(zip(row, widths, strict=True))
+        ]
+        lines.append("  ".join(cells))
+    return lines
+
+
+def document(source: str | None, hypermap: Hypermap, rows: Sequence[Row]) -> dict[str, Any]:
+    """Return an answer as programs take it, for JSON; `source` is where the map comes from."""
+    return {"map": source, "frame_id": hypermap.base_frame, "answers": list(rows)}
+
+
 def _number(value: object) -> str:
-    """Return a number to the millimetre, whole ones as they are."""
+    """Return a number to the millimeter, whole ones as they are."""
     return f"{value:.3f}" if isinstance(value, float) else "-" if value is None else str(value)

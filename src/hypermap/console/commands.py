@@ -6,6 +6,7 @@ Source: INTERFACES, section 4: the commands and their spelling are those of the 
 
 from __future__ import annotations
 
+import json
 import math
 import os
 import shlex
@@ -17,24 +18,26 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from hypermap.console.answer import plain, shown
+from hypermap.console.answer import document, plain, shown
+from hypermap.console.evidence import DescribeEvidence, add_evidence, plain_evidence
 from hypermap.console.options import help_text, parse
 from hypermap.console.questions import Question, answers, remarks
 from hypermap.core.errors import HypermapError, did_you_mean
 from hypermap.core.hypermap import Hypermap
 from hypermap.formats import open_map, save_map
 from hypermap.formats.backup import keep_backup
+from hypermap.text import fit_for_json
 
 _EXAMPLES = """\
 Examples:
   query --at 3,-2
   query --name cup --nearest --from 1,1
   query --name chair --near sink --within 2
-  query --name "potted plant\""""
+  query --name "potted plant" --json"""
 
 
 class Leave(Exception):
-    """The user said `exit`."""
+    """The user said `exit` or `quit`."""
 
 
 @dataclass(frozen=True)
@@ -67,22 +70,28 @@ class Console:
     Attributes:
         hypermap: the map; a load that fails leaves it as it was.
         republish: called when the user asks to publish everything anew; returns the answer.
+        source: where the map was loaded from, as JSON tells it; None if nowhere.
+        describe_evidence: returns the evidence for an object; None where there is none to ask for.
     """
 
     def __init__(
         self,
         hypermap: Hypermap | None = None,
         republish: Callable[[], str] = lambda: "nothing is published here",
+        source: str | None = None,
+        describe_evidence: DescribeEvidence | None = None,
     ) -> None:
         self.hypermap = Hypermap() if hypermap is None else hypermap
         self.republish = republish
+        self.source = source
+        self.describe_evidence = describe_evidence
 
     def run(self, line: str) -> str:
         """Carry out one line and return the answer; empty for an empty line.
 
         Raises:
             HypermapError: If the line is not understood or cannot be carried out.
-            Leave: If the line is `exit`.
+            Leave: If the line is `exit` or `quit`.
         """
         words = split(line)
         if not words:
@@ -105,6 +114,7 @@ class Console:
 
     def _load(self, arguments: list[str]) -> str:
         self.hypermap = open_map(_path(arguments[0]))
+        self.source = arguments[0]
         return f"loaded {len(self.hypermap.layers)} layers from {arguments[0]}"
 
     def _save(self, arguments: list[str]) -> str:
@@ -134,16 +144,24 @@ class Console:
         return "\n".join(_lines(self.hypermap.find(layer, label, _area(corners))))
 
     def _query(self, arguments: list[str]) -> str:
-        question = Question.of_options(parse(arguments))
+        given = parse(arguments)
+        question = Question.of_options(given)
         rows = answers(self.hypermap, question)
-        said = [plain(shown(question, rows)), *remarks(self.hypermap, question, rows)]
-        return "\n".join(filter(None, said))
+        if given.get("--evidence"):
+            if self.describe_evidence is None:
+                raise HypermapError("--evidence is for `hypermap query` and `hypermap shell`")
+            add_evidence(self.hypermap, rows, self.describe_evidence)
+        if given.get("--json"):
+            answer = document(self.source, self.hypermap, rows)
+            return json.dumps(fit_for_json(answer), indent=2, default=str)
+        said = [plain(shown(question, rows)), plain_evidence(rows)]
+        return "\n".join(filter(None, [*said, *remarks(self.hypermap, question, rows)]))
 
     def _republish(self, _: list[str]) -> str:
         return self.republish()
 
     def _clear(self, _: list[str]) -> str:
-        self.hypermap = Hypermap()
+        self.hypermap, self.source = Hypermap(), None
         return "the map is empty now"
 
     def _get_layer_count(self, _: list[str]) -> str:
@@ -171,6 +189,7 @@ COMMANDS = {
     "clear": Command("", "forget this map", Console._clear),
     "getLayerCount": Command("", "how many layers there are", Console._get_layer_count),
     "exit": Command("", "leave", Console._exit),
+    "quit": Command("", "leave, too", Console._exit),
 }
 
 
@@ -233,5 +252,5 @@ def _area(words: list[str]) -> shapely.Polygon:
 
 
 def _lines(points_xy: NDArray[np.float64]) -> list[str]:
-    """Return each point as "x y", to the millimetre."""
+    """Return each point as "x y", to the millimeter."""
     return [f"{x:.3f} {y:.3f}" for x, y in points_xy.round(3) + 0.0]

@@ -43,12 +43,14 @@ OPTIONS = {
     "-k": Option("K", "The K nearest ones.", int, least=1),
     "--from": Option("X,Y", "From where --nearest and -k measure."),
     "--near": Option("NAME|X,Y", "Only objects near this one."),
-    "--within": Option("METRES", "How near --near is.", float, least=0),
+    "--within": Option("METERS", "How near --near is.", float, least=0),
     "--inside": Option("NAME|AREA", "Only objects whose middle lies in this one."),
+    "--evidence": Option("", "Look behind the objects found.", bool),
     "--layer": Option("NAME", "Only this layer: may be repeated.", repeats=True),
     "--frame": Option(
         "FRAME", "Frame of the coordinates: of the points and areas in the question."
     ),
+    "--json": Option("", "Print JSON, for programs.", bool),
 }
 _BY_NAME = {name: first for first in OPTIONS for name in (first, *OPTIONS[first].also)}
 

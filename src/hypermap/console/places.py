@@ -19,7 +19,7 @@ def parse_point(text: str, option: str) -> tuple[float, float]:
     """
     numbers = _numbers(text)
     if len(numbers) != 2:
-        raise HypermapError(f"{option} {text!r}: a point is given as X,Y in metres, as 1.5,-2")
+        raise HypermapError(f"{option} {text!r}: a point is given as X,Y in meters, as 1.5,-2")
     return numbers[0], numbers[1]
 
 
@@ -40,7 +40,7 @@ def parse_area(text: str, option: str) -> BaseGeometry:
     else:
         raise HypermapError(
             f"{option} {text!r}: an area is a rectangle X0,Y0,X1,Y1, at least three corners "
-            "X,Y X,Y X,Y, or WKT, in metres"
+            "X,Y X,Y X,Y, or WKT, in meters"
         )
     return _checked(area, text, option)
 

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from hypermap.core.arrays import ObjectArray
 
-_FAR = 1e9  # metres; as far as objects may lie
-_DECIMALS = 4  # of metres
+_FAR = 1e9  # meters; as far as objects may lie
+_DECIMALS = 4  # of meters
 _SCORE_DECIMALS = 6
 _POSE_DECIMALS = 9
 

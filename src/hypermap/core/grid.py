@@ -1,4 +1,4 @@
-"""Grid geometry: the one place that turns metres into cells and back."""
+"""Grid geometry: the one place that turns meters into cells and back."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from hypermap.core.shapes import as_area
 from hypermap.core.spans import covered, filled, outlines
 
 _DECIMALS = 6  # of a cell
-_FAR = 1e12  # metres; no grid reaches beyond
+_FAR = 1e12  # meters; no grid reaches beyond
 RESOLUTIONS = (1e-6, 1e6)
 """The smallest and the largest side of a cell [m]."""
 
@@ -31,7 +31,7 @@ class GridGeometry:
     """Where the cells of a grid lie in a layer's frame.
 
     Cell (row 0, col 0) is the lower left one; columns grow along the x axis of the origin, rows
-    along its y axis. A cell's location is its centre.
+    along its y axis. A cell's location is its center.
 
     Attributes:
         width: number of columns.
@@ -75,7 +75,7 @@ class GridGeometry:
         return np.floor(self.positions_at(points_xy)).astype(np.int64)
 
     def positions_at(self, points_xy: PointsLike) -> NDArray[np.float64]:
-        """Return what `cells_at` rounds down, shape (N, 2); a cell's centre is at (0.5, 0.5)."""
+        """Return what `cells_at` rounds down, shape (N, 2); a cell's center is at (0.5, 0.5)."""
         near = np.clip(as_points_xy(points_xy), -_FAR, _FAR)
         return self.origin.inverse().apply(near)[:, ::-1] / self.resolution
 
@@ -100,13 +100,13 @@ class GridGeometry:
         return np.asarray((r >= 0) & (r < self.height) & (c >= 0) & (c < self.width))
 
     def centers(self, rows: ArrayLike, cols: ArrayLike) -> NDArray[np.float64]:
-        """Return the centres of cells in the layer's frame, metres, shape (N, 2)."""
+        """Return the centers of cells in the layer's frame, meters, shape (N, 2)."""
         centers = np.column_stack([np.add(cols, 0.5), np.add(rows, 0.5)])
         centers *= self.resolution
         return centers if self.origin.is_identity else self.origin.apply(centers)
 
     def corners(self) -> NDArray[np.float64]:
-        """Return the grid's corners, counter-clockwise from the origin, metres, shape (4, 2)."""
+        """Return the grid's corners, counter-clockwise from the origin, meters, shape (4, 2)."""
         w, h = self.width * self.resolution, self.height * self.resolution
         return self.origin.apply([[0.0, 0.0], [w, 0.0], [w, h], [0.0, h]])
 
@@ -115,12 +115,12 @@ class GridGeometry:
         return shapely.Polygon(self.corners())
 
     def cells_in(self, area: BaseGeometry) -> tuple[IntArray, IntArray]:
-        """Return rows and columns of the cells whose centre the area covers, in row-major order.
+        """Return rows and columns of the cells whose center the area covers, in row-major order.
 
-        A centre on the area's boundary counts; lengths below a millionth of a cell do not.
+        A center on the area's boundary counts; lengths below a millionth of a cell do not.
 
         Args:
-            area: any geometry in the layer's frame; of a line or point, the centres on it count.
+            area: any geometry in the layer's frame; of a line or point, the centers on it count.
 
         Raises:
             TypeError, ValueError: If it is no geometry, or not finite.
@@ -129,8 +129,8 @@ class GridGeometry:
 
     def window_in(self, area: BaseGeometry) -> Window:
         """Return the cells that `cells_in` returns, as a mask over the part around them."""
-        # In units of cells, shifted so that the centre of cell (row, col) is the point (col, row).
-        # Rounding puts corners that are meant to lie on a centre exactly there.
+        # In units of cells, shifted so that the center of cell (row, col) is the point (col, row).
+        # Rounding puts corners that are meant to lie on a center exactly there.
         to_cells = self.origin.inverse()
         local = []
         for part in outlines(as_area(area)):
@@ -159,6 +159,15 @@ class GridGeometry:
         for first, last in _bands(*self.shape):
             shape = (last - first, self.width)
             yield Window(first, 0, shape, np.array([0, math.prod(shape)]))
+
+
+def along(cells: float, resolution: float) -> float:
+    """Return how far some cells reach [m], as the shortest number that is right.
+
+    >>> along(-3, 0.05), -3 * 0.05
+    (-0.15, -0.15000000000000002)
+    """
+    return float(f"{cells * resolution:.14g}")
 
 
 def check_resolution(resolution: float) -> None:

@@ -13,13 +13,14 @@ from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.arrays import ObjectArray, PointsLike, as_point_xy
 from hypermap.core.errors import FrameError, HypermapError, LayerNotFound, did_you_mean
+from hypermap.core.found import Found, FoundObject
 from hypermap.core.frames import FrameTree, Pose2D
 from hypermap.core.layer import Hits, Layer, check_count
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.outside import Outward
-from hypermap.core.placed import Found, FoundObject, Matches, Placed, PlacedLayer, PlacedLayers
 from hypermap.core.semantic import SemanticLayer
 from hypermap.core.shapes import as_area
+from hypermap.core.store import Matches, Placed, PlacedLayer, PlacedLayers
 
 __all__ = ["Found", "FoundObject", "Hypermap"]
 

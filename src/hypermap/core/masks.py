@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from hypermap.core.arrays import ObjectArray, as_objects
 from hypermap.core.errors import HypermapError
 from hypermap.core.frames import Pose2D
-from hypermap.core.grid import GridGeometry, check_resolution
+from hypermap.core.grid import GridGeometry, along, check_resolution
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.occupancy import OCCUPIED, UNKNOWN, OccupancyLayer
 from hypermap.core.semantic import SemanticLayer
@@ -22,7 +22,7 @@ DEFAULT_RESOLUTION = 0.05
 """Side of a cell [m] where the map has no occupancy layer to take it from."""
 
 MAX_CELLS = 1 << 28
-MAX_MARGIN = 1e9  # metres; as far as objects may lie
+MAX_MARGIN = 1e9  # meters; as far as objects may lie
 
 _EXACT = 1e-6  # of a cell; shorter lengths do not count, as in GridGeometry
 _ARC = 64  # corners of a quarter circle: it lies at most 0.01 % of the margin within the true one
@@ -63,7 +63,7 @@ def draw_mask(
 ) -> OccupancyLayer:
     """Return a layer in which the cells of zones are marked.
 
-    A cell is marked if its centre lies within the margin of an object of the zone's name, in any
+    A cell is marked if its center lies within the margin of an object of the zone's name, in any
     semantic layer. Where zones overlap, the last one counts.
 
     The grid is that of the first occupancy layer that has cells, so that a costmap need not be
@@ -162,8 +162,7 @@ def _grid_over(
     """Return a grid over a rectangle, whose lines lie at multiples of the resolution."""
     first = np.floor(lowest / resolution + _EXACT)
     count = np.maximum(np.ceil(highest / resolution - _EXACT) - first, 1)
-    origin = first * resolution
-    pose = Pose2D(float(origin[0]), float(origin[1]))
+    pose = Pose2D(along(first[0], resolution), along(first[1], resolution))
     return GridGeometry(int(count[0]), int(count[1]), resolution, pose)
 
 

@@ -18,7 +18,7 @@ UNKNOWN, FREE, OCCUPIED = -1, 0, 100
 LABELS = ("Free", "Occupied", "Unknown")
 
 _MEANING = f"{UNKNOWN} unknown, {FREE} free .. {OCCUPIED} occupied"
-_LARGEST = 255  # of a raw map, which holds the picture's grey values
+_LARGEST = 255  # of a raw map, which holds the picture's gray values
 COLORS = {"Free": (255, 255, 255), "Occupied": (104, 112, 126), "Unknown": (229, 232, 236)}
 
 
@@ -94,12 +94,12 @@ class OccupancyLayer(Layer):
         return values
 
     def labels_in(self, area: BaseGeometry) -> Hits:
-        """Return the label and centre of each cell whose centre the area covers, by rows."""
+        """Return the label and center of each cell whose center the area covers, by rows."""
         hits = self.values_in(area)
         return Hits(_labels(hits.values), hits.points_xy)
 
     def values_in(self, area: BaseGeometry) -> Hits:
-        """Return the value and centre of each cell whose centre the area covers, by rows."""
+        """Return the value and center of each cell whose center the area covers, by rows."""
         if self.grid is None or self.cells is None:
             return Hits(np.empty(0, np.int32), np.empty((0, 2)))
         values, found = [np.empty(0, np.int32)], []
@@ -109,7 +109,7 @@ class OccupancyLayer(Layer):
         return Hits(np.concatenate(values), _centers(self.grid, found))
 
     def find(self, what: str | float, area: BaseGeometry | None = None) -> NDArray[np.float64]:
-        """Return the centres of the cells with a label or value, shape (M, 2), by rows."""
+        """Return the centers of the cells with a label or value, shape (M, 2), by rows."""
         if self.grid is None or self.cells is None:
             return np.empty((0, 2))
         found = [
@@ -158,7 +158,7 @@ def _checked(cells: NDArray[np.integer[Any]] | BoolArray, grid: GridGeometry) ->
 
 
 def _centers(grid: GridGeometry, found: list[tuple[Window, IntArray]]) -> NDArray[np.float64]:
-    """Return the centres of cells, at positions in windows, shape (M, 2)."""
+    """Return the centers of cells, at positions in windows, shape (M, 2)."""
     points = np.empty((sum(len(positions) for _, positions in found), 2))
     end = 0
     for window, positions in found:

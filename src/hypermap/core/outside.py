@@ -1,4 +1,4 @@
-"""What a map does outside of the core: it is saved, drawn, and shown in a notebook.
+"""What leads out of the core: a map is saved, drawn, and shown in a notebook; a file is written.
 
 Files and pictures are no business of the core, which knows neither. So the package that joins them,
 `hypermap`, hands in a way to its functions, and here they are called by their names there.
@@ -22,6 +22,16 @@ def offer(function_named: Callable[[str], Callable[..., Any]]) -> None:
 def _outside(name: str) -> Callable[..., Any]:
     assert _offered is not None  # by `hypermap`, which is imported before what is in it
     return _offered(name)
+
+
+def write_file(path: str | Path, content: bytes) -> None:
+    """Write a file so that at any moment either the old or the new content is there.
+
+    Raises:
+        FileMissing: If the folder does not exist.
+        HypermapError: If it cannot be written; the old file is untouched then.
+    """
+    _outside("write_file")(path, content)
 
 
 class Outward:

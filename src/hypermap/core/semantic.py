@@ -19,7 +19,7 @@ from hypermap.core.errors import ObjectNotFound
 from hypermap.core.evidence import EvidenceTable
 from hypermap.core.layer import Hits, Layer, ShapesPicture, check_count
 from hypermap.core.objects import ObjectTable, Rejected, SemanticObject
-from hypermap.core.snapshot import Snapshot
+from hypermap.core.store import ObjectStore
 
 __all__ = ["EMPTY", "Rejected", "SemanticLayer", "SemanticObject"]
 
@@ -71,7 +71,7 @@ class SemanticLayer(Layer):
         self.rejected = tuple(rejected)
         self.kept_evidence = evidence
         self._writing = threading.Lock()
-        self._now = Snapshot.of(ObjectTable.of([]), next_id=0)
+        self._now = ObjectStore.of(ObjectTable.of([]), next_id=0)
         self.add(objects)
 
     @classmethod
@@ -89,7 +89,7 @@ class SemanticLayer(Layer):
         The table must pass its `check`.
         """
         layer = cls(name, frame_id, (), settings, rejected, evidence)
-        layer._now = Snapshot.of(table, next_id=int(table.ids.max(initial=-1)) + 1)
+        layer._now = ObjectStore.of(table, next_id=int(table.ids.max(initial=-1)) + 1)
         return layer
 
     def copy(self) -> SemanticLayer:
@@ -152,7 +152,7 @@ class SemanticLayer(Layer):
         return self._now.table
 
     @property
-    def snapshot(self) -> Snapshot:
+    def snapshot(self) -> ObjectStore:
         """All that the layer holds now; a later change of the layer does not change it."""
         return self._now
 
@@ -279,9 +279,9 @@ class SemanticLayer(Layer):
         """Return the name of the smallest object at each point, shape (N,), or "Empty"."""
         now, single = self._now, single_xy(points_xy)
         if single is not None:
-            row = now.row_at(*single)
+            row = now.at(*single)
             return np.array([EMPTY if row < 0 else now.name(row)], dtype=object)
-        rows = now.rows_at(as_points_xy(points_xy))
+        rows = now.at_each(as_points_xy(points_xy))
         labels = np.full(len(rows), EMPTY, dtype=object)
         there = np.flatnonzero(rows >= 0)
         labels[there] = now.names(rows[there])
@@ -290,7 +290,7 @@ class SemanticLayer(Layer):
     def labels_at(self, point_xy: PointsLike) -> ObjectArray:
         """Return the names of all objects at a point, the smallest first, (M,), or "Empty"."""
         now = self._now
-        names = now.names(now.all_rows_at(as_point_xy(point_xy)))
+        names = now.names(now.all_at(as_point_xy(point_xy)))
         return names if len(names) else np.array([EMPTY], dtype=object)
 
     def objects_at(self, point_xy: PointsLike) -> list[SemanticObject]:
@@ -300,15 +300,15 @@ class SemanticLayer(Layer):
         one that `label_at` and `value_at` tell of.
         """
         now = self._now
-        return [now.object(row) for row in now.all_rows_at(as_point_xy(point_xy)).tolist()]
+        return [now.object(row) for row in now.all_at(as_point_xy(point_xy)).tolist()]
 
     def value_at(self, points_xy: PointsLike) -> NDArray[np.int64]:
         """Return the id of the smallest object at each point, shape (N,), or -1."""
         now, single = self._now, single_xy(points_xy)
         if single is not None:
-            row = now.row_at(*single)
+            row = now.at(*single)
             return np.array([NO_OBJECT if row < 0 else now.id(row)])
-        rows = now.rows_at(as_points_xy(points_xy))
+        rows = now.at_each(as_points_xy(points_xy))
         values = np.full(len(rows), NO_OBJECT)
         there = np.flatnonzero(rows >= 0)
         values[there] = now.column("ids", rows[there])
@@ -317,19 +317,19 @@ class SemanticLayer(Layer):
     def labels_in(self, area: BaseGeometry) -> Hits:
         """Return the name and centroid of each object whose shape meets the area."""
         now = self._now
-        rows = now.rows_in(area)
+        rows = now.in_area(area)
         return Hits(now.names(rows), now.column("centroids", rows))
 
     def values_in(self, area: BaseGeometry) -> Hits:
         """Return the id and centroid of each object whose shape meets the area."""
         now = self._now
-        rows = now.rows_in(area)
+        rows = now.in_area(area)
         return Hits(now.column("ids", rows), now.column("centroids", rows))
 
     def find(self, what: str | float, area: BaseGeometry | None = None) -> NDArray[np.float64]:
         """Return the centroids of the objects with a name or id, shape (M, 2)."""
         now = self._now
-        return now.column("centroids", now.rows_of(what, area))
+        return now.column("centroids", now.named(what, area))
 
     def nearest(
         self, what: str | float, point_xy: PointsLike, k: int = 1
@@ -381,7 +381,7 @@ class SemanticLayer(Layer):
         table = self._now.table
         return ShapesPicture(table.names, np.asarray(shapely.force_2d(table.footprints)))
 
-    def _rows_there(self, now: Snapshot, ids: Iterable[int]) -> dict[int, int]:
+    def _rows_there(self, now: ObjectStore, ids: Iterable[int]) -> dict[int, int]:
         """Return the row of each id, by ascending ids.
 
         Raises:
@@ -400,7 +400,7 @@ def _as_ids(ids: int | Iterable[int]) -> Iterable[int]:
     return ids if isinstance(ids, Iterable) else [ids]
 
 
-def _check_unused(ids: list[int], now: Snapshot, layer: str) -> None:
+def _check_unused(ids: list[int], now: ObjectStore, layer: str) -> None:
     """Raise a ValueError if an id is given twice, or to an object of a layer that has it."""
     counts = Counter(ids)
     for number in sorted(counts):

@@ -13,8 +13,8 @@ from hypermap.core.arrays import BoolArray, ObjectArray, as_objects
 from hypermap.core.errors import AreaError
 from hypermap.core.tangles import are_untangled, check_tangle, is_sound
 
-_FAR = 1e9  # metres; what of an area lies beyond is cut off
-_FARTHEST = 1e100  # metres; products of two such lengths do not overflow
+_FAR = 1e9  # meters; what of an area lies beyond is cut off
+_FARTHEST = 1e100  # meters; products of two such lengths do not overflow
 _NANOMETRES = 9  # decimals
 
 
@@ -85,7 +85,7 @@ def repaired(shape: Any) -> Any:
 
     Whatever the outline winds around belongs to it: both halves of a bow tie, and what it winds
     around twice. A polygon without area becomes the line or point that it is. Where lengths are so
-    small that GEOS cannot compute with them, those below a nanometre do not count.
+    small that GEOS cannot compute with them, those below a nanometer do not count.
     """
     with np.errstate(all="ignore"):  # GEOS divides by the lengths of edges without length
         try:

@@ -53,7 +53,7 @@ def check_tangle(shape: BaseGeometry) -> None:
     near = _near(edges)
     if near is not None and is_sound(shape):
         return
-    # Each edge meets itself and its two neighbours; all others that it meets cross or touch it.
+    # Each edge meets itself and its two neighbors; all others that it meets cross or touch it.
     if near is None or (
         np.count_nonzero(shapely.intersects(edges[near[0]], edges[near[1]]))
         > (3 + 2 * _CROSSINGS) * len(edges) + 2 * _FIRST

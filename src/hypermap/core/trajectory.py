@@ -121,7 +121,7 @@ class Trajectory:
 
     Attributes:
         stamps: seconds, strictly increasing, shape (N,).
-        positions: metres, shape (N, 3).
+        positions: meters, shape (N, 3).
         quats_xyzw: rotations, shape (N, 4); need not have unit length.
         max_gap: seconds between two poses above which nothing is interpolated.
 

@@ -49,7 +49,7 @@ _UNITS = {"distance": "m"}
 
 
 @dataclass(frozen=True, eq=False)
-class Run:
+class EvaluationRun:
     """An estimated map and how it was measured."""
 
     objects: MapObjects
@@ -58,8 +58,8 @@ class Run:
 
 def report(
     ground_truth: MapObjects,
-    estimate: Run,
-    against: Run | None = None,
+    estimate: EvaluationRun,
+    against: EvaluationRun | None = None,
     comparisons: Sequence[Comparison] = (),
 ) -> Data:
     """Return all figures as what JSON knows; None where one is not defined.
@@ -107,7 +107,7 @@ def _inputs(objects: MapObjects) -> Data:
     }
 
 
-def _run_data(ground_truth: MapObjects, run: Run) -> Data:
+def _run_data(ground_truth: MapObjects, run: EvaluationRun) -> Data:
     evaluation = run.evaluation
     overall = _score(evaluation.overall)
     for found, quality in zip(overall["found"], evaluation.class_mean_quality(), strict=True):
@@ -147,7 +147,7 @@ def _score(score: Score) -> Data:
     }
 
 
-def _objects(ground_truth: MapObjects, run: Run) -> list[Data]:
+def _objects(ground_truth: MapObjects, run: EvaluationRun) -> list[Data]:
     """Return the true objects, each with the estimated ones beside which it was measured."""
     ids = [thing.id for thing in run.objects.objects]
     closest = {c.ground_truth: c for c in run.evaluation.closest}

@@ -76,7 +76,7 @@ def signed_rank(differences: ArrayLike, exact: bool = False) -> SignedRank:
 
 
 def _ranks(sizes: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return ranks from 1; neighbours that differ by no more than rounding share their mean."""
+    """Return ranks from 1; neighbors that differ by no more than rounding share their mean."""
     order = np.argsort(sizes, kind="stable")
     starts = np.diff(sizes[order], prepend=-np.inf) > TIE
     group = np.cumsum(starts) - 1

@@ -23,13 +23,13 @@ from hypermap.simulation.truth import true_occupancy
 
 
 @dataclass(frozen=True)
-class Drive:
+class SimulatedDrive:
     """A drive through a world, with errors of its own.
 
     Attributes:
         world: what there is to see.
         seed: of all chance.
-        errors: of camera, localisation and detector.
+        errors: of camera, localization and detector.
         rate: frames per second.
     """
 
@@ -49,12 +49,12 @@ class Mapped:
         objects: the objects of each method's map, by its name.
     """
 
-    drive: Drive
+    drive: SimulatedDrive
     frames: int
     objects: Mapping[str, tuple[SemanticObject, ...]]
 
 
-def map_drive(drive: Drive, methods: Mapping[str, MappingConfig]) -> Mapped:
+def map_drive(drive: SimulatedDrive, methods: Mapping[str, MappingConfig]) -> Mapped:
     """Return the objects that each method maps on a drive.
 
     Each frame is rendered once, and looked at once by each way of perception. The occupancy map of
@@ -92,7 +92,7 @@ def map_drive(drive: Drive, methods: Mapping[str, MappingConfig]) -> Mapped:
 
 
 def map_drives(
-    drives: Sequence[Drive], methods: Mapping[str, MappingConfig], jobs: int
+    drives: Sequence[SimulatedDrive], methods: Mapping[str, MappingConfig], jobs: int
 ) -> Iterator[Mapped]:
     """Yield what becomes of each drive, in the order in which they are done.
 

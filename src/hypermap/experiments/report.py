@@ -72,7 +72,7 @@ def write_report(results: Sequence[WorldResult], data: Data, path: Path, command
 def _why() -> str:
     return """<p>Why our figures are not those of the thesis: its two recordings were never
 published, so worlds made after its maps stand in for the places, and models of errors for its
-camera, its localisation and its detector. Its first program took the newest shape for the best one
+camera, its localization and its detector. Its first program took the newest shape for the best one
 and never bounded what it kept; the rules here are those that it describes. It looked at one drive;
 here each figure is a mean over several, which differ in all that chance decides.</p>
 <p>The occupancy map of each world is known, as that of the thesis' robot was. The profile default

@@ -7,12 +7,13 @@ from pathlib import Path
 from hypermap.core.errors import HypermapError
 from hypermap.core.hypermap import DEFAULT_FRAME, Hypermap
 from hypermap.core.semantic import SemanticLayer
-from hypermap.formats.geojson import from_geojson
-from hypermap.formats.geoparquet import MAGIC
+from hypermap.formats.atomic import is_folder
+from hypermap.formats.columns.geoparquet import MAGIC
+from hypermap.formats.grid.map_server import load_occupancy
 from hypermap.formats.hmap import open_map
-from hypermap.formats.map_server import load_occupancy
-from hypermap.formats.semantic_parquet import layer_of_parquet
-from hypermap.formats.semantic_yaml import parse_content
+from hypermap.formats.semantic.geojson import from_geojson
+from hypermap.formats.semantic.parquet_files import layer_of_parquet
+from hypermap.formats.semantic.yaml_files import parse_content
 from hypermap.formats.store import read_file
 from hypermap.formats.yaml_text import read_yaml
 
@@ -33,7 +34,7 @@ def open_any(path: Path, frame_id: str | None = None) -> Hypermap:
         MissingExtra: If it is GeoParquet, and pyarrow is not installed.
         HypermapError: If a frame is given for a whole map, which says its frames itself.
     """
-    content = _ZIP if path.is_dir() else read_file(path)
+    content = _ZIP if is_folder(path) else read_file(path)
     if content.startswith(MAGIC):
         return Hypermap([layer_of_parquet(content, str(path), frame_id)])
     if path.suffix.lower() in JSON_ENDINGS:

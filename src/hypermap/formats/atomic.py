@@ -19,7 +19,7 @@ from hypermap.formats.journal import (
     final_of,
     flush_folder,
 )
-from hypermap.formats.locks import is_locked, lock_file, turn_to_save
+from hypermap.formats.locks import HAS_LOCKS, is_locked, lock_file, turn_to_save
 
 _TEMPORARY = re.compile(r"\.hypermap-[0-9a-f]{16}(-[0-9]+)?\.tmp")
 _PART = re.compile(r"\.hypermap-[0-9a-f]{16}\.part(\.\w+)?")
@@ -76,6 +76,8 @@ def write_files(folder: str | Path, files: Mapping[str, bytes]) -> None:
 def file_beside(path: str | Path) -> Iterator[Path]:
     """Yield where another library may write a file, which replaces the old one in the end.
 
+    What killed programs have left of such files is removed.
+
     Raises:
         FileMissing: If the folder does not exist.
         HypermapError: If the file cannot be written; the old one is untouched then.
@@ -86,6 +88,7 @@ def file_beside(path: str | Path) -> Iterator[Path]:
     final = final_of(target)
     # With its ending, by which a library may know what to write.
     temporary = final.with_name(f".hypermap-{secrets.token_hex(8)}.part{final.suffix}")
+    _sweep_parts(final.parent)
     try:
         with contextlib.ExitStack() as open_file:
             file = open_file.enter_context(os.fdopen(_created(temporary), "wb"))
@@ -93,7 +96,7 @@ def file_beside(path: str | Path) -> Iterator[Path]:
             yield temporary
             _look_like(final, file.fileno())
             os.fsync(file.fileno())
-            if os.name == "nt":  # where no file that is open gets another name
+            if not HAS_LOCKS:  # on Windows, where no file that is open gets another name
                 file.close()
             temporary.replace(final)
         flush_folder(final.parent)
@@ -139,9 +142,11 @@ def _save(journal: Journal, contents: Sequence[bytes]) -> None:
             if not is_one:
                 for folder in folders:
                     flush_folder(folder)
+                for temporary, _ in moves:
+                    temporary.stat()  # nobody has removed it
                 is_committed = True  # or nearly so
                 journal.write()
-            journal.put_in_place()
+            journal.put_in_place(is_first=is_one or turn == "alone")
         except BaseException:
             if not is_committed or moves[0][0].exists():  # then nothing is replaced yet
                 _remove([*([] if is_one else [journal.path]), *(move[0] for move in moves)])
@@ -185,10 +190,16 @@ def _sweep(folders: Iterable[Path]) -> None:
         if any((place / JOURNAL_NAME).exists() for place in (absolute, *absolute.parents)):
             continue  # which may name them
         with contextlib.suppress(OSError), os.scandir(folder) as entries:
-            names = [entry.name for entry in entries if entry.name.startswith(".hypermap-")]
-            _remove(folder / name for name in names if _TEMPORARY.fullmatch(name))
-            parts = (folder / name for name in names if _PART.fullmatch(name))
-            _remove(part for part in parts if not is_locked(part))
+            names = [entry.name for entry in entries if _TEMPORARY.fullmatch(entry.name)]
+            _remove(folder / name for name in names)
+        _sweep_parts(folder)
+
+
+def _sweep_parts(folder: Path) -> None:
+    """Remove what killed programs have left of files that other libraries write."""
+    with contextlib.suppress(OSError), os.scandir(folder) as entries:
+        parts = [folder / entry.name for entry in entries if _PART.fullmatch(entry.name)]
+        _remove(part for part in parts if not is_locked(part))
 
 
 def _remove(paths: Iterable[Path]) -> None:

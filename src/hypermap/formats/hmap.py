@@ -26,10 +26,10 @@ from hypermap.formats.config import (
     dump_config,
     parse_config,
 )
+from hypermap.formats.grid.map_server import load_occupancy
 from hypermap.formats.journal import read_as_saved
-from hypermap.formats.map_server import load_occupancy
 from hypermap.formats.plugins import LayerPlugin, blamed_on_plugin, installed_layers, plugin_for
-from hypermap.formats.semantic_yaml import SemanticFiles, SemanticForm
+from hypermap.formats.semantic.yaml_files import SemanticFiles, SemanticForm
 from hypermap.formats.store import FolderStore, MemoryStore, read_file, safe_name
 from hypermap.formats.yaml_text import read_yaml
 

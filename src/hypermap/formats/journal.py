@@ -68,15 +68,19 @@ class Journal:
             temporary.unlink(missing_ok=True)
         flush_folder(self.folder)
 
-    def put_in_place(self) -> None:
+    def put_in_place(self, *, is_first: bool = False) -> None:
         """Replace all files that are not replaced yet; another may do the same meanwhile.
+
+        Args:
+            is_first: whether nobody else has begun: what is to replace a file must be there then.
 
         Raises:
             OSError: If one cannot be replaced.
         """
         moves = self.moves()
+        in_place_already = () if is_first else (FileNotFoundError,)
         for temporary, final in moves:
-            with contextlib.suppress(FileNotFoundError):  # it is in place already
+            with contextlib.suppress(*in_place_already):
                 temporary.replace(final)
         for folder in {final.parent for _, final in moves}:
             flush_folder(folder)

@@ -44,7 +44,7 @@ MAX_EVIDENCE_BYTES = 64 * MIB
 """The evidence behind a semantic layer; of more, none is kept."""
 
 MAX_PLACE = 1e9
-"""Metres from the origin of a frame; farther out, cells and outlines have no room in a number."""
+"""Meters from the origin of a frame; farther out, cells and outlines have no room in a number."""
 
 MAX_INTEGER_LETTERS = 1000
 """Of a whole number in YAML; Python writes no more than 4300 digits."""

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import contextlib
-import importlib
 import os
-import sys
 import time
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
-fcntl: Any = importlib.import_module("fcntl") if sys.platform != "win32" else None
+try:
+    import fcntl
+except ImportError:  # Windows
+    HAS_LOCKS = False
+else:
+    HAS_LOCKS = True
 
 Turn = Literal["alone", "busy", "unknown"]
 """Whether nobody else saves in a folder, someone still does after a while, or nobody can say."""
@@ -35,14 +38,14 @@ def turn_to_save(folders: Iterable[Path]) -> Iterator[Turn]:
 
 def lock_file(handle: int) -> None:
     """Let others know that a file is in use until it is closed."""
-    if fcntl is not None:
+    if HAS_LOCKS:
         with contextlib.suppress(OSError):
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
 def is_locked(path: Path) -> bool:
     """Return whether a file may be in use; also where nobody can say."""
-    if fcntl is None:
+    if not HAS_LOCKS:
         return True
     try:
         with path.open("rb") as file:
@@ -53,7 +56,7 @@ def is_locked(path: Path) -> bool:
 
 @contextmanager
 def _locked(folder: Path, until: float) -> Iterator[Turn]:
-    if fcntl is None:
+    if not HAS_LOCKS:
         yield "unknown"
         return
     try:

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 ENTRY_POINT_GROUP = "hypermap.layers"
 
 _OURS = {
-    "OccupancyGridLayer": "hypermap.formats.map_server:PLUGIN",
-    "SemanticLayer": "hypermap.formats.semantic_yaml:PLUGIN",
+    "OccupancyGridLayer": "hypermap.formats.grid.map_server:PLUGIN",
+    "SemanticLayer": "hypermap.formats.semantic.yaml_files:PLUGIN",
 }
 
 
@@ -116,6 +116,8 @@ def _load(entry_point: EntryPoint) -> LayerPlugin:
     name, value = entry_point.name, entry_point.value
     try:
         plugin = entry_point.load()
+    except MemoryError:
+        raise
     except Exception as error:  # whatever another package does when it is imported
         raise HypermapError(
             f"the plug-in for layers of class {name!r} ({value}) cannot be imported: "

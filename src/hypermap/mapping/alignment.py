@@ -1,14 +1,14 @@
-"""Corrects poses: what a depth image shows of walls and furniture is laid onto a known map.
+"""Scan matching: corrects poses so that depth images fit a known occupancy map.
 
-Localisation is off by some centimetres and a degree, and at 3 m a degree is more than half a cup.
-Whoever knows the occupancy map can do better: upright surfaces in the depth image have to lie where
-the map's free space ends.
+Localization is off by some centimeters and a degree, and at 3 m a degree is more than half a cup.
+With a known occupancy map the pose can be better: upright surfaces in the depth image have to lie
+where the map's free space ends.
 
 Source: the idea of matching against the distance to the nearest obstacle is the likelihood field
 of Thrun, Burgard, Fox, Probabilistic Robotics, 2005, section 6.4; solved by Gauss-Newton steps as
 in Kohlbrecher et al., "A flexible and scalable SLAM system with full 3D motion estimation",
-SSRR 2011, section IV.B. The distance here has a sign, so that both sides of a border pull towards
-it; and its border is that of free space, as nobody sees the far side of a wall.
+SSRR 2011, section IV.B. The distance here has a sign, so that both sides of a border pull toward
+it; and the border is that of free space, as nobody sees the far side of a wall.
 """
 
 from __future__ import annotations
@@ -26,24 +26,24 @@ from hypermap.mapping.stages import AlignmentConfig
 from hypermap.perception.frame import RgbdFrame
 
 _STEP = 0.015  # between the pixels used, as a share of the focal length: 4 for a 320 x 240 Kinect
-_APART = 2  # steps between two pixels of a column that are on an upright surface or not
+_APART = 2  # steps between two pixels of a column that are tested for an upright surface
 _LEAN = 0.25  # horizontal distance over difference in height up to which a surface is upright
 _NOISE = 0.002  # standard deviation of the depth divided by its square [1/m]
 _FEWEST = 20  # points that a correction needs
-_TOGETHER = 10  # points that err together, as those of one wall do: so many count as one
+_TOGETHER = 10  # points with one common error, as those of a wall: so many count as one
 _MOST_OCCUPIED = 50  # percent; cells that are less likely occupied are free
 _FACING = 0.1  # least cosine between the direction of view and the way into the wall
 _STEPS = 15  # of Gauss-Newton, at most
-_FAR = 1e3  # metres; the distance where nothing is known
-_SMALL = 1e-4  # metres or radians; a step below this is the last
+_FAR = 1e3  # meters; the distance where nothing is known
+_SMALL = 1e-4  # meters or radians; a step below this is the last
 
 
 class Aligner:
     """Corrects x, y and the heading of poses by a known map.
 
-    Each pose is laid onto the map by itself: an error of the map here does no harm there, and a
-    localisation that jumps is no matter. How much of a correction is made depends on those before
-    it: none, where they are no larger than the errors of corrections, as those of exact poses are.
+    Each pose is matched by itself: an error of the map in one place does no harm elsewhere, and
+    localization may jump. How much of a correction is applied depends on those before it. If they
+    are no larger than the errors of corrections, as with exact poses, nothing is applied.
 
     Attributes:
         config: how far poses may be off, and what is compared.
@@ -61,10 +61,10 @@ class Aligner:
         self._occupancy, self._borders = occupancy, None
 
     def align(self, frame: RgbdFrame) -> RgbdFrame:
-        """Return the frame with a pose that fits the map better, as far as that can be told.
+        """Return the frame with a pose that fits the map better.
 
-        It keeps its pose where its depth image shows too little that the map knows, or if poses
-        are not to be corrected.
+        It keeps its pose if its depth image shows too little of the map, or if corrections are
+        disabled.
         """
         position = frame.map_T_camera[:2, 3]
         borders = self._borders_around(position) if self.config.enabled else None
@@ -86,9 +86,9 @@ class Aligner:
         position: NDArray[np.float64],
         borders: _Borders,
     ) -> NDArray[np.float64]:
-        """Return the x, y [m] and turn about the camera [rad] that are to be made.
+        """Return the correction to apply: x, y [m] and turn about the camera [rad].
 
-        They are a share of those that lay the points onto borders.
+        It is a share of the one that moves the points onto borders.
         """
         config = self.config
         expected = np.array([config.position, config.position, math.radians(config.yaw_deg)])
@@ -131,7 +131,7 @@ class _Borders:
     """How far it is to the nearest border of free space, around a place.
 
     Attributes:
-        distances: metres from the centre of each cell, negative beyond the border, shape (H, W).
+        distances: meters from the center of each cell, negative beyond the border, shape (H, W).
         to_cells: takes (x, y, 1) to (col, row, 1) of these cells, shape (3, 3).
         resolution: side of a cell [m].
         center: the middle of the cells [m].
@@ -163,7 +163,7 @@ class _Borders:
             return None
         free_side = ndimage.distance_transform_edt(is_free)
         far_side = ndimage.distance_transform_edt(~is_free)
-        # The border lies half a cell before the centres of the first cells beyond it, and what
+        # The border lies half a cell before the centers of the first cells beyond it, and what
         # made these cells occupied lies half a cell behind the border in the mean.
         distances = np.where(is_free, free_side, 1 - far_side) * grid.resolution
         to_cells = grid.to_cells_matrix()
@@ -177,7 +177,7 @@ class _Borders:
     def at(self, points_xy: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the distance at each point [m], and how it grows along x and y, shape (N, 2).
 
-        Between the centres of cells it is interpolated. Off the cells it is large, and flat.
+        Between the centers of cells it is interpolated. Off the cells it is large, and flat.
         """
         places = points_xy @ self.to_cells[:2, :2].T + self.to_cells[:2, 2] - 0.5
         first = np.floor(places).astype(int)

@@ -1,4 +1,4 @@
-"""Which known objects an observed shape belongs to: one small function per answer."""
+"""Data association: which tracks an observed shape belongs to; one small function per method."""
 
 from __future__ import annotations
 
@@ -9,52 +9,58 @@ from typing import TypeAlias
 import numpy as np
 import shapely
 
-from hypermap.mapping.known_shapes import KnownShapes, Rows
-from hypermap.mapping.outlines import Outline, shared_area
+from hypermap.mapping.prepared_polygon import PreparedPolygon, shared_area
 from hypermap.mapping.stages import EvidenceConfig
+from hypermap.mapping.track_shapes import Rows, TrackShapes
 
 
-def jaccard(shape: Outline, class_: int, known: KnownShapes, config: EvidenceConfig) -> Rows:
+def jaccard(
+    shape: PreparedPolygon, class_: int, tracks: TrackShapes, config: EvidenceConfig
+) -> Rows:
     """Match by shared area over the area of both together, at least `min_jaccard`."""
     matches = []
-    for row in known.near(class_, shape.box):
-        shared = shared_area(shape, known.outlines[row])
-        together = shape.area + known.outlines[row].area - shared
+    for row in tracks.near(class_, shape.box):
+        shared = shared_area(shape, tracks.polygons[row])
+        together = shape.area + tracks.polygons[row].area - shared
         matches.append((row, shared / together))
     return _best_first(matches, config.min_jaccard)
 
 
-def overlap(shape: Outline, class_: int, known: KnownShapes, config: EvidenceConfig) -> Rows:
+def overlap(
+    shape: PreparedPolygon, class_: int, tracks: TrackShapes, config: EvidenceConfig
+) -> Rows:
     """Match by shared area over the smaller one's area, at least `min_overlap`.
 
-    Unlike the Jaccard index it also finds the table of which a frame shows one corner. The larger
-    shape is widened by `slack`, so that a thin thing meets itself when poses are a little off: by a
-    quarter of its size at most, as two cups that stand close together are two.
+    Unlike the Jaccard index it also finds a table of which a frame shows one corner. The larger
+    shape is widened by `slack`, so that a thin object still matches when poses are a little off. It
+    is widened by at most a quarter of its size, as two cups that stand close together are two.
     """
-    wide = shape.once(_widened, config.slack)
+    wide = shape.cached(_widened, config.slack)
     matches = []
-    for row in known.near(class_, wide.box):
-        other = known.outlines[row]
+    for row in tracks.near(class_, wide.box):
+        other = tracks.polygons[row]
         if other.area > shape.area:
-            shared = shared_area(shape, other.once(_widened, config.slack))
+            shared = shared_area(shape, other.cached(_widened, config.slack))
         else:
             shared = shared_area(other, wide)
         matches.append((row, shared / min(shape.area, other.area)))
     return _best_first(matches, config.min_overlap)
 
 
-def radius(shape: Outline, class_: int, known: KnownShapes, config: EvidenceConfig) -> Rows:
+def radius(
+    shape: PreparedPolygon, class_: int, tracks: TrackShapes, config: EvidenceConfig
+) -> Rows:
     """Match what reaches into a box of half side `radius` about the shape's centroid."""
     center = shapely.get_coordinates(shapely.centroid(shape.geometry))[0]
     low, high = (center - config.radius).tolist(), (center + config.radius).tolist()
-    rows = known.near(class_, (*low, *high))
-    shapes = known.geometries(rows)
+    rows = tracks.near(class_, (*low, *high))
+    shapes = tracks.geometries(rows)
     is_match = shapely.intersects(shapely.box(*low, *high), shapes)
     distances = shapely.distance(shapely.Point(center), shapes)
     return [rows[i] for i in np.argsort(distances, kind="stable") if is_match[i]]
 
 
-Association: TypeAlias = Callable[[Outline, int, KnownShapes, EvidenceConfig], Rows]
+Association: TypeAlias = Callable[[PreparedPolygon, int, TrackShapes, EvidenceConfig], Rows]
 
 ASSOCIATIONS: Mapping[str, Association] = {
     "jaccard": jaccard,
@@ -63,11 +69,11 @@ ASSOCIATIONS: Mapping[str, Association] = {
 }
 
 
-def _widened(shape: Outline, slack: float) -> Outline:
-    if slack == 0:
+def _widened(shape: PreparedPolygon, margin: float) -> PreparedPolygon:
+    if margin == 0:
         return shape
-    distance = min(slack, math.sqrt(shape.area) / 4)
-    return Outline.of(shapely.buffer(shape.geometry, distance, join_style="mitre"))
+    distance = min(margin, math.sqrt(shape.area) / 4)
+    return PreparedPolygon.of(shapely.buffer(shape.geometry, distance, join_style="mitre"))
 
 
 def _best_first(matches: list[tuple[int, float]], least: float) -> Rows:

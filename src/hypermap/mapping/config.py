@@ -1,6 +1,6 @@
 """How a map is made: the settings of all stages, and the profiles that name them.
 
-`load_config` lays a YAML file over a profile, and each map saves the settings that made it
+`load_config` applies a YAML file to a profile, and each map saves the settings that made it
 (`to_dict`). The defaults are in `hypermap.mapping.stages`.
 """
 
@@ -44,7 +44,7 @@ class MappingConfig:
 def profile(name: str) -> MappingConfig:
     """Return a named configuration.
 
-    "thesis" is the method of 2019 to the letter; "default" is the best that we know.
+    "thesis" is the method of 2019 to the letter; "default" is the best one we know.
 
     Raises:
         ValueError: If there is no such profile.
@@ -79,13 +79,12 @@ def chosen_config(
     Args:
         name: the profile.
         path: a YAML file with values that differ (see `load_config`).
-        score: detections below it are left out; None leaves that to the file, and then to the
-            profile.
-        has_network: whether the detections come from a network. It is asked from 0.3 on where a
-            profile takes all that is recorded, unless the file or `score` says another number.
+        score: detections below it are dropped; None takes the value of the file or the profile.
+        has_network: whether the detections come from a network. Then
+            the threshold is at least 0.3, unless the file or `score` sets another one.
 
     Raises:
-        ValueError: If there is no such profile, or the score is none.
+        ValueError: If there is no such profile, or the score is out of range.
         HypermapError: As `load_config` does.
     """
     config = profile(name)

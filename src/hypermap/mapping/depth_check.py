@@ -1,6 +1,6 @@
-"""Whether depth looks like a depth camera's: a wrong unit gives a map of nothing, and says nothing.
+"""A plausibility check of depth: a wrong unit would silently give an empty map.
 
-A few hundred pixels of each frame tell.
+It looks at a few hundred pixels of each frame.
 """
 
 from __future__ import annotations
@@ -14,18 +14,18 @@ from hypermap.perception.frame import RgbdFrame
 
 _log = logging.getLogger(__name__)
 
-_LOOKED_AT = 30  # rows and columns of a frame, about
-_FARTHEST = 50.0  # metres, within which half of what any depth camera sees lies
-_SATURATED = 10.0  # metres; farther away, nothing fills an image at one very same depth
+_LOOKED_AT = 30  # rows and columns of a frame that are sampled, about
+_FARTHEST = 50.0  # meters, within which half of the depth of any camera lies
+_SATURATED = 10.0  # meters; beyond it, no real surface fills an image at one single depth
 _SAME = 0.95  # share of an image at one depth
 _FEW = 0.05  # share of pixels with depth
-_NEAR = 0.1  # metres
-_EARLY = 24  # frames after which it is told
-_SCALE = "are the units of depth per metre right (--depth-scale)?"
+_NEAR = 0.1  # meters
+_EARLY = 24  # frames after which the check reports
+_SCALE = "are the units of depth per meter right (--depth-scale)?"
 
 
 def why_implausible(frame: RgbdFrame) -> str | None:
-    """Return why the depth of a frame can be no measurement; None if it may be one."""
+    """Return why the depth of a frame cannot be a measurement; None if it can."""
     depth = _sample(frame)
     if len(depth) == 0:
         return None
@@ -39,17 +39,17 @@ def why_implausible(frame: RgbdFrame) -> str | None:
 
 
 class DepthCheck:
-    """Counts frames whose depth is odd, and logs once what the cause may be, if these are many."""
+    """Counts frames with odd depth, and logs the likely cause once if there are many."""
 
     def __init__(self, max_depth: float) -> None:
-        """Count depth beyond `max_depth` [m], which takes no part in finding objects, as odd."""
+        """Count depth beyond `max_depth` [m], where no objects are looked for, as odd."""
         self._max_depth = max_depth
         self._frames = 0
-        self._has_told = False
+        self._has_reported = False
         self._odd = dict.fromkeys(("few", "near", "far"), 0)
 
     def add(self, frame: RgbdFrame) -> None:
-        """Look at a frame that was mapped."""
+        """Check a mapped frame."""
         depth = _sample(frame)
         middle = float(np.median(depth)) if len(depth) else np.nan
         self._frames += 1
@@ -60,7 +60,7 @@ class DepthCheck:
             self.finish()
 
     def finish(self) -> None:
-        """Log what is odd about most of the frames, if something is and was not said before."""
+        """Log what is odd about most frames, unless that was logged before."""
         causes = {
             "near": f"half of the depth or more is nearer than {_NEAR:g} m; {_SCALE}",
             "far": f"half of the depth or more is farther than the {self._max_depth:g} m up to "
@@ -69,8 +69,8 @@ class DepthCheck:
             "are these another kind of images?",
         }
         for kind, cause in causes.items():
-            if not self._has_told and 2 * self._odd[kind] > self._frames:
-                self._has_told = True
+            if not self._has_reported and 2 * self._odd[kind] > self._frames:
+                self._has_reported = True
                 count = self._odd[kind]
                 _log.warning("in %d of %d frames, %s", count, self._frames, cause)
 

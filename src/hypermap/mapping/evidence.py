@@ -1,4 +1,4 @@
-"""The evidence map: observed shapes become objects, which gain and lose existence.
+"""The evidence map: observed shapes become tracks, whose existence rises and falls.
 
 Source: section 3.4.5 of the thesis of 2019 for the profile "thesis"; docs/mapping.md describes
 both profiles.
@@ -13,29 +13,28 @@ import numpy as np
 
 from hypermap.core.semantic import SemanticLayer, SemanticObject
 from hypermap.mapping.association import ASSOCIATIONS
+from hypermap.mapping.evidence_buffer import Evidence, evidence_from
+from hypermap.mapping.evidence_table import lazy_evidence_table
+from hypermap.mapping.footprint_iou import footprint_ious
 from hypermap.mapping.fusion import FUSIONS
-from hypermap.mapping.known import KnownObject, KnownObjects
-from hypermap.mapping.known_shapes import Rows
-from hypermap.mapping.look_back import later_table
-from hypermap.mapping.losing import forget, lose
-from hypermap.mapping.pile import Evidence, evidence_of
-from hypermap.mapping.rivals import likeness
+from hypermap.mapping.missed_detections import penalize_missed, prune
 from hypermap.mapping.stages import EvidenceConfig
+from hypermap.mapping.track_shapes import Rows
+from hypermap.mapping.tracks import Track, TrackTable
 from hypermap.perception.observation import Observation
 
 _log = logging.getLogger(__name__)
 
-_WELL_KNOWN = 4  # observations from which on an object may speak against another
-_SIDE_BY_SIDE = 0.2  # share of an object's frames that show another beside it, to be sure of it
+_CONFIRMED = 4  # observations that confirm a track
+_CO_OCCURRENCE_SHARE = 0.2  # share of a track's frames that also show another: then they are two
 
 
 class EvidenceMap:
     """Objects and the evidence for them.
 
-    An observation's shapes are associated with known objects of their class, one after the other;
-    an object's shape is fused from its evidence, and its existence grows. Then the objects that
-    lie in the observed area lose some existence. Objects are published when they have enough of
-    it and forgotten when they have too little.
+    Each observed shape is associated with the tracks of its class. A track's shape is fused from
+    its evidence, and its existence grows. Tracks that the frame should have shown, and did not,
+    lose existence. A track is published when it has enough of it and pruned when it has too little.
 
     Attributes:
         config: how all of this is done.
@@ -47,51 +46,51 @@ class EvidenceMap:
         self.ignored = 0
         self._associate = ASSOCIATIONS[config.association]
         self._fuse = FUSIONS[config.fusion]
-        self._shown: set[int] = set()  # ids of the objects to which this frame has given evidence
-        self._touched: dict[int, tuple[KnownObject, KnownObject]] = {}  # with what they were
+        self._observed: set[int] = set()  # ids of the tracks that this frame shows
+        self._touched: dict[int, tuple[Track, Track]] = {}  # with copies from before the frame
         self._classes: dict[str, int] = {}
-        self._known = KnownObjects(config.max_existence)
+        self._tracks = TrackTable(config.max_existence)
 
     def __len__(self) -> int:
         """Return how many objects are published."""
-        return int(np.count_nonzero(self._known.existence > self.config.publish_above))
+        return int(np.count_nonzero(self._tracks.existence > self.config.publish_above))
 
     def update(self, observation: Observation) -> None:
-        """Learn from one frame, or not at all: an update that fails leaves all as it was.
+        """Add one frame. If that fails, the map stays as it was.
 
-        Shapes that are empty, invalid or without area are left out and counted.
+        Empty and invalid shapes, and those without area, are skipped and counted.
         """
-        before, ignored = self._known.copy(), self.ignored
+        before, ignored = self._tracks.copy(), self.ignored
         self._touched.clear()
         try:
             self._learn(observation)
-        except BaseException:  # as if memory runs out
-            self._known, self.ignored = before, ignored
-            for known, was in self._touched.values():
-                known.become(was)
+        except BaseException:  # for example, out of memory
+            self._tracks, self.ignored = before, ignored
+            for track, was in self._touched.values():
+                track.become(was)
             raise
 
     def _learn(self, observation: Observation) -> None:
-        self._shown.clear()
-        found = evidence_of(observation, self.config.abstain)
+        self._observed.clear()
+        found = evidence_from(observation, self.config.abstain)
         if len(found) < len(observation.objects):
             self.ignored += len(observation.objects) - len(found)
-            _log.info("frame %.6f: shapes without area left out", observation.stamp)
-        # All are judged by what was known before the frame: their order must not matter.
-        mistaken = [self._mistaken_for(name, evidence) for name, evidence in found]
-        seen = {
-            self._add(name, evidence) if true is None else true
-            for (name, evidence), true in zip(found, mistaken, strict=True)
+            _log.info("frame %.6f: skipped shapes without area", observation.stamp)
+        # All are compared with the tracks from before the frame, so their order does not matter.
+        misclassified = [self._misclassified(name, evidence) for name, evidence in found]
+        observed = {
+            self._add(name, evidence) if actual is None else actual
+            for (name, evidence), actual in zip(found, misclassified, strict=True)
         }
         if self.config.exclusive:
-            self._note_neighbors()
-        lose(self._known, observation, seen, self.config)
-        forget(self._known, self.config.forget_below)
+            self._count_co_occurrences()
+        penalize_missed(self._tracks, observation, observed, self.config)
+        prune(self._tracks, self.config.forget_below)
 
     def objects(self, ids: Collection[int] | None = None) -> list[SemanticObject]:
         """Return the objects with enough existence, in the order of their ids.
 
-        An object keeps its id from one call to the next; of combined objects the oldest id stays.
+        An object keeps its id between calls. Merged objects keep the oldest id.
 
         Args:
             ids: which of them; None for all.
@@ -100,160 +99,164 @@ class EvidenceMap:
         return [
             self._published(row)
             for row in rows
-            if ids is None or self._known.objects[row].id in ids
+            if ids is None or self._tracks.objects[row].id in ids
         ]
 
-    def standing(self) -> list[tuple[int, int, float]]:
+    def summary(self) -> list[tuple[int, int, float]]:
         """Return id, number of pieces of evidence and existence of each object of `objects`.
 
-        This costs little, and an object's shape changes only with its evidence.
+        This is cheap. An object's shape changes only when its evidence does.
         """
-        objects, existence = self._known.objects, self._known.existence
+        objects, existence = self._tracks.objects, self._tracks.existence
         return [
-            (objects[row].id, objects[row].pile.count, float(existence[row]))
+            (objects[row].id, objects[row].buffer.count, float(existence[row]))
             for row in self._published_rows()
         ]
 
     def layer(self, name: str = "semantic", frame_id: str = "map") -> SemanticLayer:
-        """Return the objects with enough existence as a layer, with the evidence for them."""
+        """Return the objects with enough existence as a layer, with their evidence."""
         objects = self.objects()
         ids = {item.id for item in objects}
-        kept = {o.id: tuple(o.pile.items) for o in self._known.objects if o.id in ids}
-        return SemanticLayer(name, frame_id, objects, evidence=later_table(kept))
+        kept = {o.id: tuple(o.buffer.items) for o in self._tracks.objects if o.id in ids}
+        return SemanticLayer(name, frame_id, objects, evidence=lazy_evidence_table(kept))
 
     def evidence(self, object_id: int) -> tuple[Evidence, ...]:
-        """Return the kept evidence behind an object, oldest first.
+        """Return the evidence that is kept for an object, oldest first.
 
         Raises:
-            KeyError: If there is no such object, or it was forgotten or combined with another.
+            KeyError: If there is no such object, or it was pruned or merged into another.
         """
-        rows = self._known.rows_of([object_id])
+        rows = self._tracks.rows_of([object_id])
         if not rows:
             raise KeyError(object_id)
-        return tuple(self._known.objects[rows[0]].pile.items)
+        return tuple(self._tracks.objects[rows[0]].buffer.items)
 
-    def _mistaken_for(self, name: str, evidence: Evidence) -> int | None:
-        """Return the id of the well-known object of another class that was really seen, if any."""
+    def _misclassified(self, name: str, evidence: Evidence) -> int | None:
+        """Return the id of the confirmed track of another class that this really is."""
         if self.config.slip >= 1:
             return None
-        class_, shapes, objects = self._classes.get(name), self._known.shapes, self._known.objects
-        rows = shapes.near(None, evidence.outline.box)
-        alike = likeness(evidence.outline, (evidence.z_min, evidence.z_max), shapes, rows)
-        true, most = None, 0.0
-        for row, likeness_of_row in zip(rows, alike, strict=True):
+        class_, shapes, objects = self._classes.get(name), self._tracks.shapes, self._tracks.objects
+        rows = shapes.near(None, evidence.prepared.box)
+        ious = footprint_ious(evidence.prepared, (evidence.z_min, evidence.z_max), shapes, rows)
+        actual, best = None, 0.0
+        for row, iou in zip(rows, ious, strict=True):
             if shapes.classes[row] == class_:
-                if likeness_of_row >= self.config.slip / 2:
+                if iou >= self.config.slip / 2:
                     return None
-            elif objects[row].pile.count >= _WELL_KNOWN and likeness_of_row > most:
-                true, most = objects[row].id, likeness_of_row
-        return true if most >= self.config.slip else None
+            elif objects[row].buffer.count >= _CONFIRMED and iou > best:
+                actual, best = objects[row].id, iou
+        return actual if best >= self.config.slip else None
 
     def _add(self, name: str, evidence: Evidence) -> int:
-        """Give evidence to the object it belongs to, old or new, and return that object's id."""
+        """Add evidence to the track it belongs to, old or new, and return the track's id."""
         class_ = self._classes.setdefault(name, len(self._classes))
-        matches = self._associate(evidence.outline, class_, self._known.shapes, self.config)
+        matches = self._associate(evidence.prepared, class_, self._tracks.shapes, self.config)
         if self.config.exclusive:
-            matches = self._known.without(matches, self._shown)
+            matches = self._tracks.excluding(matches, self._observed)
         if len(matches) == 0:
-            row = self._known.append(name, class_, evidence, self.config.max_evidence)
+            row = self._tracks.append(name, class_, evidence, self.config.max_evidence)
         elif self.config.combine == "matches":
-            row = self._combine(matches)
+            row = self._merge(matches)
         else:
             row = matches[0]
-        known = self._touch(row)
-        known.pile.add(evidence)
-        known.unfused += 1
+        track = self._touch(row)
+        track.buffer.add(evidence)
+        track.pending += 1
         gain = self.config.gain * (evidence.score if self.config.gain_by_score else 1.0)
-        self._known.change_existence(row, gain)
-        if known.unfused > self.config.renewal * len(known.pile):
-            self._renew(row)
+        self._tracks.change_existence(row, gain)
+        if track.pending > self.config.renewal * len(track.buffer):
+            self._refresh_shape(row)
             if self.config.combine == "overlapping":
-                row = self._combine_with_overlapping(row)
-        self._shown.add(self._known.objects[row].id)
-        return self._known.objects[row].id
+                row = self._merge_overlapping(row)
+        self._observed.add(self._tracks.objects[row].id)
+        return self._tracks.objects[row].id
 
-    def _combine(self, rows: Rows) -> int:
-        """Make one object of several, the oldest of them, and return its row."""
+    def _merge(self, rows: Rows) -> int:
+        """Merge tracks into the oldest of them and return its row."""
         row, *others = sorted(rows)
         if others:
-            known = self._touch(row)
-            known.pile.merge(self._known.objects[other].pile for other in others)
-            known.unfused = len(known.pile)
+            track = self._touch(row)
+            track.buffer.merge(self._tracks.objects[other].buffer for other in others)
+            track.pending = len(track.buffer)
             for other in others:
-                self._pass_on_neighbors(self._known.objects[other], known)
-            self._known.change_existence(row, float(self._known.existence[others].sum()))
-            self._known.remove(others)
+                self._transfer_co_occurrences(self._tracks.objects[other], track)
+            self._tracks.change_existence(row, float(self._tracks.existence[others].sum()))
+            self._tracks.remove(others)
         return row
 
-    def _combine_with_overlapping(self, row: int) -> int:
-        """Combine an object with others that its own shape matches, until there are none."""
+    def _merge_overlapping(self, row: int) -> int:
+        """Merge a track with those that its own shape matches, until there are none."""
         while True:
-            known = self._known.objects[row]
-            shape, class_ = self._known.shapes.outlines[row], int(self._known.shapes.classes[row])
-            matches = self._associate(shape, class_, self._known.shapes, self.config)
+            track = self._tracks.objects[row]
+            shape, class_ = self._tracks.shapes.polygons[row], int(self._tracks.shapes.classes[row])
+            matches = self._associate(shape, class_, self._tracks.shapes, self.config)
             if self.config.exclusive:
-                objects = self._known.objects
-                matches = [one for one in matches if self._may_be_one(known, objects[one])]
+                objects = self._tracks.objects
+                matches = [one for one in matches if self._may_merge(track, objects[one])]
             if len(matches) <= 1:  # it matches itself
                 return row
-            row = self._combine(matches)
-            self._renew(row)
+            row = self._merge(matches)
+            self._refresh_shape(row)
 
-    def _may_be_one(self, one: KnownObject, other: KnownObject) -> bool:
-        """Return whether two objects may be combined: not those often seen side by side."""
+    def _may_merge(self, one: Track, other: Track) -> bool:
+        """Return whether two tracks may be merged: not if many frames show both."""
         if one is other:
             return True
-        most = max(1, _SIDE_BY_SIDE * min(one.pile.count, other.pile.count))
-        return other.id not in self._shown and one.beside[other.id] <= most
+        most = max(1, _CO_OCCURRENCE_SHARE * min(one.buffer.count, other.buffer.count))
+        return other.id not in self._observed and one.co_occurrences[other.id] <= most
 
-    def _note_neighbors(self) -> None:
-        """Remember which objects of a class this frame showed side by side."""
-        shown = [self._touch(row) for row in self._known.rows_of(self._shown)]
-        for known in shown:
-            known.beside.update(o.id for o in shown if o is not known and o.name == known.name)
+    def _count_co_occurrences(self) -> None:
+        """Count which tracks of one class this frame shows together."""
+        shown = [self._touch(row) for row in self._tracks.rows_of(self._observed)]
+        for track in shown:
+            track.co_occurrences.update(
+                o.id for o in shown if o is not track and o.name == track.name
+            )
 
-    def _pass_on_neighbors(self, gone: KnownObject, kept: KnownObject) -> None:
-        """Let an object take another's place beside its neighbors, on both sides."""
-        kept.beside.update(gone.beside)
-        for row in self._known.rows_of(gone.beside):
-            neighbor = self._known.objects[row]
-            neighbor.beside[kept.id] += neighbor.beside.pop(gone.id)
+    def _transfer_co_occurrences(self, merged: Track, kept: Track) -> None:
+        """Move the co-occurrences of a merged track to the one that stays, on both sides."""
+        kept.co_occurrences.update(merged.co_occurrences)
+        for row in self._tracks.rows_of(merged.co_occurrences):
+            neighbor = self._tracks.objects[row]
+            neighbor.co_occurrences[kept.id] += neighbor.co_occurrences.pop(merged.id)
 
-    def _renew(self, row: int) -> None:
-        """Fuse an object's shape from its evidence."""
-        known = self._touch(row)
-        self._known.shapes.replace(row, self._fuse(known.pile, self.config))
+    def _refresh_shape(self, row: int) -> None:
+        """Fuse a track's shape from its evidence."""
+        track = self._touch(row)
+        self._tracks.shapes.replace(row, self._fuse(track.buffer, self.config))
         if self.config.sight == "rays" or self.config.contested > 0:
-            self._known.shapes.heights[row] = known.pile.heights()
-        known.unfused = 0
+            self._tracks.shapes.heights[row] = track.buffer.heights()
+        track.pending = 0
 
-    def _touch(self, row: int) -> KnownObject:
-        """Return an object that is about to change, and remember what it was before this frame."""
-        known = self._known.objects[row]
-        if known.id not in self._touched:
-            self._touched[known.id] = known, known.copy()
-        return known
+    def _touch(self, row: int) -> Track:
+        """Return a track that is about to change, and keep a copy from before this frame."""
+        track = self._tracks.objects[row]
+        if track.id not in self._touched:
+            self._touched[track.id] = track, track.copy()
+        return track
 
     def _published_rows(self) -> list[int]:
-        rows: list[int] = np.flatnonzero(self._known.existence > self.config.publish_above).tolist()
+        rows: list[int] = np.flatnonzero(
+            self._tracks.existence > self.config.publish_above
+        ).tolist()
         return rows
 
     def _published(self, row: int) -> SemanticObject:
-        """Return an object as the map's users see it."""
-        known = self._known.objects[row]
-        pile = known.pile
-        # The stale shape stays in place: asking for objects must not change what is mapped.
-        is_stale = known.unfused > 0
-        shape = self._fuse(pile, self.config) if is_stale else self._known.shapes.outlines[row]
-        z_min, z_max = pile.heights()
+        """Return a track as users of the map see it."""
+        track = self._tracks.objects[row]
+        buffer = track.buffer
+        # The stale shape stays: a question must not change the map.
+        is_stale = track.pending > 0
+        shape = self._fuse(buffer, self.config) if is_stale else self._tracks.shapes.polygons[row]
+        z_min, z_max = buffer.heights()
         return SemanticObject(
-            name=known.name,
+            name=track.name,
             footprint=shape.geometry,
-            id=known.id,
-            tags=(known.name,),
-            confidence=(pile.score_sum / pile.count,),
-            existence=float(self._known.existence[row]),
-            first_seen=pile.first_seen,
-            last_seen=pile.last_seen,
-            attributes={"evidence": pile.count, "z_min": z_min, "z_max": z_max},
+            id=track.id,
+            tags=(track.name,),
+            confidence=(buffer.score_sum / buffer.count,),
+            existence=float(self._tracks.existence[row]),
+            first_seen=buffer.first_seen,
+            last_seen=buffer.last_seen,
+            attributes={"evidence": buffer.count, "z_min": z_min, "z_max": z_max},
         )

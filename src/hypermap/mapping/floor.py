@@ -1,7 +1,7 @@
-"""Where the floor of a recording lies, seen in its depth: it should be level, at z = 0 of the map.
+"""Floor detection: the floor of a recording should be level and at z = 0 of the map.
 
-A map of a world that is not level is nonsense, and nothing else tells: walls become floor, and
-the floor a wall.
+A map of a world that is not level is useless, and nothing else would reveal it: walls become floor,
+and the floor becomes a wall.
 """
 
 from __future__ import annotations
@@ -15,36 +15,43 @@ from numpy.typing import NDArray
 
 from hypermap.perception.frame import RgbdFrame
 
-_COLUMNS = 40  # of an image are looked at
+_COLUMNS = 40  # columns of an image that are sampled
 _EARLY = 24  # frames after which the floor is looked for
-_FEWEST_FRAMES = 5  # one image may mislead
-_MOST_FRAMES = 64  # are remembered; then every other is forgotten, and only every other added
-_ALIKE = math.cos(math.radians(12))  # of two normals on one surface
-_TRIED = 100  # points whose normals are tried as the floor's
+_FEWEST_FRAMES = 5  # as one image may mislead
+_MOST_FRAMES = 64  # are kept; then every other one is dropped, and only every other one added
+_SAME_NORMAL = math.cos(math.radians(12))  # least cosine between two normals of one surface
+_TRIED = 100  # points whose normals are candidates for the floor's
 _LEAST_SHARE = 0.02  # of all points that a floor has
 _LEAST_SHARE_TILTED = 0.03
 _MOST_BELOW = 0.03  # of all points lie more than `_DEEP` below a floor
-_DEEP = 0.12  # metres
-_THICK = 0.05  # metres; points nearer to a plane than this are on it
+_DEEP = 0.12  # meters
+_THICK = 0.05  # meters; points nearer to a plane than this are on it
 _UPRIGHT = 0.3  # least mean cosine between a floor's normal and the upward side of the images
 _LEVEL = math.cos(math.radians(10))
 _LEVEL_SHARE = 0.3  # of the points of the best floor, with which a level one is preferred
-_WIDE = 3.0  # metres; no table is so long
-_TILT_DEG, _HEIGHT = 4.0, 0.15  # metres; a floor that is off by more is wrong
-_UNITS = 0.001, 0.1, 0.2, 5.0, 10.0, 1000.0  # by which depth is off that is read with a wrong scale
-_ALIKE_UNITS = 0.1
-_LOWEST_CAMERA = 0.3  # metres, from which on such a factor can be told from a wrong height
-_BENT = 0.05  # metres by which errors of the depth may lift one side of what is seen of a floor
+_WIDE = 3.0  # meters; no table is that long
+_TILT_DEG, _HEIGHT = 4.0, 0.15  # meters; a floor that is off by more is wrong
+_UNITS = (
+    0.001,
+    0.1,
+    0.2,
+    5.0,
+    10.0,
+    1000.0,
+)  # errors of depth with a wrong scale
+_UNIT_TOLERANCE = 0.1
+_LOWEST_CAMERA = 0.3  # meters, below which such a factor looks the same as a wrong height
+_BENT = 0.05  # meters by which depth errors may lift one side of the visible floor
 
 
 @dataclass(frozen=True, eq=False)
 class Floor:
-    """A floor as it was measured.
+    """A measured floor.
 
     Attributes:
         normal: its upward normal in the map, shape (3,).
-        offset: how far it lies along its normal from the map's origin [m].
-        span: length and width of what was seen of it [m].
+        offset: its distance from the map's origin along the normal [m].
+        span: length and width of the visible part [m].
         camera_z: height of the camera in the map, mean of all frames [m].
     """
 
@@ -60,7 +67,7 @@ class Floor:
 
     @property
     def is_level(self) -> bool:
-        """Whether a map can be made: the floor is level and at z = 0, as well as can be seen.
+        """Whether a map can be made: the floor is level and at z = 0, as far as can be seen.
 
         A level surface above z = 0 may be a table, unless it is long.
         """
@@ -70,12 +77,12 @@ class Floor:
 
     @property
     def _is_tilted(self) -> bool:
-        """Whether the tilt is more than errors of the depth may feign."""
-        feigned = math.degrees(math.atan2(_BENT, self.span[1]))
-        return self.tilt_deg > _TILT_DEG + feigned
+        """Whether the tilt is larger than depth errors can explain."""
+        explained = math.degrees(math.atan2(_BENT, self.span[1]))
+        return self.tilt_deg > _TILT_DEG + explained
 
     def level_T_map(self) -> NDArray[np.float64]:  # noqa: N802
-        """Return the smallest turn that levels the floor, and a lift to z = 0, shape (4, 4)."""
+        """Return the smallest rotation and lift that put the floor at z = 0, shape (4, 4)."""
         up, z = self.normal, np.array([0.0, 0.0, 1.0])
         axis, cosine = np.cross(up, z), float(up[2])
         sine = float(np.linalg.norm(axis))
@@ -109,21 +116,21 @@ class Floor:
 
     @property
     def _depth_is_off(self) -> str:
-        """A hint where the floor would lie at z = 0, if depth were in another usual unit."""
+        """A hint if the floor would lie at z = 0 with depth in another common unit."""
         if self.camera_z < _LOWEST_CAMERA:
             return ""
         ratio = (self.camera_z - self.offset) / self.camera_z
         for unit in _UNITS:
-            if abs(ratio / unit - 1) < _ALIKE_UNITS:
+            if abs(ratio / unit - 1) < _UNIT_TOLERANCE:
                 return (
-                    f" (as if all depth were {unit:g} times what it is: are the units per metre "
+                    f" (as if all depth were {unit:g} times what it is: are the units per meter "
                     "right, --depth-scale?)"
                 )
         return ""
 
 
 class FloorSampler:
-    """Remembers some points of frames from all over a recording, and finds the floor in them."""
+    """Samples points from frames all over a recording, and finds the floor in them."""
 
     def __init__(self) -> None:
         self._frames: list[tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]]
@@ -132,7 +139,7 @@ class FloorSampler:
         self._every, self._seen = 1, 0
 
     def add(self, frame: RgbdFrame) -> None:
-        """Look at a frame with depth and a proper pose."""
+        """Sample a frame with depth and a valid pose."""
         self._seen += 1
         if (self._seen - 1) % self._every:
             return
@@ -144,7 +151,7 @@ class FloorSampler:
             self._heights = self._heights[::2]
 
     def floor(self) -> Floor | None:
-        """Return the floor; None if too little of one is seen."""
+        """Return the floor; None if too little of it is visible."""
         if len(self._frames) < _FEWEST_FRAMES:
             return None
         points = np.concatenate([points for points, _, _ in self._frames])
@@ -173,29 +180,29 @@ class FloorSampler:
 
 
 class FloorCheck:
-    """Looks early in a recording whether its floor is level and at z = 0, and again at the end.
+    """Checks early in a recording, and at its end, that the floor is level and at z = 0.
 
     Args:
-        tell: called once, if it is not.
+        report: called once, if it is not.
     """
 
-    def __init__(self, tell: Callable[[Floor], None]) -> None:
-        self._sampler, self._tell = FloorSampler(), tell
-        self._frames, self._has_told = 0, False
+    def __init__(self, report: Callable[[Floor], None]) -> None:
+        self._sampler, self._report = FloorSampler(), report
+        self._frames, self._has_reported = 0, False
 
     def add(self, frame: RgbdFrame) -> None:
-        """Look at a frame with depth and a proper pose."""
+        """Check a frame with depth and a valid pose."""
         self._sampler.add(frame)
         self._frames += 1
         if self._frames == _EARLY:
             self.finish()
 
     def finish(self) -> None:
-        """Say what is wrong with the floor, if something is and was not said before."""
-        floor = None if self._has_told else self._sampler.floor()
+        """Report a wrong floor, unless it was reported before."""
+        floor = None if self._has_reported else self._sampler.floor()
         if floor is not None and not floor.is_level:
-            self._has_told = True
-            self._tell(floor)
+            self._has_reported = True
+            self._report(floor)
 
 
 def _count(found: tuple[Floor, int]) -> int:
@@ -205,7 +212,7 @@ def _count(found: tuple[Floor, int]) -> int:
 def _points_and_normals(
     frame: RgbdFrame,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return points of smooth surfaces and their normals towards the camera, in the map."""
+    """Return points of smooth surfaces and their normals toward the camera, in the map."""
     step = max(1, round(frame.camera.width / _COLUMNS))
     points = frame.points(step).astype(np.float64)
     with np.errstate(invalid="ignore", over="ignore"):  # depth may be NaN or infinite
@@ -228,12 +235,12 @@ def _points_and_normals(
 def _directions(
     normals: NDArray[np.float64], up: NDArray[np.float64]
 ) -> Iterator[NDArray[np.float64]]:
-    """Yield the directions in which many normals point that may be a floor's."""
+    """Yield the directions of many normals that may be those of a floor."""
     likely = normals[(normals @ up > _UPRIGHT / 2) | (normals[:, 2] > _LEVEL)]
     found: list[NDArray[np.float64]] = []
     for normal in likely[:: max(1, len(likely) // _TRIED)]:
-        for _ in range(4):  # the mean of those nearby, and of those near to it
-            mean = normals[normals @ normal > _ALIKE].sum(axis=0)
+        for _ in range(4):  # mean shift: the mean of the normals nearby, again and again
+            mean = normals[normals @ normal > _SAME_NORMAL].sum(axis=0)
             normal = mean / np.linalg.norm(mean)
         if all(normal @ other < 0.999 for other in found):
             found.append(normal)
@@ -243,9 +250,9 @@ def _directions(
 def _lowest_plane(
     points: NDArray[np.float64], normals: NDArray[np.float64], normal: NDArray[np.float64]
 ) -> tuple[Floor, int] | None:
-    """Return the lowest surface of such a normal and how many points it has, if it is a floor."""
+    """Return the lowest surface with this normal and its number of points, if it is a floor."""
     needed = _LEAST_SHARE * len(points)
-    heights = np.sort(points[normals @ normal > _ALIKE] @ normal)
+    heights = np.sort(points[normals @ normal > _SAME_NORMAL] @ normal)
     if len(heights) < needed:
         return None
     reaches = np.searchsorted(heights, heights + 2 * _THICK) - np.arange(len(heights))
@@ -255,7 +262,7 @@ def _lowest_plane(
     first = int(enough[0])
     offset = float(np.median(heights[first : first + int(reaches[first])]))
     for _ in range(5):
-        on = (normals @ normal > _ALIKE) & (np.abs(points @ normal - offset) < _THICK)
+        on = (normals @ normal > _SAME_NORMAL) & (np.abs(points @ normal - offset) < _THICK)
         if np.count_nonzero(on) < needed:
             return None
         center = points[on].mean(axis=0)

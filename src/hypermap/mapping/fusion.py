@@ -1,4 +1,4 @@
-"""How an object's shape comes from its evidence: one small function per answer."""
+"""Fusion: an object's shape from its evidence; one small function per method."""
 
 from __future__ import annotations
 
@@ -9,34 +9,34 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from hypermap.mapping.outlines import Outline
-from hypermap.mapping.pile import Pile
+from hypermap.mapping.evidence_buffer import EvidenceBuffer
+from hypermap.mapping.prepared_polygon import PreparedPolygon
 from hypermap.mapping.stages import EvidenceConfig
 from hypermap.mapping.votes import agreed_points
 
 
-def best_shape(pile: Pile, config: EvidenceConfig) -> Outline:  # noqa: ARG001
+def best_shape(buffer: EvidenceBuffer, config: EvidenceConfig) -> PreparedPolygon:  # noqa: ARG001
     """Return the footprint whose centroid is nearest to the mean of all centroids.
 
     Of equally near ones the oldest is taken.
     """
-    return pile.items[_nearest_to_mean(pile.centroids)].outline
+    return buffer.items[_nearest_to_mean(buffer.centroids)].prepared
 
 
-def convex_hull(pile: Pile, config: EvidenceConfig) -> Outline:  # noqa: ARG001
+def convex_hull(buffer: EvidenceBuffer, config: EvidenceConfig) -> PreparedPolygon:  # noqa: ARG001
     """Return the convex hull of all footprints."""
-    return _hull(shapely.get_coordinates(pile.footprints()))
+    return _hull(shapely.get_coordinates(buffer.footprints()))
 
 
-def votes(pile: Pile, config: EvidenceConfig) -> Outline:
-    """Return the convex hull of what enough of the views agree on: see `agreed_points`."""
-    points_xy = agreed_points(pile, config)
+def votes(buffer: EvidenceBuffer, config: EvidenceConfig) -> PreparedPolygon:
+    """Return the convex hull of what enough views agree on: see `agreed_points`."""
+    points_xy = agreed_points(buffer, config)
     if len(points_xy) == 0:  # smaller than a cell
-        return best_shape(pile, config)
+        return best_shape(buffer, config)
     return _hull(points_xy)
 
 
-Fusion: TypeAlias = Callable[[Pile, EvidenceConfig], Outline]
+Fusion: TypeAlias = Callable[[EvidenceBuffer, EvidenceConfig], PreparedPolygon]
 
 FUSIONS: Mapping[str, Fusion] = {
     "best_shape": best_shape,
@@ -45,9 +45,9 @@ FUSIONS: Mapping[str, Fusion] = {
 }
 
 
-def _hull(points_xy: NDArray[np.float64]) -> Outline:
+def _hull(points_xy: NDArray[np.float64]) -> PreparedPolygon:
     """Return the convex hull of at least two points, shape (N, 2)."""
-    return Outline.of(shapely.LineString(points_xy).convex_hull)
+    return PreparedPolygon.of(shapely.LineString(points_xy).convex_hull)
 
 
 def _nearest_to_mean(points_xy: NDArray[np.float64]) -> int:

@@ -1,4 +1,4 @@
-"""Leaving out frames whose camera has hardly moved."""
+"""Keyframe selection: skip frames whose camera has hardly moved."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from hypermap.mapping.stages import KeyframeConfig
 
 
 class KeyframeSelector:
-    """Remembers the last camera pose that was worth processing.
+    """Keeps the pose of the last keyframe.
 
-    A camera that stands still would otherwise count the same look at an object again and again.
+    Otherwise a camera that stands still would count the same view of an object again and again.
     """
 
     def __init__(self, config: KeyframeConfig) -> None:
@@ -36,11 +36,11 @@ class KeyframeSelector:
         return True
 
     def undo(self) -> None:
-        """Forget the last accepted pose, of a frame that could not be processed."""
+        """Drop the last accepted pose, whose frame could not be processed."""
         self._last = self._before
 
 
 def rotation_angle(rotation: NDArray[np.float64]) -> float:
-    """Return by how much a rotation matrix turns [rad], 0..pi; exact for small angles too."""
+    """Return the angle of a rotation matrix [rad], 0..pi; exact for small angles too."""
     axis = rotation[[2, 0, 1], [1, 2, 0]] - rotation[[1, 2, 0], [2, 0, 1]]
     return float(np.arctan2(np.linalg.norm(axis), np.trace(rotation) - 1))

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import logging
+import re
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 
@@ -21,20 +23,20 @@ from hypermap.mapping.evidence import EvidenceMap
 from hypermap.mapping.floor import Floor, FloorCheck
 from hypermap.mapping.keyframes import KeyframeSelector
 from hypermap.mapping.occupancy import OccupancyMapper
-from hypermap.perception.detections import Detections, DetectionSource
+from hypermap.perception.detections import Detections
 from hypermap.perception.detectors.sources import detections_of
-from hypermap.perception.frame import RgbdFrame
+from hypermap.perception.frame import DetectionSource, RgbdFrame
 from hypermap.perception.observation import Observation
-from hypermap.perception.observe import observe, those_that_count
+from hypermap.perception.observe import observe, usable_detections
 from hypermap.perception.recording import Recording
 
 _log = logging.getLogger(__name__)
 
 MAX_BAD = 0.5
 """Share of a recording's frames that may fail before mapping gives up."""
-_HOPELESS = 100  # frames that fail before the first that does not
+_MAX_FAILED_FIRST = 100  # frames that may fail before the first usable one
 
-_FARTHEST = 1e9  # metres; beyond, shapes on the floor could not be computed with
+_FARTHEST = 1e9  # meters; beyond, geometry on the floor loses its precision
 
 
 class BadFrame(HypermapError):
@@ -46,10 +48,10 @@ class Counts:
     """What became of the frames so far.
 
     Attributes:
-        used: frames that were mapped.
-        skipped: frames left out because the camera had hardly moved.
-        unusable: frames left out because they cannot be read, have no depth or no proper pose, or
-            the source of detections failed.
+        used: mapped frames.
+        skipped: frames that are no keyframes, because the camera had hardly moved.
+        unusable: frames that cannot be read, have no depth or no valid pose, or for which the
+            source of detections failed.
     """
 
     used: int = 0
@@ -81,13 +83,13 @@ class Progress:
 
 @dataclass(frozen=True, eq=False)
 class MappedFrame:
-    """A frame that was mapped, for those who watch.
+    """A mapped frame, for observers.
 
     Attributes:
         frame: the frame, with its pose as corrected.
-        detections: what it shows, as sure as the configuration asks for.
-        observation: what that says about the floor; its objects carry their segments, which name
-            their detections.
+        detections: those with enough score for the configuration.
+        observation: its footprints on the floor. Its objects carry their segments, which refer to
+            the detections.
     """
 
     frame: RgbdFrame
@@ -102,9 +104,9 @@ class Mapper:
         config: how it is done.
         counts: what became of the frames so far.
         evidence: the objects and the evidence for them.
-        first_reason: why the first frame was left out; empty while none was.
-        surplus: detections left out so far, because their frames had too many.
-        watch: called after each frame that was mapped, if there is anyone who watches.
+        first_reason: why the first frame was skipped as unusable; empty if none was.
+        surplus: detections dropped so far, because their frames had too many.
+        watch: called after each mapped frame; None for no observer.
     """
 
     def __init__(
@@ -131,20 +133,21 @@ class Mapper:
         self.first_reason = ""
         self.surplus = 0
         self.watch: Callable[[MappedFrame, Mapper], None] | None = None
-        self._source = source or _see_nothing
+        self._source = source or _no_detections
         self._has_objects = source is not None
         self._keyframes = KeyframeSelector(config.keyframes)
         self._given_occupancy = occupancy
         self._aligner = None if occupancy is None else Aligner(occupancy, config.alignment)
         self._frame_id = frame_id
         self._occupancy = OccupancyMapper(config.occupancy)
+        self._left_out: Counter[str] = Counter()  # by what the reasons have in common
 
     def add(self, frame: RgbdFrame) -> Observation | None:
         """Map one frame.
 
         Returns:
             What the frame shows; None if the frame is unusable, which is logged, or was skipped
-            because its camera has hardly moved. `counts` tells which.
+            because its camera has hardly moved; see `counts`.
 
         Raises:
             BadFrame: If the source cannot say what the frame shows, or its color cannot be read;
@@ -166,13 +169,13 @@ class Mapper:
         except HypermapError as error:
             self._keyframes.undo()
             raise BadFrame(str(error)) from error
-        # Only those who watch need the segments, which number the detections that count.
+        # Only observers need the segments, which refer to the usable detections.
         observation = observe(frame, detections, self.config.perception, keep_segments=is_watched)
         change: Callable[[], None] | None = None
         if self._given_occupancy is None:
             try:
                 change = self._occupancy.change_by(frame)
-            except HypermapError as error:  # one wild pose must not end an hour of mapping
+            except HypermapError as error:  # one bad pose must not end an hour of mapping
                 self._keyframes.undo()
                 self.leave_out(frame.stamp, str(error))
                 return None
@@ -223,32 +226,41 @@ class Mapper:
         return self._occupancy.layer(frame_id=self._frame_id)
 
     def leave_out(self, stamp: float, reason: str) -> None:
-        """Count a frame that cannot be mapped, and log why."""
-        _log.warning("frame %.6f left out: %s", stamp, reason)
+        """Count an unusable frame, and log why: once for each kind of reason."""
+        kind = re.sub(r"\d+", "#", reason)
+        say = _log.info if kind in self._left_out else _log.warning
+        say("frame %.6f left out: %s", stamp, reason)
+        self._left_out[kind] += 1
         self.first_reason = self.first_reason or reason
         self._count(unusable=1)
 
+    def tell_left_out(self) -> None:
+        """Log how many frames more were left out for reasons that were logged once."""
+        more = self._left_out.total() - len(self._left_out)
+        if more:
+            _log.warning("%d more frames were left out for the same reasons (-v lists them)", more)
+
     def _detections(self, frame: RgbdFrame) -> Detections:
-        """Return the detections of a frame that count."""
+        """Return the usable detections of a frame."""
         found = detections_of("the source of detections", lambda: self._source(frame))
         masks, shape = found.masks, frame.depth.shape
         if masks is not None and len(masks) and masks.shape[1:] != shape:
             raise HypermapError(
                 f"the masks of the detections have the shape {masks.shape[1:]}, the image {shape}"
             )
-        counting = those_that_count(found, self.config.perception)
-        surplus = np.count_nonzero(found.scores >= self.config.perception.min_score) - len(counting)
+        usable = usable_detections(found, self.config.perception)
+        surplus = np.count_nonzero(found.scores >= self.config.perception.min_score) - len(usable)
         if surplus:
-            say = _log.debug if self.surplus else _log.warning
-            say(
-                "frame %.6f: %d detections are left out, as only the best %d of a frame count "
-                "(max_detections); further such frames are counted",
+            log = _log.debug if self.surplus else _log.warning
+            log(
+                "frame %.6f: dropped %d detections, because only the best %d of a frame are used "
+                "(max_detections); later frames like this one are only counted",
                 frame.stamp,
                 surplus,
-                len(counting),
+                len(usable),
             )
             self.surplus += int(surplus)
-        return counting
+        return usable
 
     def _count(self, used: int = 0, skipped: int = 0, unusable: int = 0) -> None:
         before = self.counts
@@ -269,11 +281,11 @@ def map_recording(
 ) -> Hypermap:
     """Return the map of a recording.
 
-    Whoever wants to stop early and keep the map so far (the command line does, on Ctrl-C) hands
-    over a recording whose `frames` end early, or calls `Mapper` in a loop of its own.
+    To stop early and keep the map so far (as the command line does on Ctrl-C), pass a recording
+    whose `frames` end early, or call `Mapper` in a loop of your own.
 
-    A frame that cannot be read, or of which the source cannot say what it shows, is left out,
-    which is counted and logged.
+    Frames that cannot be read, and those for which the source of detections fails, are skipped,
+    counted and logged.
 
     Args:
         recording: where the frames come from.
@@ -285,11 +297,11 @@ def map_recording(
         watch: called after each frame that was mapped.
         on_wrong_floor: called once, as soon as the depth shows a floor that is not level or not
             at z = 0, as of a recording whose world is not level; by default this is logged.
-        max_bad: share of the recording's frames that may be left out so; 0 stops at the first.
+        max_bad: share of the recording's frames that may be skipped like this; 0 stops at the
+            first.
 
     Raises:
-        HypermapError: If the recording or the source fails altogether or too often, or not one
-            frame was usable.
+        HypermapError: If the recording or the source fails too often, or no frame is usable.
     """
     if occupancy is None:
         occupancy = recording.occupancy()
@@ -311,6 +323,7 @@ def map_recording(
             counts = mapper.counts
             on_progress(Progress(counts.frames, len(recording), len(mapper.evidence), counts))
     bad.finish()
+    mapper.tell_left_out()
     check.finish()
     depth_check.finish()
     hypermap = mapper.hypermap()
@@ -319,7 +332,7 @@ def map_recording(
 
 
 class _BadFrames:
-    """Frames of a recording that fail, as long as they are few."""
+    """Counts the frames of a recording that fail, and gives up if there are too many."""
 
     def __init__(self, mapper: Mapper, recording: Recording, most: float) -> None:
         self._mapper = mapper
@@ -331,17 +344,17 @@ class _BadFrames:
         """Count a frame.
 
         Raises:
-            HypermapError: If these are too many.
+            HypermapError: If there are too many.
         """
         if self._most == 0:
             raise error
         self._count += 1
         self._mapper.leave_out(stamp, str(error))
         total, used = len(self._recording), self._mapper.counts.used
-        if self._count > self._most * total or (used == 0 and self._count >= _HOPELESS):
+        if self._count > self._most * total or (used == 0 and self._count >= _MAX_FAILED_FIRST):
             raise HypermapError(
-                f"{self._recording.path}: {self._count} of {total} frames cannot be used, too many "
-                f"to go on; the first: {self._mapper.first_reason}"
+                f"{self._recording.path}: {self._count} of {total} frames cannot be used, which is "
+                f"too many; the first one: {self._mapper.first_reason}"
             )
 
     def finish(self) -> None:
@@ -353,20 +366,20 @@ class _BadFrames:
         counts = self._mapper.counts
         if counts.used == 0:
             reason = self._mapper.first_reason
-            why = f"; the first: {reason}" if reason else ""
+            why = f"; the first one: {reason}" if reason else ""
             raise HypermapError(
-                f"{self._recording.path}: there is nothing to map: of {counts.frames} frames none "
+                f"{self._recording.path}: nothing to map: none of {counts.frames} frames "
                 f"can be used{why}"
             )
 
 
-def _see_nothing(_frame: RgbdFrame) -> Detections:
+def _no_detections(_frame: RgbdFrame) -> Detections:
     return Detections.of([], [])
 
 
 def _log_wrong_floor(floor: Floor) -> None:
     turn = ", ".join(f"{number:.4f}" for number in rpy_from_pose(floor.level_T_map()))
-    _log.warning("%s; the pose that levels its world in the map is (%s)", floor, turn)
+    _log.warning("%s; the pose that levels it in the map is (%s)", floor, turn)
 
 
 def why_unusable(frame: RgbdFrame) -> str | None:
@@ -380,7 +393,7 @@ def why_unusable(frame: RgbdFrame) -> str | None:
     rotation = frame.map_T_camera[:3, :3]
     is_rotation = np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-3)
     if not is_rotation or np.linalg.det(rotation) < 0:  # mirrored
-        return "its pose is no rigid motion"
+        return "its pose is not a rigid transform"
     if not np.isfinite(frame.depth).any():
         return "its depth image is empty"
     return why_implausible(frame)

@@ -16,7 +16,7 @@ from hypermap._loops import loop
 from hypermap.core.arrays import BoolArray
 from hypermap.core.errors import HypermapError
 from hypermap.core.frames import Pose2D
-from hypermap.core.grid import GridGeometry
+from hypermap.core.grid import GridGeometry, along
 from hypermap.core.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyLayer
 from hypermap.mapping.rays import Rays
 from hypermap.mapping.stages import OccupancyConfig
@@ -26,11 +26,11 @@ _BLOCK = 256  # cells; the grid grows by whole blocks, so that it seldom has to 
 
 
 class OccupancyMapper:
-    """A grid of log-odds that grows with what is seen.
+    """A grid of log-odds that grows with the area seen.
 
-    In each frame a cell is hit, if enough points above the floor lie in it; or else it is free,
-    if a ray passes low over it; or else the frame says nothing about it. Hits add to the cell's
-    log-odds and free looks take away, between two clamps.
+    In each frame a cell is hit if enough points above the floor lie in it. Otherwise it is free if
+    a ray passes low over it. Otherwise the frame says nothing about it. Hits add to the cell's
+    log-odds and misses subtract, between two clamps.
 
     Attributes:
         config: how all of this is done.
@@ -44,7 +44,7 @@ class OccupancyMapper:
         self._log_odds = np.empty((0, 0), dtype=np.float32)
 
     def add_depth(self, frame: RgbdFrame) -> None:
-        """Learn from a depth image, whose floor is at z = 0 of the map.
+        """Add a depth image, whose floor is at z = 0 of the map.
 
         Raises:
             HypermapError: If the map would grow beyond `max_cells`; it stays as it was.
@@ -52,9 +52,9 @@ class OccupancyMapper:
         self.change_by(frame)()
 
     def change_by(self, frame: RgbdFrame) -> Callable[[], None]:
-        """Return the change that `add_depth` makes; nothing fails any more when it is called.
+        """Return a function that makes the change of `add_depth` and cannot fail.
 
-        It is to be called before the map learns from anything else.
+        Call it before anything else is added.
 
         Raises:
             HypermapError: As `add_depth` does.
@@ -69,12 +69,12 @@ class OccupancyMapper:
         map_T_laser: NDArray[np.float64],
         range_max: float | None = None,
     ) -> None:
-        """Learn from a level laser scan.
+        """Add a scan of a level laser.
 
         Args:
-            ranges: metres, shape (N,). A range of `range_max` or more, as infinity, is a ray that
+            ranges: meters, shape (N,). A range of `range_max` or more, as infinity, is a ray that
                 met nothing; NaN, zero and less are no measurements (REP 117).
-            angle_min: angle of the first ray from the laser's x axis towards its y axis [rad].
+            angle_min: angle of the first ray from the laser's x axis toward its y axis [rad].
             angle_increment: from one ray to the next [rad].
             map_T_laser: pose of the laser in the map, shape (4, 4).
             range_max: rays are used up to here [m]; `max_range` if None.
@@ -91,7 +91,7 @@ class OccupancyMapper:
         self._change_by(rays, min_points=1)()
 
     def layer(self, name: str = "occupancy", frame_id: str = "map") -> OccupancyLayer:
-        """Return what is known so far, cut to the cells that were ever seen.
+        """Return the layer so far, cropped to the cells that were ever seen.
 
         Cells are -1 unknown, 0 free, 100 occupied, or the likelihood in percent between the
         thresholds. The layer is empty if nothing was seen.
@@ -116,7 +116,7 @@ class OccupancyMapper:
         first, last = self._world.cells_at(bounds)
         self._cover(first, last)
         shape = last - first + 1
-        hits, is_free = rays.touch(self._grid(first, shape))
+        hits, is_free = rays.rasterize(self._grid(first, shape))
         corner = first - self._first
         window = self._log_odds[corner[0] : corner[0] + shape[0], corner[1] : corner[1] + shape[1]]
         changes = self.config.hit, -self.config.miss
@@ -139,7 +139,7 @@ class OccupancyMapper:
             raise HypermapError(
                 f"the occupancy map would grow to {width * side:.0f} m x {height * side:.0f} m, "
                 f"more than its {self.config.max_cells} cells of {side:g} m allow; is a pose far "
-                "off, or are the poses not in metres?"
+                "off, or are the poses not in meters?"
             )
         grown = np.full((height, width), np.nan, dtype=np.float32)
         row, col = self._first - new_first
@@ -155,7 +155,7 @@ class OccupancyMapper:
             width=int(shape[1]),
             height=int(shape[0]),
             resolution=side,
-            origin=Pose2D(x=int(first[1]) * side, y=int(first[0]) * side),
+            origin=Pose2D(x=along(int(first[1]), side), y=along(int(first[0]), side)),
         )
 
 

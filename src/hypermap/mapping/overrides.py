@@ -1,4 +1,4 @@
-"""Laying values from a YAML file over a dataclass; an error for all that does not fit."""
+"""Overrides: values from a YAML file replace those of a dataclass, checked one by one."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Depth images and laser scans as rays over the floor, and the cells that such rays touch."""
+"""Ray casting: depth images and laser scans as rays over the floor, and the cells they cross."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from hypermap.perception.frame import RgbdFrame
 
 @dataclass(frozen=True, eq=False)
 class Rays:
-    """What rays say about the floor: where they hit something, and which stretch they show free.
+    """Rays over the floor: where they hit something, and which stretch they show free.
 
     Attributes:
         hits_xy: points that block, in the map [m], shape (N, 2).
@@ -84,7 +84,7 @@ class Rays:
             return None
         return np.array([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
 
-    def touch(self, grid: GridGeometry) -> tuple[NDArray[np.int64], BoolArray]:
+    def rasterize(self, grid: GridGeometry) -> tuple[NDArray[np.int64], BoolArray]:
         """Return how often each cell is hit, and whether it is on a free stretch.
 
         Returns:
@@ -92,7 +92,7 @@ class Rays:
         """
         to_cells = grid.to_cells_matrix()
         hits, free = np.zeros(grid.shape, dtype=np.int64), np.zeros(grid.shape, dtype=bool)
-        _touch(hits, free, self.hits_xy, self.free_from_xy, self.free_to_xy, to_cells)
+        _rasterize(hits, free, self.hits_xy, self.free_from_xy, self.free_to_xy, to_cells)
         return hits, free
 
 
@@ -178,7 +178,7 @@ def _box(points_xy: NDArray[np.float64]) -> tuple[tuple[float, float], tuple[flo
 
 
 @loop()
-def _touch(
+def _rasterize(
     counts: NDArray[np.int64],
     marked: BoolArray,
     points_xy: NDArray[np.float64],

@@ -1,29 +1,29 @@
-"""How much of a correction to believe, seen in the corrections so far.
+"""Shrinkage: how much of a correction to apply, judged by the corrections so far.
 
-What is measured errs by itself. Where given values are exact, corrections are nothing but the
-errors of the measurement, and each of them makes things worse. Where corrections are much larger
-than such errors, nearly all of them is right. In between, the best share of them lies in between.
+Measurements have errors of their own. Where the given values are exact, corrections consist of
+those errors alone, and each one makes things worse. Where corrections are much larger than such
+errors, nearly all of a correction is right. In between, so is the best share.
 
-Source: the idea is that of James and Stein (1961), shrinking towards the given value by a sum of
-squares, here of the newest corrections (Efron and Morris, 1975). Their share rises more slowly; it
-is best where errors are independent, but those of one run are alike: of one room, of one map.
+Source: James and Stein (1961) shrink an estimate toward a given value by a sum of squares; here it
+is that of the newest corrections (Efron and Morris, 1975). Their share rises more slowly. It is
+best where errors are independent, but those of one run are correlated: one room, one map.
 """
 
 from __future__ import annotations
 
 _NEWEST = 15  # corrections whose sizes count, in the mean
 _FEW = 0.5  # corrections of the size of errors that are assumed at the beginning
-_ERRORS = 2.2  # mean size of mere errors over the expected one, at most: those of a run are alike
+_ERRORS = 2.2  # most mean size of errors over the expected one, as errors correlate
 
 
 class Shrinkage:
-    """Learns from the sizes of corrections which share of them to make."""
+    """Learns from the sizes of corrections which share of them to apply."""
 
     def __init__(self) -> None:
         self._size = self._expected = _FEW * 3
 
     def share_of(self, size: float, expected: float) -> float:
-        """Return which share of a correction to make, 0..1, having learnt from its size.
+        """Learn from the size of a correction and return which share of it to apply, 0..1.
 
         Args:
             size: square of the correction over its covariance, as chi-squared.

@@ -12,10 +12,10 @@ from typing import Literal
 
 @dataclass(frozen=True)
 class KeyframeConfig:
-    """When a frame is worth processing: its camera has moved this far, or turned this much.
+    """When a frame is a keyframe: the camera has moved this far, or turned this much.
 
     Attributes:
-        min_distance: metres between two processed camera positions.
+        min_distance: meters between two processed camera positions.
         min_angle_deg: degrees between two processed camera orientations.
     """
 
@@ -29,17 +29,17 @@ class KeyframeConfig:
 
 @dataclass(frozen=True)
 class AlignmentConfig:
-    """How poses are corrected where the occupancy map is known from the beginning; see `Aligner`.
+    """How poses are corrected by an occupancy map that is known from the start; see `Aligner`.
 
     Attributes:
-        enabled: whether they are.
-        position: how far a pose is off, standard deviation in x and in y [m].
-        yaw_deg: likewise of its heading [degrees].
-        max_distance: points farther than this from a border of the map's free space are of
-            something that the map does not know [m].
-        min_height: points of upright surfaces count from this height above the floor on [m].
-        max_height: and up to this one [m].
-        max_range: points that are deeper in the image than this do not count [m].
+        enabled: whether poses are corrected.
+        position: standard deviation of the error of a pose in x and in y [m].
+        yaw_deg: standard deviation of the error of its heading [degrees].
+        max_distance: points farther than this from a border of the map's free space belong to
+            something that is not in the map [m].
+        min_height: lowest height above the floor of points that are used [m].
+        max_height: highest height of points that are used [m].
+        max_range: greatest depth of points that are used [m].
     """
 
     enabled: bool = True
@@ -62,47 +62,48 @@ class EvidenceConfig:
     """How observed shapes become objects; see `EvidenceMap`.
 
     Attributes:
-        association: which known objects an observed shape belongs to: "overlap", "jaccard" or
-            "radius".
+        association: how to find the tracks that an observed shape belongs to: "overlap", "jaccard"
+            or "radius".
         min_overlap: shared area over the smaller one's area, for "overlap".
-        slack: by how much the larger of two shapes is widened for "overlap", at most by a quarter
-            of its size [m].
+        slack: tolerance for "overlap": how far the larger of two shapes is widened, at most a
+            quarter of its size [m].
         min_jaccard: shared area over the area of both together, for "jaccard".
         radius: half the side of the box about the observed centroid [m], for "radius".
-        combine: "matches" combines all objects that one observed shape matches; "overlapping"
-            gives the evidence to the best match, and combines objects whose own shapes match.
-        exclusive: whether what one frame shows as two things of a class are two: they never go to
-            one object, and objects often seen side by side are not combined.
+        combine: "matches" merges all tracks that one observed shape matches; "overlapping" adds the
+            evidence to the best match, and merges tracks whose own shapes match.
+        exclusive: whether two observed shapes of a class in one frame are two objects: they never
+            go to one track, and tracks that many frames show together are not merged.
         fusion: how an object's shape comes from its evidence: "votes", "best_shape" or
             "convex_hull".
         vote_share: share of the views that must show a cell for it to belong, for "votes".
         abstain: what a view does not vote on, for "votes": the ground "outside" its visible area,
             or also what is "hidden" from it behind walls.
-        half_weight: distance at which a view's vote counts half [m].
-        align: footprints up to this far from where most are [m] are moved there before they vote;
-            0 for none.
+        half_weight: distance at which a view's vote has half its weight [m].
+        align: footprints are aligned with the others before they vote if they are off by at most
+            this [m]; 0 turns it off.
         vote_resolution: side of a voting cell [m]; coarser for objects above 128 cells.
-        renewal: an object's shape is fused anew when its evidence has grown by this share; 0 is
+        renewal: an object's shape is fused again when its evidence has grown by this share; 0 means
             every time. Published shapes are always up to date.
         max_evidence: the newest observations kept for each object.
-        gain: existence won by an observation.
+        gain: existence gained by an observation.
         gain_by_score: whether the gain is multiplied by the detection's score.
-        loss: existence lost where an object should have been seen.
-        loses: "all" objects in the observed area lose, or only "unmatched" ones, which this frame
-            did not show.
-        sight: how it is known what should have been seen. "area": what lies in the observed area.
-            "rays": what the depth image could see at least half of; without an image the area.
-        margin: how deep an object must lie inside the observed area to lose [m].
-        tolerance: how far before and behind an object its surface may be measured, for "rays" [m].
+        loss: existence lost by a missed detection.
+        loses: which tracks can be missed: "all" in the observed area, or only "unmatched" ones,
+            which this frame did not show.
+        sight: the occlusion test, which tells what a frame should have shown. "area": what lies in
+            the observed area. "rays": what the depth image could see at least half of; without an
+            image, the area.
+        margin: how far inside the observed area an object must lie to be missed [m].
+        tolerance: by how much the measured surface of an object may be off, for "rays" [m].
         gone_loss: existence lost where the rays went through the object's place, for "rays".
         contested: existence lost where a frame shows an object of another class in its place.
-        min_contested: Jaccard index of two objects from which on they are in one place.
-        slip: Jaccard index with a well-known object of another class from which on an observed
-            shape is taken for a slip of the detector, which adds nothing; 1 for none.
-        max_range: distance of the camera up to which an object loses [m].
+        min_contested: Jaccard index from which on two objects claim the same place.
+        slip: Jaccard index with a confirmed track of another class from which on an observed shape
+            counts as a misclassification, which adds nothing; 1 turns it off.
+        max_range: distance from the camera up to which an object can be missed [m].
         max_existence: existence never grows above this.
         publish_above: objects with more existence than this are in the map.
-        forget_below: objects with less existence than this are forgotten.
+        forget_below: tracks with less existence than this are pruned.
     """
 
     association: Literal["overlap", "jaccard", "radius"] = "overlap"

@@ -1,4 +1,4 @@
-"""The views of an object vote on its shape, cell by cell."""
+"""Fusion on a voting grid: the views of an object vote on its shape, cell by cell."""
 
 from __future__ import annotations
 
@@ -11,52 +11,52 @@ from hypermap._loops import loop
 from hypermap.core.arrays import IntArray
 from hypermap.core.frames import Pose2D
 from hypermap.core.grid import GridGeometry
-from hypermap.mapping.outlines import Outline
-from hypermap.mapping.pile import Pile
+from hypermap.mapping.evidence_buffer import EvidenceBuffer
+from hypermap.mapping.prepared_polygon import PreparedPolygon
 from hypermap.mapping.stages import EvidenceConfig
 
 _MAX_CELLS_PER_SIDE = 128
-_WHOLE = 0.6  # of the area that a quarter of the footprints exceed: what shows the whole object
+_WHOLE = 0.6  # of the upper quartile of the areas: a footprint of this size shows the whole object
 
 
-def agreed_points(pile: Pile, config: EvidenceConfig) -> NDArray[np.float64]:
-    """Return corners of the cells that enough of the views agree on; their hull is the shape.
+def agreed_points(buffer: EvidenceBuffer, config: EvidenceConfig) -> NDArray[np.float64]:
+    """Return the corners of the cells that enough views agree on; their hull is the shape.
 
-    The ground under the footprints is cut into cells. Each view votes, with its detection's
+    The ground under the footprints is divided into cells. Each view votes, with its detection's
     score, for the cells of its footprint, and abstains on cells outside its observed area: the
     half of a table that one frame shows does not vote against the other half. A cell belongs to
     the object if it gets `vote_share` of the votes cast on it.
 
-    Near views weigh more (`half_weight`), and footprints are moved onto each other first (`align`).
+    Near views weigh more (`half_weight`). Footprints are first aligned with each other (`align`).
 
     Returns:
         Points in the map frame [m], shape (N, 2); none if no cell belongs to the object.
     """
-    scores = np.array([evidence.score for evidence in pile.items], dtype=np.float64)
+    scores = np.array([evidence.score for evidence in buffer.items], dtype=np.float64)
     if not scores.any():
-        scores = np.ones(len(pile))
+        scores = np.ones(len(buffer))
     if config.half_weight < np.inf:
-        distances = np.array([evidence.distance for evidence in pile.items])
+        distances = np.array([evidence.distance for evidence in buffer.items])
         scores /= 1 + (distances / config.half_weight) ** 2
-    footprints = [evidence.outline for evidence in pile.items]
-    grounds = [evidence.ground for evidence in pile.items]
-    moves = np.zeros((len(pile), 2))
+    footprints = [evidence.prepared for evidence in buffer.items]
+    areas_seen = [evidence.prepared_area for evidence in buffer.items]
+    moves = np.zeros((len(buffer), 2))
     if config.align > 0:
-        areas = np.array([outline.area for outline in footprints])
-        moves = aligning_moves(areas, pile.centroids, scores, config.align)
+        areas = np.array([polygon.area for polygon in footprints])
+        moves = aligning_moves(areas, buffer.centroids, scores, config.align)
 
     edges, first = _joined(footprints)
-    boxes = np.array([outline.box for outline in footprints])
+    boxes = np.array([polygon.box for polygon in footprints])
     low, high = np.fmin.reduce(boxes[:, :2] + moves), np.fmax.reduce(boxes[:, 2:] + moves)
     grid = _voting_grid((*low, *high), config.vote_resolution)
     to_cells = grid.to_cells_matrix()
-    ayes, cast = np.zeros((2, grid.height, grid.width + 1))
-    _add_steps(edges, first, scores, moves, to_cells, ayes)
-    edges, first = _joined(grounds)
+    in_favor, cast = np.zeros((2, grid.height, grid.width + 1))
+    _add_steps(edges, first, scores, moves, to_cells, in_favor)
+    edges, first = _joined(areas_seen)
     _add_steps(edges, first, scores, np.zeros(moves.shape), to_cells, cast)
-    without_area = scores[first[1:] == first[:-1]].sum()
+    unbounded_votes = scores[first[1:] == first[:-1]].sum()
     found = np.empty((3, grid.height), np.int64)
-    count = _choose(ayes, cast, without_area, config.vote_share, *found)
+    count = _choose(in_favor, cast, unbounded_votes, config.vote_share, *found)
     rows, left, right = found[:, :count]
     corner_rows = np.concatenate([rows - 0.5, rows + 0.5, rows - 0.5, rows + 0.5])
     corner_cols = np.concatenate([left - 0.5, left - 0.5, right + 0.5, right + 0.5])
@@ -69,10 +69,10 @@ def aligning_moves(
     weights: NDArray[np.float64],
     limit: float,
 ) -> NDArray[np.float64]:
-    """Return by how much to move footprints to where most are, as drifting poses would blur them.
+    """Return how far to move footprints onto each other, as pose drift would blur the shape.
 
-    Those that show about the whole object are moved: their centroids come to the weighted median
-    of them. Parts stay where they are, as their centroids may well differ.
+    Footprints that show about the whole object are moved so that their centroids meet at the
+    weighted median. Partial views stay where they are, as their centroids may well differ.
 
     Args:
         areas: of the footprints [m²], shape (N,).
@@ -99,11 +99,11 @@ def aligning_moves(
     return moves
 
 
-def _joined(outlines: Sequence[Outline]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Return the edges of all outlines, and where those of each begin and the last ones end."""
-    first = np.zeros(len(outlines) + 1, dtype=np.int64)
-    np.cumsum([len(outline.edges) for outline in outlines], out=first[1:])
-    return np.concatenate([outline.edges for outline in outlines]), first
+def _joined(polygons: Sequence[PreparedPolygon]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Return the edges of all polygons, and where each polygon's edges begin and the last end."""
+    first = np.zeros(len(polygons) + 1, dtype=np.int64)
+    np.cumsum([len(polygon.edges) for polygon in polygons], out=first[1:])
+    return np.concatenate([polygon.edges for polygon in polygons]), first
 
 
 def _voting_grid(box: tuple[float, float, float, float], resolution: float) -> GridGeometry:
@@ -128,13 +128,13 @@ def _add_steps(
     to_cells: NDArray[np.float64],
     steps: NDArray[np.float64],
 ) -> None:
-    """Add by how much the votes change from each cell to the next.
+    """Rasterize weighted polygons: add how the votes change from each cell to the next.
 
-    A cell gets the weights of the polygons that cover its centre: the sum of its row's steps up to
-    its own.
+    A cell's votes are the weights of the polygons that cover its center, which is the sum of the
+    steps in its row up to the cell.
 
     Args:
-        edges: of all polygons, as `Outline.edges`.
+        edges: of all polygons, as `PreparedPolygon.edges`.
         first: where the edges of each of N polygons begin and the last ones end, shape (N + 1,).
         weights: of the polygons, shape (N,).
         moves: by how much the polygons are moved first [m], shape (N, 2).
@@ -147,13 +147,13 @@ def _add_steps(
     for polygon in range(len(weights)):
         x_move, y_move = moves[polygon, 0], moves[polygon, 1]
         for e in range(first[polygon], first[polygon + 1]):
-            # In cells, whose centres are at whole numbers.
+            # In cells, whose centers are at whole numbers.
             x0 = (edges[e, 0] + x_move) * x_scale + x_begin - 0.5
             y0 = (edges[e, 1] + y_move) * y_scale + y_begin - 0.5
             x1 = (edges[e, 2] + x_move) * x_scale + x_begin - 0.5
             y1 = (edges[e, 3] + y_move) * y_scale + y_begin - 0.5
             weight = weights[polygon] * edges[e, 4]
-            begins = y1 < y0  # on the way down the inside lies to the right
+            begins = y1 < y0  # going down, the inside lies to the right
             first_row = max(int(np.ceil(min(y0, y1))), 0)
             last_row = min(int(np.ceil(max(y0, y1))), height)
             for row in range(first_row, last_row):
@@ -164,35 +164,35 @@ def _add_steps(
 
 @loop()
 def _choose(
-    ayes: NDArray[np.float64],
+    in_favor: NDArray[np.float64],
     cast: NDArray[np.float64],
-    without_area: float,
+    unbounded_votes: float,
     share: float,
     rows: IntArray,
     left: IntArray,
     right: IntArray,
 ) -> int:
-    """Find the rows in which cells are chosen, and return how many.
+    """Find the rows with accepted cells, and return how many there are.
 
     Args:
-        ayes: steps of the votes for each cell, shape (height, width + 1).
-        cast: steps of the votes for and against each cell, of the same shape.
-        without_area: votes that are cast on all cells.
+        in_favor: steps of the votes for each cell, shape (height, width + 1).
+        cast: steps of all votes on each cell, for and against, of the same shape.
+        unbounded_votes: votes that are cast on all cells.
         share: of the votes cast, that a cell needs.
         rows: to become those rows, shape (height,).
         left: to become the first chosen cell of each, shape (height,).
         right: to become the last chosen cell of each, shape (height,).
     """
-    height, width = ayes.shape[0], ayes.shape[1] - 1
+    height, width = in_favor.shape[0], in_favor.shape[1] - 1
     count = 0
     for row in range(height):
         votes_for = votes_cast = 0.0
         is_first = True
         for col in range(width):
-            votes_for += ayes[row, col]
+            votes_for += in_favor[row, col]
             votes_cast += cast[row, col]
             # A view has seen its own footprint, even where its observed area is a little smaller.
-            needed = share * max(votes_cast + without_area, votes_for)
+            needed = share * max(votes_cast + unbounded_votes, votes_for)
             if votes_for > 1e-9 and votes_for >= needed - 1e-9:
                 if is_first:
                     rows[count], left[count] = row, col

@@ -15,11 +15,11 @@ class PerceptionConfig:
 
     Attributes:
         method: "enclosed" takes the surfaces that end within the box; "organised" takes the largest
-            smooth region, with neighbours looked up in the image; "unorganised" is the slow
+            smooth region, with neighbors looked up in the image; "unorganised" is the slow
             reference for it, which looks for them in a k-d tree of all points as PCL does.
         depth_noise: standard deviation of the depth divided by its square, for "enclosed" [1/m];
             a Kinect's is 0.0015 to 0.002.
-        max_gap: jump in depth between neighbouring pixels, noise apart, at which one thing ends
+        max_gap: jump in depth between neighboring pixels, noise apart, at which one thing ends
             and another begins, for "enclosed" [m].
         min_inside: share of a surface that must lie within the box for it to belong to the object,
             for "enclosed"; boxes are seldom quite large enough.

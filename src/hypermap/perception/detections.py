@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hypermap.core.arrays import BoolArray, ObjectArray
-
-if TYPE_CHECKING:  # a frame may carry detections itself
-    from hypermap.perception.frame import RgbdFrame
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +74,3 @@ class Detector(Protocol):
     def detect(self, color: NDArray[np.uint8]) -> Detections:
         """Return the objects in an RGB image, uint8, shape (H, W, 3), the most certain first."""
         ...
-
-
-DetectionSource: TypeAlias = "Callable[[RgbdFrame], Detections]"
-"""Whatever says what is in a frame: a detector, a file, or the recording itself."""

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +23,7 @@ class Camera:
     """A pinhole camera.
 
     Attributes:
-        K: intrinsic matrix [pixels], shape (3, 3); pixel centres have whole coordinates.
+        K: intrinsic matrix [pixels], shape (3, 3); pixel centers have whole coordinates.
         width: columns of its images.
         height: rows of its images.
     """
@@ -57,7 +59,7 @@ class RgbdFrame:
 
     Attributes:
         stamp: time of the depth image [s].
-        depth: metres along the optical axis, float32, NaN for no return, shape (H, W).
+        depth: meters along the optical axis, float32, NaN for no return, shape (H, W).
         camera: intrinsics of the depth image.
         map_T_camera: pose of the camera's optical frame (x right, y down, z forward) in the map,
             z of the map up, shape (4, 4).
@@ -84,8 +86,8 @@ class RgbdFrame:
         shape = (self.camera.height, self.camera.width)
         if self.depth.shape != shape:
             raise ValueError(f"depth must have shape {shape}, got {self.depth.shape}")
-        if self.depth.dtype not in _FLOATS:  # integers are hardly metres
-            raise ValueError(f"depth must be metres as float32, got {self.depth.dtype}")
+        if self.depth.dtype not in _FLOATS:  # integers are hardly meters
+            raise ValueError(f"depth must be meters as float32, got {self.depth.dtype}")
         if self.map_T_camera.shape != (4, 4):
             raise ValueError(f"map_T_camera must be 4 x 4, got {self.map_T_camera.shape}")
         color = vars(self)["color"]  # as it was given: reading it would decode it
@@ -94,7 +96,7 @@ class RgbdFrame:
         if self.cloud is not None and self.cloud.shape != (*shape, 3):
             raise ValueError(f"cloud must have shape {(*shape, 3)}, got {self.cloud.shape}")
         if self.cloud is not None and self.cloud.dtype not in _FLOATS:
-            raise ValueError(f"cloud must be metres as float32, got {self.cloud.dtype}")
+            raise ValueError(f"cloud must be meters as float32, got {self.cloud.dtype}")
 
     def moved_to(self, map_T_camera: NDArray[np.float64]) -> RgbdFrame:
         """Return the same images as taken from another pose, shape (4, 4)."""
@@ -144,3 +146,7 @@ class RgbdFrame:
     @cached_property
     def _points(self) -> dict[int, NDArray[np.float32]]:
         return {}
+
+
+DetectionSource: TypeAlias = Callable[[RgbdFrame], Detections]
+"""Whatever says what is in a frame: a detector, a file, or the recording itself."""

@@ -40,7 +40,7 @@ def fit_planes(
     Args:
         planes: the cloud with its margins, shape (3, H, W).
         wanted: where there is a point whose normal is wanted, not in the margins, shape (H, W).
-        k: how many neighbours, the point itself included; a fifth fewer or a quarter more will do,
+        k: how many neighbors, the point itself included; a fifth fewer or a quarter more will do,
             and where the surface is smooth the odd square number next to it.
         focal: focal lengths along rows and columns [pixels].
 
@@ -85,7 +85,7 @@ def _covariances(
     """Return xx, xy, xz, yy, yz, zz of the points nearest to some, shape (6, N).
 
     Their squared radii are written into `radii2`, shape (H, W). The pitch is the least distance
-    between the rays of neighbouring pixels, per metre of depth.
+    between the rays of neighboring pixels, per meter of depth.
     """
     stride = planes.shape[2]
     x, y, z, radii2 = planes[0].ravel(), planes[1].ravel(), planes[2].ravel(), radii2.ravel()

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from hypermap.perception.view import View
-
-if TYPE_CHECKING:
-    from hypermap.perception.segmentation import Segment
+from hypermap.perception.depth_view import DepthView
+from hypermap.perception.segments import Segment
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +54,7 @@ class Observation:
     map_T_camera: NDArray[np.float64]
     objects: tuple[ObservedObject, ...]
     visible_area: BaseGeometry
-    view: View | None = None
+    view: DepthView | None = None
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.stamp) and np.isfinite(self.map_T_camera).all()):

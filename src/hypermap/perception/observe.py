@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from hypermap.perception.config import PerceptionConfig
+from hypermap.perception.depth_view import DepthView
 from hypermap.perception.detections import Detections
 from hypermap.perception.frame import RgbdFrame
 from hypermap.perception.observation import Observation, ObservedObject
@@ -15,7 +16,6 @@ from hypermap.perception.outline import outer_points
 from hypermap.perception.projection import transform
 from hypermap.perception.segmentation import segment, valid_pixels
 from hypermap.perception.shapes import footprint
-from hypermap.perception.view import View
 
 PIECE_WEIGHT = 0.5  # of the score of what its box cut out of a surface that runs on
 
@@ -43,9 +43,9 @@ def observe(
     Source: section 3.4 of the thesis behind the first Hypermap program.
     """
     valid = valid_pixels(frame, config)
-    detections = those_that_count(detections, config)
+    detections = usable_detections(detections, config)
 
-    # In float32 a millimetre counts only near the origin, so shapes far from it are made as if the
+    # In float32 a millimeter counts only near the origin, so shapes far from it are made as if the
     # camera stood there, and then moved back.
     offset = np.round(frame.map_T_camera[:2, 3], -2)
     near_T_camera = frame.map_T_camera.copy()
@@ -74,11 +74,11 @@ def observe(
         )
     outer = outer_points(frame, valid, near_T_camera, config.voxel_size, config.visible_step)
     visible_area = on_floor(transform(near_T_camera, outer))
-    view = View.of(frame, config.max_depth)
+    view = DepthView.of(frame, config.max_depth)
     return Observation(frame.stamp, frame.map_T_camera, tuple(objects), visible_area, view)
 
 
-def those_that_count(detections: Detections, config: PerceptionConfig) -> Detections:
+def usable_detections(detections: Detections, config: PerceptionConfig) -> Detections:
     """Return the detections that are sure enough, and of very many of them the best, in order."""
     sure = detections[detections.scores >= config.min_score]
     if len(sure) <= config.max_detections:

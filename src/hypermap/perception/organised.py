@@ -1,4 +1,4 @@
-"""The fast method: nearly the same regions, with neighbours looked up in the image."""
+"""The fast method: nearly the same regions, with neighbors looked up in the image."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from hypermap.perception.padded import MARGIN, planes_of
 from hypermap.perception.projection import rows_of
 from hypermap.perception.regions import NOTHING, join
 
-# In an image neighbourhood is mutual, in PCL it is not: that loses about as many neighbours as a
+# In an image neighborhood is mutual, in PCL it is not: that loses about as many neighbors as a
 # third more brings in.
 MUTUAL = 4 / 3
 
@@ -27,7 +27,7 @@ def grow_regions(
     """Return the region of each pixel of each object.
 
     Does about the same as `unorganised.grow_regions`, with a frame in place of its points. Two
-    points join if each is among the other's neighbours and their normals agree, and regions are
+    points join if each is among the other's neighbors and their normals agree, and regions are
     what hangs together so. A point above the curvature threshold joins one region, but not two with
     each other.
 
@@ -35,7 +35,7 @@ def grow_regions(
         frame: depth or points, and intrinsics.
         valid: which of its pixels hold a point, shape (H, W).
         objects: increasing row-major indices of the valid pixels of each object, none empty.
-        config: neighbours and thresholds.
+        config: neighbors and thresholds.
     """
     if not objects:
         return []
@@ -44,7 +44,9 @@ def grow_regions(
     parts = np.array([_part(*each, width) for each in zip(objects, starts, strict=True)])
     top, left = parts[:, :2].min(axis=0)
     bottom, right = parts[:, 2:].max(axis=0)
-    planes = planes_of(rows_of(frame), valid, top, left, bottom, right)
+    planes = planes_of(
+        rows_of(frame.depth, frame.camera.K, frame.cloud), valid, top, left, bottom, right
+    )
     size, stride = planes[0].size, planes.shape[2]
     shift = (MARGIN - top) * stride + MARGIN - left  # where the image's first pixel would lie
     places = [_places(*each, width, stride, shift) for each in zip(objects, starts, strict=True)]

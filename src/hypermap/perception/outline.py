@@ -46,7 +46,8 @@ def outer_points(
     Returns:
         Points in the optical frame [m], row by row, shape (M, 3).
     """
-    rows, some = rows_of(frame, step), np.ascontiguousarray(valid[::step, ::step])
+    rows = rows_of(frame.depth, frame.camera.K, frame.cloud, step)
+    some = np.ascontiguousarray(valid[::step, ::step])
     to_floor = map_T_camera[:2, :3].astype(np.float32)
     # A centroid may lie a diagonal from a point of its cell: once for the polygon's corner, once
     # for the point in question.

@@ -1,7 +1,7 @@
 """What a box cuts out of a surface that runs on past it: cups that touch, a mouse at a chair.
 
 What lies on no plane is held together by small jumps in depth, and the noise hides those between
-neighbours. Small things so become part of one large surface that no box encloses.
+neighbors. Small things so become part of one large surface that no box encloses.
 """
 
 from __future__ import annotations

@@ -185,7 +185,7 @@ def _join_blocks(
     plane_of: IntArray,
     found: NDArray[np.float64],
 ) -> int:
-    """Grow planes over neighbouring blocks, from the flattest on; each block refines its plane.
+    """Grow planes over neighboring blocks, from the flattest on; each block refines its plane.
 
     Args:
         sums: of the blocks, shape (h, w, 10).

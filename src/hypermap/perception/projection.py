@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numba import uint64
@@ -10,9 +10,6 @@ from numpy.typing import NDArray
 
 from hypermap._loops import inner_loop, loop
 from hypermap.core.arrays import IntArray
-
-if TYPE_CHECKING:
-    from hypermap.perception.frame import RgbdFrame
 
 _Array: TypeAlias = NDArray[np.float32]
 
@@ -29,7 +26,7 @@ def project(
     """Return the organised cloud of a depth image in the camera's optical frame.
 
     Args:
-        depth: metres along the optical axis, float32, shape (H, W).
+        depth: meters along the optical axis, float32, shape (H, W).
         K: intrinsic matrix [pixels], shape (3, 3).
         step: every n-th row and column is projected.
 
@@ -37,7 +34,7 @@ def project(
         Points [m], float32, shape (H, W, 3), or of fewer rows and columns.
 
     Source: depth_image_proc's order of operations, so that the points are the same to the last
-    bit; neighbours at equal distance, common on flat surfaces, then rank alike.
+    bit; neighbors at equal distance, common on flat surfaces, then rank alike.
     """
     rays = _rays(K, np.arange(0, depth.shape[0], step), np.arange(0, depth.shape[1], step))
     some = np.ascontiguousarray(depth[::step, ::step])
@@ -52,7 +49,7 @@ def project_pixels(
     """Return the points of some pixels, the same as in the cloud of the whole image.
 
     Args:
-        depth: metres along the optical axis, float32, shape (H, W).
+        depth: meters along the optical axis, float32, shape (H, W).
         K: intrinsic matrix [pixels], shape (3, 3).
         pixels: row-major indices, shape (N,).
 
@@ -65,18 +62,22 @@ def project_pixels(
     return points
 
 
-def rows_of(frame: RgbdFrame, step: int = 1) -> Rows:
+def rows_of(
+    depth: _Array, K: NDArray[np.float64], cloud: _Array | None = None, step: int = 1
+) -> Rows:
     """Return what `fill_row` needs to give a frame's points row by row.
 
     Args:
-        frame: depth or points, and intrinsics.
+        depth: metres along the optical axis, shape (H, W).
+        K: intrinsic matrix [pixels], shape (3, 3).
+        cloud: recorded points [m], shape (H, W, 3), in place of what depth says; None for none.
         step: every n-th row and column of the image counts.
     """
-    depth = frame.depth[::step, ::step]
-    cloud = depth[:0, :0, np.newaxis] if frame.cloud is None else frame.cloud[::step, ::step]
-    height, width = frame.depth.shape
-    rays = _rays(frame.camera.K, np.arange(0, height, step), np.arange(0, width, step))
-    return np.ascontiguousarray(cloud), np.ascontiguousarray(depth), *rays
+    some = depth[::step, ::step]
+    points = some[:0, :0, np.newaxis] if cloud is None else cloud[::step, ::step]
+    height, width = depth.shape
+    rays = _rays(K, np.arange(0, height, step), np.arange(0, width, step))
+    return np.ascontiguousarray(points), np.ascontiguousarray(some), *rays
 
 
 @inner_loop()

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from hypermap._loops import loop
 from hypermap.core.arrays import IntArray
 
-# Neighbours are looked for in as many rows below a pixel, in twice as many columns around it.
+# Neighbors are looked for in as many rows below a pixel, in twice as many columns around it.
 SEARCH = 4
 
 NOTHING = -1  # the label of a place that is not of the object

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,30 +11,12 @@ from hypermap._loops import loop
 from hypermap.core.arrays import BoolArray, IntArray
 from hypermap.perception import enclosed, organised, unorganised
 from hypermap.perception.config import PerceptionConfig
+from hypermap.perception.denoising import smoothed
 from hypermap.perception.detections import Detections
 from hypermap.perception.frame import RgbdFrame
-from hypermap.perception.smoothing import smoothed
+from hypermap.perception.segments import Segment
 
 FARTHEST = 1e4  # what is farther away than any camera sees is a broken number [m]
-
-
-@dataclass(frozen=True, eq=False)
-class Segment:
-    """The points of one detected object.
-
-    Attributes:
-        detection: the number of its detection.
-        pixels: row-major indices of its pixels, increasing, shape (N,).
-        points_xyz: its points in the camera's optical frame [m], shape (N, 3); smoothed by the
-            method "enclosed".
-        is_piece: whether its box cut it out of a surface that runs on, so that its border is known
-            less well.
-    """
-
-    detection: int
-    pixels: IntArray
-    points_xyz: NDArray[np.float32]
-    is_piece: bool = False
 
 
 def valid_pixels(frame: RgbdFrame, config: PerceptionConfig) -> BoolArray:

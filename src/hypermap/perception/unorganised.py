@@ -1,4 +1,4 @@
-"""The reference method: PCL's normals and region growing over the points' nearest neighbours."""
+"""The reference method: PCL's normals and region growing over the points' nearest neighbors."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from hypermap._loops import loop
 from hypermap.core.arrays import BoolArray, IntArray
 from hypermap.perception.config import PerceptionConfig
 
-CHUNK = 8192  # points whose neighbours are held in memory at a time
+CHUNK = 8192  # points whose neighbors are held in memory at a time
 
 
 def grow_regions(
@@ -30,7 +30,7 @@ def grow_regions(
         points: organised cloud in the optical frame [m], shape (H, W, 3).
         valid: which of its pixels hold a point, shape (H, W).
         objects: row-major indices of the valid pixels of each object.
-        config: neighbours and thresholds.
+        config: neighbors and thresholds.
 
     Returns:
         For each object, the number of each pixel's region; regions count from 0.
@@ -57,10 +57,10 @@ def normals_of(
     Args:
         cloud: finite points, shape (N, 3).
         at: points whose normals are wanted, shape (M, 3).
-        k: how many neighbours, the point itself included if it belongs to the cloud.
+        k: how many neighbors, the point itself included if it belongs to the cloud.
 
     Returns:
-        Unit normals of either sign, shape (M, 3); and curvatures, the part of the neighbours'
+        Unit normals of either sign, shape (M, 3); and curvatures, the part of the neighbors'
         variance that lies along the normal, from 0 (flat) to 1/3, shape (M,).
     """
     normals = np.empty((len(at), 3))
@@ -102,7 +102,7 @@ def _grow(
 def _flood(seeds: IntArray, neighbors: IntArray, joins: BoolArray, spreads: BoolArray) -> IntArray:
     """Grow one region after the other, from the flattest point that is still free.
 
-    A point may have a neighbour whose neighbour it is not, so the order matters: what an earlier
+    A point may have a neighbor whose neighbor it is not, so the order matters: what an earlier
     region cannot reach stays free for a later one.
     """
     region_of = np.full(len(seeds), -1)

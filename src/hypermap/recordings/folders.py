@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hypermap.core.errors import FileMissing, FormatError, HypermapError
-from hypermap.perception.frame import Camera
+from hypermap.core.occupancy import OccupancyLayer
+from hypermap.perception.frame import Camera, RgbdFrame
+from hypermap.perception.recording import OnBadFrame, or_report
+from hypermap.recordings.options import RecordingOptions
 from hypermap.recordings.pictures import (
     decode_color,
     decode_integers,
@@ -22,8 +29,87 @@ from hypermap.recordings.pictures import (
 _FIRST = 5  # frames that tell the size of all; of these, one may be odd or two broken
 
 
+@dataclass(frozen=True, eq=False)
+class Shot:
+    """One frame of a folder, of which nothing is read yet.
+
+    Attributes:
+        stamp: of the depth image [s].
+        depth: its file.
+        color: that of the color image; None where there is none.
+        color_stamp: the same [s].
+        pose: returns `map_T_camera`, shape (4, 4), or raises a FormatError.
+    """
+
+    stamp: float
+    depth: Path
+    color: Path | None
+    color_stamp: float | None
+    pose: Callable[[], NDArray[np.float64]]
+
+
+class ImageFolder(ABC):
+    """A recording that is a folder of depth and color images with poses.
+
+    Attributes:
+        depth_scale: units of its depth images per metre, unless the options say otherwise.
+    """
+
+    depth_scale: ClassVar[float]
+
+    def __init__(self, path: Path, options: RecordingOptions) -> None:
+        self._path = path
+        self._options = options
+
+    @property
+    def path(self) -> Path:
+        """The folder."""
+        return self._path
+
+    @property
+    def frame_id(self) -> str:
+        """The name given to the map's frame; "map" by default."""
+        return self._options.map_frame or "map"
+
+    def frames(self, on_bad: OnBadFrame | None = None) -> Iterator[RgbdFrame]:
+        """Yield the frames in order of time; see `Recording.frames`.
+
+        Raises:
+            FormatError: If a list, an image, a pose or the intrinsics are broken.
+            FileMissing: If one of them is not there.
+        """
+        shots, camera = self._shots(), self._camera
+        scale = self._options.depth_scale or self.depth_scale
+        for shot in shots:
+            load = partial(load_depth, shot.depth, camera, scale)
+            pose = or_report(shot.pose, shot.stamp, on_bad)
+            if pose is None or (depth := or_report(load, shot.stamp, on_bad)) is None:
+                continue
+            yield RgbdFrame(
+                stamp=shot.stamp,
+                depth=depth,
+                camera=camera,
+                map_T_camera=pose,
+                color=partial(load_color, shot.color, camera) if shot.color else None,
+                color_stamp=shot.color_stamp,
+            )
+
+    def occupancy(self) -> OccupancyLayer | None:
+        """Return None: such a folder holds no occupancy map."""
+        return None
+
+    @property
+    @abstractmethod
+    def _camera(self) -> Camera:
+        """The camera of all images."""
+
+    @abstractmethod
+    def _shots(self) -> Sequence[Shot]:
+        """Return the frames in order of time."""
+
+
 def load_depth(path: Path, camera: Camera, units_per_metre: float) -> NDArray[np.float32]:
-    """Return a depth image in metres with NaN for no return, shape (H, W).
+    """Return a depth image in meters with NaN for no return, shape (H, W).
 
     Raises:
         FileMissing: If there is no such file.
@@ -80,7 +166,7 @@ def usual_size(pictures: Sequence[tuple[Path, Path | None]]) -> tuple[int, int]:
 
 def _frame_size(depth: Path, color: Path | None) -> tuple[int, int]:
     width, height = _size_of(depth)
-    if color is not None and color.is_file() and _size_of(color) != (width, height):
+    if color is not None and _is_there(color) and _size_of(color) != (width, height):
         color_width, color_height = _size_of(color)
         raise FormatError(
             f"color has {color_width} x {color_height} pixels, but depth in {depth} has "
@@ -104,13 +190,20 @@ def absence_of(paths: Sequence[Path], kind: str, source: Path) -> list[str]:
     Raises:
         FileMissing: If all of them are.
     """
-    absent = [path for path in paths if not path.is_file()]
+    absent = [path for path in paths if not _is_there(path)]
     if not absent:
         return []
     what = f"{len(absent)} of {len(paths)} {kind} are missing, the first is {absent[0]}"
     if len(absent) == len(paths):
         raise FileMissing(f"{source}: {what}")
     return [what]
+
+
+def _is_there(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except OSError:  # a list may name anything, as what is too long for a name
+        return False
 
 
 def _check_size(path: Path, shape: tuple[int, ...], camera: Camera, other: str) -> None:

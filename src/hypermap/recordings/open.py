@@ -19,7 +19,7 @@ _BAG_ENDINGS = (".bag", ".active", ".db3", ".mcap")
 
 
 def open_recording(path: str | Path, options: RecordingOptions | None = None) -> Recording:
-    """Return the recording that lies at a path, recognised by what lies there.
+    """Return the recording that lies at a path, recognized by what lies there.
 
     Only names are looked at: what is inside, and what is wrong with it, `info` tells.
 

@@ -31,7 +31,7 @@ class RecordingOptions:
         camera_info_topic: topic of the intrinsics.
         detections_topic: topic of recorded detections.
         map_topic: topic of an occupancy map.
-        depth_scale: units of integer depth per metre; None is the format's own (5000 for TUM,
+        depth_scale: units of integer depth per meter; None is the format's own (5000 for TUM,
             1000 otherwise).
         max_time_difference: seconds by which the stamps of a depth image and of the color image
             or detections that go with it may differ, at most 1.

@@ -116,7 +116,7 @@ def associate(
     reach = max_difference + _ROUNDING
     first = np.searchsorted(others[order], stamps - reach)
     count = np.searchsorted(others[order], stamps + reach, side="right") - first
-    # All pairs within reach: for each stamp a run of neighbours in the sorted others.
+    # All pairs within reach: for each stamp a run of neighbors in the sorted others.
     a = np.repeat(np.arange(len(stamps)), count)
     run_start = np.repeat(np.cumsum(count) - count, count)
     b = order[np.repeat(first, count) + np.arange(len(a)) - run_start]

@@ -14,8 +14,11 @@ from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 
 from hypermap.core.errors import FileMissing, FormatError
+from hypermap.formats.atomic import is_folder
+from hypermap.formats.store import open_file
 
 MAX_PIXELS = 50_000_000
+MAX_BYTES = 8 * MAX_PIXELS  # of a picture's file
 _DAMAGE = (
     OSError,
     SyntaxError,
@@ -33,11 +36,13 @@ def read_file(path: Path) -> bytes:
 
     Raises:
         FileMissing: If there is no such file.
+        FormatError: If it is a device, which a list may name, too, or too large.
+        HypermapError: If it cannot be read.
     """
-    try:
-        return path.read_bytes()
-    except (FileNotFoundError, IsADirectoryError):
-        raise FileMissing(f"{path}: there is no such file") from None
+    if is_folder(path):
+        raise FileMissing(f"{path}: there is no such file")
+    with open_file(path, MAX_BYTES) as file:
+        return file.read()
 
 
 def picture_size(content: bytes) -> tuple[int, int]:
@@ -63,7 +68,7 @@ def decode_color(content: bytes) -> NDArray[np.uint8]:
 
 
 def decode_integers(content: bytes) -> NDArray[np.uint16]:
-    """Return an encoded picture of 16 bit grey values, shape (H, W).
+    """Return an encoded picture of 16 bit gray values, shape (H, W).
 
     Raises:
         FormatError: If it is no picture, damaged, or of another depth.
@@ -77,7 +82,7 @@ def decode_integers(content: bytes) -> NDArray[np.uint16]:
 
 
 def depth_in_metres(integers: NDArray[np.uint16], units_per_metre: float) -> NDArray[np.float32]:
-    """Return integer depth as metres, float32; 0 and the largest number are no return, NaN."""
+    """Return integer depth as meters, float32; 0 and the largest number are no return, NaN."""
     depth = np.divide(integers, np.float32(units_per_metre), dtype=np.float32)
     for value in (0, np.iinfo(np.uint16).max):
         np.copyto(depth, np.nan, where=integers == value)

@@ -3,25 +3,23 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hypermap.core.errors import FileMissing, FormatError
-from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.trajectory import compose
-from hypermap.perception.frame import Camera, RgbdFrame
-from hypermap.perception.recording import OnBadFrame, RecordingInfo, Stream, or_report
-from hypermap.recordings.folders import load_color, load_depth, usual_size
-from hypermap.recordings.options import RecordingOptions, nearest_rigid
+from hypermap.perception.frame import Camera
+from hypermap.perception.recording import RecordingInfo, Stream
+from hypermap.recordings.folders import ImageFolder, Shot, usual_size
+from hypermap.recordings.options import nearest_rigid
 from hypermap.recordings.problems import problems_of
 from hypermap.recordings.textfiles import read_matrix
 
-DEPTH_SCALE = 1000.0  # units per metre
 FRAME_RATE = 30.0  # frames per second; the files carry no times
 _FILE = re.compile(r"frame-(\d+)\.(color\.jpg|color\.png|depth\.png|pose\.txt)")
 
@@ -40,71 +38,45 @@ class NumberedFrame:
         """Seconds since frame 0."""
         return self.number / FRAME_RATE
 
-    def pose(self) -> NDArray[np.float64]:
-        """Return where the camera stood, shape (4, 4).
+    def pose_on(self, map_T_world: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return where the camera stood on the map, shape (4, 4).
 
         Raises:
             FormatError: If its file does not say.
         """
         if isinstance(self.world_T_camera, FormatError):
             raise self.world_T_camera
-        return self.world_T_camera
+        return compose(map_T_world, self.world_T_camera)
 
 
-class SevenScenesRecording:
+class SevenScenesRecording(ImageFolder):
     """A folder with `frame-000000.color.jpg`, `.depth.png` and `.pose.txt`, and so on.
 
-    Depth is of 16 bits, in millimetres, 0 and 65535 for no return. A pose is a 4 x 4 matrix that
+    Depth is of 16 bits, in millimeters, 0 and 65535 for no return. A pose is a 4 x 4 matrix that
     takes camera points to the world, whose axes need not be level (`map_T_world`). The 3 x 3
     matrix of the intrinsics lies in `camera-intrinsics.txt`, beside the frames or one folder up.
 
     Source: Shotton et al., CVPR 2013, and the data set's page.
     """
 
-    def __init__(self, path: Path, options: RecordingOptions) -> None:
-        self._path = path
-        self._options = options
-
-    @property
-    def path(self) -> Path:
-        """The folder."""
-        return self._path
-
-    @property
-    def frame_id(self) -> str:
-        """The name given to the map's frame; "map" by default."""
-        return self._options.map_frame or "map"
+    depth_scale: ClassVar[float] = 1000.0
 
     def __len__(self) -> int:
         """Return the number of frames."""
         return len(self._frames)
 
-    def frames(self, on_bad: OnBadFrame | None = None) -> Iterator[RgbdFrame]:
-        """Yield the frames in the order of their numbers; see `Recording.frames`.
-
-        Raises:
-            FormatError: If an image, a pose or the intrinsics are broken.
-            FileMissing: If there are no intrinsics.
-        """
-        camera, map_T_world = self._camera, self._options.world_pose()
-        scale = self._options.depth_scale or DEPTH_SCALE
-        for frame in self._frames:
-            load = partial(load_depth, frame.depth, camera, scale)
-            world_T_camera = or_report(frame.pose, frame.stamp, on_bad)
-            if world_T_camera is None or (depth := or_report(load, frame.stamp, on_bad)) is None:
-                continue
-            yield RgbdFrame(
+    def _shots(self) -> list[Shot]:
+        map_T_world = self._options.world_pose()
+        return [
+            Shot(
                 stamp=frame.stamp,
-                depth=depth,
-                camera=camera,
-                map_T_camera=compose(map_T_world, world_T_camera),
-                color=partial(load_color, frame.color, camera) if frame.color else None,
+                depth=frame.depth,
+                color=frame.color,
                 color_stamp=frame.stamp if frame.color else None,
+                pose=partial(frame.pose_on, map_T_world),
             )
-
-    def occupancy(self) -> OccupancyLayer | None:
-        """Return None: such a folder holds no occupancy map."""
-        return None
+            for frame in self._frames
+        ]
 
     def info(self) -> RecordingInfo:
         """Say what is inside and what is missing."""

@@ -6,82 +6,53 @@ import dataclasses
 from collections.abc import Iterator
 from functools import cached_property, partial
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 
 from hypermap.core.errors import FormatError, HypermapError
-from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.trajectory import Trajectory
-from hypermap.perception.frame import Camera, RgbdFrame
-from hypermap.perception.recording import OnBadFrame, RecordingInfo, Stream, or_report
-from hypermap.recordings.folders import absence_of, load_color, load_depth, usual_size
+from hypermap.perception.frame import Camera
+from hypermap.perception.recording import RecordingInfo, Stream
+from hypermap.recordings.folders import ImageFolder, Shot, absence_of, usual_size
 from hypermap.recordings.image_lists import (
     ImageList,
     read_associations,
     read_image_list,
 )
-from hypermap.recordings.options import RecordingOptions
 from hypermap.recordings.pairing import FramePlan, plan_frames
 from hypermap.recordings.problems import problems_of
 from hypermap.recordings.textfiles import finite_numbers, read_lines
 
-DEPTH_SCALE = 5000.0  # units per metre
 
-
-class TumRecording:
+class TumRecording(ImageFolder):
     """A folder with `rgb.txt`, `depth.txt` and `groundtruth.txt`.
 
     `associations.txt` may stand in place of the two lists. Their stamps are associated one to one,
     and poses interpolated between those of the ground truth. Depth is of 16 bits, 5000 to the
-    metre, 0 and 65535 for no return.
+    meter, 0 and 65535 for no return.
 
     Source: the benchmark's page on file formats (Sturm et al., IROS 2012).
     """
 
-    def __init__(self, path: Path, options: RecordingOptions) -> None:
-        self._path = path
-        self._options = options
-
-    @property
-    def path(self) -> Path:
-        """The folder."""
-        return self._path
-
-    @property
-    def frame_id(self) -> str:
-        """The name given to the folder's world; "map" by default."""
-        return self._options.map_frame or "map"
+    depth_scale: ClassVar[float] = 5000.0
 
     def __len__(self) -> int:
         """Return the number of frames."""
         return len(self._plan)
 
-    def frames(self, on_bad: OnBadFrame | None = None) -> Iterator[RgbdFrame]:
-        """Yield the frames in order of time; see `Recording.frames`.
-
-        Raises:
-            FormatError: If a list, an image or the trajectory is broken.
-            FileMissing: If one of them is not there.
-        """
-        plan, camera, depth, color = self._plan, self._camera, self._depth, self._color
-        scale = self._options.depth_scale or DEPTH_SCALE
-        for d, c, pose in zip(plan.depth, plan.color, plan.map_T_camera, strict=True):
-            stamp = float(depth.stamps[d])
-            load = partial(load_depth, depth.paths[d], camera, scale)
-            if (metres := or_report(load, stamp, on_bad)) is None:
-                continue
-            yield RgbdFrame(
-                stamp=stamp,
-                depth=metres,
-                camera=camera,
-                map_T_camera=pose,
-                color=partial(load_color, color.paths[c], camera) if color else None,
+    def _shots(self) -> list[Shot]:
+        plan, depth, color = self._plan, self._depth, self._color
+        return [
+            Shot(
+                stamp=float(depth.stamps[d]),
+                depth=depth.paths[d],
+                color=color.paths[c] if color else None,
                 color_stamp=float(color.stamps[c]) if color else None,
+                pose=partial(np.asarray, pose),
             )
-
-    def occupancy(self) -> OccupancyLayer | None:
-        """Return None: such a folder holds no occupancy map."""
-        return None
+            for d, c, pose in zip(plan.depth, plan.color, plan.map_T_camera, strict=True)
+        ]
 
     def info(self) -> RecordingInfo:
         """Say what is inside and what is missing."""

@@ -26,7 +26,7 @@ class DetectorNoise:
         flicker: probability per frame that an object is lost for a while.
         flicker_frames: for how many frames it is then lost, in the mean.
         looseness: by how much boxes are too large, as a share of their size, in the mean.
-        shift: standard deviation of a box's centre, as a share of its size.
+        shift: standard deviation of a box's center, as a share of its size.
         confusion: probability that an object gets the name of another class of the world.
         false_positives: boxes around nothing, per frame, in the mean.
         walls: large boxes on walls and floor with a name of `WALL_NAMES`, per frame, in the mean.

@@ -1,4 +1,4 @@
-"""Levels of error: what a simulated camera, localisation and detector get wrong."""
+"""Levels of error: what a simulated camera, localization and detector get wrong."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class Errors:
 
     Attributes:
         depth: of the camera.
-        poses: of localisation.
+        poses: of localization.
         detector: of the detections.
     """
 
@@ -48,7 +48,7 @@ def errors_of_level(name: str) -> Errors:
 
     Args:
         name: "none"; "fair", a Kinect with exact poses and a fair detector; or "robot", which adds
-            localisation that drifts and jumps and a detector that takes walls for trains.
+            localization that drifts and jumps and a detector that takes walls for trains.
 
     Raises:
         HypermapError: If there is no such level.

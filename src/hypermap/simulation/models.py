@@ -9,7 +9,7 @@ from hypermap.core.errors import did_you_mean
 from hypermap.simulation import furniture, things
 from hypermap.simulation.parts import Part
 
-MAX_SIZE = 20.0  # metres
+MAX_SIZE = 20.0  # meters
 
 Model = Callable[..., tuple[Part, ...]]
 

@@ -7,14 +7,14 @@ from importlib import resources
 from hypermap.perception.detections import Detector
 from hypermap.perception.detectors import load_detector
 from hypermap.simulation.models import MODELS
-from hypermap.simulation.world import Thing
+from hypermap.simulation.world import WorldObject
 
 # What looks alike has one name: a network cannot know what a world's author calls it.
 _ALIKE = {"screen": "monitor", "sitter": "person"}
 CLASSES = tuple(model for model in MODELS if model not in _ALIKE)
 
 
-def class_of(thing: Thing) -> str:
+def class_of(thing: WorldObject) -> str:
     """Return what the network calls a thing: its model, whatever its name in the world is."""
     return _ALIKE.get(thing.model, thing.model)
 

@@ -1,4 +1,4 @@
-"""The errors of a real depth camera and of localisation; each can be set to zero."""
+"""The errors of a real depth camera and of localization; each can be set to zero."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hypermap.simulation.render import View
+from hypermap.simulation.render import Rendering
 
 # The disparity [pixels] of a Kinect at 1 m: focal length times baseline of its infrared pair.
 FOCAL_BASELINE = 580.0 * 0.075
-_JUMP = 0.04  # relative step in depth between neighbours that counts as an edge
+_JUMP = 0.04  # relative step in depth between neighbors that counts as an edge
 
 
 @dataclass(frozen=True)
@@ -46,14 +46,14 @@ class DepthNoise:
             raise ValueError(f"min_range must lie below max_range, got {self}")
         check_not_negative(self, "axial", "disparity_step", "edge_loss", "max_incidence_deg")
 
-    def measure(self, view: View, rng: np.random.Generator) -> NDArray[np.float32]:
+    def measure(self, view: Rendering, rng: np.random.Generator) -> NDArray[np.float32]:
         """Return the depth that the camera measures, float32, NaN for no return, shape (H, W)."""
         true = view.depth
         z = true.copy()
         if self.axial:
             z += self.axial * axial_sigma(true, view.incidence) * _normal(rng, true.shape)
         if self.disparity_step:
-            z = quantised(z, self.disparity_step)
+            z = quantized(z, self.disparity_step)
         lost = view.incidence > math.radians(self.max_incidence_deg)
         if self.edge_loss:
             lost |= _beside_jump(true) & (rng.random(true.shape) < self.edge_loss)
@@ -67,7 +67,7 @@ def axial_sigma(depth: NDArray[np.float32], incidence: NDArray[np.float32]) -> N
     """Return the standard deviation of the noise along the optical axis [m].
 
     Args:
-        depth: metres.
+        depth: meters.
         incidence: angle between ray and normal [rad].
 
     Source: Nguyen et al. 2012, eq. 2 below 60 degrees, eq. 3 above.
@@ -82,10 +82,10 @@ def axial_sigma(depth: NDArray[np.float32], incidence: NDArray[np.float32]) -> N
     return sigma
 
 
-def quantised(depth: NDArray[np.float32], step: float) -> NDArray[np.float32]:
+def quantized(depth: NDArray[np.float32], step: float) -> NDArray[np.float32]:
     """Return depth as it is known from disparity measured in steps of `step` pixels.
 
-    Neighbouring steps lie about step * z**2 / FOCAL_BASELINE apart: 1.1 cm at 2 m.
+    Neighboring steps lie about step * z**2 / FOCAL_BASELINE apart: 1.1 cm at 2 m.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         disparity = np.round(FOCAL_BASELINE / depth / step) * step
@@ -94,7 +94,7 @@ def quantised(depth: NDArray[np.float32], step: float) -> NDArray[np.float32]:
 
 @dataclass(frozen=True)
 class PoseNoise:
-    """How localisation errs. Not at all by default.
+    """How localization errs. Not at all by default.
 
     Attributes:
         position: standard deviation in x and in y of what changes from frame to frame [m].
@@ -106,7 +106,7 @@ class PoseNoise:
             finds its place anew; 0 for no jumps.
 
     The slow error is an Ornstein-Uhlenbeck process: it wanders, but stays bounded, as that of a
-    localisation in a known map does.
+    localization in a known map does.
     """
 
     position: float = 0.0
@@ -124,7 +124,7 @@ class PoseNoise:
     def estimate(
         self, stamps: NDArray[np.float64], poses: NDArray[np.float64], rng: np.random.Generator
     ) -> NDArray[np.float64]:
-        """Return x, y, yaw as localisation reports them, shape (N, 3).
+        """Return x, y, yaw as localization reports them, shape (N, 3).
 
         Args:
             stamps: seconds, ascending, shape (N,).

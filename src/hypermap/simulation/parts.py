@@ -21,7 +21,7 @@ class Part:
     """A convex body of one color.
 
     Attributes:
-        vertices: metres, shape (V, 3).
+        vertices: meters, shape (V, 3).
         faces: rows of `vertices`, counter-clockwise seen from outside, shape (F, 3).
         color: RGB, 0..1, shape (3,).
     """

@@ -24,7 +24,7 @@ _DEPTH, _POSE, _DETECTOR = range(3)
 
 
 class SimulatedRecording:
-    """Fulfils `Recording`; frames are rendered when they are asked for.
+    """Fulfills `Recording`; frames are rendered when they are asked for.
 
     The same arguments give the same frames, each time that they are asked for.
     """

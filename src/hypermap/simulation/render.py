@@ -21,11 +21,11 @@ _BOARD = 0.16  # width of a floor board [m]
 
 
 @dataclass(frozen=True, eq=False)
-class View:
+class Rendering:
     """What is really there, pixel by pixel.
 
     Attributes:
-        depth: metres along the optical axis, float32, NaN where there is nothing, shape (H, W).
+        depth: meters along the optical axis, float32, NaN where there is nothing, shape (H, W).
         color: RGB, uint8, shape (H, W, 3).
         instances: which of the world's objects, -1 for none, int32, shape (H, W).
         incidence: angle between the ray and the surface's normal [rad], NaN where there is
@@ -49,7 +49,7 @@ class Renderer:
         self._lengths = np.linalg.norm(self._rays, axis=1)
         self._shadows = Shadows.of(scene.triangles, _lamp(scene))
 
-    def render(self, map_T_camera: NDArray[np.float64]) -> View:
+    def render(self, map_T_camera: NDArray[np.float64]) -> Rendering:
         """Return the view from a pose of the optical frame."""
         shape = (self.camera.height, self.camera.width)
         pose = map_T_camera.astype(np.float32)
@@ -60,7 +60,7 @@ class Renderer:
 
         triangles = found.ravel()  # -1 for nothing: what it stands for is overwritten below
         nothing = triangles < 0
-        # A ray advances one metre along the optical axis per unit of length.
+        # A ray advances one meter along the optical axis per unit of length.
         depth = np.where(nothing, np.nan, depths.ravel()).astype(np.float32)
         points = pose[:3, 3] + depth[:, np.newaxis] * directions
         cosine = np.einsum("ij,ij->i", directions, self._normals[triangles]) / self._lengths
@@ -70,7 +70,7 @@ class Renderer:
         incidence[nothing] = np.nan
         color = self._shade(points, triangles)
         color[nothing] = SKY
-        return View(
+        return Rendering(
             depth=depth.reshape(shape),
             color=np.round(255 * np.clip(color, 0, 1)).astype(np.uint8).reshape(*shape, 3),
             instances=instances.reshape(shape),

@@ -14,11 +14,11 @@ from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.frames import Pose2D
 from hypermap.simulation.parts import Part, box, moved
-from hypermap.simulation.world import Floor, Point, Thing, Wall, World
+from hypermap.simulation.world import FloorPlan, Point, Wall, World, WorldObject
 
 BACKGROUND = -1  # the instance of floor, walls and nothing at all
 FLOOR_THICKNESS = 0.1
-_TOUCH = 1e-3  # metres by which two things may overlap where they touch
+_TOUCH = 1e-3  # meters by which two things may overlap where they touch
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,12 +54,12 @@ class Scene:
         )
 
 
-def placed(thing: Thing) -> tuple[Part, ...]:
+def placed(thing: WorldObject) -> tuple[Part, ...]:
     """Return the parts of a thing where it stands, map frame."""
     return thing.parts()
 
 
-def floor_parts(floor: Floor) -> tuple[Part, ...]:
+def floor_parts(floor: FloorPlan) -> tuple[Part, ...]:
     """Return the floor as slabs whose upper side is at z = 0."""
     return tuple(
         box(

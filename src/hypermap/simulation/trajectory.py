@@ -13,20 +13,20 @@ from pydantic import ConfigDict, Field
 _Number = Annotated[float, Field(strict=True, ge=-1000, le=1000)]
 _Positive = Annotated[float, Field(strict=True, gt=0, le=1000)]
 _Waypoint = Annotated[tuple[_Number, ...], Field(min_length=2, max_length=3)]
-_STILL = 1e-6  # metres or radians below which a motion takes no time
+_STILL = 1e-6  # meters or radians below which a motion takes no time
 
 
 @dataclass(frozen=True)
 class Drive:
-    """A robot's drive: it turns in place towards the next waypoint, then drives straight there.
+    """A robot's drive: it turns in place toward the next waypoint, then drives straight there.
 
     Attributes:
         waypoints: (x, y), or (x, y, look_deg) where the robot then turns on the spot to look that
             way, degrees counter-clockwise from +x. It starts looking at the second waypoint,
             or as the first one says.
-        speed: metres per second.
+        speed: meters per second.
         turn_rate_deg: degrees per second.
-        camera_height: of the optical centre above the floor [m].
+        camera_height: of the optical center above the floor [m].
         pitch_deg: how far the camera looks down.
     """
 

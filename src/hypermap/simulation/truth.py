@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.frames import Pose2D
-from hypermap.core.grid import GridGeometry
+from hypermap.core.grid import GridGeometry, along
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyLayer
 from hypermap.core.semantic import SemanticLayer, SemanticObject
@@ -18,9 +18,9 @@ from hypermap.simulation.parts import Part
 from hypermap.simulation.scene import footprint, placed, wall_parts
 from hypermap.simulation.world import World
 
-RESOLUTION = 0.05  # metres per cell
-BLOCKING = (0.05, 1.8)  # metres above the floor between which a body blocks a robot
-_MARGIN = 0.5  # metres of the unknown around the world
+RESOLUTION = 0.05  # meters per cell
+BLOCKING = (0.05, 1.8)  # meters above the floor between which a body blocks a robot
+_MARGIN = 0.5  # meters of the unknown around the world
 
 
 def ground_truth(world: World, frame_id: str = "map") -> Hypermap:
@@ -78,7 +78,7 @@ def _grid_around(area: BaseGeometry, resolution: float) -> GridGeometry:
     x0, y0, x1, y1 = area.bounds
     left, bottom = (math.floor((low - _MARGIN) / resolution) for low in (x0, y0))
     right, top = (math.ceil((high + _MARGIN) / resolution) for high in (x1, y1))
-    origin = Pose2D(left * resolution, bottom * resolution)
+    origin = Pose2D(along(left, resolution), along(bottom, resolution))
     return GridGeometry(right - left, top - bottom, resolution, origin)
 
 

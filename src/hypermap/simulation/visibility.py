@@ -120,7 +120,7 @@ class Shadows:
             ends, shape (_CELLS ** 2 + 1,).
         members: triangles by cell.
         high: triangles that are tried for every point.
-        low: where the cells begin, as x and y per metre below the lamp, shape (2,).
+        low: where the cells begin, as x and y per meter below the lamp, shape (2,).
         size: of a cell, likewise, shape (2,).
     """
 

@@ -22,17 +22,17 @@ from hypermap.simulation.models import MODELS, build, size_parameters
 from hypermap.simulation.parts import Part, fitted, moved, rgb
 from hypermap.simulation.trajectory import Drive
 
-Metres = Annotated[float, Field(strict=True, ge=-1000, le=1000)]
+Meters = Annotated[float, Field(strict=True, ge=-1000, le=1000)]
 Height = Annotated[float, Field(strict=True, gt=0, le=20)]
 Angle = Annotated[float, Field(strict=True, ge=-360, le=360)]
-Point = tuple[Metres, Metres]
-Rectangle = tuple[Metres, Metres, Metres, Metres]
+Point = tuple[Meters, Meters]
+Rectangle = tuple[Meters, Meters, Meters, Meters]
 _STRICT = ConfigDict(extra="forbid")
 _TEXTS = {("name",), ("objects", "*", "name")}  # texts even where they look like numbers
 
 
 @dataclass(frozen=True)
-class Floor:
+class FloorPlan:
     """The floor; where there is floor and nothing on it, the map is free.
 
     Attributes:
@@ -65,8 +65,8 @@ class Door:
     """A gap in a wall.
 
     Attributes:
-        at: its middle, on the wall's centre line [m].
-        width: metres.
+        at: its middle, on the wall's center line [m].
+        width: meters.
     """
 
     at: Point
@@ -80,11 +80,11 @@ class Wall:
     """Walls along a line, or around a rectangle.
 
     Attributes:
-        line: corners of the centre line [m]; None where `rectangle` is given.
-        rectangle: xmin, ymin, xmax, ymax of the centre line [m].
+        line: corners of the center line [m]; None where `rectangle` is given.
+        rectangle: xmin, ymin, xmax, ymax of the center line [m].
         doors: gaps.
-        height: metres.
-        thickness: metres.
+        height: meters.
+        thickness: meters.
         color: of the paint.
     """
 
@@ -111,7 +111,7 @@ class Wall:
         rgb(self.color)
 
     def corners(self) -> tuple[Point, ...]:
-        """Return the centre line; around a rectangle it is closed."""
+        """Return the center line; around a rectangle it is closed."""
         if self.line is not None:
             return self.line
         assert self.rectangle is not None  # checked when built
@@ -120,7 +120,7 @@ class Wall:
 
 
 @dataclass(frozen=True)
-class Thing:
+class WorldObject:
     """A piece of furniture, a person, a cup: one object of the truth.
 
     Attributes:
@@ -196,8 +196,8 @@ class World:
     """
 
     name: str
-    floor: Floor
-    objects: Annotated[tuple[Thing, ...], Field(max_length=10_000)] = ()
+    floor: FloorPlan
+    objects: Annotated[tuple[WorldObject, ...], Field(max_length=10_000)] = ()
     walls: Annotated[tuple[Wall, ...], Field(max_length=10_000)] = ()
     drive: Drive | None = None
 
@@ -207,10 +207,10 @@ class World:
 # What stands under each key of a world file, to suggest the nearest known key.
 _KINDS: dict[str, type] = {
     "": World,
-    "floor": Floor,
+    "floor": FloorPlan,
     "walls": Wall,
     "doors": Door,
-    "objects": Thing,
+    "objects": WorldObject,
     "drive": Drive,
 }
 

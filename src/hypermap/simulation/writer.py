@@ -17,7 +17,7 @@ from hypermap.perception.detectors.recorded import RecordedDetections
 from hypermap.perception.frame import RgbdFrame
 from hypermap.perception.recording import Recording
 
-DEPTH_SCALE = 5000.0  # units per metre
+DEPTH_SCALE = 5000.0  # units per meter
 
 
 def write_tum(
@@ -25,7 +25,7 @@ def write_tum(
 ) -> None:
     """Write a recording with color as a folder that `hypermap map` can read.
 
-    The folder holds `rgb/`, `depth/` (16 bits, 5000 to the metre, 0 for no return), `rgb.txt`,
+    The folder holds `rgb/`, `depth/` (16 bits, 5000 to the meter, 0 for no return), `rgb.txt`,
     `depth.txt`, `groundtruth.txt` with the camera's pose at each frame, and `detections.json` if
     the frames have detections. It appears when it is complete, or not at all. The layout has no
     place for intrinsics: readers assume a Kinect's, scaled to the images' width.

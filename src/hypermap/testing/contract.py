@@ -1,4 +1,4 @@
-"""What every kind of layer must fulfil, as a suite that a plug-in's tests inherit.
+"""What every kind of layer must fulfill, as a suite that a plug-in's tests inherit.
 
 ```python
 class TestMyLayer(LayerContract):

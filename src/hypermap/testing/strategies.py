@@ -46,7 +46,7 @@ def polygons(draw: st.DrawFn, around: BaseGeometry | None = None) -> shapely.Pol
     size = draw(st.floats(0.05, 1.0)) * max(x1 - x0, y1 - y0)
     corners = draw(st.integers(3, 8))
     turn = draw(angles)
-    # A star around its centre: the angles grow, so the outline cannot cross itself.
+    # A star around its center: the angles grow, so the outline cannot cross itself.
     radii = np.array([draw(st.floats(0.2, 1.0)) for _ in range(corners)]) * size
     directions = turn + 2 * math.pi * np.arange(corners) / corners
     offsets = radii[:, np.newaxis] * np.column_stack([np.cos(directions), np.sin(directions)])

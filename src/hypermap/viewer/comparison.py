@@ -114,7 +114,7 @@ def _estimated(estimate: MapObjects, finds: Finds) -> Shapes:
     ]
     words = {DUPLICATE: "twice", FALSE: "false"}
     labels = [
-        f"{thing.name} {words[state]}" if state in words else ""  # the true one is labelled
+        f"{thing.name} {words[state]}" if state in words else ""  # the true one is labeled
         for thing, state in zip(estimate.objects, states, strict=True)
     ]
     return _shapes("estimate", estimate, states, labels)

@@ -32,8 +32,8 @@ from hypermap.viewer.paper import (
     SHAPE_ALPHA,
     SMALL,
     TITLE,
-    fill,
-    outline,
+    fill_style,
+    line_style,
     text_width,
 )
 
@@ -88,7 +88,7 @@ def draw_into(axes: Axes, drawing: Drawing) -> None:
 
 def _figure(drawing: Drawing, size: int, vector: bool) -> Figure:
     xmin, ymin, xmax, ymax = drawing.view
-    scale = size / max(xmax - xmin, ymax - ymin)  # pixels per metre
+    scale = size / max(xmax - xmin, ymax - ymin)  # pixels per meter
     width, height = (xmax - xmin) * scale, (ymax - ymin) * scale
     columns = legend_columns(drawing, height)
     legend_width = sum(column.width for column in columns)
@@ -164,11 +164,11 @@ def _draw_shapes(axes: Axes, drawing: Drawing) -> None:
         for name, shape in zip(part.names, part.shapes, strict=True):
             rings, color = _rings(shape), drawing.colors[name]
             if part.are_outlines:
-                axes.add_patch(PathPatch(rings, **outline(color)))
+                axes.add_patch(PathPatch(rings, **line_style(color)))
                 continue
             # White in between keeps the color that of the legend where the ground is black.
             axes.add_patch(PathPatch(rings, facecolor=PAPER, alpha=_VEIL, linewidth=0))
-            axes.add_patch(PathPatch(rings, **fill(color, SHAPE_ALPHA)))
+            axes.add_patch(PathPatch(rings, **fill_style(color, SHAPE_ALPHA)))
 
 
 def _draw_links(axes: Axes, drawing: Drawing) -> None:
@@ -218,11 +218,11 @@ def _write_names(axes: Axes, drawing: Drawing, scale: float, vector: bool) -> No
             written.set_path_effects([withStroke(linewidth=2.2, foreground=PAPER)])
 
 
-def _draw_scale_bar(page: Axes, metres_wide: float, scale: float, right: float, y: float) -> None:
+def _draw_scale_bar(page: Axes, meters_wide: float, scale: float, right: float, y: float) -> None:
     """Draw a bar of a round length below the map, at its right end."""
-    metres = round_length(0.2 * metres_wide)
-    text = f"{metres:g} m" if metres >= 1 else f"{100 * metres:g} cm"
-    long = metres * scale
+    meters = round_length(0.2 * meters_wide)
+    text = f"{meters:g} m" if meters >= 1 else f"{100 * meters:g} cm"
+    long = meters * scale
     left = right - long
     page.add_patch(Rectangle((left, y), long, 7, facecolor=INK, linewidth=0))
     page.add_patch(

@@ -30,7 +30,7 @@ def place_labels(
     spots: Sequence[Spot],
     frame: tuple[float, float, float, float],
 ) -> list[tuple[float, float] | None]:
-    """Return the centre of each spot's label [pixels], or None where there is no free place.
+    """Return the center of each spot's label [pixels], or None where there is no free place.
 
     Labels never overlap each other, and stay within the frame. Of the free
     places the nearest to the shape that hides least of other shapes is taken; small shapes, which

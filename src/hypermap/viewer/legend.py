@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 
 from hypermap.text import printable
-from hypermap.viewer.paper import FAINT, INK, SHAPE_ALPHA, SMALL, fill, outline, text_width
+from hypermap.viewer.paper import FAINT, INK, SHAPE_ALPHA, SMALL, fill_style, line_style, text_width
 
 if TYPE_CHECKING:
     from hypermap.colors import Color
@@ -34,14 +34,14 @@ class Row:
 
 
 @dataclass(frozen=True)
-class Column:
+class LegendColumn:
     """Rows below each other, and how much room they take to the right [pixels]."""
 
     rows: tuple[Row, ...]
     width: float
 
 
-def legend_columns(drawing: Drawing, height: float) -> list[Column]:
+def legend_columns(drawing: Drawing, height: float) -> list[LegendColumn]:
     """Return the legend in as many columns as a page of that height [pixels] needs."""
     rows = _rows(drawing)
     per_column = max(int(height / ROW), _MIN_ROWS)
@@ -49,10 +49,10 @@ def legend_columns(drawing: Drawing, height: float) -> list[Column]:
     if len(rows) > room:
         rows = [*rows[: room - 1], Row(f"and {len(rows) - room + 1} more")]
     parts = [rows[i : i + per_column] for i in range(0, len(rows), per_column)]
-    return [Column(tuple(part), max(map(_row_width, part)) + _COLUMN_GAP) for part in parts]
+    return [LegendColumn(tuple(part), max(map(_row_width, part)) + _COLUMN_GAP) for part in parts]
 
 
-def draw_legend(page: Axes, columns: Sequence[Column], left: float, top: float) -> None:
+def draw_legend(page: Axes, columns: Sequence[LegendColumn], left: float, top: float) -> None:
     """Draw columns to the right of each other; the page is measured in pixels."""
     for column in columns:
         right = left + column.width - _COLUMN_GAP
@@ -61,7 +61,7 @@ def draw_legend(page: Axes, columns: Sequence[Column], left: float, top: float) 
             if row.color is None:
                 page.text(left, y, row.text, fontsize=SMALL, color=FAINT)
                 continue
-            style = outline(row.color) if row.is_outline else fill(row.color, row.alpha)
+            style = line_style(row.color) if row.is_outline else fill_style(row.color, row.alpha)
             page.add_patch(Rectangle((left, y - 2), _SWATCH, _SWATCH, **style))
             page.text(left + _INDENT, y, row.text, fontsize=SMALL, color=INK)
             page.text(right, y, row.count, fontsize=SMALL, color=FAINT, ha="right")

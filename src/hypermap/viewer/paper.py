@@ -26,12 +26,12 @@ def text_width(text: str, points: float) -> float:
     return float(width) * DPI / 72
 
 
-def fill(color: Color, alpha: float) -> dict[str, Any]:
+def fill_style(color: Color, alpha: float) -> dict[str, Any]:
     """Return how a shape of that color looks: filled, with a darker outline."""
     edge = tuple(0.65 * part for part in color)
     return {"facecolor": (*color, alpha), "edgecolor": edge, "linewidth": 0.9}
 
 
-def outline(color: Color) -> dict[str, Any]:
+def line_style(color: Color) -> dict[str, Any]:
     """Return how a shape looks that is drawn as a line of that color."""
     return {"facecolor": "none", "edgecolor": color, "linewidth": 1.6}

@@ -28,7 +28,7 @@ def plot(
 ) -> Axes:
     """Draw a map from above into matplotlib's axes, in its base frame, and return them.
 
-    What is drawn afterwards lies above the map, as `axes.plot(xs, ys)`; the axes are in metres.
+    What is drawn afterwards lies above the map, as `axes.plot(xs, ys)`; the axes are in meters.
 
     Args:
         hypermap: the map.
@@ -49,7 +49,7 @@ def plot(
     from matplotlib.patches import Patch
 
     from hypermap.viewer.drawing import draw_into
-    from hypermap.viewer.paper import SHAPE_ALPHA, SMALL, fill
+    from hypermap.viewer.paper import SHAPE_ALPHA, SMALL, fill_style
 
     if axes is None:
         from matplotlib import pyplot
@@ -58,7 +58,7 @@ def plot(
     draw_into(axes, drawing)
     if legend:
         shown = sorted({str(name) for part in drawing.shapes for name in part.names})
-        fills = {name: fill(drawing.colors[name], SHAPE_ALPHA) for name in shown}
+        fills = {name: fill_style(drawing.colors[name], SHAPE_ALPHA) for name in shown}
         patches = [Patch(label=printable(name), **fills[name]) for name in shown]
         axes.legend(handles=patches, loc="upper left", bbox_to_anchor=(1, 1), fontsize=SMALL)
     return axes

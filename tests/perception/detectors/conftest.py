@@ -21,7 +21,7 @@ CELLS = 84
 NAMES = ("cup", "bowl", "chair")
 METADATA = {"names": str(dict(enumerate(NAMES))), "task": "detect", "stride": "32"}
 
-CUP, CHAIR = (24, 30, 16, 20), (48, 16, 32, 16)  # centre and size
+CUP, CHAIR = (24, 30, 16, 20), (48, 16, 32, 16)  # center and size
 
 SaveModel = Callable[..., Path]
 

@@ -10,7 +10,7 @@ import pytest
 from onnx import helper
 
 from hypermap.perception.detectors.layout import Outputs
-from hypermap.perception.detectors.layouts import LAYOUTS, recognise
+from hypermap.perception.detectors.layouts import LAYOUTS, recognize
 from hypermap.perception.detectors.onnx_detector import OnnxDetector
 
 SaveModel = Callable[..., Path]
@@ -19,7 +19,7 @@ Networks = dict[str, dict[str, np.ndarray]]
 SQUARE = np.zeros((64, 64, 3), np.uint8)
 WIDE = np.zeros((96, 128, 3), np.uint8)
 
-IN_THE_MIDDLE = [(32, 24, 64, 64), (64, 0, 128, 32)]  # half the size, below 8 rows of grey
+IN_THE_MIDDLE = [(32, 24, 64, 64), (64, 0, 128, 32)]  # half the size, below 8 rows of gray
 IN_THE_CORNER = [(32, 40, 64, 80), (64, 16, 128, 48)]
 STRETCHED = [(32, 30, 64, 60), (64, 12, 128, 36)]
 
@@ -147,11 +147,11 @@ def test_the_shapes_of_the_exports_are_told_apart(
     table = np.zeros(shape, np.float32)
     if "RT-DETR" in layout:
         table += 0.5
-    assert recognise(Outputs.of({"output": table[np.newaxis]}, size)).name == layout
+    assert recognize(Outputs.of({"output": table[np.newaxis]}, size)).name == layout
 
 
 def name_of(table: np.ndarray) -> str:
-    return recognise(Outputs.of({"output0": table}, (64, 64))).name
+    return recognize(Outputs.of({"output0": table}, (64, 64))).name
 
 
 def test_six_columns_are_told_apart_by_their_values() -> None:

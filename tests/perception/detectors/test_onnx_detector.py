@@ -78,7 +78,7 @@ def test_yolox_without_names_takes_those_of_coco(yolox: OnnxDetector) -> None:
 
 
 def table_of(*columns: tuple[float, ...]) -> dict[str, np.ndarray]:
-    """A YOLOv8 table; each column is centre x, y, width, height, and three class scores."""
+    """A YOLOv8 table; each column is center x, y, width, height, and three class scores."""
     table = np.zeros((1, 7, 84))
     for i, column in enumerate(columns):
         table[0, :, i] = column

@@ -8,7 +8,7 @@ from PIL import Image
 
 from hypermap.perception.detectors.placement import (
     Placement,
-    centred,
+    centered,
     sample_bilinear,
     stretched,
     top_left,
@@ -17,7 +17,7 @@ from hypermap.perception.detectors.placement import (
 sizes = st.tuples(st.integers(1, 700), st.integers(1, 700))
 placements = st.builds(
     lambda place, image_size, input_size: place(image_size, input_size),
-    st.sampled_from([top_left, centred, stretched]),
+    st.sampled_from([top_left, centered, stretched]),
     sizes,
     sizes,
 )
@@ -29,9 +29,9 @@ placements = st.builds(
         (top_left, (640, 480), ((416, 312), 0, 0)),
         (top_left, (480, 640), ((312, 416), 0, 0)),
         (top_left, (208, 104), ((416, 208), 0, 0)),
-        (centred, (640, 480), ((416, 312), 0, 52)),
-        (centred, (480, 640), ((312, 416), 52, 0)),
-        (centred, (416, 415), ((416, 415), 0, 0)),  # the odd row of grey lies below
+        (centered, (640, 480), ((416, 312), 0, 52)),
+        (centered, (480, 640), ((312, 416), 52, 0)),
+        (centered, (416, 415), ((416, 415), 0, 0)),  # the odd row of gray lies below
         (stretched, (640, 480), ((416, 416), 0, 0)),
         (top_left, (10000, 1), ((416, 1), 0, 0)),
     ],
@@ -60,13 +60,13 @@ def test_a_box_comes_back_from_the_input_to_where_it_was(
 
 
 def test_boxes_are_cut_off_at_the_edges_of_the_image() -> None:
-    placement = centred((128, 96), (64, 64))
+    placement = centered((128, 96), (64, 64))
     boxes = placement.to_image(np.array([[-10.0, 0, 100, 64], [70, 60, 80, 64]]))
     assert boxes.tolist() == [[0, 0, 128, 96], [128, 96, 128, 96]]
 
 
 def test_around_the_image_there_is_grey() -> None:
-    filled = centred((4, 2), (8, 8)).fill(np.full((2, 4, 3), 7, np.uint8))
+    filled = centered((4, 2), (8, 8)).fill(np.full((2, 4, 3), 7, np.uint8))
     assert filled.dtype == np.float32
     assert (filled[2:6] == 7).all()
     assert (filled[:2] == 114).all()

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from hypermap.core.errors import FileMissing, FormatError
+from hypermap.core.errors import FileMissing, FormatError, HypermapError
 from hypermap.perception.detections import Detections
 from hypermap.perception.detectors import rle
 from hypermap.perception.detectors.recorded import RecordedDetections
@@ -228,6 +228,15 @@ def test_a_save_that_fails_leaves_what_was_there(tmp_path: Path) -> None:
     with pytest.raises(FileMissing, match="there is no such folder"):
         recorded.save(tmp_path / "missing" / "detections.json")
     (tmp_path / "folder").mkdir()
-    with pytest.raises(OSError):
+    with pytest.raises(HypermapError, match="is a folder; choose another name"):
         recorded.save(tmp_path / "folder")
     assert [path.name for path in tmp_path.iterdir()] == ["folder"]
+
+
+def test_a_link_keeps_pointing_at_the_detections_that_are_replaced(tmp_path: Path) -> None:
+    (tmp_path / "real").mkdir()
+    link = tmp_path / "detections.json"
+    link.symlink_to(tmp_path / "real" / "detections.json")
+    RecordedDetections((64, 48)).save(link)
+    assert link.is_symlink()
+    assert [path.name for path in (tmp_path / "real").iterdir()] == ["detections.json"]

@@ -128,3 +128,9 @@ def test_what_a_detector_does_wrong_is_told_as_the_detectors(answer: object, mes
     with pytest.raises(HypermapError) as error:
         source(frame(COLOR))
     assert str(error.value) == f"detector {__name__}.Moody {message}"
+
+
+def test_that_the_memory_is_full_is_not_the_detectors_fault() -> None:
+    source = detections_from_detector(Moody(MemoryError()))  # type: ignore[arg-type]
+    with pytest.raises(MemoryError):
+        source(frame(COLOR))

@@ -1,7 +1,7 @@
 """How a value layer is kept: `FILE.npy` holds the numbers, `FILE.yaml` where they lie.
 
-The YAML file has the keys `resolution` (metres), `origin` (x, y, yaw of the lower left corner of
-the first cell; metres, radians), `unit` and `decimals`. The first row of numbers is the lowest.
+The YAML file has the keys `resolution` (meters), `origin` (x, y, yaw of the lower left corner of
+the first cell; meters, radians), `unit` and `decimals`. The first row of numbers is the lowest.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _HEADER = re.compile(
     re.DOTALL,
 )
 _MAX_DECIMALS = 9
-_MAX_NUMBER = 1e9  # metres; also refuses infinity and NaN
+_MAX_NUMBER = 1e9  # meters; also refuses infinity and NaN
 
 
 class ValueFiles:

@@ -73,7 +73,7 @@ class ValueLayer(Layer):
     def value_at(self, points_xy: PointsLike) -> NDArray[np.float32]:
         """Return the interpolated number at each point, shape (N,).
 
-        It is NaN off the grid and in cells that hold none; unknown neighbours are left out.
+        It is NaN off the grid and in cells that hold none; unknown neighbors are left out.
         """
         points = as_points_xy(points_xy)
         if self.grid is None or self.cells is None:
@@ -81,19 +81,19 @@ class ValueLayer(Layer):
         return _interpolated(self.cells, self.grid.positions_at(points))
 
     def labels_in(self, area: BaseGeometry) -> Hits:
-        """Return the number and centre of each cell whose centre the area covers, as text."""
+        """Return the number and center of each cell whose center the area covers, as text."""
         hits = self.values_in(area)
         return Hits(self._labels(hits.values), hits.points_xy)
 
     def values_in(self, area: BaseGeometry) -> Hits:
-        """Return the number and centre of each cell whose centre the area covers."""
+        """Return the number and center of each cell whose center the area covers."""
         if self.grid is None or self.cells is None:
             return Hits(np.empty(0, np.float32), np.empty((0, 2)))
         rows, cols = self.grid.cells_in(area)
         return Hits(self.cells[rows, cols], self.grid.centers(rows, cols))
 
     def find(self, what: str | float, area: BaseGeometry | None = None) -> NDArray[np.float64]:
-        """Return the centres of the cells that hold a number, shape (M, 2).
+        """Return the centers of the cells that hold a number, shape (M, 2).
 
         A label is that of every number that is rounded to it. A number has to be exactly the one
         in the cell, to the precision of float32.
@@ -133,7 +133,7 @@ def _checked(cells: ArrayLike, grid: GridGeometry) -> NDArray[np.float32]:
 def _interpolated(
     cells: NDArray[np.float32], positions: NDArray[np.float64]
 ) -> NDArray[np.float32]:
-    """Return the bilinear interpolation between the centres of cells.
+    """Return the bilinear interpolation between the centers of cells.
 
     Args:
         cells: shape (height, width).
@@ -151,7 +151,7 @@ def _interpolated(
     for step in ((0, 0), (0, 1), (1, 0), (1, 1)):
         corner = first + step
         weight = np.prod(1 - np.abs(from_center - corner), axis=1)
-        # Beyond the outermost centres, the outermost cells go on.
+        # Beyond the outermost centers, the outermost cells go on.
         rows, cols = np.clip(corner, 0, (height - 1, width - 1)).T
         value = cells[rows, cols]
         weight = np.where(np.isnan(value), 0, weight)

@@ -1,4 +1,4 @@
-"""The outputs of the DETR families: how to recognise them, and what they mean.
+"""The outputs of the DETR families: how to recognize them, and what they mean.
 
 They divide the whole image, stretched over their input, among some hundred queries; each proposes
 one box, and none twice.

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import hashlib
 import http.client
 import os
+import re
 import urllib.error
 import urllib.parse
 import urllib.request
@@ -17,10 +17,18 @@ from typing import IO, Any
 from hypermap.core.errors import HypermapError
 from hypermap.perception.detectors.catalog import KnownNetwork
 
+try:
+    import fcntl
+except ImportError:  # Windows
+    _HAS_LOCKS = False
+else:
+    _HAS_LOCKS = True
+
 _CHUNK = 65536  # bytes
 _SILENCE = 30.0  # seconds without a byte after which a connection counts as broken
 _TRIES = 3  # in a row that bring not one byte
 _OTHER = "name a mirror with --url, or get the file with a browser and give it as --detector FILE"
+_LENGTH = re.compile("[0-9]{1,18}")  # in a header; int takes other digits, too, but not any number
 _BROKEN = (OSError, http.client.HTTPException)
 
 Progress = Callable[[int], None]
@@ -65,6 +73,8 @@ def download(
             _fill(file, network, address, on_progress)
             file.flush()
             os.fsync(file.fileno())
+            if not _HAS_LOCKS:  # on Windows, where no file that is open gets another name
+                file.close()
             part.replace(target)
     except OSError as error:
         raise HypermapError(
@@ -127,7 +137,7 @@ def _append(file: IO[bytes], size: int, address: str, on_progress: Progress) -> 
             file.truncate(0)
             have = 0
         length = answer.headers.get("Content-Length", "")
-        if length.isdigit() and have + int(length) != size:
+        if _LENGTH.fullmatch(length) and have + int(length) != size:
             file.write(_read(answer, min(int(length), _CHUNK)))
             raise _OtherFile
         while have < size:
@@ -180,9 +190,10 @@ def _read(answer: Any, most: int) -> bytes:
 
 @contextlib.contextmanager
 def _locked(file: IO[bytes], path: Path) -> Iterator[None]:
-    """Keep other processes off the part as long as the caller fills it."""
+    """Keep other processes off the part as long as the caller fills it, if there are locks."""
     try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        if _HAS_LOCKS:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         raise HypermapError(f"{path}: another process is downloading this already") from None
     yield

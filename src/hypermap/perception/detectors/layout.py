@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hypermap.core.arrays import FloatArray, IntArray
-from hypermap.perception.detectors.placement import Placement, centred
+from hypermap.perception.detectors.placement import Placement, centered
 
 NOTHING: NDArray[np.float32] = np.zeros((0, 0), np.float32)
 
@@ -118,7 +118,7 @@ class Layout:
     shape: str
     fits: Callable[[Outputs], bool]
     decode: Callable[[Outputs], Candidates]
-    place: Callable[[tuple[int, int], tuple[int, int]], Placement] = centred
+    place: Callable[[tuple[int, int], tuple[int, int]], Placement] = centered
     is_bgr: bool = False
     mean: tuple[float, float, float] = (0.0, 0.0, 0.0)
     std: tuple[float, float, float] = (1.0, 1.0, 1.0)
@@ -131,10 +131,10 @@ class Layout:
 
 
 def corners(xywh: FloatArray) -> FloatArray:
-    """Return (xmin, ymin, xmax, ymax) of boxes given by centre and size, shape (N, 4).
+    """Return (xmin, ymin, xmax, ymax) of boxes given by center and size, shape (N, 4).
 
     >>> corners(np.array([[5, 5, 4, 2]]))
     array([[3., 4., 7., 6.]])
     """
-    centres, halves = xywh[:, :2], xywh[:, 2:] / 2
-    return np.hstack([centres - halves, centres + halves])
+    centers, halves = xywh[:, :2], xywh[:, 2:] / 2
+    return np.hstack([centers - halves, centers + halves])

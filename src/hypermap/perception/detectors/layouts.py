@@ -1,6 +1,6 @@
 """The known families of networks.
 
-Each is one `Layout`: how it wants the image, how to recognise its outputs, and how to turn them
+Each is one `Layout`: how it wants the image, how to recognize its outputs, and how to turn them
 into `Candidates`. A new one is two functions and a row in `yolo.py` or `detr.py`.
 """
 
@@ -12,7 +12,7 @@ from hypermap.perception.detectors.layout import Layout, Outputs
 LAYOUTS = (*yolo.LAYOUTS, *detr.LAYOUTS)
 
 
-def recognise(outputs: Outputs) -> Layout:
+def recognize(outputs: Outputs) -> Layout:
     """Return the family whose outputs look like these.
 
     Raises:

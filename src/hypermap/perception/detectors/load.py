@@ -67,7 +67,7 @@ def _made_by(plugin: EntryPoint, argument: str) -> Detector:
     """
     try:
         detector: Detector = plugin.load()(argument)
-    except HypermapError:
+    except (HypermapError, MemoryError):
         raise
     except Exception as error:
         raise HypermapError(

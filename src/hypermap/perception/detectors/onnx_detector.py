@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from hypermap.core.errors import FormatError
 from hypermap.perception.detections import Detections
+from hypermap.perception.detectors.instance_masks import mix_masks
 from hypermap.perception.detectors.labels import COCO, parse_names, read_labels
 from hypermap.perception.detectors.layout import Candidates, Layout, Outputs
-from hypermap.perception.detectors.layouts import LAYOUTS, recognise
-from hypermap.perception.detectors.masks import mix_masks
+from hypermap.perception.detectors.layouts import LAYOUTS, recognize
 from hypermap.perception.detectors.nms import suppress
 from hypermap.perception.detectors.onnx_model import OnnxModel
 from hypermap.perception.detectors.placement import BORDER
@@ -58,7 +58,7 @@ class OnnxDetector:
     ) -> OnnxDetector:
         """Return the detector in a file; see `load_detector`.
 
-        What its outputs mean is seen by running it once, on a grey image, since the shapes in
+        What its outputs mean is seen by running it once, on a gray image, since the shapes in
         the file may be left open.
         """
         model = OnnxModel.load(path, threads)
@@ -116,12 +116,12 @@ class OnnxDetector:
 
 
 def _recognise(model: OnnxModel) -> tuple[Layout, Candidates]:
-    """Return the network's layout, and its answer to a grey image."""
+    """Return the network's layout, and its answer to a gray image."""
     width, height = model.input_size
     arrays = model.run(np.full((height, width, 3), BORDER / 255, np.float32))
     outputs = Outputs.of(arrays, model.input_size)
     try:
-        layout = recognise(outputs)
+        layout = recognize(outputs)
     except ValueError as error:
         found = ", ".join(f"{name} {array.shape}" for name, array in arrays.items())
         known = "; ".join(f"{layout.name}: {layout.shape}" for layout in LAYOUTS)

@@ -63,6 +63,8 @@ class OnnxModel:
         """
         try:
             outputs = self._session.run(None, self._inputs(image))
+        except MemoryError:
+            raise
         except Exception as error:  # ONNX Runtime's errors have no common class of their own
             raise FormatError(
                 f"the model fails on an image of {image.shape[1]} x {image.shape[0]} pixels: "
@@ -154,7 +156,7 @@ def _size_in_metadata(path: Path, metadata: Mapping[str, str]) -> tuple[int, int
         size = parse_literal(text)
         rows, columns = (size, size) if isinstance(size, int) else size
         return int(rows), int(columns)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:  # OverflowError: of inf
         raise FormatError(
             f"expected [rows, columns], got {text[:60]!r}", path=path, key="metadata imgsz"
         ) from error

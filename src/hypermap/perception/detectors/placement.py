@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from hypermap.core.arrays import FloatArray
 
-BORDER = 114.0  # the grey around the image that these networks were trained with
+BORDER = 114.0  # the gray around the image that these networks were trained with
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class Placement:
     top: int = 0
 
     def fill(self, image: NDArray[np.uint8]) -> NDArray[np.float32]:
-        """Return the network's input (H, W, 3), 0..255: the image, and grey around it."""
+        """Return the network's input (H, W, 3), 0..255: the image, and gray around it."""
         width, height = self.size
         columns = (np.arange(width) + 0.5) * (self.image_size[0] / width) - 0.5
         rows = (np.arange(height) + 0.5) * (self.image_size[1] / height) - 0.5
@@ -62,10 +62,10 @@ def top_left(image_size: tuple[int, int], input_size: tuple[int, int]) -> Placem
     return Placement(image_size, input_size, (width, height))
 
 
-def centred(image_size: tuple[int, int], input_size: tuple[int, int]) -> Placement:
+def centered(image_size: tuple[int, int], input_size: tuple[int, int]) -> Placement:
     """Return the image as large as it fits, in the middle.
 
-    >>> centred((640, 480), (640, 640)).top
+    >>> centered((640, 480), (640, 640)).top
     80
     """
     width, height = top_left(image_size, input_size).size
@@ -85,7 +85,7 @@ def sample_bilinear(image: NDArray[Any], rows: FloatArray, columns: FloatArray) 
     over more pixels when it shrinks an image, and a network finds fewer objects in the result.
 
     Args:
-        image: shape (H, W) or (H, W, C); pixel centres have whole coordinates.
+        image: shape (H, W) or (H, W, C); pixel centers have whole coordinates.
         rows: shape (h,); what lies off the image takes its edge's value.
         columns: shape (w,).
 

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import logging
 import math
-import os
 from bisect import bisect_left, insort
 from pathlib import Path
 from typing import Annotated, Any
@@ -23,6 +22,7 @@ import numpy as np
 from pydantic import BaseModel, Field, NonNegativeInt, ValidationError, model_validator
 
 from hypermap.core.errors import FileMissing, FormatError
+from hypermap.core.outside import write_file
 from hypermap.perception.detections import Detections
 from hypermap.perception.detectors import rle
 
@@ -173,21 +173,11 @@ class RecordedDetections:
 
         Raises:
             FileMissing: If the folder does not exist.
+            HypermapError: If it cannot be written.
         """
-        path = Path(path)
-        if not path.parent.is_dir():
-            raise FileMissing(f"{path.parent}: there is no such folder")
         frames = {repr(stamp): self._objects[stamp] for stamp in self._stamps}
         content = _File(image_size=self.image_size, frames=frames)
-        partial = path.with_name(f".{path.name}.{os.getpid()}")
-        try:
-            with partial.open("w", encoding="utf-8") as file:
-                file.write(content.model_dump_json(exclude_none=True))
-                file.flush()
-                os.fsync(file.fileno())
-            partial.replace(path)
-        finally:
-            partial.unlink(missing_ok=True)
+        write_file(path, content.model_dump_json(exclude_none=True).encode())
 
     def _put(self, stamp: float, objects: list[_Object]) -> None:
         if not math.isfinite(stamp):

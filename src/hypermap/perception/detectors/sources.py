@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from hypermap.core.errors import FormatError, HypermapError
-from hypermap.perception.detections import Detections, DetectionSource, Detector
+from hypermap.perception.detections import Detections, Detector
 from hypermap.perception.detectors.recorded import RecordedDetections
-from hypermap.perception.frame import RgbdFrame
+from hypermap.perception.frame import DetectionSource, RgbdFrame
 
 logger = logging.getLogger(__name__)
 
@@ -43,7 +43,7 @@ def detections_of(name: str, look: Callable[[], Any]) -> Detections:
     """
     try:
         found = look()
-    except HypermapError:
+    except (HypermapError, MemoryError):  # that memory is full is not its fault
         raise
     except Exception as error:
         logger.debug("%s failed", name, exc_info=True)

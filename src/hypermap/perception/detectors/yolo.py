@@ -1,4 +1,4 @@
-"""The outputs of the YOLO families: how to recognise them, and what they mean.
+"""The outputs of the YOLO families: how to recognize them, and what they mean.
 
 "Cells" are the squares of 8, 16 and 32 pixels into which a network divides its input, in this
 order, row by row; each proposes one box (YOLOv5: three).
@@ -58,7 +58,7 @@ def _decode_yolov5(outputs: Outputs) -> Candidates:
 
 # YOLOX and YOLOv6 share a shape: (x, y, w, h, objectness, class scores). YOLOv6 knows no
 # objectness and writes 1. YOLOX has (x, y, log w, log h) in units of the cell and from its corner,
-# unless its decoding was exported with it: then centres are near to their cells in pixels.
+# unless its decoding was exported with it: then centers are near to their cells in pixels.
 
 
 def _is_yolov6(outputs: Outputs) -> bool:
@@ -69,8 +69,8 @@ def _is_decoded_yolox(outputs: Outputs) -> bool:
     if not _has_yolox_shape(outputs) or _is_yolov6(outputs):
         return False
     cells, strides = _cells(outputs.input_size)
-    centres = outputs.table[:, :2]
-    return bool(np.median(np.abs(centres / strides - cells)) < np.median(np.abs(centres)))
+    centers = outputs.table[:, :2]
+    return bool(np.median(np.abs(centers / strides - cells)) < np.median(np.abs(centers)))
 
 
 def _is_yolox(outputs: Outputs) -> bool:

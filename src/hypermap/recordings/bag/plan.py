@@ -25,7 +25,7 @@ from hypermap.recordings.options import RecordingOptions
 from hypermap.recordings.pairing import FramePlan, associate, plan_frames
 from hypermap.recordings.problems import problems_of
 
-DEPTH_SCALE = 1000.0  # units per metre, REP 118
+DEPTH_SCALE = 1000.0  # units per meter, REP 118
 MAP_FRAME = "map"  # REP 105
 _Image = TypeVar("_Image", Geometry, NDArray[np.uint8])
 
@@ -96,6 +96,11 @@ class BagPlan:
         if self._topics.color is None or self._first.color is not None:
             return None
         topic = self._topics.color
+        if not self._contents.color.firsts:  # the bag counts some, but none can be read
+            for _, error in self.damaged:
+                if error.key == topic.name:
+                    raise error
+            return None
         colors = _readable(partial(decode_color, topic), self._contents.color.firsts)
         self.check_color(_usual(colors, lambda color: color.shape))
         return topic
@@ -107,7 +112,7 @@ class BagPlan:
 
     @property
     def depth_scale(self) -> float:
-        """Units of integer depth per metre."""
+        """Units of integer depth per meter."""
         return self._options.depth_scale or DEPTH_SCALE
 
     @cached_property

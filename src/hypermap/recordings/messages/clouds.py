@@ -53,9 +53,9 @@ def fit_camera(points: NDArray[np.float32]) -> Camera:
     for pixel, along in ((u, seen[:, 0] / seen[:, 2]), (v, seen[:, 1] / seen[:, 2])):
         if len(along) < 2 or np.ptp(along) < 1e-6:
             raise FormatError("the cloud has too few points to tell the camera's intrinsics")
-        focal, centre = np.polyfit(along, pixel, 1)
-        worst = max(worst, float(np.abs(focal * along + centre - pixel).max()))
-        intrinsics.append((focal, centre))
+        focal, center = np.polyfit(along, pixel, 1)
+        worst = max(worst, float(np.abs(focal * along + center - pixel).max()))
+        intrinsics.append((focal, center))
     (fx, cx), (fy, cy) = intrinsics
     if worst > _MAX_FIT_ERROR or fx <= 0 or fy <= 0:
         raise FormatError(
@@ -70,7 +70,7 @@ def _records(message: Any) -> NDArray[Any]:
     height, width = message.height, message.width
     if height < 2 or width < 2:
         raise FormatError(
-            f"the cloud is not organised: it has {height} x {width} points, and its neighbours "
+            f"the cloud is not organised: it has {height} x {width} points, and its neighbors "
             "cannot be told; record the camera's organised cloud or its depth image"
         )
     names, formats, offsets = [], [], []

@@ -22,7 +22,7 @@ _RVL_SIZE = struct.Struct("<II")
 
 
 def depth_of_compressed(message: Any, units_per_metre: float) -> NDArray[np.float32]:
-    """Return the depth in a `sensor_msgs/CompressedImage`, metres, NaN for no return.
+    """Return the depth in a `sensor_msgs/CompressedImage`, meters, NaN for no return.
 
     Args:
         message: an image of format "16UC1; compressedDepth ..." or "32FC1; compressedDepth ...".
@@ -48,9 +48,9 @@ def depth_of_compressed(message: Any, units_per_metre: float) -> NDArray[np.floa
     integers = _decode_rvl(content) if "rvl" in transport.lower() else decode_integers(content)
     if encoding == "16UC1":
         return depth_in_metres(integers, units_per_metre)
-    quantised = np.where(integers == 0, np.float32("nan"), integers.astype(np.float32))
+    quantized = np.where(integers == 0, np.float32("nan"), integers.astype(np.float32))
     with np.errstate(divide="ignore"):
-        return without_invalid(np.float32(quant_a) / (quantised - np.float32(quant_b)))
+        return without_invalid(np.float32(quant_a) / (quantized - np.float32(quant_b)))
 
 
 def _decode_rvl(content: bytes) -> NDArray[np.uint16]:

@@ -43,8 +43,8 @@ def _of_vision(detections: Any) -> Detections:
         if not found:
             continue
         best = max(found, key=lambda hypothesis: float(hypothesis.score))
-        centre = detection.bbox.center
-        at = getattr(centre, "position", centre)  # vision_msgs 4 has a pose of its own
+        center = detection.bbox.center
+        at = getattr(center, "position", center)  # vision_msgs 4 has a pose of its own
         half_x, half_y = detection.bbox.size_x / 2, detection.bbox.size_y / 2
         xyxy.append((at.x - half_x, at.y - half_y, at.x + half_x, at.y + half_y))
         names.append(str(best.class_id if hasattr(best, "class_id") else best.id))

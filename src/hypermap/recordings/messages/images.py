@@ -1,6 +1,6 @@
 """Depth and color out of `sensor_msgs` images.
 
-Source: REP 118 (depth images: 16UC1 in millimetres, 32FC1 in metres), `sensor_msgs/Image`.
+Source: REP 118 (depth images: 16UC1 in millimeters, 32FC1 in meters), `sensor_msgs/Image`.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _BAYER = re.compile("bayer_(rggb|bggr|gbrg|grbg)(8|16)")
 
 
 def depth_of_image(message: Any, units_per_metre: float) -> NDArray[np.float32]:
-    """Return the depth in a `sensor_msgs/Image`, metres, NaN for no return, shape (H, W).
+    """Return the depth in a `sensor_msgs/Image`, meters, NaN for no return, shape (H, W).
 
     Args:
         message: an image of encoding 16UC1, mono16 or 32FC1.
@@ -85,7 +85,7 @@ def color_of_compressed(message: Any) -> NDArray[np.uint8]:
 
 
 def without_invalid(depth: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return depth in metres with NaN wherever it is not a positive number.
+    """Return depth in meters with NaN wherever it is not a positive number.
 
     Source: REP 117 (infinite: out of range).
     """

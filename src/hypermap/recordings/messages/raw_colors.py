@@ -11,7 +11,7 @@ from hypermap.core.errors import FormatError
 def demosaic(mosaic: NDArray[np.uint8], pattern: str) -> NDArray[np.uint8]:
     """Return the colors of a Bayer mosaic, RGB, uint8, shape (H, W, 3).
 
-    What a pixel does not measure is the mean of its nearest neighbours that do, at the borders too.
+    What a pixel does not measure is the mean of its nearest neighbors that do, at the borders too.
 
     Args:
         mosaic: shape (H, W).
@@ -37,9 +37,9 @@ def demosaic(mosaic: NDArray[np.uint8], pattern: str) -> NDArray[np.uint8]:
 
 
 def _sum_around(values: NDArray[np.uint16]) -> NDArray[np.uint16]:
-    """Return the sum of each pixel's 3 x 3 neighbours, with weights 1 2 1 both ways.
+    """Return the sum of each pixel's 3 x 3 neighbors, with weights 1 2 1 both ways.
 
-    These are bilinear interpolation's: of the neighbours that measured a color, the nearest ones
+    These are bilinear interpolation's: of the neighbors that measured a color, the nearest ones
     weigh alike.
     """
     for _ in range(2):

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from hypermap.core.errors import FrameError, HypermapError, MissingExtra
 from hypermap.recordings.messages.transforms import TransformLog
 from hypermap.ros import typestore
+from hypermap.ros.callbacks import Closing, guarded
 from hypermap.ros.parameters import check_names, checked
 from hypermap.ros.port import Closable, Level, Message, Parameter, Publisher, Value
 from hypermap.ros.signals import end_signals
@@ -36,7 +37,6 @@ try:
     from hypermap.ros.foxglove.topics import (
         CDR,
         ChannelPublisher,
-        Closing,
         Inbox,
         message_schema,
         schema_of,
@@ -224,7 +224,7 @@ class FoxglovePort:
 
         def work() -> None:
             while not ended.wait(period):
-                self._guarded(callback)
+                guarded(self.log, "in a timer", callback)
 
         threading.Thread(target=work, name="timer", daemon=True).start()
         return Closing(ended.set)
@@ -342,12 +342,6 @@ class FoxglovePort:
         with self._lock:
             if not self._is_stopped:
                 change()
-
-    def _guarded(self, callback: Callable[[], None]) -> None:
-        try:
-            callback()
-        except Exception as error:  # the node goes on
-            self.log("error", f"in a timer: {error}")
 
     def _resolved(self, name: str) -> str:
         return name if name.startswith("/") else f"{self._name}/{name}"

@@ -10,6 +10,7 @@ from typing import Any
 
 import foxglove
 
+from hypermap.ros.callbacks import Closing
 from hypermap.ros.port import Level, Message
 from hypermap.ros.typestore import decode, definition, encode, message_class
 
@@ -69,19 +70,6 @@ class Inbox:
                 self._callback(decode(data, self.cls))
             except Exception as error:  # a client may send anything; the node goes on
                 self._log("error", f"a message on {self.topic} is left out: {error}")
-
-
-class Closing:
-    """Something that ends by a call."""
-
-    def __init__(self, close: Callable[[], object]) -> None:
-        self._close: Callable[[], object] | None = close
-
-    def close(self) -> None:
-        """End it; closing twice does no harm."""
-        close, self._close = self._close, None
-        if close is not None:
-            close()
 
 
 class ChannelPublisher(Closing):

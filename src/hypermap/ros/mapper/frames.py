@@ -20,7 +20,7 @@ from hypermap.recordings.messages.images import (
     depth_of_image,
 )
 from hypermap.ros.mapper.settings import CLOUD, COMPRESSED, LiveSettings
-from hypermap.ros.mapper.synchroniser import Match
+from hypermap.ros.mapper.synchronizer import MatchedMessages
 
 
 class FrameMaker:
@@ -44,7 +44,9 @@ class FrameMaker:
         """Return the optical frame of a depth message."""
         return clean_frame(self._settings.camera_frame or geometry.header.frame_id)
 
-    def frame(self, match: Match, geometry: Any, map_T_camera: NDArray[np.float64]) -> RgbdFrame:
+    def frame(
+        self, match: MatchedMessages, geometry: Any, map_T_camera: NDArray[np.float64]
+    ) -> RgbdFrame:
         """Return a frame.
 
         Args:

@@ -13,7 +13,7 @@ from hypermap.recordings.messages.detections import detections_of
 from hypermap.recordings.messages.header import nanoseconds
 from hypermap.ros.mapper.settings import CAMERA_INFO, LiveSettings
 from hypermap.ros.mapper.statistics import Fate, Statistics
-from hypermap.ros.mapper.synchroniser import Match, Synchroniser
+from hypermap.ros.mapper.synchronizer import MatchedMessages, Synchronizer
 from hypermap.ros.port import Closable, Message, Port
 from hypermap.ros.throttle import Throttle
 
@@ -30,7 +30,7 @@ class Work:
         arrived: when its depth came [s], by `time.monotonic`.
     """
 
-    match: Match
+    match: MatchedMessages
     arrived: float
 
     @property
@@ -79,7 +79,7 @@ class LiveInputs:
             )
         elif settings.color_topic:
             others["color"] = (settings.color_topic, settings.color_type, self._take_color)
-        self._synchroniser = Synchroniser(tuple(others), settings.slop, settings.patience)
+        self._synchronizer = Synchronizer(tuple(others), settings.slop, settings.patience)
         self._subscriptions: list[Closable] = []
         if settings.info_topic:
             self._subscriptions.append(
@@ -126,7 +126,7 @@ class LiveInputs:
 
     def _add(self, stream: str, stamp: int, item: Any) -> None:
         with self._lock:  # held until the work is handed over, so that it comes in order
-            settled = self._synchroniser.add(stream, stamp, item)
+            settled = self._synchronizer.add(stream, stamp, item)
             if settled.has_jumped:
                 self._next_due = 0
                 for _ in range(settled.forgotten):
@@ -141,7 +141,7 @@ class LiveInputs:
                 self._next_due = self._due_after(match.stamp)
                 geometry, arrived = match.items[""]
                 items = {**match.items, "": geometry}
-                self._on_work(Work(Match(match.stamp, items, match.stamps), arrived))
+                self._on_work(Work(MatchedMessages(match.stamp, items, match.stamps), arrived))
 
     def _due_after(self, stamp: int) -> int:
         """Return the stamp from which on the next frame is taken."""

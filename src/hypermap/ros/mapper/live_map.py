@@ -11,9 +11,9 @@ from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.semantic import SemanticLayer
 from hypermap.mapping.config import MappingConfig, chosen_config
 from hypermap.mapping.mapper import Mapper, why_unusable
-from hypermap.perception.detections import Detections, DetectionSource
+from hypermap.perception.detections import Detections
 from hypermap.perception.detectors import load_detector, sources
-from hypermap.perception.frame import Camera, RgbdFrame
+from hypermap.perception.frame import Camera, DetectionSource, RgbdFrame
 from hypermap.perception.observation import Observation
 from hypermap.ros.mapper.settings import LiveSettings
 from hypermap.ros.mapper.statistics import Fate

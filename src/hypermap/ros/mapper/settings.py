@@ -67,7 +67,7 @@ class LiveSettings:
     detector_threads: int = _setting(0, "Threads of the network; 0 takes all cores.", 0, 1024)
     map_frame: str = _setting("map", "Fixed frame in which the map is made, z up.")
     camera_frame: str = _setting("", "The camera's optical frame; by default as messages say.")
-    depth_scale: float = _setting(1000.0, "Units of integer depth per metre.", 1e-3, 1e9)
+    depth_scale: float = _setting(1000.0, "Units of integer depth per meter.", 1e-3, 1e9)
     profile: str = _setting(
         "default", "Method: the best that we know, or that of 2019.", choices=("default", "thesis")
     )

@@ -18,7 +18,7 @@ from hypermap.ros.messages.label_places import places_apart
 from hypermap.ros.messages.points import is_ros1, many_points
 from hypermap.ros.port import Message
 from hypermap.ros.ros1.arrays import writing_arrays
-from hypermap.triangles import Corners, label_points, outlines, triangles
+from hypermap.triangles import Corners, label_points, ring_segments, triangles
 
 # visualization_msgs/Marker
 _LINE_LIST, _TEXT_VIEW_FACING, _TRIANGLE_LIST = 5, 9, 11
@@ -78,7 +78,7 @@ def marker_array(
     if style.show_fill:
         fills = _Drawn(triangles(table.shapes), table, heights)
     if style.show_outlines:
-        outlined = _Drawn(outlines(table.footprints), table, heights + _STEP)
+        outlined = _Drawn(ring_segments(table.footprints), table, heights + _STEP)
     labels = _labels(table, style)
     places = _label_places(table, labels, style.label_height)
     for name, code in sorted(table.vocabulary.items()):

@@ -11,9 +11,9 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hypermap.core.found import Found
 from hypermap.core.layer import Hits
 from hypermap.core.occupancy import OccupancyLayer
-from hypermap.core.placed import Found
 from hypermap.ros.messages.geometry_messages import Message, Types, numbers, points
 from hypermap.ros.messages.to_messages import occupancy_grid, semantic_objects
 from hypermap.ros.ros1.arrays import takes_arrays, writing_arrays

@@ -11,8 +11,8 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from hypermap.core.found import Found
 from hypermap.core.objects import ObjectTable, SemanticObject
-from hypermap.core.placed import Found
 from hypermap.core.semantic import SemanticLayer
 from hypermap.core.shapes import repaired
 from hypermap.ros.messages.geometry_messages import (

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from hypermap.core.errors import FrameError, HypermapError
 from hypermap.core.trajectory import pose_matrix
+from hypermap.ros.callbacks import Closing, guarded
 from hypermap.ros.parameters import ParameterSet
 from hypermap.ros.port import Closable, Level, Message, Parameter, Publisher, Value
 from hypermap.ros.ros1.arrays import reading_arrays
@@ -110,7 +111,7 @@ class Ros1Port:
         subscriber = rospy.Subscriber(
             _resolved(topic),
             reading_arrays(message_class(type_name)),
-            lambda message: self._guarded(topic, lambda: callback(message)),
+            lambda message: guarded(self.log, topic, lambda: callback(message)),
             queue_size=queue,
             buff_size=_BUFFER_SIZE,
         )
@@ -143,7 +144,7 @@ class Ros1Port:
 
         def run() -> None:
             while not ends.wait(period) and not self.is_shut_down:
-                self._guarded("timer", callback)
+                guarded(self.log, "timer", callback)
 
         threading.Thread(target=run, name="timer", daemon=True).start()
         return _Closing(ends.set)
@@ -201,7 +202,8 @@ class Ros1Port:
         self._parameters = ParameterSet(
             parameters,
             given,
-            on_change and (lambda changed: self._guarded("parameters", lambda: on_change(changed))),
+            on_change
+            and (lambda changed: guarded(self.log, "parameters", lambda: on_change(changed))),
         )
         return dict(self._parameters.values)
 
@@ -271,24 +273,12 @@ class Ros1Port:
                 self._tf_began = time.monotonic()
             return self._buffer, self._tf_began
 
-    def _guarded(self, what: str, call: Callable[[], None]) -> None:
-        """Call; log an operator's error as a line and one of ours with its traceback."""
-        try:
-            call()
-        except HypermapError as error:
-            self.log("error", f"{what}: {error}")
-        except Exception:
-            self.log("error", f"{what}: {traceback.format_exc()}")
 
-
-class _Closing:
-    def __init__(self, close: Callable[[], object]) -> None:
-        self._close: Callable[[], object] | None = close
-
+class _Closing(Closing):
     def close(self) -> None:
-        close, self._close = self._close, None
-        if close is not None and not rospy.is_shutdown():  # a shutdown has closed everything
-            close()
+        if rospy.is_shutdown():  # which has closed everything
+            self._close = None
+        super().close()
 
 
 class _Publisher(_Closing):

@@ -3,26 +3,14 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
 from rclpy.exceptions import NameValidationException
 
 from hypermap.core.errors import HypermapError
+from hypermap.ros.callbacks import Closing
 from hypermap.ros.port import Message
-
-
-class Closing:
-    """Something that lasts until it is closed."""
-
-    def __init__(self, close: Callable[[], object]) -> None:
-        self._close: Callable[[], object] | None = close
-
-    def close(self) -> None:
-        """End it; closing twice does no harm."""
-        close, self._close = self._close, None
-        if close is not None:
-            close()
 
 
 class RclpyPublisher(Closing):

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hypermap.core.errors import HypermapError
+from hypermap.ros.callbacks import Closing, guarded
 from hypermap.ros.port import Closable, Level, Message, Node, Parameter, Publisher, Value
 
 try:
@@ -27,7 +28,7 @@ except ImportError as missing:
     ) from None
 
 from hypermap.ros.ros2.ending import end_executor
-from hypermap.ros.ros2.entities import Closing, RclpyPublisher, resolved, valid
+from hypermap.ros.ros2.entities import RclpyPublisher, resolved, valid
 from hypermap.ros.ros2.life import LifecycleNode
 from hypermap.ros.ros2.messages import message_class, service_class
 from hypermap.ros.ros2.parameters import Changes, declared, overrides, warn_of_others
@@ -287,15 +288,13 @@ class Ros2Port:
         _shut_down_rclpy()
 
     def _guarded(self, what: str, call: Callable[[], None]) -> None:
-        try:
-            call()
-        except HypermapError as error:
-            self.log("error", f"{what}: {error}")
-        except ExternalShutdownException:
-            self.shut_down()
-        except Exception:
-            if not self.is_shut_down:  # what was closed may be used a little longer
-                self._log_bug(what)
+        def unless_shut_down() -> None:
+            try:
+                call()
+            except ExternalShutdownException:
+                self.shut_down()
+
+        guarded(self.log, what, unless_shut_down, lambda: self.is_shut_down)
 
     def _log_bug(self, what: str) -> None:
         self.log("error", f"{what}: {traceback.format_exc()}")

@@ -28,19 +28,19 @@ MASKS = {"Keepout zones": "keepout_mask", "Speed limits": "speed_mask"}
 _WINDOW = (1280, 860)  # pixels
 _MAP_VIEW = (880, 700)  # what of the window is left for the map
 _MARGIN = 0.9  # how much of it the map fills
-_COARSE = 12  # pixels per metre, below which lines at whole metres are too many
+_COARSE = 12  # pixels per meter, below which lines at whole meters are too many
 _MASK_ALPHA = 0.4
 _BACKGROUND = "226; 229; 233"
 
 
 @dataclass(frozen=True)
-class View:
+class RvizView:
     """What is seen from above, in the fixed frame.
 
     Attributes:
         x: of the middle [m].
         y: of the middle [m].
-        scale: pixels per metre.
+        scale: pixels per meter.
     """
 
     x: float = 0.0
@@ -48,7 +48,7 @@ class View:
     scale: float = 60.0
 
     @classmethod
-    def of(cls, bounds: Sequence[float]) -> View:
+    def of(cls, bounds: Sequence[float]) -> RvizView:
         """Return the view that shows xmin, ymin, xmax, ymax [m]; the default for NaN."""
         if not np.isfinite(bounds).all():
             return cls()
@@ -140,7 +140,7 @@ def _map(name: str, topic: str, ros2: bool, own: dict[str, Any]) -> dict[str, An
 
 
 def configuration(
-    displays: Sequence[dict[str, Any]], fixed_frame: str, view: View, *, ros2: bool = False
+    displays: Sequence[dict[str, Any]], fixed_frame: str, view: RvizView, *, ros2: bool = False
 ) -> str:
     """Return a `.rviz` file with a grid, the frames and these displays.
 
@@ -188,7 +188,7 @@ def configuration(
             **transforms,
             "Views": views(view, ros2=ros2),
         },
-        "Window Geometry": {
+        "RvizWindow Geometry": {
             "Displays": {"collapsed": False},
             "Hide Left Dock": False,
             "Hide Right Dock": True,
@@ -199,11 +199,11 @@ def configuration(
     return yaml.safe_dump(content, sort_keys=False, allow_unicode=True)
 
 
-def views(view: View, *, ros2: bool = False) -> dict[str, Any]:
+def views(view: RvizView, *, ros2: bool = False) -> dict[str, Any]:
     """Return the part of a configuration that says what is seen."""
     current = {
         "Class": _class("TopDownOrtho", ros2),
-        "Name": "Current View",
+        "Name": "Current RvizView",
         "Target Frame": "<Fixed Frame>",
         "Angle": 0,
         "Scale": round(view.scale, 3),
@@ -214,8 +214,8 @@ def views(view: View, *, ros2: bool = False) -> dict[str, Any]:
     return {"Current": current, "Saved": None}
 
 
-def ground(view: View, *, ros2: bool = False) -> dict[str, Any]:
-    """Return the display of lines at whole or each ten metres, wherever the view may soon go."""
+def ground(view: RvizView, *, ros2: bool = False) -> dict[str, Any]:
+    """Return the display of lines at whole or each ten meters, wherever the view may soon go."""
     cell = 1 if view.scale > _COARSE else 10
     lines = 2 * math.ceil(max(_WINDOW) / view.scale / cell)
     return {
@@ -232,14 +232,14 @@ def ground(view: View, *, ros2: bool = False) -> dict[str, Any]:
     }
 
 
-def view_of(hypermap: Hypermap) -> View:
+def view_of(hypermap: Hypermap) -> RvizView:
     """Return the view of everything that a map knows; raises as `map_configuration`."""
     shapes = [
         hypermap.frames.lookup(hypermap.base_frame, layer.frame_id).apply_geometry(_known(layer))
         for layer in hypermap
         if has_display(layer.class_name)
     ]
-    return View.of(shapely.total_bounds([shapely.Polygon(), *shapes]).tolist())
+    return RvizView.of(shapely.total_bounds([shapely.Polygon(), *shapes]).tolist())
 
 
 def _known(layer: Layer) -> BaseGeometry:

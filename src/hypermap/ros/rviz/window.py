@@ -24,7 +24,7 @@ from hypermap.ros.rviz.config import (
     DEFAULT_SERVER,
     GROUND,
     MASKS,
-    View,
+    RvizView,
     configuration,
     display,
     ground,
@@ -155,7 +155,11 @@ class LayerDisplays:
     """
 
     def __init__(
-        self, port: Port, window: Displays, server: str = DEFAULT_SERVER, view: View | None = None
+        self,
+        port: Port,
+        window: Displays,
+        server: str = DEFAULT_SERVER,
+        view: RvizView | None = None,
     ) -> None:
         self._port, self._window, self._server = port, window, server
         self._shown: dict[str, dict[str, Any]] = {}
@@ -168,7 +172,7 @@ class LayerDisplays:
         self._fitted: Bounds | None = None  # to which the view was
         self._another_came = False  # since then
         self._lock = threading.RLock()
-        window.tell("load", config=configuration([], self._frame, view or View()))
+        window.tell("load", config=configuration([], self._frame, view or RvizView()))
         port.subscribe(
             f"{server}/hypermap_metadata", "hypermap_msgs/HypermapMetaData", self.show, latched=True
         )
@@ -222,7 +226,7 @@ class LayerDisplays:
         self._fitted, self._another_came = self._bounds, False
         if (is_first and self._has_view) or self._bounds is None:
             return
-        view = View.of(self._bounds)
+        view = RvizView.of(self._bounds)
         self._window.tell("view", config=yaml.safe_dump(views(view)))
         if GROUND not in self._shown:  # a layer may be called so
             self._put(ground(view))
@@ -252,7 +256,7 @@ class LayerDisplays:
             )
 
 
-def follow(port: Port, server: str = DEFAULT_SERVER, view: View | None = None) -> None:
+def follow(port: Port, server: str = DEFAULT_SERVER, view: RvizView | None = None) -> None:
     """Show a window that follows a map server until it is closed or the node is to end.
 
     Raises:

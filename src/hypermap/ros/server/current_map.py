@@ -16,7 +16,7 @@ from hypermap.ros.port import Closable, Port, Value
 Thing = TypeVar("Thing", bound=Closable)
 
 
-class Part(Protocol):
+class MapPart(Protocol):
     """A part of the map server: it brings the map to those who listen or ask."""
 
     def set(self, values: Mapping[str, Value]) -> None:
@@ -49,7 +49,7 @@ class CurrentMap:
         self._port = port
         self._hypermap = Hypermap()
         self._files: frozenset[Path] = frozenset()
-        self._parts: tuple[Part, ...] = ()
+        self._parts: tuple[MapPart, ...] = ()
         self._changed: set[str] = set()  # layers that are not shown as they are
         self._showing = threading.RLock()  # taken before the next, if both are
         self._writing = threading.Condition()  # guards the map and what of it has changed
@@ -95,7 +95,7 @@ class CurrentMap:
             self._changed.add(name)
             self._writing.notify()
 
-    def show_on(self, parts: Sequence[Part]) -> None:
+    def show_on(self, parts: Sequence[MapPart]) -> None:
         """Show the map, and all that follow, on these parts and no others."""
         with self._showing:
             self._parts = tuple(parts)
@@ -127,7 +127,7 @@ class CurrentMap:
         for part in self._parts:
             self._show_on(part, hypermap, changed)
 
-    def _show_on(self, part: Part, hypermap: Hypermap, changed: Sequence[str] | None) -> None:
+    def _show_on(self, part: MapPart, hypermap: Hypermap, changed: Sequence[str] | None) -> None:
         """Show the map on one part; the others go on if it fails."""
         try:
             part.show(hypermap, changed)

@@ -9,13 +9,13 @@ from hypermap.core.errors import HypermapError
 from hypermap.core.hypermap import Hypermap
 from hypermap.formats import open_map
 from hypermap.ros.port import Level, Parameter, Port, Value
-from hypermap.ros.server.current_map import CurrentMap, Part
+from hypermap.ros.server.costmap_masks import CostmapMasks
+from hypermap.ros.server.current_map import CurrentMap, MapPart
 from hypermap.ros.server.floor_frames import FloorFrames
 from hypermap.ros.server.health import Health, Tally
 from hypermap.ros.server.layer_topics import LayerTopics
 from hypermap.ros.server.map_files import MAP_DIRECTORY, MapFiles
 from hypermap.ros.server.markers import LayerMarkers
-from hypermap.ros.server.masks import CostmapMasks
 from hypermap.ros.server.requests import Requests
 from hypermap.ros.server.save_at_end import SAVE_TO, announce_end, archive_to_save, save_at_end
 from hypermap.ros.server.services import Services
@@ -51,7 +51,7 @@ class MapServer:
         self._file = file
         self._current = CurrentMap(port)
         self._values: dict[str, Value] = {}
-        self._parts: tuple[Part, ...] = ()
+        self._parts: tuple[MapPart, ...] = ()
         self._greeting: tuple[Level, str] = "info", ""
 
     def configure(self) -> None:
@@ -78,7 +78,7 @@ class MapServer:
         directory = str(self._values["map_directory"])
         files.directory = Path(directory).expanduser() if directory else None
         tally = Tally()
-        parts: list[Part] = [
+        parts: list[MapPart] = [
             Services(port, current, Requests(frames), files, tally),
             LayerTopics(port),
             LayerUpdates(port, current, frames),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from hypermap.core.occupancy import OccupancyLayer
-from hypermap.formats.pgm import dump_raw
+from hypermap.formats.grid.pgm import dump_raw
 from hypermap.formats.yaml_text import write_yaml
 from hypermap.ros.server.zones import Filter
 

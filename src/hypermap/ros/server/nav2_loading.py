@@ -70,7 +70,10 @@ class Nav2Loading:
 
     def _path(self, url: str) -> Path:
         """Return where a map lies, as `MapFiles.path` allows it."""
-        name = unquote(urlsplit(url).path) if url.startswith("file://") else url
+        try:
+            name = unquote(urlsplit(url).path) if url.startswith("file://") else url
+        except ValueError as error:
+            raise HypermapError(f"{url[:200]!r} is no address of a file: {error}") from None
         directory, path = self._files.directory, Path(name)
         if directory is not None and path.is_absolute():
             top = directory.absolute()

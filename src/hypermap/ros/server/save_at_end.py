@@ -86,10 +86,17 @@ def place_at_end(path: Path, own: Collection[Path]) -> Path:
         path: where the operator wants it.
         own: files that hold the map, as it was loaded or stored.
     """
-    if not path.exists() or path.resolve() in {file.resolve() for file in own}:
+    if not _is_there(path) or path.resolve() in {file.resolve() for file in own}:
         return path
     beside = (path.with_stem(f"{path.stem}-{number}") for number in itertools.count(1))
-    return next(free for free in beside if not free.exists())
+    return next(free for free in beside if not _is_there(free))
+
+
+def _is_there(path: Path) -> bool:
+    try:
+        return path.exists()
+    except OSError:  # nobody may look: saving says so
+        return False
 
 
 def _foreign(path: Path) -> str:

@@ -20,8 +20,8 @@ _PATIENCE = 5.0  # s for a command to end when the node ends
 class TerminalConsole:
     """The part that carries out what someone types where the node was started.
 
-    Without a terminal it does nothing. Ctrl-D ends the console alone; `exit` and Ctrl-C end the
-    node.
+    Without a terminal it does nothing. Ctrl-D ends the console alone; `exit`, `quit` and
+    Ctrl-C end the node.
     """
 
     def __init__(self, port: Port, current: CurrentMap) -> None:
@@ -52,7 +52,7 @@ class TerminalConsole:
         prompt = self._prompt
         if prompt is None:
             return
-        prompt.say("Type help for the commands, exit to end the node.")
+        prompt.say("Type help for the commands, exit or quit to end the node.")
         try:
             while True:
                 if answer := self._answer(prompt.line()):
@@ -66,7 +66,7 @@ class TerminalConsole:
         """Carry out a line and return the answer, also if it is an error.
 
         Raises:
-            Leave: If the line is `exit`.
+            Leave: If the line is `exit` or `quit`.
         """
         before = self._current.hypermap
         console = Console(before, self._republish)

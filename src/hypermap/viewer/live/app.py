@@ -1,4 +1,4 @@
-"""The server of the page: its routes, each a question to the open map or a change of it."""
+"""The server of the page: its routes, each a query or a change of the open map."""
 
 from __future__ import annotations
 
@@ -17,19 +17,18 @@ from starlette.responses import Response, StreamingResponse
 from starlette.routing import Route
 
 from hypermap.core.errors import HypermapError, LayerNotFound, ObjectNotFound
-from hypermap.viewer.live.behind import look_behind
 from hypermap.viewer.live.cache import ByteCache
 from hypermap.viewer.live.changes import Change
 from hypermap.viewer.live.description import describe_map
-from hypermap.viewer.live.document import MapDocument, Snapshot
+from hypermap.viewer.live.document import MapDocument, MapVersion
 from hypermap.viewer.live.downloads import rows_as_csv, rows_as_geojson
-from hypermap.viewer.live.editing import carry_out, operations_in
+from hypermap.viewer.live.editing import apply_operation, operations_in
+from hypermap.viewer.live.event_stream import event_stream
 from hypermap.viewer.live.guard import Guard
 from hypermap.viewer.live.layers import LayerView, LayerViews
-from hypermap.viewer.live.news import news_of
+from hypermap.viewer.live.object_evidence import describe_evidence
 from hypermap.viewer.live.page import page_file
 from hypermap.viewer.live.questions import Questions
-from hypermap.viewer.live.refusals import Refused
 from hypermap.viewer.live.replies import (
     fail,
     json_reply,
@@ -37,6 +36,7 @@ from hypermap.viewer.live.replies import (
     refuse,
     refuse_http,
 )
+from hypermap.viewer.live.request_errors import Refused
 from hypermap.viewer.live.requests import (
     box_in,
     corners_in,
@@ -45,25 +45,26 @@ from hypermap.viewer.live.requests import (
     text_in,
     whole_number_in,
 )
-from hypermap.viewer.live.spelling import spell_evidence
+from hypermap.viewer.live.snippets import snippets_for_evidence
 from hypermap.viewer.live.tiles import Tile, draw_tile
 from hypermap.web.hosts import known_hosts
 
 _CACHE = 64_000_000  # bytes of tiles
 _FOREVER = "private, max-age=31536000, immutable"
+_MOST_DIGITS = 20  # of a version
 _LOOK = 1.0  # seconds between two looks at the file
 
 
 class MapApp:
-    """The server's answers about one open map.
+    """The web application for one open map.
 
     Attributes:
         document: the map.
-        token: what its visitors must know.
-        is_private: whether they must know it to look, too.
+        token: the access token.
+        is_private: whether reading needs the token, too.
         once: tokens that open the page a single time.
-        is_closing: set when the server ends, so that windows are not waited for.
-        app: what a server of the ASGI standard runs.
+        is_closing: set when the server stops, so that event streams end.
+        app: the ASGI application.
     """
 
     def __init__(
@@ -130,23 +131,23 @@ class MapApp:
 
     def _map(self, _: Request) -> Response:
         document = self.document
-        status, snapshot = document.status(), document.snapshot
-        described = describe_map(snapshot.hypermap, self._views, document.is_editable)
+        status, current = document.status(), document.current
+        described = describe_map(current.hypermap, self._views, document.is_editable)
         for layer in described["layers"]:
-            layer["version"] = snapshot.since[layer["name"]]
+            layer["version"] = current.changed_in[layer["name"]]
         name = document.file.path.name
-        told = {"name": name, "path": str(document.file.path), "token": self.token, **status}
-        return json_reply({**told, **described, "version": snapshot.version})
+        answer = {"name": name, "path": str(document.file.path), "token": self.token, **status}
+        return json_reply({**answer, **described, "version": current.version})
 
     def _tile(self, request: Request) -> Response:
-        snapshot, view = self._layer(request)
+        current, view = self._layer(request)
         values = {key: request.path_params[key] for key in ("zoom", "column", "row")}
         numbers = {key: whole_number_in(values, key) for key in values}
         tile = Tile(**numbers)
         pyramid = view.pyramid
         if pyramid is None:
             raise Refused(f"layer {request.path_params['layer']!r} is no grid", 404)
-        version = snapshot.since[request.path_params["layer"]]
+        version = current.changed_in[request.path_params["layer"]]
         etag = f'"{version}"'
         headers = {"ETag": etag, "Cache-Control": _FOREVER if "v" in request.query_params else ""}
         headers = {key: value for key, value in headers.items() if value}
@@ -207,8 +208,8 @@ class MapApp:
     def _evidence(self, request: Request) -> Response:
         layer, number = request.path_params["layer"], whole_number_in(request.path_params, "id")
         path = str(self.document.file.path)
-        told = look_behind(self.document.snapshot.hypermap, layer, number)
-        return json_reply({**told, **spell_evidence(path, layer, number)})
+        answer = describe_evidence(self.document.current.hypermap, layer, number)
+        return json_reply({**answer, **snippets_for_evidence(path, layer, number)})
 
     # Changes
 
@@ -218,7 +219,7 @@ class MapApp:
         ids: list[int] = []
 
         def change(draft: Any) -> None:
-            made = [carry_out(draft, operation) for operation in operations]
+            made = [apply_operation(draft, operation) for operation in operations]
             ids.extend(number for number in made if number is not None)
 
         draft = await run_in_threadpool(self.document.edit, version, change)
@@ -245,15 +246,16 @@ class MapApp:
     async def _reload(self, request: Request) -> Response:
         await read_body(request)
         await run_in_threadpool(self.document.reload)
-        return self._changed({layer.name for layer in self.document.snapshot.hypermap})
+        return self._changed({layer.name for layer in self.document.current.hypermap})
 
     def _changed(self, layers: set[str], **others: Any) -> Response:
         return json_reply({**self.document.status(), "layers": sorted(layers), **others})
 
     async def _events(self, request: Request) -> Response:
         seen = request.headers.get("last-event-id") or request.query_params.get("v") or ""
-        version = int(seen) if seen.isdecimal() else self.document.snapshot.version
-        news = news_of(self.document, version, lambda: self.is_closing)
+        is_version = seen.isdecimal() and len(seen) <= _MOST_DIGITS
+        version = int(seen) if is_version else self.document.current.version
+        news = event_stream(self.document, version, lambda: self.is_closing)
         headers = {"Cache-Control": "no-store"}
         return StreamingResponse(news, media_type="text/event-stream", headers=headers)
 
@@ -261,12 +263,12 @@ class MapApp:
 
     def _questions(self) -> Questions:
         document = self.document
-        return Questions(document.snapshot.hypermap, self._views, str(document.file.path))
+        return Questions(document.current.hypermap, self._views, str(document.file.path))
 
-    def _layer(self, request: Request) -> tuple[Snapshot, LayerView]:
-        snapshot = self.document.snapshot
-        layer = snapshot.hypermap[request.path_params["layer"]]
-        view = self._views.of(snapshot.hypermap, layer)
+    def _layer(self, request: Request) -> tuple[MapVersion, LayerView]:
+        current = self.document.current
+        layer = current.hypermap[request.path_params["layer"]]
+        view = self._views.of(current.hypermap, layer)
         if view.problem:
             raise Refused(view.problem)
-        return snapshot, view
+        return current, view

@@ -1,4 +1,4 @@
-"""Answers that are kept because they will be asked for again."""
+"""An LRU cache for responses."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Callable, Hashable
 
 
 class ByteCache:
-    """Keeps what was made, up to so many bytes; what was not used for longest goes first.
+    """A least-recently-used cache of limited size in bytes.
 
     >>> cache = ByteCache(limit=10)
     >>> cache.get("a", lambda: b"made"), cache.get("a", lambda: b"not made again")

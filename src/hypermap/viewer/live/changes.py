@@ -1,4 +1,4 @@
-"""Changes of a map as values: what was before, and what is after."""
+"""Changes of a map as values, each with the states before and after."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ class Change:
     Attributes:
         layer: name of the layer that holds it.
         id: the object's.
-        before: None if it was not there.
-        after: None if it is there no more.
+        before: None if it was added.
+        after: None if it was removed.
     """
 
     layer: str
@@ -40,7 +40,7 @@ class LayerChange:
 
     Attributes:
         layer: its name.
-        is_there: after the change.
+        is_there: whether it exists after the change.
     """
 
     layer: str
@@ -55,12 +55,12 @@ AnyChange: TypeAlias = Change | LayerChange
 
 
 def undoing(changes: Sequence[AnyChange]) -> list[AnyChange]:
-    """Return the changes that undo some, the last one first."""
+    """Return the inverse changes, the last one first."""
     return [change.inverse() for change in reversed(changes)]
 
 
 def applied(hypermap: Hypermap, changes: Iterable[AnyChange]) -> Hypermap:
-    """Return a map with changes made; the given one stays as it is.
+    """Return a map with the changes applied; the given one stays as it is.
 
     Raises:
         LayerNotFound, ObjectNotFound: If there is no such layer or object.
@@ -72,17 +72,17 @@ def applied(hypermap: Hypermap, changes: Iterable[AnyChange]) -> Hypermap:
 
 
 class Draft:
-    """A map that is being changed beside the one from which it began.
+    """A copy of a map that is being changed; the original stays as it is.
 
     Attributes:
-        hypermap: as it is so far.
-        changes: all that were made, in their order.
+        hypermap: the copy so far.
+        changes: all changes so far, in order.
     """
 
     def __init__(
         self, hypermap: Hypermap, check: Callable[[str, int], None] = lambda _layer, _id: None
     ) -> None:
-        """Begin with a map; `check` raises for the layer and id of what must not be changed."""
+        """Start with a map; `check(layer, id)` raises for an object that must not be changed."""
         self.hypermap = hypermap
         self.changes: list[AnyChange] = []
         self._check = check
@@ -95,10 +95,10 @@ class Draft:
         return number
 
     def get(self, layer: str, number: int) -> SemanticObject:
-        """Return an object that is about to be changed.
+        """Return an object in order to change it.
 
         Raises:
-            ObjectNotFound: If it is not there.
+            ObjectNotFound: If it does not exist.
         """
         self._check(layer, number)
         return self.layer(layer).get(number)
@@ -117,13 +117,15 @@ class Draft:
         self.changes.append(Change(layer, number, before, None))
 
     def add_layer(self, name: str) -> None:
-        """Add a layer without objects, in the base frame, to be drawn beneath other objects.
+        """Add an empty semantic layer in the base frame, drawn beneath other objects.
 
         Raises:
             HypermapError: If there is one of that name.
         """
         if name in self.hypermap:
-            raise HypermapError(f"there is a layer {name!r} already; draw on it, or name another")
+            raise HypermapError(
+                f"layer {name!r} already exists; draw on it, or choose another name"
+            )
         self._own[name] = SemanticLayer(name, self.hypermap.base_frame)
         layers = list(self.hypermap)
         kinds = [isinstance(layer, SemanticLayer) for layer in layers]
@@ -132,14 +134,14 @@ class Draft:
         self.changes.append(LayerChange(name, True))
 
     def remove_layer(self, name: str) -> None:
-        """Take a layer away that was added without objects.
+        """Remove a layer that was added without objects.
 
         Raises:
             LayerNotFound: If there is none of that name.
         """
-        gone = self.hypermap[name]
+        removed = self.hypermap[name]
         self._own.pop(name, None)
-        self._replace_layers([layer for layer in self.hypermap if layer is not gone])
+        self._replace_layers([layer for layer in self.hypermap if layer is not removed])
         self.changes.append(LayerChange(name, False))
 
     def apply(self, change: AnyChange) -> None:
@@ -154,7 +156,7 @@ class Draft:
             self.update(change.layer, change.id, change.after)
 
     def layer(self, name: str) -> SemanticLayer:
-        """Return a layer that may be changed.
+        """Return a copy of a layer that may be changed.
 
         Raises:
             LayerNotFound: If there is none of that name.

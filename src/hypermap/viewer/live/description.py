@@ -1,4 +1,4 @@
-"""What the page knows of a map before it asks anything: its layers, frames, classes and colors."""
+"""The description of a map that the page loads first: layers, frames, classes and colors."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from hypermap.core.semantic import SemanticLayer
 from hypermap.viewer.live.layers import LayerView, LayerViews
 from hypermap.viewer.picture import well_filled
 
-_COARSE = 1024  # cells along a side are enough to see where a grid is known
+_COARSE = 1024  # cells along a side that are enough to find the known part of a grid
 
 
 def describe_map(hypermap: Hypermap, views: LayerViews, is_editable: bool) -> dict[str, Any]:
-    """Return the layers, frames and classes of a map, as docs/view.md tells.
+    """Return the layers, frames and classes of a map, as documented in docs/view.md.
 
     Coordinates are in the base frame [m]. A layer that cannot be drawn has the kind "none", and a
     `problem` where that is an error.

@@ -1,4 +1,4 @@
-"""The map that is open: its versions, what can be undone, and the file that it came from."""
+"""The map document: the open map with its versions, its undo history and its file."""
 
 from __future__ import annotations
 
@@ -17,27 +17,27 @@ from hypermap.core.semantic import SemanticLayer
 from hypermap.formats import open_map, save_map
 from hypermap.formats.backup import EDITED_WITH, keep_backup
 from hypermap.viewer.live.changes import AnyChange, Change, Draft, applied, undoing
-from hypermap.viewer.live.files import MapFile
-from hypermap.viewer.live.refusals import Refused
+from hypermap.viewer.live.map_file import MapFile
+from hypermap.viewer.live.request_errors import Refused
 
 _MOST_STEPS = 1000  # that can be undone
-_US = "hypermap view"  # as a file says who has changed it
+_EDITOR = "hypermap view"  # the editor's name in a saved file
 _OPENED = 0  # the number of the content that was opened
 
 
 @dataclass(frozen=True, eq=False)
-class Snapshot:
-    """The map at one moment; it never changes.
+class MapVersion:
+    """The map after one change; it never changes itself (snapshot isolation).
 
     Attributes:
         version: grows with every change.
         hypermap: the map.
-        since: version of the last change of each layer.
+        changed_in: version of the last change of each layer.
     """
 
     version: int
     hypermap: Hypermap
-    since: dict[str, int]
+    changed_in: dict[str, int]
 
 
 @dataclass(frozen=True)
@@ -50,18 +50,18 @@ class _Step:
 
 
 class MapDocument:
-    """A map that several windows look at and change.
+    """A map that several browser windows view and edit.
 
-    A map without objects gets an empty layer for them, in the base frame, so that rooms and zones
-    can be drawn; like every change, it is in the file only when it has been saved.
+    A map without a semantic layer gets an empty one in the base frame, so that rooms and zones can
+    be drawn. Like every change, it is in the file only after saving.
 
-    Each change names the version that its window has seen. It is refused if an object that it
-    touches has been changed since then, so that no window undoes another's work unknowingly.
+    Each change names the version that its window has seen (optimistic locking). It is refused if
+    one of its objects has changed since then, so that no window overwrites another's work.
 
     Attributes:
         file: where the map is saved.
-        is_editable: whether changes are taken.
-        beat: grows whenever windows have something to hear of.
+        is_editable: whether the map can be changed.
+        event_count: grows with every event that windows should know of.
         saves: how often the map was saved.
 
     Raises:
@@ -73,7 +73,7 @@ class MapDocument:
         self.file = MapFile.of(path, hypermap)
         hypermap = _with_objects(hypermap) if is_editable else hypermap
         self.is_editable = is_editable
-        self.beat = 0
+        self.event_count = 0
         self.saves = 0
         self._changing = threading.Lock()
         self._content = self._saved_content = _OPENED
@@ -81,20 +81,20 @@ class MapDocument:
         self._open(hypermap, time.time_ns() // 1_000_000)
 
     @property
-    def snapshot(self) -> Snapshot:
+    def current(self) -> MapVersion:
         """The map as it is now."""
-        return self._snapshot
+        return self._current
 
     @property
     def is_unsaved(self) -> bool:
-        """Whether there are changes that the file has not."""
+        """Whether there are unsaved changes."""
         return self._content != self._saved_content
 
     def status(self) -> dict[str, Any]:
-        """Return what windows show of the state of the editing."""
+        """Return the state of editing, as windows show it."""
         state = self.file.state
         status = {
-            "version": self._snapshot.version,
+            "version": self._current.version,
             "opened": self._first_version,
             "can_undo": self.is_editable and bool(self._done),
             "can_redo": self.is_editable and bool(self._undone),
@@ -103,38 +103,38 @@ class MapDocument:
         return status if state == "same" else {**status, "disk": state}
 
     def edit(self, version: int, change: Callable[[Draft], None]) -> Draft:
-        """Make changes together, or none of them.
+        """Make several changes as one step: all of them or none.
 
         Args:
-            version: which the one who asks has seen.
-            change: makes them.
+            version: the version that the client has seen.
+            change: makes the changes.
 
         Returns:
-            What was changed.
+            The changes.
 
         Raises:
-            Refused: If the map is read-only, or another has changed an object meanwhile.
+            Refused: If the map is read-only, or another window has changed one of the objects.
             HypermapError: If a change is not possible.
         """
         with self._changing:
             self._check_editable()
-            if not self._first_version <= version <= self._snapshot.version:
-                self._refuse_behind("the map was opened anew meanwhile")
-            draft = Draft(self._snapshot.hypermap, partial(self._check_seen, version))
+            if not self._first_version <= version <= self._current.version:
+                self._refuse_behind("the map has been reloaded")
+            draft = Draft(self._current.hypermap, partial(self._check_seen, version))
             change(draft)
             if draft.changes:
                 step = _Step(tuple(draft.changes), self._content, self._next_content())
                 self._done.append(step)
                 self._undone.clear()
-                self._take(draft.hypermap, draft.changes, step.after)  # windows hear of all that
+                self._take(draft.hypermap, draft.changes, step.after)  # notifies windows
             return draft
 
     def undo(self, version: int) -> Sequence[AnyChange]:
-        """Take back the last step, and return what changed; raises like `redo`."""
+        """Undo the last step, and return what changed; raises like `redo`."""
         return self._go(version, self._done, self._undone, is_undo=True)
 
     def redo(self, version: int) -> Sequence[AnyChange]:
-        """Make the step again that was taken back last, and return what changed.
+        """Redo the step that was undone last, and return what changed.
 
         Raises:
             Refused: If the map is read-only, has changed since that version, or there is no step.
@@ -142,15 +142,15 @@ class MapDocument:
         return self._go(version, self._undone, self._done, is_undo=False)
 
     def save(self, name: str | None = None, overwrite: bool = False) -> None:
-        """Save the map, to its own file or, from then on, to another of the same folder.
+        """Save the map to its file or, from then on, to another one in the same folder.
 
-        What people have changed is marked, so that mapping does not replace it unasked. A
-        map_server map stays as it is: without a name, it becomes NAME.hmap beside it.
+        Edited maps are marked, so that mapping does not replace them without asking. A map_server
+        map is not overwritten: without a name, the map is saved as NAME.hmap next to it.
 
         Raises:
             Refused: If the map is read-only, the file has changed on disk since the map was opened
-                or saved, or the other name is in use, unless `overwrite` says that this is
-                known; or if the name leads out of the folder.
+                or saved, or the other name is in use, unless `overwrite`; or if the name leads
+                out of the folder.
             HypermapError: If it cannot be written.
         """
         with self._changing:
@@ -160,38 +160,38 @@ class MapDocument:
             file = self.file if name is None else self.file.beside(name)
             file.check_before_saving(overwrite)
             keep_backup(file.path)
-            hypermap = self._snapshot.hypermap
+            hypermap = self._current.hypermap
             if self._content != _OPENED:
-                metadata = {**hypermap.metadata, EDITED_WITH: _US}
+                metadata = {**hypermap.metadata, EDITED_WITH: _EDITOR}
                 hypermap = Hypermap(hypermap, hypermap.frames, metadata)
             save_map(hypermap, file.path)
             self.file = MapFile.of(file.path, hypermap)
             self._saved_content = self._content
             self.saves += 1
-            self.beat += 1
+            self.event_count += 1
 
     def reload(self) -> None:
-        """Open the file anew; changes that were not saved are lost, and steps forgotten.
+        """Reload the file; unsaved changes and the undo history are lost.
 
         Raises:
-            HypermapError: If the file is no map any more; all stays as it is then.
+            HypermapError: If the file is no longer a map; then everything stays as it is.
         """
         with self._changing:
             hypermap = open_map(self.file.path)
             self.file = MapFile.of(self.file.path, hypermap)
             hypermap = _with_objects(hypermap) if self.is_editable else hypermap
-            self._open(hypermap, self._snapshot.version + 1)
-            self.beat += 1
+            self._open(hypermap, self._current.version + 1)
+            self.event_count += 1
 
     def watch_file(self) -> None:
-        """Look whether the file has changed on disk or is gone, and let windows know."""
+        """Check whether the file has changed on disk or was deleted, and notify windows."""
         with self._changing:  # a file that is being saved has not changed by itself
             if self.file.look():
-                self.beat += 1
+                self.event_count += 1
 
     def _open(self, hypermap: Hypermap, version: int) -> None:
         self._first_version = version
-        self._snapshot = Snapshot(version, hypermap, {layer.name: version for layer in hypermap})
+        self._current = MapVersion(version, hypermap, {layer.name: version for layer in hypermap})
         self._touched: dict[tuple[str, int], int] = {}
         self._done: deque[_Step] = deque(maxlen=_MOST_STEPS)
         self._undone: deque[_Step] = deque(maxlen=_MOST_STEPS)
@@ -202,25 +202,25 @@ class MapDocument:
     ) -> Sequence[AnyChange]:
         with self._changing:
             self._check_editable()
-            if version != self._snapshot.version:
-                self._refuse_behind("the map has changed meanwhile, perhaps in another window")
+            if version != self._current.version:
+                self._refuse_behind("the map has changed, perhaps in another window")
             if not taken:
                 raise Refused(f"there is nothing to {'undo' if is_undo else 'redo'}")
             step = taken[-1]
             changes = undoing(step.changes) if is_undo else list(step.changes)
-            hypermap = applied(self._snapshot.hypermap, changes)
+            hypermap = applied(self._current.hypermap, changes)
             given.append(taken.pop())
             self._take(hypermap, changes, step.before if is_undo else step.after)
             return changes
 
     def _take(self, hypermap: Hypermap, changes: Sequence[AnyChange], content: int) -> None:
-        version = self._snapshot.version + 1
-        since = {**self._snapshot.since, **{change.layer: version for change in changes}}
+        version = self._current.version + 1
+        changed_in = {**self._current.changed_in, **{change.layer: version for change in changes}}
         objects = [change for change in changes if isinstance(change, Change)]
         self._touched.update({(change.layer, change.id): version for change in objects})
-        self._snapshot = Snapshot(version, hypermap, since)
+        self._current = MapVersion(version, hypermap, changed_in)
         self._content = content
-        self.beat += 1
+        self.event_count += 1
 
     def _next_content(self) -> int:
         self._contents += 1
@@ -228,18 +228,18 @@ class MapDocument:
 
     def _check_editable(self) -> None:
         if not self.is_editable:
-            raise Refused("the map is open for reading only", 403)
+            raise Refused("the map is read-only", 403)
 
     def _check_seen(self, version: int, layer: str, number: int) -> None:
         """Refuse to change an object that has changed after a version."""
         if self._touched.get((layer, number), version) > version:
             self._refuse_behind(
-                f"object {number} of layer {layer!r} has changed meanwhile, in another window; "
-                "look at it as it is now, and change it again"
+                f"object {number} of layer {layer!r} has been changed in another window; "
+                "check it and try again"
             )
 
     def _refuse_behind(self, message: str) -> None:
-        raise Refused(message, 409, "behind", version=self._snapshot.version)
+        raise Refused(message, 409, "behind", version=self._current.version)
 
 
 def _with_objects(hypermap: Hypermap) -> Hypermap:

@@ -10,7 +10,7 @@ from typing import Any
 
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.semantic import SemanticLayer
-from hypermap.formats.geojson import to_geojson
+from hypermap.formats.semantic.geojson import to_geojson
 
 _COLUMNS = (
     "layer", "id", "name", "x", "y", "area", "existence", "first_seen", "last_seen", "tags",

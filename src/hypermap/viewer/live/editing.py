@@ -1,4 +1,4 @@
-"""From the page's operations to changes of a map."""
+"""Applies the page's edit operations to a map."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from hypermap.core.arrays import as_objects
 from hypermap.core.objects import SemanticObject
 from hypermap.core.shapes import valid_copies
 from hypermap.viewer.live.changes import Draft
-from hypermap.viewer.live.refusals import Refused
+from hypermap.viewer.live.request_errors import Refused
 from hypermap.viewer.live.requests import footprint_in, text_in, whole_number_in
 
 MOST_OPERATIONS = 500
@@ -39,7 +39,7 @@ def operations_in(body: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     return operations
 
 
-def carry_out(draft: Draft, operation: Mapping[str, Any]) -> int | None:
+def apply_operation(draft: Draft, operation: Mapping[str, Any]) -> int | None:
     """Make the change that an operation asks for, and return the object's id; None for a layer.
 
     Raises:

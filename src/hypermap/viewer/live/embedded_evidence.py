@@ -11,7 +11,7 @@ from hypermap.core.hypermap import Hypermap
 from hypermap.core.layer import Layer
 from hypermap.core.semantic import SemanticLayer
 from hypermap.text import counted
-from hypermap.viewer.live.behind import look_behind
+from hypermap.viewer.live.object_evidence import describe_evidence
 
 MAX_OBSERVATIONS = 20_000
 """How many observations of a layer a page holds; some five megabytes."""
@@ -35,7 +35,8 @@ def embed_evidence(
     ids, counts = np.unique(evidence.object_ids, return_counts=True)
     taken = np.flatnonzero(np.cumsum(counts) <= most)
     told = {
-        str(number): look_behind(hypermap, layer.name, number) for number in ids[taken].tolist()
+        str(number): describe_evidence(hypermap, layer.name, number)
+        for number in ids[taken].tolist()
     }
     if len(taken) == len(ids):
         return told, ""

@@ -32,7 +32,7 @@ class EmbeddedRaster:
         bounds: xmin, ymin, xmax, ymax [m].
         resolution: side of a pixel [m].
         grid: the cells that are drawn, their origin in the base frame; a turned grid has pixels
-            of half a cell, so that the one over a cell's centre shows that cell.
+            of half a cell, so that the one over a cell's center shows that cell.
         reduced_by: how many cells of the layer, along a side, became one; 1: all are there.
         says: color "rrggbbaa" -> label and value of the cells that have it; empty for layers whose
             colors do not tell what their cells hold.
@@ -115,7 +115,7 @@ def _embed_occupancy(
 
 
 def _colors(layer: OccupancyLayer) -> NDArray[np.uint8]:
-    """Return the color of each cell; unknown is grey, and only off the grid is there nothing."""
+    """Return the color of each cell; unknown is gray, and only off the grid is there nothing."""
     picture = layer.picture()
     if picture is None:
         return np.zeros((0, 0, 4), dtype=np.uint8)

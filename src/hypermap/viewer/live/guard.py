@@ -117,7 +117,7 @@ class Guard:
         if not is_known(host, self._hosts):
             return f"this server is not {host[:200]!r}; open it by the address that it printed"
         origin = headers.get("origin")
-        if origin is not None and urlsplit(origin).netloc.lower() != host.lower():
+        if origin is not None and _host_of(origin) != host.lower():
             return "requests from other sites are refused"
         came_from = headers.get("sec-fetch-site", "none")
         is_opened = path == "/" and headers.get("sec-fetch-mode") == "navigate"
@@ -125,6 +125,14 @@ class Guard:
             return "requests from other sites are refused"
         if method not in _READING and not self._is_token(headers.get(TOKEN_HEADER)):
             return "this window is from an earlier start of the server; reload the page"
+        return ""
+
+
+def _host_of(origin: str) -> str:
+    """Return the host and port of a site; nothing if it is none."""
+    try:
+        return urlsplit(origin).netloc.lower()
+    except ValueError:
         return ""
 
 

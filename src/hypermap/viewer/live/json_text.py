@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import json
-import math
-from collections.abc import Mapping
 from typing import Any
+
+from hypermap.text import fit_for_json
 
 
 def json_bytes(value: Any) -> bytes:
@@ -17,7 +17,7 @@ def json_bytes(value: Any) -> bytes:
     try:
         text = _dumped(value)
     except (TypeError, ValueError):  # seldom: shapes have many numbers, which are all fine
-        text = _dumped(_plain(value))
+        text = _dumped(fit_for_json(value))
     return text.encode(errors="replace")
 
 
@@ -25,11 +25,3 @@ def _dumped(value: Any) -> str:
     return json.dumps(
         value, ensure_ascii=False, allow_nan=False, separators=(",", ":"), default=str
     )
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value

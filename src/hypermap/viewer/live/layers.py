@@ -1,4 +1,4 @@
-"""How each layer of the open map is drawn, worked out once and kept."""
+"""How each layer of the open map is drawn, computed once and cached."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class LayerView:
 
 
 class LayerViews:
-    """The views of all layers that are in use; a layer that was changed is another one."""
+    """A cache of the views of all layers in use; a changed layer is a new object."""
 
     def __init__(self) -> None:
         self._kept: weakref.WeakKeyDictionary[Layer, LayerView] = weakref.WeakKeyDictionary()

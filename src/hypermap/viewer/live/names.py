@@ -1,4 +1,4 @@
-"""The names of objects, and which of them someone may mean."""
+"""Name matching: the names of objects, and which of them a user may mean."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ _MOST = 20  # that are suggested
 
 
 def names_of(table: ObjectTable) -> set[str]:
-    """Return the names that objects have; the vocabulary may have others, of objects gone."""
+    """Return the names that objects have; the vocabulary may have others, of removed objects."""
     used = set(np.unique(table.codes).tolist())
     return {name for name, code in table.vocabulary.items() if code in used}
 
 
-def names_like(name: str, known: Sequence[str]) -> list[str]:
-    """Return names of which a text is a part, those that begin with it first, or that are alike."""
+def similar_names(name: str, known: Sequence[str]) -> list[str]:
+    """Return names that contain a text, those that start with it first; or else similar names."""
     part = name.casefold()
     found = [other for other in known if part in other.casefold()]
     if not found:

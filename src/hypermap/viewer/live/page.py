@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from hypermap.core.errors import HypermapError
-from hypermap.viewer.live.refusals import Refused
+from hypermap.viewer.live.request_errors import Refused
 
 PAGE = Path(__file__).resolve().parents[1] / "page"
 """Where the build puts the page."""
@@ -51,5 +51,5 @@ def page_file(name: str) -> tuple[bytes, str]:
 
 
 def not_built(path: Path) -> str:
-    """Return what is said of a file of the page that is missing."""
-    return f"{path}: the page is not built; make it with: make page"
+    """Return the error message for a missing file of the page."""
+    return f"{path}: the page is not built; build it with: make page"

@@ -1,4 +1,4 @@
-"""The cells of a grid and ever coarser copies of them, to be drawn at every zoom."""
+"""An image pyramid: a grid and coarser copies of it, to be drawn at every zoom level."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Pixels: TypeAlias = NDArray[Any]
 Merge: TypeAlias = Callable[[Pixels, Pixels], Pixels]
 
 _OFF_GRID = UNKNOWN - 1
-_MAGNIFIED = 1 - 1e-6  # of a cell; centres a whole cell apart may step over one by rounding
+_MAGNIFIED = 1 - 1e-6  # of a cell; centers a whole cell apart may step over one by rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +28,7 @@ class Paint:
     """How pixels are merged and colored.
 
     Attributes:
-        merge: makes one pixel of two neighbours.
+        merge: makes one pixel of two neighbors.
         outside: the pixel off the grid.
         palette: for pixels that are numbers, the color (r, g, b, opacity) of each from `outside`
             on, uint8, shape (N, 4); None for pixels that are colors themselves.
@@ -87,15 +87,15 @@ class Pyramid:
     def draw(
         self, xs: NDArray[np.float64], ys: NDArray[np.float64], pixel: float, base_T_layer: Pose2D
     ) -> Pixels:
-        """Return what is to be seen around points on a raster in the base frame.
+        """Resample the grid at points of a raster in the base frame.
 
-        Where a pixel is smaller than a cell, it shows the cell at its centre. Where it is
+        Where a pixel is smaller than a cell, it shows the cell at its center. Where it is
         not, no cell is left out: each is part of one pixel at least.
 
         Args:
-            xs: of the pixels' centres [m], shape (W,).
+            xs: of the pixels' centers [m], shape (W,).
             ys: likewise, shape (H,).
-            pixel: the distance between two centres, along both axes [m].
+            pixel: the distance between two centers, along both axes [m].
             base_T_layer: pose of the layer's frame.
 
         Returns:

@@ -1,4 +1,4 @@
-"""Answers to what is asked by pointing: what is here, what is in this area, where is that."""
+"""Queries of the page: what is here, what is in this area, where is that object."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from hypermap.core.objects import ObjectTable
 from hypermap.core.occupancy import FREE, LABELS, OCCUPIED, OccupancyLayer
 from hypermap.core.opaque import OpaqueLayer
 from hypermap.core.semantic import SemanticLayer
-from hypermap.viewer.live.finding import find, wanted_in
 from hypermap.viewer.live.layers import LayerViews
-from hypermap.viewer.live.spelling import spell_area, spell_at
+from hypermap.viewer.live.object_search import find, query_in
+from hypermap.viewer.live.snippets import snippets_at, snippets_in_area
 
 MOST_ROWS = 5000
 """How many rows an answer has at most; downloads have all."""
@@ -50,12 +50,12 @@ class Questions:
         """
         x, y = self._pose_of(frame).apply(point)[0].tolist()
         answered = [layer for layer in self.hypermap if self._can_answer(layer)]
-        spelled = spell_at(self._path, point, frame, [layer.name for layer in answered])
+        snippets = snippets_at(self._path, point, frame, [layer.name for layer in answered])
         return {
             "point": [x, y],
             "frame": self.hypermap.base_frame,
             "layers": [self._layer_at(layer, point, frame) for layer in answered],
-            **spelled,
+            **snippets,
         }
 
     def area(self, corners: Sequence[Sequence[float]], frame: str | None) -> dict[str, Any]:
@@ -71,12 +71,12 @@ class Questions:
             for layer in self.hypermap
             if self._can_answer(layer) and not isinstance(layer, SemanticLayer)
         ]
-        spelled = spell_area(self._path, corners, frame, [layer.name for layer in grids])
+        snippets = snippets_in_area(self._path, corners, frame, [layer.name for layer in grids])
         return {
             "rows": rows[:MOST_ROWS],
             "total": len(rows),
             "cells": [cell for layer in grids for cell in self._cells_in(layer, area, frame)],
-            **spelled,
+            **snippets,
         }
 
     def rows_in(
@@ -103,7 +103,7 @@ class Questions:
             Refused: If the request says nothing of that, or something wrong.
             FrameError: If the frame is unknown.
         """
-        return find(self.hypermap, self._path, wanted_in(values, self.hypermap))
+        return find(self.hypermap, self._path, query_in(values, self.hypermap))
 
     def details(self, layer_name: str, number: int) -> dict[str, Any]:
         """Return all that is known of an object; its shape exactly, in the base frame.
@@ -146,7 +146,7 @@ class Questions:
         if isinstance(layer, SemanticLayer):
             now = layer.snapshot
             in_layer = (self._pose_of(layer.frame_id).inverse() @ self._pose_of(frame)).apply(point)
-            rows = now.all_rows_at(in_layer[0])
+            rows = now.all_at(in_layer[0])
             for item, area in zip(map(now.object, rows), now.column("areas", rows), strict=True):
                 shown: dict[str, Any] = {"id": item.id, "name": item.name, "area": float(area)}
                 objects.append({**shown, "existence": item.existence, "tags": list(item.tags)})

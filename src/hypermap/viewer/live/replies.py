@@ -1,4 +1,4 @@
-"""Answers in HTTP: JSON, and what is said where there is none."""
+"""HTTP responses: JSON, and errors."""
 
 from __future__ import annotations
 
@@ -10,35 +10,35 @@ from starlette.responses import JSONResponse, Response
 
 from hypermap.core.errors import LayerNotFound, ObjectNotFound
 from hypermap.viewer.live.json_text import json_bytes
-from hypermap.viewer.live.refusals import Refused
+from hypermap.viewer.live.request_errors import Refused
 
 
 def json_reply(value: Any) -> Response:
-    """Return a value as JSON that no browser keeps."""
+    """Return a value as JSON that browsers do not cache."""
     return json_reply_of(json_bytes(value))
 
 
 def json_reply_of(content: bytes) -> Response:
-    """Return JSON that is there already."""
+    """Return encoded JSON."""
     headers = {"Cache-Control": "no-store"}
     return Response(content, media_type="application/json", headers=headers)
 
 
 def refuse(_: Request, error: Exception) -> Response:
-    """Answer what cannot be done with the reason."""
+    """Respond to a refused request with the reason."""
     if isinstance(error, Refused):
-        told = {"error": str(error), "reason": error.reason, **error.others}
-        return JSONResponse(told, error.status)
+        answer = {"error": str(error), "reason": error.reason, **error.others}
+        return JSONResponse(answer, error.status)
     status = 404 if isinstance(error, LayerNotFound | ObjectNotFound) else 400
     return JSONResponse({"error": str(error)}, status)
 
 
 def refuse_http(_: Request, error: Exception) -> Response:
-    """Answer what there is no route for."""
+    """Respond to a request without a route."""
     assert isinstance(error, HTTPException)
     return JSONResponse({"error": error.detail}, error.status_code)
 
 
 def fail(_: Request, error: Exception) -> Response:
-    """Answer where a plug-in, or this program, does not work; the terminal shows where."""
-    return JSONResponse({"error": f"the server failed at this: {error!r}"[:500]}, 500)
+    """Respond to a bug in a plug-in or this program; the terminal shows the traceback."""
+    return JSONResponse({"error": f"internal server error: {error!r}"[:500]}, 500)

@@ -1,4 +1,4 @@
-"""What requests say, checked: bodies, numbers, points, polygons."""
+"""Parsing and checking of requests: bodies, numbers, points, polygons."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from starlette.datastructures import QueryParams
 from starlette.requests import Request
 
 from hypermap.core.tangles import check_tangle
-from hypermap.viewer.live.refusals import Refused
+from hypermap.viewer.live.request_errors import Refused
 
 MOST_BYTES = 8_000_000
 """Size of the largest request body."""
@@ -23,7 +23,7 @@ MOST_METRES = 100_000
 MOST_ASKED_CORNERS = 2_000
 """Corners of the largest area that is asked about; each costs time on a large grid."""
 
-_FAR = 1e9  # metres
+_FAR = 1e9  # meters
 
 
 async def read_body(request: Request) -> dict[str, Any]:
@@ -149,7 +149,7 @@ def _of_size(shape: BaseGeometry, key: str) -> BaseGeometry:
     if side > MOST_METRES:
         raise Refused(
             f"{key}: the shape is {side / 1000:.0f} km long, more than {MOST_METRES // 1000} km; "
-            "corners are given in metres"
+            "corners are given in meters"
         )
     return shape
 

@@ -1,4 +1,4 @@
-"""A layer's shapes as the page draws them: what the view needs, and no more."""
+"""A layer's shapes as the page draws them, at the level of detail of the viewport."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ from hypermap.viewer.live.json_text import json_bytes
 from hypermap.viewer.live.tiles import FINEST
 
 MOST = 5000
-"""How many shapes are sent at once."""
+"""The maximum number of shapes in one response."""
 
 _SMALLEST = 2  # pixels; what is smaller is sent as a point
 _ZOOMS_KEPT = 6  # of what was sent
-_SHARPEST = 1e-4  # metres; no coordinate is told more exactly
+_SHARPEST = 1e-4  # meters; the finest precision of a coordinate
 
 Polygons = list[list[list[list[float]]]]
 
@@ -124,7 +124,7 @@ class LayerShapes:
 
     def polygons(self, row: int, base_T_layer: Pose2D) -> Polygons:
         """Return one shape exactly as it is, in the base frame: polygons of rings of points."""
-        return polygons_of(self.shapes[[row]], base_T_layer, decimals=None)[0]
+        return polygons_in_base(self.shapes[[row]], base_T_layer, decimals=None)[0]
 
     def label_points(self, rows: IntArray, base_T_layer: Pose2D) -> NDArray[np.float64]:
         """Return where names belong, in the base frame: the centroid if it lies inside, (N, 2)."""
@@ -158,7 +158,7 @@ class LayerShapes:
         decimals = max(0, math.ceil(-math.log10(max(pixel / 4, _SHARPEST))))
         outlines = shapely.simplify(shapes[drawn], pixel / 2, preserve_topology=True)
         polygons: list[Polygons] = [[] for _ in shapes]
-        found = polygons_of(outlines, base_T_layer, decimals)
+        found = polygons_in_base(outlines, base_T_layer, decimals)
         for i, outline in zip(drawn.tolist(), found, strict=True):
             polygons[i] = outline
         columns = zip(
@@ -174,7 +174,9 @@ class LayerShapes:
             yield json_bytes({"id": number, "name": str(name), "at": at, "area": area, **shape})
 
 
-def polygons_of(shapes: ObjectArray, base_T_layer: Pose2D, decimals: int | None) -> list[Polygons]:
+def polygons_in_base(
+    shapes: ObjectArray, base_T_layer: Pose2D, decimals: int | None
+) -> list[Polygons]:
     """Return for each shape its polygons, each with its outline first, in the base frame."""
     found: list[Polygons] = [[] for _ in shapes]
     parts, owners = _parts(shapes)

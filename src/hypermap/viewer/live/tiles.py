@@ -1,4 +1,4 @@
-"""Grids as square pictures in the base frame, at every zoom: what the page asks for."""
+"""Tiles: grids as square pictures in the base frame, at every zoom level."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Tile:
     """One tile: columns grow along x and rows along y, from the origin of the base frame.
 
     Raises:
-        HypermapError: If there is no such zoom, or the tile lies absurdly far away.
+        HypermapError: If there is no such zoom level, or the tile is too far away.
 
     >>> Tile(zoom=0, column=-1, row=0).bounds
     (-2.56, 0.0, 0.0, 2.56)

@@ -14,8 +14,15 @@ from hypermap.core.frames import Pose2D
 from hypermap.core.hypermap import Hypermap
 from hypermap.mapping.mapper import MappedFrame
 from hypermap.perception.detections import Detections
-from hypermap.viewer.logs.images import jpeg, millimetres
-from hypermap.viewer.logs.scene import Scene, Shapes, Surface, class_rgb, seen_area, seen_shapes
+from hypermap.viewer.logs.images import jpeg, millimeters
+from hypermap.viewer.logs.scene import (
+    MapScene,
+    SceneShapes,
+    Surface,
+    class_rgb,
+    seen_area,
+    seen_shapes,
+)
 from hypermap.web.gate import Gate, hidden_address
 
 try:
@@ -28,7 +35,7 @@ except ImportError:
 _CAMERA = "camera"  # frame of the camera's optical axes
 _LINE, _OUTLINE = 2.0, 1.5  # pixels
 _NAME_SIZE = 14.0  # pixels
-_LIFT = 0.1  # metres by which names are above their shapes
+_LIFT = 0.1  # meters by which names are above their shapes
 _GREY = fox.Color(r=0.6, g=0.6, b=0.6, a=1.0)
 _INK = fox.Color(r=0.1, g=0.1, b=0.1, a=1.0)
 _WHITE = fox.Color(r=1.0, g=1.0, b=1.0, a=0.8)
@@ -81,7 +88,7 @@ class FoxgloveLog:
 
     def add_map(self, hypermap: Hypermap, stamp: float | None = None) -> None:
         """Log some or all layers of a map as they are at a time; None if they never change."""
-        scene = Scene.of(hypermap)
+        scene = MapScene.of(hypermap)
         for surface in scene.surfaces:
             self._log(f"/map/{surface.layer}", _grid(surface, scene.base_frame, stamp), stamp)
         for shapes in scene.shapes:
@@ -119,7 +126,7 @@ class FoxgloveLog:
             height=camera.height,
             encoding="16UC1",
             step=2 * camera.width,
-            data=millimetres(frame.depth).astype("<u2").tobytes(),
+            data=millimeters(frame.depth).astype("<u2").tobytes(),
         )
         self._log("/camera/depth", depth, stamp)
         self._log("/camera/detections", _annotations(mapped.detections, stamp), stamp)
@@ -182,7 +189,7 @@ def _grid(surface: Surface, frame_id: str, stamp: float | None) -> fox.Grid:
     )
 
 
-def _entity(shapes: Shapes, frame_id: str, stamp: float | None) -> fox.SceneEntity:
+def _entity(shapes: SceneShapes, frame_id: str, stamp: float | None) -> fox.SceneEntity:
     """Return shapes as one entity, which takes the place of the one before it."""
     fills = fox.TriangleListPrimitive(
         points=_points(shapes.corners), colors=[_color(*rgba) for rgba in shapes.corner_colors]

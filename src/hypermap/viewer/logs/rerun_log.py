@@ -12,8 +12,15 @@ import numpy as np
 from hypermap.core.errors import HypermapError, MissingExtra
 from hypermap.core.hypermap import Hypermap
 from hypermap.mapping.mapper import MappedFrame
-from hypermap.viewer.logs.images import MILLIMETRES, jpeg, millimetres
-from hypermap.viewer.logs.scene import Scene, Shapes, Surface, class_rgb, seen_area, seen_shapes
+from hypermap.viewer.logs.images import MILLIMETRES, jpeg, millimeters
+from hypermap.viewer.logs.scene import (
+    MapScene,
+    SceneShapes,
+    Surface,
+    class_rgb,
+    seen_area,
+    seen_shapes,
+)
 
 try:
     import rerun
@@ -61,7 +68,7 @@ class RerunLog:
     def add_map(self, hypermap: Hypermap, stamp: float | None = None) -> None:
         """Log some or all layers of a map as they are at a time; None if they never change."""
         self._set_time(stamp)
-        scene, is_static = Scene.of(hypermap), stamp is None
+        scene, is_static = MapScene.of(hypermap), stamp is None
         if is_static and not self._has_camera and (bounds := scene.bounds()) is not None:
             self._log.send_blueprint(_map_alone(bounds))
         for surface in scene.surfaces:
@@ -92,7 +99,7 @@ class RerunLog:
         if frame.color is not None:
             color = rerun.EncodedImage(contents=jpeg(frame.color), media_type="image/jpeg")
             self._log.log("camera/image/color", color)
-        depth = rerun.DepthImage(millimetres(frame.depth), meter=MILLIMETRES)
+        depth = rerun.DepthImage(millimeters(frame.depth), meter=MILLIMETRES)
         self._log.log("camera/image/depth", depth)
         found = mapped.detections
         boxes = rerun.Boxes2D(
@@ -117,7 +124,7 @@ class RerunLog:
         elif stamp is not None:
             self._log.set_time("stamp", duration=stamp)
 
-    def _add_shapes(self, path: list[object], shapes: Shapes, is_static: bool) -> None:
+    def _add_shapes(self, path: list[object], shapes: SceneShapes, is_static: bool) -> None:
         """Log shapes; those that were there before are gone."""
         fills = rerun.Mesh3D(vertex_positions=shapes.corners, vertex_colors=shapes.corner_colors)
         lines = rerun.LineStrips3D(shapes.segments, colors=shapes.segment_colors, radii=_THIN_LINE)
@@ -128,7 +135,7 @@ class RerunLog:
             radii=_POINT,
         )
         self._log.log([*path, "fills"], fills, static=is_static)
-        self._log.log([*path, "outlines"], lines, static=is_static)
+        self._log.log([*path, "ring_segments"], lines, static=is_static)
         self._log.log([*path, "names"], names, static=is_static)
 
 

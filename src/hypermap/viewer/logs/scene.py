@@ -15,10 +15,10 @@ from hypermap.core.hypermap import Hypermap
 from hypermap.core.layer import RasterPicture
 from hypermap.core.shapes import valid_copies
 from hypermap.perception.observation import Observation
-from hypermap.triangles import label_points, outlines, triangles
+from hypermap.triangles import label_points, ring_segments, triangles
 
-_STEP = 0.01  # metres by which each layer lies above the one before it
-_HIGH = 0.05  # metres above the floor at which a frame's own shapes are drawn
+_STEP = 0.01  # meters by which each layer lies above the one before it
+_HIGH = 0.05  # meters above the floor at which a frame's own shapes are drawn
 _TINT = 140  # opacity of fills, 0..255
 
 
@@ -48,14 +48,14 @@ class Surface:
 
 
 @dataclass(frozen=True, eq=False)
-class Shapes:
+class SceneShapes:
     """Named shapes on the floor, in the base frame.
 
     Attributes:
         layer: the layer's name.
         corners: of triangles that fill all shapes [m], float32, shape (3 T, 3).
         corner_colors: RGBA, uint8, shape (3 T, 4).
-        segments: begin and end of the outlines' lines [m], float32, shape (L, 2, 3).
+        segments: begin and end of the ring_segments' lines [m], float32, shape (L, 2, 3).
         segment_colors: RGB, uint8, shape (L, 3).
         names: of the shapes, shape (N,).
         places: a point in each shape for its name [m], float32, shape (N, 3).
@@ -73,7 +73,7 @@ class Shapes:
 
 
 @dataclass(frozen=True, eq=False)
-class Scene:
+class MapScene:
     """All that is drawn of a map, in its base frame.
 
     Attributes:
@@ -85,7 +85,7 @@ class Scene:
 
     base_frame: str
     surfaces: tuple[Surface, ...]
-    shapes: tuple[Shapes, ...]
+    shapes: tuple[SceneShapes, ...]
     frames: dict[str, Pose2D]
 
     def bounds(self) -> tuple[float, float, float, float] | None:
@@ -103,7 +103,7 @@ class Scene:
         return xmin, ymin, xmax, ymax
 
     @classmethod
-    def of(cls, hypermap: Hypermap) -> Scene:
+    def of(cls, hypermap: Hypermap) -> MapScene:
         """Return what there is to draw of a map; layers without a picture are left out."""
         if not hypermap.layers:
             return cls("map", (), (), {})
@@ -143,7 +143,7 @@ def named_shapes(
     shapes: ObjectArray,
     pose: Pose2D | None = None,
     z: float = 0.0,
-) -> Shapes:
+) -> SceneShapes:
     """Return shapes as triangles, lines and names, each class in its color.
 
     Args:
@@ -157,10 +157,10 @@ def named_shapes(
     if pose is not None:
         placed = pose.apply_geometries(placed)
     colors = class_rgb(names)
-    fills, lines = triangles(placed), outlines(placed)
+    fills, lines = triangles(placed), ring_segments(placed)
     tint = np.full((len(fills.owners), 1), _TINT, dtype=np.uint8)
     centroids = shapely.get_coordinates(shapely.centroid(placed)).reshape(-1, 2)
-    return Shapes(
+    return SceneShapes(
         layer,
         corners=_raised(fills.points_xy, z),
         corner_colors=np.hstack([colors[fills.owners], tint]),
@@ -172,7 +172,7 @@ def named_shapes(
     )
 
 
-def seen_shapes(observation: Observation) -> Shapes:
+def seen_shapes(observation: Observation) -> SceneShapes:
     """Return the footprints that a frame shows."""
     names = as_objects(seen.name for seen in observation.objects)
     return named_shapes(

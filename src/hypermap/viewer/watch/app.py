@@ -1,4 +1,4 @@
-"""The server of the page that shows a run: its routes, each a question to the run."""
+"""The server of the page that shows a run: its routes, each a query to the run."""
 
 from __future__ import annotations
 
@@ -17,30 +17,30 @@ from hypermap.core.errors import HypermapError
 from hypermap.viewer.live.guard import Guard
 from hypermap.viewer.live.json_text import json_bytes
 from hypermap.viewer.live.page import page_file
-from hypermap.viewer.live.refusals import Refused
 from hypermap.viewer.live.replies import fail, json_reply, json_reply_of, refuse, refuse_http
+from hypermap.viewer.live.request_errors import Refused
 from hypermap.viewer.live.requests import whole_number_in
 from hypermap.viewer.watch.history import NoSuchStep
-from hypermap.viewer.watch.run import Heard, Run
+from hypermap.viewer.watch.run import ClientState, WatchedRun
 from hypermap.web.hosts import known_hosts
 
 _FOREVER = "private, max-age=31536000, immutable"
-_LISTEN, _STILL_THERE = 0.1, 15.0  # seconds
+_POLL, _KEEP_ALIVE = 0.1, 15.0  # seconds
 
 
 class RunApp:
-    """The server's answers about one run.
+    """The web application for one run.
 
     Attributes:
-        run: what is shown.
-        token: what its visitors must know.
-        is_private: whether they must.
+        run: the run.
+        token: the access token.
+        is_private: whether reading needs the token.
         once: tokens that open the page a single time.
-        is_closing: set when the server ends, so that windows are not waited for.
-        app: what a server of the ASGI standard runs.
+        is_closing: set when the server stops, so that event streams end.
+        app: the ASGI application.
     """
 
-    def __init__(self, run: Run, host: str = "127.0.0.1") -> None:
+    def __init__(self, run: WatchedRun, host: str = "127.0.0.1") -> None:
         self.run = run
         self.token = secrets.token_urlsafe(24)
         self.is_private = True
@@ -102,21 +102,23 @@ class RunApp:
 
     async def _events(self, _: Request) -> Response:
         headers = {"Cache-Control": "no-store"}
-        return StreamingResponse(self._news(), media_type="text/event-stream", headers=headers)
+        return StreamingResponse(
+            self._event_stream(), media_type="text/event-stream", headers=headers
+        )
 
-    async def _news(self) -> AsyncIterator[bytes]:
-        """Yield how the run stands, now and whenever something has happened."""
+    async def _event_stream(self) -> AsyncIterator[bytes]:
+        """Yield the state of the run, now and after every event."""
         loop = asyncio.get_running_loop()
-        heard, told = Heard(), loop.time()
+        client, last_sent = ClientState(), loop.time()
         while True:
             is_last = self.is_closing
-            if heard.beat != self.run.beat:
-                news, heard = self.run.news(heard)
-                told = loop.time()
-                yield b"data: %b\n\n" % json_bytes({"run": self._id, **news})
-            elif loop.time() - told > _STILL_THERE:
-                told = loop.time()
-                yield b": still there\n\n"
+            if client.event_count != self.run.event_count:
+                update, client = self.run.update_for(client)
+                last_sent = loop.time()
+                yield b"data: %b\n\n" % json_bytes({"run": self._id, **update})
+            elif loop.time() - last_sent > _KEEP_ALIVE:
+                last_sent = loop.time()
+                yield b": keep-alive\n\n"
             if is_last:
                 return
-            await asyncio.sleep(_LISTEN)
+            await asyncio.sleep(_POLL)

@@ -21,8 +21,8 @@ from hypermap.viewer.live.json_text import json_bytes
 from hypermap.viewer.watch.grids import GridPicture
 from hypermap.viewer.watch.objects import (
     Difference,
-    Thing,
-    Things,
+    ObjectState,
+    ObjectStates,
     change,
     changed_by,
     difference,
@@ -88,26 +88,26 @@ class History:
         self._folder = folder
         self._most_steps = most_steps
         self._most_bytes = most_bytes
-        self._newest: Things = {}
-        self._states: OrderedDict[int, Things] = OrderedDict()
+        self._newest: ObjectStates = {}
+        self._states: OrderedDict[int, ObjectStates] = OrderedDict()
         self._extents: dict[int, tuple[float, float, float, float]] = {}  # of the grids' pictures
         self._size = 0  # of all files [bytes]
 
     def add(
         self,
         number: int,
-        sight: dict[str, Any],
+        observation: dict[str, Any],
         picture: bytes,
-        things: Things,
+        objects: ObjectStates,
         grid: GridPicture | None,
     ) -> None:
         """Keep one more step.
 
         Args:
             number: of the frame in the recording; larger than that of the step before.
-            sight: what the frame saw, from `describe_sight`.
+            observation: what the frame saw, from `describe_observation`.
             picture: JPEG.
-            things: the objects of the map after this frame.
+            objects: the objects of the map after this frame.
             grid: the map's grid after this frame; None where there is no new picture of it.
 
         Raises:
@@ -117,11 +117,11 @@ class History:
         if grid is not None:
             newest = self._write_grid(number, grid)
         self._write(f"{number}.jpg", picture)
-        self._write_sight(number, sight, newest)
-        self._write_things(len(self.steps), number, self._newest, things)
-        place = (sight["camera"]["x"], sight["camera"]["y"])
-        self.steps.append(Step(number, sight["stamp"], place, len(things), newest))
-        self._newest = things
+        self._write_observation(number, observation, newest)
+        self._write_objects(len(self.steps), number, self._newest, objects)
+        place = (observation["camera"]["x"], observation["camera"]["y"])
+        self.steps.append(Step(number, observation["stamp"], place, len(objects), newest))
+        self._newest = objects
         if len(self.steps) >= self._most_steps or (
             self._size > self._most_bytes and len(self.steps) > 1
         ):
@@ -135,7 +135,7 @@ class History:
         """
         step = self.steps[-1]
         number = self._write_grid(step.number, grid)
-        self._write_sight(step.number, json.loads(self.sight(step.number)), number)
+        self._write_observation(step.number, json.loads(self.observation(step.number)), number)
         self.steps[-1] = replace(step, grid=number)
 
     def number_at(self, number: int) -> int:
@@ -151,7 +151,7 @@ class History:
         position = bisect_left(self.steps, number, key=_number_of)
         return position < len(self.steps) and self.steps[position].number == number
 
-    def sight(self, number: int) -> bytes:
+    def observation(self, number: int) -> bytes:
         """Return as JSON what the frame of a step saw.
 
         Raises:
@@ -175,7 +175,7 @@ class History:
         """
         return self._read(f"{number}.png")
 
-    def things(self, number: int) -> Things:
+    def objects(self, number: int) -> ObjectStates:
         """Return the objects of the map at a step.
 
         Raises:
@@ -196,45 +196,49 @@ class History:
             raise NoSuchStep(f"there is no step {number}")
         return position
 
-    def _rebuilt(self, last: int) -> Things:
+    def _rebuilt(self, last: int) -> ObjectStates:
         """Return the objects at a position: from the nearest that are known, by the differences."""
         first = last
         while first % _WHOLE_EVERY and self.steps[first].number not in self._states:
             first -= 1
         number = self.steps[first].number
-        things = self._states.get(number)
-        if things is None:
+        objects = self._states.get(number)
+        if objects is None:
             whole = json.loads(self._read(f"{number}.whole"))
-            things = {number: Thing(*columns) for number, *columns in whole}
+            objects = {number: ObjectState(*columns) for number, *columns in whole}
         for step in self.steps[first + 1 : last + 1]:
-            things = changed_by(things, json.loads(self._read(f"{step.number}.change")))
-        return things
+            objects = changed_by(objects, json.loads(self._read(f"{step.number}.change")))
+        return objects
 
     def _write_grid(self, number: int, grid: GridPicture) -> int:
         self._write(f"{number}.png", grid.content)
         self._extents[number] = grid.extent
         return number
 
-    def _write_sight(self, number: int, sight: dict[str, Any], grid: int | None) -> None:
+    def _write_observation(
+        self, number: int, observation: dict[str, Any], grid: int | None
+    ) -> None:
         shown = None if grid is None else {"number": grid, "extent": list(self._extents[grid])}
-        self._write(f"{number}.json", json_bytes({"number": number, **sight, "grid": shown}))
+        self._write(f"{number}.json", json_bytes({"number": number, **observation, "grid": shown}))
 
-    def _write_things(self, position: int, number: int, before: Things, after: Things) -> None:
+    def _write_objects(
+        self, position: int, number: int, before: ObjectStates, after: ObjectStates
+    ) -> None:
         """Write the objects at a position."""
         self._write(f"{number}.change", json_bytes(difference(before, after)))
         self._write_whole(position, number, after)
 
-    def _write_whole(self, position: int, number: int, things: Things) -> None:
+    def _write_whole(self, position: int, number: int, objects: ObjectStates) -> None:
         """Write all objects, if that is due at a position."""
         if position % _WHOLE_EVERY == 0:
-            whole = [[id_, *thing] for id_, thing in sorted(things.items())]
+            whole = [[id_, *thing] for id_, thing in sorted(objects.items())]
             self._write(f"{number}.whole", json_bytes(whole))
 
     def _thin(self) -> None:
         """Drop every second step; the newest stays."""
         kept: list[Step] = []
-        dropped: Difference = {"set": [], "existence": [], "gone": []}
-        things: Things = {}
+        dropped: Difference = {"set": [], "existence": [], "removed": []}
+        objects: ObjectStates = {}
         for position, step in enumerate(self.steps):
             name = f"{step.number}.change"
             changes = merged(dropped, json.loads(self._read(name)))
@@ -244,10 +248,10 @@ class History:
                 for ending in ("change", "jpg", "json"):
                     (self._folder / f"{step.number}.{ending}").unlink(missing_ok=True)
                 continue
-            dropped = {"set": [], "existence": [], "gone": []}
-            change(things, changes)
+            dropped = {"set": [], "existence": [], "removed": []}
+            change(objects, changes)
             self._write(name, json_bytes(changes))
-            self._write_whole(len(kept), step.number, things)
+            self._write_whole(len(kept), step.number, objects)
             kept.append(step)
         self.steps = kept
         used = {step.grid for step in kept}

@@ -1,19 +1,19 @@
-"""The objects of the map at one time, and what is different at another."""
+"""The objects of the map at each step, and the differences between steps."""
 
 from __future__ import annotations
 
 from typing import Any, NamedTuple, TypedDict
 
 from hypermap.mapping.evidence import EvidenceMap
-from hypermap.viewer.watch.sight import Polygons, polygons_of
+from hypermap.viewer.watch.observation import Polygons, polygon_rings
 
 
-class Thing(NamedTuple):
-    """An object as it was at one time.
+class ObjectState(NamedTuple):
+    """The state of an object at one step.
 
     Attributes:
         name: its class.
-        existence: how sure the map is of it.
+        existence: how surely it is real.
         evidence: how many observations there were of it.
         polygons: its shape [m].
     """
@@ -24,94 +24,96 @@ class Thing(NamedTuple):
     polygons: Polygons
 
 
-Things = dict[int, Thing]
-"""The objects of the map at one time, by id."""
+ObjectStates = dict[int, ObjectState]
+"""The objects of the map at one step, by id."""
 
 
 class Difference(TypedDict):
-    """What makes the objects at one time of those at another, fit for JSON.
+    """The difference between the objects of two steps, ready for JSON.
 
     Attributes:
         set: objects that are new or were seen: id, name, existence, evidence and polygons.
         existence: objects of which nothing else has changed: id and existence.
-        gone: ids of the objects that are no longer there.
+        removed: ids of the objects that no longer exist.
     """
 
     set: list[list[Any]]
     existence: list[tuple[int, float]]
-    gone: list[int]
+    removed: list[int]
 
 
-def things_of(evidence: EvidenceMap, before: Things) -> Things:
+def object_states(evidence: EvidenceMap, before: ObjectStates) -> ObjectStates:
     """Return the objects of the map now.
 
     Args:
         evidence: what the map knows.
         before: an earlier answer; the shapes that cannot have changed since are taken from it.
     """
-    standing = evidence.standing()
-    changed = {number for number, count, _ in standing if not _is_known(before.get(number), count)}
-    shapes = {thing.id: thing for thing in evidence.objects(changed)} if changed else {}
-    things: Things = {}
-    for number, count, existence in standing:
+    summary = evidence.summary()
+    changed = {number for number, count, _ in summary if not _is_known(before.get(number), count)}
+    shapes = {state.id: state for state in evidence.objects(changed)} if changed else {}
+    objects: ObjectStates = {}
+    for number, count, existence in summary:
         if number in changed:
-            thing = shapes[number]
-            things[number] = Thing(thing.name, existence, count, polygons_of(thing.footprint))
+            state = shapes[number]
+            objects[number] = ObjectState(
+                state.name, existence, count, polygon_rings(state.footprint)
+            )
         elif before[number].existence == existence:
-            things[number] = before[number]
+            objects[number] = before[number]
         else:
-            things[number] = before[number]._replace(existence=existence)
-    return things
+            objects[number] = before[number]._replace(existence=existence)
+    return objects
 
 
-def difference(before: Things, after: Things) -> Difference:
-    """Return what makes `after` of `before`."""
-    changes: Difference = {"set": [], "existence": [], "gone": []}
-    for number, thing in after.items():
+def difference(before: ObjectStates, after: ObjectStates) -> Difference:
+    """Return the difference that turns `before` into `after`."""
+    changes: Difference = {"set": [], "existence": [], "removed": []}
+    for number, state in after.items():
         known = before.get(number)
-        if known == thing:
+        if known == state:
             continue
-        if known is not None and known._replace(existence=thing.existence) == thing:
-            changes["existence"].append((number, thing.existence))
+        if known is not None and known._replace(existence=state.existence) == state:
+            changes["existence"].append((number, state.existence))
         else:
-            changes["set"].append([number, *thing])
-    changes["gone"] = [number for number in before if number not in after]
+            changes["set"].append([number, *state])
+    changes["removed"] = [number for number in before if number not in after]
     return changes
 
 
-def changed_by(things: Things, changes: Difference) -> Things:
+def changed_by(objects: ObjectStates, changes: Difference) -> ObjectStates:
     """Return the objects after changes, in the order of their ids."""
-    after = dict(things)
+    after = dict(objects)
     change(after, changes)
     return dict(sorted(after.items()))
 
 
-def change(things: Things, changes: Difference) -> None:
+def change(objects: ObjectStates, changes: Difference) -> None:
     """Change objects in place; new ones come last."""
-    for number in changes["gone"]:
-        things.pop(number, None)
+    for number in changes["removed"]:
+        objects.pop(number, None)
     for number, *columns in changes["set"]:
-        things[number] = Thing(*columns)
+        objects[number] = ObjectState(*columns)
     for id_, existence in changes["existence"]:
-        things[id_] = things[id_]._replace(existence=existence)
+        objects[id_] = objects[id_]._replace(existence=existence)
 
 
 def merged(first: Difference, second: Difference) -> Difference:
-    """Return the changes that are one set of changes after another.
+    """Return the difference that equals one difference after another.
 
-    It costs as much as there are changes, however many objects there are. What the first adds and
-    the second takes away is told as gone.
+    The cost depends on the number of changes, not of objects. What the first one adds and the
+    second one removes is listed as removed.
     """
     set_ = {number: [number, *columns] for number, *columns in first["set"]}
     existence = dict(first["existence"])
-    gone = dict.fromkeys(first["gone"])
-    for number in second["gone"]:
+    removed = dict.fromkeys(first["removed"])
+    for number in second["removed"]:
         set_.pop(number, None)
         existence.pop(number, None)
-        gone[number] = None
+        removed[number] = None
     for number, *columns in second["set"]:
         existence.pop(number, None)
-        gone.pop(number, None)
+        removed.pop(number, None)
         set_[number] = [number, *columns]
     for id_, value in second["existence"]:
         if id_ in set_:
@@ -122,9 +124,9 @@ def merged(first: Difference, second: Difference) -> Difference:
     return {
         "set": list(set_.values()),
         "existence": list(existence.items()),
-        "gone": list(gone),
+        "removed": list(removed),
     }
 
 
-def _is_known(thing: Thing | None, evidence: int) -> bool:
-    return thing is not None and thing.evidence == evidence
+def _is_known(state: ObjectState | None, evidence: int) -> bool:
+    return state is not None and state.evidence == evidence

@@ -20,8 +20,8 @@ WIDEST = 640
 """Columns of a picture at most."""
 
 _QUALITY = 80  # of JPEG
-_NEAREST, _FARTHEST = 0.4, 10.0  # depths at the two ends of the greys [m]
-_DARKEST = 45  # grey of what is far; black is no return
+_NEAREST, _FARTHEST = 0.4, 10.0  # depths at the two ends of the grays [m]
+_DARKEST = 45  # gray of what is far; black is no return
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +32,7 @@ class CameraPicture:
         content: JPEG.
         width: columns.
         height: rows.
-        kind: the color image, or the depth image in greys where there is no other.
+        kind: the color image, or the depth image in grays where there is no other.
         reduced_by: how many rows and columns of the image became one.
     """
 
@@ -44,7 +44,7 @@ class CameraPicture:
 
 
 def picture_of(frame: RgbdFrame) -> CameraPicture:
-    """Return the picture of a frame; depth goes from white, near, to dark grey, far."""
+    """Return the picture of a frame; depth goes from white, near, to dark gray, far."""
     step = -(-frame.camera.width // WIDEST)
     color = _color_of(frame)
     if color is not None:
@@ -71,8 +71,8 @@ def _color_of(frame: RgbdFrame) -> NDArray[np.uint8] | None:
 
 
 def _greys(depth: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """Return a grey for each depth; what is twice as far is darker by one step."""
+    """Return a gray for each depth; what is twice as far is darker by one step."""
     with np.errstate(invalid="ignore", divide="ignore"):
         nearness = np.log(_FARTHEST / depth) / np.log(_FARTHEST / _NEAREST)
-    greys = _DARKEST + (255 - _DARKEST) * np.clip(nearness, 0, 1)
-    return np.asarray(np.where(depth > 0, greys, 0), dtype=np.uint8)
+    grays = _DARKEST + (255 - _DARKEST) * np.clip(nearness, 0, 1)
+    return np.asarray(np.where(depth > 0, grays, 0), dtype=np.uint8)

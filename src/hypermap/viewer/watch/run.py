@@ -1,4 +1,4 @@
-"""A run of the mapper that is being watched: its history, how it stands, and news of both."""
+"""A mapping run that is recorded for the page: its history, its state, and updates of both."""
 
 from __future__ import annotations
 
@@ -18,40 +18,40 @@ from hypermap.viewer.live.description import hex_color
 from hypermap.viewer.live.json_text import json_bytes
 from hypermap.viewer.watch.grids import GridPictures
 from hypermap.viewer.watch.history import MOST_BYTES, MOST_STEPS, History
-from hypermap.viewer.watch.objects import Things, difference, things_of
+from hypermap.viewer.watch.objects import ObjectStates, difference, object_states
+from hypermap.viewer.watch.observation import describe_observation
 from hypermap.viewer.watch.picture import picture_of
-from hypermap.viewer.watch.sight import describe_sight
 
 _log = logging.getLogger(__name__)
 
 State = Literal["mapping", "saved", "failed"]
 
 
-class Heard(NamedTuple):
-    """What a window has heard of a run already.
+class ClientState(NamedTuple):
+    """What a window knows of a run so far.
 
     Attributes:
-        beat: how much had happened.
+        event_count: the last event that it knows.
         steps: how many steps it knows.
         thinned: how often steps had been dropped.
-        colors: of how many classes it knows the color.
+        colors: for how many classes it knows the color.
     """
 
-    beat: int = -1
+    event_count: int = -1
     steps: int = 0
     thinned: int = 0
     colors: int = 0
 
 
-class Run:
-    """A run of the mapper, kept to be looked at; may be asked from several threads.
+class WatchedRun:
+    """A mapping run, recorded step by step; thread-safe.
 
     `watch` and `progress` are for `map_recording`, which calls them.
 
     Attributes:
         recording: name of what is mapped.
         output: name of the map that is made.
-        beat: counts what has happened.
+        event_count: grows with every event.
     """
 
     def __init__(
@@ -75,9 +75,9 @@ class Run:
         """
         self.recording = recording
         self.output = output
-        self.beat = 0
+        self.event_count = 0
         self._history = History(folder, most_steps, most_bytes)
-        self._guard = threading.Lock()
+        self._lock = threading.Lock()
         self._grids = GridPictures()
         self._total, self._done, self._objects, self._counts = total, 0, 0, Counts()
         self._state: State = "mapping"
@@ -85,14 +85,14 @@ class Run:
         self._map_url: str | None = None
         self._is_kept = True
         self._colors: dict[str, str] = {}
-        self._things: Things = {}
+        self._objects_now: ObjectStates = {}
         self._since_kept = 0
         self._last: tuple[MappedFrame, Mapper] | None = None
         # Pictures are made beside the mapper, one frame behind it.
         self._worker = ThreadPoolExecutor(1, thread_name_prefix="run")
         self._work: Future[None] | None = None
 
-    # What the mapper tells
+    # Called by the mapper
 
     def watch(self, seen: MappedFrame, mapper: Mapper) -> None:
         """Keep what a frame saw, or every n-th frame of a long run."""
@@ -104,10 +104,10 @@ class Run:
 
     def progress(self, progress: Progress) -> None:
         """Take over how far mapping has come."""
-        with self._guard:
+        with self._lock:
             self._done, self._objects = progress.done, progress.objects
             self._counts = progress.counts
-            self.beat += 1
+            self.event_count += 1
 
     def finish(self, message: str, map_url: str | None = None) -> None:
         """Take over that the map is saved.
@@ -130,14 +130,14 @@ class Run:
         """Let the work that goes on beside the mapper end."""
         self._worker.shutdown()
 
-    # What windows ask
+    # Called for windows
 
-    def news(self, heard: Heard) -> tuple[dict[str, Any], Heard]:
-        """Return what is new since, and what is known with it."""
-        with self._guard:
+    def update_for(self, client: ClientState) -> tuple[dict[str, Any], ClientState]:
+        """Return what is new for a window, and its state afterward."""
+        with self._lock:
             steps, thinned = self._history.steps, self._history.thinned
-            first = heard.steps if heard.thinned == thinned else 0
-            news: dict[str, Any] = {
+            first = client.steps if client.thinned == thinned else 0
+            update: dict[str, Any] = {
                 "state": self._state,
                 "message": self._message,
                 "map_url": self._map_url,
@@ -154,9 +154,9 @@ class Run:
                     "objects": [step.objects for step in steps[first:]],
                 },
             }
-            if heard.colors != len(self._colors):
-                news["colors"] = dict(self._colors)
-            return news, Heard(self.beat, len(steps), thinned, len(self._colors))
+            if client.colors != len(self._colors):
+                update["colors"] = dict(self._colors)
+            return update, ClientState(self.event_count, len(steps), thinned, len(self._colors))
 
     def step(self, number: int, since: int | None) -> bytes:
         """Return a step as JSON: what its frame saw, and the objects of the map then.
@@ -169,13 +169,13 @@ class Run:
         Raises:
             NoSuchStep: If there is no step that old.
         """
-        with self._guard:
+        with self._lock:
             number = self._history.number_at(number)
             since = since if since is not None and since in self._history else None
-            before = {} if since is None else self._history.things(since)
-            changes = difference(before, self._history.things(number))
+            before = {} if since is None else self._history.objects(since)
+            changes = difference(before, self._history.objects(number))
             objects = json_bytes({"since": since, **changes})
-            return b'{"sight":%b,"objects":%b}' % (self._history.sight(number), objects)
+            return b'{"observation":%b,"objects":%b}' % (self._history.observation(number), objects)
 
     def picture(self, number: int) -> bytes:
         """Return the camera's picture of a step as JPEG.
@@ -183,7 +183,7 @@ class Run:
         Raises:
             NoSuchStep: If there is no such step.
         """
-        with self._guard:
+        with self._lock:
             return self._history.picture(number)
 
     def grid(self, number: int) -> bytes:
@@ -192,7 +192,7 @@ class Run:
         Raises:
             NoSuchStep: If none was made at that step.
         """
-        with self._guard:
+        with self._lock:
             return self._history.grid(number)
 
     # Parts of the above
@@ -205,11 +205,11 @@ class Run:
         grid = self._grids.due(mapper.occupancy, at_once=is_last)
         is_new = self._since_kept > 0
         if is_new:  # what the mapper changes next is taken now
-            self._things = things_of(mapper.evidence, self._things)
+            self._objects_now = object_states(mapper.evidence, self._objects_now)
             self._since_kept = 0
         number = mapper.counts.frames if is_new else None
         self._work = self._worker.submit(
-            self._write, seen, mapper.config, number, self._things, grid
+            self._write, seen, mapper.config, number, self._objects_now, grid
         )
 
     def _write(
@@ -217,7 +217,7 @@ class Run:
         seen: MappedFrame,
         config: MappingConfig,
         number: int | None,
-        things: Things,
+        things: ObjectStates,
         grid: OccupancyLayer | None,
     ) -> None:
         """Write a step of this number; with None, the newest one's grid."""
@@ -225,21 +225,21 @@ class Run:
             drawn = None if grid is None else self._grids.draw(grid)
             if number is None:
                 if drawn is not None:
-                    with self._guard:
+                    with self._lock:
                         self._history.renew_grid(drawn)
                 return
             picture = picture_of(seen.frame)
-            sight = describe_sight(seen, picture, config)
-            with self._guard:
+            observation = describe_observation(seen, picture, config)
+            with self._lock:
                 self._color([*seen.detections.names, *(thing.name for thing in things.values())])
-                self._history.add(number, sight, picture.content, things, drawn)
-                self.beat += 1
+                self._history.add(number, observation, picture.content, things, drawn)
+                self.event_count += 1
         except OSError as error:
             self._is_kept = False
-            _log.warning("the rest of the run cannot be looked at: %s", error)
-            with self._guard:
-                self._message = f"from here on the run cannot be kept: {error.strerror}"
-                self.beat += 1
+            _log.warning("the rest of the run cannot be recorded: %s", error)
+            with self._lock:
+                self._message = f"the rest of the run cannot be recorded: {error.strerror}"
+                self.event_count += 1
 
     def _await_work(self) -> None:
         if self._work is not None:
@@ -253,6 +253,6 @@ class Run:
             self._colors = {name: hex_color(color) for name, color in sorted(colors.items())}
 
     def _end(self, state: State, message: str) -> None:
-        with self._guard:
+        with self._lock:
             self._state, self._message = state, message
-            self.beat += 1
+            self.event_count += 1

@@ -1,0 +1,470 @@
+"""Differential: random maps and questions, against a slow oracle and what was answered before."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import random
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from campaign import golden
+from campaign.oracle import EPSILON, Grid, Oracle, Pose, Thing, Things, label
+from campaign.part import Budget, Finding, Result
+from hypermap import (
+    FrameTree,
+    GridGeometry,
+    Hypermap,
+    OccupancyLayer,
+    Pose2D,
+    SemanticLayer,
+    SemanticObject,
+    Transform,
+    open_map,
+    save_map,
+)
+
+SHORT_WORLDS = 4
+QUESTIONS = 8  # of each kind, to each state of a world
+CHANGES = 4  # of each world; after each, all is asked again
+_NAMES = ("cup", "chair", "Tür", "table")
+_EXTENT = 12.0  # metres
+
+
+class Wrong(Exception):
+    """An answer is not the oracle's."""
+
+
+def run(budget: Budget) -> Result:
+    """Ask worlds until the time is over; the short form asks some."""
+    findings: list[Finding] = []
+    asked = worlds = changes = 0
+    slowest = 0.0
+    ends = time.monotonic() + budget.seconds
+    seed = budget.seed
+    while worlds < SHORT_WORLDS if budget.short else time.monotonic() < ends:
+        started = time.monotonic()
+        world = World(seed)
+        try:
+            world.ask_and_change()
+        except Wrong as error:
+            findings.append(Finding(f"world {seed}: {error}", seed))
+        except Exception as error:
+            findings.append(Finding(f"world {seed}: {type(error).__name__}: {error}", seed))
+        asked, worlds, changes = asked + world.asked, worlds + 1, changes + world.changes
+        slowest = max(slowest, time.monotonic() - started)
+        seed += 1
+    differences = golden.differences()
+    findings += [Finding(f"golden answers: {text}", budget.seed) for text in differences]
+    figures: dict[str, float | str] = {
+        "worlds": worlds,
+        "changes": changes,
+        "golden answers": golden.count(),
+        "slowest": f"{slowest:.2f} s (a world)",
+    }
+    return Result("differential", asked + golden.count(), findings, figures)
+
+
+class World:
+    """A random map, twice: for the program and for the oracle.
+
+    Attributes:
+        asked: how many questions were asked.
+        changes: how often it was changed.
+    """
+
+    def __init__(self, seed: int) -> None:
+        self.asked = self.changes = 0
+        self._draw = random.Random(seed)
+        # In a quarter of the worlds all lies on a lattice, and shapes touch and coincide.
+        self._is_lattice = seed % 4 == 0
+        self._next: dict[str, int] = {}
+        self.oracle, self.hypermap = self._made()
+
+    def ask_and_change(self) -> None:
+        """Ask all kinds of questions, change something, ask again, save, open, ask again.
+
+        Raises:
+            Wrong: If an answer is not the oracle's.
+        """
+        self._ask()
+        for _ in range(CHANGES):
+            self._change()
+            self.oracle.changed()
+            self.changes += 1
+            self._ask()
+        with tempfile.TemporaryDirectory() as folder:
+            form = self._draw.choice(["yaml", "parquet"])
+            save_map(self.hypermap, Path(folder) / "map.hmap", form)  # type: ignore[arg-type]
+            self.hypermap = open_map(Path(folder) / "map.hmap")
+        self._ask()
+
+    # The map
+
+    def _made(self) -> tuple[Oracle, Hypermap]:
+        draw = self._draw
+        poses: dict[str, Pose] = {"map": (0.0, 0.0, 0.0)}
+        transforms = []
+        for frame in ("lab", "attic")[: draw.randrange(3)]:
+            parent = draw.choice(list(poses))
+            pose = self._pose()
+            transforms.append(Transform(parent, frame, Pose2D(*pose)))
+            poses[frame] = _combined(poses[parent], pose)
+        layers: list[Grid | Things] = []
+        made: list[Any] = []
+        for number in range(draw.randrange(1, 5)):
+            frame = "map" if number == 0 else draw.choice(list(poses))
+            if draw.random() < 0.4:
+                grid = self._grid(f"grid {number}", frame)
+                layers.append(grid)
+                made.append(_layer_of(grid))
+            else:
+                things = [self._thing(i) for i in range(draw.choice([0, 1, 5, 20, 60]))]
+                layer = Things(f"things {number}", frame, things)
+                layers.append(layer)
+                objects = [_object_of(thing) for thing in things]
+                made.append(SemanticLayer(layer.name, frame, objects))
+                self._next[layer.name] = len(things)
+        margin = 0.0 if self._is_lattice else EPSILON
+        return Oracle(layers, poses, margin), Hypermap(made, FrameTree(transforms))
+
+    def _pose(self) -> Pose:
+        draw = self._draw
+        if self._is_lattice:
+            return float(draw.randrange(-3, 4)), float(draw.randrange(-3, 4)), 0.0
+        return draw.uniform(-5, 5), draw.uniform(-5, 5), draw.uniform(-math.pi, math.pi)
+
+    def _grid(self, name: str, frame: str) -> Grid:
+        draw = self._draw
+        resolution = draw.choice([0.25, 0.5, 1.0] if self._is_lattice else [0.05, 0.3, 1.0, 2.7])
+        most = min(40, int(_EXTENT / resolution) + 1)
+        shape = draw.randrange(1, most + 1), draw.randrange(1, most + 1)
+        random = np.random.default_rng(draw.randrange(2**31))
+        cells = random.choice(np.array([-1, 0, 57, 100], np.int8), shape)
+        return Grid(name, frame, resolution, self._pose(), cells)
+
+    def _thing(self, number: int) -> Thing:
+        draw = self._draw
+        tags = tuple(draw.sample(["red", "big"], draw.randrange(3)))
+        return Thing(number, draw.choice(_NAMES), self._shape(), tags)
+
+    def _shape(self, most: float = 2.0) -> BaseGeometry:
+        """Return a polygon, perhaps with a hole, or two polygons."""
+        draw = self._draw
+        x, y = self._place()
+        if self._is_lattice:
+            w, h = draw.randrange(1, 9) / 4, draw.randrange(1, 9) / 4
+            return shapely.box(x, y, x + w, y + h)
+        if draw.random() < 0.15:
+            parts = [self._star(x, y, most / 2), self._star(x + 3 * most, y, most / 2)]
+            return shapely.MultiPolygon(parts)
+        return self._star(x, y, most * draw.uniform(0.05, 1.0))
+
+    def _star(self, x: float, y: float, most: float) -> shapely.Polygon:
+        """Return a polygon that is seen whole from its middle, so that it cannot cross itself."""
+        draw = self._draw
+        count = draw.choice([3, 4, 5, 12, 40])
+        angles = 2 * math.pi * (np.arange(count) + draw.random() * 0.9) / count
+        reach = np.array([draw.uniform(0.3, 1.0) for _ in range(count)]) * most
+        corners = np.column_stack([np.cos(angles), np.sin(angles)]) * reach[:, np.newaxis]
+        middle = np.array([x, y])
+        hole = [corners * 0.3 + middle] if count > 4 and draw.random() < 0.3 else []
+        polygon = shapely.Polygon(corners + middle, hole)
+        return polygon if polygon.is_valid else shapely.Polygon(corners + middle)
+
+    def _place(self) -> tuple[float, float]:
+        draw = self._draw
+        if self._is_lattice:
+            return draw.randrange(-20, 21) / 4, draw.randrange(-20, 21) / 4
+        return draw.uniform(-_EXTENT / 2, _EXTENT / 2), draw.uniform(-_EXTENT / 2, _EXTENT / 2)
+
+    def _change(self) -> None:
+        """Add, replace, rename or remove objects, or put another grid in place of one."""
+        draw = self._draw
+        chosen = draw.choice(self.oracle.layers)
+        if isinstance(chosen, Grid):
+            new = self._grid(chosen.name, chosen.frame)
+            self.oracle.layers[self.oracle.layers.index(chosen)] = new
+            self.hypermap = self.hypermap.with_layer(_layer_of(new))
+            return
+        layer = self.hypermap[chosen.name]
+        assert isinstance(layer, SemanticLayer)
+        things, kind = chosen.things, draw.randrange(4)
+        if kind == 0 or not things:
+            added = [self._thing(self._next[chosen.name] + i) for i in range(draw.choice([1, 9]))]
+            self._next[chosen.name] += len(added)
+            things += added
+            given = layer.add([_object_of(thing) for thing in added])
+            if given != [thing.number for thing in added]:
+                raise Wrong(f"ids {given} were given, not those that follow")
+        elif kind == 1:
+            some = draw.sample(range(len(things)), min(3, len(things)))
+            for place in some:
+                things[place] = self._thing(things[place].number)
+            layer.update_many({things[i].number: _object_of(things[i]) for i in some})
+        elif kind == 2:
+            thing = draw.choice(things)
+            thing.name = draw.choice(_NAMES)
+            layer.rename(thing.number, thing.name)
+        else:
+            gone = draw.sample(things, min(2, len(things)))
+            layer.remove([thing.number for thing in gone])
+            chosen.things = [thing for thing in things if thing not in gone]
+
+    # Questions
+
+    def _ask(self) -> None:
+        for layer in self.oracle.layers:
+            for question in (self._at, self._in, self._find, self._nearest):
+                for _ in range(QUESTIONS):
+                    question(layer)
+                    self.asked += 1
+        for _ in range(QUESTIONS):
+            self._objects()
+            self._objects_at()
+            self.asked += 2
+
+    def _known_frame(self) -> str | None:
+        """Return a frame that a question may be asked in; None is the map's base frame."""
+        known = {layer.frame for layer in self.oracle.layers}
+        known |= {name for one in self.hypermap.frames for name in (one.parent, one.child)}
+        return self._draw.choice([None, *sorted(known)])
+
+    def _area(self) -> tuple[str, BaseGeometry]:
+        """Return an area: a box, a polygon or a circle."""
+        draw = self._draw
+        x, y = self._place()
+        kind = draw.choice(["box", "polygon", "circle"])
+        if kind == "box":
+            w, h = (draw.randrange(1, 20) / 4 for _ in range(2))
+            return kind, shapely.box(x, y, x + w, y + h)
+        if kind == "polygon":
+            return kind, self._shape(5.0)
+        return kind, shapely.Point(x, y).buffer(draw.choice([0.25, 1.0, 4.0]))
+
+    def _at(self, layer: Grid | Things) -> None:
+        frame = self._known_frame()
+        points = [self._place() for _ in range(self._draw.choice([1, 1, 7]))]
+        values = self.hypermap.value_at(layer.name, points, frame).tolist()
+        labels = self.hypermap.label_at(layer.name, points, frame).tolist()
+        for point, value, said in zip(points, values, labels, strict=True):
+            at = self.oracle.in_base(shapely.Point(point), frame or "map")
+            may = self.oracle.values_at(layer, at.x, at.y)
+            what = f"{layer.name!r} at {point} in {frame}"
+            _require(value in may, f"{what}: {value}, not one of {may}")
+            _require(said == _label(layer, value), f"{what}: {said!r} for {value}")
+
+    def _in(self, layer: Grid | Things) -> None:
+        kind, area = self._area()
+        frame = self._known_frame()
+        in_base = self.oracle.in_base(area, frame or "map")
+        bracket = self.oracle.inside(layer, in_base)
+        values = self.hypermap.values_in(layer.name, area, frame)
+        labels = self.hypermap.labels_in(layer.name, area, frame)
+        what = f"{layer.name!r} in a {kind} {area.wkt} in {frame}"
+        found = list(self._rows(layer, values.points_xy, values.values, what))
+        _require(bracket.holds(found), f"{what}: {_difference(found, bracket)}")
+        for value, said in zip(values.values.tolist(), labels.values.tolist(), strict=True):
+            _require(said == _label(layer, value), f"{what}: {said!r} for {value}")
+
+    def _find(self, layer: Grid | Things) -> None:
+        what, frame = self._what(layer), self._known_frame()
+        area = self._area()[1] if self._draw.random() < 0.6 else None
+        rows = self.oracle.called(layer, what)
+        if area is None:
+            sure, may = frozenset(rows), frozenset(rows)
+        else:
+            bracket = self.oracle.inside(layer, self.oracle.in_base(area, frame or "map"))
+            sure, may = bracket.sure & rows, bracket.possible & rows
+        points = self.hypermap.find(layer.name, what, area, frame)
+        expected = self._locations(layer)
+        text = f"find {what!r} in {layer.name!r}, {area and area.wkt} in {frame}"
+        _require(len(sure) <= len(points) <= len(may), f"{text}: {len(points)} answers")
+        known = {tuple(place) for place in np.round(points, 5).tolist()}
+        for place in expected[sorted(sure)]:
+            near = np.round([place, place - 5e-7, place + 5e-7], 5)  # either side of rounding
+            places = set(itertools.product(near[:, 0].tolist(), near[:, 1].tolist()))
+            _require(bool(places & known), f"{text}: nothing at {place}")
+
+    def _nearest(self, layer: Grid | Things) -> None:
+        what, frame, k = self._what(layer), self._known_frame(), self._draw.choice([1, 2, 5])
+        point = self._place()
+        at = self.oracle.in_base(shapely.Point(point), frame or "map")
+        expected = [far for far, _ in self.oracle.distances(layer, what, at.x, at.y)][:k]
+        found = self.hypermap.nearest(what, point, k, layer.name, frame)
+        given = [hit.distance for hit in found]
+        _require(
+            len(given) == len(expected) and np.allclose(given, expected, atol=1e-6),  # type: ignore[arg-type]
+            f"nearest {what!r} of {layer.name!r} to {point} in {frame}: {given}, not {expected}",
+        )
+
+    def _objects_at(self) -> None:
+        point, frame = self._place(), self._known_frame()
+        at = self.oracle.in_base(shapely.Point(point), frame or "map")
+        keys, shapes = self._keys(), [shape for _, _, shape in self.oracle.objects()]
+        may, sure = map(set, self.oracle.around(np.array(shapes, dtype=object), at))
+        found = self.hypermap.objects_at(point, frame_id=frame)
+        given = [keys[hit.layer, hit.object.id] for hit in found]
+        _require(sure <= set(given) <= may, f"objects at {point} in {frame}: {given}")
+        for one, other in itertools.pairwise(found):
+            _require(
+                one.layer != other.layer
+                or one.object.footprint.area <= other.object.footprint.area * (1 + 1e-9),
+                f"objects at {point} in {frame}: a larger one comes first",
+            )
+
+    def _objects(self) -> None:
+        """Ask for objects by name, tags, area, what they stand in and what they are near to."""
+        draw, keys = self._draw, self._keys()
+        everything = self.oracle.objects()
+        frame = self._known_frame()
+        name = draw.choice([None, *_NAMES])
+        tags = draw.choice([(), (), ("red",)])
+        kind, area = self._area() if draw.random() < 0.4 else ("", None)
+        near: Any = draw.choice([None, self._place(), draw.choice(_NAMES)])
+        within = draw.choice([None, 0.5, 3.0]) if near is not None else None
+        inside: Any = draw.choice([None, None, self._area()[1], draw.choice(_NAMES)])
+        found = self.hypermap.objects(
+            name, near=near, within=within, inside=inside, area=area, tags=tags, frame_id=frame
+        )
+        base = frame or "map"
+        sure, may = set(), set()
+        for number, (_, thing, shape) in enumerate(everything):
+            if name not in (None, thing.name) or not set(tags) <= set(thing.tags):
+                continue
+            margins = [math.inf]  # by how much each condition holds [m]
+            if area is not None:
+                margins.append(_overlap(shape, self.oracle.in_base(area, base)))
+            if isinstance(inside, BaseGeometry):
+                margins.append(_depth(shape.centroid, self.oracle.in_base(inside, base)))
+            elif inside is not None:
+                margins.append(
+                    max(
+                        (
+                            _depth(shape.centroid, other)
+                            for i, (_, one, other) in enumerate(everything)
+                            if i != number and one.name == inside
+                        ),
+                        default=-math.inf,
+                    )
+                )
+            if near is not None:
+                far = self._distance(number, near, base)
+                margins.append((math.inf if within is None else within) - far)
+                if not math.isfinite(far):
+                    margins.append(-math.inf)
+            if min(margins) >= -EPSILON:
+                may.add(number)
+            if min(margins) > EPSILON or (self._is_lattice and min(margins) >= 0):
+                sure.add(number)
+        given = [keys[hit.layer, hit.object.id] for hit in found]
+        text = f"objects {name}, near {near}, within {within}, inside {inside}, {kind} in {frame}"
+        _require(len(set(given)) == len(given), f"{text}: some are there twice")
+        _require(sure <= set(given) <= may, f"{text}: {given}, sure {sure}, possible {may}")
+        if near is not None:
+            far = [self._distance(number, near, base) for number in given]
+            _require(
+                np.allclose([hit.distance for hit in found], far, atol=1e-6)  # type: ignore[arg-type]
+                and all(b - a > -1e-6 for a, b in itertools.pairwise(far)),
+                f"{text}: the distances are {[hit.distance for hit in found]}, not {far}",
+            )
+
+    def _distance(self, number: int, near: Any, frame: str) -> float:
+        """Return how far an object is from a point, or from the nearest other of a name."""
+        everything = self.oracle.objects()
+        shape = everything[number][2]
+        if not isinstance(near, str):
+            at = self.oracle.in_base(shapely.Point(near), frame)
+            return float(shapely.distance(shape, at))
+        others = [o for i, (_, t, o) in enumerate(everything) if i != number and t.name == near]
+        return float(shapely.distance(shape, others).min()) if others else math.inf
+
+    def _keys(self) -> dict[tuple[str, int], int]:
+        everything = enumerate(self.oracle.objects())
+        return {(layer.name, thing.number): number for number, (layer, thing, _) in everything}
+
+    def _what(self, layer: Grid | Things) -> str | int:
+        draw = self._draw
+        if isinstance(layer, Things):
+            numbers = [thing.number for thing in layer.things] or [0]
+            return draw.choice([*_NAMES, "nothing", draw.choice(numbers)])
+        return draw.choice(["Free", "Occupied", "Unknown", "nothing", 0, 57, 100, -1])
+
+    def _locations(self, layer: Grid | Things) -> Any:
+        if isinstance(layer, Grid):
+            return self.oracle.centers(layer)
+        middles = [shape.centroid.coords[0] for shape in self.oracle.shapes(layer)]
+        return np.array(middles).reshape(-1, 2)
+
+    def _rows(self, layer: Grid | Things, points: Any, values: Any, what: str) -> Iterator[int]:
+        """Yield which cells or objects an answer tells of; their places must be right."""
+        places = self._locations(layer)
+        if isinstance(layer, Things):
+            row_of = {thing.number: row for row, thing in enumerate(layer.things)}
+            rows = [row_of.get(int(value), -1) for value in values]
+            _require(-1 not in rows, f"{what}: an id that is not there")
+        else:
+            cells = self.oracle.cells_at(layer, points)
+            rows = (cells[:, 0] * layer.cells.shape[1] + cells[:, 1]).tolist()
+            expected = layer.cells.ravel()[rows] if rows else np.empty(0)
+            _require(np.array_equal(expected, values), f"{what}: values of other cells")
+        if len(rows):
+            off = np.abs(places[rows] - points).max()
+            _require(off < 100 * EPSILON, f"{what}: {off} m beside the right place")
+        return iter(rows)
+
+
+def _combined(parent: Pose, child: Pose) -> Pose:
+    x, y, yaw = parent
+    dx, dy, turn = child
+    return (
+        x + math.cos(yaw) * dx - math.sin(yaw) * dy,
+        y + math.sin(yaw) * dx + math.cos(yaw) * dy,
+        yaw + turn,
+    )
+
+
+def _layer_of(grid: Grid) -> OccupancyLayer:
+    height, width = grid.cells.shape
+    geometry = GridGeometry(width, height, grid.resolution, Pose2D(*grid.origin))
+    return OccupancyLayer(grid.name, grid.frame, geometry, grid.cells)
+
+
+def _object_of(thing: Thing) -> SemanticObject:
+    return SemanticObject(thing.name, thing.shape, tags=thing.tags)
+
+
+def _label(layer: Grid | Things, value: int) -> str:
+    if isinstance(layer, Grid):
+        return label(value)
+    return next((thing.name for thing in layer.things if thing.number == value), "Empty")
+
+
+def _overlap(one: BaseGeometry, other: BaseGeometry) -> float:
+    """Return by how much two shapes overlap [m]: little where they hardly do, negative apart."""
+    if not shapely.intersects(one, other):
+        return -float(shapely.distance(one, other))
+    return 1.0 if shapely.intersects(one.buffer(-2 * EPSILON), other) else 0.0
+
+
+def _depth(point: shapely.Point, shape: BaseGeometry) -> float:
+    """Return how deep a point lies within a shape [m]; negative outside."""
+    border = float(shapely.distance(point, shape.boundary))
+    return border if shapely.intersects(point, shape) else -border
+
+
+def _difference(found: Any, bracket: Any) -> str:
+    given = set(found)
+    return f"{sorted(bracket.sure - given)} are missing, {sorted(given - bracket.possible)} wrong"
+
+
+def _require(is_right: bool, what: str) -> None:
+    if not is_right:
+        raise Wrong(what)

@@ -1,0 +1,90 @@
+"""Fuzz: bytes of strangers, at each place where such come in."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+from campaign.part import Budget, Finding, Result
+
+CHECKOUT = Path(__file__).resolve().parent.parent
+SHORT_RUNS = 15  # of each target, beside its examples
+_START = 10.0  # seconds in which a process imports, warms up and ends
+_LEAST = 5.0  # seconds, however short the time is
+_PATIENCE = 300.0  # seconds beyond that, until a process counts as hanging
+
+
+def run(budget: Budget) -> Result:
+    """Fuzz all targets, one after the other, each in a process of its own."""
+    return fuzz(budget, target_names())
+
+
+def target_names() -> list[str]:
+    """Return what can be fuzzed, without importing the program here."""
+    from campaign.fuzz_targets import TARGETS
+
+    return list(TARGETS)
+
+
+def fuzz(budget: Budget, names: Sequence[str]) -> Result:
+    """Fuzz some targets, as many at a time as there are cores; see `run`."""
+    workers = os.cpu_count() or 1
+    share = max(budget.seconds * workers / len(names) - _START, _LEAST)
+    runs, refused, slowest, way = 0, 0, (0.0, ""), ""
+    findings: list[Finding] = []
+    figures: dict[str, float | str] = {}
+    with ThreadPoolExecutor(workers) as pool:
+        all_told = pool.map(lambda name: _of_process(name, share, budget), names)
+        for name, told in zip(names, all_told, strict=True):
+            now = budget.folder / name / "now"
+            if told is None:
+                findings.append(Finding(f"{name}: the process hung or died", budget.seed, now))
+                continue
+            runs, refused, way = runs + told["runs"], refused + told["refused"], told["way"]
+            slowest = max(slowest, (told["slowest"], name))
+            figures[name] = (
+                f"{told['runs']:,} runs in {told['seconds']:.0f} s, {told['refused']:,} refused, "
+                f"slowest {told['slowest']:.2f} s, {told['peak'] / 1e6:.0f} MB, "
+                f"{len(told['findings'])} findings"
+            )
+            findings += [
+                Finding(f"{name}: {found['what']}", budget.seed, Path(found["file"]))
+                for found in told["findings"]
+            ]
+    figures["guided by"] = way
+    figures["refused"] = refused
+    figures["slowest"] = f"{slowest[0]:.2f} s ({slowest[1]})"
+    return Result("fuzz", runs, findings, figures)
+
+
+def _of_process(name: str, seconds: float, budget: Budget) -> dict[str, Any] | None:
+    """Return what a process says that fuzzes one target; None if it had to be ended."""
+    folder = budget.folder / name
+    started = time.monotonic()
+    shutil.rmtree(folder, ignore_errors=True)
+    command = [sys.executable, "-m", "campaign.fuzz_worker", name, f"{seconds:.1f}"]
+    command += [str(budget.seed), str(folder)]
+    if budget.short:
+        command.append(str(SHORT_RUNS))
+    try:
+        done = subprocess.run(
+            command,
+            cwd=CHECKOUT,
+            stdout=subprocess.PIPE,
+            timeout=seconds + _START + _PATIENCE,
+            check=False,
+        )
+    except subprocess.TimeoutExpired:
+        return None
+    lines = done.stdout.splitlines()
+    if not lines:
+        return None
+    return {**json.loads(lines[-1]), "seconds": time.monotonic() - started}

@@ -1,0 +1,249 @@
+"""One process that fuzzes one target: guided by coverage where atheris is installed.
+
+    python -m campaign.fuzz_worker TARGET SECONDS SEED FOLDER [RUNS]
+
+It keeps what it finds in FOLDER, and says on standard output in one line of JSON what it did. What
+it is asking at the moment lies in FOLDER/now, should it hang or die.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import os
+import random
+import re
+import resource
+import shutil
+import sys
+import tempfile
+import time
+import traceback
+import warnings
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+MOST_SECONDS = 2.0  # of an answer, in time of the processor
+MOST_BYTES = 1_000_000_000  # of memory, for the whole process
+FRESH = 0.4  # the share of inputs that begin with an example, whatever was found since
+SPOILED = 0.6  # of the others, the share that we spoil by their kind; libFuzzer does the rest
+_SOURCES = Path(__file__).resolve().parent.parent / "src"
+
+
+class Tries:
+    """Asks a target, and keeps what must not be.
+
+    Attributes:
+        runs: how often it asked.
+        refused: how often the answer was a HypermapError.
+        slowest: the longest answer [s], of the processor's time.
+        findings: in words, with the file that shows each.
+    """
+
+    def __init__(self, ask: Callable[[bytes], object], folder: Path) -> None:
+        self.runs = self.refused = 0
+        self.slowest = 0.0
+        self.findings: dict[str, str] = {}
+        self._ask = ask
+        self._folder = folder
+        self._now = (folder / "now").open("wb", buffering=0)
+        self._is_warm = False
+        self._is_large = False
+
+    def __call__(self, data: bytes) -> None:
+        """Ask once."""
+        from hypermap import HypermapError
+
+        os.ftruncate(self._now.fileno(), 0)
+        os.pwrite(self._now.fileno(), data, 0)
+        self.runs += 1
+        started = time.process_time()
+        try:
+            self._ask(data)
+        except HypermapError:
+            self.refused += 1
+        except MemoryError:
+            self._keep("MemoryError", data)
+        except Exception as error:
+            self._keep(described(error), data)
+        took = time.process_time() - started
+        if self._is_warm:
+            self.slowest = max(self.slowest, took)
+            if took > MOST_SECONDS:
+                self._keep(f"slow: {took:.1f} s", data, "slow")
+        if not self._is_large:
+            peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+            if peak > MOST_BYTES:
+                self._is_large = True
+                self._keep(f"memory: {peak / 1e6:.0f} MB", data, "memory")
+
+    def warm_up(self, corpus: Sequence[bytes]) -> None:
+        """Ask what is right, twice: it imports and compiles what the first answer needs."""
+        for _ in range(2):
+            for data in corpus:
+                self(data)
+        self._is_warm = True
+
+    def _keep(self, what: str, data: bytes, key: str | None = None) -> None:
+        """Keep an input that shows something new; of slow and large ones, the first."""
+        if (key or what) in self.findings:
+            return
+        path = self._folder / f"{hashlib.sha256(data).hexdigest()[:16]}.input"
+        path.write_bytes(data)
+        self.findings[key or what] = json.dumps({"what": what, "file": str(path)})
+
+
+def described(error: BaseException) -> str:
+    """Return what was raised and where, alike for all inputs that fall at the same place."""
+    frames = traceback.extract_tb(error.__traceback__)
+    ours = [frame for frame in frames if frame.filename.startswith(str(_SOURCES))]
+    last = (ours or frames)[-1]
+    with contextlib.suppress(ValueError):
+        place = Path(last.filename).relative_to(_SOURCES)
+        return f"{type(error).__name__} in {place}:{last.lineno} ({last.name})"
+    return f"{type(error).__name__} in {Path(last.filename).name}:{last.lineno} ({last.name})"
+
+
+def main() -> None:
+    """Fuzz a target until the time is over, and say what was found."""
+    name, seconds, seed, folder, *runs = sys.argv[1:]
+    warnings.simplefilter("ignore")
+    said = os.dup(1)  # libFuzzer and what it calls write on the others
+    with contextlib.suppress(OSError):
+        os.nice(5)
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+    os.dup2(1, 2)
+    guide = _atheris() if not runs else None
+    with contextlib.ExitStack() as instrumented:
+        if guide is not None:
+            instrumented.enter_context(
+                guide.instrument_imports(["hypermap", "rosbags", "yaml"], _with_loops())
+            )
+        from campaign.fuzz_targets import TARGETS
+    import logging
+
+    logging.getLogger().addHandler(logging.NullHandler())
+    logging.lastResort = None
+    kept = Path(folder)
+    kept.mkdir(parents=True, exist_ok=True)
+    memory = "/dev/shm" if os.access("/dev/shm", os.W_OK) else None  # where saves need no disk
+    with tempfile.TemporaryDirectory(prefix="hypermap-fuzz-", dir=memory) as scratch:
+        os.chdir(scratch)
+        target = TARGETS[name](Path(scratch))
+        tries = Tries(target.ask, kept)
+        tries.warm_up(target.corpus)
+        arguments = tries, target, float(seconds), int(seed)
+        if guide is not None:
+            _guided(guide, *arguments, kept, partial(_end, said, name, tries, scratch))
+        _at_random(*arguments, int(runs[0]) if runs else None)
+        _say(said, name, tries, "random")
+    os._exit(0)  # threads of servers do not hold us up
+
+
+def _say(handle: int, name: str, tries: Tries, way: str) -> None:
+    told = {
+        "target": name,
+        "way": way,
+        "runs": tries.runs,
+        "refused": tries.refused,
+        "slowest": tries.slowest,
+        "peak": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024,
+        "findings": [json.loads(found) for found in tries.findings.values()],
+    }
+    os.write(handle, json.dumps(told).encode() + b"\n")
+
+
+def _end(handle: int, name: str, tries: Tries, scratch: str) -> None:
+    """Say what was done, and end: libFuzzer does not return."""
+    _say(handle, name, tries, "coverage")
+    shutil.rmtree(scratch, ignore_errors=True)
+    os._exit(0)
+
+
+def _at_random(
+    tries: Tries, target: Any, seconds: float, seed: int, runs: int | None = None
+) -> None:
+    """Spoil examples without a guide: for a time, or so many of them."""
+    draw = random.Random(seed)
+    ends = time.monotonic() + seconds
+    corpus, known = list(target.corpus), tries.runs
+    while (tries.runs < runs + known) if runs is not None else (time.monotonic() < ends):
+        data = spoiled(draw.choice(corpus), target, corpus, draw)
+        before = tries.refused
+        tries(data)
+        if tries.refused == before and len(corpus) < 200:
+            corpus.append(data)  # what still opens may be spoiled further
+
+
+def spoiled(data: bytes, target: Any, corpus: Sequence[bytes], draw: random.Random) -> bytes:
+    """Return an input made of an example, or of two."""
+    from campaign.mutation import crossed
+
+    if draw.random() < 0.05:
+        data = crossed(data, corpus, draw)
+    for _ in range(draw.choice([1, 1, 1, 2, 3])):
+        data = target.mutate(data, draw)
+    return data
+
+
+def _guided(
+    guide: Any,
+    tries: Tries,
+    target: Any,
+    seconds: float,
+    seed: int,
+    kept: Path,
+    end: Callable[[], None],
+) -> None:
+    """Let libFuzzer choose what is spoiled further: what reaches new lines."""
+    from campaign.mutation import MOST_BYTES as LONGEST
+
+    corpus = kept / "corpus"
+    corpus.mkdir(exist_ok=True)
+    for number, data in enumerate(target.corpus):
+        (corpus / f"example-{number}").write_bytes(data)
+    ends = time.monotonic() + seconds
+
+    def once(data: bytes) -> None:
+        tries(data)
+        if time.monotonic() > ends:
+            end()
+
+    def mutate(data: bytes, most: int, number: int) -> bytes:
+        draw = random.Random(number)
+        if draw.random() < FRESH:
+            data = draw.choice(target.corpus)
+        elif draw.random() > SPOILED:
+            return bytes(guide.Mutate(data, most))
+        return spoiled(data, target, target.corpus, draw)[:most]
+
+    options = [f"-seed={seed % 2**31 or 1}", "-rss_limit_mb=0", "-timeout=600", "-handle_int=0"]
+    options += [f"-max_len={LONGEST}", "-verbosity=0", "-print_final_stats=0", "-len_control=0"]
+    guide.Setup([sys.argv[0], *options, str(corpus)], once, custom_mutator=mutate)
+    guide.Fuzz()
+
+
+def _atheris() -> Any:
+    """Return the guide, or None where it is not installed."""
+    try:
+        import atheris  # type: ignore[import-not-found, import-untyped, unused-ignore]
+    except ImportError:
+        return None
+    return atheris
+
+
+def _with_loops() -> list[str]:
+    """Return the modules with compiled loops, which numba must find as they are written."""
+    found = [
+        ".".join(path.relative_to(_SOURCES).with_suffix("").parts)
+        for path in sorted(_SOURCES.rglob("*.py"))
+        if re.search(r"^@(inner_)?loop\(", path.read_text(encoding="utf-8"), re.MULTILINE)
+    ]
+    return [*found, "hypermap._loops"]
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,220 @@
+"""Ways to spoil a file: of any bytes, of text, and within the wrapping of archives and pictures."""
+
+from __future__ import annotations
+
+import io
+import random
+import struct
+import zipfile
+import zlib
+from collections.abc import Callable, Sequence
+
+Mutator = Callable[[bytes, random.Random], bytes]
+
+MOST_BYTES = 1 << 16
+_PNG = b"\x89PNG\r\n\x1a\n"
+_NUMBERS = [b"0", b"-1", b"nan", b"inf", b"-inf", b"1e308", b"-1e308", b"1e-320", b"1e9", b"-0.0"]
+_NUMBERS += [
+    b"9999999999999999999",
+    b"4294967296",
+    b"2147483648",
+    b"0.1",
+    b"1" * 5000,
+    b"1" * 400,
+    b"http://[",
+]
+_WORDS = [b"", b"null", b"true", b"~", b"[]", b"{}", b'""', b"\x00", b"\xff\xfe", b"\xed\xa0\x80"]
+_WORDS += ["Ärger\u202e".encode(), b"../../x", b"/dev/null", b"POLYGON EMPTY", b"POLYGON(())"]
+_WORDS += [b"!!python/object:os.system", b"&a", b"*a", b"<<", b"[" * 200, b"\\ud800"]
+
+
+def mutate_bytes(data: bytes, draw: random.Random) -> bytes:
+    """Change a few places of any bytes."""
+    spoiled = bytearray(data)
+    for _ in range(draw.choice([1, 1, 1, 2, 4, 16])):
+        at = draw.randrange(len(spoiled) + 1)
+        kind = draw.randrange(8)
+        if kind == 0 and spoiled:
+            spoiled[min(at, len(spoiled) - 1)] ^= 1 << draw.randrange(8)
+        elif kind == 1 and spoiled:
+            spoiled[min(at, len(spoiled) - 1)] = draw.randrange(256)
+        elif kind == 2:
+            del spoiled[at : at + draw.choice([1, 2, 4, 8, 64, 1024])]
+        elif kind == 3:
+            start, length = draw.randrange(len(spoiled) + 1), draw.choice([1, 4, 16, 256])
+            spoiled[at:at] = spoiled[start : start + length]
+        elif kind == 4:
+            spoiled[at:at] = draw.choice(_WORDS + _NUMBERS)
+        elif kind == 5:
+            number = draw.choice([0, 1, 0x7FFFFFFF, 0xFFFFFFFF, 0x80000000, 0xFFFF, 1 << 20])
+            packed = struct.pack(draw.choice("<>") + "I", number)
+            spoiled[at : at + 4] = packed
+        elif kind == 6:
+            value = draw.choice([float("nan"), float("inf"), 1e308, -1e300, 1e-320, 1e12, 0.0])
+            spoiled[at : at + 8] = struct.pack("<d", value)
+        else:
+            spoiled[at:at] = draw.randbytes(draw.choice([1, 2, 8]))
+    return bytes(spoiled[:MOST_BYTES])
+
+
+def mutate_text(data: bytes, draw: random.Random) -> bytes:
+    """Change numbers and words of a text, or move its lines and parts."""
+    spoiled = data
+    for _ in range(draw.choice([1, 1, 2, 3, 6])):
+        kind = draw.randrange(6)
+        if kind <= 1:
+            spoiled = _replaced_run(spoiled, draw, b"0123456789.+-eE", draw.choice(_NUMBERS))
+        elif kind == 2:
+            letters = b"abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ_"
+            spoiled = _replaced_run(spoiled, draw, letters, draw.choice(_WORDS + _NUMBERS))
+        elif kind == 3:
+            lines = spoiled.split(b"\n")
+            one, other = draw.randrange(len(lines)), draw.randrange(len(lines))
+            if draw.random() < 0.3:
+                del lines[one]
+            elif draw.random() < 0.5:
+                lines.insert(one, lines[other])
+            else:
+                lines[one], lines[other] = lines[other], lines[one]
+            spoiled = b"\n".join(lines)
+        elif kind == 4:
+            start, end = sorted(draw.randrange(len(spoiled) + 1) for _ in range(2))
+            times = draw.choice([2, 2, 3, 50])
+            repeated = spoiled[start : min(end, start + 200)] * times
+            spoiled = spoiled[:start] + repeated + spoiled[end:]
+        else:
+            spoiled = mutate_bytes(spoiled, draw)
+    return spoiled[:MOST_BYTES]
+
+
+def _replaced_run(data: bytes, draw: random.Random, letters: bytes, new: bytes) -> bytes:
+    """Put something in place of a run of letters, found from a random place on."""
+    start = draw.randrange(len(data) + 1)
+    while start < len(data) and data[start] not in letters:
+        start += 1
+    end = start
+    while end < len(data) and data[end] in letters:
+        end += 1
+    return data[:start] + new + data[end:]
+
+
+def mutate_archive(data: bytes, draw: random.Random) -> bytes:
+    """Change a member of a zip archive, and pack it again; now and then the archive's own bytes."""
+    if draw.random() < 0.2:
+        return mutate_bytes(data, draw)
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            members = {info.filename: archive.read(info) for info in archive.infolist()}
+    except Exception:  # it is spoiled already
+        return mutate_bytes(data, draw)
+    if not members:
+        return mutate_bytes(data, draw)
+    name = draw.choice(list(members))
+    members[name] = mutate_any(members[name], draw)
+    if draw.random() < 0.1:
+        members[draw.choice(["", "x", "../x", "a/b", "\ud800", "hmap_config.yaml"])] = b"[]"
+    packed = io.BytesIO()
+    try:
+        with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
+            for member, content in members.items():
+                archive.writestr(zipfile.ZipInfo(member), content)
+    except (ValueError, UnicodeError):
+        return mutate_bytes(data, draw)
+    return packed.getvalue()
+
+
+def mutate_png(data: bytes, draw: random.Random) -> bytes:
+    """Change the header or the pixels of a PNG, with check sums that are right."""
+    chunks = _chunks(data)
+    if not chunks or draw.random() < 0.2:
+        return mutate_bytes(data, draw)
+    number = draw.randrange(len(chunks))
+    kind, content = chunks[number]
+    if kind == b"IDAT" and draw.random() < 0.7:
+        try:
+            content = zlib.compress(mutate_bytes(zlib.decompress(content), draw))
+        except zlib.error:
+            content = mutate_bytes(content, draw)
+    elif kind == b"IHDR" and draw.random() < 0.7:
+        sizes = [0, 1, 2, 255, 256, 65535, 1 << 20, (1 << 31) - 1]
+        fields = list(struct.unpack(">IIBBBBB", content.ljust(13, b"\0")[:13]))
+        place = draw.randrange(7)
+        fields[place] = draw.choice(sizes) if place < 2 else draw.randrange(256)
+        if draw.random() < 0.5:
+            fields[2], fields[3] = draw.choice([1, 2, 4, 8, 16]), draw.choice([0, 2, 3, 4, 6])
+        content = struct.pack(">IIBBBBB", *fields)
+    else:
+        content = mutate_bytes(content, draw)
+    chunks[number] = kind, content
+    if draw.random() < 0.2:
+        chunks.insert(number, draw.choice(chunks))
+    return _PNG + b"".join(
+        struct.pack(">I", len(content))
+        + kind
+        + content
+        + struct.pack(">I", zlib.crc32(kind + content))
+        for kind, content in chunks
+    )
+
+
+def _chunks(data: bytes) -> list[tuple[bytes, bytes]]:
+    found, at = [], len(_PNG)
+    while data.startswith(_PNG) and at + 12 <= len(data):
+        length = int.from_bytes(data[at : at + 4], "big")
+        found.append((data[at + 4 : at + 8], data[at + 8 : at + 8 + length]))
+        at += 12 + length
+    return found
+
+
+def mutate_any(data: bytes, draw: random.Random) -> bytes:
+    """Change a file by the way that fits what it is."""
+    if data.startswith(b"PK"):
+        return mutate_archive(data, draw)
+    if data.startswith(_PNG):
+        return mutate_png(data, draw)
+    if b"\0" in data[:200] or data.startswith(b"PAR1"):
+        return mutate_bytes(data, draw)
+    return mutate_text(data, draw)
+
+
+def mutate_parts(data: bytes, draw: random.Random) -> bytes:
+    """Change one of several files that stand in one text; see `joined`."""
+    parts = parted(data)
+    if not parts:
+        return mutate_bytes(data, draw)
+    name = draw.choice(list(parts))
+    if draw.random() < 0.03:
+        del parts[name]
+    else:
+        parts[name] = mutate_any(parts[name], draw)
+    return joined(parts)
+
+
+def joined(parts: dict[str, bytes]) -> bytes:
+    """Return several files as one, for a fuzzer that knows one alone."""
+    return b"".join(
+        struct.pack("<HI", len(name.encode()), len(content)) + name.encode() + content
+        for name, content in parts.items()
+    )
+
+
+def parted(data: bytes) -> dict[str, bytes]:
+    """Return the files of `joined`; what is spoiled is cut short."""
+    parts: dict[str, bytes] = {}
+    at = 0
+    while at + 6 <= len(data):
+        letters, length = struct.unpack_from("<HI", data, at)
+        at += 6
+        name = data[at : at + letters].decode(errors="replace")
+        at += letters
+        parts[name] = data[at : at + length]
+        at += length
+    return parts
+
+
+def crossed(data: bytes, others: Sequence[bytes], draw: random.Random) -> bytes:
+    """Return the beginning of one file and the end of another."""
+    other = draw.choice(others)
+    return (data[: draw.randrange(len(data) + 1)] + other[draw.randrange(len(other) + 1) :])[
+        :MOST_BYTES
+    ]

@@ -1,0 +1,220 @@
+"""A log of the objects that a semantic layer has held, from which nothing is ever taken out.
+
+A log begins with a table. A change writes new rows behind it and notes which rows it has ended;
+nothing is copied, and who looks at the log as it was before still sees what he saw. Its room is
+bounded; when it is full, a new log begins with a table of all that is there. So a change costs
+little on the average, however many objects there are.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
+
+from hypermap.core.arrays import IntArray, ObjectArray, as_objects, as_view
+from hypermap.core.objects import ObjectTable, SemanticObject
+from hypermap.core.shapes import valid_copies
+from hypermap.core.store.box_grid import BoxGrid
+from hypermap.core.store.outlines import Outlines, Rings
+from hypermap.core.store.recent_boxes import RecentBoxes
+from hypermap.core.tangles import is_sound
+
+_FEWEST = 1024  # rows written or ended before a new log begins
+_SHARE = 8  # or this part of the table's rows, if that is more
+_NEVER = np.iinfo(np.int64).max
+
+
+@dataclass(frozen=True, eq=False)
+class Written:
+    """The rows behind a log's table as columns, with room for more.
+
+    Attributes:
+        objects: as they were given.
+        places: in the order of the layer; an object that takes another's place has its number.
+        ids, codes, shapes, centroids, areas, boxes: as in an `ObjectTable`.
+        index: where the boxes are.
+    """
+
+    objects: list[SemanticObject]
+    places: NDArray[np.int64]
+    ids: NDArray[np.int64]
+    codes: NDArray[np.int32]
+    shapes: ObjectArray
+    centroids: NDArray[np.float64]
+    areas: NDArray[np.float64]
+    boxes: NDArray[np.float64]
+    index: RecentBoxes
+
+    @classmethod
+    def room(cls, capacity: int, cell: float) -> Written:
+        """Return no rows, and room for some."""
+        index = RecentBoxes(capacity, cell)
+        return cls(
+            [],
+            np.empty(capacity, dtype=np.int64),
+            np.empty(capacity, dtype=np.int64),
+            np.empty(capacity, dtype=np.int32),
+            np.empty(capacity, dtype=object),
+            np.empty((capacity, 2)),
+            np.empty(capacity),
+            index.boxes,
+            index,
+        )
+
+
+class ObjectLog:
+    """A table, and the rows that changes have written behind it.
+
+    Rows are counted through both. `write` alone changes a log, so that threads may look at its
+    first rows while it grows.
+
+    Attributes:
+        table: the objects with which the log began.
+        first: the first row behind it.
+        writing: held while the log is changed.
+        count: rows so far.
+        changes: changes that were begun so far.
+    """
+
+    def __init__(self, table: ObjectTable) -> None:
+        self.table = table
+        self.writing = threading.Lock()
+        self.first = self.count = len(table)
+        self.changes = 0
+        self._room = max(_FEWEST, len(table) // _SHARE)
+        self._capacity = self._room
+        self._codes = dict(table.vocabulary)
+        self._names = as_objects(self._codes)
+        self._of_code: dict[int, IntArray] = {}
+        self._of_id: dict[int, list[int]] = {}
+
+    # What costs something, and is only needed once something was asked or changed
+
+    @cached_property
+    def grid(self) -> BoxGrid:
+        """Where the table's shapes are."""
+        return BoxGrid(self.table.boxes, self.table.areas)
+
+    @cached_property
+    def tree(self) -> shapely.STRtree:
+        """The same, for areas."""
+        return shapely.STRtree(self.table.shapes)
+
+    @cached_property
+    def outlines(self) -> Outlines:
+        """The outlines of the table's shapes."""
+        return Outlines(self.table.shapes)
+
+    @cached_property
+    def rings(self) -> Rings:
+        """The outlines of all rows, for single points."""
+        return Rings(self.shape)
+
+    @cached_property
+    def written(self) -> Written:
+        """The rows behind the table."""
+        return Written.room(self._capacity, self.grid.cell)
+
+    @cached_property
+    def ended(self) -> NDArray[np.int64]:
+        """Which change has ended each row, counted from 1; a very large number for none."""
+        return np.full(self.first + self._capacity, _NEVER)
+
+    @cached_property
+    def all_ended(self) -> memoryview[int]:
+        """The same for single rows, of which it tells several times faster."""
+        return as_view(self.ended)
+
+    # Questions
+
+    @property
+    def codes(self) -> Mapping[str, int]:
+        """The vocabulary: name -> code."""
+        return self._codes
+
+    @property
+    def names(self) -> ObjectArray:
+        """The names by their codes, shape (V,)."""
+        names = self._names  # another thread may put an older array there meanwhile
+        if len(names) != len(self._codes):
+            names = self._names = as_objects(list(self._codes))
+        return names
+
+    def table_rows_of(self, code: int) -> IntArray:
+        """Return the rows of the table that have a name."""
+        if code not in self._of_code:
+            self._of_code[code] = np.flatnonzero(self.table.codes == code)
+        return self._of_code[code]
+
+    def written_rows_of(self, object_id: int) -> Sequence[int]:
+        """Return the rows behind the table that an object has had, the newest last."""
+        return self._of_id.get(object_id, ())
+
+    def shape(self, row: int) -> BaseGeometry:
+        """Return the shape of one row."""
+        columns, at = (self.table, row) if row < self.first else (self.written, row - self.first)
+        shape: BaseGeometry = columns.shapes[at]
+        return shape
+
+    def code(self, row: int) -> int:
+        """Return the code of one row's name."""
+        columns, at = (self.table, row) if row < self.first else (self.written, row - self.first)
+        return int(columns.codes[at])
+
+    # Changes
+
+    def has_room(self, rows: int) -> bool:
+        """Return whether so many rows may be written or ended."""
+        return rows <= self._room
+
+    def write(
+        self, ended: Collection[int], items: Sequence[SemanticObject], places: Sequence[int]
+    ) -> None:
+        """End rows and write others, as one change.
+
+        A change that is interrupted, as by Ctrl-C, leaves a log of which no snapshot is the newest:
+        what it has written is seen by none, and the next change begins a new log.
+
+        Args:
+            ended: rows that are there.
+            items: new objects, with ids.
+            places: of each item in the order of the layer.
+        """
+        shapes = [_valid(item.footprint) for item in items]  # should it fail, nothing is changed
+        all_ended = self.all_ended  # made before any reader needs it, so that there is one alone
+        self.changes += 1  # first: from here on, no snapshot is the newest until one is made
+        self._room -= len(ended) + len(items)
+        for item, shape, place in zip(items, shapes, places, strict=True):
+            self._write(len(self.written.objects), item, shape, place)
+        for row in ended:
+            all_ended[row] = self.changes
+        self.count += len(items)
+
+    def _write(self, at: int, item: SemanticObject, shape: BaseGeometry, place: int) -> None:
+        written = self.written
+        assert item.id is not None  # the layer has numbered it
+        centroid = shape.centroid
+        written.places[at] = place
+        written.ids[at] = item.id
+        written.codes[at] = self._codes.setdefault(item.name, len(self._codes))
+        written.shapes[at] = shape
+        written.areas[at] = shape.area
+        written.centroids[at, 0], written.centroids[at, 1] = centroid.x, centroid.y
+        written.index.put(at, shape.bounds)
+        written.objects.append(item)
+        self._of_id.setdefault(item.id, []).append(self.first + at)
+
+
+def _valid(footprint: BaseGeometry) -> BaseGeometry:
+    """Return what `valid_copies` does for one."""
+    if is_sound(footprint):
+        return footprint
+    shape: BaseGeometry = valid_copies(as_objects([footprint]))[0]
+    return shape

@@ -1,0 +1,234 @@
+"""Objects of several layers side by side in one frame, and how they lie to each other."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
+
+from hypermap.core.arrays import BoolArray, IntArray, ObjectArray, as_objects
+from hypermap.core.found import FoundObject
+from hypermap.core.frames import Pose2D
+from hypermap.core.store.object_store import ObjectStore
+
+NO_OBJECT = -1
+_ROWS = 2**32  # keys count rows, and above them layers
+
+
+@dataclass(frozen=True, eq=False)
+class Placed:
+    """Shapes in one frame.
+
+    Attributes:
+        shapes: valid geometries, shape (N,).
+        centroids: of the shapes [m], shape (N, 2).
+        keys: a number for each object, int64, shape (N,); -1 for an asked geometry.
+    """
+
+    shapes: ObjectArray
+    centroids: NDArray[np.float64]
+    keys: NDArray[np.int64]
+
+    @classmethod
+    def geometry(cls, geometry: BaseGeometry) -> Placed:
+        """Return a geometry to ask about, which is no object; nothing for an empty one."""
+        shapes = as_objects([] if geometry.is_empty else [geometry])
+        centroids = shapely.get_coordinates(shapely.centroid(shapes))
+        return cls(shapes, centroids, np.full(len(shapes), NO_OBJECT))
+
+    def __len__(self) -> int:
+        return len(self.keys)
+
+    def take(self, rows: IntArray | BoolArray) -> Placed:
+        """Return some of the shapes."""
+        return Placed(self.shapes[rows], self.centroids[rows], self.keys[rows])
+
+    def followed_by(self, other: Placed) -> Placed:
+        """Return the shapes of both."""
+        return Placed(
+            np.concatenate([self.shapes, other.shapes]),
+            np.concatenate([self.centroids, other.centroids]),
+            np.concatenate([self.keys, other.keys]),
+        )
+
+    def distances_to(self, others: Placed, limit: float) -> NDArray[np.float64]:
+        """Return the distance from each shape to the nearest of the others that is not itself.
+
+        Returns:
+            Meters, shape (N,); infinite where there is none within the limit.
+        """
+        tree = shapely.STRtree(others.shapes)
+        nearest = np.full(len(self), np.inf)
+        with np.errstate(all="ignore"):  # GEOS divides by the lengths of edges without length
+            if np.isfinite(limit):
+                # Copies, of which none is prepared: threads must not share what is.
+                shapes = shapely.force_2d(self.shapes)
+                pairs = tree.query(shapes, predicate="dwithin", distance=limit)
+                self._measure(nearest, others, *pairs)
+                return nearest
+            self._measure(nearest, others, *tree.query_nearest(self.shapes))
+            # What meets nothing but itself is the only one with its shape.
+            alone = np.flatnonzero(np.isinf(nearest))
+            here, there = tree.query_nearest(self.shapes[alone], exclusive=True)
+            self._measure(nearest, others, alone[here], there)
+        return nearest
+
+    def _measure(
+        self, nearest: NDArray[np.float64], others: Placed, here: IntArray, there: IntArray
+    ) -> None:
+        """Make distances, (N,), smaller where pairs of a shape and another, (M,), are nearer."""
+        other = ~self._same(here, others, there)
+        here, there = here[other], there[other]
+        np.minimum.at(nearest, here, shapely.distance(self.shapes[here], others.shapes[there]))
+
+    def centroid_distances_to(self, others: Placed) -> NDArray[np.float64]:
+        """Return the distance from each centroid to the other shape, shape (N,).
+
+        Zeros if there is not exactly one other: it decides between shapes that are equally near.
+        """
+        if len(others) != 1:
+            return np.zeros(len(self))
+        return np.asarray(shapely.distance(shapely.points(self.centroids), others.shapes[0]))
+
+    def stand_in(self, others: Placed) -> BoolArray:
+        """Return whether each shape's centroid lies in one of the others that is not itself."""
+        tree = shapely.STRtree(others.shapes)
+        here, there = tree.query(shapely.points(self.centroids), predicate="intersects")
+        inside = np.zeros(len(self), dtype=bool)
+        inside[here[~self._same(here, others, there)]] = True
+        return inside
+
+    def _same(self, here: IntArray, others: Placed, there: IntArray) -> BoolArray:
+        return np.asarray(self.keys[here] == others.keys[there])
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedLayer:
+    """The objects of a semantic layer at one moment, where they are, and where the layer lies."""
+
+    name: str
+    store: ObjectStore
+    base_T_layer: Pose2D
+
+    def rows(self, names: Collection[str] | None, area: BaseGeometry | None) -> IntArray:
+        """Return the rows of objects with one of some names that meet an area of the base frame.
+
+        Args:
+            names: None for any.
+            area: None for everywhere.
+        """
+        asked = None if area is None else self.base_T_layer.inverse().apply_geometry(area)
+        if names is not None:
+            return self.store.with_names(names, asked)
+        return self.store.rows if asked is None else self.store.in_area(asked)
+
+    def found(self, rows: IntArray, distances: Sequence[float | None]) -> list[FoundObject]:
+        """Return some objects, brought into the base frame."""
+        table = self.store.take(rows)
+        points = self.base_T_layer.apply(table.centroids)
+        table = replace(table, footprints=self.base_T_layer.apply_geometries(table.footprints))
+        columns = zip(points, distances, range(len(table)), strict=True)
+        return [
+            FoundObject(self.name, point, far, object=table.object(row))
+            for point, far, row in columns
+        ]
+
+    def at(self, point_xy: NDArray[np.float64]) -> list[FoundObject]:
+        """Return all objects at a point of the base frame, the smallest first."""
+        rows = self.store.all_at(self.base_T_layer.inverse().apply(point_xy)[0])
+        return self.found(rows, [None] * len(rows))
+
+    def nearest(
+        self, what: str | float, point_xy: NDArray[np.float64], k: int
+    ) -> list[FoundObject]:
+        """Return the k objects with a name or id that are nearest to a point in the base frame."""
+        point = self.base_T_layer.inverse().apply(point_xy)[0]
+        rows, distances = self.store.nearest(what, point, k)
+        return self.found(rows, distances.tolist())
+
+
+class PlacedLayers:
+    """The objects of several layers in one frame."""
+
+    def __init__(self, layers: Sequence[PlacedLayer]) -> None:
+        self._layers = layers
+
+    def named(
+        self,
+        names: Collection[str] | None,
+        layer: str | None = None,
+        area: BaseGeometry | None = None,
+    ) -> Placed:
+        """Return the objects with one of some names, or all, of a layer, or all, in their order.
+
+        Args:
+            names: None for any.
+            layer: the name of a layer; None for all.
+            area: what they meet, in the base frame; None for everywhere.
+        """
+        placed = [
+            _placed(i, place, place.rows(names, area))
+            for i, place in enumerate(self._layers)
+            if layer in (None, place.name)
+        ]
+        nothing = Placed(as_objects([]), np.empty((0, 2)), np.empty(0, dtype=np.int64))
+        return functools.reduce(Placed.followed_by, placed, nothing)
+
+    def have_tags(self, keys: NDArray[np.int64], tags: set[str]) -> BoolArray:
+        """Return whether the objects with these keys, shape (N,), have all the tags."""
+        places = zip(*(part.tolist() for part in np.divmod(keys, _ROWS)), strict=True)
+        own = (self._layers[number].store.object(row).tags for number, row in places)
+        return np.fromiter((tags.issubset(texts) for texts in own), dtype=bool, count=len(keys))
+
+    def found(
+        self, keys: NDArray[np.int64], distances: NDArray[np.float64] | None = None
+    ) -> list[FoundObject]:
+        """Return the objects with these keys, shape (N,), in their order.
+
+        Args:
+            keys: as in `Placed`.
+            distances: of each object, shape (N,) [m]; None where none was asked for.
+        """
+        far = as_objects([None] * len(keys) if distances is None else distances.tolist())
+        numbers, rows = np.divmod(keys, _ROWS)
+        found = np.empty(len(keys), dtype=object)
+        for number, layer in enumerate(self._layers):
+            here = np.flatnonzero(numbers == number)
+            found[here] = as_objects(layer.found(rows[here], far[here].tolist()))
+        return list(found)
+
+
+@dataclass(frozen=True, eq=False)
+class Matches:
+    """The objects that answer a question, in the order of the answer.
+
+    Attributes:
+        layers: which hold them.
+        keys: of each, as in `Placed`.
+        distances: of each [m]; None where none was asked for.
+    """
+
+    layers: PlacedLayers
+    keys: NDArray[np.int64]
+    distances: NDArray[np.float64] | None = None
+
+    def __len__(self) -> int:
+        return len(self.keys)
+
+    def first(self, count: int | None = None) -> list[FoundObject]:
+        """Return the first so many objects; None for all."""
+        far = None if self.distances is None else self.distances[:count]
+        return self.layers.found(self.keys[:count], far)
+
+
+def _placed(number: int, layer: PlacedLayer, rows: IntArray) -> Placed:
+    return Placed(
+        layer.base_T_layer.apply_geometries(layer.store.column("shapes", rows)),
+        layer.base_T_layer.apply(layer.store.column("centroids", rows)),
+        number * _ROWS + rows,
+    )

@@ -1,0 +1,1 @@
+"""Occupancy layers as files: what ROS' map_server reads, pictures, GeoTIFF."""

@@ -1,0 +1,255 @@
+"""Occupancy maps of ROS' map_server: a YAML file beside a picture.
+
+The specification is docs/formats/hmap.md. Only this module knows that row 0 of a picture is the
+top of the map.
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path, PurePosixPath
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, model_validator
+
+from hypermap.core.errors import FileMissing, FormatError, HypermapError
+from hypermap.core.frames import Pose2D
+from hypermap.core.grid import RESOLUTIONS, GridGeometry
+from hypermap.core.layer import Store
+from hypermap.core.occupancy import UNKNOWN, OccupancyLayer
+from hypermap.formats import limits
+from hypermap.formats.checked import Checked, Finite, Pose, Text, check
+from hypermap.formats.grid.png import (
+    band_rows,
+    decode_grey_alpha,
+    encode_grey_alpha,
+    grey_alpha_size,
+)
+from hypermap.formats.journal import read_as_saved
+from hypermap.formats.store import read_file
+from hypermap.formats.yaml_text import read_yaml, write_yaml
+
+if TYPE_CHECKING:
+    from hypermap.formats.grid.pictures import GreyPicture
+
+Cells = NDArray[np.int8] | NDArray[np.int16]
+_Fraction = Annotated[float, Field(ge=0, le=1)]
+
+
+class MapYaml(Checked):
+    """What a map_server YAML file says about its picture."""
+
+    image: Text
+    resolution: Annotated[Finite, Field(ge=RESOLUTIONS[0], le=RESOLUTIONS[1])]
+    origin: Pose
+    negate: bool = False
+    occupied_thresh: _Fraction
+    free_thresh: _Fraction
+    mode: Literal["trinary", "scale", "raw"] = "trinary"
+
+    @model_validator(mode="after")
+    def _thresholds_are_in_order(self) -> MapYaml:
+        if self.free_thresh > self.occupied_thresh or (
+            self.mode == "scale" and self.free_thresh == self.occupied_thresh
+        ):
+            raise ValueError(
+                f"free_thresh ({self.free_thresh}) must lie below "
+                f"occupied_thresh ({self.occupied_thresh})"
+            )
+        return self
+
+
+class OccupancyFiles:
+    """How occupancy layers are kept: `file` NAME means NAME.yaml and the picture it names."""
+
+    def empty(self, name: str, frame_id: str, settings: Mapping[str, Any]) -> OccupancyLayer:
+        """Return a layer without cells."""
+        return OccupancyLayer(name, frame_id, settings=settings)
+
+    def load(
+        self, store: Store, file: str, name: str, frame_id: str, settings: Mapping[str, Any]
+    ) -> OccupancyLayer:
+        """Return the layer.
+
+        Raises:
+            FormatError: If the YAML or its picture is missing or wrong.
+        """
+        yaml_name = f"{file}.yaml"
+        described = parse_map_yaml(store.read(yaml_name), store.path_of(yaml_name))
+        image = str(PurePosixPath(file).parent / described.image)
+        cells = cells_from_file(store.read(image), store.path_of(image), described)
+        return _layer(described, cells, name, frame_id, settings)
+
+    def save(self, layer: OccupancyLayer, store: Store, file: str) -> None:
+        """Write the YAML and a PNG picture; a layer without cells needs none.
+
+        Values from 0 to 100 are written in the mode `scale`. Where there are others, the mode is
+        `raw`, and unknown cells are white beneath their transparency: old readers, which do not
+        look at it in this mode, take a signed 255 for -1.
+
+        Raises:
+            HypermapError: If the grid has too many cells.
+        """
+        if layer.grid is None or layer.cells is None:
+            return
+        mode = _mode(layer.cells, layer.name)
+        origin = layer.grid.origin
+        described = {
+            "image": f"{PurePosixPath(file).name}.png",
+            "resolution": layer.grid.resolution,
+            "origin": [origin.x, origin.y, origin.yaw],
+            "negate": 0,
+            "occupied_thresh": 1,
+            "free_thresh": 0,
+            "mode": mode,
+        }
+        store.write(f"{file}.yaml", write_yaml(described))
+        height, width = layer.cells.shape
+        store.write(f"{file}.png", encode_grey_alpha(width, height, _bands(layer.cells, mode)))
+
+
+PLUGIN = OccupancyFiles()
+
+
+def load_occupancy(
+    path: str | Path, name: str = "occupancy", frame_id: str = "map"
+) -> OccupancyLayer:
+    """Return the map of a map_server YAML file on the disk.
+
+    Its picture may lie anywhere, as map_server allows: relative to the YAML file, or absolute.
+
+    Raises:
+        FileMissing: If there is no such file.
+        FormatError: If it or its picture is wrong, or the picture is missing.
+    """
+    path = Path(path)
+    return read_as_saved(path, lambda: _read_occupancy(path, name, frame_id))
+
+
+def parse_map_yaml(content: bytes, path: str) -> MapYaml:
+    """Return what a map_server YAML file says.
+
+    Raises:
+        FormatError: Naming the key that is wrong or missing.
+    """
+    return check(MapYaml, read_yaml(content, path, {("image",), ("mode",)}), path)
+
+
+def _read_occupancy(path: Path, name: str, frame_id: str) -> OccupancyLayer:
+    described = parse_map_yaml(read_file(path), str(path))
+    image = path.parent / described.image
+    try:
+        content = read_file(image)
+    except FileMissing:
+        raise FormatError(f"there is no picture {image}", path=path, key="image") from None
+    cells = cells_from_file(content, str(image), described)
+    return _layer(described, cells, name, frame_id, {"file": path.stem})
+
+
+def cells_from_file(content: bytes, path: str, described: MapYaml) -> Cells:
+    """Return the cells of a picture file, row 0 at the bottom.
+
+    Args:
+        content: the file; of the kind that `save` writes, no more than a few rows are held beside
+            the cells.
+        path: how messages name it.
+        described: how to read it.
+
+    Raises:
+        FormatError: If it is no picture, is damaged, or has more pixels than are allowed.
+    """
+    size = grey_alpha_size(content)
+    if size is not None and size[0] * size[1] <= limits.MAX_PIXELS:
+        try:
+            return _cells_from_bands(*size, decode_grey_alpha(content, *size), described)
+        except (ValueError, zlib.error):  # Pillow reads more, and says what is wrong
+            pass
+    from hypermap.formats.grid.pictures import decode_grey  # with Pillow, which few maps need
+
+    return cells_from_picture(decode_grey(content, path), described)
+
+
+def cells_from_picture(picture: GreyPicture, described: MapYaml) -> Cells:
+    """Return the cells, row 0 at the bottom; int16 where a raw picture has values above 100.
+
+    Source: ROS' map_server, image_loader.cpp, with a range of 100 where that has 99.
+    """
+    cells: Cells = _cell_of_value(picture.white, described)[picture.values[::-1]]
+    if picture.opaque is not None:
+        cells[~picture.opaque[::-1]] = UNKNOWN
+    return _narrowed(cells)
+
+
+def _cells_from_bands(
+    width: int, height: int, bands: Iterable[NDArray[np.uint8]], described: MapYaml
+) -> Cells:
+    of_grey = _cell_of_value(255, described)
+    of_pair = np.full(1 << 16, UNKNOWN, of_grey.dtype)  # gray and above it alpha
+    of_pair[0xFF00:] = of_grey
+    cells: Cells = np.empty((height, width), of_grey.dtype)
+    top = height
+    for band in bands:
+        cells[top - len(band) : top] = of_pair[band.view("<u2")[::-1, :, 0]]
+        top -= len(band)
+    return _narrowed(cells)
+
+
+def _narrowed(cells: Cells) -> Cells:
+    if cells.dtype == np.int16 and cells.max() <= 100:
+        return cells.astype(np.int8)
+    return cells
+
+
+def _cell_of_value(white: int, described: MapYaml) -> Cells:
+    """Return the cell for each gray value from 0 to `white`."""
+    c = np.arange(white + 1) * 255 / white
+    if described.negate:
+        c = 255 - c
+    if described.mode == "raw":
+        return c.astype(np.int16)
+    p = (255 - c) / 255
+    free, occupied = described.free_thresh, described.occupied_thresh
+    if described.mode == "scale":
+        between = np.rint(100 * (p - free) / (occupied - free))
+    else:
+        between = np.full_like(p, UNKNOWN)
+    return np.where(p > occupied, 100, np.where(p < free, 0, between)).astype(np.int8)
+
+
+def _mode(cells: Cells, layer_name: str) -> str:
+    """Return the mode in which to read a picture of the cells."""
+    if cells.size > limits.MAX_PIXELS:
+        raise HypermapError(
+            f"layer {layer_name!r} has {cells.size} cells, more than the {limits.MAX_PIXELS} "
+            "that a file may hold"
+        )
+    return "raw" if cells.max() > 100 else "scale"
+
+
+def _bands(cells: Cells, mode: str) -> Iterator[NDArray[np.uint8]]:
+    """Yield a picture's rows from the top: gray and alpha of the cells, whose row 0 is below."""
+    table = np.zeros((257, 2), np.uint8)  # the last row is the unknown cell's, at index -1
+    table[:256, 1] = 255
+    if mode == "raw":
+        table[:256, 0] = np.arange(256)
+        table[-1, 0] = 255
+    else:
+        table[:101, 0] = 255 - np.rint(np.arange(101) * 2.55)
+        table[-1, 0] = 205  # what map_server draws for unknown
+    of_cell = table.view(np.uint16)[:, 0]
+    height, width = cells.shape
+    rows = band_rows(width)
+    for top in range(height, 0, -rows):
+        band = of_cell[cells[max(top - rows, 0) : top][::-1]]
+        yield band.view(np.uint8).reshape(len(band), width, 2)
+
+
+def _layer(
+    described: MapYaml, cells: Cells, name: str, frame_id: str, settings: Mapping[str, Any]
+) -> OccupancyLayer:
+    height, width = cells.shape
+    grid = GridGeometry(width, height, described.resolution, Pose2D(*described.origin))
+    return OccupancyLayer(name, frame_id, grid, cells, settings)

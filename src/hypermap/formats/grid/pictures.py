@@ -1,0 +1,108 @@
+"""Pictures as gray values: any file that Pillow decodes by itself."""
+
+from __future__ import annotations
+
+import io
+import warnings
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, UnidentifiedImageError
+
+from hypermap.core.errors import FormatError
+from hypermap.formats import limits
+
+# Not EPS, which Pillow gives to another program to draw, nor anything made of many pictures.
+_KINDS = (
+    "PNG",
+    "PPM",
+    "JPEG",
+    "BMP",
+    "DIB",
+    "TGA",
+    "GIF",
+    "TIFF",
+    "WEBP",
+    "JPEG2000",
+    "PCX",
+    "SGI",
+)
+
+
+@dataclass(frozen=True, eq=False)
+class GreyPicture:
+    """A picture's brightness; row 0 is its top.
+
+    Attributes:
+        values: sum of the color channels, unsigned, shape (height, width).
+        white: the value of white.
+        opaque: whether each pixel is fully opaque; None where all are.
+    """
+
+    values: NDArray[np.unsignedinteger[Any]]
+    white: int
+    opaque: NDArray[np.bool_] | None
+
+
+def decode_grey(content: bytes, path: str) -> GreyPicture:
+    """Return a picture's gray values; those of colors are the mean of their channels.
+
+    Args:
+        content: the picture file.
+        path: how messages name it.
+
+    Raises:
+        FormatError: If it is no picture, is damaged, or has more pixels than are allowed.
+    """
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # about size, which is checked below, and oddities
+            with Image.open(io.BytesIO(content), formats=_KINDS) as image:
+                _check_size(image, path)
+                return _grey(image, path)
+    except FormatError:
+        raise
+    except UnidentifiedImageError:
+        raise FormatError("is not a picture", path=path) from None
+    except Image.DecompressionBombError:  # Pillow's bound, which is higher than ours
+        raise FormatError(
+            f"has more than the {limits.MAX_PIXELS} pixels that are allowed", path=path
+        ) from None
+    except Exception as error:  # the decoders raise nearly anything for damaged files
+        raise FormatError(f"is not an intact picture: {error}", path=path) from error
+
+
+def _check_size(image: Image.Image, path: str) -> None:
+    width, height = image.size
+    if width < 1 or height < 1:
+        raise FormatError("is a picture without pixels", path=path)
+    if width * height > limits.MAX_PIXELS:
+        raise FormatError(
+            f"has {width} x {height} pixels, more than the {limits.MAX_PIXELS} that are allowed",
+            path=path,
+        )
+
+
+def _grey(image: Image.Image, path: str) -> GreyPicture:
+    if image.mode == "F":
+        raise FormatError("is a picture of floating point numbers, not of gray values", path=path)
+    if image.mode.startswith("I"):  # 16 bits
+        values = np.asarray(image)
+        if values.min() < 0 or values.max() > 0xFFFF:
+            raise FormatError("is a picture of more than 16 bits", path=path)
+        return GreyPicture(values.astype(np.uint16, copy=False), 0xFFFF, None)
+    has_alpha = image.has_transparency_data
+    is_grey = image.mode in ("1", "L", "LA", "La")
+    mode = ("L" if is_grey else "RGB") + ("A" if has_alpha else "")
+    pixels = np.asarray(image if image.mode == mode else image.convert(mode))
+    if is_grey and not has_alpha:
+        return GreyPicture(pixels, 255, None)
+    opaque = pixels[..., -1] == 255 if has_alpha else None
+    if is_grey:
+        return GreyPicture(pixels[..., 0], 255, opaque)
+    values = pixels[..., 0].astype(np.uint16)
+    values += pixels[..., 1]
+    values += pixels[..., 2]
+    return GreyPicture(values, 3 * 255, opaque)

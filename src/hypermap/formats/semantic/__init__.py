@@ -1,0 +1,1 @@
+"""Semantic layers as files: YAML, GeoParquet, GeoJSON, CSV and GeoDataFrames; their evidence."""

@@ -1,0 +1,163 @@
+"""Semantic layers as GeoJSON, for GIS programs; the specification is docs/formats/geojson.md.
+
+Coordinates are meters in the layer's frame, which `frame_id` names. GeoJSON means degrees unless
+the parties agree otherwise (RFC 7946, section 4), so a `crs` says the same to GDAL, and with it to
+QGIS and geopandas: an engineering system with meters, which lies nowhere on the globe.
+"""
+
+from __future__ import annotations
+
+import collections
+import json
+import re
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
+
+import numpy as np
+import shapely
+from pydantic import Field
+from shapely.geometry.base import BaseGeometry
+
+from hypermap.core.errors import FormatError
+from hypermap.core.objects import MAX_ID
+from hypermap.core.semantic import SemanticLayer, SemanticObject
+from hypermap.core.shapes import check_footprint
+from hypermap.formats.checked import Checked, Text, check
+from hypermap.formats.columns.crs import System, engineering_wkt, frame_of
+from hypermap.formats.letters import check_read, check_savable
+from hypermap.formats.semantic.records import object_from_record, record_from_object
+from hypermap.formats.yaml_text import plain_value
+
+_HALF = re.compile(r"\\u[dD][89a-fA-F]")  # of a character, and often the other half behind it
+_WRONG = (
+    ValueError,
+    TypeError,
+    LookupError,
+    AttributeError,
+    RecursionError,
+    OverflowError,  # of whole numbers beyond those of floats
+    shapely.errors.ShapelyError,
+)
+
+
+class _Collection(Checked):
+    type: Literal["FeatureCollection"]
+    features: list[Any]
+    name: Text | None = None
+    frame_id: Text | None = None
+    crs: dict[str, Any] | None = None
+
+
+class _Feature(Checked):
+    type: Literal["Feature"]
+    geometry: dict[str, Any]
+    properties: dict[str, Any] | None = None
+    id: Any = None
+
+
+class _Geometry(Checked):
+    type: Literal["Polygon", "MultiPolygon"]
+    coordinates: Annotated[list[Any], Field(min_length=1)]
+
+
+def to_geojson(layer: SemanticLayer) -> str:
+    """Return a layer's objects as GeoJSON text; `from_geojson` gives exactly the same again.
+
+    Raises:
+        FormatError: If an object has an attribute that JSON cannot hold.
+        HypermapError: If a text holds half of a character.
+    """
+    for text in (layer.name, layer.frame_id):
+        check_savable(text, f"layer {layer.name!r}")
+    collection = {
+        "type": "FeatureCollection",
+        "name": layer.name,
+        "frame_id": layer.frame_id,
+        "crs": {"type": "name", "properties": {"name": engineering_wkt(layer.frame_id)}},
+        "features": [_feature(item) for item in layer.objects()],
+    }
+    try:
+        return json.dumps(collection, ensure_ascii=False, allow_nan=False, indent=1) + "\n"
+    except (TypeError, ValueError) as error:
+        raise FormatError(f"cannot be written as JSON: {error}", key=layer.name) from error
+
+
+def from_geojson(
+    text: str, name: str | None = None, frame_id: str | None = None, path: str | None = None
+) -> SemanticLayer:
+    """Return the layer that GeoJSON text holds.
+
+    Args:
+        text: a FeatureCollection of polygons and multipolygons in meters.
+        name: the layer's name; None takes the collection's own.
+        frame_id: the frame of the coordinates; None takes the collection's own. Many GIS
+            programs drop it. Coordinates in another `crs` than that of a frame are refused.
+        path: how messages name the file.
+
+    Raises:
+        FormatError: Naming the feature that is wrong.
+    """
+    try:
+        document = json.loads(text, parse_constant=_refuse)
+    except (ValueError, RecursionError) as error:
+        raise FormatError(f"is not valid JSON: {error}", path=path) from error
+    collection = check(_Collection, document, path)
+    if _HALF.search(text):
+        for i, item in enumerate(collection.features):
+            check_read(json.dumps(item, ensure_ascii=False), path, f"features[{i}]")
+    frame = frame_of(_system(collection), frame_id or collection.frame_id, path, "crs")
+    objects = [_object(item, path, i) for i, item in enumerate(collection.features)]
+    ids = collections.Counter(item.id for item in objects if item.id is not None)
+    for number, count in ids.most_common(1):
+        if count > 1:
+            raise FormatError(f"the id {number} is there twice", path=path, key="features")
+    return SemanticLayer(name or collection.name or "semantic", frame, objects)
+
+
+def _system(collection: _Collection) -> System | None:
+    """Return the coordinate reference system that a collection names, as before RFC 7946."""
+    if collection.crs is None:
+        return None
+    properties = collection.crs.get("properties")
+    name = properties.get("name") if isinstance(properties, dict) else None
+    return System.of_name(name if isinstance(name, str) else "a crs that is not known here")
+
+
+def _feature(item: SemanticObject) -> dict[str, Any]:
+    return {
+        "type": "Feature",
+        "id": item.id,
+        "geometry": shapely.geometry.mapping(item.footprint),
+        "properties": {
+            "id": item.id,
+            **plain_value(record_from_object(item), f"object {item.id}"),
+        },
+    }
+
+
+def _object(raw: Any, path: str | None, position: int) -> SemanticObject:
+    place = f"features[{position}]"
+    feature = check(_Feature, raw, path, place)
+    footprint = _footprint(feature.geometry, path, f"{place}.geometry")
+    properties = dict(feature.properties or {})
+    if "id" not in properties and type(feature.id) is int and 0 <= feature.id <= MAX_ID:
+        properties["id"] = feature.id
+    try:
+        return object_from_record(properties, footprint)
+    except ValueError as error:
+        raise FormatError(str(error), path=path, key=f"{place}.properties") from None
+
+
+def _footprint(raw: Mapping[str, Any], path: str | None, place: str) -> BaseGeometry:
+    geometry = check(_Geometry, raw, path, place)
+    try:
+        with np.errstate(invalid="ignore"):  # of infinite coordinates, which are refused below
+            footprint: BaseGeometry = shapely.geometry.shape(geometry.model_dump())
+        check_footprint(footprint)
+    except _WRONG as e:
+        raise FormatError(f"is not a valid {geometry.type}: {e}", path=path, key=place) from None
+    return footprint
+
+
+def _refuse(constant: str) -> None:
+    raise ValueError(f"{constant} is no number")

@@ -1,0 +1,181 @@
+"""The evidence for one object: its newest observations."""
+
+from __future__ import annotations
+
+import copy
+import math
+import statistics
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import compress
+from typing import Literal
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
+
+from hypermap.core.arrays import ObjectArray, as_objects
+from hypermap.mapping.columns import Column
+from hypermap.mapping.prepared_polygon import PreparedPolygon
+from hypermap.perception.observation import Observation
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """One observed shape, with the view from which it was seen.
+
+    The camera's pose and the stamp stay with it, so that a corrected trajectory can move it.
+
+    Attributes:
+        stamp: time of the frame [s].
+        map_T_camera: pose of the camera's optical frame in the map, shape (4, 4).
+        visible_area: polygon in the map frame [m] that the frame could have seen; may be empty.
+        score: the detector's, 0..1.
+        footprint: polygon in the map frame [m].
+        centroid_xy: the footprint's centroid [m], shape (2,).
+        z_min: height of the lowest point [m].
+        z_max: height of the highest point [m].
+    """
+
+    stamp: float
+    map_T_camera: NDArray[np.float64]
+    visible_area: BaseGeometry
+    score: float
+    footprint: BaseGeometry
+    centroid_xy: NDArray[np.float64]
+    z_min: float
+    z_max: float
+
+    @cached_property
+    def prepared(self) -> PreparedPolygon:
+        """The footprint, prepared."""
+        return PreparedPolygon.of(self.footprint)
+
+    @cached_property
+    def prepared_area(self) -> PreparedPolygon:
+        """The visible area, prepared."""
+        return PreparedPolygon.of(self.visible_area)
+
+    @cached_property
+    def distance(self) -> float:
+        """How far the footprint was from the camera, over the floor [m]."""
+        x, y = self.map_T_camera[:2, 3].tolist()
+        return math.hypot(self.centroid_xy[0] - x, self.centroid_xy[1] - y)
+
+
+def evidence_from(
+    observation: Observation, abstain: Literal["hidden", "outside"] = "outside"
+) -> list[tuple[str, Evidence]]:
+    """Return name and evidence of each object of a frame whose footprint is an area.
+
+    Args:
+        observation: the frame.
+        abstain: "outside": the frame has seen all of its visible area; "hidden": it has not seen
+            what lies behind walls.
+    """
+    footprints = as_objects(observed.footprint for observed in observation.objects)
+    is_usable = shapely.is_valid(footprints)
+    is_usable[is_usable] = shapely.area(footprints[is_usable]) > 0
+    usable = list(compress(observation.objects, is_usable.tolist()))
+    if not usable:
+        return []
+    area, view = observation.visible_area, observation.view
+    if abstain == "hidden" and view is not None and view.is_level:
+        area = view.ground
+    centroids = shapely.get_coordinates(shapely.centroid(footprints[is_usable]))
+    # Preparing all shapes of a frame at once is faster than one by one.
+    *prepared, prepared_area = PreparedPolygon.all_of(
+        [*(observed.footprint for observed in usable), area]
+    )
+    found = []
+    for observed, polygon, centroid_xy in zip(usable, prepared, centroids, strict=True):
+        evidence = Evidence(
+            stamp=observation.stamp,
+            map_T_camera=observation.map_T_camera,
+            visible_area=area,
+            score=observed.score,
+            footprint=observed.footprint,
+            centroid_xy=centroid_xy,
+            z_min=observed.z_min,
+            z_max=observed.z_max,
+        )
+        vars(evidence).update(prepared=polygon, prepared_area=prepared_area)
+        found.append((observed.name, evidence))
+    return found
+
+
+class EvidenceBuffer:
+    """The newest evidence for one object, at most `limit` pieces, and statistics of all of it.
+
+    Attributes:
+        items: the kept evidence, oldest first.
+        count: how many pieces there were in total.
+        score_sum: the sum of all their scores.
+        first_seen: the oldest stamp of all [s].
+        last_seen: the newest stamp of all [s].
+    """
+
+    def __init__(self, limit: int) -> None:
+        self._limit = limit
+        self._heights: tuple[float, float] | None = None
+        self.items: list[Evidence] = []
+        self._centroids = Column(np.empty((0, 2)))
+        self.count = 0
+        self.score_sum = 0.0
+        self.first_seen = np.inf
+        self.last_seen = -np.inf
+
+    def __len__(self) -> int:
+        return len(self.items)
+
+    def copy(self) -> EvidenceBuffer:
+        """Return the same evidence; a change of one does not change the other."""
+        other = copy.copy(self)
+        other.items = list(self.items)
+        other._centroids = self._centroids.copy()
+        return other
+
+    def add(self, evidence: Evidence) -> None:
+        """Add one piece; the oldest one is dropped when the buffer is full."""
+        self.items.append(evidence)
+        self._centroids.append(evidence.centroid_xy)
+        if len(self.items) > self._limit:
+            del self.items[0]
+            self._centroids.remove_first()
+        self._count(1, evidence.score, evidence.stamp, evidence.stamp)
+
+    def merge(self, others: Iterable[EvidenceBuffer]) -> None:
+        """Take over the evidence of other buffers, in order of time."""
+        for other in others:
+            self.items.extend(other.items)
+            self._count(other.count, other.score_sum, other.first_seen, other.last_seen)
+        self.items = sorted(self.items, key=lambda evidence: evidence.stamp)[-self._limit :]
+        self._centroids = Column(np.empty((0, 2)))
+        for evidence in self.items:
+            self._centroids.append(evidence.centroid_xy)
+
+    @property
+    def centroids(self) -> NDArray[np.float64]:
+        """Of the kept footprints [m], shape (N, 2)."""
+        return self._centroids.values
+
+    def footprints(self) -> ObjectArray:
+        """Return the kept footprints, shape (N,)."""
+        return as_objects(evidence.footprint for evidence in self.items)
+
+    def heights(self) -> tuple[float, float]:
+        """Return the usual lowest and highest point of the kept evidence [m] (medians)."""
+        if self._heights is None:
+            low = statistics.median(evidence.z_min for evidence in self.items)
+            high = statistics.median(evidence.z_max for evidence in self.items)
+            self._heights = float(low), float(high)
+        return self._heights
+
+    def _count(self, count: int, score: float, first: float, last: float) -> None:
+        self._heights = None
+        self.count += count
+        self.score_sum += score
+        self.first_seen = min(self.first_seen, first)
+        self.last_seen = max(self.last_seen, last)

@@ -1,0 +1,83 @@
+"""The occlusion test: how much of an object on the map a frame could see."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from hypermap.mapping.prepared_polygon import PreparedPolygon
+from hypermap.perception.depth_view import DepthView
+
+_AROUND = np.arange(8) / 8  # samples along the contour
+_INWARD = 0.75  # where the samples lie between centroid and contour
+_HEIGHTS = np.array([0.25, 0.5, 0.75])  # where they lie between lowest and highest point
+_FEWEST_RAYS = 10  # that must be able to hit an object for it to be large enough to detect
+
+
+@dataclass(frozen=True, eq=False)
+class SamplePoints:
+    """Where to look for an object.
+
+    Attributes:
+        around: points of its contour [m], shape (8, 2).
+        xy: its center, and points between that and its contour [m], shape (9, 2).
+        width: the largest distance between opposite points of its contour [m].
+    """
+
+    around: NDArray[np.float64]
+    xy: NDArray[np.float64]
+    width: float
+
+
+def sample_points(shape: PreparedPolygon) -> SamplePoints:
+    """Return where to look for an object: sample points of the convex hull of its shape."""
+    hull = shapely.convex_hull(shape.geometry)
+    ring = shapely.get_exterior_ring(hull)
+    around = shapely.get_coordinates(shapely.line_interpolate_point(ring, _AROUND, normalized=True))
+    center = shapely.get_coordinates(shapely.centroid(hull))
+    xy = np.concatenate([center, center + _INWARD * (around - center)])
+    across = np.linalg.norm(around[:4] - around[4:], axis=1)
+    return SamplePoints(around, xy, float(across.max()))
+
+
+def visible_shares(
+    view: DepthView, samples: Sequence[SamplePoints], heights: NDArray[np.float64], tolerance: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return how much of each object a frame could see, and how much it saw through.
+
+    Sample points of each object are looked up in the depth image. A ray that ended before the
+    object shows nothing of it; one that ended behind it went through the place where it should be.
+    Of things too small or too far away to be found nothing is seen.
+
+    Args:
+        view: where the frame's rays ended.
+        samples: of each object, N.
+        heights: lowest and highest point of each object [m], shape (N, 2).
+        tolerance: by how much the measured surface of an object may be off [m].
+
+    Returns:
+        Share of each object's samples whose rays ended at the object or behind it, and share of
+        those that ended behind it, shape (N,) each.
+    """
+    if not samples:
+        return np.empty(0), np.empty(0)
+    around = np.array([one.around for one in samples])
+    distances = np.linalg.norm(around - view.position[:2], axis=2)
+    xy = np.array([one.xy for one in samples])
+    z = heights[:, :1] + (heights[:, 1:] - heights[:, :1]) * _HEIGHTS
+    xyz = np.empty((*xy.shape[:2], len(_HEIGHTS), 3))
+    xyz[..., :2] = xy[:, :, np.newaxis]
+    xyz[..., 2] = z[:, np.newaxis]
+    reach = view.reach_towards(xyz.reshape(-1, 3)).reshape(len(samples), -1)
+    # Where there was no return, the comparisons with NaN are false: not visible.
+    visible = reach >= distances.min(axis=1, keepdims=True) - tolerance
+    through = reach > distances.max(axis=1, keepdims=True) + tolerance
+    sizes = np.array([one.width for one in samples]) * (heights[:, 1] - heights[:, 0])
+    K = view.camera.K
+    rays = sizes * K[0, 0] * K[1, 1] / np.maximum(distances.mean(axis=1), 1e-3) ** 2
+    is_large = rays >= _FEWEST_RAYS
+    return visible.mean(axis=1) * is_large, through.mean(axis=1) * is_large

@@ -1,0 +1,109 @@
+"""The shapes of all tracks, as columns."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import compress
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hypermap.core.arrays import BoolArray, IntArray, ObjectArray, as_objects
+from hypermap.mapping.columns import Column
+from hypermap.mapping.prepared_polygon import Box, PreparedPolygon
+
+Rows: TypeAlias = list[int]
+
+
+class TrackShapes:
+    """The shapes of all tracks as columns, so that most are ruled out by their bounding boxes.
+
+    Rows are in the order in which tracks were added; removing one moves the rows after it up.
+
+    Attributes:
+        polygons: the shape of each track, in the map frame.
+    """
+
+    def __init__(self) -> None:
+        self.polygons: list[PreparedPolygon] = []
+        self._classes = Column(np.empty(0, dtype=np.int64))
+        self._boxes = Column(np.empty((0, 4)))
+        self._heights = Column(np.empty((0, 2)))
+
+    def copy(self) -> TrackShapes:
+        """Return an independent copy."""
+        other = TrackShapes()
+        other.polygons = list(self.polygons)
+        other._classes = self._classes.copy()
+        other._boxes = self._boxes.copy()
+        other._heights = self._heights.copy()
+        return other
+
+    def __len__(self) -> int:
+        return len(self.polygons)
+
+    @property
+    def classes(self) -> IntArray:
+        """A number for the class of each track, int64, shape (N,)."""
+        return self._classes.values
+
+    @property
+    def boxes(self) -> NDArray[np.float64]:
+        """(xmin, ymin, xmax, ymax) of each shape [m], shape (N, 4)."""
+        return self._boxes.values
+
+    @property
+    def heights(self) -> NDArray[np.float64]:
+        """Lowest and highest point of each track [m], shape (N, 2); may be written to."""
+        return self._heights.values
+
+    def geometries(self, rows: Sequence[int]) -> ObjectArray:
+        """Return the shapely geometries of rows."""
+        return as_objects([self.polygons[row].geometry for row in rows])
+
+    def append(
+        self, class_: int, shape: PreparedPolygon, heights: tuple[float, float] = (0.0, 0.0)
+    ) -> int:
+        """Add a shape and return its row."""
+        self.polygons.append(shape)
+        self._classes.append(class_)
+        self._boxes.append(shape.box)
+        self._heights.append(heights)
+        return len(self) - 1
+
+    def replace(self, row: int, shape: PreparedPolygon) -> None:
+        """Replace the shape in a row."""
+        self.polygons[row] = shape
+        self.boxes[row] = shape.box
+
+    def keep(self, wanted: BoolArray) -> None:
+        """Remove the rows that are not wanted, shape (N,)."""
+        for column in (self._classes, self._boxes, self._heights):
+            column.keep(wanted)
+        self.polygons = list(compress(self.polygons, wanted))
+
+    def near(self, class_: int | None, box: Box) -> Rows:
+        """Return the rows of a class, or of all classes, whose boxes meet a box."""
+        xmin, ymin, xmax, ymax = box
+        left, bottom, right, top = self.boxes.T
+        meets = (left <= xmax) & (bottom <= ymax) & (right >= xmin) & (top >= ymin)
+        if class_ is not None:
+            meets &= self.classes == class_
+        rows: Rows = np.flatnonzero(meets).tolist()
+        return rows
+
+    def within(self, limits: Box, position: NDArray[np.float64], max_range: float) -> Rows:
+        """Return the rows whose boxes lie within limits and are centered near a place.
+
+        Args:
+            limits: xmin, ymin, xmax, ymax [m].
+            position: x and y of the place [m], shape (2,).
+            max_range: distance from there [m].
+        """
+        xmin, ymin, xmax, ymax = limits
+        left, bottom, right, top = self.boxes.T
+        is_inside = (left >= xmin) & (bottom >= ymin) & (right <= xmax) & (top <= ymax)
+        dx, dy = (left + right) / 2 - position[0], (bottom + top) / 2 - position[1]
+        rows: Rows = np.flatnonzero(is_inside & (np.hypot(dx, dy) <= max_range)).tolist()
+        return rows

@@ -1,0 +1,111 @@
+"""The tracks of an evidence map: one row each, in the order of their ids."""
+
+from __future__ import annotations
+
+import dataclasses
+from bisect import bisect_left
+from collections import Counter
+from collections.abc import Collection, Sequence
+from operator import attrgetter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hypermap.core.arrays import BoolArray
+from hypermap.mapping.columns import Column
+from hypermap.mapping.evidence_buffer import Evidence, EvidenceBuffer
+from hypermap.mapping.track_shapes import Rows, TrackShapes
+
+
+@dataclasses.dataclass(eq=False)
+class Track:
+    """What belongs to one track, apart from the columns of the table.
+
+    Attributes:
+        id: unique among all tracks that the table ever held.
+        name: its class.
+        buffer: the evidence for it.
+        co_occurrences: how many frames also showed another track of its class, by that track's id.
+        pending: pieces of evidence that are not in its shape yet.
+    """
+
+    id: int
+    name: str
+    buffer: EvidenceBuffer
+    co_occurrences: Counter[int] = dataclasses.field(default_factory=Counter)
+    pending: int = 0
+
+    def copy(self) -> Track:
+        """Return an independent copy."""
+        return Track(
+            self.id, self.name, self.buffer.copy(), self.co_occurrences.copy(), self.pending
+        )
+
+    def become(self, other: Track) -> None:
+        """Take over the state of another track."""
+        vars(self).update(vars(other))
+
+
+class TrackTable:
+    """A table of tracks: a list of objects, and columns for the numbers that are computed with.
+
+    Attributes:
+        objects: one track per row.
+        shapes: the shapes, classes and heights of the tracks.
+    """
+
+    def __init__(self, max_existence: float) -> None:
+        """Prepare an empty table; existence never grows above `max_existence`."""
+        self.objects: list[Track] = []
+        self.shapes = TrackShapes()
+        self._existence = Column(np.empty(0))
+        self._max_existence = max_existence
+        self._next_id = 0
+
+    def copy(self) -> TrackTable:
+        """Return another table of the same track objects; the columns are copied."""
+        other = TrackTable(self._max_existence)
+        other.objects = list(self.objects)
+        other.shapes = self.shapes.copy()
+        other._existence = self._existence.copy()
+        other._next_id = self._next_id
+        return other
+
+    @property
+    def existence(self) -> NDArray[np.float64]:
+        """The existence of each track, float64, shape (N,)."""
+        return self._existence.values
+
+    def append(self, name: str, class_: int, evidence: Evidence, max_evidence: int) -> int:
+        """Add a track where some evidence lies, but without evidence; return its row."""
+        self.objects.append(Track(self._next_id, name, EvidenceBuffer(max_evidence)))
+        self._existence.append(0.0)
+        self._next_id += 1
+        return self.shapes.append(class_, evidence.prepared, (evidence.z_min, evidence.z_max))
+
+    def remove(self, rows: Sequence[int]) -> None:
+        """Remove tracks; the rows after them move up."""
+        wanted: BoolArray = np.ones(len(self.objects), dtype=bool)
+        wanted[np.asarray(rows)] = False
+        for row in sorted(rows, reverse=True):
+            del self.objects[row]
+        self.shapes.keep(wanted)
+        self._existence.keep(wanted)
+
+    def change_existence(self, row: int, by: float) -> None:
+        """Change a track's existence, capped; rounded, so that five times 0.2 is 1 exactly."""
+        column = self._existence.values
+        column[row] = round(min(column.item(row) + by, self._max_existence) * 1e9) / 1e9
+
+    def rows_of(self, ids: Collection[int]) -> Rows:
+        """Return the rows of the tracks with these ids, in rising order."""
+        rows = []
+        for number in sorted(ids):
+            row = bisect_left(self.objects, number, key=attrgetter("id"))
+            if row < len(self.objects) and self.objects[row].id == number:
+                rows.append(row)
+        return rows
+
+    def excluding(self, rows: Rows, ids: Collection[int]) -> Rows:
+        """Return the rows whose tracks have none of these ids."""
+        return [row for row in rows if self.objects[row].id not in ids]

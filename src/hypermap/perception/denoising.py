@@ -1,0 +1,101 @@
+"""Points of an object with less noise: each is averaged with those beside it on the same surface.
+
+The hull of noisy points is too large, the more so the farther away the thing is: of a thousand
+points some lie three standard deviations off.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import uint64
+from numpy.typing import NDArray
+
+from hypermap._loops import inner_loop, loop
+from hypermap.core.arrays import IntArray
+from hypermap.perception.config import PerceptionConfig
+
+SAME = 4.0  # standard deviations of the noise by which points of one surface differ at most
+
+
+def smoothed(
+    points_xyz: NDArray[np.float32], pixels: IntArray, width: int, config: PerceptionConfig
+) -> NDArray[np.float32]:
+    """Return an object's points, moved along their rays to the mean disparity of their neighbors.
+
+    Neighbors are those of the same object, up to `config.smoothing` pixels away to each side,
+    whose disparity differs by no more than noise does.
+
+    Args:
+        points_xyz: the object's points in the optical frame [m], shape (N, 3).
+        pixels: their row-major indices in the image, shape (N,).
+        width: columns of the image.
+        config: noise and distance.
+
+    Returns:
+        Shape (N, 3).
+    """
+    if len(pixels) == 0 or config.smoothing == 0:
+        return points_xyz
+    radius = config.smoothing
+    rows = pixels // width
+    columns = pixels - rows * width
+    top, left = rows.min() - radius, columns.min() - radius
+    rows -= top
+    columns -= left
+    shape = int(rows.max()) + 1 + radius, int(columns.max()) + 1 + radius
+    disparity, means = np.zeros(shape, np.float32), np.empty(shape, np.float32)
+    totals, counts = np.empty(shape[1], np.float32), np.empty(shape[1], np.float32)
+    moved = np.empty_like(points_xyz)
+    across, tolerance = (0,) * (2 * radius + 1), SAME * config.depth_noise
+    _smooth(points_xyz, rows, columns, across, tolerance, disparity, means, totals, counts, moved)
+    return moved
+
+
+@loop()
+def _smooth(points_xyz, rows, columns, across, tolerance, disparity, means, totals, counts, moved):  # type: ignore[no-untyped-def]
+    """Do what `smoothed` says, row by row of the part of the image that holds the object.
+
+    Args:
+        points_xyz: as there.
+        rows: of these points in the part of the image, shape (N,).
+        columns: likewise.
+        across: as many items as pixels of a row are averaged; loops over a tuple, whose length is
+            known, are unrolled.
+        tolerance: by which disparities of one surface differ at most [1/m].
+        disparity: zeros, the size of the part of the image, shape (h, w).
+        means: room for the mean disparities, shape (h, w).
+        totals: room for those of a row, shape (w,).
+        counts: room for how many they are of, shape (w,).
+        moved: to become the points, shape (N, 3).
+    """
+    radius = len(across) // 2
+    for i in range(len(rows)):
+        disparity[rows[i], columns[i]] = np.float32(1) / points_xyz[i, 2]
+    for row in range(radius, len(disparity) - radius):
+        _average(disparity, means, row, across, tolerance, totals, counts)
+    for i in range(len(rows)):
+        share = disparity[rows[i], columns[i]] / means[rows[i], columns[i]]
+        for axis in range(3):
+            moved[i, axis] = points_xyz[i, axis] * share
+
+
+@inner_loop()
+def _average(disparity, means, row, across, tolerance, totals, counts):  # type: ignore[no-untyped-def]
+    """Fill a row with the means about its pixels of what differs by no more than the tolerance."""
+    width, radius = disparity.shape[1], len(across) // 2
+    begin, end, middle = uint64(radius), uint64(width - radius), uint64(row)
+    most, none, one = np.float32(tolerance), np.float32(0), np.float32(1)
+    for col in range(width):
+        totals[col] = counts[col] = none
+    for y in range(uint64(row - radius), uint64(row + radius + 1)):
+        for col in range(begin, end):  # without branches
+            total, count, own = totals[col], counts[col], disparity[middle, col]
+            for shift in range(len(across)):
+                d = disparity[y, col + uint64(shift) - begin]
+                more = d - own  # so that float32 loses no digits
+                is_same = (d > 0) & (abs(more) <= most)
+                total += more if is_same else none
+                count += one if is_same else none
+            totals[col], counts[col] = total, count
+    for col in range(begin, end):
+        means[middle, col] = disparity[middle, col] + totals[col] / counts[col]

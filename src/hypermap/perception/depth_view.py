@@ -1,0 +1,151 @@
+"""Where a frame's rays ended: what it could see of a place, and of the ground."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
+
+from hypermap.core.arrays import FloatArray, IntArray
+from hypermap.perception.frame import Camera, RgbdFrame
+
+_STEP = 4  # every n-th row and column of the depth image
+_STEEP = 0.87  # sine of 60 degrees
+_SAME_WAY = 1e-9  # angle between columns that then all look the same way [rad]
+_NEAREST = 0.05  # points nearer to the camera's plane than this are beside it [m]
+
+
+@dataclass(frozen=True, eq=False)
+class DepthView:
+    """The ends of some of a frame's rays.
+
+    Attributes:
+        camera: intrinsics of the image of these rays.
+        map_T_camera: pose of the camera's optical frame in the map, shape (4, 4).
+        reach: horizontal distance from the camera to where each ray ended [m], float32, NaN for
+            no return, shape (H, W).
+        max_range: rays that end farther away than this do not count for `ground` [m].
+    """
+
+    camera: Camera
+    map_T_camera: NDArray[np.float64]
+    reach: NDArray[np.float32]
+    max_range: float = np.inf
+
+    @classmethod
+    def of(cls, frame: RgbdFrame, max_range: float = np.inf) -> DepthView:
+        """Return what a frame could see."""
+        some = (slice(None, None, _STEP),) * 2
+        z = frame.depth[some]
+        camera = frame.camera.every(_STEP)
+        x, y = _horizontal_rays(camera, frame.map_T_camera, np.arange(camera.height))
+        reach = (z * np.sqrt(x * x + y * y)).astype(np.float32)
+        return cls(camera, frame.map_T_camera, reach, max_range)
+
+    @property
+    def position(self) -> NDArray[np.float64]:
+        """The camera's place in the map [m], shape (3,)."""
+        return self.map_T_camera[:3, 3]
+
+    def reach_towards(self, points_xyz: FloatArray) -> NDArray[np.float64]:
+        """Return how far the rays through some points reached.
+
+        Args:
+            points_xyz: points in the map frame [m], shape (N, 3).
+
+        Returns:
+            Horizontal distances from the camera [m], NaN outside the image and where the ray had
+            no return, shape (N,).
+        """
+        points = (points_xyz - self.position) @ self.map_T_camera[:3, :3]
+        K, (height, width) = self.camera.K, self.reach.shape
+        ahead = points[:, 2] > _NEAREST
+        z = np.where(ahead, points[:, 2], 1.0)
+        columns = np.rint(K[0, 0] * points[:, 0] / z + K[0, 2])
+        rows = np.rint(K[1, 1] * points[:, 1] / z + K[1, 2])
+        inside = ahead & (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height)
+        reach = np.full(len(points), np.nan)
+        reach[inside] = self.reach[rows[inside].astype(int), columns[inside].astype(int)]
+        return reach
+
+    @property
+    def is_level(self) -> bool:
+        """Whether the camera looks ahead rather than up or down, so that `ground` has a meaning."""
+        return bool(abs(self.map_T_camera[2, 2]) < _STEEP)
+
+    @cached_property
+    def ground(self) -> BaseGeometry:
+        """The ground over which the rays passed, as far as the farthest of each image column.
+
+        A polygon or multipolygon in the map frame [m]; empty if no ray returned. Unlike the hull of
+        the points seen, it does not reach behind walls. It begins where the nearest ray of all
+        ended, and in columns without any return it is what lies before.
+        """
+        is_return = (self.reach > 0) & (self.reach <= self.max_range) & (self.reach < np.inf)
+        reach = np.where(is_return, self.reach, 0.0)
+        farthest = reach.max(axis=0)
+        if np.count_nonzero(farthest) < 2:
+            return shapely.Polygon()
+        middle = np.array([self.camera.height // 2])
+        rays = _horizontal_rays(self.camera, self.map_T_camera, middle)[:, 0]
+        directions = (rays / np.hypot(*rays)).T
+        nearest = reach[reach > 0].min()
+        return _ground(directions, farthest, nearest, self.position[:2])
+
+
+def _ground(
+    directions: NDArray[np.float64],
+    farthest: NDArray[np.float64],
+    nearest: float,
+    position: NDArray[np.float64],
+) -> BaseGeometry:
+    """Return what lies between a circle and the ends of rays, for `DepthView.ground`.
+
+    Args:
+        directions: of the image's columns over the floor, of length 1, shape (W, 2).
+        farthest: how far each reached [m], 0 for no return, shape (W,).
+        nearest: radius of the circle [m].
+        position: its middle, in the map frame [m], shape (2,).
+    """
+    turns = _cross(directions[:-1], directions[1:])
+    if np.abs(turns).min() < _SAME_WAY:
+        return shapely.Polygon()
+    ends = position + farthest[:, np.newaxis] * directions
+    begins = position + nearest * directions
+    # Pieces begin and end where columns without a return do, and where there is nothing between
+    # the circle and the end.
+    is_seen = (farthest[:-1] > 0) & (farthest[1:] > 0)
+    is_end = (is_seen[1:] != is_seen[:-1]) | (farthest[1:-1] == nearest)
+    bounds = [0, *(np.flatnonzero(is_end) + 1).tolist(), len(farthest) - 1]
+    pieces = []
+    for first, last in pairwise(bounds):
+        columns = slice(first, last + 1)
+        if not is_seen[first]:
+            pieces.append(np.vstack([begins[columns], position]))
+        elif (farthest[columns] > nearest).any():
+            pieces.append(np.vstack([ends[columns], begins[columns][::-1]]))
+    if not pieces:
+        return shapely.Polygon()
+    polygons = [shapely.Polygon(piece) for piece in pieces]
+    ground: BaseGeometry = polygons[0] if len(polygons) == 1 else shapely.multipolygons(polygons)
+    return ground
+
+
+def _cross(one: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the cross products of vectors in the plane, shape (N, 2) each."""
+    return np.asarray(one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0])
+
+
+def _horizontal_rays(
+    camera: Camera, map_T_camera: NDArray[np.float64], rows: IntArray
+) -> NDArray[np.float64]:
+    """Return x and y in the map of the rays of some rows at a depth of 1 m, shape (2, rows, W)."""
+    K, rotation = camera.K, map_T_camera[:2, :3]
+    right = ((np.arange(camera.width) - K[0, 2]) / K[0, 0])[np.newaxis, :]
+    down = ((rows - K[1, 2]) / K[1, 1])[:, np.newaxis]
+    return np.stack([axis[0] * right + axis[1] * down + axis[2] for axis in rotation])

@@ -1,0 +1,151 @@
+"""Object search: by name and by place: near, within, inside, in an area."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import shapely
+
+from hypermap.core.hypermap import Hypermap
+from hypermap.core.semantic import SemanticLayer
+from hypermap.viewer.live.names import names_of, similar_names
+from hypermap.viewer.live.request_errors import Refused
+from hypermap.viewer.live.requests import corners_in, number_in, text_in, whole_number_in
+from hypermap.viewer.live.snippets import snippets_for_search
+
+MOST_FOUND = 5000
+"""How many rows an answer has at most."""
+_FOUND = 100  # rows, unless another limit is asked for
+
+
+@dataclass(frozen=True)
+class ObjectQuery:
+    """A search for objects; None where there is no condition.
+
+    Attributes:
+        name: the name of the objects.
+        near: a name, or a point [m], from which the distance is measured.
+        within: the largest distance [m].
+        inside: the name of the object that contains them.
+        corners: of a polygon that they intersect [m].
+        frame: of point and polygon; None for the base frame.
+        limit: the maximum number of rows in the answer.
+    """
+
+    name: str | None = None
+    near: str | tuple[float, float] | None = None
+    within: float | None = None
+    inside: str | None = None
+    corners: Sequence[Sequence[float]] | None = None
+    frame: str | None = None
+    limit: int = _FOUND
+
+
+def query_in(values: Mapping[str, Any], hypermap: Hypermap) -> ObjectQuery:
+    """Return the search of a request.
+
+    Raises:
+        Refused: If there is no condition, or a wrong one.
+    """
+    limit = whole_number_in(values, "limit") if "limit" in values else _FOUND
+    if not 1 <= limit <= MOST_FOUND:
+        raise Refused(f"limit: must be from 1 to {MOST_FOUND}, got {limit}")
+    near = text_in(values, "near")
+    within = number_in(values, "within") if values.get("within") else None
+    if within is not None and near is None:
+        raise Refused("within: needs near, from which the distance is measured")
+    if within is not None and within < 0:
+        raise Refused(f"within: must not be negative, got {within:g}")
+    query = ObjectQuery(
+        name=text_in(values, "name"),
+        near=None if near is None else _place_or_name(near, hypermap),
+        within=within,
+        inside=text_in(values, "inside"),
+        corners=corners_in(values, "polygon") if values.get("polygon") else None,
+        frame=text_in(values, "frame"),
+        limit=limit,
+    )
+    is_near = isinstance(query.near, str) or within is not None
+    if not (query.name or is_near or query.inside or query.corners):
+        raise Refused("name: missing; give name, near, inside or polygon")
+    return query
+
+
+def find(hypermap: Hypermap, path: str, query: ObjectQuery) -> dict[str, Any]:
+    """Return the objects that meet all conditions, as the page shows them.
+
+    With `near`, the nearest come first. `name`, `near` and `inside` are returned as they were
+    understood: if no object has exactly this name, the only similar one is taken. `unknown` lists
+    the names that were not found, each with the similar ones.
+
+    Raises:
+        FrameError: If the frame is unknown.
+    """
+    known = known_names(hypermap)
+    unknown: dict[str, list[str]] = {}
+
+    def meant(asked: str | None) -> str | None:
+        if asked is None or asked in known:
+            return asked
+        unknown[asked] = similar_names(asked, known)
+        return unknown[asked][0] if len(unknown[asked]) == 1 else asked
+
+    near = meant(query.near) if isinstance(query.near, str) else query.near
+    understood = replace(query, name=meant(query.name), near=near, inside=meant(query.inside))
+    matches = hypermap.matching(
+        understood.name,
+        near=understood.near,
+        within=understood.within,
+        inside=understood.inside,
+        area=None if query.corners is None else shapely.Polygon(query.corners),
+        frame_id=query.frame,
+    )
+    rows = [
+        {
+            "layer": found.layer,
+            "id": found.object.id,
+            "name": found.object.name,
+            "x": float(found.point_xy[0]),
+            "y": float(found.point_xy[1]),
+            "distance": found.distance,
+        }
+        for found in matches.first(query.limit)
+    ]
+    return {
+        "name": understood.name,
+        "near": understood.near,
+        "inside": understood.inside,
+        "rows": rows,
+        "total": len(matches),
+        "names": [] if query.name is None else similar_names(query.name, known),
+        "unknown": unknown,
+        **snippets_for_search(
+            path,
+            understood.name,
+            near=understood.near,
+            within=query.within,
+            inside=understood.inside,
+            corners=query.corners,
+            frame=query.frame,
+        ),
+    }
+
+
+def known_names(hypermap: Hypermap) -> list[str]:
+    """Return the sorted names of all objects in layers that a transform places."""
+    layers = [layer for layer in hypermap.placed_layers() if isinstance(layer, SemanticLayer)]
+    return sorted({name for layer in layers for name in names_of(layer.table)})
+
+
+def _place_or_name(text: str, hypermap: Hypermap) -> str | tuple[float, float]:
+    """Return a point "x,y", or the text as it is where it is, or could be, a name."""
+    if not re.fullmatch(r"[-+.,\d\seE]*", text) or text in known_names(hypermap):
+        return text
+    try:
+        x, y = (number_in({"near": part}, "near") for part in text.split(","))
+    except ValueError:
+        raise Refused(f"near: a point x,y is expected, got {text[:60]!r}") from None
+    return x, y

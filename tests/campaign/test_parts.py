@@ -1,0 +1,146 @@
+"""The short form of the campaign, with fixed seeds: nothing falls, and what is wrong would."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hypermap import HypermapError, OccupancyLayer
+
+CHECKOUT = Path(__file__).resolve().parents[2]
+
+
+def campaign(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "campaign", "--folder", str(folder), *words]
+    return subprocess.run(command, cwd=CHECKOUT, capture_output=True, text=True, check=False)
+
+
+def budget(folder: Path, seed: int = 1):
+    from campaign.part import Budget
+
+    return Budget(seconds=1.0, seed=seed, short=True, folder=folder)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("part", ["kill", "differential"])
+def test_nothing_falls(part: str, tmp_path: Path) -> None:
+    done = campaign(tmp_path, part, "--short", "--seed", "1")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert f"| {part} |" in done.stdout
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "target",
+    # The others, which take their time to begin, are left to `make campaign`.
+    ["config", "map_server", "png", "semantic_yaml", "geojson", "wkt", "tum", "detections", "http"],
+)
+def test_a_little_fuzzing_finds_nothing(target: str, tmp_path: Path) -> None:
+    from campaign.fuzz import fuzz
+
+    result = fuzz(budget(tmp_path), [target])
+    assert result.findings == []
+    assert result.runs > 15
+
+
+def test_an_unknown_part_is_refused(tmp_path: Path) -> None:
+    done = campaign(tmp_path, "kil")
+    assert done.returncode == 2
+    assert "there is no part 'kil'; known: kill, " in done.stderr
+
+
+def test_the_table_has_a_row_for_each_part() -> None:
+    from campaign.part import Finding, Result
+    from campaign.report import Row, findings, table
+
+    found = Result("fuzz", 2, [Finding("png: slow", 7, Path("x.input"))], {"slowest": "3 s"})
+    rows = [Row(Result("kill", 1305), 1.2, 100.4), Row(found, 60.0, 99.6)]
+    assert table(rows).splitlines()[2:] == [
+        "| kill | 1,305 | 0 | 1 |  | 100 |",
+        "| fuzz | 2 | 1 | 60 | 3 s | 100 |",
+    ]
+    assert findings(found) == "  FOUND png: slow (seed 7, x.input)"
+
+
+# That each part would see what is wrong
+
+
+def test_the_oracle_sees_a_wrong_answer(monkeypatch: pytest.MonkeyPatch) -> None:
+    from campaign.differential import World, Wrong
+
+    right = OccupancyLayer.value_at
+
+    def wrong(layer: OccupancyLayer, points_xy):
+        return np.where(right(layer, points_xy) == 57, 58, right(layer, points_xy))
+
+    monkeypatch.setattr(OccupancyLayer, "value_at", wrong)
+    worlds = [World(seed) for seed in range(1, 8)]
+    grids = [world for world in worlds if isinstance(world.hypermap.layers[0], OccupancyLayer)]
+    with pytest.raises(Wrong, match="58, not one of"):
+        grids[0].ask_and_change()
+
+
+def test_other_golden_answers_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    from campaign import golden
+
+    assert golden.differences() == []
+    right = golden.answers
+    monkeypatch.setattr(
+        golden, "answers", lambda hypermap: {**dict(right(hypermap)), "base frame": "lab"}.items()
+    )
+    assert len(golden.differences()) == len(golden.MAPS)
+
+
+def test_a_save_that_writes_in_place_is_found_out(tmp_path: Path) -> None:
+    from campaign.kill import Trial, kill_at_operations
+    from campaign.ways_to_save import Way
+
+    def save(folder: Path, version: int) -> None:
+        with (folder / "a").open("w") as file:
+            file.write(f"{version}" * 100)
+        (folder / "b").write_text(f"{version}" * 100)
+
+    def read(folder: Path) -> str:
+        parts = {(folder / name).read_text() for name in "ab"}
+        if len(parts) != 1 or len(parts.pop()) != 100:
+            raise HypermapError("not whole")
+        return (folder / "a").read_text()
+
+    trial = Trial(Way("in place", save, read), tmp_path)
+    trial.prepare()
+    assert trial.operations == 2
+    assert any("cannot be read" in problem for problem in kill_at_operations(trial))
+
+
+@pytest.mark.parametrize(
+    ("kind", "what"),
+    [("KeyError", "KeyError in "), ("slow", "slow: "), ("HypermapError", None)],
+)
+def test_fuzzing_tells_what_is_ours_from_what_is_not(
+    kind: str, what: str | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from campaign import fuzz_worker
+
+    monkeypatch.setattr(fuzz_worker, "MOST_SECONDS", 0.0 if kind == "slow" else 1e9)
+    monkeypatch.setattr(fuzz_worker, "MOST_BYTES", 1e18)
+
+    def ask(data: bytes) -> None:
+        if data == b"right":
+            return
+        if kind == "KeyError":
+            raise KeyError(kind)
+        if kind == "HypermapError":
+            raise HypermapError(kind)
+
+    tries = fuzz_worker.Tries(ask, tmp_path)
+    tries.warm_up([b"right"])
+    tries(b"wrong")
+    found = " ".join(tries.findings.values())
+    assert (what or "") in found
+    assert bool(found) == (what is not None)
+    kept = [path.read_bytes() for path in tmp_path.glob("*.input")]
+    assert kept == ([b"wrong"] if what else [])

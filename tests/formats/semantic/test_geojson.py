@@ -1,0 +1,255 @@
+from __future__ import annotations
+
+import contextlib
+import datetime
+import json
+import sys
+from typing import Any
+
+import pytest
+import shapely
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hypermap.core.errors import FormatError, MissingExtra
+from hypermap.core.semantic import SemanticLayer, SemanticObject
+from hypermap.formats.semantic.geojson import from_geojson, to_geojson
+from hypermap.formats.semantic.geopandas_bridge import to_geodataframe
+
+from ..strategies import layer_facts, semantic_layers
+
+CUP = SemanticObject(
+    name="cup",
+    footprint=shapely.Polygon([(0, 0), (0.5, 0), (0.5, 0.25)]),
+    id=7,
+    tags=("cup", "bowl"),
+    confidence=(0.5, 0.25),
+    existence=2.5,
+    attributes={"z_max": 1.2},
+)
+LAYER = SemanticLayer("objects", "lab", [CUP])
+
+
+def test_a_layer_is_a_collection_of_features_in_metres() -> None:
+    document = json.loads(to_geojson(LAYER))
+    assert document["type"] == "FeatureCollection"
+    assert (document["name"], document["frame_id"]) == ("objects", "lab")
+    assert document["crs"]["properties"]["name"].startswith('ENGCRS["lab",')
+    assert document["features"] == [
+        {
+            "type": "Feature",
+            "id": 7,
+            "geometry": {
+                "type": "Polygon",
+                "coordinates": [[[0, 0], [0.5, 0], [0.5, 0.25], [0, 0]]],
+            },
+            "properties": {
+                "id": 7,
+                "name": "cup",
+                "tags": ["cup", "bowl"],
+                "confidence": [0.5, 0.25],
+                "existence": 2.5,
+                "z_max": 1.2,
+            },
+        }
+    ]
+
+
+@given(semantic_layers(name="objects", frame_id="lab"))
+def test_writing_and_reading_gives_exactly_the_same_layer(layer: SemanticLayer) -> None:
+    assert layer_facts(from_geojson(to_geojson(layer))) == layer_facts(layer)
+
+
+def test_a_file_without_frame_needs_one_and_a_name_can_be_given() -> None:
+    document = json.loads(to_geojson(LAYER))
+    del document["frame_id"], document["name"], document["crs"]
+    with pytest.raises(FormatError) as error:
+        from_geojson(json.dumps(document), path="cups.geojson")
+    assert str(error.value) == (
+        "cups.geojson: crs: is missing, as GIS programs leave it out; if coordinates are meters in "
+        'a frame of the map, name it: --frame map, or frame_id="map" in Python'
+    )
+    layer = from_geojson(json.dumps(document), frame_id="odom")
+    assert (layer.name, layer.frame_id) == ("semantic", "odom")
+    layer = from_geojson(to_geojson(LAYER), name="cups", frame_id="odom")
+    assert (layer.name, layer.frame_id) == ("cups", "odom")
+
+
+def test_the_crs_alone_names_the_frame_too() -> None:
+    layer = SemanticLayer("s", 'the "old" lab', LAYER.objects())
+    document = json.loads(to_geojson(layer))
+    del document["frame_id"]
+    assert from_geojson(json.dumps(document)).frame_id == 'the "old" lab'
+
+
+@pytest.mark.parametrize(
+    ("crs", "named"),
+    [
+        ("urn:ogc:def:crs:OGC:1.3:CRS84", "urn:ogc:def:crs:OGC:1.3:CRS84"),
+        ("EPSG:32632", "EPSG:32632"),
+        ('PROJCRS["WGS 84 / UTM zone 32N",BASEGEOGCRS["WGS 84"]]', "WGS 84 / UTM zone 32N"),
+        ("", ""),
+        (None, "a crs that is not known here"),
+    ],
+)
+@pytest.mark.parametrize("frame_id", [None, "map"])
+def test_coordinates_in_another_system_are_refused(
+    crs: str | None, named: str, frame_id: str | None
+) -> None:
+    document = json.loads(to_geojson(LAYER))
+    document["crs"] = {"type": "name", "properties": {"name": crs}}
+    with pytest.raises(FormatError) as error:
+        from_geojson(json.dumps(document), frame_id=frame_id, path="t.geojson")
+    assert str(error.value).startswith(f"t.geojson: crs: coordinates are in {named}, not in meters")
+
+
+def test_gis_programs_may_leave_open_rings_nulls_and_ids_of_their_own() -> None:
+    document = json.loads(to_geojson(LAYER))
+    feature = document["features"][0]
+    feature["geometry"]["coordinates"][0].pop()
+    feature["properties"] = {"name": "cup", "tags": None, "existence": None, "attributes": None}
+    feature["id"] = 9
+    (item,) = from_geojson(json.dumps(document)).objects()
+    assert item.id == 9
+    assert item.footprint.equals(CUP.footprint)
+    feature["id"] = "feature-1"
+    (item,) = from_geojson(json.dumps(document)).objects()
+    assert item.id == 0
+
+
+def changed(**changes: Any) -> str:
+    """The cup's collection with other members in its feature."""
+    document = json.loads(to_geojson(LAYER))
+    document["features"][0].update(changes)
+    return json.dumps(document)
+
+
+def polygon(*points: Any) -> dict[str, Any]:
+    return {"type": "Polygon", "coordinates": [list(points)]}
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "is not valid JSON: "),
+        ("{", "is not valid JSON: "),
+        ("[" * 100_000, "is not valid JSON: "),
+        ("[]", "expected keys and values, found a list"),
+        ("{}", "type: is required, but missing"),
+        ('{"type": "Feature"}', "type: input should be 'FeatureCollection', found 'Feature'"),
+        ('{"type": "FeatureCollection"}', "features: is required, but missing"),
+        (changed(type="Point"), "features[0].type: input should be 'Feature', found 'Point'"),
+        (changed(geometry=None), "features[0].geometry: input should be a valid dictionary, found"),
+        (
+            changed(geometry={"type": "Point", "coordinates": [1, 2]}),
+            "features[0].geometry.type: input should be 'Polygon' or 'MultiPolygon', found 'Point'",
+        ),
+        (
+            changed(geometry={"type": "Polygon", "coordinates": []}),
+            "features[0].geometry.coordinates: list should have at least 1 item",
+        ),
+        (
+            changed(geometry=polygon([0, 0], [1, 1])),
+            "features[0].geometry: is not a valid Polygon: ",
+        ),
+        (
+            changed(geometry=polygon([0, 0, 1], [1, 0, 1], [1, 1, 1])),
+            "features[0].geometry: is not a valid Polygon: a footprint lies on the floor",
+        ),
+        (
+            changed(geometry=polygon([0, 0], [float("nan"), 0], [1, 1])),
+            "is not valid JSON: NaN is no number",
+        ),
+        (
+            changed(geometry=polygon([0, 0], [12345, 0], [1, 1])).replace("12345", "1e999"),
+            "features[0].geometry: is not a valid Polygon: a footprint must be finite",
+        ),
+        (
+            changed(geometry=polygon("a", {}, 3)),
+            "features[0].geometry: is not a valid Polygon: ",
+        ),
+        (changed(properties={}), "features[0].properties: name: is required, but missing"),
+        (
+            changed(properties={"name": "cup", "id": -2}),
+            "features[0].properties: id: input should be greater than or equal to 0, found -2",
+        ),
+        (
+            changed(properties={"name": "cup", "tags": "['cup' 'bowl']"}),
+            "features[0].properties: tags: input should be a valid tuple, found",
+        ),
+    ],
+    ids=lambda value: value[:40],
+)
+def test_what_is_wrong_is_named_with_its_place(text: str, message: str) -> None:
+    with pytest.raises(FormatError) as error:
+        from_geojson(text, path="t.geojson")
+    assert str(error.value).startswith(f"t.geojson: {message}")
+
+
+def test_coordinates_that_lie_too_deep_are_an_error() -> None:
+    deep = "[" * 700 + "]" * 700  # once, this ended in an error of Python
+    with pytest.raises(FormatError, match="is not"):
+        from_geojson(changed(geometry=polygon("here")).replace('"here"', deep))
+
+
+@pytest.mark.parametrize("times", [2, 20_000])  # once, many took minutes
+def test_an_id_that_is_there_twice_is_an_error(times: int) -> None:
+    document = json.loads(to_geojson(LAYER))
+    document["features"] *= times
+    with pytest.raises(FormatError, match="features: the id 7 is there twice"):
+        from_geojson(json.dumps(document))
+
+
+def test_attributes_that_json_cannot_hold_are_an_error() -> None:
+    for value in (datetime.date(2019, 5, 6), float("nan")):
+        item = SemanticObject("cup", shapely.box(0, 0, 1, 1), attributes={"seen": value})
+        with pytest.raises(FormatError, match="objects: cannot be written as JSON: "):
+            to_geojson(SemanticLayer("objects", "map", [item]))
+
+
+@given(st.data())
+def test_damage_never_gives_another_error(data: st.DataObject) -> None:
+    text = list(to_geojson(LAYER))
+    for _ in range(data.draw(st.integers(1, 4))):
+        place = data.draw(st.integers(0, len(text) - 1))
+        text[place] = data.draw(st.sampled_from('{}[]",:0159-e.aN '))
+    with contextlib.suppress(FormatError):
+        from_geojson("".join(text))
+
+
+def test_gis_programs_read_metres_and_not_degrees(tmp_path: Any) -> None:
+    geopandas = pytest.importorskip("geopandas")
+    path = tmp_path / "cups.geojson"
+    path.write_text(to_geojson(LAYER))
+    frame = geopandas.read_file(path)
+    assert frame.crs.is_engineering
+    assert not frame.crs.is_geographic
+    assert frame.loc[0, "name"] == "cup"
+    assert frame.area[0] == CUP.footprint.area
+
+
+def test_a_geodataframe_has_a_row_per_object() -> None:
+    pytest.importorskip("geopandas")
+    other = SemanticObject("table", shapely.box(0, 0, 2, 1), id=3)
+    frame = to_geodataframe(SemanticLayer("objects", "lab", [CUP, other]))
+    assert frame.index.tolist() == [7, 3]
+    assert frame.index.name == "id"
+    assert frame.columns.tolist() == [
+        *("name", "tags", "confidence", "existence", "first_seen", "last_seen", "z_max"),
+        "geometry",
+    ]
+    assert frame.loc[7, "tags"] == ["cup", "bowl"]
+    assert frame.area.tolist() == [CUP.footprint.area, 2.0]
+    assert frame.crs.name == "lab"
+    assert frame.crs.axis_info[0].unit_name == "metre"
+    empty = to_geodataframe(SemanticLayer("objects", "lab"))
+    assert len(empty) == 0
+
+
+def test_a_missing_geopandas_says_which_extra_brings_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "geopandas", None)
+    with pytest.raises(MissingExtra) as error:
+        to_geodataframe(LAYER)
+    assert str(error.value) == (
+        "a GeoDataFrame needs an optional library: pip install 'hypermap[geo]'"
+    )
