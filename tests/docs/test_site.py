@@ -58,6 +58,8 @@ def test_the_site_shows_every_document_name_and_command(site: Path) -> None:
     reference = (site / "reference/python/hypermap.html").read_text(encoding="utf-8")
     names = set(hypermap.__all__) - {"__version__"}
     assert not {name for name in names if f'id="hypermap.{name}"' not in reference}
+    assert "&gt;&gt;&gt;" in reference
+    assert "<blockquote>" not in reference  # which prompts of examples would be, were they no code
 
     commands = (site / "reference/commands.html").read_text(encoding="utf-8")
     shown = set(re.findall(r'<h2 id="([\w-]+)"', commands))
