@@ -76,7 +76,7 @@ audit: .venv-audit$(VERSION)/.audit  ## whether packages that an install brings 
 	.venv-audit$(VERSION)/bin/python scripts/audit.py requirements/hypermap.txt
 
 docs: $(VENV)/.docs  ## build the documentation as a site, build/site/index.html: every link checked, notebooks run
-	$(BIN)/mkdocs build
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build
 
 bench: $(VENV)/.bench  ## ours and its peers, measured side by side: 18 minutes
 	scripts/peers.sh

@@ -24,10 +24,12 @@ from typing import Any
 from PIL import Image
 from playwright.sync_api import Page, sync_playwright
 
+NAMES = ("growing", "watching", "page", "evidence")
 IMAGES = Path(__file__).resolve().parents[1] / "docs" / "images"
 SIZE: Any = {"width": 1360, "height": 800}
 PATIENCE = 300.0  # s; the first run compiles
 SEEN_AT = 0.55  # of the run
+GROWTH_FRAMES, GROWTH_WIDTH, GROWTH_STEP, GROWTH_END = 36, 960, 150, 2500  # pixels; ms a frame
 CUP, SOFA = (3.75, 2.15), (3.6, 0.5)  # places in the demo's room; the cup stands on a table
 ADDRESS = re.compile(r"http://127\.0\.0\.1:\d+/\S*")
 
@@ -101,6 +103,32 @@ def take_run(page: Page, url: str, path: Path) -> None:
     save(page, path)
 
 
+def take_growth(page: Page, url: str, path: Path) -> None:
+    """Go through a run from the first frame to the last, as an animated picture."""
+    page.goto(url)
+    wait_for(page, "() => window.hypermapRun?.shown && window.hypermapRun.steps.length > 0")
+    last = page.evaluate("() => window.hypermapRun.steps.length - 1")
+    page.mouse.move(2, 2)
+    frames = []
+    for i in range(GROWTH_FRAMES):
+        page.locator("#slider").fill(str(round(i * last / (GROWTH_FRAMES - 1))))
+        page.wait_for_timeout(700)  # the camera's image is loaded, and the map drawn
+        with Image.open(io.BytesIO(page.screenshot())) as image:
+            height = round(GROWTH_WIDTH * image.height / image.width)
+            frames.append(image.convert("RGB").resize((GROWTH_WIDTH, height), Image.LANCZOS))
+    steps = [GROWTH_STEP] * (len(frames) - 1) + [GROWTH_END]
+    frames[0].save(
+        path,
+        save_all=True,
+        append_images=frames[1:],
+        duration=steps,
+        loop=0,
+        quality=60,
+        method=6,
+    )
+    sys.stdout.write(f"{path.name}: {path.stat().st_size / 1000:.0f} kB\n")
+
+
 def click_at(page: Page, place: tuple[float, float]) -> None:
     """Click on a point of the map [m], and wait for the answer."""
     page.wait_for_timeout(1000)  # the map may fly to what was asked before
@@ -117,11 +145,15 @@ def click_at(page: Page, place: tuple[float, float]) -> None:
     page.locator("#panel section.at").first.wait_for()
 
 
-def take_page(page: Page, url: str, path: Path) -> None:
-    """Click on a thing that stands on another."""
+def open_page(page: Page, url: str) -> None:
+    """Open the page of the map."""
     page.goto(url)
     wait_for(page, "() => window.hypermapPage !== undefined")
     page.evaluate("() => window.hypermapPage.ready")
+
+
+def take_page(page: Page, path: Path) -> None:
+    """Click on a thing that stands on another."""
     click_at(page, CUP)
     save(page, path)
 
@@ -138,10 +170,15 @@ def take_evidence(page: Page, path: Path) -> None:
 
 
 def main() -> None:
-    """Take all pictures."""
+    """Take all pictures, or those that are named."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"of {', '.join(NAMES)}")
     parser.add_argument("--output", type=Path, default=IMAGES, metavar="FOLDER")
-    folder: Path = parser.parse_args().output
+    given = parser.parse_args()
+    wanted = given.names or NAMES
+    if unknown := set(wanted) - set(NAMES):
+        parser.error(f"there is no picture {unknown.pop()!r}, only {', '.join(NAMES)}")
+    folder: Path = given.output
     folder.mkdir(parents=True, exist_ok=True)
     chromium = os.environ.get("HYPERMAP_CHROMIUM") or shutil.which("chromium")
     if chromium is None:
@@ -151,9 +188,16 @@ def main() -> None:
         browser = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
         page = browser.new_page(viewport=SIZE)
         page.set_default_timeout(60_000)
-        take_run(page, run, folder / "watching.png")
-        take_page(page, of_map, folder / "page.png")
-        take_evidence(page, folder / "evidence.png")
+        if "growing" in wanted:
+            take_growth(page, run, folder / "growing.webp")
+        if "watching" in wanted:
+            take_run(page, run, folder / "watching.png")
+        if {"page", "evidence"} & set(wanted):
+            open_page(page, of_map)
+        if "page" in wanted:
+            take_page(page, folder / "page.png")
+        if "evidence" in wanted:
+            take_evidence(page, folder / "evidence.png")
         browser.close()
 
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 import os
 import posixpath
 import re
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -23,9 +22,8 @@ from mkdocs.structure.pages import Page
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = ("*.md", "docs/**/*.md", "benchmarks/*.md", "examples/*/*.md")
-OTHER_FILES = ("docs/images/*", "docs/site.css", "docs/site.js")
+OTHER_FILES = ("docs/images/*", "docs/site.css", "docs/iframe-worker.js")
 LINK = re.compile(r"(?<=\]\()(?![a-z]+:)([^)#\s]+)")
-PYTHON = "reference/python/"  # in mkdocs.yml: all pages of that folder
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
@@ -38,19 +36,18 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
     execute = os.environ.get("HYPERMAP_NOTEBOOKS", "run") == "run"
     generated: dict[str, str | bytes] = {"reference/commands.md": commands.page()}
-    generated |= reference.pages(ROOT, PYTHON)
+    generated |= reference.pages(ROOT, "reference/python/")
     for path in _found(("notebooks/*.ipynb",)):
         generated |= notebooks.page(path, execute=execute)
     generated |= _linked_pages()
     for uri, content in generated.items():
         whole.append(File.generated(config, uri, content=content))
 
-    modules = [uri for uri in generated if uri.startswith(PYTHON)]
-    config.nav = _with_modules(config.nav, modules)
+    config.nav = _with_folders(config.nav, sorted(file.src_uri for file in whole))
     return whole
 
 
-def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
+def on_page_markdown(markdown: str, page: Page, files: Files, **_: Any) -> str:
     """Let links to folders and source files lead to the pages that show them."""
     here = posixpath.dirname(page.file.src_uri)
 
@@ -91,8 +88,8 @@ def _page_of_folder(folder: Path) -> str:
     parts.append(
         "\n".join(f"- [{_title(page)}]({page.relative_to(folder).as_posix()})" for page in pages)
     )
-    for script in sorted(folder.glob("*.py")):
-        parts.append(f"## {script.name}\n\n{_as_code(script)}")
+    scripts = sorted(folder.glob("*.py"))
+    parts += [f"## {script.name}\n\n{_as_code(script)}" for script in scripts]
     return "\n\n".join(parts)
 
 
@@ -105,15 +102,12 @@ def _as_code(path: Path) -> str:
     return f"````{language}\n{path.read_text(encoding='utf-8')}````\n"
 
 
-def _with_modules(nav: Any, modules: list[str]) -> Any:
-    """Return the navigation, with the pages of all modules where it names their folder."""
+def _with_folders(nav: Any, uris: list[str]) -> Any:
+    """Return the navigation; an entry that ends with a slash is all pages of that folder."""
     if isinstance(nav, dict):
-        return {title: _with_modules(entry, modules) for title, entry in nav.items()}
+        return {title: _with_folders(entry, uris) for title, entry in nav.items()}
     if isinstance(nav, list):
-        return [_with_modules(entry, modules) for entry in nav]
-    return list(_by_title(modules)) if nav == PYTHON else nav
-
-
-def _by_title(modules: list[str]) -> Iterator[dict[str, str]]:
-    for uri in modules:
-        yield {Path(uri).stem: uri}
+        return [_with_folders(entry, uris) for entry in nav]
+    if not nav.endswith("/"):
+        return nav
+    return [uri for uri in uris if uri.startswith(nav) and uri.endswith(".md")]

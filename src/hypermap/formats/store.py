@@ -102,11 +102,7 @@ class FolderStore:
 
 
 def read_file(path: Path, max_bytes: int | None = None) -> bytes:
-    """Return the content of a regular file of bounded size.
-
-    Raises:
-        As `open_file` does.
-    """
+    """Return the content of a regular file of bounded size; raises what `open_file` raises."""
     bound = limits.MAX_FILE_BYTES if max_bytes is None else max_bytes
     with open_file(path, bound) as file:
         try:
