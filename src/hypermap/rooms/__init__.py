@@ -8,6 +8,7 @@ if TYPE_CHECKING:
     from hypermap.rooms.find import find_rooms
     from hypermap.rooms.graph import Graph, graph
     from hypermap.rooms.kinds import Kinds, guess_kinds, load_kinds
+    from hypermap.rooms.on_map import rooms_of_map, with_rooms
     from hypermap.rooms.rooms import Door, Room, Rooms
     from hypermap.rooms.settings import RoomSettings
 
@@ -22,6 +23,8 @@ _HOMES = {
     "graph": "hypermap.rooms.graph",
     "guess_kinds": "hypermap.rooms.kinds",
     "load_kinds": "hypermap.rooms.kinds",
+    "rooms_of_map": "hypermap.rooms.on_map",
+    "with_rooms": "hypermap.rooms.on_map",
 }
 
 __all__ = [
@@ -35,6 +38,8 @@ __all__ = [
     "graph",
     "guess_kinds",
     "load_kinds",
+    "rooms_of_map",
+    "with_rooms",
 ]
 
 

@@ -137,7 +137,7 @@ def _cut(walls: BoolArray, side: float, settings: RoomSettings) -> NDArray[np.in
     clear = np.zeros(count + 1)
     np.maximum.at(clear, parts.ravel(), far.ravel())
     passages = [*_passages_of(lines, parts, side), *_passages_between(parts, far, side)]
-    pieces = Pieces(area, perimeter, (clear + 0.5) * side, passages, settings)
+    pieces = Pieces(area, perimeter, (clear - 0.5) * side, passages, settings)
     rooms = np.array(pieces.room_of(), dtype=np.int32)[spread(parts, walls)]
     large = np.bincount(rooms.ravel()) * side**2 >= settings.least_area
     large[0] = False

@@ -19,6 +19,7 @@ _LARGE = 4.0  # [m^2] what is smaller is part of what it opens to, as a niche
 _LONG = 2.5  # times its width is a corridor's length at least
 _DOOR = 0.8  # of the narrower side's width is a door at most
 _BOTTLENECK = 0.65  # of the narrower corridor's width is a passage between corridors at most
+_ALIKE = 0.85  # of each other's width is where a corridor goes on
 _HALL = 2.5  # times a corridor's width is a hall's, of which the corridor is no part
 
 
@@ -53,6 +54,7 @@ class Pieces:
         large_enough = self._settings.least_area
         self._join(lambda a, b, w: self._smaller(a, b, w, large_enough, any_width=True))
         self._join(self._are_corridors)
+        self._join(self._goes_on)
         self._join(self._are_one_large_room)
         self._join(lambda a, b, w: self._smaller(a, b, w, _LARGE, any_width=False))
         self._join(self._opens_to_one_room)
@@ -65,6 +67,12 @@ class Pieces:
             small = a if self.area[a] < self.area[b] else b
             return self.area[small] < area and width == max(self._widths[small].values())
         return min(self.area[a], self.area[b]) < area and not self._is_door(a, b, width)
+
+    def _goes_on(self, a: int, b: int, width: float) -> bool:
+        """Return whether a corridor goes on in the other piece, as wide as before."""
+        widths = [2 * self.clear[piece] for piece in (a, b)]
+        alike = all(_ALIKE * own <= width <= own / _ALIKE for own in widths)
+        return alike and max(map(self._length, (a, b))) >= _LONG
 
     def _are_corridors(self, a: int, b: int, width: float) -> bool:
         if self._is_room(a) or self._is_room(b) or self._is_hall(a, b, width):
