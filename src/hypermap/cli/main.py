@@ -38,6 +38,7 @@ _MODULES = {
     "query": "query",
     "view": "view",
     "render": "render",
+    "rooms": "rooms",
     "evaluate": "evaluate",
     "convert": "convert",
     "simulate": "simulate",

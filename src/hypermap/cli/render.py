@@ -34,6 +34,9 @@ def command(
         str | None,
         typer.Option("--in", metavar="AREA", help=f"Only this area: {AN_AREA}."),
     ] = None,
+    rooms: Annotated[
+        bool, typer.Option("--rooms", help="Find the rooms, where the map has none yet.")
+    ] = False,
     full: Annotated[
         bool, typer.Option("--full", help="Show the whole grid, including unknown borders.")
     ] = False,
@@ -58,6 +61,7 @@ def command(
         hypermap render lab.hmap -o lab.png
         hypermap render lab.hmap -o lab.svg --name chair --name table
         hypermap render floor.hmap -o corner.png --in 18,-4,30,4
+        hypermap render lab.hmap -o rooms.png --rooms
     """
     from hypermap.console.places import parse_area
     from hypermap.formats import open_map
@@ -66,8 +70,13 @@ def command(
     check_suffix(output)
     check_picture(output)
     shown = None if area is None else parse_area(area, "--in")
+    hypermap = open_map(path)
+    if rooms and "rooms" not in hypermap:
+        from hypermap.rooms import rooms_of_map, with_rooms
+
+        hypermap = with_rooms(hypermap, rooms_of_map(hypermap))
     render(
-        open_map(path),
+        hypermap,
         output,
         layers=layers,
         names=names,
