@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -20,6 +21,8 @@ from hypermap.recordings.folders import load_color, load_depth, usual_size
 from hypermap.recordings.options import RecordingOptions, nearest_rigid
 from hypermap.recordings.problems import problems_of
 from hypermap.recordings.textfiles import read_matrix
+
+_log = logging.getLogger(__name__)
 
 DEPTH_SCALE = 1000.0  # units per metre
 FRAME_RATE = 30.0  # frames per second; the files carry no times
@@ -88,6 +91,8 @@ class SevenScenesRecording:
         """
         camera, map_T_world = self._camera, self._options.world_pose()
         scale = self._options.depth_scale or DEPTH_SCALE
+        for note in self._notes:
+            _log.warning("%s: %s", self._path, note)
         for frame in self._frames:
             load = partial(load_depth, frame.depth, camera, scale)
             world_T_camera = or_report(frame.pose, frame.stamp, on_bad)

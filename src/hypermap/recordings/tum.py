@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import dataclasses
+import logging
 from collections.abc import Iterator
 from functools import cached_property, partial
 from pathlib import Path
@@ -24,6 +24,8 @@ from hypermap.recordings.options import RecordingOptions
 from hypermap.recordings.pairing import FramePlan, plan_frames
 from hypermap.recordings.problems import problems_of
 from hypermap.recordings.textfiles import finite_numbers, read_lines
+
+_log = logging.getLogger(__name__)
 
 DEPTH_SCALE = 5000.0  # units per metre
 
@@ -54,16 +56,21 @@ class TumRecording:
 
     def __len__(self) -> int:
         """Return the number of frames."""
+        _ = self._absence  # an error if no image is there
         return len(self._plan)
 
     def frames(self, on_bad: OnBadFrame | None = None) -> Iterator[RgbdFrame]:
         """Yield the frames in order of time; see `Recording.frames`.
+
+        What of the lists makes no frame is logged.
 
         Raises:
             FormatError: If a list, an image or the trajectory is broken.
             FileMissing: If one of them is not there.
         """
         plan, camera, depth, color = self._plan, self._camera, self._depth, self._color
+        for note in plan.notes:
+            _log.warning("%s: %s", self._path, note)
         scale = self._options.depth_scale or DEPTH_SCALE
         for d, c, pose in zip(plan.depth, plan.color, plan.map_T_camera, strict=True):
             stamp = float(depth.stamps[d])
@@ -97,14 +104,16 @@ class TumRecording:
                 streams.append(Stream(name, kind, count, use if count else ""))
         if not any((self._path / name).is_file() for name in ("rgb.txt", "associations.txt")):
             missing.append("rgb.txt is missing: without color images no objects can be detected")
-        problems = problems_of(self, "_depth", "_color", "_trajectory", "_plan", "_camera")
+        problems = problems_of(
+            self, "_depth", "_color", "_trajectory", "_plan", "_absence", "_camera"
+        )
         missing += problems
         frames, duration, image_size = 0, 0.0, None
         if not problems:
             stamps = self._depth.stamps[self._plan.depth]
             frames, duration = len(stamps), float(stamps[-1] - stamps[0])
             image_size = (self._camera.width, self._camera.height)
-            notes += [*self._trajectory[1], *self._plan.notes]
+            notes += [*self._trajectory[1], *self._plan.notes, *self._absence]
             if self._options.intrinsics is None:
                 K = self._camera.K
                 notes.append(
@@ -153,16 +162,22 @@ class TumRecording:
         span = (float(trajectory.stamps[0]), float(trajectory.stamps[-1]))
         color_stamps = None if color is None else color.stamps
         try:
-            plan = plan_frames(depth.stamps, color_stamps, trajectory, span, self._options)
+            return plan_frames(depth.stamps, color_stamps, trajectory, span, self._options)
         except FormatError as error:
             raise FormatError(str(error), path=self._path) from None
-        absent = absence_of([depth.paths[i] for i in plan.depth], "depth images", self._path)
+
+    @cached_property
+    def _absence(self) -> list[str]:
+        """Sentences on images that are named and not there; if all are, it is an error."""
+        depth, color, plan = self._depth.paths, self._color, self._plan
+        absent = absence_of([depth[i] for i in plan.depth], "depth images", self._path)
         if color is not None:
             absent += absence_of([color.paths[i] for i in plan.color], "color images", self._path)
-        return dataclasses.replace(plan, notes=(*plan.notes, *absent))
+        return absent
 
     @cached_property
     def _camera(self) -> Camera:
+        _ = self._absence  # an error if no image is there
         depth, color, plan = self._depth.paths, self._color, self._plan
         pairs = [
             (depth[d], color.paths[c] if color else None)
