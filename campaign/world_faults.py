@@ -1,8 +1,8 @@
 """Faults of the world: broken sensors give a map and a note, or one error; few cost no quality.
 
 Each of `bad_sensors.SENSORS` must come out as its table says; several at once, drawn at random,
-must give a map or one of our errors. Then drives are mapped as they are and with some bad frames: the
-maps must be as good, to within `TOLERANCE`.
+must give a map or one of our errors. Then drives are mapped as they are and with some bad frames:
+the maps must be as good, to within `TOLERANCE`.
 """
 
 from __future__ import annotations
