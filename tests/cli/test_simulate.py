@@ -49,6 +49,22 @@ def test_a_folder_can_be_mapped_and_compared_with_the_truth(world: Path, tmp_pat
     assert truth.metadata["world"] == "studio"
 
 
+@pytest.mark.parametrize("name", ["drive", "drive.bag"])
+def test_bad_frames_are_told_and_the_rest_is_mapped(world: Path, tmp_path: Path, name: str) -> None:
+    out = tmp_path / name
+    done = hypermap(
+        "simulate", world, "-o", out, "--bad-frames", "0.4", "--rate", "5", "--seed", "9"
+    )
+    assert done.returncode == 0, done.stderr
+    assert "bad frames " in done.stdout
+    assert "2 infinite" in done.stdout
+    assert "1 saturated" in done.stdout
+    mapped = hypermap("map", out, "-o", tmp_path / "m.hmap")
+    assert mapped.returncode == 0, mapped.stderr
+    assert "left out" in mapped.stderr
+    assert len(open_map(tmp_path / "m.hmap").layers) == 2
+
+
 def test_a_bag_of_large_images_with_errors_from_a_file(world: Path, tmp_path: Path) -> None:
     errors = tmp_path / "errors.yaml"
     errors.write_text("poses: {drift: 0.1}\ndetector: {miss: 1.0}\n", encoding="utf-8")

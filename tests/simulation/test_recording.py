@@ -16,6 +16,7 @@ from hypermap.simulation import (
     PoseNoise,
     SimulatedRecording,
 )
+from hypermap.simulation.bad_frames import FAULTS
 from hypermap.simulation.trajectory import Drive
 from hypermap.simulation.world import FloorPlan, Wall, World, WorldObject
 
@@ -113,6 +114,68 @@ def test_the_occupancy_map_can_be_kept_back() -> None:
     without = SimulatedRecording(WORLD, has_occupancy=False)
     assert without.occupancy() is None
     assert "map" not in [stream.name for stream in without.info().streams]
+
+
+def test_a_share_of_the_frames_is_bad_and_the_others_stay_as_they_were() -> None:
+    recording = SimulatedRecording(WORLD, rate=20, seed=3, bad_frames=0.2)
+    worse = SimulatedRecording(WORLD, rate=20, seed=3, bad_frames=0.5)
+    assert 0.1 * len(recording) < len(recording.faults) < 0.3 * len(recording)
+    assert recording.faults.items() <= worse.faults.items()
+    assert SimulatedRecording(WORLD, rate=20, seed=4, bad_frames=0.2).faults != recording.faults
+    arrived = {frame.stamp: frame for frame in recording.frames()}
+    for i, good in enumerate(SimulatedRecording(WORLD, rate=20, seed=3).frames()):
+        if i not in recording.faults:
+            assert_same(arrived[good.stamp], good)
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_each_fault_changes_a_frame_in_the_way_of_its_name(fault: str) -> None:
+    before, good = frames(rate=2)[1:3]
+    spoil = FAULTS[fault]
+    bad = spoil(good, before, np.random.default_rng(1))
+    again = spoil(good, before, np.random.default_rng(1))
+    if fault == "lost":
+        assert bad is None
+        return
+    assert np.array_equal(bad.depth, again.depth, equal_nan=True)
+    assert (bad.stamp, bad.camera) == (good.stamp, good.camera)
+    changed = {
+        "depth": not np.array_equal(bad.depth, good.depth, equal_nan=True),
+        "color": not (bad.color == good.color).all(),
+        "pose": not (bad.map_T_camera == good.map_T_camera).all(),
+        "detections": bad.detections is not good.detections,
+    }
+    assert {name for name, is_changed in changed.items() if is_changed} == {
+        "covered": {"depth", "color", "detections"},
+        "saturated": {"depth"},
+        "infinite": {"depth"},
+        "in another unit": {"depth"},
+        "torn": {"depth", "color"},
+        "noise": {"depth"},
+        "frozen": {"depth", "color", "detections"},
+        "upside down": {"depth", "color", "detections"},
+        "without pose": {"pose"},
+        "astray": {"pose"},
+        "with a late pose": {"pose"},
+        "with late detections": {"detections"},
+        "with a mad detector": {"detections"},
+    }[fault]
+
+
+def test_upside_down_boxes_stay_on_their_objects() -> None:
+    *_, good = frames(rate=1, depth_noise=EXACT_DEPTH, detector_noise=EXACT_DETECTOR)
+    turned = FAULTS["upside down"](good, good, np.random.default_rng(0))
+    for (xmin, ymin, xmax, ymax), box in zip(
+        good.detections.xyxy.astype(int), turned.detections.xyxy.astype(int), strict=True
+    ):
+        seen = good.color[ymin:ymax, xmin:xmax]
+        assert (turned.color[box[1] : box[3], box[0] : box[2]][::-1, ::-1] == seen).all()
+
+
+@pytest.mark.parametrize("share", [-0.1, 1.1, float("nan")])
+def test_a_share_of_bad_frames_is_a_share(share: float) -> None:
+    with pytest.raises(ValueError, match="bad_frames must be a share from 0 to 1"):
+        SimulatedRecording(WORLD, bad_frames=share)
 
 
 def test_a_world_without_a_drive_is_no_recording() -> None:

@@ -12,6 +12,7 @@ from hypermap.core.errors import FileMissing, FormatError
 from hypermap.perception.detectors.recorded import RecordedDetections
 from hypermap.recordings import open_recording
 from hypermap.simulation import SimulatedRecording, write_tum
+from hypermap.simulation.bad_frames import FAULTS
 from hypermap.simulation.trajectory import Drive
 from hypermap.simulation.world import FloorPlan, World, WorldObject
 from hypermap.simulation.writer import depth_units
@@ -40,6 +41,18 @@ def test_a_written_recording_is_read_back_as_it_was(tmp_path: Path) -> None:
         assert found.names.tolist() == was.detections.names.tolist()
         assert (found.xyxy == was.detections.xyxy).all()
     assert again.info().missing == ()
+
+
+def test_every_fault_can_be_written_and_a_missing_pose_is_no_line(tmp_path: Path) -> None:
+    recording = SimulatedRecording(WORLD, rate=60, bad_frames=1, seed=2)
+    assert set(recording.faults.values()) == set(FAULTS)
+    write_tum(recording, tmp_path / "drive")
+    lines = (tmp_path / "drive" / "groundtruth.txt").read_text().splitlines()
+    kinds = list(recording.faults.values())
+    poses = len(recording) - kinds.count("lost") - kinds.count("without pose")
+    assert len([line for line in lines if not line.startswith("#")]) == poses
+    for frame in open_recording(tmp_path / "drive").frames():
+        assert not np.isinf(frame.depth).any()
 
 
 def test_nothing_is_written_over_and_nothing_is_left_behind(tmp_path: Path) -> None:

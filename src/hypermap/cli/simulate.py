@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -51,6 +52,15 @@ def command(
     image_size: Annotated[
         str, typer.Option(metavar="|".join(_SIZES), help="Width and height in pixels.")
     ] = "320x240",
+    bad_frames: Annotated[
+        float,
+        typer.Option(
+            metavar="SHARE",
+            min=0,
+            max=1,
+            help="Frames that broken sensors spoil: covered, torn, frozen, astray, ...",
+        ),
+    ] = 0.0,
 ) -> None:
     """Record a simulated drive through a world.
 
@@ -80,6 +90,7 @@ def command(
         depth_noise=chosen.depth,
         pose_noise=chosen.poses,
         detector_noise=chosen.detector,
+        bad_frames=bad_frames,
         seed=seed,
     )
     with counting("simulating", len(recording), "frames") as count:
@@ -88,6 +99,10 @@ def command(
     truth.metadata["world"] = described.name
     save_map(truth, truth_file)
     say(f"recording  {output}: {len(recording)} frames in {recording.info().duration:.0f} s")
+    if recording.faults:
+        kinds = Counter(recording.faults.values())
+        told = ", ".join(f"{count} {kind}" for kind, count in kinds.most_common())
+        say(f"bad frames {len(recording.faults)}: {told}")
     say(f"true map   {truth_file}: {len(described.objects)} objects")
 
 

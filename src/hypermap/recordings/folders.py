@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
@@ -27,6 +28,8 @@ from hypermap.recordings.pictures import (
 )
 
 _FIRST = 5  # frames that tell the size of all; of these, one may be odd or two broken
+
+_log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,11 +77,15 @@ class ImageFolder(ABC):
     def frames(self, on_bad: OnBadFrame | None = None) -> Iterator[RgbdFrame]:
         """Yield the frames in order of time; see `Recording.frames`.
 
+        What of the folder makes no frame is logged.
+
         Raises:
             FormatError: If a list, an image, a pose or the intrinsics are broken.
             FileMissing: If one of them is not there.
         """
         shots, camera = self._shots(), self._camera
+        for note in self._left_out:
+            _log.warning("%s: %s", self._path, note)
         scale = self._options.depth_scale or self.depth_scale
         for shot in shots:
             load = partial(load_depth, shot.depth, camera, scale)
@@ -102,6 +109,11 @@ class ImageFolder(ABC):
     @abstractmethod
     def _camera(self) -> Camera:
         """The camera of all images."""
+
+    @property
+    @abstractmethod
+    def _left_out(self) -> Sequence[str]:
+        """Sentences on what makes no frame."""
 
     @abstractmethod
     def _shots(self) -> Sequence[Shot]:

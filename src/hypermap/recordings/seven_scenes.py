@@ -105,7 +105,7 @@ class SevenScenesRecording(ImageFolder):
             frames = len(self._frames)
             duration = self._frames[-1].stamp - self._frames[0].stamp
             image_size = (self._camera.width, self._camera.height)
-            notes += self._notes
+            notes += self._left_out
         return RecordingInfo(
             self._path,
             "7-Scenes",
@@ -133,7 +133,7 @@ class SevenScenesRecording(ImageFolder):
         return self._frames_and_notes[0]
 
     @property
-    def _notes(self) -> tuple[str, ...]:
+    def _left_out(self) -> tuple[str, ...]:
         return self._frames_and_notes[1]
 
     @cached_property

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterator
 from functools import cached_property, partial
 from pathlib import Path
@@ -39,7 +38,12 @@ class TumRecording(ImageFolder):
 
     def __len__(self) -> int:
         """Return the number of frames."""
+        _ = self._absence  # an error if no image is there
         return len(self._plan)
+
+    @property
+    def _left_out(self) -> tuple[str, ...]:
+        return self._plan.notes
 
     def _shots(self) -> list[Shot]:
         plan, depth, color = self._plan, self._depth, self._color
@@ -68,14 +72,16 @@ class TumRecording(ImageFolder):
                 streams.append(Stream(name, kind, count, use if count else ""))
         if not any((self._path / name).is_file() for name in ("rgb.txt", "associations.txt")):
             missing.append("rgb.txt is missing: without color images no objects can be detected")
-        problems = problems_of(self, "_depth", "_color", "_trajectory", "_plan", "_camera")
+        problems = problems_of(
+            self, "_depth", "_color", "_trajectory", "_plan", "_absence", "_camera"
+        )
         missing += problems
         frames, duration, image_size = 0, 0.0, None
         if not problems:
             stamps = self._depth.stamps[self._plan.depth]
             frames, duration = len(stamps), float(stamps[-1] - stamps[0])
             image_size = (self._camera.width, self._camera.height)
-            notes += [*self._trajectory[1], *self._plan.notes]
+            notes += [*self._trajectory[1], *self._plan.notes, *self._absence]
             if self._options.intrinsics is None:
                 K = self._camera.K
                 notes.append(
@@ -124,16 +130,22 @@ class TumRecording(ImageFolder):
         span = (float(trajectory.stamps[0]), float(trajectory.stamps[-1]))
         color_stamps = None if color is None else color.stamps
         try:
-            plan = plan_frames(depth.stamps, color_stamps, trajectory, span, self._options)
+            return plan_frames(depth.stamps, color_stamps, trajectory, span, self._options)
         except FormatError as error:
             raise FormatError(str(error), path=self._path) from None
-        absent = absence_of([depth.paths[i] for i in plan.depth], "depth images", self._path)
+
+    @cached_property
+    def _absence(self) -> list[str]:
+        """Sentences on images that are named and not there; if all are, it is an error."""
+        depth, color, plan = self._depth.paths, self._color, self._plan
+        absent = absence_of([depth[i] for i in plan.depth], "depth images", self._path)
         if color is not None:
             absent += absence_of([color.paths[i] for i in plan.color], "color images", self._path)
-        return dataclasses.replace(plan, notes=(*plan.notes, *absent))
+        return absent
 
     @cached_property
     def _camera(self) -> Camera:
+        _ = self._absence  # an error if no image is there
         depth, color, plan = self._depth.paths, self._color, self._plan
         pairs = [
             (depth[d], color.paths[c] if color else None)

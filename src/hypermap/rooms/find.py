@@ -101,8 +101,11 @@ class _Found:
         walls = np.ones(free.shape, dtype=bool)
         rows, cols = np.flatnonzero(free.any(axis=1)), np.flatnonzero(free.any(axis=0))
         window = (slice(rows[0], rows[-1] + 1), slice(cols[0], cols[-1] + 1))
-        inner = np.pad(_without_obstacles(~free[window], settings.largest_obstacle / side), 1,
-                       constant_values=True)
+        inner = np.pad(
+            _without_obstacles(~free[window], settings.largest_obstacle / side),
+            1,
+            constant_values=True,
+        )
         cut = _cut(inner, side, settings)
         labels[window] = cut[1:-1, 1:-1]
         walls[window] = inner[1:-1, 1:-1]

@@ -52,7 +52,9 @@ class Kinds:
         counts = Counter(map(_key, names))
         speaks = {
             kind: sum(
-                weight * min(counts[name], _MOST) for name, weight in votes.items() if name in counts
+                weight * min(counts[name], _MOST)
+                for name, weight in votes.items()
+                if name in counts
             )
             for kind, votes in self.votes.items()
         }

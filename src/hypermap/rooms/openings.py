@@ -15,9 +15,7 @@ _IN_LINE = math.radians(20)  # a wall that turns less goes on through the gap
 _ACROSS = math.radians(75)  # less from a wall is no gap but along that wall
 
 
-def openings(
-    area: Polygon, tolerance: float, longest: float, wall: float
-) -> NDArray[np.float64]:
+def openings(area: Polygon, tolerance: float, longest: float, wall: float) -> NDArray[np.float64]:
     """Return lines through free space from one corner of walls to another.
 
     One of the two walls at least goes on in the line; the shortest lines come first, and none

@@ -48,7 +48,8 @@ def write_bag(
 
     Topics: depth (32FC1) and color (rgb8) images, camera info, the camera's pose on `/tf`, the
     recording's own occupancy map, if it has one, on `/map`, and detections, if the frames have
-    them, as `darknet_ros_msgs/BoundingBoxes`, whose boxes are whole pixels. Stamps are
+    them, as `darknet_ros_msgs/BoundingBoxes`, whose boxes are whole pixels. A frame without a pose
+    has none on `/tf`. Stamps are
     one second later, since ROS takes 0 for "no time". The file appears when it is complete, or not
     at all.
 
@@ -99,7 +100,8 @@ class _Bag:
 
     def add_frame(self, frame: RgbdFrame, frame_id: str) -> None:
         stamp = frame.stamp
-        self._add("/tf", stamp, self._transforms(frame, frame_id))
+        if np.isfinite(frame.map_T_camera).all():
+            self._add("/tf", stamp, self._transforms(frame, frame_id))
         self._add(CAMERA_INFO_TOPIC, stamp, self._camera_info(frame.camera, stamp))
         depth = np.ascontiguousarray(frame.depth, dtype="<f4")
         self._add(DEPTH_TOPIC, stamp, self._image(depth, "32FC1", stamp))

@@ -11,6 +11,7 @@ from hypermap.core.occupancy import OccupancyLayer
 from hypermap.perception.detections import Detector
 from hypermap.perception.frame import Camera, RgbdFrame
 from hypermap.perception.recording import OnBadFrame, RecordingInfo, Stream
+from hypermap.simulation.bad_frames import FAULTS, draw_fault
 from hypermap.simulation.detector import DetectorNoise, NoisyDetector
 from hypermap.simulation.noise import DepthNoise, PoseNoise
 from hypermap.simulation.render import DEFAULT_CAMERA, Renderer
@@ -20,13 +21,19 @@ from hypermap.simulation.truth import true_occupancy
 from hypermap.simulation.world import World
 
 # One stream of random numbers per kind of error, so that changing one leaves the others alone.
-_DEPTH, _POSE, _DETECTOR = range(3)
+_DEPTH, _POSE, _DETECTOR, _FAULT = range(4)
 
 
 class SimulatedRecording:
     """Fulfills `Recording`; frames are rendered when they are asked for.
 
-    The same arguments give the same frames, each time that they are asked for.
+    The same arguments give the same frames, each time that they are asked for. A larger share of
+    bad frames spoils more of them, and leaves those that stay good as they were.
+
+    Attributes:
+        world: what there is to see.
+        camera: the RGB-D camera.
+        faults: the kind of fault of each bad frame, by the frame's number.
     """
 
     def __init__(
@@ -41,6 +48,7 @@ class SimulatedRecording:
         detector_noise: DetectorNoise | None = None,
         has_masks: bool = False,
         has_occupancy: bool = True,
+        bad_frames: float = 0.0,
         seed: int = 0,
     ) -> None:
         """Prepare a drive through a world.
@@ -56,13 +64,18 @@ class SimulatedRecording:
             detector_noise: how that one errs; None for the defaults.
             has_masks: whether that one gives masks with its boxes.
             has_occupancy: whether the recording comes with the exact occupancy map.
+            bad_frames: share of the frames that broken sensors spoil, each by a fault of
+                `bad_frames.FAULTS`.
             seed: of all random numbers.
 
         Raises:
-            ValueError: If the world has no drive, or the rate is not positive.
+            ValueError: If the world has no drive, the rate is not positive, or `bad_frames` is
+                not between 0 and 1.
         """
         if world.drive is None:
             raise ValueError(f"the world {world.name!r} has no drive, so there is no recording")
+        if not 0 <= bad_frames <= 1:
+            raise ValueError(f"bad_frames must be a share from 0 to 1, got {bad_frames}")
         self.world = world
         self.camera = camera
         self._depth_noise = depth_noise or DepthNoise()
@@ -75,6 +88,8 @@ class SimulatedRecording:
         self._true_poses = camera_poses(poses, world.drive)
         estimated = (pose_noise or PoseNoise()).estimate(self._stamps, poses, self._rng(_POSE))
         self._estimated_poses = camera_poses(estimated, world.drive)
+        drawn = (draw_fault(bad_frames, self._rng(_FAULT, i)) for i in range(len(self)))
+        self.faults = {i: fault for i, fault in enumerate(drawn) if fault is not None}
 
     @property
     def path(self) -> Path:
@@ -92,6 +107,17 @@ class SimulatedRecording:
 
     def frames(self, on_bad: OnBadFrame | None = None) -> Iterator[RgbdFrame]:  # noqa: ARG002
         """Yield the frames in order of time, with color and detections."""
+        before = None
+        for i, frame in enumerate(self._good_frames()):
+            arrived: RgbdFrame | None = frame
+            if (fault := self.faults.get(i)) is not None:
+                rng = self._rng(_FAULT, i, 1)
+                arrived = FAULTS[fault](frame, before or frame, rng)
+            if arrived is not None:
+                yield arrived
+            before = frame
+
+    def _good_frames(self) -> Iterator[RgbdFrame]:
         renderer = Renderer(Scene.of(self.world), self.camera)
         names = [thing.label for thing in self.world.objects]
         noisy = NoisyDetector(names, self._detector_noise, self._rng(_DETECTOR), self._has_masks)

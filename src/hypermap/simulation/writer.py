@@ -27,7 +27,8 @@ def write_tum(
 
     The folder holds `rgb/`, `depth/` (16 bits, 5000 to the meter, 0 for no return), `rgb.txt`,
     `depth.txt`, `groundtruth.txt` with the camera's pose at each frame, and `detections.json` if
-    the frames have detections. It appears when it is complete, or not at all. The layout has no
+    the frames have detections. Where a frame has no pose, there is none in the list. The folder
+    appears when it is complete, or not at all. The layout has no
     place for intrinsics: readers assume a Kinect's, scaled to the images' width.
 
     Args:
@@ -74,7 +75,8 @@ def _write(recording: Recording, folder: Path, on_frame: Callable[[], None]) -> 
         Image.fromarray(frame.color).save(folder / f"rgb/{color_name}.png")
         depth_lines.append(f"{depth_name} depth/{depth_name}.png")
         color_lines.append(f"{color_name} rgb/{color_name}.png")
-        pose_lines.append(f"{depth_name} {_pose_text(frame)}")
+        if np.isfinite(frame.map_T_camera).all():
+            pose_lines.append(f"{depth_name} {_pose_text(frame)}")
         if frame.detections is not None:
             if detections is None:
                 detections = RecordedDetections((frame.camera.width, frame.camera.height))
@@ -92,7 +94,7 @@ def _write(recording: Recording, folder: Path, on_frame: Callable[[], None]) -> 
 
 def depth_units(depth: NDArray[np.float32]) -> NDArray[np.uint16]:
     """Return depth as the benchmark's images hold it; 0 for no return or beyond 13.1 m."""
-    units = np.round(np.nan_to_num(depth, nan=0.0) * DEPTH_SCALE)
+    units = np.round(np.nan_to_num(depth, nan=0.0, posinf=0.0) * DEPTH_SCALE)
     units[units > np.iinfo(np.uint16).max] = 0
     return units.astype(np.uint16)
 

@@ -48,13 +48,10 @@ class BagPlan:
     def notes(self) -> list[str]:
         """Return sentences on what was left out, assumed or chosen, for a plan without problems."""
         contents = self._contents
-        notes = [*self._topics.notes, *self.map_frame_notes, *self._tree[1], *self.frames.notes]
-        repeated = contents.geometry.repeated + contents.color.repeated
+        notes = [*self._topics.notes, *self.map_frame_notes, *self.left_out()]
         if self.damaged:
             count, (_, first) = len(self.damaged), self.damaged[0]
             notes.append(f"messages that cannot be read: {count}, the first: {first}")
-        if repeated:
-            notes.append(f"{repeated} images repeat a stamp and are left out")
         if self.color_topic and contents.color.frame_id != contents.geometry.frame_id:
             notes.append(
                 f"color comes from frame {contents.color.frame_id!r}, depth from "
@@ -69,6 +66,13 @@ class BagPlan:
             names = [name for found in self.detections if found is not None for name in found.names]
             if names and all(name.isdigit() for name in names):
                 notes.append("the recorded detections name classes by number, and so will the map")
+        return notes
+
+    def left_out(self) -> list[str]:
+        """Return sentences on what of the bag makes no frame, though it can be read."""
+        notes = [*self._tree[1], *self.frames.notes]
+        if repeated := self._contents.geometry.repeated + self._contents.color.repeated:
+            notes.append(f"{repeated} images repeat a stamp and are left out")
         return notes
 
     @property

@@ -68,7 +68,7 @@ class BagRecording:
         """
         self._require_no_problems()
         plan = self._plan
-        for note in plan.map_frame_notes:
+        for note in (*plan.map_frame_notes, *plan.left_out()):
             _log.warning("%s: %s", self._path, note)
         for log_time, damage in plan.damaged:
             if on_bad is None:
