@@ -255,7 +255,7 @@ class World:
         values = self.hypermap.value_at(layer.name, points, frame).tolist()
         labels = self.hypermap.label_at(layer.name, points, frame).tolist()
         for point, value, said in zip(points, values, labels, strict=True):
-            at = self.oracle.in_base(shapely.Point(point), frame or "map")
+            at = self.oracle.point_in_base(point, frame or "map")
             may = self.oracle.values_at(layer, at.x, at.y)
             what = f"{layer.name!r} at {point} in {frame}"
             _require(value in may, f"{what}: {value}, not one of {may}")
@@ -296,7 +296,7 @@ class World:
     def _nearest(self, layer: Grid | Things) -> None:
         what, frame, k = self._what(layer), self._known_frame(), self._draw.choice([1, 2, 5])
         point = self._place()
-        at = self.oracle.in_base(shapely.Point(point), frame or "map")
+        at = self.oracle.point_in_base(point, frame or "map")
         expected = [far for far, _ in self.oracle.distances(layer, what, at.x, at.y)][:k]
         found = self.hypermap.nearest(what, point, k, layer.name, frame)
         given = [hit.distance for hit in found]
@@ -307,11 +307,11 @@ class World:
 
     def _objects_at(self) -> None:
         point, frame = self._place(), self._known_frame()
-        at = self.oracle.in_base(shapely.Point(point), frame or "map")
+        at = self.oracle.point_in_base(point, frame or "map")
         keys, shapes = self._keys(), [shape for _, _, shape in self.oracle.objects()]
         may, sure = map(set, self.oracle.around(np.array(shapes, dtype=object), at))
         found = self.hypermap.objects_at(point, frame_id=frame)
-        given = [keys[hit.layer, hit.object.id] for hit in found]
+        given = [keys[hit.layer, _id(hit)] for hit in found]
         _require(sure <= set(given) <= may, f"objects at {point} in {frame}: {given}")
         for one, other in itertools.pairwise(found):
             _require(
@@ -364,16 +364,16 @@ class World:
                 may.add(number)
             if min(margins) > EPSILON or (self._is_lattice and min(margins) >= 0):
                 sure.add(number)
-        given = [keys[hit.layer, hit.object.id] for hit in found]
+        given = [keys[hit.layer, _id(hit)] for hit in found]
         text = f"objects {name}, near {near}, within {within}, inside {inside}, {kind} in {frame}"
         _require(len(set(given)) == len(given), f"{text}: some are there twice")
         _require(sure <= set(given) <= may, f"{text}: {given}, sure {sure}, possible {may}")
         if near is not None:
-            far = [self._distance(number, near, base) for number in given]
+            exact = [self._distance(number, near, base) for number in given]
             _require(
-                np.allclose([hit.distance for hit in found], far, atol=1e-6)  # type: ignore[arg-type]
-                and all(b - a > -1e-6 for a, b in itertools.pairwise(far)),
-                f"{text}: the distances are {[hit.distance for hit in found]}, not {far}",
+                np.allclose([hit.distance for hit in found], exact, atol=1e-6)  # type: ignore[arg-type]
+                and all(b - a > -1e-6 for a, b in itertools.pairwise(exact)),
+                f"{text}: the distances are {[hit.distance for hit in found]}, not {exact}",
             )
 
     def _distance(self, number: int, near: Any, frame: str) -> float:
@@ -381,7 +381,7 @@ class World:
         everything = self.oracle.objects()
         shape = everything[number][2]
         if not isinstance(near, str):
-            at = self.oracle.in_base(shapely.Point(near), frame)
+            at = self.oracle.point_in_base(near, frame)
             return float(shapely.distance(shape, at))
         others = [o for i, (_, t, o) in enumerate(everything) if i != number and t.name == near]
         return float(shapely.distance(shape, others).min()) if others else math.inf
@@ -394,8 +394,10 @@ class World:
         draw = self._draw
         if isinstance(layer, Things):
             numbers = [thing.number for thing in layer.things] or [0]
-            return draw.choice([*_NAMES, "nothing", draw.choice(numbers)])
-        return draw.choice(["Free", "Occupied", "Unknown", "nothing", 0, 57, 100, -1])
+            some: list[str | int] = [*_NAMES, "nothing", draw.choice(numbers)]
+        else:
+            some = ["Free", "Occupied", "Unknown", "nothing", 0, 57, 100, -1]
+        return draw.choice(some)
 
     def _locations(self, layer: Grid | Things) -> Any:
         if isinstance(layer, Grid):
@@ -445,6 +447,10 @@ def _label(layer: Grid | Things, value: int) -> str:
     if isinstance(layer, Grid):
         return label(value)
     return next((thing.name for thing in layer.things if thing.number == value), "Empty")
+
+
+def _id(hit: Any) -> int:
+    return int(hit.object.id)
 
 
 def _overlap(one: BaseGeometry, other: BaseGeometry) -> float:

@@ -153,11 +153,11 @@ class Operations:
         sys.addaudithook(self._hear)
         fsync = os.fsync
 
-        def watched_fsync(handle: int) -> None:
+        def watched_fsync(handle: Any) -> None:
             self._operation()
             fsync(handle)
 
-        os.fsync = watched_fsync  # in this process, which is of its own
+        os.fsync = watched_fsync  # type: ignore[assignment]  # this process is its own
 
     def _hear(self, event: str, arguments: tuple[Any, ...]) -> None:
         if not self.is_armed or event not in _WATCHED:

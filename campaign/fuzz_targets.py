@@ -150,7 +150,7 @@ def archive(folder: Path) -> Target:
         ((_map(), "auto"), (_map(), "parquet"), (_tests("viewer.live_tools").a_map(), "yaml"))
     ):
         path = folder / f"{number}.hmap"
-        save_map(made, path, form)
+        save_map(made, path, form)  # type: ignore[arg-type]
         corpus.append(path.read_bytes())
     return _file_target("map.hmap", corpus, mutate_archive, folder)
 

@@ -87,6 +87,10 @@ class Tries:
                 self(data)
         self._is_warm = True
 
+    def close(self) -> None:
+        """Ask no more."""
+        self._now.close()
+
     def _keep(self, what: str, data: bytes, key: str | None = None) -> None:
         """Keep an input that shows something new; of slow and large ones, the first."""
         if (key or what) in self.findings:
@@ -229,7 +233,7 @@ def _guided(
 def _atheris() -> Any:
     """Return the guide, or None where it is not installed."""
     try:
-        import atheris  # type: ignore[import-not-found, import-untyped, unused-ignore]
+        import atheris
     except ImportError:
         return None
     return atheris

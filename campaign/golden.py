@@ -75,8 +75,8 @@ def answers(hypermap: Hypermap) -> Iterator[tuple[str, Any]]:
                 hits = hypermap.values_in(name, area, frame)
                 yield f"values_in {kind} {place}", _hits(hits.values, hits.points_xy)
             for what in ("Occupied", "cup", 2, 57):
-                for kind, area in ({"": None} | areas).items():
-                    found = hypermap.find(name, what, area, frame)
+                for kind in ("", *areas):
+                    found = hypermap.find(name, what, areas.get(kind), frame)
                     yield f"find {what} {kind} {place}", _hits([what] * len(found), found)
                 nearest = hypermap.nearest(what, (1.0, 1.5), 3, name, frame)
                 yield f"nearest {what} {place}", [_distance(hit) for hit in nearest]

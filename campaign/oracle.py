@@ -8,7 +8,7 @@ decided with a margin: what lies nearer to a border may be answered either way.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
@@ -88,6 +88,11 @@ class Oracle:
     def in_base(self, shape: BaseGeometry, frame: str) -> BaseGeometry:
         """Return a shape of a frame in the base frame."""
         return _moved(shape, self.poses.get(frame, (0.0, 0.0, 0.0)))
+
+    def point_in_base(self, point: Sequence[float], frame: str) -> shapely.Point:
+        """Return a point of a frame in the base frame."""
+        (moved,) = _apply(self.poses.get(frame, (0.0, 0.0, 0.0)), np.array([point]))
+        return shapely.Point(moved)
 
     def shapes(self, layer: Things) -> NDArray[Any]:
         """Return the shapes of a layer in the base frame, shape (N,)."""

@@ -99,7 +99,8 @@ def _points(bounds: tuple[float, float, float, float], draw: random.Random) -> N
     places = [(x0, y0), (x1, y1), (x0 / 2 + x1 / 2, y0 / 2 + y1 / 2), (1e9, -1e9), (0.0, 0.0)]
     places += [(draw.uniform(x0, x1), draw.uniform(y0, y1)) for _ in range(5)]
     points = np.array(places)
-    return points[np.isfinite(points).all(axis=1)]
+    finite: NDArray[np.float64] = points[np.isfinite(points).all(axis=1)]
+    return finite
 
 
 def _area(bounds: tuple[float, float, float, float], draw: random.Random) -> Any:

@@ -106,6 +106,7 @@ def _save_archive(form: Any, name: str = "map.hmap") -> Callable[[Path, int], ob
 
 def _save_on_page(folder: Path, version: int) -> None:
     """Save as the page does: open, change, save; the first version is there without a page."""
+    from hypermap.viewer.live.changes import Draft
     from hypermap.viewer.live.document import MapDocument
     from hypermap.viewer.live.editing import apply_operation
 
@@ -117,7 +118,11 @@ def _save_on_page(folder: Path, version: int) -> None:
     document = MapDocument(path)
     ids = document.current.hypermap["semantic"].ids  # type: ignore[attr-defined]
     change = {"op": "update", "layer": "semantic", "id": int(ids[0]), "name": "changed"}
-    document.edit(document.current.version, lambda draft: apply_operation(draft, change))
+
+    def rename(draft: Draft) -> None:
+        apply_operation(draft, change)
+
+    document.edit(document.current.version, rename)
     document.save(overwrite=True)
 
 

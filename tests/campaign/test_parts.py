@@ -95,6 +95,7 @@ def test_other_golden_answers_are_named(monkeypatch: pytest.MonkeyPatch) -> None
     assert len(golden.differences()) == len(golden.MAPS)
 
 
+@pytest.mark.filterwarnings("ignore:This process .* is multi-threaded:DeprecationWarning")
 def test_a_save_that_writes_in_place_is_found_out(tmp_path: Path) -> None:
     from campaign.kill import Trial, kill_at_operations
     from campaign.ways_to_save import Way
@@ -139,6 +140,7 @@ def test_fuzzing_tells_what_is_ours_from_what_is_not(
     tries = fuzz_worker.Tries(ask, tmp_path)
     tries.warm_up([b"right"])
     tries(b"wrong")
+    tries.close()
     found = " ".join(tries.findings.values())
     assert (what or "") in found
     assert bool(found) == (what is not None)

@@ -30,6 +30,7 @@ class Server:
     status: int = 200
     knows_ranges: bool = True
     tells_length: bool = True
+    other_length: str = ""
     asked_from: list[int] = field(default_factory=list)
 
     def answer(self, request: http.server.BaseHTTPRequestHandler) -> None:
@@ -49,7 +50,7 @@ class Server:
             last, whole = len(self.content) - 1, len(self.content)
             request.send_header("Content-Range", f"bytes {start}-{last}/{whole}")
         if self.tells_length:
-            request.send_header("Content-Length", str(len(rest)))
+            request.send_header("Content-Length", self.other_length or str(len(rest)))
         request.end_headers()
         if self.breaks_off_after:
             rest = rest[: self.breaks_off_after.pop(0)]
@@ -179,6 +180,13 @@ def test_another_file_is_refused_and_not_kept(hypermap, server, path, sent, tell
     if sent:
         assert f"this is not {NAME}" in result.err
         assert hashlib.sha256(b"\0" * 307_200).hexdigest() in result.err or len(sent) != 307_200
+
+
+@pytest.mark.parametrize("length", ["\u00b2", "1" * 5000])
+def test_a_length_that_is_no_number_is_not_believed(hypermap, server, path, length):
+    server.other_length = length
+    assert hypermap("detectors", "get", NAME).code == 0
+    assert path.read_bytes() == server.content
 
 
 def test_a_file_that_is_not_there_is_told_with_other_ways_to_get_it(hypermap, server, path):

@@ -159,6 +159,40 @@ def test_the_next_save_sweeps_what_a_killed_one_has_left(tmp_path: Path) -> None
     assert names(tmp_path) == [".hypermap-notes", "map.hmap"]
 
 
+def test_what_another_librarys_killed_save_has_left_is_swept_too(tmp_path: Path) -> None:
+    program = """
+from hypermap.formats.atomic import file_beside
+with file_beside(sys.argv[2]) as beside:
+    beside.write_bytes(b"half")
+"""
+    path = tmp_path / "room.mcap"
+    assert killed_at(0, program, str(path))
+    assert len(names(tmp_path)) == 1
+    with file_beside(path) as beside:
+        beside.write_bytes(b"whole")
+    assert names(tmp_path) == ["room.mcap"]
+
+
+@pytest.mark.parametrize("files", [["a"], ["a", "b"]])
+def test_a_save_whose_temporary_files_are_taken_away_is_none(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, files: list[str]
+) -> None:
+    write_files(tmp_path, dict.fromkeys(files, b"old"))
+    flush = os.fsync
+
+    def flush_and_lose(handle: int) -> None:
+        flush(handle)
+        for path in tmp_path.glob(".hypermap-*"):
+            path.unlink()
+
+    monkeypatch.setattr(os, "fsync", flush_and_lose)
+    with pytest.raises(HypermapError, match="cannot be saved: No such file"):
+        write_files(tmp_path, dict.fromkeys(files, b"new"))
+    monkeypatch.undo()
+    assert [(tmp_path / name).read_bytes() for name in files] == [b"old"] * len(files)
+    assert names(tmp_path) == files
+
+
 def test_a_save_waits_for_another_and_sweeps_nothing_of_it(tmp_path: Path) -> None:
     (tmp_path / "a").write_bytes(b"old")
     with turn_to_save([tmp_path]) as turn:

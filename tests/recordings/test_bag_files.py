@@ -11,7 +11,7 @@ import yaml
 from hypermap.core.errors import FormatError
 from hypermap.recordings import RecordingOptions, open_recording
 
-from .bag_builder import DEPTH, IMAGE, BagBuilder, add_images, add_poses, image, write_bag
+from .bag_builder import COLOR, DEPTH, IMAGE, BagBuilder, add_images, add_poses, image, write_bag
 from .bag_tools import frames_of, storage_file, without
 from .shots import INTRINSICS, SHOTS, assert_shows
 
@@ -124,6 +124,17 @@ def test_several_bags_that_are_not_parts_of_one_are_an_error(
         f"{tmp_path}: there are {len(names)} bags that are not the parts of one, which would be "
         f"called NAME_0, NAME_1 and so on: {listed}; name one of them",
     )
+
+
+def test_a_bag_whose_color_images_are_all_damaged_says_so(tmp_path: Path, kind: str) -> None:
+    with BagBuilder(tmp_path, kind) as bag:
+        add_poses(bag, SHOTS)
+        for shot in SHOTS:
+            bag.add(DEPTH, IMAGE, shot.stamp, image(shot.depth_mm, "16UC1", shot.stamp))
+            color = image(shot.color, "rgb8", shot.color_stamp)
+            bag.add(COLOR, IMAGE, shot.color_stamp, color, cut=30)
+    recording = open_recording(bag.path, RecordingOptions(intrinsics=INTRINSICS))
+    assert recording.info().missing[0].startswith(f"{bag.path}: {COLOR}: a message is damaged: ")
 
 
 @pytest.mark.parametrize("bad", [[0], [2], [0, 1, 2, 3]])

@@ -324,6 +324,22 @@ def test_broken_folders_are_errors_that_name_file_and_line(
         assert info.frames == 0
 
 
+@pytest.mark.parametrize("name", ["/dev/zero", "rgb/" + "1" * 300 + ".png", "rgb", "."])
+@pytest.mark.parametrize("line", [1, 2])
+def test_a_list_may_name_what_is_no_picture_and_costs_its_frame_alone(
+    folder: Path, name: str, line: int
+) -> None:
+    stamp = (folder / "rgb.txt").read_text().splitlines()[line - 1].split()[0]
+    line_of("rgb.txt", line, f"{stamp} {name}")(folder)
+    for number, frame in enumerate(opened(folder).frames(), start=1):
+        if number == line:
+            with pytest.raises(HypermapError, match=r"no such file|not a regular file|too long"):
+                _ = frame.color
+        else:
+            assert frame.color is not None
+    assert "1 of 4 color images are missing" in " ".join(opened(folder).info().notes)
+
+
 @pytest.mark.parametrize("kind", ["depth", "rgb"])
 def test_info_tells_of_images_that_are_missing(folder: Path, kind: str) -> None:
     name = "depth" if kind == "depth" else "color"

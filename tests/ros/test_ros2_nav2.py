@@ -196,6 +196,10 @@ def test_a_map_without_a_grid_is_loaded_too(
     assert np.isclose(answer.map.info.resolution, 0)
 
 
+def test_an_address_that_is_none_is_refused(load: Callable[[str], Any]) -> None:
+    assert load("file://[").result == REFUSED
+
+
 def test_without_map_directory_nothing_is_loaded(graph: Graph, make_port: Any) -> None:
     port = make_port("hypermap_server", "--ros-args", "-p", "console:=false")
     port.manage(MapServer(port))

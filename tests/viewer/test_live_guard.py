@@ -67,6 +67,7 @@ def test_only_requests_to_this_machine_are_let_in(host, listening_on, status):
         ("GET", "/api/map", {"Origin": "http://127.0.0.1:8090"}, 200),
         ("GET", "/api/map", {"Origin": "http://evil.example"}, 403),
         ("GET", "/api/map", {"Origin": "null"}, 403),
+        ("GET", "/api/map", {"Origin": "http://["}, 403),
         ("GET", "/api/map", {"Sec-Fetch-Site": "same-origin"}, 200),
         ("GET", "/api/tiles/a/0/0/0.png", {"Sec-Fetch-Site": "cross-site"}, 403),
         ("GET", "/api/map", {"Sec-Fetch-Site": "same-site"}, 403),
@@ -157,6 +158,16 @@ def test_a_body_that_is_no_request_is_refused(tmp_path, content, status, reason)
         window = Window(client)
         answer = client.post("/api/edit", content=content, headers=window.headers)
         assert (answer.status_code, reason in answer.json()["error"]) == (status, True)
+
+
+@pytest.mark.parametrize("seen", ["1" * 5000, "\u00b2", "-1", "x"])
+def test_a_window_that_has_seen_no_version_there_is_hears_the_news(tmp_path, seen):
+    app = MapApp(MapDocument(saved(tmp_path)), is_private=False)
+    app.is_closing = True  # the news have an end
+    client = TestClient(app.app, base_url="http://127.0.0.1")
+    answer = client.get("/api/events", headers={"Last-Event-ID": seen.encode()})
+    assert answer.status_code == 200
+    assert answer.headers["Content-Type"].startswith("text/event-stream")
 
 
 def test_a_plug_in_that_does_not_work_is_named_to_the_page(tmp_path, monkeypatch):

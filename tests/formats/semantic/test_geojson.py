@@ -165,6 +165,10 @@ def polygon(*points: Any) -> dict[str, Any]:
             "features[0].geometry: is not a valid Polygon: a footprint must be finite",
         ),
         (
+            changed(geometry=polygon([0, 0], [10**400, 0], [1, 1])),
+            "features[0].geometry: is not a valid Polygon: ",
+        ),
+        (
             changed(geometry=polygon("a", {}, 3)),
             "features[0].geometry: is not a valid Polygon: ",
         ),

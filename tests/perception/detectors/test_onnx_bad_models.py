@@ -120,6 +120,14 @@ FAILING = [
             "metadata imgsz: expected [rows, columns], got \"[640, 'wide']\"",
         ),
         (
+            {
+                "constants": {"a": [0]},
+                "input_shape": (1, 3, "h", "w"),
+                "metadata": {"imgsz": "[1e400, 640]"},
+            },
+            "metadata imgsz: expected [rows, columns], got '[1e400, 640]'",
+        ),
+        (
             {"constants": {}, "nodes": FAILING, "outputs": ["output0"], "metadata": {}}
             | {"input_shape": (1, 3, "h", "w")},
             "the model fails on an image of 640 x 640 pixels: ",

@@ -84,7 +84,9 @@ def read_contents(bag: BagFile, topics: ChosenTopics) -> Contents:
     names = transforms | {name for name in (geometry, color, info, detections) if name}
 
     def on_damaged(log_time: int, error: FormatError) -> None:
-        contents.damaged.append((log_time, FormatError(str(error), path=bag.path)))
+        damaged = FormatError(str(error), path=bag.path)
+        damaged.key = error.key  # which its text names already
+        contents.damaged.append((log_time, damaged))
 
     for name, log_time, message in bag.messages(names, on_damaged):
         if name in transforms:
