@@ -39,12 +39,15 @@ def detections_of(name: str, look: Callable[[], Any]) -> Detections:
     """Return what others' code sees in a frame.
 
     Raises:
-        HypermapError: If it raises an exception, or returns something else; names that code.
+        HypermapError: If it raises an exception, or returns something else; names that code, but
+            not where memory was full. The frame is lost then, and not those before.
     """
     try:
         found = look()
-    except (HypermapError, MemoryError):  # that memory is full is not its fault
+    except HypermapError:
         raise
+    except MemoryError:
+        raise HypermapError("there was not enough memory to find objects in it") from None
     except Exception as error:
         logger.debug("%s failed", name, exc_info=True)
         problem = str(error)
