@@ -25,6 +25,7 @@ import shapely
 from campaign.part import Budget, Finding, Result
 from campaign.robot import DEPTH, DETECTIONS, Robot
 from hypermap import Hypermap, SemanticLayer, SemanticObject
+from hypermap.core.arrays import FloatArray
 from hypermap.formats import open_map, save_map
 from hypermap.mapping.config import profile
 from hypermap.mapping.mapper import Mapper
@@ -84,6 +85,12 @@ def _memory() -> float:
     return pages * 4096 / 1e6
 
 
+def _growth(memory: FloatArray) -> float:
+    """Return by how much memory grows with 10,000 frames, once warm, MB."""
+    warm = np.arange(len(memory) // 4, len(memory))
+    return float(1e4 * np.polyfit(warm, memory[warm], 1)[0])
+
+
 # A mapper
 
 
@@ -100,33 +107,30 @@ def _map(
     mapper = Mapper(profile(name), detections_from_recording())
     most = 2 * len(frames) if budget.short else FRAMES
     end = time.monotonic() + share * budget.seconds
-    ends, memory = [time.monotonic()], [_memory()]
+    # Whole from the beginning, so that what is written down does not grow.
+    ends, memory, count = np.full(most, np.nan), np.full(most, np.nan), 0
     for i, frame in enumerate(cycle(frames)):
         if i == most or (not budget.short and time.monotonic() > end):
             break
         pose = frame.map_T_camera.copy()
         pose[:2, 3] += rng.normal(0, 0.02, 2)
         mapper.add(dataclasses.replace(frame, stamp=float(i), map_T_camera=pose))
-        ends.append(time.monotonic())
-        memory.append(_memory())
-    count = len(ends) - 1
+        ends[i], memory[i], count = time.monotonic(), _memory(), i + 1
     if mapper.counts.frames != count or mapper.counts.unusable:
         findings.append(f"mapper, {name}: {count} frames were given, {mapper.counts}")
     objects = len(mapper.hypermap().semantic())
     if not objects:
         findings.append(f"mapper, {name}: no objects after {count} frames")
-    warm = np.arange(count // 4, count)
-    growth = 1e4 * np.polyfit(warm, np.array(memory)[warm], 1)[0]
+    growth = _growth(memory[:count])
     quarter = count // 4
-    early, late = (np.median(np.diff(ends)[k * quarter :][:quarter]) for k in (1, 3))
+    early, late = (np.median(np.diff(ends)[k * quarter :][: quarter - 1]) for k in (1, 3))
     figures[f"{name}: frames"], figures[f"{name}: objects"] = count, objects
     figures[f"{name}: ms a frame, early and late"] = f"{1e3 * early:.1f}, {1e3 * late:.1f}"
-    if count >= _ENOUGH:
-        figures[f"{name}: MB per 10,000 frames"] = round(float(growth), 2)
-        if growth > GROWTH:
-            findings.append(f"mapper, {name}: {growth:.1f} MB more with each 10,000 frames")
-        if late > SLOWER * early:
-            findings.append(f"mapper, {name}: {late / early:.1f} times slower at the end")
+    figures[f"{name}: MB per 10,000 frames"] = round(growth, 2)
+    if count >= _ENOUGH and growth > GROWTH:
+        findings.append(f"mapper, {name}: {growth:.1f} MB more with each 10,000 frames")
+    if count >= _ENOUGH and late > SLOWER * early:
+        findings.append(f"mapper, {name}: {late / early:.1f} times slower at the end")
     return count
 
 
@@ -150,7 +154,7 @@ def _live(
     most = 2 * len(frames) if budget.short else FRAMES
     step, clock, start = round(DAY * 1e9 / most), 1_600_000_000 * 10**9, time.monotonic()
     events = ["restart", "jump", "without detections", "without depth", "other clock"]
-    memory: list[float] = []
+    memory, count = np.full(most, np.nan), 0
     day.begin()
     for i, frame in enumerate(cycle(frames)):
         if i == most or (not budget.short and time.monotonic() > end):
@@ -179,7 +183,7 @@ def _live(
         else:
             day.map(frame, clock)
         robot.tick()
-        memory.append(_memory())
+        memory[i], count = _memory(), i + 1
     objects = len(day.node)
     day.end()
     saved.unlink(missing_ok=True)
@@ -191,14 +195,12 @@ def _live(
     if not objects:
         findings.append("live: no objects at the end")
     figures["live: frames mapped"], figures["live: restarts"] = day.mapped, day.lives - 1
-    figures["live: hours of its clock"] = round(len(memory) * step / 3.6e12, 1)
-    if len(memory) >= _ENOUGH:
-        warm = np.arange(len(memory) // 4, len(memory))
-        growth = 1e4 * np.polyfit(warm, np.array(memory)[warm], 1)[0]
-        figures["live: MB per 10,000 frames"] = round(float(growth), 2)
-        if growth > GROWTH:
-            findings.append(f"live: {growth:.1f} MB more with each 10,000 frames")
-    return len(memory)
+    figures["live: hours of its clock"] = round(count * step / 3.6e12, 1)
+    growth = _growth(memory[:count])
+    figures["live: MB per 10,000 frames"] = round(growth, 2)
+    if count >= _ENOUGH and growth > GROWTH:
+        findings.append(f"live: {growth:.1f} MB more with each 10,000 frames")
+    return count
 
 
 @dataclasses.dataclass
