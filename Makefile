@@ -92,7 +92,7 @@ format: $(VENV)/.dev  ## format the code
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
-lock:  ## pin all requirements anew
+lock:  ## pin all requirements again
 	scripts/lock.sh
 
 clean:  ## remove what was made

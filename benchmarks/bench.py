@@ -1,4 +1,4 @@
-"""Run the benchmark: ours beside its peers, on one core, with both answers compared.
+"""Run the benchmark: Hypermap and its peers, on one core, with both answers compared.
 
     python benchmarks/bench.py [GROUP...] [--data ../shared/data] [--repeat 5] [--quick]
                                [--times FILE] [--markdown FILE] [--plots FOLDER]

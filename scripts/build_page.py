@@ -63,7 +63,7 @@ def build() -> None:
 
 
 def find_npm() -> Command:
-    """Return how to call npm: that on PATH, or that of the Python package beside this Python.
+    """Return how to call npm: that on PATH, or that of the Python package next to this Python.
 
     Raises:
         NoNode: If there is none, or its Node.js is too old.

@@ -166,9 +166,9 @@ def take_page(page: Page, path: Path) -> None:
 
 
 def take_evidence(page: Page, path: Path) -> None:
-    """Click on a thing, and look behind it."""
+    """Click an object, and show its evidence."""
     click_at(page, SOFA)
-    page.locator("#panel .behind .opener").click()
+    page.locator("#panel .evidence .opener").click()
     page.locator("#panel .outlines").first.wait_for()
     for outline in ("seen", "cameras"):
         box = page.locator(f'#panel [data-outline="{outline}"] input')

@@ -23,7 +23,7 @@ SHARED_DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
 
 @pytest.fixture(scope="session")
 def shared_data() -> Path:
-    """The folder of real maps and recordings that lies beside the checkout, where there is one."""
+    """The folder of real maps and recordings that lies next to the checkout, where there is one."""
     if not SHARED_DATA.is_dir():
         pytest.skip("the real maps and recordings are not here (put them into ../shared/data)")
     return SHARED_DATA

@@ -1,4 +1,4 @@
-"""What an administrator has compiled beside the code serves users who cannot write there."""
+"""What an administrator has compiled next to the code serves users who cannot write there."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ pytestmark = pytest.mark.skipif(
 
 @pytest.fixture
 def place(tmp_path: Path) -> Iterator[Path]:
-    """A folder with code and, beside it, a home."""
+    """A folder with code and, next to it, a home."""
     (tmp_path / "home").mkdir()
     (tmp_path / "code").mkdir()
     (tmp_path / "code" / "loops_of_a_test.py").write_text(MODULE)

@@ -99,7 +99,7 @@ class Plan:
             would wait for each other most of the time.
         batch_size: images per step and process.
         peak_rate: the highest learning rate.
-        weights: a file to begin with if it is there, and to save in; None to begin anew.
+        weights: a file to begin with if it is there, and to save in; None to begin again.
         seed: of all chance.
     """
 

@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 
 from hypermap.core.arrays import IntArray
 from hypermap.perception.frame import Camera, RgbdFrame
-from hypermap.perception.normals import fit_planes
-from hypermap.perception.padded import MARGIN, planes_of
 from hypermap.perception.projection import rows_of
+from hypermap.perception.region_growing.normals import fit_planes
+from hypermap.perception.region_growing.padded import MARGIN, planes_of
 from hypermap.perception.segmentation import segment, valid_pixels
 from suite.race import Disagreement, Race, Settings, library, race
 from suite.scenes import ORGANISED, SIZES, Scene, load_scenes, pixel_iou

@@ -1,4 +1,4 @@
-"""Maps from files and back: YAML beside yaml-cpp and libpng, GeoParquet, and large pictures.
+"""Maps from files and back: YAML compared with yaml-cpp and libpng, GeoParquet, and large pictures.
 
 Each load and save is that of a fresh process, whose memory is measured with it.
 """
@@ -37,7 +37,7 @@ def rows(settings: Settings) -> Iterator[Row]:
     yield from each_of(
         settings,
         {
-            "a map beside yaml-cpp and libpng": _beside_cpp,
+            "a map compared with yaml-cpp and libpng": _beside_cpp,
             "many objects as GeoParquet": _binary,
             "growth of objects": _growth_of_objects,
             "pictures": _pictures,

@@ -23,7 +23,7 @@ from hypermap.recordings import RecordingOptions, open_recording
 from suite.race import Disagreement, Figure, Growth, Row, Settings, each_of
 
 _SIZES = (10, 32, 100, 316, 1000)  # frames, for the growth
-_THESIS_FRAMES = 3  # its search for neighbors takes seconds per frame
+_THESIS_FRAMES = 30
 _STEPS = ("reading", "perception", "occupancy", "evidence")
 
 

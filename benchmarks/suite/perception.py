@@ -22,7 +22,7 @@ from hypermap.perception.segmentation import segment, valid_pixels
 from suite import against_open3d
 from suite.programs import build, run
 from suite.race import Disagreement, Race, Row, Settings, each_of, seconds_of
-from suite.scenes import ORGANISED, SIZES, Scene, iou, load_scenes, pixel_iou
+from suite.scenes import ORGANISED, SIZES, UNORGANISED, Scene, iou, load_scenes, pixel_iou
 
 PCL = tuple(
     f"pcl_{module}" for module in ("features", "segmentation", "filters", "surface", "search")
@@ -62,15 +62,15 @@ def _against_pcl(settings: Settings) -> Iterator[Row]:
     fast = agreement(scenes, answers, ORGANISED)
     if np.mean(fast) < MEAN or np.median(fast) < MEDIAN:
         raise Disagreement(f"organised: footprints agree too little with PCL's: {said_of(fast)}")
-    reference = agreement(scenes, answers, PerceptionConfig.thesis(), least_cluster=SAME)
+    reference = agreement(scenes, answers, UNORGANISED, least_cluster=SAME)
     if min(reference) < SAME:
         raise Disagreement(f"unorganised: a footprint is not PCL's: {said_of(reference)}")
     other = agreement(scenes, answers, PerceptionConfig(), has_visible_area=False)
 
     methods = (
-        ("method organised", ORGANISED, ROUNDS, fast),
+        ("profile thesis", ORGANISED, ROUNDS, fast),
         ("profile default", PerceptionConfig(), ROUNDS, other),
-        ("profile thesis", PerceptionConfig.thesis(), 1, reference),
+        ("method unorganised", UNORGANISED, 1, reference),
     )
     for height, size in SIZES.items():
         some = [scene for scene in scenes if scene.depth.shape[0] == height]

@@ -37,7 +37,7 @@ class PlainObject:
     evidence: list[tuple[float, BaseGeometry, tuple[float, float]]] = field(default_factory=list)
 
     def add(self, stamp: float, footprint: BaseGeometry) -> None:
-        """Take a footprint as evidence, and choose the best shape anew."""
+        """Take a footprint as evidence, and choose the best shape again."""
         centroid = footprint.centroid
         self.evidence.append((stamp, footprint, (centroid.x, centroid.y)))
         del self.evidence[:-_MAX_EVIDENCE]

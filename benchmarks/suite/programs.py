@@ -23,8 +23,8 @@ def build(
         source: as "boost/rtree.cpp".
         packages: names of the libraries for pkg-config, as "yaml-cpp".
         settings: where compiled programs go.
-        for_this_machine: whether the compiler may use all that this processor has. Not beside a
-            library whose classes are laid out differently then, as PCL's are.
+        for_this_machine: whether the compiler may use all that this processor has. Not when
+            compared with a library whose classes are laid out differently then, as PCL's are.
 
     Raises:
         Unavailable: If there is no compiler or a library is missing.

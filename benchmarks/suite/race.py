@@ -254,7 +254,7 @@ def race(
 
     Args:
         work: what is done.
-        peer: who does it beside us.
+        peer: the program to compare with.
         ours: our way.
         theirs: the peer's way.
         agree: returns how far the answers agree; raises Disagreement if they do not.

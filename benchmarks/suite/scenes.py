@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,8 @@ from hypermap.perception.detections import Detections
 from hypermap.perception.frame import Camera, RgbdFrame
 
 SIZES = {240: "320 x 240", 480: "640 x 480"}
-ORGANISED = PerceptionConfig(method="organised", visible_step=1, max_depth=np.inf)
+ORGANISED = PerceptionConfig.thesis()
+UNORGANISED = replace(ORGANISED, method="unorganised")  # PCL's method to the letter
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +47,7 @@ class Scene:
     visible_area: shapely.Polygon
 
     def frame(self) -> RgbdFrame:
-        """Return the frame anew, so that nothing of it is kept from run to run."""
+        """Return the frame again, so that nothing of it is kept from run to run."""
         return RgbdFrame(0.0, self.depth, self.camera, self.map_T_camera)
 
     def detections(self) -> Detections:

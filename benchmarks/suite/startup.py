@@ -34,7 +34,7 @@ _OBJECTS, _CHAIRS = 24, 6
 
 
 def rows(settings: Settings) -> Iterator[Row]:
-    """Yield the time of `--help` and of a question to a small map, beside bare imports."""
+    """Yield the time of `--help` and of a question to a small map, compared with bare imports."""
     small = _small_map(settings.build)
     compiled = settings.build / "compiled"
     module = ("-m", "hypermap")

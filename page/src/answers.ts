@@ -246,16 +246,16 @@ export function unknownContent(
   instead: (asked: string, name: string) => void,
 ): HTMLElement[] {
   const understood = [name, near, inside];
-  return Object.entries(unknown).map(([asked, alike]) => {
+  return Object.entries(unknown).map(([asked, similar]) => {
     const is = `No object is called “${asked}”`;
-    if (alike.length === 1 && understood.includes(alike[0])) {
-      return el("p", { class: "quiet", text: `${is}; taken as “${alike[0]}”.` });
+    if (similar.length === 1 && understood.includes(similar[0])) {
+      return el("p", { class: "quiet", text: `${is}; showing “${similar[0]}”.` });
     }
-    const offered = alike.length ? alike : commonest(info);
+    const offered = similar.length ? similar : commonest(info);
     return el(
       "section",
       { class: "unknown" },
-      el("p", { text: `${is}. ${alike.length ? "Did you mean:" : "This map has:"}` }),
+      el("p", { text: `${is}. ${similar.length ? "Did you mean:" : "This map has:"}` }),
       el(
         "div",
         { class: "buttons choices" },

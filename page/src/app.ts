@@ -78,7 +78,7 @@ export class App {
     this.listen();
     this.source.editing?.watch((change) => this.onEvent(change));
     for (const note of info.notes ?? []) notify(note);
-    this.hint(info.layers.length ? "Click the map to see what is there" : "This map is empty");
+    this.hint(info.layers.length ? "Click the map to query a point" : "This map is empty");
   }
 
   private makeEditor(): Editor | null {
@@ -171,10 +171,10 @@ export class App {
     this.drawing.stop();
     this.toolbar.showTool(tool);
     if (tool === "point") {
-      this.hint("Click the map to see what is there");
+      this.hint("Click the map to query a point");
       return;
     }
-    this.hint(tool === "rectangle" ? "Drag a rectangle to see what is in it" : CORNERS);
+    this.hint(tool === "rectangle" ? "Drag a rectangle to list what is in it" : CORNERS);
     this.drawing.start(tool, (ring) => {
       this.hint(null);
       this.toolbar.showTool("point");
@@ -196,7 +196,7 @@ export class App {
 
   private drawToFind(kind: Kind, done: (ring: Ring) => void): void {
     this.editor?.stop();
-    this.hint(kind === "rectangle" ? "Drag a rectangle to look in" : CORNERS);
+    this.hint(kind === "rectangle" ? "Drag a rectangle to search in" : CORNERS);
     if (NARROW.matches) toggleSidebar(false);
     this.drawing.start(kind, (ring) => {
       this.hint(null);
@@ -240,17 +240,17 @@ export class App {
   }
 
   private onEvent(change: Change | null): void {
-    if (!change) return this.banner("The server does not answer. Is hypermap view still running?");
+    if (!change) return this.banner("The server does not respond. Is hypermap view still running?");
     this.banner(change.disk ? DISK[change.disk] : null, change.disk === "changed");
     void this.onChange(change).catch(complain);
   }
 
-  /** Opens the file anew, after a question if that would lose changes. */
+  /** Reloads the file, after a question if that would lose changes. */
   private async reload(): Promise<void> {
     if (this.context.info.unsaved) {
-      const answer = await choose("Open the file anew?", "Changes that are not saved are lost.", [
+      const answer = await choose("Reload the file?", "Unsaved changes will be lost.", [
         { value: "cancel", label: "Cancel" },
-        { value: "reload", label: "Open anew", look: "danger" },
+        { value: "reload", label: "Reload", look: "danger" },
       ]);
       if (answer !== "reload") return;
     }
@@ -349,17 +349,17 @@ export class App {
   private banner(text: string | null, offerReload = false): void {
     byId("banner").hidden = text === null;
     const open = () => void this.reload().catch(complain);
-    const button = el("button", { type: "button", class: "button small", text: "Open it anew" });
+    const button = el("button", { type: "button", class: "button small", text: "Reload" });
     button.onclick = open;
     byId("banner").replaceChildren(text ?? "", ...(offerReload ? [button] : []));
   }
 }
 
-const CORNERS = "Click the corners of an area; double-click or Enter ends it";
+const CORNERS = "Click the corners of an area; double-click or Enter finishes";
 
 const DISK = {
-  changed: "The map's file has changed on the disk.",
-  vanished: "The map's file has vanished from the disk; saving writes it again.",
+  changed: "The map file has changed on disk.",
+  vanished: "The map file was deleted from disk; saving writes it again.",
 };
 
 function baseFrame(info: MapInfo): Frame {

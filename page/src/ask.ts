@@ -9,7 +9,7 @@ import {
   wantedInWords,
 } from "./answers";
 import { complain, el } from "./dom";
-import { BehindSection } from "./evidence";
+import { EvidenceSection } from "./evidence";
 import { objectFacts } from "./facts";
 import { meters, plural, rounded } from "./format";
 import { fromBase } from "./frames";
@@ -46,7 +46,7 @@ export class Ask {
   sought: (sought: Sought) => void = () => {};
   private last: (() => Promise<void>) | null = null;
   private turn = 0;
-  private readonly behind: BehindSection;
+  private readonly evidence: EvidenceSection;
 
   constructor(
     private readonly view: MapView,
@@ -54,7 +54,7 @@ export class Ask {
     private readonly panel: Panel,
     private readonly context: Context,
   ) {
-    this.behind = new BehindSection(view, source);
+    this.evidence = new EvidenceSection(view, source);
   }
 
   point(place: Point): void {
@@ -164,7 +164,7 @@ export class Ask {
     });
   }
 
-  /** Asks the last question anew, since the map has changed. */
+  /** Repeats the last query, since the map has changed. */
   refresh(): void {
     if (this.last && this.panel.isOpen) this.again(this.last);
   }
@@ -178,8 +178,8 @@ export class Ask {
   }
 
   private summary({ rows, total, near }: FindAnswer, place: Point | null): string {
-    if (!total) return "Nothing like that in this map";
-    const from = place ? "the marked place" : "the middle of the view";
+    if (!total) return "No match in this map";
+    const from = place ? "the marked place" : "the center of the view";
     const order = typeof near === "string" ? "nearest first" : `nearest to ${from} first`;
     const shown = total > rows.length ? `; ${rows.length} shown` : "";
     return `${plural(total, "match", "matches")}, ${order}${shown}`;
@@ -198,7 +198,7 @@ export class Ask {
   private facts(object: ObjectDetails, back: (() => Promise<void>) | null = null): Node[] {
     const { at, area, layer, polygons } = object;
     this.view.markChosen(polygons);
-    if (!this.hasEvidence(layer)) this.behind.close();
+    if (!this.hasEvidence(layer)) this.evidence.close();
     const button = (text: string, onclick: () => void) =>
       el("button", { type: "button", class: "button small", text, onclick });
     return [
@@ -210,7 +210,7 @@ export class Ask {
         button("Zoom to it", () => this.view.flyTo(at, Math.sqrt(area))),
         this.actions(object),
       ),
-      this.hasEvidence(layer) ? this.behind.of(object) : null,
+      this.hasEvidence(layer) ? this.evidence.of(object) : null,
     ].filter((node) => node !== null);
   }
 
@@ -224,9 +224,9 @@ export class Ask {
     return layers.find(({ name }) => name === layer)?.class_name === "SemanticLayer";
   }
 
-  /** Takes all marks away; what is behind an object stays where that is shown again. */
+  /** Takes all marks away; the evidence of an object stays if it is shown again. */
   private clear(shownNext: ObjectDetails | null = null): void {
-    if (!shownNext) this.behind.close();
+    if (!shownNext) this.evidence.close();
     this.view.clearMarks();
   }
 

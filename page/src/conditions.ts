@@ -84,14 +84,14 @@ export class Conditions {
     this.area.replaceChildren(
       ...(this.ring
         ? [
-            el("span", { class: "grow", text: "the drawn one" }),
-            iconButton("close", "Anywhere again", () => this.setRing(null), { id: "ask-no-area" }),
+            el("span", { class: "grow", text: "the drawn area" }),
+            iconButton("close", "Remove the area", () => this.setRing(null), { id: "ask-no-area" }),
           ]
         : [
-            iconButton("rectangle", "Draw a rectangle to look in", () => drawn("rectangle"), {
+            iconButton("rectangle", "Draw a rectangle to search in", () => drawn("rectangle"), {
               id: "ask-rectangle",
             }),
-            iconButton("polygon", "Draw an area to look in", () => drawn("polygon"), {
+            iconButton("polygon", "Draw an area to search in", () => drawn("polygon"), {
               id: "ask-polygon",
             }),
           ]),

@@ -77,7 +77,7 @@ export class Editor {
     this.view.map.addLayer(this.shapes);
     this.handles.start();
     byId("editbar").hidden = false;
-    this.hint("Click an object to change it, or draw a new one");
+    this.hint("Click an object to edit it, or draw a new one");
     this.toggled(true);
   }
 
@@ -99,7 +99,7 @@ export class Editor {
     this.bar.update(this.context.info);
   }
 
-  /** After the map changed: shows the chosen object anew if it is another now. */
+  /** After the map changed: shows the selected object again if it has changed. */
   async refresh(): Promise<void> {
     const before = this.chosen;
     if (!before) return;
@@ -160,7 +160,7 @@ export class Editor {
   private startMerging(): void {
     if (!this.chosen) return;
     this.isMerging = true;
-    this.hint(`Click the object that is ${this.chosen.name} too; Esc ends it`);
+    this.hint(`Click the object to merge into ${this.chosen.name}; Esc cancels`);
   }
 
   /** Makes the object in the hand and the first other one at a place a single one. */
@@ -170,14 +170,15 @@ export class Editor {
     const others = here.filter((one) => one.layer !== layer || one.id !== id);
     const other = others.find((one) => one.layer === layer);
     if (!other) {
-      if (others.length) notify(`Only objects of one layer can be merged, here ${layer}`, "alert");
+      if (others.length)
+        notify(`Only objects in the same layer can be merged, here ${layer}`, "alert");
       return; // the next click may meet one
     }
     this.endMerging();
     void this.apply([{ op: "merge", layer, id, others: [other.id] }], `Merged into ${name}`);
   }
 
-  /** Adds another of the same kind and shape beside the object in the hand. */
+  /** Adds another of the same kind and shape next to the object in the hand. */
   private duplicate(): void {
     if (!this.chosen) return;
     const { layer, id, name, polygons } = this.chosen;
@@ -205,7 +206,7 @@ export class Editor {
 
   redo(): void {
     if (!this.context.info.can_redo) return;
-    void this.run((version) => this.editing.redo(version), "Done again");
+    void this.run((version) => this.editing.redo(version), "Redone");
   }
 
   save(request: SaveRequest = {}): void {
@@ -215,7 +216,7 @@ export class Editor {
         notify("Saved");
       } catch (error) {
         if (!(error instanceof Refused) || error.status !== 409) throw error;
-        const answer = await choose("Save over it?", error.message, [
+        const answer = await choose("Overwrite it?", error.message, [
           { value: "cancel", label: "Cancel" },
           { value: "saveAs", label: "Save as…", look: "primary" },
           { value: "overwrite", label: "Overwrite", look: "danger" },
@@ -231,7 +232,7 @@ export class Editor {
     const stem = this.context.info.name.replace(/\.[^.]*$/, "");
     const name = await askName(
       "Save as",
-      "In the same folder. From then on, this page shows and saves that file.",
+      "In the same folder. This page will then show and save that file.",
       `${stem}.hmap`,
       "Save",
     );
@@ -271,7 +272,7 @@ export class Editor {
     this.hint(
       kind === "rectangle"
         ? "Drag a rectangle"
-        : "Click the corners; double-click or Enter ends the shape, Backspace takes one back",
+        : "Click the corners; double-click or Enter finishes, Backspace removes the last one",
     );
     this.drawing.start(kind, (ring) => this.describe(ring, room));
   }

@@ -37,7 +37,7 @@ export class EditBar {
       this.undo,
       this.redo,
       this.save,
-      button("saveAs", "edit-save-as", "Save as", "Save the map under another name", verbs.saveAs),
+      button("saveAs", "edit-save-as", "Save as", "Save the map with another name", verbs.saveAs),
       el("span", { class: "divider" }),
       button("check", "edit-done", "Done", "Leave edit mode (Esc)", verbs.done),
     );

@@ -149,7 +149,7 @@ export class EmbeddedSource implements DataSource {
       first_seen: numberOf(object.attributes["first_seen"]),
       last_seen: numberOf(object.attributes["last_seen"]),
       seen: 0,
-      reason: "This file holds no evidence behind this object.",
+      reason: "This file contains no evidence for this object.",
       observations: [],
       fused: [],
     };

@@ -1,4 +1,4 @@
-/** The section of an object's panel that looks behind it: when and how it was seen, and its shape
+/** The evidence section of the panel of an object: when and how it was seen, and its shape
  * by other methods. */
 
 import { complain, el, icon, iconButton } from "./dom";
@@ -12,8 +12,8 @@ import type { DataSource, Evidence, Extent, ObjectDetails } from "./source";
 import { timeline } from "./timeline";
 import { often } from "./words";
 
-export class BehindSection {
-  /** The object that is looked behind; it stays so while its panel is drawn anew. */
+export class EvidenceSection {
+  /** The object whose evidence is shown, also while its panel is redrawn. */
   private key: string | null = null;
   private chosen: number | null = null;
   private readonly hidden = new Set<string>();
@@ -26,14 +26,14 @@ export class BehindSection {
   /** Puts everything away. */
   close(): void {
     this.key = null;
-    this.view.lookBehind(null);
+    this.view.showEvidence(null);
   }
 
-  /** The section for an object; it is open if the object was looked behind already. */
+  /** The section for an object; it is open if the evidence of the object was shown already. */
   of(object: ObjectDetails): HTMLElement {
     const key = `${object.layer} ${object.id}`;
     if (this.key !== key) this.close();
-    const body = el("div", { class: "behind-body", hidden: true });
+    const body = el("div", { class: "evidence-body", hidden: true });
     const opener = el(
       "button",
       { type: "button", class: "opener", aria: { expanded: "false" } },
@@ -54,7 +54,7 @@ export class BehindSection {
     };
     opener.onclick = () => toggle(body.hidden);
     if (this.key === key) toggle(true);
-    return el("section", { class: "behind" }, opener, body);
+    return el("section", { class: "evidence" }, opener, body);
   }
 
   private async fill(body: HTMLElement, object: ObjectDetails, key: string): Promise<void> {
@@ -69,7 +69,7 @@ export class BehindSection {
     this.view.markChosen(null);
     const draw = () => {
       const { chosen, hidden } = this;
-      this.view.lookBehind({ evidence, inMap: object.polygons, chosen, hidden });
+      this.view.showEvidence({ evidence, inMap: object.polygons, chosen, hidden });
     };
     body.replaceChildren(
       el("p", { class: "quiet", text: summary(evidence) }),
@@ -106,7 +106,7 @@ export class BehindSection {
     const stepper = el(
       "div",
       { class: "stepper" },
-      iconButton("chevron", "The observation before", back, { class: "back" }),
+      iconButton("chevron", "The previous observation", back, { class: "back" }),
       slider,
       iconButton("chevron", "The next observation", () => step(1)),
     );
@@ -117,7 +117,7 @@ export class BehindSection {
     return section;
   }
 
-  /** What is drawn, to be switched on and off: a legend at the same time. */
+  /** Shown on the map, to be switched on and off: a legend at the same time. */
   private legend(evidence: Evidence, object: ObjectDetails, draw: () => void): HTMLElement {
     const row = (key: string, sample: Element, title: string, about: string, ...said: string[]) => {
       const box = el("input", { type: "checkbox" });
@@ -148,8 +148,8 @@ export class BehindSection {
       el(
         "ul",
         { class: "outlines parts" },
-        row("seen", looksSample(), "Seen shapes", "The surer the detector, the stronger"),
-        row("cameras", cameraSample(), "Cameras", "From where it was seen"),
+        row("seen", looksSample(), "Observed shapes", "Stronger for higher detection scores"),
+        row("cameras", cameraSample(), "Cameras", "Where it was seen from"),
       ),
       el("h3", { text: "Its shape by each method" }),
       el(
@@ -157,7 +157,7 @@ export class BehindSection {
         { class: "outlines" },
         line("in_map", squareMeters(object.area), ""),
         ...evidence.fused.map(({ method, area, jaccard }) =>
-          line(method, squareMeters(area), alike(jaccard)),
+          line(method, squareMeters(area), overlap(jaccard)),
         ),
       ),
       el("p", { class: "quiet", text: explained(evidence) }),
@@ -165,19 +165,19 @@ export class BehindSection {
   }
 }
 
-const alike = (jaccard: number): string =>
-  jaccard > 0.9995 ? "the same" : `${Math.min(99, Math.round(100 * jaccard))} % alike`;
+const overlap = (jaccard: number): string =>
+  jaccard > 0.9995 ? "the same" : `${Math.min(99, Math.round(100 * jaccard))} % overlap`;
 
 function explained({ fused }: Evidence): string {
   const own = fused.find(({ is_own }) => is_own);
   const made = own ? ` This map was made by: ${lookOf(own.method).title.toLowerCase()}.` : "";
-  return `Alike: the area shared with the shape in the map, over that of both together.${made}`;
+  return `Jaccard index: the area shared with the shape in the map, over the area of both.${made}`;
 }
 
 function summary({ observations, seen, start, first_seen, last_seen }: Evidence): string {
   const kept = observations.length;
   const times =
-    seen > kept ? `Seen ${seen} times; the newest ${kept} are kept` : `Seen ${often(kept)}`;
+    seen > kept ? `Seen ${seen} times; the newest ${kept} are saved` : `Seen ${often(kept)}`;
   if (start === undefined || first_seen === null || last_seen === null) return `${times}.`;
   const [first, last] = [clock(first_seen - start), clock(last_seen - start)];
   return `${times}, first at ${first}, last at ${last} of the recording.`;
@@ -191,7 +191,7 @@ function factsOf({ observations, start = 0 }: Evidence, i: number | null): (Node
     return [
       el("strong", { text: count === 1 ? "The one observation" : `All ${count} observations` }),
       el("br"),
-      `mean score ${mean.toFixed(2)}; choose one to see it alone`,
+      `mean score ${mean.toFixed(2)}; select one to see it alone`,
     ];
   }
   const { stamp, score, distance, area } = observations[i];

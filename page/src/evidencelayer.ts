@@ -1,4 +1,4 @@
-/** The evidence behind an object on the map: what was seen, from where, and fused outlines. */
+/** The evidence for an object on the map: observations, cameras, and fused outlines. */
 
 import Feature from "ol/Feature.js";
 import type OpenLayersMap from "ol/Map.js";
@@ -11,8 +11,8 @@ import { cameraLook, chosenSeenLook, outlineLook, seenLook, veilLook } from "./e
 import { extentOf } from "./geometry";
 import type { Evidence, Point, Polygon } from "./source";
 
-/** What is drawn of an object's evidence. */
-export interface Behind {
+/** The evidence that is shown on the map. */
+export interface ShownEvidence {
   evidence: Evidence;
   inMap: Polygon[];
   /** Which observation is looked at; null for all. */
@@ -31,15 +31,15 @@ export class EvidenceLayer {
     seen: evidenceLayer(73),
     outlines: evidenceLayer(74),
   };
-  private behind: Behind | null = null;
+  private shown: ShownEvidence | null = null;
 
   constructor(map: OpenLayersMap) {
     for (const layer of Object.values(this.layers)) map.addLayer(layer);
   }
 
-  show(behind: Behind): void {
-    this.behind = behind;
-    const { evidence, inMap, chosen, hidden } = behind;
+  show(shown: ShownEvidence): void {
+    this.shown = shown;
+    const { evidence, inMap, chosen, hidden } = shown;
     const { observations, fused } = evidence;
     const isFaint = (i: number) => chosen !== null && i !== chosen;
     const veil = new Feature(fromExtent([-FAR, -FAR, FAR, FAR]));
@@ -75,11 +75,11 @@ export class EvidenceLayer {
   }
 
   restyle(): void {
-    if (this.behind) this.show(this.behind);
+    if (this.shown) this.show(this.shown);
   }
 
   clear(): void {
-    this.behind = null;
+    this.shown = null;
     for (const layer of Object.values(this.layers)) fill(layer, []);
   }
 }

@@ -1,4 +1,4 @@
-/** How the evidence behind an object is drawn: shapes, cameras, and outlines in distinct dashes. */
+/** How the evidence for an object is drawn: shapes, cameras, and outlines in distinct dashes. */
 
 import LineString from "ol/geom/LineString.js";
 import Fill from "ol/style/Fill.js";
@@ -21,19 +21,19 @@ export interface OutlineLook {
 export const OUTLINES: Record<string, OutlineLook> = {
   in_map: {
     title: "Shape in the map",
-    about: "The object's shape as it is in the map",
+    about: "The shape of the object in the map",
     color: "--accent",
     dash: [],
   },
   votes: {
     title: "Votes of the views",
-    about: "The hull of what enough of the views agree on",
+    about: "The convex hull of the cells that enough views agree on",
     color: "--votes",
     dash: [11, 9],
   },
   best_shape: {
     title: "Central shape",
-    about: "The observed shape whose middle is nearest to the mean of all",
+    about: "The observed shape whose centroid is nearest to the mean of all",
     color: "--best-shape",
     dash: [1, 7],
   },

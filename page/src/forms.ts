@@ -102,7 +102,7 @@ export function newObjectForm(
   const newLayer = el("input", {
     id: "object-new-layer",
     type: "text",
-    placeholder: "its name, such as zones",
+    placeholder: "layer name, such as zones",
     aria: { label: "Name of the new layer" },
   });
   newLayer.autocomplete = "off";

@@ -17,7 +17,7 @@ export class LayersPanel {
     private readonly changed: () => void,
   ) {}
 
-  /** Draws the list anew: the topmost layer first, as on the map. */
+  /** Redraws the list: the topmost layer first, as on the map. */
   draw(): void {
     const layers = [...this.view.layers.values()].reverse();
     if (this.open.size === 0) for (const { info } of layers) this.open.add(info.name);

@@ -13,7 +13,7 @@ import VectorLayer from "ol/layer/Vector.js";
 import Projection from "ol/proj/Projection.js";
 import type ImageTile from "ol/source/ImageTile.js";
 import VectorSource from "ol/source/Vector.js";
-import { EvidenceLayer, type Behind } from "./evidencelayer";
+import { EvidenceLayer, type ShownEvidence } from "./evidencelayer";
 import { GridLines } from "./gridlines";
 import { areaLook, chosenLook, matchLook, placeLook } from "./looks";
 import type { Place } from "./place";
@@ -328,11 +328,11 @@ export class MapView {
     }
   }
 
-  /** Draws what is behind an object, and the rest of the map fainter; null for nothing. */
-  lookBehind(behind: Behind | null): void {
-    if (behind) this.evidence.show(behind);
+  /** Draws the evidence for an object, and the rest of the map fainter; null for nothing. */
+  showEvidence(shown: ShownEvidence | null): void {
+    if (shown) this.evidence.show(shown);
     else this.evidence.clear();
-    this.marks.place.setVisible(behind === null);
+    this.marks.place.setVisible(shown === null);
   }
 
   clearMarks(): void {

@@ -42,7 +42,7 @@ export class Panel {
           el("h2", { text: title }),
           el("p", { class: "quiet", text: summary }),
         ),
-        iconButton("close", "Close the answer (Esc)", () => this.close()),
+        iconButton("close", "Close (Esc)", () => this.close()),
       ),
       el(
         "div",
@@ -110,14 +110,14 @@ export function snippetsContent(snippets: Snippets): HTMLElement {
   show(chosenLanguage);
   const block = el(
     "pre",
-    { role: "group", aria: { label: "The same question, for a program" } },
+    { role: "group", aria: { label: "The same query, for a program" } },
     code,
   );
   block.tabIndex = 0;
   return el(
     "section",
     { class: "snippets" },
-    el("h3", { text: "Ask the same from a program" }),
+    el("h3", { text: "The same query from a program" }),
     el("div", { class: "tabs" }, el("div", { class: "tab-list", role: "tablist" }, ...tabs), copy),
     block,
   );

@@ -130,7 +130,7 @@ export class ServerSource implements DataSource, Editing {
       lost = true;
     };
     events.onopen = () => {
-      // What happened in between is not known, so everything is asked anew.
+      // What happened in between is not known, so everything is loaded again.
       if (lost) changed({});
       lost = false;
     };
@@ -170,7 +170,7 @@ export async function ask(url: string, options: RequestInit): Promise<Response> 
     answer = await fetch(url, options);
   } catch (error) {
     if (error instanceof DOMException && error.name === "AbortError") throw error;
-    throw new Refused("The server does not answer. Is `hypermap view` still running?", 0);
+    throw new Refused("The server does not respond. Is `hypermap view` still running?", 0);
   }
   if (answer.ok) return answer;
   const said = (await answer.json().catch(() => ({}))) as { error?: string; reason?: string };

@@ -53,7 +53,7 @@ export class ShapesLayer {
     private readonly source: DataSource,
     private readonly changed: () => void,
   ) {
-    // Drawn once as a picture, which moves with the map: many shapes anew for each frame stutter.
+    // Drawn once as a picture, which moves with the map: many shapes again for each frame stutter.
     this.layer = new VectorImageLayer({
       // Neighbors of one look may be drawn in one stroke.
       source: new VectorSource({ overlaps: false }),

@@ -209,7 +209,7 @@ export interface Fused {
   polygons: Polygon[];
 }
 
-/** What is behind an object. */
+/** The evidence for an object. */
 export interface Evidence extends Partial<Snippets> {
   first_seen: number | null;
   last_seen: number | null;
@@ -299,7 +299,7 @@ export interface Editing {
   undo(version: number): Promise<Change>;
   redo(version: number): Promise<Change>;
   save(request: SaveRequest): Promise<Change>;
-  /** Opens the file anew; what was not saved is lost. */
+  /** Reloads the file; unsaved changes are lost. */
   reload(): Promise<Change>;
   /** Calls back on every change, from this window or another; `null` when the server is lost. */
   watch(changed: (change: Change | null) => void): void;

@@ -64,7 +64,7 @@ function axesPicture(): SVGSVGElement {
   const svg = document.createElementNS(SVG, "svg");
   svg.setAttribute("viewBox", "-20 -20 40 40");
   svg.setAttribute("role", "img");
-  svg.setAttribute("aria-label", "Axes of the chosen frame: x red, y green");
+  svg.setAttribute("aria-label", "Axes of the selected frame: x red, y green");
   const group = document.createElementNS(SVG, "g");
   const stroke = (className: string, d: string) => {
     const path = document.createElementNS(SVG, "path");

@@ -14,9 +14,9 @@ export interface ToolVerbs {
 }
 
 const TOOLS: { tool: Tool; label: string; title: string }[] = [
-  { tool: "point", label: "Point", title: "Ask what is at a point: click the map" },
-  { tool: "rectangle", label: "Rectangle", title: "Ask what is in a rectangle: drag it" },
-  { tool: "polygon", label: "Polygon", title: "Ask what is in an area: click its corners" },
+  { tool: "point", label: "Point", title: "Query a point: click the map" },
+  { tool: "rectangle", label: "Rectangle", title: "Query a rectangle: drag it" },
+  { tool: "polygon", label: "Polygon", title: "Query an area: click its corners" },
 ];
 
 export class Toolbar {
@@ -32,7 +32,7 @@ export class Toolbar {
         toolButton(tool, `tool-${tool}`, label, title, () => verbs.choose(tool)),
       );
     }
-    this.edit = toolButton("edit", "tool-edit", "Edit", "Change the map", verbs.edit);
+    this.edit = toolButton("edit", "tool-edit", "Edit", "Edit the map", verbs.edit);
     this.edit.setAttribute("aria-pressed", "false");
     this.theme = iconButton("moon", "Dark", verbs.theme, { id: "theme" });
     byId("toolbar").replaceChildren(
@@ -62,7 +62,7 @@ export class Toolbar {
   }
 
   showTheme(theme: Theme): void {
-    const label = theme === "dark" ? "Switch to light" : "Switch to dark";
+    const label = theme === "dark" ? "Light theme" : "Dark theme";
     this.theme.replaceChildren(icon(theme === "dark" ? "sun" : "moon"));
     this.theme.title = label;
     this.theme.setAttribute("aria-label", label);

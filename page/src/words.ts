@@ -4,10 +4,10 @@ import { stamp } from "./format";
 
 /** Whether a thing is there, by the evidence for it [log-odds]. */
 export function existenceInWords(existence: number): string {
-  if (existence >= 4) return "surely there";
+  if (existence >= 4) return "certainly there";
   if (existence >= 2) return "very likely there";
-  if (existence > 0) return "perhaps there";
-  return existence > -2 ? "perhaps gone" : "very likely gone";
+  if (existence > 0) return "possibly there";
+  return existence > -2 ? "possibly removed" : "very likely removed";
 }
 
 /** How often and when a thing was seen last, as "39 times, last Monday 14:02". */

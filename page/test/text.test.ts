@@ -127,10 +127,10 @@ test("what is known of an object is said in words", () => {
   assert.equal(seenInWords(null, 3, now), "last at 3 s");
   assert.equal(seenInWords(null, null, now), null);
   assert.deepEqual([5, 2.4, 0.5, -1, -4].map(existenceInWords), [
-    "surely there",
+    "certainly there",
     "very likely there",
-    "perhaps there",
-    "perhaps gone",
-    "very likely gone",
+    "possibly there",
+    "possibly removed",
+    "very likely removed",
   ]);
 });

@@ -1,4 +1,4 @@
-"""Hypermap: maps for robots that hold more than free and occupied.
+"""Hypermap: semantic maps for mobile robots.
 
 Open a map with `open_map`, ask it, and write it with `save_map`. What is offered here is imported
 when it is first used.

@@ -1,7 +1,7 @@
 """The decorators of compiled loops: one place for what they have in common.
 
 Compiling takes seconds on each machine, so loops work with scalars and with arrays that are made,
-sorted and filled outside: numba compiles anew what it needs of numpy, and code that counts who
+sorted and filled outside: numba compiles again what it needs of numpy, and code that counts who
 refers to an array makes up a fifth of a loop.
 """
 
@@ -68,7 +68,7 @@ def compiled_count() -> int:
 
 
 def _borrow(function: Callable[..., Any], folder: Path) -> None:
-    """Copy what an administrator has compiled beside the code, where the user cannot write.
+    """Copy what an administrator has compiled next to the code, where the user cannot write.
 
     numba takes no folder in which it cannot write, and would compile everything again.
     """

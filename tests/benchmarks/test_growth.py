@@ -1,4 +1,4 @@
-"""Exponents, what is asked of them, and that the names beside lines keep apart."""
+"""Exponents, what is asked of them, and that the names next to lines keep apart."""
 
 from __future__ import annotations
 

@@ -197,7 +197,7 @@ def test_entries_that_could_not_be_read_are_named_and_counted(hypermap, shared_d
         (["truth.hmap", "empty.hmap"], ["empty.hmap: the ground truth has no objects"]),
         (["odom.hmap", "truth.hmap"], ["'odom'", "'map'", "add it to the `transforms`"]),
         (["truth.hmap", "truth.hmap", "--against", "odom.hmap"], ["odom.hmap is in the frame"]),
-        (["truth.hmap", "truth.hmap", "--exact"], ["--exact is about a test", "--against"]),
+        (["truth.hmap", "truth.hmap", "--exact"], ["--exact needs --against", "--against"]),
         (["truth.hmap", "truth.hmap", "--csv", "truth.hmap"], ["is saved as .csv"]),
         (["truth.hmap", "truth.hmap", "--csv", "no/x.csv"], ["does not exist; create it first"]),
         (["truth.hmap", "truth.hmap", "--picture", "x.jpg"], ["saved as .png or .svg"]),

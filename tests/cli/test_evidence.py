@@ -41,7 +41,7 @@ def test_a_map_tells_what_its_objects_were_made_of(hypermap: Run, made: Path) ->
         assert look["distance"] == pytest.approx(1.3, abs=0.15)
     own, *others = evidence["fused"]
     assert own["method"] == "votes"
-    # Half of the looks lie 6 cm beside the others; which of them are moved there is a toss.
+    # Half of the looks lie 6 cm next to the others; which of them are moved there is a toss.
     assert own["jaccard"] > 0.7
     assert {one["method"] for one in others} == {"best_shape", "convex_hull"}
     assert hypermap("info", made, "--json").json["layers"][1]["observations"] == 6

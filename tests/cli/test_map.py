@@ -79,7 +79,7 @@ def test_a_given_occupancy_map_becomes_the_first_layer(hypermap, drive, room_map
 def test_it_is_told_that_poses_cannot_be_corrected(hypermap, drive, room_map, tmp_path):
     given, out = tmp_path / "given.yaml", tmp_path / "out.hmap"
     assert hypermap("convert", room_map, given, "--layer", "occupancy").code == 0
-    told = "poses were taken as recorded: there is no occupancy map to correct them by (--map)"
+    told = "poses were used as recorded: without an occupancy map (--map) they are not corrected"
     common = ["map", drive, "--intrinsics", INTRINSICS, "-o", out]
     assert told in hypermap(*common).err
     assert told not in hypermap(*common, "--map", given).err
@@ -92,7 +92,7 @@ def test_an_output_that_exists_is_replaced_and_stays_beside_it(hypermap, drive, 
     arguments = ["map", drive, "--intrinsics", INTRINSICS, "-o", out]
     result = hypermap(*arguments)
     assert result.code == 0
-    assert f"the map that was there stays as {out}.bak" in result.err
+    assert f"the previous map is kept as {out}.bak" in result.err
     assert (tmp_path / "out.hmap.bak").read_text() == "an older map"
     assert len(objects_in(out)) == 1
     made = out.read_bytes()
@@ -349,10 +349,10 @@ def test_who_ends_it_early_gets_what_there_is(tmp_path, before, numbers, name):
             process.send_signal(number)
         said += process.stderr.read()
     assert process.returncode == 128 + numbers[-1]
-    assert "stopping; what was seen so far is saved" in said
+    assert "stopping; saving the map so far" in said
     assert ("Ctrl-C again gives up" in said) == (name == "Ctrl-C")
     assert f"saved {out}" in said
-    assert f"{name} ended it early" in said
+    assert f"stopped early by {name}" in said
     assert "Traceback" not in said
     frames = open_map(out).metadata["frames"]
     assert 1 <= frames["used"] < 3000
@@ -445,7 +445,7 @@ def test_a_world_that_is_not_level_is_told_with_the_option_that_levels_it(hyperm
     assert "the world of the recording is not level: its floor is tilted by 2" in tilted.err
     option = tilted.err.splitlines()[-1].strip()
     assert option.startswith("--world-transform=")
-    assert f"so give {option}" in tilted.err
+    assert f"pass {option}" in tilted.err
     mended = hypermap(*map_room, option)
     assert mended.code == 0
     assert "warning" not in mended.err

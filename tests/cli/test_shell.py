@@ -163,7 +163,7 @@ def test_the_shell_looks_behind_objects_as_query_does(hypermap, drive, tmp_path)
     made, drawn = tmp_path / "made.hmap", tmp_path / "drawn.hmap"
     assert hypermap("map", drive, "--intrinsics", INTRINSICS, "-o", made).code == 0
     save_map(Hypermap([SemanticLayer("semantic", "map", [square("chair", 0, 0)])]), drawn)
-    for path, told in [(made, "votes (made the map)"), (drawn, "This map keeps no evidence.")]:
+    for path, told in [(made, "votes (made the map)"), (drawn, "This map contains no evidence.")]:
         question = ["--name", "chair", "--evidence"]
         asked = hypermap("query", path, *question)
         as_json = hypermap("query", path, *question, "--json")

@@ -12,6 +12,8 @@ import pytest
 
 from hypermap.simulation import SimulatedRecording, demo_world, write_tum
 
+pytestmark = pytest.mark.xdist_group("warm_up")  # they share what takes long to make
+
 COMPILING = "compiling for this machine, once"
 
 # What numba makes of sorting, sums and error messages takes longer to compile than the loops do.
@@ -113,7 +115,7 @@ def test_nothing_is_compiled_after_warming_up(
     assert COMPILING not in done.stderr
     again = run(folder, "warm-up")
     assert COMPILING not in again.stderr
-    assert "all is compiled already" in again.stdout
+    assert "everything is compiled already" in again.stdout
 
 
 @pytest.mark.timeout(600)

@@ -109,7 +109,7 @@ def test_exit_and_quit_leave(lab, word):
 
 
 def test_evidence_is_refused_where_no_one_tells_it(lab):
-    with pytest.raises(HypermapError, match="--evidence is not told here; ask `hypermap query`"):
+    with pytest.raises(HypermapError, match="--evidence is for `hypermap query`"):
         lab.run("query --name sink --evidence")
 
 
@@ -150,8 +150,8 @@ def test_the_questions_of_query_are_answered(lab, line, answer):
     ("line", "reason"),
     [
         ("query", "nothing is asked; give --at X,Y, --in AREA or --name NAME"),
-        ("query --nam chair", "a question has no option '--nam'; did you mean '--name'?"),
-        ("query chair", "a question has no option 'chair'; known: --at, --in, --name"),
+        ("query --nam chair", "a query has no option '--nam'; did you mean '--name'?"),
+        ("query chair", "a query has no option 'chair'; known: --at, --in, --name"),
         ("query --name", "--name needs a value: --name NAME"),
         ("query --name chair --nearest=2", "--nearest takes no value"),
         ("query --name chair --json=yes", "--json takes no value"),

@@ -1,6 +1,6 @@
-"""Every example in the documents is run: Python blocks as they stand, console blocks by a shell.
+"""Every example in the documents is run: Python blocks as they stand, console blocks line by line.
 
-A page's blocks run from top to bottom, in one namespace and one folder, beside the
+A page's blocks run from top to bottom, in one namespace and one folder, next to the
 `hypermap-demo/` that `hypermap demo` makes. Python blocks with prompts are compared with the
 output that they show. Of a console block, the lines after `$` are run and must succeed. What
 cannot run in a test (a robot, a download) stands in a plain `text` block.
@@ -8,15 +8,20 @@ cannot run in a test (a robot, a download) stands in a plain `text` block.
 
 from __future__ import annotations
 
+import contextlib
 import doctest
+import io
 import os
 import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
+
+from hypermap.cli.main import main
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = [
@@ -57,6 +62,9 @@ def _run_console(source: str, where: str) -> None:
     assert commands, f"{where}: a console block shows its commands after '$ '"
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     for command in commands:
+        if words := _plain_command(command):
+            _run_hypermap(words, f"{where}: {command}")
+            continue
         done = subprocess.run(
             ["bash", "-c", command],
             env={**os.environ, "PATH": path},
@@ -66,6 +74,25 @@ def _run_console(source: str, where: str) -> None:
             check=False,
         )
         assert done.returncode == 0, f"{where}: {command}\n{done.stdout}{done.stderr}"
+
+
+def _plain_command(command: str) -> list[str]:
+    """Return the words of a call of `hypermap` alone; none if it needs a shell."""
+    line = command.replace("\\\n", " ")
+    is_plain = line.startswith("hypermap ") and not set(line) & set("|&;<>()$`\\*?[]#~!{}")
+    return shlex.split(line) if is_plain else []
+
+
+def _run_hypermap(words: list[str], where: str) -> None:
+    """Run a command in this process, as starting another takes longer than most commands."""
+    said = io.StringIO()
+    with (
+        contextlib.redirect_stdout(said),
+        contextlib.redirect_stderr(said),
+        pytest.raises(SystemExit) as ended,
+    ):
+        main(words[1:])
+    assert not ended.value.code, f"{where}\n{said.getvalue()}"
 
 
 def _run_doctest(source: str, namespace: dict[str, Any], page: Path, line: int) -> None:

@@ -22,7 +22,7 @@ def bar(name: str, x0: float, x1: float) -> SemanticObject:
 
 
 def test_the_shape_measure_moves_the_nearest_object_onto_the_true_one() -> None:
-    # A bar of 2 m beside one of 4 m: moved onto each other they share 2 of 4 square meters.
+    # A bar of 2 m next to one of 4 m: moved onto each other they share 2 of 4 square meters.
     (closest,) = closest_shapes([bar("sofa", 100, 140), bar("sofa", 11, 13)], [bar("sofa", 0, 4)])
     assert (closest.ground_truth, closest.estimate) == (0, 1)
     assert closest.distance == pytest.approx(10)

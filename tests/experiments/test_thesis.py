@@ -24,6 +24,8 @@ from hypermap.simulation import SimulatedRecording, errors_of_level
 from hypermap.simulation.trajectory import SimulatedDrive as Route
 from hypermap.simulation.world import Floor, Thing, World
 
+pytestmark = pytest.mark.xdist_group("thesis")  # they share what takes long to make
+
 WORLD = """
 name: studio
 floor: {rectangle: [0, 0, 5, 4]}

@@ -28,6 +28,8 @@ from hypermap.simulation.trajectory import Drive
 from hypermap.simulation.truth import true_objects, true_occupancy
 from hypermap.simulation.world import Floor, Thing, Wall, World
 
+pytestmark = pytest.mark.xdist_group("alignment")  # they share what takes long to make
+
 CONFIG = AlignmentConfig()
 ROOM = World(
     name="room",

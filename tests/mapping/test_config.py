@@ -28,7 +28,7 @@ def test_the_thesis_profile_has_the_figures_of_the_thesis() -> None:
     assert (evidence.gain, evidence.loss, evidence.gain_by_score) == (1.0, 0.2, False)
     assert (evidence.max_existence, evidence.publish_above, evidence.forget_below) == (20, 2, -5)
     assert (evidence.margin, evidence.max_range) == (0, math.inf)
-    assert thesis.perception.method == "unorganised"
+    assert thesis.perception.method == "organised"
 
 
 def test_an_unknown_profile_is_an_error_that_names_the_known_ones() -> None:

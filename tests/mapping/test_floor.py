@@ -22,6 +22,8 @@ from hypermap.perception.frame import RgbdFrame
 from hypermap.recordings import RecordingOptions, open_recording
 from hypermap.simulation import SimulatedRecording, demo_world
 
+pytestmark = pytest.mark.xdist_group("floor")  # they share what takes long to make
+
 LEVEL = pose_from_rpy(0, 0, 0, 0, 0, 0)
 WRONG = [
     (0, 0, 0, math.radians(10), 0, 0),

@@ -8,10 +8,10 @@ import pytest
 from hypermap.perception.config import PerceptionConfig
 
 
-def test_the_thesis_profile_takes_all_detections_and_depths_with_the_method_of_pcl() -> None:
+def test_the_thesis_profile_takes_all_detections_and_depths_and_grows_regions() -> None:
     thesis = PerceptionConfig.thesis()
     assert thesis == PerceptionConfig(
-        method="unorganised",
+        method="organised",
         visible_step=1,
         normal_neighbors=50,
         region_neighbors=30,

@@ -20,6 +20,8 @@ from hypermap.perception.observe import observe
 from hypermap.perception.segmentation import segment, valid_pixels
 from hypermap.perception.shapes import footprint
 
+pytestmark = pytest.mark.xdist_group("golden")  # they share what takes long to make
+
 FRAMES = [
     "240_1305031229.729077",
     "480_1305031233.932003",

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from hypermap.perception import organised, unorganised
 from hypermap.perception.config import Method, PerceptionConfig
 from hypermap.perception.detections import Detections
 from hypermap.perception.frame import Camera, RgbdFrame
+from hypermap.perception.region_growing import organised, unorganised
 from hypermap.perception.segmentation import segment, valid_pixels
 from hypermap.perception.segments import Segment
 

@@ -243,7 +243,7 @@ def grid(cells: list[int], frame: str = "map", width: int = 3) -> dict[str, Any]
 def add_poses(bag: BagBuilder, shots: list[Shot], *, root: str = "map", slash: str = "") -> None:
     """Add tf: the base moves in odom, odom stands in the map, the camera on the base."""
     for shot in shots:
-        # The camera is 0.5 m above the base, whose axes it shares; odom is 1 m beside the map.
+        # The camera is 0.5 m above the base, whose axes it shares; odom is 1 m next to the map.
         base = shot.position - [0, 1, 0] - shot.map_T_camera[:3, 2] * -0.5
         bag.add_tf("/tf", shot.stamp, f"{slash}odom", f"{slash}base", base, shot.quat_xyzw)
     stamp = shots[0].stamp

@@ -202,7 +202,7 @@ def test_distortion_other_frames_and_other_topics_are_noted(tmp_path: Path) -> N
     assert recording.info().notes == (
         f"{DEPTH} is used; also there: /camera/depth/image_raw (--depth-topic)",
         "color comes from frame 'color_camera', depth from 'camera': if the driver has not "
-        "registered them, objects are cut out beside where they are",
+        "registered them, objects are cut out next to where they are",
         "the lens distortion that the camera info tells is not corrected",
     )
     assert_shows(next(recording.frames()), SHOTS[0])

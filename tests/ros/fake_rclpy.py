@@ -267,7 +267,7 @@ def _named(*things: Any) -> dict[str, Any]:
 
 @contextmanager
 def other_node(graph: Graph, name: str = "other") -> Iterator[Node]:
-    """A node beside ours, whose callbacks are called at once."""
+    """A node next to ours, whose callbacks are called at once."""
     node = type("Node", (Node,), {"graph": graph})(name, use_global_arguments=False)
     node._name = name  # whatever ours was remapped to
     node.executor = Executor()

@@ -1,6 +1,6 @@
 """How rclpy's functions are called: facts, with where they stand.
 
-Source: ros2/rclpy and ros2/geometry2 on GitHub, each file at the commit beside it.
+Source: ros2/rclpy and ros2/geometry2 on GitHub, each file at the commit next to it.
 """
 
 _NODE = "rclpy/rclpy/node.py, 32e4eae"

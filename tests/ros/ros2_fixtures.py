@@ -28,7 +28,7 @@ def graph(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> It
 
 
 def _forget_port() -> None:
-    """Let the port be imported anew: it must not keep the rclpy of another test."""
+    """Let the port be imported again: it must not keep the rclpy of another test."""
     for name in [name for name in sys.modules if name.startswith("hypermap.ros.ros2")]:
         del sys.modules[name]
 

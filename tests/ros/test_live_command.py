@@ -1,4 +1,4 @@
-"""`hypermap live` beside a bag that is played."""
+"""`hypermap live` next to a bag that is played."""
 
 from __future__ import annotations
 

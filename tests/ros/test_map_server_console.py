@@ -115,7 +115,7 @@ def test_what_is_typed_is_carried_out_on_the_map_that_is_served(terminal, rospy,
     assert client.string("occupancy", 0.5, 0.5) == "Occupied"
     heard = client.heard("occupancy_map", "nav_msgs/OccupancyGrid", lambda m: m.info.width == 1)
     assert list(heard.data) == [100]
-    served.ask("republish", "published 1 layers anew")
+    served.ask("republish", "published 1 layers again")
     served.ask(f"save {tmp_path}/saved.hmap", "saved 1 layers")
     served.ask("clear", "the map is empty now")
     assert "known: none" in client.refused(

@@ -114,7 +114,7 @@ def test_a_program_that_another_python_runs_says_what_to_do(program) -> None:
     # Isolated and without site-packages, as the system's Python is for a virtual environment.
     bare = [sys.executable, "-I", "-S"]
     script = ROS / program
-    if script.name == "map_server":  # which starts the program beside it with the same Python
+    if script.name == "map_server":  # which starts the program next to it with the same Python
         script = script.with_name("hypermap_server")
     done = subprocess.run([*bare, script], capture_output=True, text=True, check=False)
     assert done.returncode == 1

@@ -26,7 +26,7 @@ from .ros2_robot import DEPTH, DETECTIONS, INFO, Robot, drive
 
 __all__ = ["graph", "make_port"]
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("ros2_mapper")]
 
 NODE = "/semantic_mapper"
 

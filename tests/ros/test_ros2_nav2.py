@@ -115,7 +115,7 @@ def test_without_the_package_a_node_does_without(
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """Maps of all kinds, and a file beside them that nobody may load."""
+    """Maps of all kinds, and a file next to them that nobody may load."""
     folder = tmp_path / "maps"
     folder.mkdir()
     saved(building(), tmp_path / "secret.hmap")

@@ -315,7 +315,7 @@ PACKAGE = Path(__file__).parents[2] / "ros" / "hypermap"
 
 @pytest.mark.parametrize(("name", "ros2"), [("hypermap", False), ("hypermap_ros2", True)])
 def test_the_package_shows_the_layers_that_its_maps_have(name: str, ros2: bool) -> None:
-    """To write the files anew: python -m tests.ros.test_rviz_config."""
+    """To write the files again: python -m tests.ros.test_rviz_config."""
     assert (PACKAGE / "rviz" / f"{name}.rviz").read_text() == of_the_package(ros2)
 
 

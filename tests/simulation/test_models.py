@@ -50,7 +50,7 @@ def test_every_size_has_an_effect_and_its_default_is_what_is_built(name: str) ->
         ("table", {"length": 0.5, "width": 2.0}, 1.0),
         ("sofa", {"length": 0.8, "width": 1.5}, 1.2),
         ("sink", {}, 0.6 * 0.8),
-        # The handles stand out; beside and between the doors there are gaps.
+        # The handles stand out; next to and between the doors there are gaps.
         ("cupboard", {}, 0.45 * 1.0 + 2 * 0.02 * 0.02 - 0.02 * 0.02),
         ("lamp", {"radius": 0.3}, 24 / 2 * 0.3**2 * np.sin(2 * np.pi / 24)),  # a 24-gon
     ],

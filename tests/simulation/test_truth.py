@@ -43,7 +43,7 @@ def test_the_true_map_can_be_asked() -> None:
     [
         ((1.0, 2.5), 0),  # floor
         ((2.0, 1.5), 100),  # the table's top
-        ((1.58, 1.5), 0),  # just beside it
+        ((1.58, 1.5), 0),  # just next to it
         ((1.62, 1.5), 100),
         ((4.02, 1.5), 100),  # wall
         ((-0.05, 1.3), -1),  # the door: no wall, and no floor

@@ -68,6 +68,6 @@ def command(*arguments: object) -> list[str]:
 
 
 def at(url: str, path: str) -> str:
-    """Return the address of something beside the page whose address was printed."""
+    """Return the address of something next to the page whose address was printed."""
     base, _, query = url.partition("?")
     return f"{base}{path}{'&' if '?' in path else '?'}{query}"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -34,3 +35,28 @@ def map_named(tmp_path: Path, request: pytest.FixtureRequest) -> Callable[[str],
         return path
 
     return find
+
+
+@pytest.fixture
+def edited(browser: Any, tmp_path: Path) -> Iterator[Any]:
+    """A small map in a window, to be changed: an `Edited`."""
+    from .editing_tools import Edited
+    from .page_tools import a_server, a_window
+    from .small_map import METRES_PER_PIXEL, saved_small_map
+
+    path = saved_small_map(tmp_path)
+    with a_server(path) as url, a_window(browser, url) as window:
+        window.look_at(5, 4, METRES_PER_PIXEL)
+        yield Edited(path, url, window)
+        assert window.hosts() == {"127.0.0.1"}
+
+
+@pytest.fixture
+def other(browser: Any, edited: Any) -> Iterator[Any]:
+    """A second window that shows the map of `edited`."""
+    from .page_tools import a_window
+    from .small_map import METRES_PER_PIXEL
+
+    with a_window(browser, edited.url) as window:
+        window.look_at(5, 4, METRES_PER_PIXEL)
+        yield window

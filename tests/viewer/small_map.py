@@ -20,7 +20,7 @@ EVIL = '<img src="x" onerror="window.hacked=1"><script>window.hacked=1</script>'
 DESK, CHAIR, CUP, EVIL_ID = range(4)
 PLACES = {DESK: (3.0, 3.0), CHAIR: (7.0, 5.0), CUP: (3.6, 3.2), EVIL_ID: (7.0, 2.5)}
 FLOOR = (5.2, 6.3)  # a free place without objects
-METRES_PER_PIXEL = 0.015  # at which the whole room is seen beside the panels
+METRES_PER_PIXEL = 0.015  # at which the whole room is seen next to the panels
 
 
 def small_map() -> Hypermap:

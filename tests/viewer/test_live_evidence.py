@@ -163,7 +163,7 @@ def test_a_page_of_one_file_holds_the_evidence_of_as_many_objects_as_fit() -> No
     assert whole[str(CHAIR)] == describe_evidence(hypermap, "semantic", CHAIR)
     part, note = embed_evidence(hypermap, hypermap["semantic"], most=3)
     assert set(part) == {str(DESK)}
-    assert note == "layer 'semantic': the evidence behind 1 object is not in this file"
+    assert note == "layer 'semantic': the evidence for 1 object is not in this file"
     assert embed_evidence(hypermap, hypermap["occupancy"]) == ({}, "")
 
 

@@ -119,7 +119,7 @@ def test_a_browser_is_let_in_by_a_token_that_opens_the_page_once():
     assert theirs.get("/", params={"token": "once"}, headers=elsewhere).status_code == 403
     assert ours.get("/", params={"token": "once"}).status_code == 200
     assert theirs.get("/", params={"token": "once"}).status_code == 403
-    assert ours.get("/", params={"token": "once"}).status_code == 200  # loaded anew
+    assert ours.get("/", params={"token": "once"}).status_code == 200  # loaded again
     assert ours.get("/api/map").status_code == 200
 
 

@@ -168,7 +168,7 @@ def test_who_ends_the_server_is_warned_of_what_was_not_saved(tmp_path, number):
         server.rename(0, "mug")
         code, said = server.end(number)
     assert code == 0
-    assert f"{path}: changes made in the browser were not saved and are lost" in said
+    assert f"{path}: unsaved changes made in the browser are lost" in said
     assert "Traceback" not in said
     assert path.read_bytes() == before
 

@@ -38,6 +38,8 @@ from hypermap.simulation import SimulatedRecording, demo_world
 from hypermap.testing.builders import occupancy_from_text, square
 from hypermap.viewer.logs.log import LoggedMapping, open_log
 
+pytestmark = pytest.mark.xdist_group("logs")  # they share what takes long to make
+
 rerun_chunk = pytest.importorskip("rerun.chunk", reason="Rerun needs Python 3.11")
 FRAMES = 3
 ROOM = """

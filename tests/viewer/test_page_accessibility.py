@@ -65,7 +65,7 @@ def test_the_page_of_a_map_has_no_findings(browser: Browser, tmp_path: Path, sch
         window.look_at(5, 4, METRES_PER_PIXEL)
         window.ask_at(*PLACES[CHAIR])
         assert found(page) == [], "an answer"
-        page.locator("#panel .behind .opener").click()
+        page.locator("#panel .evidence .opener").click()
         expect(page.locator("#panel .outlines").first).to_be_visible()
         assert found(page) == [], "evidence"
         window.find("chair")

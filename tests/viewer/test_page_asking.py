@@ -146,8 +146,8 @@ def test_of_an_unknown_name_the_page_offers_those_that_may_be_meant(either: Wind
 
     fill(page, name="cupp", near="chiar")
     expect_title(page, "cup near chair")
-    expect(page.locator("#panel")).to_contain_text("No object is called “cupp”; taken as “cup”.")
-    expect(page.locator("#panel")).to_contain_text("“chiar”; taken as “chair”.")
+    expect(page.locator("#panel")).to_contain_text("No object is called “cupp”; showing “cup”.")
+    expect(page.locator("#panel")).to_contain_text("“chiar”; showing “chair”.")
     fill(page, name="zebra")
     expect(said).to_contain_text("No object is called “zebra”. This map has:")
     said.get_by_role("button", name="desk").click()
@@ -166,7 +166,7 @@ def test_one_hit_shows_its_facts_at_once_in_words_and_units(window: Window) -> N
 
     window.ask_at(*PLACES[CHAIR])
     expected = {
-        "Certainty": "surely there (log-odds 5)",
+        "Certainty": "certainly there (log-odds 5)",
         "Seen": "39 times, last Monday 14:02",
         "First seen": "Monday 13:02",
         "Area": "1 m²",

@@ -40,15 +40,15 @@ def choose(window: Window, thing: int) -> None:
     window.ask_at(*PLACES[thing])
     if thing == CUP:
         window.page.locator("#panel .object", has_text=f"id {thing} ").click()
-    expect(window.page.locator("#panel .behind .opener")).to_be_visible()
+    expect(window.page.locator("#panel .evidence .opener")).to_be_visible()
 
 
 def open_evidence(window: Window, thing: int) -> Locator:
     choose(window, thing)
-    window.page.locator("#panel .behind .opener").click()
+    window.page.locator("#panel .evidence .opener").click()
     expect(window.page.locator("#panel .outlines").first).to_be_visible()
     wait_until_still(window)
-    return window.page.locator("#panel .behind")
+    return window.page.locator("#panel .evidence")
 
 
 def wait_until_still(window: Window) -> None:
@@ -90,7 +90,7 @@ def test_a_section_says_how_often_and_when_an_object_was_seen(window: Window) ->
     assert "1 m²" in rows["in_map"]
     assert "the same" in rows["best_shape"]
     assert "1.5 m²" in rows["convex_hull"]
-    assert "67 % alike" in rows["convex_hull"]
+    assert "67 % overlap" in rows["convex_hull"]
     expect(section).to_contain_text("This map was made by: votes of the views.")
     expect(section.locator("pre code")).to_contain_text("evidence_of(1)")
 
@@ -168,7 +168,7 @@ def test_closing_puts_everything_away(window: Window) -> None:
     choose(window, CHAIR)
     window.wait_until_drawn()
     before = window.colors_at(places).astype(int)
-    opener = window.page.locator("#panel .behind .opener")
+    opener = window.page.locator("#panel .evidence .opener")
     opener.click()
     expect(window.page.locator("#panel .timeline")).to_be_visible()
     wait_until_still(window)
@@ -183,7 +183,7 @@ def test_closing_puts_everything_away(window: Window) -> None:
     opener.click()
     expect(window.page.locator("#panel .timeline")).to_be_visible()
     wait_until_still(window)
-    window.page.get_by_role("button", name="Close the answer (Esc)").click()
+    window.page.get_by_role("button", name="Close (Esc)").click()
     window.look_at(5, 4, METRES_PER_PIXEL)
     after = window.colors_at(places).astype(int)
     assert np.abs(after - before).max() <= 2
@@ -201,8 +201,8 @@ def test_another_object_closes_what_was_open(window: Window) -> None:
 
 def test_an_object_without_evidence_says_so(window: Window) -> None:
     choose(window, HAS_NONE)
-    window.page.locator("#panel .behind .opener").click()
-    expect(window.page.locator("#panel .behind-body")).to_contain_text(
+    window.page.locator("#panel .evidence .opener").click()
+    expect(window.page.locator("#panel .evidence-body")).to_contain_text(
         "There is no evidence for this object; it may have been drawn by hand."
     )
 
@@ -211,8 +211,8 @@ def test_a_map_without_evidence_says_so(browser: Browser, tmp_path: Path) -> Non
     with a_server(saved_small_map(tmp_path)) as url, a_window(browser, url) as window:
         window.look_at(5, 4, METRES_PER_PIXEL)
         choose(window, CHAIR)
-        window.page.locator("#panel .behind .opener").click()
-        expect(window.page.locator("#panel .behind-body")).to_contain_text(
+        window.page.locator("#panel .evidence .opener").click()
+        expect(window.page.locator("#panel .evidence-body")).to_contain_text(
             "This map contains no evidence."
         )
         assert window.complaints == []
@@ -239,7 +239,7 @@ def test_what_is_open_stays_so_when_another_window_changes_the_map(
         expect(one.page.locator("#panel .look-facts")).to_contain_text("Observation 3 of 4")
 
 
-def test_a_page_of_one_file_looks_behind_objects_too(browser: Browser, tmp_path: Path) -> None:
+def test_a_page_of_one_file_shows_evidence_too(browser: Browser, tmp_path: Path) -> None:
     url = export(saved_seen_map(tmp_path)).as_uri()
     with a_window(browser, url, offline=True) as window:
         window.look_at(5, 4, METRES_PER_PIXEL)
@@ -250,6 +250,6 @@ def test_a_page_of_one_file_looks_behind_objects_too(browser: Browser, tmp_path:
         assert strokes_at(window, HULL_EDGE, "--convex-hull") > 40
         window.look_at(5, 4, METRES_PER_PIXEL)
         choose(window, HAS_NONE)
-        window.page.locator("#panel .behind .opener").click()
-        expect(window.page.locator("#panel .behind-body")).to_contain_text("holds no evidence")
+        window.page.locator("#panel .evidence .opener").click()
+        expect(window.page.locator("#panel .evidence-body")).to_contain_text("contains no evidence")
         assert_nothing_was_fetched(window)

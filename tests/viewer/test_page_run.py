@@ -193,7 +193,7 @@ def test_the_slider_goes_back_to_what_was_then(window: RunWindow) -> None:
     with_cup = window.map_color(x, y)
     window.go(2)
     assert window.objects() == {"chair": 1}
-    assert page.locator("#objects-title").inner_text() == "On the map by then: 1 object"
+    assert page.locator("#objects-title").inner_text() == "In the map at this step: 1 object"
     assert page.locator("#frame").inner_text() == "frame 2"
     assert page.locator("#time").inner_text() == f"0.1 s / {SECONDS}"
     seen = page.locator("#seen .name").all_inner_texts()
@@ -334,7 +334,7 @@ def test_a_run_is_followed_stopped_and_looked_at_and_its_end_is_said(
         assert output.exists()
         said = page.locator("#state").inner_text()
         assert said == (
-            "saved room.hmap, the map of a part of the recording: Ctrl-C ended it early"
+            "saved room.hmap, the map of a part of the recording: stopped early by Ctrl-C"
         )
         last = window.page.evaluate("() => window.hypermapRun.steps.numbers.at(-1)")
         window.wait_until_shown(last)

@@ -24,6 +24,8 @@ from .commands import PATIENCE, at, hypermap, said_and_opened, started
 from .live_tools import saved
 from .run_tools import Watching, watching, write_run
 
+pytestmark = pytest.mark.xdist_group("watch_command")  # they share what takes long to make
+
 
 @pytest.fixture(scope="module")
 def long_drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -79,8 +81,8 @@ def test_ctrl_c_saves_what_there_is_and_again_ends_the_page(
         assert len(list(scratch.glob("hypermap-run-*/*.jpg"))) >= 3
         watched.interrupt()
         watched.wait_for("the run stays at")
-        assert "stopping; what was seen so far is saved" in watched.said
-        assert "Ctrl-C ended it early" in watched.said
+        assert "stopping; saving the map so far" in watched.said
+        assert "stopped early by Ctrl-C" in watched.said
         used = open_map(output).metadata["frames"]["used"]
         told = news(watched)
         assert told["state"] == "saved"
@@ -170,7 +172,7 @@ def test_a_port_in_use_is_said_before_anything_is_mapped(drive: Path, tmp_path: 
 def test_options_of_the_page_need_the_page(drive: Path, tmp_path: Path, options: list[str]) -> None:
     done = hypermap("map", drive, "-o", tmp_path / "room.hmap", *options)
     assert done.returncode == 2
-    assert "--port and --no-browser go with --view" in done.stderr
+    assert "--port and --no-browser need --view" in done.stderr
 
 
 def test_a_recording_that_fails_ends_the_page_and_says_why(tmp_path: Path, scratch: Path) -> None:

@@ -37,6 +37,8 @@ from hypermap.viewer.watch.run import ClientState, WatchedRun
 
 from .run_tools import BLUE, CHAIR, CUP, EVIL, INTRINSICS, RED, SIZE, write_run
 
+pytestmark = pytest.mark.xdist_group("watch_run")  # they share what takes long to make
+
 FRAMES, CUP_FROM = 12, 6
 
 

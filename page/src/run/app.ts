@@ -82,8 +82,8 @@ export class RunPage {
       if (this.news?.state === "failed") return; // which says enough
       const text =
         this.news?.state === "saved"
-          ? "Hypermap has ended, so other steps can no longer be shown."
-          : "The server does not answer. Has Hypermap been ended?";
+          ? "Hypermap has stopped, so other steps cannot be shown."
+          : "The server does not respond. Has Hypermap stopped?";
       return banner(text);
     }
     if (news.run !== this.info.id) return location.reload();
@@ -148,7 +148,7 @@ export class RunPage {
   private showState(news: RunUpdate): void {
     const { state, done, total, message, stride } = news;
     document.body.dataset["state"] = state;
-    const every = stride > 1 ? `, every ${ordinal(stride)} is kept` : "";
+    const every = stride > 1 ? `, every ${ordinal(stride)} is recorded` : "";
     byId("state").textContent =
       state === "mapping"
         ? `mapping: ${count(done)} of ${plural(total, "frame")}${every}`
@@ -183,7 +183,7 @@ export class RunPage {
   }
 
   private showObjects(things: ObjectStates): void {
-    byId("objects-title").textContent = `On the map by then: ${plural(things.size, "object")}`;
+    byId("objects-title").textContent = `In the map at this step: ${plural(things.size, "object")}`;
     const items = countsOf(things).map(([name, number]) =>
       el(
         "li",
@@ -240,7 +240,7 @@ export class RunPage {
   private restyle(): void {
     const theme = themeOf(this.settings);
     document.documentElement.dataset["theme"] = theme;
-    const label = theme === "dark" ? "Switch to light" : "Switch to dark";
+    const label = theme === "dark" ? "Light theme" : "Dark theme";
     this.theme.replaceChildren(icon(theme === "dark" ? "sun" : "moon"));
     this.theme.title = label;
     this.theme.setAttribute("aria-label", label);
@@ -252,10 +252,10 @@ export class RunPage {
 
 function showCounts({ used, skipped, unusable }: Counts, objects: number): void {
   const rows: [string, number, string][] = [
-    ["used", used, "Frames that were mapped"],
-    ["skipped", skipped, "Frames left out because the camera had hardly moved"],
-    ["unusable", unusable, "Frames without depth, or without a proper pose"],
-    [objects === 1 ? "object" : "objects", objects, "Objects of the map, as far as it is made"],
+    ["used", used, "Mapped frames"],
+    ["skipped", skipped, "Frames skipped because the camera had hardly moved"],
+    ["unusable", unusable, "Frames without depth or without a valid pose"],
+    [objects === 1 ? "object" : "objects", objects, "Objects in the map so far"],
   ];
   byId("counts").replaceChildren(
     ...rows.map(([name, number, why]) =>

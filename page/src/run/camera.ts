@@ -1,4 +1,4 @@
-/** What the camera saw: its picture with the segments and boxes of what was detected. */
+/** Camera image: its picture with the segments and boxes of what was detected. */
 
 import { FONT, shortened, withAlpha } from "../looks";
 import type { Detection, Observation } from "./steps";

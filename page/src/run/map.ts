@@ -1,4 +1,4 @@
-/** The map as it was at a step: grid, objects, what the frame saw, and the camera's way. */
+/** The map as it was at a step: grid, objects, what the frame saw, and the camera path. */
 
 import Feature from "ol/Feature.js";
 import OpenLayersMap from "ol/Map.js";

@@ -17,7 +17,7 @@ export function observedLook(): Style {
   });
 }
 
-/** The camera's way: where it was, and, fainter, where it will be. */
+/** The camera path: where it was, and, fainter, where it will be. */
 export function wayLook(ahead: boolean): Style {
   const accent = cssColor("--accent");
   return new Style({

@@ -1,4 +1,4 @@
-/** The steps of a run and the objects of the map at one of them; nothing here draws or asks. */
+/** The steps of a run and the objects in the map at one of them; nothing here draws or asks. */
 
 import { extentOf, holds } from "../geometry";
 import type { Extent, Point, Polygon } from "../source";

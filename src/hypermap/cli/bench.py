@@ -1,4 +1,4 @@
-"""`hypermap bench`: measure ours beside its peers, in a checkout of the source."""
+"""`hypermap bench`: compare Hypermap with its peers, in a checkout of the source."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ def command(
             metavar="FOLDER", show_default=False, help="Real maps and recordings: ../shared/data."
         ),
     ] = None,
-    repeat: Annotated[int, typer.Option(min=1, help="How often each side does the work.")] = 5,
+    repeat: Annotated[int, typer.Option(min=1, help="Repetitions.")] = 5,
     quick: Annotated[
-        bool, typer.Option("--quick", help="Small sizes, to see that everything runs.")
+        bool, typer.Option("--quick", help="Use small sizes, as a smoke test.")
     ] = False,
     times: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", show_default=False, help="Save every single time: .json."),
+        typer.Option(metavar="FILE", show_default=False, help="Save all measured times: .json."),
     ] = None,
     markdown: Annotated[
         Path | None,
@@ -39,15 +39,15 @@ def command(
     plots: Annotated[
         Path | None,
         typer.Option(
-            metavar="FOLDER", show_default=False, help="Draw how time and memory grow: .png."
+            metavar="FOLDER", show_default=False, help="Plot time and memory over size: .png."
         ),
     ] = None,
 ) -> None:
-    """Measure how fast this is beside other programs: PCL, boost, GeoPandas and more.
+    """Benchmark Hypermap against other programs: PCL, Boost, GeoPandas and more.
 
-    Each work is done by ours and by a peer in turns, on one core, and the answers are compared. The
-    peers need compilers and libraries that users need not have, so this runs in a checkout of the
-    source, where `make bench` sets them up. Exit code 1: answers differ somewhere.
+    Hypermap and another program do each task in turns, on one core, and their results are compared.
+    The other programs need compilers and libraries, so this only runs in a checkout of the source,
+    where `make bench` sets them up. Exit code 1: results differ.
 
     Examples:
         hypermap bench

@@ -1,4 +1,4 @@
-"""`hypermap convert`: the same map, or one of its layers, in another kind of file."""
+"""`hypermap convert`: convert a map, or one of its layers, to another format."""
 
 from __future__ import annotations
 
@@ -62,15 +62,16 @@ def command(
         typer.Option(
             "--frame",
             metavar="FRAME",
-            help="Frame of the coordinates: of an IN that does not say its own.",
+            help="Frame of the coordinates: if IN does not name it.",
         ),
     ] = None,
     semantic: Annotated[
         Form,
         typer.Option(
             "--semantic",
-            help="How a whole map keeps its objects: yaml, which all programs read, parquet, "
-            "which is faster, or auto, which is parquet from 100,000 objects on.",
+            help="Format of the objects in a whole map: yaml (readable by all "
+            "programs), parquet (faster), or auto (parquet from 100,000 objects "
+            "on).",
         ),
     ] = Form.AUTO,
     keepout: Keepout = None,
@@ -78,13 +79,13 @@ def command(
     mask_resolution: MaskResolution = None,
     force: Force = False,
 ) -> None:
-    """Convert a map, or one of its layers, to another kind of file. OUT's ending says which.
+    """Convert a map, or one of its layers, to another format, chosen by the extension of OUT.
 
-    .hmap and a folder (a name without an ending) hold whole maps. .geojson, .parquet, .gpkg and
-    .csv hold the objects of one layer, in meters. .yaml holds one layer: a map_server map with its
-    picture, or a list of objects. .pgm holds a grid as map_saver writes it, for old programs:
-    free, occupied or unknown, with its YAML beside it; .tif holds one as GeoTIFF. .rrd shows a map
-    in Rerun, .mcap in Foxglove and Lichtblick. What OUT cannot hold is named on standard error.
+    .hmap and a folder (a name without an extension) store whole maps. .geojson, .parquet, .gpkg and
+    .csv store the objects of one layer, in meters. .yaml stores one layer: a map_server map with
+    its picture, or a list of objects. .pgm stores a grid like map_saver, for old programs: free,
+    occupied or unknown, with a YAML file; .tif stores it as GeoTIFF. .rrd is a log for Rerun, .mcap
+    for Foxglove and Lichtblick. The command lists on standard error what OUT cannot store.
 
     Examples:
         hypermap convert lab.hmap lab
@@ -200,7 +201,7 @@ def _save_pgm(hypermap: Hypermap, target: Path, force: bool) -> None:
     if lost := rounded(layer):
         note(f"rounded to free, occupied or unknown: {counted(lost, 'cell')}")
     note(
-        f"{beside.name} beside it says where the grid lies, but not that its frame is "
+        f"{beside.name} next to it says where the grid lies, but not that its frame is "
         f"{layer.frame_id!r}"
     )
 

@@ -1,4 +1,4 @@
-"""`hypermap demo`: see a map being made, with nothing but this program."""
+"""`hypermap demo`: map a simulated room."""
 
 from __future__ import annotations
 
@@ -21,28 +21,28 @@ if TYPE_CHECKING:
 def command(
     folder: Annotated[
         Path,
-        typer.Option("--folder", metavar="FOLDER", help="Where map and picture go."),
+        typer.Option("--folder", metavar="FOLDER", help="Folder for the results."),
     ] = Path("hypermap-demo"),
     keep_recording: Annotated[
         bool,
-        typer.Option("--keep-recording", help="Save what the camera saw, too, for `hypermap map`."),
+        typer.Option("--keep-recording", help="Also save the recording, for `hypermap map`."),
     ] = False,
     noisy: Annotated[
         bool,
         typer.Option(
             "--noisy",
-            help="Find objects with a detector that knows the truth and errs, in place of a small "
-            "neural network that sees pixels.",
+            help="Use a simulated detector with realistic errors instead of a small "
+            "neural network.",
         ),
     ] = False,
     view: View = False,
     port: Port = None,
     browser: Browser = True,
 ) -> None:
-    """See a map being made, of a simulated room, and how near it comes to the truth.
+    """Map a simulated room, and compare the map with the ground truth.
 
-    A camera with the errors of a real one looks at the room, and a small neural network names what
-    it sees. The map made of it is saved, compared with the true one, and drawn.
+    A simulated camera with realistic errors drives through the room, and a small neural network
+    detects objects. The map is saved, compared with the ground truth, and drawn.
 
     Examples:
         hypermap demo
@@ -94,7 +94,7 @@ def command(
         _say_what_next(map_file, truth_file, picture)
         if keep_recording:
             mine = str(folder / "mine.hmap")
-            say("\nOr map the recording yourself:")
+            say("\nMap the recording yourself:")
             say("  " + shlex.join(["hypermap", "map", f"{folder / 'recording'}", "-o", mine]))
         watched.finish(f"saved {map_file.name}")
 
@@ -106,10 +106,10 @@ the map      {map_file}
 the truth    {truth_file}
 the picture  {picture}
 
-Look at it in the browser, point at things, change them:
+View and edit it in the browser:
   hypermap view {quoted}
 
-Or ask it here:
+Query it:
   hypermap query {quoted} --name cup --nearest
   hypermap query {quoted} --at 2,1
   hypermap info {quoted}
@@ -138,7 +138,7 @@ def _show_comparison(evaluation: Evaluation) -> None:
     rows.add_row("all", *_numbers(evaluation.overall))
     say()
     out().print(rows)
-    say("found: of those in the room, with at least a quarter of overlap")
+    say("found: objects in the room with a Jaccard index of at least 0.25")
 
 
 def _numbers(score: Score) -> list[str]:

@@ -25,7 +25,8 @@ def command(
         Action, typer.Argument(help="list: show the networks. get: download one.")
     ] = Action.list,
     name: Annotated[
-        str | None, typer.Argument(metavar="NAME", show_default=False, help="Which, for get.")
+        str | None,
+        typer.Argument(metavar="NAME", show_default=False, help="Name of the network, for get."),
     ] = None,
     url: Annotated[
         str | None,
@@ -33,16 +34,16 @@ def command(
             metavar="URL",
             envvar="HYPERMAP_DETECTOR_URL",
             show_default=False,
-            help="Download from here, as from a mirror; it has to be the same file.",
+            help="Download from this mirror; the file must be the same.",
         ),
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """List networks that find objects in images, or download one to the cache.
+    """List neural networks for object detection, or download one to the cache.
 
-    Once downloaded, `--detector NAME` finds it. A download that broke off goes on when the command
-    is run again; the file counts only with the right SHA-256. Any other network in an ONNX file
-    is used by its path, and detectors of other packages by theirs: see docs/detectors.md.
+    After the download, use it by `--detector NAME`. An interrupted download continues when you run
+    the command again. The file is accepted only with the right SHA-256. You can use any other
+    network in an ONNX file by its path, and detectors of other packages: see docs/detectors.md.
 
     Examples:
         hypermap detectors

@@ -18,10 +18,11 @@ if TYPE_CHECKING:
 
 def command(
     estimate: Annotated[
-        Path, typer.Argument(metavar="ESTIMATE", show_default=False, help="The map to measure.")
+        Path, typer.Argument(metavar="ESTIMATE", show_default=False, help="The map to evaluate.")
     ],
     ground_truth: Annotated[
-        Path, typer.Argument(metavar="GROUND_TRUTH", show_default=False, help="The true map.")
+        Path,
+        typer.Argument(metavar="GROUND_TRUTH", show_default=False, help="The ground truth map."),
     ],
     against: Annotated[
         Path | None,
@@ -29,32 +30,34 @@ def command(
             "--against",
             metavar="OTHER",
             show_default=False,
-            help="Another map of the same truth: is ESTIMATE better by more than chance?",
+            help="Another map of the same place: is ESTIMATE significantly better?",
         ),
     ] = None,
     exact: Annotated[
         bool,
-        typer.Option("--exact", help="With --against: the exact test, however many objects."),
+        typer.Option(
+            "--exact", help="With --against: use the exact test for any number of objects."
+        ),
     ] = False,
     csv: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", show_default=False, help="Save all figures: .csv."),
+        typer.Option(metavar="FILE", show_default=False, help="Save all metrics: .csv."),
     ] = None,
     picture: Annotated[
         Path | None,
         typer.Option(
             metavar="FILE",
             show_default=False,
-            help="Draw both maps over each other, with the matches: .png or .svg.",
+            help="Draw both maps on top of each other, with the matches: .png or .svg.",
         ),
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Measure the objects of a map against those of the true one.
+    """Compare the objects of a map with the ground truth.
 
-    Told are the measures of the 2019 thesis; with each object used once, overlap, distance and
-    area; and what was found, missed, mapped twice and made up. A figure that is not defined, as
-    the recall of a class that the truth lacks, is shown as a dash.
+    Shows the metrics of the 2019 thesis; overlap, distance and area of one-to-one matches; and the
+    numbers of found, missed, duplicate and false objects. Undefined values, such as the recall of a
+    class that is not in the ground truth, are shown as a dash.
 
     Examples:
         hypermap evaluate room.hmap truth.hmap
@@ -70,7 +73,7 @@ def command(
 
     _check_outputs(csv, picture)
     if exact and against is None:
-        raise HypermapError("--exact is about a test between two maps; name the other by --against")
+        raise HypermapError("--exact needs --against, the map to compare with")
     true_map = open_any(ground_truth)
     truth = map_objects(true_map, str(ground_truth))
     _note_repairs(truth)

@@ -32,17 +32,17 @@ def command(
     errors: Annotated[str, typer.Option(metavar="none|fair|robot|FILE", help=WHAT_ERRS)] = "robot",
     rate: Annotated[float, typer.Option(min=0.1, max=30, help="Frames per second.")] = 2.0,
     jobs: Annotated[
-        int, typer.Option(min=0, max=256, help="Drives mapped at a time; 0: one for each core.")
+        int, typer.Option(min=0, max=256, help="Number of parallel drives; 0: one per core.")
     ] = 0,
     as_json: AsJson = False,
     replace: Force = False,
 ) -> None:
-    """Repeat the 2019 thesis' experiment in simulation, with its four methods and ours.
+    """Repeat the experiment of the 2019 thesis in simulation, with its four methods and ours.
 
-    A laboratory and a floor like those of the thesis are driven through several times, each with
-    other errors; every method maps the same drives. The occupancy map is known, and the profile
-    `default` corrects its poses by it; the thesis' methods do not. The tables have the thesis'
-    form; beside the report lies a JSON file with all figures.
+    Every method maps the same drives through a laboratory and a floor like those of the thesis,
+    with different random errors. The occupancy map is known. The profile `default` corrects poses
+    by it; the methods of the thesis do not. The tables have the form of the thesis. A JSON file
+    next to the report contains all values.
 
     Examples:
         hypermap experiment thesis

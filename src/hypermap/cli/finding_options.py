@@ -20,29 +20,27 @@ Detector = Annotated[
     str | None,
     typer.Option(
         metavar="MODEL",
-        help="Find objects with this neural network: .onnx, or a name of `detectors`.",
+        help="Detect objects with this neural network: .onnx, or a name from `hypermap detectors`.",
     ),
 ]
 Labels = Annotated[
     Path | None,
     typer.Option(
-        metavar="FILE", readable=False, help="Names of the network's classes, where it has none."
+        metavar="FILE", readable=False, help="Class names, if the network does not contain them."
     ),
 ]
 Score = Annotated[
     float | None,
-    typer.Option(
-        min=0, max=1, show_default="0.3", help="Leave out what the detector is less sure of."
-    ),
+    typer.Option(min=0, max=1, show_default="0.3", help="Minimum score of detections."),
 ]
 Detections = Annotated[
     Path | None,
-    typer.Option(metavar="FILE", readable=False, help="Take detections from this JSON file."),
+    typer.Option(metavar="FILE", readable=False, help="Read detections from this JSON file."),
 ]
 Profile = Annotated[
-    ProfileName, typer.Option(help="thesis: the method of 2019. default: the best that we know.")
+    ProfileName, typer.Option(help="thesis: the method of 2019. default: the best one we know.")
 ]
 Config = Annotated[
     Path | None,
-    typer.Option(metavar="FILE", readable=False, help="YAML with settings that differ."),
+    typer.Option(metavar="FILE", readable=False, help="YAML file that overrides settings."),
 ]

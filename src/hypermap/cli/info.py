@@ -36,13 +36,12 @@ def command(
     recording_options: RecordingOptions,
     as_json: AsJson = False,
 ) -> None:
-    """Say what is inside a map, or inside a recording and what it lacks for mapping.
+    """Show what is inside a map, or inside a recording and what it lacks for mapping.
 
-    With -v, all settings that the map was made with are shown, too.
+    -v also shows all settings that made the map.
 
-    The exit code is 0 even where mapping would lack something: the question was answered. With
-    --json, a recording of which `hypermap map` makes a map as it is has an empty list under
-    "missing".
+    The exit code is 0 even if something is missing for mapping. With --json, the list "missing" is
+    empty if `hypermap map` can map the recording without further options.
 
     Examples:
         hypermap info lab.hmap

@@ -1,4 +1,4 @@
-"""`hypermap live`: map what a live robot sees, through ROS."""
+"""`hypermap live`: map live on a robot, through ROS."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def command(
             "--output",
             metavar="OUT",
             show_default=False,
-            help="Save here: a map, .hmap, now and then and at the end.",
+            help="Save here: a map, .hmap. Saved regularly and at the end.",
         ),
     ] = None,
     save_every: Annotated[
@@ -74,21 +74,21 @@ def command(
             min=0,
             max=86400,
             show_default="30",
-            help="How often the map is saved by itself; 0: at the end alone.",
+            help="Interval of saving the map; 0: only at the end.",
         ),
     ] = None,
     force: ForceMap = False,
     depth_topic: Annotated[str | None, _topic("depth_topic", "registered to color.")] = None,
     cloud_topic: Annotated[str | None, _topic("cloud_topic", "in place of depth.")] = None,
     camera_info_topic: Annotated[
-        str | None, _topic("camera_info_topic", "else camera_info beside the depth images.")
+        str | None, _topic("camera_info_topic", "else camera_info next to the depth images.")
     ] = None,
     color_topic: Annotated[str | None, _topic("color_topic", "for --detector.")] = None,
     detections_topic: Annotated[str | None, _topic("detections_topic", "of another node.")] = None,
     detections_type: Annotated[
         DetectionsType,
         typer.Option(
-            help="Their type: darknet_ros_msgs/BoundingBoxes or vision_msgs/Detection2DArray.",
+            help="Message type: darknet_ros_msgs/BoundingBoxes or vision_msgs/Detection2DArray.",
             rich_help_panel=_TOPICS,
         ),
     ] = DetectionsType.darknet,
@@ -113,13 +113,13 @@ def command(
     ros2: Ros2 = False,
     param: Params = None,
 ) -> None:
-    """Map what a live robot sees: the node semantic_mapper, until Ctrl-C, which saves the map.
+    """Map live on a robot: runs the node semantic_mapper until Ctrl-C, which saves the map.
 
-    Depth images or organised clouds, tf, and something that finds objects (--detector,
-    --detections-topic or --detections) become the topic /semantic_map and the file -o, which is
-    saved every --save-every seconds and at the end; the service save_map saves it at once.
-    Frames are dropped, not queued, where the machine is too slow. All parameters of the node can be
-    given by --param; arguments of ROS (NAME:=VALUE, --ros-args ...) are handed on to it.
+    The node subscribes to depth images or organized point clouds and tf. Detections come from
+    --detector, --detections-topic or --detections. It publishes /semantic_map and saves the file -o
+    every --save-every seconds and at the end. The service save_map saves it at once. If the machine
+    is too slow, frames are dropped, not queued. --param sets parameters of the node. ROS arguments
+    (NAME:=VALUE, --ros-args ...) are passed to ROS.
 
     Examples:
         hypermap live --depth-topic /camera/aligned_depth_to_color/image_raw --color-topic

@@ -38,6 +38,7 @@ _MODULES = {
     "query": "query",
     "view": "view",
     "render": "render",
+    "rooms": "rooms",
     "evaluate": "evaluate",
     "convert": "convert",
     "simulate": "simulate",
@@ -67,7 +68,7 @@ class _Commands(TyperGroup):
         for before, word in itertools.pairwise(args):
             if not word and not before.startswith("-"):  # pathlib would take it for this folder
                 raise HypermapError(
-                    f"{args[0]}: an empty text stands where a file is expected; is a variable of "
+                    f"{args[0]}: expected a file, got an empty string; is a variable of "
                     "the shell not set?"
                 )
         if args[0] in _MODULES:
@@ -100,7 +101,7 @@ def _options(
         bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Version.")
     ] = False,
 ) -> None:
-    """Maps for robots that hold more than free and occupied, built from RGB-D and easy to ask."""
+    """Semantic maps for mobile robots: build them from RGB-D, query them, view them, serve them."""
     set_verbosity(verbose - quiet)
 
 

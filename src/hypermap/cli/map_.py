@@ -1,4 +1,4 @@
-"""`hypermap map`: make a map of a recording."""
+"""`hypermap map`: make a map from a recording."""
 
 from __future__ import annotations
 
@@ -66,9 +66,7 @@ def command(
     detections: Detections = None,
     objects: Annotated[
         bool,
-        typer.Option(
-            "--objects/--no-objects", help="Find objects, or make the occupancy layer alone."
-        ),
+        typer.Option("--objects/--no-objects", help="Map objects, or only the occupancy layer."),
     ] = True,
     map_file: Annotated[
         Path | None,
@@ -76,7 +74,7 @@ def command(
             "--map",
             metavar="MAP.YAML",
             readable=False,
-            help="Occupancy map of map_server, in place of one made from depth.",
+            help="Occupancy map (map_server YAML), instead of one made from depth.",
         ),
     ] = None,
     profile: Profile = ProfileName.default,
@@ -85,7 +83,7 @@ def command(
         bool,
         typer.Option(
             "--keep-evidence/--drop-evidence",
-            help="Keep what was seen of each object, to look behind it in `view`.",
+            help="Save the evidence for each object, which `view` can show.",
         ),
     ] = True,
     max_bad: Annotated[
@@ -95,12 +93,12 @@ def command(
             metavar="SHARE",
             min=0,
             max=1,
-            help="Give up when more of the frames cannot be read or looked at; others are left "
-            "out, which is told.",
+            help="Stop if a larger share of the frames fails; failed frames are "
+            "skipped with a warning.",
         ),
     ] = 0.5,
     strict: Annotated[
-        bool, typer.Option("--strict", help="Give up at the first such frame.")
+        bool, typer.Option("--strict", help="Stop at the first frame that fails.")
     ] = False,
     force: ForceMap = False,
     log: Log = None,
@@ -108,15 +106,15 @@ def command(
     port: Port = None,
     browser: Browser = True,
 ) -> None:
-    """Make a map of a recording: an occupancy layer, and the objects seen, with their shapes.
+    """Make a map from a recording: an occupancy layer and a semantic layer of objects.
 
-    Objects come from a neural network (--detector), from a file (--detections), or, when neither
-    is given, from the detections in the recording itself or in its folder's detections.json.
-    `hypermap info RECORDING` says what a recording holds and what it lacks, `hypermap detectors`
-    which networks can be had, and --no-objects makes a map without objects.
+    Objects come from a neural network (--detector), from a file (--detections), or, by default,
+    from the detections in the recording or in its detections.json. `hypermap info RECORDING` shows
+    what a recording contains and what is missing. `hypermap detectors` lists networks to download.
+    --no-objects makes a map without objects.
 
-    Ctrl-C or SIGTERM stops early and saves what was seen so far; the exit code is 130 or 143 then.
-    With --view the page of the run stays afterwards, until Ctrl-C.
+    Ctrl-C or SIGTERM stops early and saves the map so far, with the exit code 130 or 143. With
+    --view the page stays open afterward, until Ctrl-C.
 
     Examples:
         hypermap map desk --detector yolox-nano -o desk.hmap
@@ -162,10 +160,12 @@ def command(
             backup = keep_backup(output, spare_edited=True)
             save_map(hypermap, output)
         if backup is not None:
-            note(f"the map that was there stays as {backup}")
+            note(f"the previous map is kept as {backup}")
         _summarize(hypermap, output)
         floor.remind()
-        part = "" if is_whole else f"the map of a part of the recording: {stop.name} ended it early"
+        part = (
+            "" if is_whole else f"the map of a part of the recording: stopped early by {stop.name}"
+        )
         if part:
             note(f"This is {part}.")
         if stop.number != signal.SIGTERM:  # which is to end the page, too
@@ -217,7 +217,7 @@ def _make_map(
             )
         except HypermapError:
             if stoppable.ended_early:
-                note("nothing was seen so far, so nothing is saved")
+                note("no frame was mapped so far, so nothing is saved")
                 raise typer.Exit(stop.exit_code) from None
             raise
     seconds = time.monotonic() - started
@@ -231,11 +231,12 @@ def _make_map(
     )
     if surplus := hypermap.metadata.get("surplus_detections"):
         note(
-            f"{counted(surplus, 'detection')} left out: of a frame, the best "
-            f"{settings.perception.max_detections} count (perception: max_detections in --config)"
+            f"{counted(surplus, 'detection')} left out: only the best "
+            f"{settings.perception.max_detections} of a frame are used "
+            "(perception: max_detections in --config)"
         )
     if settings.alignment.enabled and hypermap.metadata["poses"] == "as recorded":
-        note("poses were taken as recorded: there is no occupancy map to correct them by (--map)")
+        note("poses were used as recorded: without an occupancy map (--map) they are not corrected")
     return hypermap, not stoppable.ended_early
 
 
@@ -253,7 +254,7 @@ class _FloorNote:
         *position, roll, pitch, yaw = rpy_from_pose(map_T_world)
         numbers = [f"{x:.3f}" for x in position] + [f"{x:.4f}" for x in (roll, pitch, yaw)]
         self._remedy = f"--world-transform={','.join(numbers)}"
-        note(f"warning: {floor}; a map needs a level floor at z = 0, so give {self._remedy}")
+        note(f"warning: {floor}; a map needs a level floor at z = 0; pass {self._remedy}")
 
     def remind(self) -> None:
         """Say it again at the end, if there was something to say."""

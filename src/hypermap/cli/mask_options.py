@@ -22,7 +22,7 @@ Keepout = Annotated[
     typer.Option(
         metavar='"CLASS MARGIN"',
         rich_help_panel=PANEL,
-        help="Keep out of these objects and a margin in meters around them: may be repeated.",
+        help="Keep out of these objects and a margin around them, in meters: may be repeated.",
     ),
 ]
 Speed = Annotated[
@@ -30,8 +30,8 @@ Speed = Annotated[
     typer.Option(
         metavar='"CLASS MARGIN LIMIT"',
         rich_help_panel=PANEL,
-        help='Drive slowly near these objects, as "plant 0.5 50%" or "plant 0.5 0.3m/s": may be '
-        "repeated.",
+        help='Limit the speed near these objects, as "plant 0.5 50%" or "plant 0.5 '
+        '0.3m/s": may be repeated.',
     ),
 ]
 MaskResolution = Annotated[
@@ -40,7 +40,7 @@ MaskResolution = Annotated[
         metavar="METERS",
         show_default="the grid of the first occupancy layer",
         rich_help_panel=PANEL,
-        help="Side of a cell of a grid of its own around the zones.",
+        help="Cell size of a separate grid around the zones.",
     ),
 ]
 
@@ -66,7 +66,7 @@ def save_mask(
         wrong = "one file holds one mask" if keepout else "--mask-resolution is about a mask"
         raise HypermapError(f"{wrong}; give either --keepout or --speed")
     if target.suffix not in (".yaml", ".pgm"):
-        raise HypermapError(f"{target}: a mask is saved as .yaml, with its picture beside it")
+        raise HypermapError(f"{target}: a mask is saved as .yaml, with its picture next to it")
     wanted = keepout_filter(keepout) if keepout else speed_filter(speed)
     try:
         mask = draw(hypermap, wanted, resolution)

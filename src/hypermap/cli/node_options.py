@@ -33,7 +33,7 @@ Host = Annotated[
         rich_help_panel=_MIDDLEWARE,
         metavar="ADDRESS",
         show_default="127.0.0.1",
-        help="Address to listen on: with --foxglove; 0.0.0.0 lets other machines in.",
+        help="Address to listen on: with --foxglove; 0.0.0.0 accepts other machines.",
     ),
 ]
 Port = Annotated[
@@ -43,7 +43,7 @@ Port = Annotated[
         min=0,
         max=65535,
         show_default="8765",
-        help="Port to listen on: with --foxglove; 0 for any that is free.",
+        help="Port to listen on: with --foxglove; 0 for any free port.",
     ),
 ]
 AllowEdits = Annotated[
@@ -51,8 +51,8 @@ AllowEdits = Annotated[
     typer.Option(
         "--allow-edits",
         rich_help_panel=_MIDDLEWARE,
-        help="Let clients publish, clear, load and store, with --foxglove; without it they may "
-        "only look and ask.",
+        help="Let clients publish, clear, load and store, with --foxglove; by default "
+        "they can only view and query.",
     ),
 ]
 AllowOrigin = Annotated[
@@ -61,8 +61,8 @@ AllowOrigin = Annotated[
         metavar="URL",
         rich_help_panel=_MIDDLEWARE,
         show_default=False,
-        help="Let in this website, too, with --foxglove; may be repeated. Foxglove, desktop apps "
-        "and sites of this machine are let in anyway.",
+        help="Also accept this website, with --foxglove; may be repeated. Foxglove, "
+        "desktop apps and local sites are always accepted.",
     ),
 ]
 Params = Annotated[
@@ -71,7 +71,7 @@ Params = Annotated[
         "--param",
         metavar="NAME=VALUE",
         show_default=False,
-        help="Set a parameter of the node; may be given several times.",
+        help="Set a parameter of the node; may be repeated.",
     ),
 ]
 

@@ -22,14 +22,14 @@ MapPath = Annotated[
         help="An .hmap archive, a configuration file in a folder, or a map_server YAML.",
     ),
 ]
-_YAML_HEAD = 65536  # bytes of a YAML file beside a picture that are looked at
+_YAML_HEAD = 65536  # bytes of a YAML file next to a picture that are looked at
 
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON, for programs.")]
-Force = Annotated[bool, typer.Option("--force", "-f", help="Replace what is there: the old OUT.")]
+Force = Annotated[bool, typer.Option("--force", "-f", help="Replace an existing OUT.")]
 
 ForceMap = Annotated[
     bool,
-    typer.Option("--force", "-f", help="Replace what is there: also an OUT edited by hand."),
+    typer.Option("--force", "-f", help="Replace an existing OUT, even if it was edited by hand."),
 ]
 
 
@@ -106,7 +106,7 @@ def check_picture(path: Path) -> None:
     """Make sure that a picture can be saved, and does not replace the cells of a grid.
 
     Raises:
-        HypermapError: If it cannot, or a map_server YAML beside it names it as its image.
+        HypermapError: If it cannot, or a map_server YAML next to it names it as its image.
     """
     check_output(path, replace=True)
     if not path.exists():

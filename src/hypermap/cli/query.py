@@ -1,4 +1,4 @@
-"""`hypermap query`: ask a map one question."""
+"""`hypermap query`: query a map."""
 
 from __future__ import annotations
 
@@ -50,10 +50,10 @@ def command(
     frame_id: Annotated[str | None, _option("--frame", None, "the map's base frame")] = None,
     as_json: Annotated[bool, _option("--json")] = False,
 ) -> None:
-    """Ask a map: what is here, where is that, and what is near to it?
+    """Query a map: what is here, where is this object, and what is near it?
 
-    Points and areas are in meters; answers are in the map's base frame. To an object, the distance
-    is that to its shape. An empty answer is an answer: the exit code is 0.
+    Points and areas are in meters. Answers are in the base frame of the map. The distance to an
+    object is the distance to its shape. The exit code of an empty answer is 0.
 
     Examples:
         hypermap query lab.hmap --at 3,-2

@@ -35,27 +35,29 @@ OPTIONS = {
     "map_T_world": _Option(
         str,
         "X,Y,Z,ROLL,PITCH,YAW",
-        "Pose of the recording's world in the map (meters, radians), or a 4 x 4 matrix row by "
-        "row, where the world's z axis does not point up.",
+        "Pose of the recording's world in the map (meters, radians), or a 4 x 4 "
+        "matrix in row-major order. Needed if its z axis does not point up.",
         "--world-transform",
     ),
     "depth_scale": _Option(float, "UNITS", "Units of the depth images per meter."),
     "map_frame": _Option(
         str,
         "FRAME",
-        "Fixed frame in which the map is made, z up: else `map`, or the root of a bag's tf.",
+        "Fixed frame of the map, z up: by default `map`, or the root of the tf tree of a bag.",
     ),
-    "camera_frame": _Option(str, "FRAME", "Optical frame of a bag's camera."),
+    "camera_frame": _Option(str, "FRAME", "Optical frame of the camera in a bag."),
     "depth_topic": _Option(str, "TOPIC", "Topic of the depth images."),
-    "cloud_topic": _Option(str, "TOPIC", "Topic of organised clouds: in place of depth."),
+    "cloud_topic": _Option(str, "TOPIC", "Topic of organized point clouds: instead of depth."),
     "color_topic": _Option(str, "TOPIC", "Topic of the color images."),
-    "camera_info_topic": _Option(str, "TOPIC", "Topic of the intrinsics."),
+    "camera_info_topic": _Option(str, "TOPIC", "Topic of the camera info."),
     "detections_topic": _Option(str, "TOPIC", "Topic of detections."),
     "map_topic": _Option(str, "TOPIC", "Topic of an occupancy map."),
     "max_time_difference": _Option(
-        float, "SECONDS", "How far the stamps of images that go together may differ."
+        float, "SECONDS", "Largest time difference between matching images."
     ),
-    "max_pose_gap": _Option(float, "SECONDS", "Gap between two poses that is still bridged."),
+    "max_pose_gap": _Option(
+        float, "SECONDS", "Longest gap between two poses that is interpolated."
+    ),
 }
 _LISTS = {"intrinsics", "map_T_world"}
 

@@ -26,22 +26,27 @@ def command(
     ] = None,
     names: Annotated[
         list[str] | None,
-        typer.Option("--name", metavar="NAME", help="Only what is called so: may be repeated."),
+        typer.Option(
+            "--name", metavar="NAME", help="Only objects with this name: may be repeated."
+        ),
     ] = None,
     area: Annotated[
         str | None,
         typer.Option("--in", metavar="AREA", help=f"Only this area: {AN_AREA}."),
     ] = None,
+    rooms: Annotated[
+        bool, typer.Option("--rooms", help="Find the rooms, where the map has none yet.")
+    ] = False,
     full: Annotated[
-        bool, typer.Option("--full", help="Show the whole grid, unknown borders too.")
+        bool, typer.Option("--full", help="Show the whole grid, including unknown borders.")
     ] = False,
     labels: Annotated[
         bool,
-        typer.Option("--show-labels/--hide-labels", help="Write names at the objects."),
+        typer.Option("--show-labels/--hide-labels", help="Show the names of objects."),
     ] = True,
     title: Annotated[
         str | None,
-        typer.Option("--title", show_default="the file's name", help="First line."),
+        typer.Option("--title", show_default="the file's name", help="Title."),
     ] = None,
     size: Annotated[
         int, typer.Option("--size", min=200, max=10000, help="Longer side of the map in pixels.")
@@ -49,13 +54,14 @@ def command(
 ) -> None:
     """Draw a map from above: occupancy, objects in a color per class, names, a scale bar.
 
-    The picture shows what is known; --full shows the grid as far as it reaches. A class has the
-    same color in every picture, and the same map gives the same file.
+    The picture shows the known area, or the whole grid with --full. A class has the same color in
+    every picture, and the same map gives the same file.
 
     Examples:
         hypermap render lab.hmap -o lab.png
         hypermap render lab.hmap -o lab.svg --name chair --name table
         hypermap render floor.hmap -o corner.png --in 18,-4,30,4
+        hypermap render lab.hmap -o rooms.png --rooms
     """
     from hypermap.console.places import parse_area
     from hypermap.formats import open_map
@@ -64,8 +70,13 @@ def command(
     check_suffix(output)
     check_picture(output)
     shown = None if area is None else parse_area(area, "--in")
+    hypermap = open_map(path)
+    if rooms and "rooms" not in hypermap:
+        from hypermap.rooms import rooms_of_map, with_rooms
+
+        hypermap = with_rooms(hypermap, rooms_of_map(hypermap))
     render(
-        open_map(path),
+        hypermap,
         output,
         layers=layers,
         names=names,

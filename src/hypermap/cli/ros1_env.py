@@ -8,10 +8,10 @@ from hypermap.cli.terminal import say
 
 
 def command() -> None:
-    """Print what makes rosmsg, rostopic and rosservice know the messages of Hypermap.
+    """Print environment variables for rosmsg, rostopic and rosservice to find Hypermap's messages.
 
-    Needed where the package hypermap_msgs has not been built with catkin: its Python classes are
-    generated into the user's cache. Where an installed package has all, nothing is printed.
+    You need this if the package hypermap_msgs was not built with catkin. Its Python classes are
+    then generated into your cache. Prints nothing if an installed package has them.
 
     Examples:
       eval "$(hypermap ros1-env)"

@@ -25,7 +25,7 @@ def command(
             metavar="[MAP]",
             readable=False,
             show_default=False,
-            help="The map that the server publishes; rviz then shows the whole of it at once.",
+            help="The map that the server publishes; rviz then shows all of it from the start.",
         ),
     ] = None,
     output: Annotated[
@@ -35,22 +35,19 @@ def command(
             "--output",
             metavar="OUT",
             show_default=False,
-            help="Save here: a configuration for MAP, .rviz. No window opens then.",
+            help="Save here: a configuration for MAP, .rviz. Opens no window.",
         ),
     ] = None,
-    ros2: Annotated[
-        bool, typer.Option("--ros2", help="Use ROS 2: rviz2, whatever ROS is there.")
-    ] = False,
+    ros2: Annotated[bool, typer.Option("--ros2", help="Use ROS 2 and rviz2.")] = False,
     server: Annotated[
-        str, typer.Option("--server", metavar="NODE", help="Full name of the map server's node.")
+        str, typer.Option("--server", metavar="NODE", help="Full name of the map server node.")
     ] = "/hypermap_server",
     force: Force = False,
 ) -> None:
-    """Look at a map that a server publishes: a display for each layer, a switch for each class.
+    """Show a served map in rviz: one display per layer, with a switch for each class.
 
-    On ROS 1 the window follows the server: displays come and go with its layers, whatever map it
-    loads. On ROS 2, rviz2 starts with a configuration made for MAP. Objects have the colors of
-    hypermap render.
+    On ROS 1 the window follows the server: displays appear and disappear with its layers. On ROS 2,
+    rviz2 starts with a configuration made for MAP. Objects have the colors of hypermap render.
 
     Examples:
         hypermap rviz

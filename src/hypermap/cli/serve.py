@@ -35,7 +35,7 @@ def command(
             metavar="[MAP]",
             readable=False,
             show_default=False,
-            help="A map to serve; without one the server starts as its parameters say.",
+            help="The map to serve; by default the one in the parameters.",
         ),
     ] = None,
     ros1: Ros1 = False,
@@ -51,18 +51,17 @@ def command(
             metavar="DIR",
             readable=False,
             show_default=False,
-            help="Let clients load and store maps in this folder, and nowhere else.",
+            help="Let clients load and store maps in this folder only.",
         ),
     ] = None,
     param: Params = None,
 ) -> None:
     """Serve a map to robots and viewers: topics, services and transforms, until Ctrl-C.
 
-    The node hypermap_server publishes every layer and answers questions about it. It runs on the
-    ROS whose setup.bash was sourced; where there is none, --foxglove needs no ROS: its clients may
-    look and ask, and change the map with --allow-edits. At a terminal it
-    takes the commands of hypermap shell while it serves. Arguments of ROS (NAME:=VALUE,
-    --ros-args ...) are handed on to it.
+    The node hypermap_server publishes all layers and answers queries. It runs on the ROS that was
+    sourced. --foxglove needs no ROS: its clients can view and query the map, and edit it with
+    --allow-edits. At a terminal, you can type the commands of hypermap shell. ROS arguments
+    (NAME:=VALUE, --ros-args ...) are passed to ROS.
 
     Examples:
         hypermap serve lab.hmap

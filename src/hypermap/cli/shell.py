@@ -24,11 +24,11 @@ def command(
         typer.Argument(metavar="[MAP]", readable=False, show_default=False, help="A map to open."),
     ] = None,
 ) -> None:
-    """Ask a map line by line, with the commands of the map server and all questions of `query`.
+    """Query a map interactively, with the commands of the map server and of `hypermap query`.
 
-    The Tab key completes commands, options, layers, names and files; the arrow keys bring back what
-    was typed. Without a terminal the lines are read from standard input; one that fails does not
-    stop the others, but makes the exit code 2.
+    The Tab key completes commands, options, layers, names and files. The arrow keys recall earlier
+    lines. Without a terminal, lines are read from standard input. A line that fails does not stop
+    the others, but sets the exit code to 2.
 
     Examples:
         hypermap shell lab.hmap

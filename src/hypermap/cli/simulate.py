@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from hypermap.simulation import World
     from hypermap.simulation.levels import Errors
 
-WHAT_ERRS = "What camera, localization and detector get wrong: or a YAML file that says it."
+WHAT_ERRS = "Errors of camera, localization and detector: a level or a YAML file."
 _SIZES = {"320x240": 1, "640x480": 2}
 
 
@@ -46,18 +46,16 @@ def command(
             help=WHAT_ERRS,
         ),
     ] = "robot",
-    seed: Annotated[
-        int, typer.Option(min=0, help="Of all chance: another seed, other errors.")
-    ] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Random seed.")] = 0,
     rate: Annotated[float, typer.Option(min=0.01, max=100, help="Frames per second.")] = 3.0,
     image_size: Annotated[
         str, typer.Option(metavar="|".join(_SIZES), help="Width and height in pixels.")
     ] = "320x240",
 ) -> None:
-    """Drive a camera through a described world, and record what it sees.
+    """Record a simulated drive through a world.
 
     The recording is a folder in the layout of the TUM RGB-D benchmark with detections.json, or a
-    ROS bag; `hypermap map` reads both. With it comes the true map, to compare with.
+    ROS bag. `hypermap map` reads both. The ground truth map is saved, too.
 
     Examples:
         hypermap simulate lab -o lab

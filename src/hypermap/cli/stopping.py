@@ -1,4 +1,4 @@
-"""A recording that ends early when the user wishes so."""
+"""A recording that ends early when the user stops it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from hypermap.perception.recording import OnBadFrame, Recording, RecordingInfo
 
 
 class StoppableRecording:
-    """A recording that ends early when the user wishes so; the rest is as it was.
+    """A recording that ends early when the user stops it; otherwise unchanged.
 
     Attributes:
         ended_early: whether it did.
@@ -39,12 +39,12 @@ class StoppableRecording:
         return len(self._recording)
 
     def frames(self, on_bad: OnBadFrame | None = None) -> Iterator[RgbdFrame]:
-        """Yield the frames in order of time, up to the wish to stop."""
+        """Yield the frames in order of time, until the user stops it."""
         for frame in self._recording.frames(on_bad):
             if self._stop.is_wanted:
                 self.ended_early = True
                 way_out = ", Ctrl-C again gives up" if self._stop.number == signal.SIGINT else ""
-                note(f"stopping; what was seen so far is saved{way_out}")
+                note(f"stopping; saving the map so far{way_out}")
                 return
             yield frame
 

@@ -1,4 +1,4 @@
-"""How the commands speak: answers on standard output, everything else on standard error."""
+"""Output of the commands: answers on standard output, everything else on standard error."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def out() -> Console:
 
 @functools.cache
 def err() -> Console:
-    """Return the console for progress, notes and complaints."""
+    """Return the console for progress, notes and errors."""
     return _console(stderr=True)
 
 
@@ -180,6 +180,6 @@ def set_verbosity(level: int) -> None:
 
 
 def change_verbosity(by: int) -> None:
-    """Say more than so far, or less."""
+    """Change the verbosity."""
     if by:
         set_verbosity(_verbosity + by)

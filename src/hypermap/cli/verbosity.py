@@ -1,4 +1,4 @@
-"""How much the commands say: -v and -q, which may stand before a command or behind it."""
+"""Verbosity: -v and -q, before or after a command."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ Verbose = Annotated[
         "--verbose",
         count=True,
         show_default=False,
-        help="Tell more on standard error; twice for details.",
+        help="More messages on standard error; twice for details.",
     ),
 ]
 Quiet = Annotated[
     int,
     typer.Option(
-        "-q", "--quiet", count=True, show_default=False, help="Say no more than answers and errors."
+        "-q", "--quiet", count=True, show_default=False, help="Print only answers and errors."
     ),
 ]
 

@@ -1,4 +1,4 @@
-"""`hypermap view`: see a map in the browser, ask it and change it."""
+"""`hypermap view`: view and edit a map in the browser."""
 
 from __future__ import annotations
 
@@ -22,27 +22,27 @@ def command(
             min=0,
             max=65535,
             show_default="8090, or the next one that is free",
-            help="Port to listen on: 0 for any that is free.",
+            help="Port to listen on: 0 for any free port.",
         ),
     ] = None,
     host: Annotated[
         str,
         typer.Option(
             metavar="ADDRESS",
-            help="Address to listen on: with any other than this machine's own, others who know "
-            "the token can see and change the map, and the network between can read along.",
+            help="Address to listen on: 0.0.0.0 accepts other machines. Everyone with "
+            "the token can then see and edit the map, and the connection is not "
+            "encrypted.",
         ),
     ] = "127.0.0.1",
     no_token: Annotated[
         bool,
         typer.Option(
             "--no-token",
-            help="Let in everyone who can reach the address, also other users of this machine.",
+            help="Accept everyone who can reach the address, including other users of "
+            "this machine.",
         ),
     ] = False,
-    read_only: Annotated[
-        bool, typer.Option("--read-only", help="Let nobody change the map.")
-    ] = False,
+    read_only: Annotated[bool, typer.Option("--read-only", help="Do not allow edits.")] = False,
     browser: Annotated[
         bool, typer.Option("--browser/--no-browser", help="Open the page in the browser.")
     ] = True,
@@ -50,19 +50,18 @@ def command(
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Write the page with the map inside to this one file, which works from disk and "
-            "without a network, and serve nothing.",
+            help="Write the page and the map to one file, which works offline, instead "
+            "of starting a server.",
         ),
     ] = None,
     force: Force = False,
 ) -> None:
-    """Show a map in the browser: look, ask by pointing, and change it; until Ctrl-C.
+    """View, query and edit a map in the browser, until Ctrl-C.
 
-    The page is served to this machine alone, and private: the address that is printed and opened
-    holds a secret token, without which nothing is answered. The page draws every layer, tells what
-    is at a point and in an area, finds things by name, and adds, renames, reshapes, tags and
-    deletes objects. Nothing is written before it is saved there; the file as it was stays beside it
-    as MAP.bak.
+    The page is only accessible from this machine, and private: the printed address contains an
+    access token. The page draws all layers, answers queries at points and in areas, finds objects
+    by name, and adds, renames, reshapes, tags and deletes objects. Nothing is written until you
+    save; the previous file is kept as MAP.bak.
 
     Examples:
         hypermap view lab.hmap
@@ -73,7 +72,7 @@ def command(
         _write(path, html, force)
         return
     if force:
-        raise HypermapError("--force goes with --html FILE; a served map asks before it overwrites")
+        raise HypermapError("--force is for --html FILE; the page asks before it overwrites a map")
     from hypermap.viewer.live.app import MapApp
     from hypermap.viewer.live.document import MapDocument
     from hypermap.viewer.live.page import require_page
@@ -86,7 +85,7 @@ def command(
 
     def started() -> None:
         say(url)
-        note(f"showing {path}; Ctrl-C ends")
+        note(f"showing {path}; press Ctrl-C to stop")
         if not is_local(host):
             rights = "see" if read_only else "see and change"
             who = "reach this machine" + ("" if no_token else " and knows the token")
@@ -102,7 +101,7 @@ def command(
     finally:
         listening.close()
     if app.document.is_unsaved:
-        note(f"{app.document.file.path}: changes made in the browser were not saved and are lost")
+        note(f"{app.document.file.path}: unsaved changes made in the browser are lost")
 
 
 def _write(path: Path, html: Path, force: bool) -> None:

@@ -13,11 +13,11 @@ _RATES = {ProfileName.default: 0.5, ProfileName.thesis: 0.1}
 
 
 def command() -> None:
-    """Compile the loops that maps are made with, once for this machine, and keep them.
+    """Compile the mapping code for this machine ahead of time.
 
-    Else the first `demo`, `map` or `live` does, and takes that much longer. A small simulated room
-    is mapped with both profiles. Run it as root while an image for robots is built, on the kind of
-    processor that will use it: what lies beside the code then serves all users.
+    Otherwise the first `demo`, `map` or `live` does so, and takes longer. This command maps a small
+    simulated room with both profiles. In a Docker image, run it as root on the same type of
+    processor: the cache next to the code then serves all users.
 
     Examples:
         hypermap warm-up
@@ -27,14 +27,15 @@ def command() -> None:
     from hypermap._compiled import has_own_place
 
     began = time.monotonic()
-    note("mapping a small simulated room, so that all that is needed is compiled ...")
+    note("mapping a small simulated room, to compile all functions ...")
     _map_a_little()
     seconds = time.monotonic() - began
     count = _loops.compiled_count()
-    say(f"compiled {count} functions in {seconds:.0f} s" if count else "all is compiled already")
+    done = f"compiled {count} functions in {seconds:.0f} s"
+    say(done if count else "everything is compiled already")
     folder, package = _loops.cache_folder(), Path(_loops.__file__).parent
     if folder.is_relative_to(package):
-        say(f"kept in {folder}, beside the code, for all users")
+        say(f"kept in {folder}, next to the code, for all users")
     else:
         say(f"kept in {folder}, for those who can write there")
         if not has_own_place():

@@ -1,4 +1,4 @@
-"""Watching a map being made: `--view` of `hypermap map` and `hypermap demo`."""
+"""Watching a map grow: `--view` of `hypermap map` and `hypermap demo`."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ View = Annotated[
     typer.Option(
         "--view",
         rich_help_panel=PANEL,
-        help="Show in the browser how the map is made, step by step.",
+        help="Watch the map grow in the browser.",
     ),
 ]
 Port = Annotated[
@@ -38,7 +38,7 @@ Port = Annotated[
         max=65535,
         show_default="8090, or the next one that is free",
         rich_help_panel=PANEL,
-        help="Port to listen on: 0 for any that is free.",
+        help="Port to listen on: 0 for any free port.",
     ),
 ]
 Browser = Annotated[
@@ -50,7 +50,7 @@ Browser = Annotated[
 
 
 class Watched(Protocol):
-    """Whoever may watch.
+    """An observer of a run.
 
     Attributes:
         frame: for `map_recording`, which calls it with each frame that was mapped; None where
@@ -110,7 +110,7 @@ class _Page:
                     time.sleep(_LOOK_PERIOD)
             note("")  # below the ^C
         if document.is_unsaved:
-            note(f"{document.file.path}: changes made in the browser were not saved and are lost")
+            note(f"{document.file.path}: unsaved changes made in the browser are lost")
 
 
 @contextmanager
@@ -133,7 +133,7 @@ def watching(
     """
     if not view:
         if port is not None or not browser:
-            raise HypermapError("--port and --no-browser go with --view")
+            raise HypermapError("--port and --no-browser need --view")
         yield _Nobody()
         return
     from hypermap.viewer.live.page import require_page

@@ -69,7 +69,7 @@ class Console:
 
     Attributes:
         hypermap: the map; a load that fails leaves it as it was.
-        republish: called when the user asks to publish everything anew; returns the answer.
+        republish: called when the user asks to publish everything again; returns the answer.
         source: where the map was loaded from, as JSON tells it; None if nowhere.
         describe_evidence: returns the evidence for an object; None where there is none to ask for.
     """
@@ -185,7 +185,7 @@ COMMANDS = {
         "LAYER STRING X Y X Y X Y ...", "where it is in an area", Console._get_coords_area
     ),
     "query": Command("[OPTION ...]", "ask a question, as --name cup --near sink", Console._query),
-    "republish": Command("", "publish all layers anew", Console._republish),
+    "republish": Command("", "publish all layers again", Console._republish),
     "clear": Command("", "forget this map", Console._clear),
     "getLayerCount": Command("", "how many layers there are", Console._get_layer_count),
     "exit": Command("", "leave", Console._exit),

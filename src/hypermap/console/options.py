@@ -1,4 +1,4 @@
-"""How a question to a map is spelled: the options of `hypermap query`, also in the shell."""
+"""The options of a query: the options of `hypermap query`, also in the shell."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ AN_AREA = 'a rectangle X0,Y0,X1,Y1, corners "X,Y X,Y X,Y", or WKT'
 
 @dataclass(frozen=True)
 class Option:
-    """One option of a question.
+    """One option of a query.
 
     Attributes:
-        takes: what stands behind it, as the help shows it; empty for a switch.
-        help: what it asks.
-        kind: of the value.
+        takes: its value, as the help shows it; empty for a switch.
+        help: its description.
+        kind: type of the value.
         least: the smallest number that it takes; None for any.
         repeats: whether it may be given several times.
         also: other names of it.
@@ -35,21 +35,19 @@ class Option:
 OPTIONS = {
     "--at": Option("X,Y", "What is at this point?"),
     "--in": Option("AREA", f"Only this area: {AN_AREA}. Alone: what is in it?"),
-    "--name": Option("NAME", "Only what is called so: may be repeated, for either.", repeats=True),
-    "--value": Option(
-        "N", "Where is this number? Of an object it is the id.", float, also=("--id",)
+    "--name": Option(
+        "NAME", "Only objects with this name: may be repeated, for either.", repeats=True
     ),
+    "--value": Option("N", "Where is this value? For objects, the id.", float, also=("--id",)),
     "--nearest": Option("", "Only the nearest one.", bool),
     "-k": Option("K", "The K nearest ones.", int, least=1),
-    "--from": Option("X,Y", "From where --nearest and -k measure."),
+    "--from": Option("X,Y", "Where --nearest and -k start to measure."),
     "--near": Option("NAME|X,Y", "Only objects near this one."),
-    "--within": Option("METERS", "How near --near is.", float, least=0),
-    "--inside": Option("NAME|AREA", "Only objects whose middle lies in this one."),
-    "--evidence": Option("", "Look behind the objects found.", bool),
+    "--within": Option("METERS", "Largest distance of --near.", float, least=0),
+    "--inside": Option("NAME|AREA", "Only objects whose center is inside this one."),
+    "--evidence": Option("", "Show the evidence for the objects.", bool),
     "--layer": Option("NAME", "Only this layer: may be repeated.", repeats=True),
-    "--frame": Option(
-        "FRAME", "Frame of the coordinates: of the points and areas in the question."
-    ),
+    "--frame": Option("FRAME", "Frame of the coordinates: of points and areas in the query."),
     "--json": Option("", "Print JSON, for programs.", bool),
 }
 _BY_NAME = {name: first for first in OPTIONS for name in (first, *OPTIONS[first].also)}
@@ -76,7 +74,7 @@ def parse(words: Sequence[str]) -> dict[str, Any]:
         option = option_of(name)
         if option is None:
             known = did_you_mean(name, _BY_NAME)
-            raise HypermapError(f"a question has no option {name!r}; {known}")
+            raise HypermapError(f"a query has no option {name!r}; {known}")
         name = _BY_NAME[name]
         if option.takes == "":
             if equals:

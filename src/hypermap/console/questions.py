@@ -110,7 +110,7 @@ def answers(hypermap: Hypermap, question: Question) -> list[Row]:
 
 
 def remarks(hypermap: Hypermap, question: Question, rows: Sequence[Row]) -> list[str]:
-    """Return what is to be said beside an answer."""
+    """Return what is to be said next to an answer."""
     if not rows:
         return ["nothing found" + "".join(f"; {hint}" for hint in _hints(hypermap, question))]
     if question.most is not None and question.start is None:

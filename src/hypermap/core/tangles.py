@@ -53,10 +53,10 @@ def check_tangle(shape: BaseGeometry) -> None:
     near = _near(edges)
     if near is not None and is_sound(shape):
         return
-    # Each edge meets itself and its two neighbors; all others that it meets cross or touch it.
+    # Each edge meets the next one; all others that it meets cross or touch it.
     if near is None or (
         np.count_nonzero(shapely.intersects(edges[near[0]], edges[near[1]]))
-        > (3 + 2 * _CROSSINGS) * len(edges) + 2 * _FIRST
+        > (1 + _CROSSINGS) * len(edges) + _FIRST
     ):
         raise ValueError(
             f"an outline of {corners} corners crosses or touches itself so often that it cannot be "
@@ -94,7 +94,7 @@ def _edges(shape: BaseGeometry) -> ObjectArray:
 
 
 def _near(edges: ObjectArray) -> IntArray | None:
-    """Return the pairs of edges whose boxes meet, shape (2, P); None if they are too many."""
+    """Return the pairs of edges whose boxes meet, each once, (2, P); None if they are too many."""
     if not len(edges):
         return np.empty((2, 0), dtype=np.int64)
     tree, found, count = shapely.STRtree(edges), [], 0
@@ -105,5 +105,5 @@ def _near(edges: ObjectArray) -> IntArray | None:
         if count > _NEAR:
             return None
         pairs[0] += start
-        found.append(pairs)
+        found.append(pairs[:, pairs[0] < pairs[1]])
     return np.concatenate(found, axis=1)

@@ -18,7 +18,7 @@ from hypermap.evaluation.matching import iou_matrix
 
 @dataclass(frozen=True)
 class ClosestShape:
-    """A true object beside the nearest estimated object of its class.
+    """A true object next to the nearest estimated object of its class.
 
     Attributes:
         ground_truth: its place among the true objects.

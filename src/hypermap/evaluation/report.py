@@ -18,7 +18,7 @@ Data: TypeAlias = dict[str, Any]
 
 RULES = {
     "count": "all objects of all semantic layers",
-    "closest": "each true object beside the estimated one of its class with the nearest centroid, "
+    "closest": "each true object next to the estimated one of its class with the nearest centroid, "
     "moved so that the centroids coincide; means over the true objects whose class the estimate "
     "has (thesis, 2019; IoU is the Jaccard index)",
     "matched": "one to one within a class, with the largest sum of IoU; a true object without a "
@@ -148,7 +148,7 @@ def _score(score: Score) -> Data:
 
 
 def _objects(ground_truth: MapObjects, run: EvaluationRun) -> list[Data]:
-    """Return the true objects, each with the estimated ones beside which it was measured."""
+    """Return the true objects, each with the estimated ones next to which it was measured."""
     ids = [thing.id for thing in run.objects.objects]
     closest = {c.ground_truth: c for c in run.evaluation.closest}
     matches = {m.ground_truth: m for m in run.evaluation.matches}

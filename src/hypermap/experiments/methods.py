@@ -37,11 +37,10 @@ PUBLISHED: Mapping[tuple[str, str], Published] = {
 def methods() -> dict[str, MappingConfig]:
     """Return all methods by name, ours last.
 
-    Those of the thesis cut objects out by the fast method, which finds nearly the same regions as
-    PCL (docs/perception.md says how nearly).
+    Those of the thesis cut objects out as its profile does: by the fast method, which finds nearly
+    the same regions as PCL (docs/perception.md says how nearly).
     """
     thesis = profile("thesis")
-    perception = replace(thesis.perception, method="organised")
     shapes: dict[str, Literal["best_shape", "convex_hull"]] = {
         "best shape": "best_shape",
         "convex hull": "convex_hull",
@@ -53,7 +52,6 @@ def methods() -> dict[str, MappingConfig]:
     found = {
         f"{shape}, {association}": replace(
             thesis,
-            perception=perception,
             evidence=replace(thesis.evidence, fusion=fusion, association=rule),
         )
         for shape, fusion in shapes.items()

@@ -1,4 +1,4 @@
-"""Points of an object with less noise: each is averaged with those beside it on the same surface.
+"""Points of an object with less noise: each is averaged with those next to it on the same surface.
 
 The hull of noisy points is too large, the more so the farther away the thing is: of a thousand
 points some lie three standard deviations off.

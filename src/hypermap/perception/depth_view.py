@@ -17,7 +17,7 @@ from hypermap.perception.frame import Camera, RgbdFrame
 _STEP = 4  # every n-th row and column of the depth image
 _STEEP = 0.87  # sine of 60 degrees
 _SAME_WAY = 1e-9  # angle between columns that then all look the same way [rad]
-_NEAREST = 0.05  # points nearer to the camera's plane than this are beside it [m]
+_NEAREST = 0.05  # points nearer to the camera's plane than this are off to its side [m]
 
 
 @dataclass(frozen=True, eq=False)

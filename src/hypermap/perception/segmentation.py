@@ -9,11 +9,12 @@ from numpy.typing import NDArray
 
 from hypermap._loops import loop
 from hypermap.core.arrays import BoolArray, IntArray
-from hypermap.perception import enclosed, organised, unorganised
+from hypermap.perception import enclosed
 from hypermap.perception.config import PerceptionConfig
 from hypermap.perception.denoising import smoothed
 from hypermap.perception.detections import Detections
 from hypermap.perception.frame import RgbdFrame
+from hypermap.perception.region_growing import largest_regions
 from hypermap.perception.segments import Segment
 
 FARTHEST = 1e4  # what is farther away than any camera sees is a broken number [m]
@@ -59,14 +60,7 @@ def segment(
         boxes = detections.xyxy[[number for number, _ in candidates]]
         cut, is_piece = enclosed.cut_out(frame.z, valid, frame.camera, objects, boxes, config)
     else:
-        if config.method == "organised":
-            regions = organised.grow_regions(frame, valid, objects, config)
-        else:
-            regions = unorganised.grow_regions(frame.points(), valid, objects, config)
-        cut = [
-            _largest(pixels, region_of, config.min_cluster, config.max_cluster)
-            for pixels, region_of in zip(objects, regions, strict=True)
-        ]
+        cut = largest_regions(frame, valid, objects, config)
     return [
         Segment(number, pixels, _points_of(frame, pixels, config), bool(piece))
         for (number, _), pixels, piece in zip(candidates, cut, is_piece, strict=True)
@@ -79,14 +73,6 @@ def _points_of(frame: RgbdFrame, pixels: IntArray, config: PerceptionConfig) -> 
     if config.method == "enclosed":
         return smoothed(points_xyz, pixels, frame.camera.width, config)
     return points_xyz
-
-
-def _largest(pixels: IntArray, region_of: IntArray, fewest: int, most: int) -> IntArray:
-    """Return the pixels of the largest region that may be an object; none if there is none."""
-    sizes = np.bincount(region_of)
-    sizes[(sizes < fewest) | (sizes > most)] = 0
-    largest = sizes.argmax()
-    return pixels[region_of == largest] if sizes[largest] > 0 else pixels[:0]
 
 
 def _pixels_of(detections: Detections, number: int, valid: BoolArray) -> IntArray:

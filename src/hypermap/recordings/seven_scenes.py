@@ -54,7 +54,7 @@ class SevenScenesRecording(ImageFolder):
 
     Depth is of 16 bits, in millimeters, 0 and 65535 for no return. A pose is a 4 x 4 matrix that
     takes camera points to the world, whose axes need not be level (`map_T_world`). The 3 x 3
-    matrix of the intrinsics lies in `camera-intrinsics.txt`, beside the frames or one folder up.
+    matrix of the intrinsics lies in `camera-intrinsics.txt`, next to the frames or one folder up.
 
     Source: Shotton et al., CVPR 2013, and the data set's page.
     """

@@ -36,7 +36,7 @@ class Address:
         host: its own address; 127.0.0.1 is for programs on the same machine alone.
         port: its port; 0 for any that is free.
         allow_edits: whether clients may change the map and files.
-        origins: of websites that are let in, beside those of the apps and of this machine.
+        origins: of websites that are let in, next to those of the apps and of this machine.
     """
 
     host: str = "127.0.0.1"

@@ -25,7 +25,7 @@ class DepthNoise:
         max_range: nothing is measured beyond this [m].
         axial: scale of the noise along the optical axis; 1 is a Kinect, 0 none.
         disparity_step: disparity is measured in steps of this many pixels; 0 for no steps.
-        edge_loss: probability that a pixel beside a jump in depth has no return.
+        edge_loss: probability that a pixel next to a jump in depth has no return.
         max_incidence_deg: surfaces that the ray meets at a flatter angle than this from their
             normal give no return.
 
@@ -103,7 +103,7 @@ class PoseNoise:
         drift_yaw_deg: likewise of the heading [degrees].
         drift_time: after how many seconds it has mostly changed.
         jump_interval: seconds between jumps to another such error, in the mean, as when a robot
-            finds its place anew; 0 for no jumps.
+            finds its place again; 0 for no jumps.
 
     The slow error is an Ornstein-Uhlenbeck process: it wanders, but stays bounded, as that of a
     localization in a known map does.

@@ -34,7 +34,7 @@ def place_labels(
 
     Labels never overlap each other, and stay within the frame. Of the free
     places the nearest to the shape that hides least of other shapes is taken; small shapes, which
-    have to write beside themselves, are served last.
+    have to write next to themselves, are served last.
 
     Args:
         spots: the shapes.

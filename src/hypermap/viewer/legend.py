@@ -1,4 +1,4 @@
-"""The legend beside a map: a block per layer, with the classes of its objects counted."""
+"""The legend next to a map: a block per layer, with the classes of its objects counted."""
 
 from __future__ import annotations
 

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from hypermap.core.hypermap import Hypermap
 
 SUFFIXES = (".png", ".svg")
+_BENEATH = "rooms"  # the layer whose objects hold all others
 _RAY = 2  # cells of a row through which a single ray of a sensor passes
 
 
@@ -153,6 +154,7 @@ def compose(
             rasters.append(Raster(layer.name, picture, base_T_layer @ picture.grid.origin))
         else:
             shapes.append(_in_base_frame(layer.name, picture, base_T_layer))
+    shapes.sort(key=lambda part: part.layer != _BENEATH)
     colors = class_colors(name for part in shapes for name in part.names)
     if names is not None:
         shapes = [_only(part, names, colors) for part in shapes]

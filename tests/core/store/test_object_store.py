@@ -106,7 +106,7 @@ def change(branch: Branch, data: st.DataObject) -> None:
 
 def test_changes_of_a_large_layer_write_behind_its_table_and_copy_nothing() -> None:
     layer = SemanticLayer("s", "map", [square("a", 3 * i, 0) for i in range(4000)])
-    log = layer.snapshot.seen.log
+    log = layer.snapshot.log
     before = layer.snapshot
     for i in range(100):
         (number,) = layer.add([square("b", 3 * i, 9)])
@@ -117,11 +117,11 @@ def test_changes_of_a_large_layer_write_behind_its_table_and_copy_nothing() -> N
             "Empty",
             "Empty",
         ]
-    assert layer.snapshot.seen.log is log
+    assert layer.snapshot.log is log
     assert len(layer) == 4000
     assert before.named("a").tolist() == list(range(4000))
     layer.add([square("d", 3 * i, 30) for i in range(700)])
-    assert layer.snapshot.seen.log is not log
+    assert layer.snapshot.log is not log
     assert layer.names.tolist() == ["a"] * 3900 + ["c"] * 100 + ["d"] * 700
 
 
@@ -154,7 +154,7 @@ def test_a_large_change_makes_no_room_in_the_log_that_it_leaves() -> None:
     layer = SemanticLayer("s", "map", [square("a", 3 * i, 0) for i in range(2000)])
     other = layer.copy()
     other.add([square("b", 3 * i, 9) for i in range(2000)])
-    assert "written" not in vars(layer.snapshot.seen.log)
+    assert "written" not in vars(layer.snapshot.log)
     assert other.names.tolist() == ["a"] * 2000 + ["b"] * 2000
 
 

@@ -17,6 +17,8 @@ from hypermap.perception.detectors.onnx_detector import OnnxDetector
 
 from .conftest import SaveModel
 
+pytestmark = pytest.mark.xdist_group("onnx")  # they share what takes long to make
+
 Networks = dict[str, dict[str, np.ndarray]]
 
 SQUARE = np.zeros((64, 64, 3), np.uint8)

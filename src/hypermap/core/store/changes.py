@@ -7,14 +7,17 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from hypermap.core.objects import SemanticObject
+from hypermap.core.store.object_log import ObjectLog
 from hypermap.core.store.snapshot import NOWHERE, Snapshot
 
 
-def changed(now: Snapshot, gone: Mapping[int, int], new: Sequence[SemanticObject]) -> Snapshot:
-    """Return what is there after a change; the snapshot stays as it is.
+def written(
+    now: Snapshot, gone: Mapping[int, int], new: Sequence[SemanticObject]
+) -> tuple[ObjectLog, int, int]:
+    """Write a change to a log; return it, and how many of its rows and changes are seen then.
 
     Args:
-        now: what is there before.
+        now: what is there before, and stays as it is.
         gone: id -> row, of objects that are there.
         new: objects with ids. One with an id that is gone takes that object's place; the others
             come last.
@@ -26,12 +29,13 @@ def changed(now: Snapshot, gone: Mapping[int, int], new: Sequence[SemanticObject
             place_of = {number: now.place(row) for number, row in gone.items()}
             places = [place_of.get(x.id or 0, now.count + i) for i, x in enumerate(new)]
             log.write(gone.values(), new, places)
-            return Snapshot(log, log.count, log.changes, now.size + len(new) - len(gone))
-    return _merged(now, gone, new)
+            return log, log.count, log.changes
+    merged = _merged(now, gone, new)
+    return merged, merged.count, 0
 
 
-def _merged(now: Snapshot, gone: Mapping[int, int], new: Sequence[SemanticObject]) -> Snapshot:
-    """Return what is there after a change, in a new log."""
+def _merged(now: Snapshot, gone: Mapping[int, int], new: Sequence[SemanticObject]) -> ObjectLog:
+    """Return a new log of what is there after a change."""
     new_rows = {item.id or 0: now.count + i for i, item in enumerate(new)}
     place_of = np.empty(now.count, dtype=np.int64)
     place_of[now.rows] = np.arange(now.size)
@@ -39,4 +43,4 @@ def _merged(now: Snapshot, gone: Mapping[int, int], new: Sequence[SemanticObject
     for number, row in gone.items():
         rows[place_of[row]] = new_rows.pop(number, NOWHERE)
     rows = np.concatenate([rows[rows >= 0], np.array([*new_rows.values()], dtype=np.int64)])
-    return Snapshot.of(now.take(rows, new))
+    return ObjectLog(now.take(rows, new))

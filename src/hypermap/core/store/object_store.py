@@ -10,106 +10,60 @@ import numpy as np
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from hypermap.core.arrays import IntArray, ObjectArray
+from hypermap.core.arrays import IntArray
 from hypermap.core.objects import ObjectTable, SemanticObject
 from hypermap.core.store import at_points, changes, in_areas, named
+from hypermap.core.store.object_log import ObjectLog
 from hypermap.core.store.snapshot import Snapshot
 
 
 @dataclass(frozen=True, eq=False)
-class ObjectStore:
+class ObjectStore(Snapshot):
     """The objects of a semantic layer at one moment; never changes, a change makes another one.
 
     Questions answer with rows, -1 for none, which `column` and `object` turn into what is known of
     them. Rows are of one store alone.
 
     Attributes:
-        seen: what of a log is there.
         next_id: above all ids given so far.
     """
 
-    seen: Snapshot
     next_id: int
 
     @classmethod
     def of(cls, table: ObjectTable, next_id: int) -> ObjectStore:
         """Return what a layer with these objects holds."""
-        return cls(Snapshot.of(table), next_id)
-
-    def __len__(self) -> int:
-        return self.seen.size
+        return cls(ObjectLog(table), len(table), 0, len(table), next_id)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return ObjectStore.of, (self.table, self.next_id)  # without what a log has computed
 
-    # What the rows hold
-
-    @property
-    def rows(self) -> IntArray:
-        """All rows, in the order of the layer, shape (N,)."""
-        return self.seen.rows
-
-    @property
-    def table(self) -> ObjectTable:
-        """All objects as columns, in the order of the layer."""
-        return self.seen.table
-
-    def take(self, rows: IntArray) -> ObjectTable:
-        """Return some rows as columns."""
-        return self.seen.take(rows)
-
-    def column(self, name: str, rows: IntArray) -> NDArray[Any]:
-        """Return "ids", "codes", "shapes", "centroids", "areas" or "boxes" of some rows."""
-        return self.seen.column(name, rows)
-
-    def names(self, rows: IntArray) -> ObjectArray:
-        """Return the names of some rows."""
-        return self.seen.names(rows)
-
-    def name(self, row: int) -> str:
-        """Return the name of one row."""
-        return self.seen.name(row)
-
-    def id(self, row: int) -> int:
-        """Return the id of one row."""
-        return self.seen.id(row)
-
-    def object(self, row: int) -> SemanticObject:
-        """Return one row as an object, with a footprint of its own."""
-        return self.seen.object(row)
-
-    def row_of_id(self, object_id: int) -> int:
-        """Return the row of an object; -1 if it is not there."""
-        return self.seen.row_of_id(object_id)
-
     # Questions
 
-    def at(self, x: float, y: float) -> int:
-        """Return the row of the smallest object at a point; -1 if there is none."""
-        return at_points.smallest_at(self.seen, x, y)
+    at = at_points.smallest_at  # as it is, without one more call: this is asked most
 
     def at_each(self, points_xy: NDArray[np.float64]) -> IntArray:
         """Return the row of the smallest object at each point, (N, 2); -1 where there is none."""
-        return at_points.smallest_at_each(self.seen, points_xy)
+        return at_points.smallest_at_each(self, points_xy)
 
     def all_at(self, point_xy: NDArray[np.float64]) -> IntArray:
         """Return the rows of all objects at a point of shape (2,), the smallest first.
 
         The first is that of `at`: of equally large ones, that which comes first in the layer.
         """
-        return in_areas.all_at(self.seen, point_xy)
+        return in_areas.all_at(self, point_xy)
 
     def in_area(self, area: BaseGeometry) -> IntArray:
         """Return the rows of the objects that meet an area, in the order of the layer."""
-        return in_areas.meeting(self.seen, area)
+        return in_areas.meeting(self, area)
 
     def named(self, what: str | float, area: BaseGeometry | None = None) -> IntArray:
         """Return the rows of the objects with a name or id, in an area or anywhere, in order."""
-        return named.having(self.seen, what, area)
+        return named.having(self, what, area)
 
     def with_names(self, names: Iterable[str], area: BaseGeometry | None = None) -> IntArray:
         """Return the rows of objects with one of some names, in an area or anywhere, in order."""
-        return named.having_any(self.seen, names, area)
+        return named.having_any(self, names, area)
 
     def nearest(
         self, what: str | float, point_xy: NDArray[np.float64], k: int
@@ -120,7 +74,7 @@ class ObjectStore:
             Rows and the distances to their shapes [m], both of shape (K,), nearest first; of
             equally near ones, that with the nearer centroid first.
         """
-        return named.nearest(self.seen, what, point_xy, k)
+        return named.nearest(self, what, point_xy, k)
 
     # Changes
 
@@ -137,4 +91,5 @@ class ObjectStore:
         """
         if not (gone or new):
             return self
-        return ObjectStore(changes.changed(self.seen, gone, new), next_id)
+        size = self.size + len(new) - len(gone)
+        return ObjectStore(*changes.written(self, gone, new), size, next_id)

@@ -33,10 +33,8 @@ class Snapshot:
     changes: int
     size: int
 
-    @classmethod
-    def of(cls, table: ObjectTable) -> Snapshot:
-        """Return a snapshot of a new log, with these objects."""
-        return cls(ObjectLog(table), len(table), 0, len(table))
+    def __len__(self) -> int:
+        return self.size
 
     # What the rows hold
 

@@ -56,7 +56,7 @@ class KnownNetwork:
         if size != self.size:
             raise FormatError(
                 f"{size} bytes, where {self.name} has {self.size}; run `hypermap detectors get "
-                f"{self.name}` to download it anew",
+                f"{self.name}` to download it again",
                 path=self.path,
             )
         return self.path

@@ -59,7 +59,7 @@ class BagPlan:
             notes.append(
                 f"color comes from frame {contents.color.frame_id!r}, depth from "
                 f"{contents.geometry.frame_id!r}: if the driver has not registered them, objects "
-                "are cut out beside where they are"
+                "are cut out next to where they are"
             )
         if self._has_uncorrected_lens:
             notes.append("the lens distortion that the camera info tells is not corrected")

@@ -67,7 +67,8 @@ class FoxglovePort:
         host: address to listen on; 127.0.0.1 is for programs on this machine alone.
         port: port to listen on; 0 for any that is free.
         allow_edits: whether clients may publish, and call services that change the map or files.
-        origins: of websites that are let in, beside Foxglove's own and those of this machine.
+        origins: of websites that are let in, in addition to Foxglove's own and those of this
+            machine.
 
     Raises:
         HypermapError: If it cannot listen there.

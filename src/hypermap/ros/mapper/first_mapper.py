@@ -19,7 +19,7 @@ _LEFT_OUT = {
 
 
 class FirstMapper(SemanticMapper):
-    """The node `mapping`: old names of parameters, beside those of today.
+    """The node `mapping`: old names of parameters, next to those of today.
 
     `detector` is `darknet`, its default, or a network in a file (.onnx).
     """

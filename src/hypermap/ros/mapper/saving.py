@@ -18,7 +18,7 @@ from hypermap.ros.throttle import Throttle
 class Saving:
     """Saves a live map, so that a node that is killed has lost little.
 
-    What lay in a file before the node saved there for the first time stays beside it, as NAME.bak.
+    What lay in a file before the node saved there for the first time stays next to it, as NAME.bak.
     """
 
     def __init__(
@@ -48,8 +48,8 @@ class Saving:
     def store(self, filename: str) -> None:
         """Save the map in a file that a client names; without a name, where it is saved anyway.
 
-        It lies in `map_directory`; without one, it is a new file beside `save_to`, or in the folder
-        in which the node was started.
+        It lies in `map_directory`; without one, it is a new file next to `save_to`, or in the
+        folder in which the node was started.
 
         Raises:
             HypermapError: If the name leads elsewhere or to another's file, or it cannot be saved.

@@ -49,7 +49,7 @@ class LiveSettings:
     )
     cloud_topic: str = _setting("", "Organised clouds, in place of depth images.")
     camera_info_topic: str = _setting(
-        "", "Intrinsics; by default camera_info beside the depth images, or as a cloud shows."
+        "", "Intrinsics; by default camera_info next to the depth images, or as a cloud shows."
     )
     color_topic: str = _setting("", "Color images; compressed if the name ends in /compressed.")
     detections_topic: str = _setting("", "Detections by another node.")

@@ -144,7 +144,7 @@ class RvizWindow:
 class LayerDisplays:
     """Keeps the displays of a window like the layers and masks of a map server.
 
-    The view is fitted to the first grid, and anew when the server says that another map has come
+    The view is fitted to the first grid, and again when the server says that another map has come
     and its first grid lies elsewhere; not where a grid grows while it is being made.
 
     Args:

@@ -19,7 +19,7 @@ class CostmapMasks:
     """Publishes `keepout_mask` and `speed_mask` (`nav_msgs/OccupancyGrid`, latched).
 
     Where there is `nav2_msgs`, `keepout_filter_info` and `speed_filter_info`
-    (`nav2_msgs/CostmapFilterInfo`, latched) say how nav2 is to read them. A mask is drawn anew
+    (`nav2_msgs/CostmapFilterInfo`, latched) say how nav2 is to read them. A mask is drawn again
     when objects or parameters change, and published when that changed a cell.
 
     A mask that cannot be drawn is an error in the log; the last one stays.
@@ -59,7 +59,7 @@ class CostmapMasks:
         self._shown: dict[str, _Shown] = {}
 
     def set(self, values: Mapping[str, Value]) -> None:
-        """Take over parameters, all or those that changed, and draw the masks anew.
+        """Take over parameters, all or those that changed, and draw the masks again.
 
         Raises:
             HypermapError: If one is wrong; nothing is changed then.

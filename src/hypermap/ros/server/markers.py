@@ -47,7 +47,7 @@ class LayerMarkers:
         self._lock = threading.RLock()
 
     def set(self, values: Mapping[str, Value]) -> None:
-        """Take new values of parameters, all or some; what is shown is shown anew."""
+        """Take new values of parameters, all or some; what is shown is shown again."""
         own = {p.name: values[p.name] for p in self.PARAMETERS if p.name in values}
         with self._lock:
             self._style = MarkerStyle(**{**vars(self._style), **own})

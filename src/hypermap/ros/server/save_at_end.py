@@ -1,6 +1,6 @@
 """Saving the map when the node ends, so that what was recorded is not lost.
 
-A file that holds another map is never written over: the map is stored beside it then.
+A file that holds another map is never written over: the map is stored next to it then.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ def save_at_end(hypermap: Hypermap, path: Path, own: Collection[Path], port: Por
 
     Args:
         hypermap: the map.
-        path: where the operator wants it; a free name beside it if another map lies there.
+        path: where the operator wants it; a free name next to it if another map lies there.
         own: files that hold the map, as it was loaded or stored: they may be written over.
         port: says what was done.
     """
@@ -80,7 +80,7 @@ def save_at_end(hypermap: Hypermap, path: Path, own: Collection[Path], port: Por
 
 
 def place_at_end(path: Path, own: Collection[Path]) -> Path:
-    """Return where a map is stored: the path, or a free name beside it if another map lies there.
+    """Return where a map is stored: the path, or a free name next to it if another map lies there.
 
     Args:
         path: where the operator wants it.

@@ -80,7 +80,7 @@ class TerminalConsole:
 
     def _republish(self) -> str:
         self._current.show_again()
-        return f"published {len(self._current.hypermap.layers)} layers anew"
+        return f"published {len(self._current.hypermap.layers)} layers again"
 
 
 def has_terminal() -> bool:

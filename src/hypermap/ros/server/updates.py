@@ -117,7 +117,7 @@ class LayerUpdates:
         if changed is not None:
             return
         self._said.clear()
-        # Subscribing anew brings what was latched, which the layers of a new map have not heard.
+        # Subscribing again brings what was latched, which the layers of a new map have not heard.
         self._whole.close()
         self._whole.keep(
             {

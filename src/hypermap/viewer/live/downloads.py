@@ -32,7 +32,7 @@ def rows_as_geojson(hypermap: Hypermap, rows: Sequence[Mapping[str, Any]]) -> st
     """Return the objects of an answer's rows as GeoJSON in the base frame.
 
     Each has its layer as the attribute `layer`. Where objects of two layers have the same id, all
-    are numbered anew, in the order of the rows.
+    are numbered again, in the order of the rows.
     """
     ids = [row["id"] for row in rows]
     objects = []

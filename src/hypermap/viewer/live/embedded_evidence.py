@@ -1,4 +1,4 @@
-"""The evidence behind the objects of a layer, for a page that has no server."""
+"""The evidence for the objects of a layer, for a page that has no server."""
 
 from __future__ import annotations
 
@@ -41,4 +41,4 @@ def embed_evidence(
     if len(taken) == len(ids):
         return told, ""
     missing = counted(len(ids) - len(taken), "object")
-    return told, f"layer {layer.name!r}: the evidence behind {missing} is not in this file"
+    return told, f"layer {layer.name!r}: the evidence for {missing} is not in this file"

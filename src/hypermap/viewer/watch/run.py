@@ -88,7 +88,7 @@ class WatchedRun:
         self._objects_now: ObjectStates = {}
         self._since_kept = 0
         self._last: tuple[MappedFrame, Mapper] | None = None
-        # Pictures are made beside the mapper, one frame behind it.
+        # Pictures are made next to the mapper, one frame behind it.
         self._worker = ThreadPoolExecutor(1, thread_name_prefix="run")
         self._work: Future[None] | None = None
 
@@ -127,7 +127,7 @@ class WatchedRun:
         self._end("failed", message)
 
     def close(self) -> None:
-        """Let the work that goes on beside the mapper end."""
+        """Let the work that goes on next to the mapper end."""
         self._worker.shutdown()
 
     # Called for windows

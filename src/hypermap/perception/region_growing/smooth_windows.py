@@ -10,7 +10,7 @@ import numpy as np
 from numba import uint64
 
 from hypermap._loops import loop
-from hypermap.perception.padded import FAR, MARGIN
+from hypermap.perception.region_growing.padded import FAR, MARGIN
 
 # A window shows a smooth surface if its points lie from their plane by at most this part of the
 # radius of the k nearest, in the root mean square: then these are about the window's points.

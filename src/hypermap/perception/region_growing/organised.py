@@ -11,10 +11,10 @@ from hypermap._loops import loop
 from hypermap.core.arrays import BoolArray, IntArray
 from hypermap.perception.config import PerceptionConfig
 from hypermap.perception.frame import RgbdFrame
-from hypermap.perception.normals import fit_planes
-from hypermap.perception.padded import MARGIN, planes_of
 from hypermap.perception.projection import rows_of
-from hypermap.perception.regions import NOTHING, join
+from hypermap.perception.region_growing.normals import fit_planes
+from hypermap.perception.region_growing.padded import MARGIN, planes_of
+from hypermap.perception.region_growing.regions import NOTHING, join
 
 # In an image neighborhood is mutual, in PCL it is not: that loses about as many neighbors as a
 # third more brings in.

@@ -6,8 +6,8 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from hypermap.perception.padded import FAR, MARGIN
-from hypermap.perception.regions import NOTHING, SEARCH, join
+from hypermap.perception.region_growing.padded import FAR, MARGIN
+from hypermap.perception.region_growing.regions import NOTHING, SEARCH, join
 
 HEIGHT, WIDTH = 21, 37
 COSINE = np.float32(0.9)

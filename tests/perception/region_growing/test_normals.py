@@ -7,17 +7,17 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from hypermap.perception.frame import Camera, RgbdFrame
-from hypermap.perception.normals import (
+from hypermap.perception.projection import rows_of
+from hypermap.perception.region_growing.normals import (
     TOO_FEW,
     TOO_MANY,
     UNREACHED2,
     fit_planes,
     planes_through,
 )
-from hypermap.perception.padded import MARGIN, planes_of
-from hypermap.perception.projection import rows_of
-from hypermap.perception.smooth import fit_smooth
-from hypermap.perception.unorganised import normals_of
+from hypermap.perception.region_growing.padded import MARGIN, planes_of
+from hypermap.perception.region_growing.smooth_windows import fit_smooth
+from hypermap.perception.region_growing.unorganised import normals_of
 
 CAMERA = Camera.from_intrinsics(60, 60, 19.5, 14.5, 40, 30)
 FOCAL = 60.0, 60.0

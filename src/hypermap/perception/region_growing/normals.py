@@ -1,7 +1,7 @@
 """Planes through about the k points nearest to each pixel of an image.
 
-Where the surface is smooth they come from `smooth`; elsewhere the nearest points are looked for, in
-windows around the pixel.
+Where the surface is smooth they come from `smooth_windows`; elsewhere the nearest points are looked
+for, in windows around the pixel.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from hypermap._loops import loop
 from hypermap.core.arrays import BoolArray, IntArray
-from hypermap.perception.smooth import fit_smooth
+from hypermap.perception.region_growing.smooth_windows import fit_smooth
 
 UNREACHED2 = np.float32(1e10)  # less than the squared distance to `FAR`, more than any real one
 

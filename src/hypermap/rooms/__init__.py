@@ -1,0 +1,47 @@
+"""Rooms, the doors between them, and what kind of room each is, out of an occupancy layer."""
+
+from typing import TYPE_CHECKING, Any
+
+from hypermap._lazy import attribute
+
+if TYPE_CHECKING:
+    from hypermap.rooms.find import find_rooms
+    from hypermap.rooms.graph import Graph, graph
+    from hypermap.rooms.kinds import Kinds, guess_kinds, load_kinds
+    from hypermap.rooms.on_map import rooms_of_map, with_rooms
+    from hypermap.rooms.rooms import Door, Room, Rooms
+    from hypermap.rooms.settings import RoomSettings
+
+_HOMES = {
+    "Door": "hypermap.rooms.rooms",
+    "Graph": "hypermap.rooms.graph",
+    "Kinds": "hypermap.rooms.kinds",
+    "Room": "hypermap.rooms.rooms",
+    "RoomSettings": "hypermap.rooms.settings",
+    "Rooms": "hypermap.rooms.rooms",
+    "find_rooms": "hypermap.rooms.find",
+    "graph": "hypermap.rooms.graph",
+    "guess_kinds": "hypermap.rooms.kinds",
+    "load_kinds": "hypermap.rooms.kinds",
+    "rooms_of_map": "hypermap.rooms.on_map",
+    "with_rooms": "hypermap.rooms.on_map",
+}
+
+__all__ = [
+    "Door",
+    "Graph",
+    "Kinds",
+    "Room",
+    "RoomSettings",
+    "Rooms",
+    "find_rooms",
+    "graph",
+    "guess_kinds",
+    "load_kinds",
+    "rooms_of_map",
+    "with_rooms",
+]
+
+
+def __getattr__(name: str) -> Any:
+    return attribute(__name__, name, _HOMES)

@@ -1,0 +1,69 @@
+"""Doors: where one room becomes the next."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+from shapely.geometry import LineString
+
+from hypermap.core.arrays import BoolArray, FloatArray
+from hypermap.core.grid import GridGeometry
+from hypermap.rooms.rooms import Door
+from hypermap.rooms.watershed import clearance
+
+
+def doors_between(
+    labels: NDArray[np.int32], walls: BoolArray, grid: GridGeometry
+) -> tuple[Door, ...]:
+    """Return the passages between rooms, each with ids that are labels less one.
+
+    Args:
+        labels: shape (height, width), from 1; 0 where there is no room.
+        walls: of the same shape.
+        grid: where the cells lie.
+
+    Returns:
+        In the order of the ids. A passage is as wide as the widest disc that passes between the
+        walls at it, and not wider than it is long.
+    """
+    rows, cols, pairs, places = [], [], [], []
+    for dr, dc in ((0, 1), (1, 0)):
+        one, other = labels[: -dr or None, : -dc or None], labels[dr:, dc:]
+        meet = (one != other) & (one > 0) & (other > 0)
+        r, c = np.nonzero(meet)
+        rows.append(r)
+        cols.append(c)
+        pairs.append(np.sort(np.stack([one[meet], other[meet]], axis=1), axis=1))
+        # Both ends of the edge between the two cells, (x, y).
+        begin = np.stack([c + dc, r + dr], axis=1)
+        places.append(np.stack([begin, begin + [dr, dc]], axis=1))
+    row, col = np.concatenate(rows), np.concatenate(cols)
+    if not len(row):
+        return ()
+    far = clearance(np.pad(walls, 1, constant_values=True))[1:-1, 1:-1]
+    border = np.zeros(labels.shape, dtype=bool)
+    border[row, col] = True
+    groups, _ = ndimage.label(border, np.ones((3, 3)))
+    key = np.column_stack([np.concatenate(pairs), groups[row, col]])
+    found, which = np.unique(key, axis=0, return_inverse=True)
+    ends = np.concatenate(places).astype(np.float64)
+    doors = []
+    for number, (low, high, _) in enumerate(found.tolist()):
+        here = which.ravel() == number
+        line = _straight(ends[here].reshape(-1, 2))
+        length = float(np.hypot(*(line[1] - line[0])))
+        width = min(length, 2 * float(far[row[here], col[here]].max())) * grid.resolution
+        metres = np.round(grid.origin.apply(line * grid.resolution), 6)
+        doors.append(Door((low - 1, high - 1), LineString(metres), round(width, 6)))
+    return tuple(doors)
+
+
+def _straight(points: FloatArray) -> FloatArray:
+    """Return the ends of the straight line along points, shape (2, 2)."""
+    middle = points.mean(axis=0)
+    _, vectors = np.linalg.eigh(np.cov((points - middle).T) if len(points) > 2 else np.eye(2))
+    along = (points - middle) @ vectors[:, -1]
+    if len(points) <= 2:
+        return points
+    return middle + np.outer([along.min(), along.max()], vectors[:, -1])

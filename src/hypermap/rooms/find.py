@@ -1,0 +1,237 @@
+"""From the cells of a grid to rooms."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from hypermap.core.arrays import BoolArray, FloatArray, IntArray
+from hypermap.core.errors import HypermapError
+from hypermap.core.grid import GridGeometry
+from hypermap.core.occupancy import OCCUPIED, OccupancyLayer
+from hypermap.core.semantic import SemanticLayer, SemanticObject
+from hypermap.rooms.doors import doors_between
+from hypermap.rooms.kept import numbered
+from hypermap.rooms.kinds import Kinds, guess_kinds, load_kinds
+from hypermap.rooms.openings import openings
+from hypermap.rooms.outlines import outlines
+from hypermap.rooms.pieces import Pieces
+from hypermap.rooms.rooms import Room, Rooms
+from hypermap.rooms.settings import RoomSettings
+from hypermap.rooms.watershed import basins, clearance, in_order, spread
+
+_NOISE = 0.15  # [m] by how much a straight wall may seem bent
+_WALL = 0.5  # [m] a shorter wall has no line that a room could end at
+_DOOR = 1.6  # [m] what gets narrower than this may be a door without corners of walls beside it
+_BESIDE = 2.0  # cells from a line to what lies on either side of it
+_STRAIGHT = 1.5  # cells by which outlines are simplified, about
+
+
+def find_rooms(
+    occupancy: OccupancyLayer,
+    settings: RoomSettings | None = None,
+    *,
+    objects: Iterable[SemanticObject] = (),
+    kinds: Kinds | None = None,
+    previous: SemanticLayer | None = None,
+) -> Rooms:
+    """Cut free space into rooms and corridors; the same cells give the same rooms.
+
+    Free are cells from 0 to 49. Everything else is a wall, also the unknown, unless it is small
+    and touches no wall. Space is cut where lines of walls go on across it (`openings`) and where it
+    is narrow (`basins`); what lies between is joined again unless a door or an open side is between
+    (`Pieces`).
+
+    Args:
+        occupancy: the grid.
+        settings: what a room is.
+        objects: what stands in the rooms, in the layer's frame, by which their kinds are guessed.
+        kinds: the table of kinds; None for ours.
+        previous: rooms that were found before, in the same frame: where they overlap, ids and names
+            given by hand are kept.
+
+    Raises:
+        HypermapError: If the layer is empty, or has no free cell.
+    """
+    chosen = RoomSettings() if settings is None else settings
+    if occupancy.grid is None or occupancy.cells is None:
+        raise HypermapError(f"layer {occupancy.name!r} is empty, so there are no rooms to find")
+    free = (occupancy.cells >= 0) & (occupancy.cells < OCCUPIED / 2)
+    if not free.any():
+        raise HypermapError(
+            f"layer {occupancy.name!r} has no free cell: rooms are free space between walls"
+        )
+    grid = occupancy.grid
+    found = _Found.of(free, grid.resolution, chosen)
+    shapes = _outlines(found.labels, grid)
+    rooms = tuple(Room(number, "", shape) for number, shape in enumerate(shapes))
+    doors = doors_between(found.labels, found.walls, grid)
+    whole = Rooms(occupancy.frame_id, rooms, doors, grid, found.labels - 1)
+    table = load_kinds() if kinds is None else kinds
+    return guess_kinds(numbered(whole, previous), objects, table)
+
+
+@dataclass(frozen=True, eq=False)
+class _Found:
+    """Rooms as labels of cells.
+
+    Attributes:
+        labels: int32, shape (height, width), from 1; 0 where there is no room.
+        walls: what is not free, without small obstacles, of the same shape.
+    """
+
+    labels: NDArray[np.int32]
+    walls: BoolArray
+
+    @classmethod
+    def of(cls, free: BoolArray, side: float, settings: RoomSettings) -> _Found:
+        """Cut free cells into rooms.
+
+        Args:
+            free: shape (height, width).
+            side: of a cell [m].
+            settings: what a room is.
+        """
+        labels = np.zeros(free.shape, dtype=np.int32)
+        walls = np.ones(free.shape, dtype=bool)
+        rows, cols = np.flatnonzero(free.any(axis=1)), np.flatnonzero(free.any(axis=0))
+        window = (slice(rows[0], rows[-1] + 1), slice(cols[0], cols[-1] + 1))
+        inner = np.pad(_without_obstacles(~free[window], settings.largest_obstacle / side), 1,
+                       constant_values=True)
+        cut = _cut(inner, side, settings)
+        labels[window] = cut[1:-1, 1:-1]
+        walls[window] = inner[1:-1, 1:-1]
+        return cls(labels, walls)
+
+
+def _without_obstacles(blocked: BoolArray, largest: float) -> BoolArray:
+    """Return blocked cells without the groups that are smaller, in cells, and touch no border."""
+    groups, _ = ndimage.label(blocked, np.ones((3, 3)))
+    boxes = ndimage.find_objects(groups)
+    small = np.zeros(len(boxes) + 1, dtype=bool)
+    height, width = blocked.shape
+    for number, (rows, cols) in enumerate(boxes, start=1):
+        inside = rows.start > 0 and cols.start > 0 and rows.stop < height and cols.stop < width
+        small[number] = inside and max(rows.stop - rows.start, cols.stop - cols.start) < largest
+    return blocked & ~small[groups]
+
+
+def _cut(walls: BoolArray, side: float, settings: RoomSettings) -> NDArray[np.int32]:
+    """Return rooms as labels from 1, by their first cell; 0 where there is none."""
+    lines = _lines(walls, side, settings)
+    closed = walls.copy()
+    for begin, end in lines:
+        _draw(closed, begin, end)
+    far = clearance(closed)
+    parts = basins(far, _DOOR / side)
+    count = int(parts.max())
+    area = np.bincount(parts.ravel(), minlength=count + 1) * side**2
+    perimeter = np.zeros(count + 1)
+    shapes, owners = outlines(parts)
+    np.add.at(perimeter, owners, shapely.length(shapely.simplify(shapes, _STRAIGHT)) * side)
+    clear = np.zeros(count + 1)
+    np.maximum.at(clear, parts.ravel(), far.ravel())
+    passages = [*_passages_of(lines, parts, side), *_passages_between(parts, far, side)]
+    pieces = Pieces(area, perimeter, (clear - 0.5) * side, passages, settings)
+    rooms = np.array(pieces.room_of(), dtype=np.int32)[spread(parts, walls)]
+    large = np.bincount(rooms.ravel()) * side**2 >= settings.least_area
+    large[0] = False
+    return in_order(np.where(large[rooms], rooms, -1).astype(np.int32))
+
+
+def _lines(walls: BoolArray, side: float, settings: RoomSettings) -> NDArray[np.float64]:
+    """Return the lines at which rooms may end, in units of cells, shape (N, 2, 2)."""
+    areas, _ = outlines((~walls).astype(np.int32))
+    found = [
+        openings(area, _NOISE / side, settings.widest_opening / side, _WALL / side)
+        for area in areas
+        if area.area * side**2 >= settings.least_area
+    ]
+    return np.concatenate([np.empty((0, 2, 2)), *found])
+
+
+def _draw(cells: BoolArray, begin: FloatArray, end: FloatArray) -> None:
+    """Set cells along a line, so that none of its sides touches the other but at corners."""
+    steps = int(np.ceil(4 * np.abs(end - begin).max())) + 1
+    places = begin + np.linspace(0, 1, steps)[:, np.newaxis] * (end - begin)
+    cols, rows = np.floor(places).astype(np.int64).T
+    cols = np.clip(cols, 0, cells.shape[1] - 1)
+    rows = np.clip(rows, 0, cells.shape[0] - 1)
+    cells[rows, cols] = True
+    cells[rows[1:], cols[:-1]] = True  # where it goes from a cell to one across a corner
+
+
+def _passages_of(
+    lines: FloatArray, parts: NDArray[np.int32], side: float
+) -> list[tuple[int, int, float]]:
+    """Return which parts lie on both sides of each line, and its length [m]."""
+    passages = []
+    for begin, end in lines:
+        length = float(np.hypot(*(end - begin)))
+        across = np.array([begin[1] - end[1], end[0] - begin[0]]) / length
+        places = begin + np.linspace(0.15, 0.85, 9)[:, np.newaxis] * (end - begin)
+        one = _most(parts, places + _BESIDE * across)
+        other = _most(parts, places - _BESIDE * across)
+        if one and other and one != other:
+            passages.append((one, other, length * side))
+    return passages
+
+
+def _most(parts: NDArray[np.int32], places: FloatArray) -> int:
+    """Return the part in which most places lie; 0 for none."""
+    cols, rows = np.floor(places).astype(np.int64).T
+    cols = np.clip(cols, 0, parts.shape[1] - 1)
+    rows = np.clip(rows, 0, parts.shape[0] - 1)
+    there = parts[rows, cols]
+    there = there[there > 0]
+    return int(np.bincount(there).argmax()) if len(there) else 0
+
+
+def _passages_between(
+    parts: NDArray[np.int32], far: NDArray[np.float32], side: float
+) -> list[tuple[int, int, float]]:
+    """Return parts that touch each other, and how wide the way between them is [m]."""
+    pairs: list[IntArray] = []
+    widths = []
+    for here, there in (
+        ((slice(None), slice(1, None)), (slice(None), slice(None, -1))),
+        ((slice(1, None), slice(None)), (slice(None, -1), slice(None))),
+    ):
+        one, other = parts[here], parts[there]
+        meet = (one != other) & (one > 0) & (other > 0)
+        both = np.stack([one[meet], other[meet]], axis=1)
+        pairs.append(np.sort(both, axis=1).astype(np.int64))
+        widths.append(np.minimum(far[here][meet], far[there][meet]))
+    if not sum(map(len, pairs)):
+        return []
+    found, inverse = np.unique(np.concatenate(pairs), axis=0, return_inverse=True)
+    widest = np.zeros(len(found))
+    np.maximum.at(widest, inverse.ravel(), np.concatenate(widths))
+    return [
+        (one, other, 2 * width * side)
+        for (one, other), width in zip(found.tolist(), widest.tolist(), strict=True)
+    ]
+
+
+def _outlines(labels: NDArray[np.int32], grid: GridGeometry) -> list[shapely.Geometry]:
+    """Return the outline of each room in the layer's frame; neighbors share their edges."""
+    faces, owners = outlines(labels)
+    if not len(faces):
+        return []
+    simple = shapely.coverage_simplify(faces, _STRAIGHT)
+    pose = grid.origin
+
+    def placed(points: FloatArray) -> FloatArray:
+        return np.round(pose.apply(points * grid.resolution), 6)
+
+    simple = shapely.transform(simple, placed)
+    shapes = []
+    for label in range(1, int(labels.max()) + 1):
+        own = simple[owners == label]
+        shapes.append(own[0] if len(own) == 1 else shapely.MultiPolygon(list(own)))
+    return shapes

@@ -1,0 +1,70 @@
+"""Rooms of a whole map: out of its grid, with what its other layers say of them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from hypermap.core.errors import HypermapError
+from hypermap.core.hypermap import Hypermap
+from hypermap.core.semantic import SemanticLayer, SemanticObject
+from hypermap.rooms.find import find_rooms
+from hypermap.rooms.kinds import Kinds
+from hypermap.rooms.rooms import LAYER, Rooms
+from hypermap.rooms.settings import RoomSettings
+
+
+def rooms_of_map(
+    hypermap: Hypermap,
+    settings: RoomSettings | None = None,
+    *,
+    occupancy: str | None = None,
+    kinds: Kinds | None = None,
+) -> Rooms:
+    """Find the rooms of a map, in the frame of its occupancy layer.
+
+    What the semantic layers hold tells their kinds; rooms that are in its layer `rooms` keep their
+    ids and the names that were given by hand.
+
+    Args:
+        hypermap: the map, which stays as it is.
+        settings: what a room is.
+        occupancy: name of the layer; None for the only one.
+        kinds: the table of kinds; None for ours.
+
+    Raises:
+        HypermapError: If there is not one such layer, it has no free cell, or the layer `rooms` is
+            another thing.
+        FrameError: If a layer's frame is not connected to that of the occupancy.
+    """
+    grid = hypermap.occupancy(occupancy)
+    objects: list[SemanticObject] = []
+    for layer in hypermap:
+        if isinstance(layer, SemanticLayer) and layer.name != LAYER:
+            pose = hypermap.frames.lookup(grid.frame_id, layer.frame_id)
+            objects += [
+                replace(item, footprint=pose.apply_geometry(item.footprint)) for item in layer
+            ]
+    previous = _previous(hypermap)
+    return find_rooms(grid, settings, objects=objects, kinds=kinds, previous=previous)
+
+
+def with_rooms(hypermap: Hypermap, rooms: Rooms) -> Hypermap:
+    """Return a map with these rooms as its layer `rooms`, in the place of an older one."""
+    previous = _previous(hypermap)
+    layer = rooms.layer()
+    if previous is None:
+        return Hypermap([*hypermap, layer], hypermap.frames, hypermap.metadata)
+    layer.settings.update(previous.settings)
+    layers = [layer if each is previous else each for each in hypermap]
+    return Hypermap(layers, hypermap.frames, hypermap.metadata)
+
+
+def _previous(hypermap: Hypermap) -> SemanticLayer | None:
+    if LAYER not in hypermap:
+        return None
+    layer = hypermap[LAYER]
+    if not isinstance(layer, SemanticLayer):
+        raise HypermapError(
+            f"layer {LAYER!r} is a {layer.class_name}, so there is no place for rooms; rename it"
+        )
+    return layer

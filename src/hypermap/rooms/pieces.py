@@ -1,0 +1,170 @@
+"""Pieces of free space, and which of them are one room.
+
+The pieces lie between all lines at which a room may end; here they are joined again where the line
+is no door and neither side is a room that stands open.
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Callable, Iterable
+
+from hypermap.core.arrays import FloatArray
+from hypermap.rooms.settings import RoomSettings
+
+# Shares, of what the names say.
+_OPEN = 0.27  # of its outline at most is open where a room stands open; a square without one wall: 0.25
+_COUNTS = 0.6  # of a piece's width is a passage at least that makes it open
+_LARGE = 4.0  # [m^2] what is smaller is part of what it opens to, as a niche
+_LONG = 2.5  # times its width is a corridor's length at least
+_DOOR = 0.8  # of the narrower side's width is a door at most
+_BOTTLENECK = 0.65  # of the narrower corridor's width is a passage between corridors at most
+_ALIKE = 0.85  # of each other's width is where a corridor goes on
+_HALL = 2.5  # times a corridor's width is a hall's, of which the corridor is no part
+
+
+class Pieces:
+    """Pieces of free space that are joined to rooms.
+
+    Attributes:
+        area: of each piece [m^2], by its number; 0 is none.
+        perimeter: length of its outline [m].
+        clear: largest distance in it to a wall or to a line where it may end [m].
+    """
+
+    def __init__(
+        self,
+        area: FloatArray,
+        perimeter: FloatArray,
+        clear: FloatArray,
+        passages: Iterable[tuple[int, int, float]],
+        settings: RoomSettings,
+    ) -> None:
+        self.area, self.perimeter, self.clear = area.tolist(), perimeter.tolist(), clear.tolist()
+        self._settings = settings
+        self._parent = list(range(len(self.area)))
+        # Lines side by side, as at both ends of a deep door, lead to the same place: the widest.
+        self._widths: list[dict[int, float]] = [{} for _ in self.area]
+        for one, other, width in passages:
+            widest = max(width, self._widths[one].get(other, 0.0))
+            self._widths[one][other] = self._widths[other][one] = widest
+
+    def room_of(self) -> list[int]:
+        """Join the pieces, and return the number of one piece of its room for each."""
+        large_enough = self._settings.least_area
+        self._join(lambda a, b, w: self._smaller(a, b, w, large_enough, any_width=True))
+        self._join(self._are_corridors)
+        self._join(self._goes_on)
+        self._join(self._are_one_large_room)
+        self._join(lambda a, b, w: self._smaller(a, b, w, _LARGE, any_width=False))
+        self._join(self._opens_to_one_room)
+        return [self._find(i) for i in range(len(self._parent))]
+
+    # Whether two pieces with a passage of some width [m] between them are one
+
+    def _smaller(self, a: int, b: int, width: float, area: float, *, any_width: bool) -> bool:
+        if any_width:
+            small = a if self.area[a] < self.area[b] else b
+            return self.area[small] < area and width == max(self._widths[small].values())
+        return min(self.area[a], self.area[b]) < area and not self._is_door(a, b, width)
+
+    def _goes_on(self, a: int, b: int, width: float) -> bool:
+        """Return whether a corridor goes on in the other piece, as wide as before."""
+        widths = [2 * self.clear[piece] for piece in (a, b)]
+        alike = all(_ALIKE * own <= width <= own / _ALIKE for own in widths)
+        return alike and max(map(self._length, (a, b))) >= _LONG
+
+    def _are_corridors(self, a: int, b: int, width: float) -> bool:
+        if self._is_room(a) or self._is_room(b) or self._is_hall(a, b, width):
+            return False
+        return width > _BOTTLENECK * 2 * min(self.clear[a], self.clear[b])
+
+    def _are_one_large_room(self, a: int, b: int, width: float) -> bool:
+        if not (self._is_room(a) and self._is_room(b)):
+            return False
+        return width > self._settings.widest_door or not self._is_door(a, b, width)
+
+    def _opens_to_one_room(self, a: int, b: int, width: float) -> bool:
+        small = a if self.area[a] <= self.area[b] else b
+        return (
+            not self._is_room(small)
+            and self._openness(small) > _OPEN
+            and width == max(self._widths[small].values())
+            and not self._is_door(a, b, width)
+        )
+
+    def _is_door(self, a: int, b: int, width: float) -> bool:
+        return width <= _DOOR * 2 * min(self.clear[a], self.clear[b])
+
+    def _is_hall(self, a: int, b: int, width: float) -> bool:
+        """Return whether one is a corridor that leads into the other, a hall."""
+        thin, wide = (a, b) if self.clear[a] <= self.clear[b] else (b, a)
+        return (
+            width <= self._settings.widest_door
+            and self.clear[wide] > _HALL * self.clear[thin]
+            and self._length(thin) >= 2
+            and self.area[thin] >= _LARGE
+        )
+
+    # What a piece is
+
+    def _is_room(self, piece: int) -> bool:
+        """Return whether a piece is a room by its shape, though it may stand open."""
+        return (
+            self.area[piece] >= _LARGE
+            and self._length(piece) < _LONG
+            and self._openness(piece) <= _OPEN
+        )
+
+    def _length(self, piece: int) -> float:
+        """Return how many times its width a piece is long, as if it were straight."""
+        return float(self.area[piece] / (2 * self.clear[piece]) ** 2)
+
+    def _openness(self, piece: int) -> float:
+        """Return the share of a piece's outline where it is open to others."""
+        least = _COUNTS * 2 * self.clear[piece]
+        open_ = sum(width for width in self._widths[piece].values() if width > least)
+        return float(open_ / max(self.perimeter[piece], 1e-6))
+
+    # Joining
+
+    def _join(self, are_one: Callable[[int, int, float], bool]) -> None:
+        """Join pieces, those with the widest passage first, until no two are one."""
+        waiting: list[tuple[float, int, int]] = []
+
+        def look_at(piece: int) -> None:
+            for other, width in self._widths[piece].items():
+                a, b = min(piece, other), max(piece, other)
+                if are_one(a, b, width):
+                    heapq.heappush(waiting, (-width, a, b))
+
+        for piece in range(len(self._widths)):
+            look_at(piece)
+        while waiting:
+            negative, a, b = heapq.heappop(waiting)
+            if self._widths[a].get(b) == -negative and are_one(a, b, -negative):
+                kept = self._merge(a, b)
+                look_at(kept)
+                for other in list(self._widths[kept]):
+                    look_at(other)
+
+    def _merge(self, a: int, b: int) -> int:
+        if self.area[b] > self.area[a]:
+            a, b = b, a
+        between = self._widths[a].pop(b)
+        del self._widths[b][a]
+        for other, width in self._widths[b].items():
+            widest = max(width, self._widths[a].get(other, 0.0))
+            del self._widths[other][b]
+            self._widths[other][a] = self._widths[a][other] = widest
+        self._widths[b] = {}
+        self._parent[b] = a
+        self.area[a] += self.area[b]
+        self.perimeter[a] += self.perimeter[b] - 2 * between
+        self.clear[a] = max(self.clear[a], self.clear[b])
+        return a
+
+    def _find(self, piece: int) -> int:
+        while self._parent[piece] != piece:
+            piece = self._parent[piece]
+        return piece

@@ -1,0 +1,216 @@
+"""Rooms and doors, and the semantic layer that keeps them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from shapely.geometry import LineString
+from shapely.geometry.base import BaseGeometry
+
+from hypermap.core.arrays import FloatArray
+from hypermap.core.errors import HypermapError, did_you_mean
+from hypermap.core.grid import GridGeometry
+from hypermap.core.semantic import SemanticLayer, SemanticObject
+
+LAYER = "rooms"
+_GIVEN = "automatic_name"  # which a room had from us; another name was given by hand
+_DOORS = "doors"
+
+
+@dataclass(frozen=True, eq=False)
+class Room:
+    """A room.
+
+    Attributes:
+        id: stays the same when rooms are found anew.
+        name: as people call it; no two rooms found at once have the same.
+        outline: Polygon or MultiPolygon in the frame of the rooms [m].
+        kind: as "kitchen"; empty where nothing tells it.
+        sure: how sure its kind is, 0..1.
+        is_named: whether the name was given by hand.
+        attributes: whatever else is kept with it.
+    """
+
+    id: int
+    name: str
+    outline: BaseGeometry
+    kind: str = ""
+    sure: float = 0.0
+    is_named: bool = False
+    attributes: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def area(self) -> float:
+        """How large it is [m^2]."""
+        return float(self.outline.area)
+
+
+@dataclass(frozen=True, eq=False)
+class Door:
+    """A passage between two rooms.
+
+    Attributes:
+        rooms: ids of both, the lower one first.
+        line: where one room becomes the other: a straight LineString [m].
+        width: of the widest disc that fits between the walls there [m].
+    """
+
+    rooms: tuple[int, int]
+    line: LineString
+    width: float
+
+    @property
+    def place_xy(self) -> FloatArray:
+        """Its middle, shape (2,) [m]."""
+        middle = self.line.interpolate(0.5, normalized=True)
+        return np.array([middle.x, middle.y])
+
+    def lets_pass(self, robot_radius: float) -> bool:
+        """Return whether a robot of a radius [m] fits through."""
+        return self.width >= 2 * robot_radius
+
+
+@dataclass(frozen=True, eq=False)
+class Rooms:
+    """All rooms of a map and the doors between them.
+
+    Attributes:
+        frame_id: of all coordinates.
+        rooms: in the order of their ids.
+        doors: in the order of the ids of their rooms.
+        grid: where the cells lie; None for rooms that were read from a layer.
+        cells: place in `rooms` of the room that each cell is in, or -1: int32, shape
+            (height, width); None for rooms that were read from a layer.
+    """
+
+    frame_id: str
+    rooms: tuple[Room, ...]
+    doors: tuple[Door, ...]
+    grid: GridGeometry | None = None
+    cells: NDArray[np.int32] | None = None
+
+    def __len__(self) -> int:
+        return len(self.rooms)
+
+    def __iter__(self) -> Iterator[Room]:
+        return iter(self.rooms)
+
+    def __getitem__(self, what: int | str) -> Room:
+        """Return the room with an id or a name.
+
+        Raises:
+            HypermapError: If there is none, or there are several of that name.
+        """
+        found = [room for room in self.rooms if what in (room.id, room.name)]
+        if len(found) == 1:
+            return found[0]
+        if found:
+            ids = " or ".join(str(room.id) for room in found)
+            raise HypermapError(f"{len(found)} rooms are called {what!r}; ask by id: {ids}")
+        if isinstance(what, str):
+            hint = did_you_mean(what, [room.name for room in self.rooms])
+            raise HypermapError(f"there is no room {what!r}; {hint}")
+        raise HypermapError(f"there is no room with the id {what}")
+
+    def layer(self, name: str = LAYER) -> SemanticLayer:
+        """Return the rooms as a semantic layer, whose objects have the rooms' ids and names.
+
+        A room's kind is its tag, with how sure it is as confidence. Doors are kept with the room of
+        the lower id, as an attribute.
+        """
+        return SemanticLayer(name, self.frame_id, [self._as_object(room) for room in self.rooms])
+
+    def _as_object(self, room: Room) -> SemanticObject:
+        attributes = dict(room.attributes)
+        if not room.is_named:
+            attributes[_GIVEN] = room.name
+        doors = [
+            {
+                "to": door.rooms[1],
+                "line": [list(map(float, point)) for point in door.line.coords],
+                "width": float(door.width),
+            }
+            for door in self.doors
+            if door.rooms[0] == room.id
+        ]
+        if doors:
+            attributes[_DOORS] = doors
+        return SemanticObject(
+            room.name,
+            room.outline,
+            room.id,
+            (room.kind,) if room.kind else (),
+            (room.sure,) if room.kind else (),
+            attributes=attributes,
+        )
+
+    @classmethod
+    def of_layer(cls, layer: SemanticLayer) -> Rooms:
+        """Return the rooms that a layer keeps; every object is a room.
+
+        Doors to rooms that are gone are left out.
+
+        Raises:
+            HypermapError: If the doors of a room are none.
+        """
+        rooms, doors = [], []
+        for item in layer:
+            attributes = dict(item.attributes)
+            given = attributes.pop(_GIVEN, None)
+            kind = item.tags[0] if item.tags else ""
+            sure = item.confidence[0] if item.confidence else 0.0
+            kept = attributes.pop(_DOORS, [])
+            assert item.id is not None
+            is_named = given != item.name
+            rooms.append(Room(item.id, item.name, item.footprint, kind, sure, is_named, attributes))
+            doors += _doors_of(item.id, kept, layer)
+        ids = {room.id for room in rooms}
+        rooms.sort(key=lambda room: room.id)
+        doors = [door for door in doors if ids.issuperset(door.rooms)]
+        return cls(layer.frame_id, tuple(rooms), tuple(sorted(doors, key=_order)))
+
+    def replaced(self, rooms: list[Room]) -> Rooms:
+        """Return the same with other rooms in the places of these; doors go along.
+
+        Their ids may be others, and decide in which order they come.
+        """
+        new_id = {old.id: new.id for old, new in zip(self.rooms, rooms, strict=True)}
+        order = sorted(range(len(rooms)), key=lambda place: rooms[place].id)
+        doors = [
+            replace(door, rooms=tuple(sorted(new_id[number] for number in door.rooms)))
+            for door in self.doors
+        ]
+        cells = self.cells
+        if cells is not None:
+            place = np.full(len(rooms) + 1, -1, dtype=np.int32)  # the last is that of no room
+            place[order] = np.arange(len(rooms), dtype=np.int32)
+            cells = place[cells]
+        return replace(
+            self,
+            rooms=tuple(rooms[place] for place in order),
+            doors=tuple(sorted(doors, key=_order)),
+            cells=cells,
+        )
+
+
+def _order(door: Door) -> tuple[tuple[int, int], tuple[float, ...]]:
+    return door.rooms, tuple(np.ravel(door.line.coords).tolist())
+
+
+def _doors_of(room: int, kept: Any, layer: SemanticLayer) -> list[Door]:
+    """Return the doors that are kept with a room."""
+    doors = []
+    try:
+        for entry in kept:
+            low, high = sorted([room, int(entry["to"])])
+            doors.append(Door((low, high), LineString(entry["line"]), float(entry["width"])))
+    except Exception as error:
+        raise HypermapError(
+            f"layer {layer.name!r}, object {room}: its doors cannot be read; find the rooms anew "
+            f"({type(error).__name__})"
+        ) from error
+    return doors

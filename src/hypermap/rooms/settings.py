@@ -1,0 +1,33 @@
+"""What a room is: the lengths and areas by which free space is cut."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+
+
+@dataclass(frozen=True)
+class RoomSettings:
+    """Lengths [m], areas [m^2] and shares by which free space is cut into rooms.
+
+    Attributes:
+        least_area: what is smaller is no room.
+        widest_door: a wider passage between two rooms that are both large makes them one.
+        widest_opening: a gap in the line of a wall may be as wide as this where a room stands open
+            to a corridor.
+        largest_obstacle: what is smaller and touches no wall, as a chair, does not divide a room.
+
+    Raises:
+        ValueError: If one is not a positive, finite number.
+    """
+
+    least_area: float = 1.0
+    widest_door: float = 2.2
+    widest_opening: float = 4.5
+    largest_obstacle: float = 1.0
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if not (math.isfinite(value) and value > 0):
+                raise ValueError(f"{field.name} must be a positive number, got {value}")
