@@ -29,7 +29,7 @@ test: ros1 chromium lint types tests core-tests package platforms  ## everything
 ros1:  ## install ROS 1 for its tests, where that is possible: on Debian 12, as root
 	scripts/ros1.sh
 
-pictures: .venv/.dev $(PAGE)  ## take the pictures of the page that README shows
+pictures: .venv/.dev $(PAGE)  ## take the pictures of the page, a run and rviz that the documents show
 	$(BIN)/python scripts/pictures.py
 
 chromium:  ## install the browser for the tests of the page, where that is possible

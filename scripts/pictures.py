@@ -1,6 +1,7 @@
-"""Take the pictures of the page and of a run that README shows, as `make pictures` does.
+"""Take the pictures of the page, of a run and of rviz in the documents, as `make pictures` does.
 
-A demo is run with `--view`, and a headless Chromium looks at it as a user would.
+A demo is run with `--view`, and a headless Chromium looks at it as a user would; rviz draws on a
+screen without a monitor.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import os
 import re
 import shutil
 import signal
+import socket
 import subprocess
 import sys
 import tempfile
@@ -21,15 +23,20 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from PIL import Image
+import numpy as np
+from PIL import Image, ImageGrab
 from playwright.sync_api import Page, sync_playwright
 
-NAMES = ("growing", "watching", "page", "evidence")
+from hypermap.colors import class_colors
+from hypermap.simulation import demo_world, ground_truth
+
+NAMES = ("growing", "watching", "page", "evidence", "rviz")
 IMAGES = Path(__file__).resolve().parents[1] / "docs" / "images"
 SIZE: Any = {"width": 1360, "height": 800}
 PATIENCE = 300.0  # s; the first run compiles
 SEEN_AT = 0.55  # of the run
 GROWTH_FRAMES, GROWTH_WIDTH, GROWTH_STEP, GROWTH_END = 36, 960, 150, 2500  # pixels; ms a frame
+RVIZ_SIZE = 1400, 1000  # of the screen, on which the window has room
 CUP, SOFA = (3.75, 2.15), (3.6, 0.5)  # places in the demo's room; the cup stands on a table
 ADDRESS = re.compile(r"http://127\.0\.0\.1:\d+/\S*")
 
@@ -169,6 +176,57 @@ def take_evidence(page: Page, path: Path) -> None:
     save(page, path)
 
 
+def take_rviz(path: Path) -> None:
+    """Serve the demo's room on ROS 1, and look at it in rviz, on a screen without a monitor."""
+    with tempfile.TemporaryDirectory() as folder, contextlib.ExitStack() as stack:
+
+        def start(*command: str, **options: Any) -> subprocess.Popen[bytes]:
+            log = stack.enter_context((Path(folder) / f"{command[0]}.log").open("wb"))
+            process = subprocess.Popen(
+                command, cwd=folder, env=environment, stdout=log, stderr=log, **options
+            )
+            stack.callback(process.wait)
+            stack.callback(process.send_signal, signal.SIGINT)
+            return process
+
+        environment = {**os.environ, "ROS_HOME": folder, "LIBGL_ALWAYS_SOFTWARE": "1"}
+        environment["PATH"] = os.pathsep.join(
+            [str(Path(sys.executable).parent), os.environ["PATH"]]
+        )
+        with socket.create_server(("127.0.0.1", 0)) as free:
+            master = free.getsockname()[1]
+        environment |= {"ROS_MASTER_URI": f"http://127.0.0.1:{master}", "ROS_IP": "127.0.0.1"}
+        reader, writer = os.pipe()
+        screen = f"{RVIZ_SIZE[0]}x{RVIZ_SIZE[1]}x24"
+        start("Xvfb", "-displayfd", str(writer), "-screen", "0", screen, pass_fds=[writer])
+        os.close(writer)
+        with os.fdopen(reader) as number:
+            environment["DISPLAY"] = f":{number.readline().strip()}"
+        start("roscore", "-p", str(master))
+        ground_truth(demo_world()).save(Path(folder) / "room.hmap")
+        start("hypermap", "serve", "room.hmap", "--ros1")
+        start("hypermap", "rviz", "room.hmap")
+        image = drawn(environment["DISPLAY"])
+    image.crop(image.getbbox()).save(path, optimize=True)  # the window, without the black around
+    sys.stdout.write(f"{path.name}: {path.stat().st_size / 1000:.0f} kB\n")
+
+
+def drawn(display: str) -> Image.Image:
+    """Return what a screen shows, once the sofa is on it and nothing moves any more."""
+    outline = 255 * np.array(class_colors(["sofa"])["sofa"])
+    end = time.monotonic() + PATIENCE
+    before = None
+    while time.monotonic() < end:
+        image = ImageGrab.grab(xdisplay=display).convert("RGB")
+        pixels = np.asarray(image)[:-40]  # without the frames per second
+        there = (np.abs(pixels - outline).max(axis=2) < 6).sum() > 100
+        if there and before is not None and (pixels == before).all():
+            return image
+        before = pixels
+        time.sleep(5)
+    raise SystemExit("rviz has not shown the map")
+
+
 def main() -> None:
     """Take all pictures, or those that are named."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -180,6 +238,10 @@ def main() -> None:
         parser.error(f"there is no picture {unknown.pop()!r}, only {', '.join(NAMES)}")
     folder: Path = given.output
     folder.mkdir(parents=True, exist_ok=True)
+    if "rviz" in wanted:
+        take_rviz(folder / "rviz.png")
+    if set(wanted) <= {"rviz"}:
+        return
     chromium = os.environ.get("HYPERMAP_CHROMIUM") or shutil.which("chromium")
     if chromium is None:
         raise SystemExit("Chromium is not installed: scripts/chromium.sh")
