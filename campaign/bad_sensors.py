@@ -28,13 +28,17 @@ from hypermap.recordings import RecordingOptions, open_recording
 from hypermap.simulation import SimulatedRecording, write_tum
 from hypermap.simulation.render import DEFAULT_CAMERA
 from hypermap.simulation.trajectory import Drive
-from hypermap.simulation.world import Floor, Thing, Wall, World
+from hypermap.simulation.world import FloorPlan, Wall, World, WorldObject
 
 FRAMES = 12
 _WORLD = World(
     "bad sensors",
-    Floor((0, 0, 6, 4)),
-    objects=(Thing("table", (3, 2)), Thing("chair", (4.2, 2.7)), Thing("plant", (2.6, 3.3))),
+    FloorPlan((0, 0, 6, 4)),
+    objects=(
+        WorldObject("table", (3, 2)),
+        WorldObject("chair", (4.2, 2.7)),
+        WorldObject("plant", (2.6, 3.3)),
+    ),
     walls=(Wall(rectangle=(0, 0, 6, 4)),),
     drive=Drive(((0.5, 2), (1.6, 2)), speed=0.2),
 )

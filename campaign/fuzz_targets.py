@@ -22,11 +22,6 @@ from typing import Any
 from urllib.parse import urlencode
 
 import numpy as np
-from hypermap.formats.semantic.evidence_file import dump_evidence, parse_evidence
-from hypermap.formats.columns.footprints import footprint_from_wkt
-from hypermap.formats.grid.pgm import dump_trinary
-from hypermap.formats.semantic.parquet_files import dump_parquet
-from hypermap.formats.semantic.yaml_files import dump_objects
 
 from campaign.in_process_port import InProcessPort
 from campaign.mutation import (
@@ -53,8 +48,13 @@ from hypermap.console.places import parse_area, parse_point
 from hypermap.core.evidence import EvidenceTable
 from hypermap.core.hypermap import Hypermap
 from hypermap.formats.any_file import open_any
+from hypermap.formats.columns.footprints import footprint_from_wkt
 from hypermap.formats.config import CONFIG_NAME
+from hypermap.formats.grid.pgm import dump_trinary
 from hypermap.formats.hmap import _write_map  # the files of an archive, without the archive
+from hypermap.formats.semantic.evidence_file import dump_evidence, parse_evidence
+from hypermap.formats.semantic.parquet_files import dump_parquet
+from hypermap.formats.semantic.yaml_files import dump_objects
 from hypermap.perception.detectors.recorded import RecordedDetections
 from hypermap.recordings.open import open_recording
 from hypermap.recordings.options import RecordingOptions

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 import shapely
-from hypermap.formats.semantic.csv_table import to_csv
-from hypermap.viewer.live.object_evidence import describe_evidence
 from numpy.typing import NDArray
 
 from hypermap import HypermapError, LayerNotFound, OccupancyLayer, SemanticLayer, to_geojson
 from hypermap.core.hypermap import Hypermap
+from hypermap.formats.semantic.csv_table import to_csv
+from hypermap.viewer.live.object_evidence import describe_evidence
 
 MOST_CELLS = 1 << 20  # of grids that are asked for all of their cells
 

@@ -50,7 +50,7 @@ def run(budget: Budget) -> Result:
     shutil.rmtree(good)
     figures: dict[str, float | str] = {"faults": found.runs - mixtures, "mixtures": mixtures}
     if not budget.short:
-        drives = []
+        drives: list[tuple[float, ...]] = []
         while len(drives) < _FEWEST or time.monotonic() - began < budget.seconds:
             drives.append(quality_lost(budget.seed + len(drives)))
         lost = np.mean(drives, axis=0)
