@@ -230,7 +230,9 @@ def test_a_change_of_what_another_window_changed_is_refused(edited: Edited, othe
 
     late.page.locator("#object-name").fill("throne")
     late.page.locator("#object-apply").click()
-    expect(late.page.get_by_role("alert").filter(has_text="changed meanwhile")).to_be_visible()
+    expect(
+        late.page.get_by_role("alert").filter(has_text="changed in another window")
+    ).to_be_visible()
     expect(late.page.locator("#object-name")).to_have_value("armchair")
     late.page.locator("#object-name").fill("throne")  # now that it has seen the other's
     late.wait_until_drawn()
@@ -282,7 +284,7 @@ def test_a_file_that_changed_on_disk_is_not_overwritten_unasked(edited: Edited) 
     layer.remove([DESK])
     save_map(changed, edited.path)
     theirs = edited.path.read_bytes()
-    expect(window.page.locator("#banner")).to_contain_text("has changed on the disk")
+    expect(window.page.locator("#banner")).to_contain_text("has changed on disk")
 
     window.page.locator("#edit-save").click()
     dialog = window.page.get_by_role("dialog")
@@ -310,7 +312,7 @@ def test_a_file_that_changed_on_disk_is_overwritten_if_told(edited: Edited) -> N
     changed.semantic().remove([DESK])
     save_map(changed, edited.path)
     theirs = edited.path.read_bytes()
-    expect(window.page.locator("#banner")).to_contain_text("has changed on the disk")
+    expect(window.page.locator("#banner")).to_contain_text("has changed on disk")
     window.page.locator("#edit-save").click()
     window.page.get_by_role("dialog").get_by_role("button", name="Overwrite").click()
     expect(window.page.locator("#edit-save")).to_be_disabled()
@@ -325,7 +327,7 @@ def test_a_file_that_vanished_is_told_and_can_be_saved_again(edited: Edited) -> 
     take(window, CHAIR, "chair")
     rename(window, "armchair")
     edited.path.unlink()
-    expect(window.page.locator("#banner")).to_contain_text("has vanished from the disk")
+    expect(window.page.locator("#banner")).to_contain_text("was deleted from disk")
     window.page.locator("#edit-save").click()
     expect(window.page.locator("#edit-save")).to_be_disabled()
     assert edited.objects()[CHAIR].name == "armchair"
@@ -495,7 +497,7 @@ def test_a_file_that_can_no_longer_be_read_is_told_and_the_map_stays(edited: Edi
     rename(window, "armchair")
     edited.path.write_bytes(b"no map at all")
     banner = window.page.locator("#banner")
-    expect(banner).to_contain_text("has changed on the disk")
+    expect(banner).to_contain_text("has changed on disk")
     banner.get_by_role("button", name="Reload").click()
     window.page.get_by_role("dialog").get_by_role("button", name="Reload").click()
     alert = window.page.get_by_role("alert").filter(has_text="room.hmap")
