@@ -12,7 +12,7 @@ from shapely import affinity
 
 from hypermap.simulation.models import size_parameters
 from hypermap.simulation.trajectory import Drive, camera_poses
-from hypermap.simulation.world import FloorPlan, WorldObject, Wall, World
+from hypermap.simulation.world import FloorPlan, Wall, World, WorldObject
 
 ON_TABLES = ("monitor", "screen", "keyboard", "mouse", "cup", "fan")
 AT_WALLS = ("cupboard", "sink", "sofa", "bench", "panel", "noteboard", "lamp", "bin", "plant")

@@ -22,7 +22,7 @@ from hypermap.mapping.mapper import Mapper
 from hypermap.perception.detectors.sources import detections_from_recording
 from hypermap.simulation import SimulatedRecording, errors_of_level
 from hypermap.simulation.trajectory import Drive as Route
-from hypermap.simulation.world import FloorPlan, WorldObject, World
+from hypermap.simulation.world import FloorPlan, World, WorldObject
 
 WORLD = """
 name: studio

@@ -26,7 +26,7 @@ from hypermap.perception.frame import Camera, RgbdFrame
 from hypermap.simulation import PoseNoise, SimulatedRecording
 from hypermap.simulation.trajectory import Drive
 from hypermap.simulation.truth import true_objects, true_occupancy
-from hypermap.simulation.world import FloorPlan, WorldObject, Wall, World
+from hypermap.simulation.world import FloorPlan, Wall, World, WorldObject
 
 CONFIG = AlignmentConfig()
 ROOM = World(
