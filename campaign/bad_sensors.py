@@ -1,4 +1,4 @@
-"""What broken sensors, localisation and detectors leave in a recording, and what must come of it.
+"""What broken sensors, localization and detectors leave in a recording, and what must come of it.
 
 Each fault spoils a small, good recording in the layout of the TUM RGB-D benchmark. What may come
 of it: a map, where it is told how many frames were left out and why, or what looks odd; or one

@@ -35,7 +35,7 @@ SHORT_WORLDS = 4
 QUESTIONS = 8  # of each kind, to each state of a world
 CHANGES = 4  # of each world; after each, all is asked again
 _NAMES = ("cup", "chair", "Tür", "table")
-_EXTENT = 12.0  # metres
+_EXTENT = 12.0  # meters
 
 
 class Wrong(Exception):

@@ -196,14 +196,14 @@ def png(folder: Path) -> Target:
     parts = _folder_of_map(folder / "made")
     described = next(c for n, c in parts.items() if n.endswith(".yaml") and b"image:" in c)
     corpus = [next(content for name, content in parts.items() if name.endswith(".png"))]
-    grey = np.arange(48, dtype=np.uint8).reshape(6, 8) * 5
+    gray = np.arange(48, dtype=np.uint8).reshape(6, 8) * 5
     for mode, kind in (("L", "PNG"), ("LA", "PNG"), ("P", "PNG"), ("1", "PNG"), ("RGBA", "PNG")):
         written = io.BytesIO()
-        Image.fromarray(grey).convert(mode).save(written, kind)
+        Image.fromarray(gray).convert(mode).save(written, kind)
         corpus.append(written.getvalue())
     for kind in ("PPM", "BMP", "GIF", "TGA", "TIFF", "JPEG"):
         written = io.BytesIO()
-        Image.fromarray(grey).save(written, kind)
+        Image.fromarray(gray).save(written, kind)
         corpus.append(written.getvalue())
     path = folder / "map.yaml"
     path.write_bytes(

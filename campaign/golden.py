@@ -33,7 +33,7 @@ from hypermap.core.grid import GridGeometry
 FOLDER = Path(__file__).resolve().parent / "golden"
 ANSWERS = FOLDER / "answers.json"
 MAPS = {"archive": "map.hmap", "folder": "folder/hmap_config.yaml", "parquet": "parquet.hmap"}
-TOLERANCE = 1e-6  # metres
+TOLERANCE = 1e-6  # meters
 
 
 def differences() -> list[str]:

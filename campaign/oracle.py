@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from shapely.affinity import affine_transform
 from shapely.geometry.base import BaseGeometry
 
-EPSILON = 1e-7  # metres
+EPSILON = 1e-7  # meters
 Pose: TypeAlias = "tuple[float, float, float]"  # x, y [m], yaw [rad]
 
 
@@ -104,7 +104,7 @@ class Oracle:
         return kept
 
     def centers(self, layer: Grid) -> NDArray[np.float64]:
-        """Return the centres of all cells in the base frame, by rows, shape (N, 2)."""
+        """Return the centers of all cells in the base frame, by rows, shape (N, 2)."""
         if layer.name not in self._kept:
             self._kept[layer.name] = self._centers(layer)
         kept: NDArray[np.float64] = self._kept[layer.name]

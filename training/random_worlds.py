@@ -12,7 +12,7 @@ from shapely import affinity
 
 from hypermap.simulation.models import size_parameters
 from hypermap.simulation.trajectory import Drive, camera_poses
-from hypermap.simulation.world import Floor, Thing, Wall, World
+from hypermap.simulation.world import FloorPlan, Wall, World, WorldObject
 
 ON_TABLES = ("monitor", "screen", "keyboard", "mouse", "cup", "fan")
 AT_WALLS = ("cupboard", "sink", "sofa", "bench", "panel", "noteboard", "lamp", "bin", "plant")
@@ -38,7 +38,7 @@ class RandomWorld:
         """
         self._rng = rng
         self._room = rng.uniform([3.5, 3.0], [10.0, 7.5])
-        self._things: list[Thing] = []
+        self._things: list[WorldObject] = []
         self._taken: list[shapely.Polygon] = []
         self._walls = [self._outer_wall()]
         if rng.random() < 0.4:
@@ -53,7 +53,7 @@ class RandomWorld:
     def world(self) -> World:
         """Return the room with all that is in it."""
         color = self._wood() if self._rng.random() < 0.7 else self._color()
-        floor = Floor(rectangle=(0.0, 0.0, *map(float, self._room)), color=color)
+        floor = FloorPlan(rectangle=(0.0, 0.0, *map(float, self._room)), color=color)
         return World("random", floor, tuple(self._things), tuple(self._walls))
 
     def camera_pose(self) -> np.ndarray:
@@ -213,7 +213,7 @@ class RandomWorld:
                 place = {"outline": tuple(map(tuple, corners.tolist()))}
         yaw = math.remainder(float(yaw), 360)
         try:
-            thing = Thing(model, yaw_deg=yaw, z=float(z), size=size, color=color, **place)
+            thing = WorldObject(model, yaw_deg=yaw, z=float(z), size=size, color=color, **place)
         except ValueError:  # its parts have no extent, or its corners no convex shape
             return False
         self._things.append(thing)

@@ -21,8 +21,8 @@ from hypermap.mapping.config import profile
 from hypermap.mapping.mapper import Mapper
 from hypermap.perception.detectors.sources import detections_from_recording
 from hypermap.simulation import SimulatedRecording, errors_of_level
-from hypermap.simulation.trajectory import SimulatedDrive as Route
-from hypermap.simulation.world import Floor, Thing, World
+from hypermap.simulation.trajectory import Drive as Route
+from hypermap.simulation.world import FloorPlan, World, WorldObject
 
 pytestmark = pytest.mark.xdist_group("thesis")  # they share what takes long to make
 
@@ -85,8 +85,8 @@ def test_the_table_and_the_page_show_the_figures(report: tuple[str, dict, str]) 
 def test_the_same_drive_gives_the_same_map_as_the_mapper() -> None:
     world = World(
         "test",
-        Floor((0, 0, 6, 4)),
-        objects=(Thing("table", (3, 2)), Thing("plant", (3, 3.2))),
+        FloorPlan((0, 0, 6, 4)),
+        objects=(WorldObject("table", (3, 2)), WorldObject("plant", (3, 3.2))),
         drive=Route(((0.5, 2), (0.9, 2, 20)), speed=0.1, turn_rate_deg=10),
     )
     errors = errors_of_level("fair")
@@ -111,7 +111,11 @@ def test_the_same_drive_gives_the_same_map_as_the_mapper() -> None:
 
 
 def test_figures_are_means_over_all_true_objects_of_all_drives() -> None:
-    world = World("w", Floor((0, 0, 9, 9)), objects=(Thing("table", (2, 2)), Thing("cup", (5, 5))))
+    world = World(
+        "w",
+        FloorPlan((0, 0, 9, 9)),
+        objects=(WorldObject("table", (2, 2)), WorldObject("cup", (5, 5))),
+    )
     errors = errors_of_level("none")
 
     def shifted(name: str, x: float, y: float, half: tuple[float, float]) -> SemanticObject:

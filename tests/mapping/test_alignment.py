@@ -26,19 +26,19 @@ from hypermap.perception.frame import Camera, RgbdFrame
 from hypermap.simulation import PoseNoise, SimulatedRecording
 from hypermap.simulation.trajectory import Drive
 from hypermap.simulation.truth import true_objects, true_occupancy
-from hypermap.simulation.world import Floor, Thing, Wall, World
+from hypermap.simulation.world import FloorPlan, Wall, World, WorldObject
 
 pytestmark = pytest.mark.xdist_group("alignment")  # they share what takes long to make
 
 CONFIG = AlignmentConfig()
 ROOM = World(
     name="room",
-    floor=Floor(rectangle=(0, 0, 5, 4)),
+    floor=FloorPlan(rectangle=(0, 0, 5, 4)),
     walls=(Wall(rectangle=(-0.05, -0.05, 5.05, 4.05)),),
     objects=(
-        Thing("table", at=(3.0, 2.0), yaw_deg=20.0),
-        Thing("chair", at=(2.2, 3.2), yaw_deg=-60.0),
-        Thing("plant", at=(4.3, 0.6)),
+        WorldObject("table", at=(3.0, 2.0), yaw_deg=20.0),
+        WorldObject("chair", at=(2.2, 3.2), yaw_deg=-60.0),
+        WorldObject("plant", at=(4.3, 0.6)),
     ),
     drive=Drive(waypoints=((1.0, 1.0, 0.0), (1.0, 2.6, 30.0), (1.2, 2.6, -60.0)), speed=0.3),
 )

@@ -17,7 +17,7 @@ from hypermap.core.hypermap import Hypermap
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.semantic import SemanticLayer
 from hypermap.ros.messages.marker_array import tint
-from hypermap.ros.rviz.config import View
+from hypermap.ros.rviz.config import RvizView
 
 BACKGROUND = (226, 229, 233)
 BLACK, WHITE = (0, 0, 0), (255, 255, 255)
@@ -76,7 +76,7 @@ class Screen:
 class Seen:
     """A part of the floor as rviz shows it."""
 
-    def __init__(self, pixels: Pixels, view: View) -> None:
+    def __init__(self, pixels: Pixels, view: RvizView) -> None:
         rows, cols = np.nonzero((pixels == BACKGROUND).all(axis=2))
         self.is_drawn = len(rows) > 0
         if self.is_drawn:

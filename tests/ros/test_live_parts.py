@@ -21,7 +21,7 @@ from hypermap.ros.mapper.mailbox import Mailbox
 from hypermap.ros.mapper.semantic_mapper import SemanticMapper
 from hypermap.ros.mapper.settings import PARAMETERS, LiveSettings
 from hypermap.ros.mapper.statistics import WINDOW, Fate, State, Statistics
-from hypermap.ros.mapper.synchronizer import Match
+from hypermap.ros.mapper.synchronizer import MatchedMessages
 from hypermap.ros.mapper.worker import Worker
 from hypermap.ros.parameters import checked
 from hypermap.ros.server.map_directory import archive_within
@@ -201,12 +201,12 @@ def test_a_frame_from_before_a_jump_of_the_clock_does_not_make_those_after_it_ol
     worker = Worker(
         anything, settings, anything, anything, anything, statistics, Throttle(lambda *_: None)
     )
-    worker.put(Work(Match(53, {"": anything}, {}), 0.0))
+    worker.put(Work(MatchedMessages(53, {"": anything}, {}), 0.0))
     assert has_taken.wait(120)
     worker.jump()
     may_go_on.set()
     wait_for(lambda: sum(statistics.totals.values()) == 1, "the first frame")
-    worker.put(Work(Match(1, {"": anything}, {}), 0.0))
+    worker.put(Work(MatchedMessages(1, {"": anything}, {}), 0.0))
     wait_for(lambda: sum(statistics.totals.values()) == 2, "the second frame")
     worker.close()
     assert statistics.totals == {Fate.NO_CAMERA_INFO: 2}

@@ -21,7 +21,7 @@ from hypermap.core.hypermap import Hypermap
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.semantic import SemanticLayer, SemanticObject
 from hypermap.formats import save_map
-from hypermap.ros.rviz.config import View, map_configuration, view_of
+from hypermap.ros.rviz.config import RvizView, map_configuration, view_of
 from hypermap.testing import square
 
 from .conftest import Process, wait_for
@@ -107,7 +107,7 @@ def serve(roscore: str, start: Callable[..., Process], tmp_path: Path) -> Callab
 
 
 def wait_until_it_shows(
-    screen: Screen, hypermap: Hypermap, grid: str, view: View, hidden: tuple[str, ...] = ()
+    screen: Screen, hypermap: Hypermap, grid: str, view: RvizView, hidden: tuple[str, ...] = ()
 ) -> None:
     points, colors = expected(hypermap, grid, hidden)
     shares: list[float] = []

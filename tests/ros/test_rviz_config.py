@@ -22,7 +22,7 @@ from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.opaque import OpaqueLayer
 from hypermap.core.semantic import SemanticLayer, SemanticObject
 from hypermap.formats import open_map, save_map
-from hypermap.ros.rviz.config import View, configuration, map_configuration, view_of
+from hypermap.ros.rviz.config import RvizView, configuration, map_configuration, view_of
 from hypermap.ros.rviz.window import LayerDisplays
 from hypermap.testing import occupancy_from_text, square
 
@@ -101,12 +101,12 @@ def test_the_view_shows_all_that_is_known() -> None:
     empty = OccupancyLayer("grid", "map")
     view = view_of(Hypermap([empty, lab], frames))
     assert (view.x, view.y) == pytest.approx((0, 4))
-    assert view_of(Hypermap()) == view_of(Hypermap([empty])) == View()
+    assert view_of(Hypermap()) == view_of(Hypermap([empty])) == RvizView()
 
 
 @pytest.mark.parametrize(("size", "cell"), [(10, 1), (500, 10)])
 def test_lines_reach_beyond_what_is_seen(size: float, cell: int) -> None:
-    view = View.of((1000, -50, 1000 + size, -50 + size))
+    view = RvizView.of((1000, -50, 1000 + size, -50 + size))
     ground = displays(configuration([], "map", view))["Grid"]
     assert ground["Cell Size"] == cell
     middle = np.array([ground["Offset"]["X"], ground["Offset"]["Y"]])
@@ -118,7 +118,7 @@ def test_lines_reach_beyond_what_is_seen(size: float, cell: int) -> None:
 
 
 def test_a_point_is_seen_from_a_distance() -> None:
-    assert View.of((3, 4, 3, 4)).scale < 1000
+    assert RvizView.of((3, 4, 3, 4)).scale < 1000
 
 
 # The command
@@ -195,8 +195,8 @@ THINGS = ("SemanticLayer", "things", "map")
 
 def test_displays_come_and_go_with_the_layers() -> None:
     told: Any = Told()
-    LayerDisplays(told, told, "/server", View())
-    assert told.orders[0] == ("load", {"config": configuration([], "map", View())})
+    LayerDisplays(told, told, "/server", RvizView())
+    assert told.orders[0] == ("load", {"config": configuration([], "map", RvizView())})
     assert told.metadata(GRID, THINGS) == [("put", "grid"), ("put", "things")]
     assert told.orders[-1][1]["open"] == ["Namespaces"]
     assert told.metadata(GRID, THINGS) == []  # so what the user has set there stays
@@ -208,7 +208,7 @@ def test_displays_come_and_go_with_the_layers() -> None:
 
 def test_the_fixed_frame_is_that_of_the_first_layer() -> None:
     told: Any = Told()
-    LayerDisplays(told, told, "/server", View())
+    LayerDisplays(told, told, "/server", RvizView())
     assert told.metadata(("SemanticLayer", "things", "lab"), GRID)[0] == ("frame", "lab")
 
 
@@ -284,7 +284,7 @@ def test_the_grid_of_another_map_may_have_another_name() -> None:
 
 def test_a_view_that_was_given_stays_until_another_map_comes() -> None:
     told: Any = Told()
-    LayerDisplays(told, told, "/server", View(1, 2, 3))
+    LayerDisplays(told, told, "/server", RvizView(1, 2, 3))
     told.metadata(GRID)
     hear = told.heard["/server/grid_map_metadata"]
     hear(grid_at(10, 2))
@@ -296,7 +296,7 @@ def test_a_view_that_was_given_stays_until_another_map_comes() -> None:
 
 def test_a_mask_is_shown_from_its_first_message_on() -> None:
     told: Any = Told()
-    LayerDisplays(told, told, "/server", View())
+    LayerDisplays(told, told, "/server", RvizView())
     told.metadata(THINGS)
     for _ in range(2):
         told.heard["/server/keepout_mask"](SimpleNamespace())

@@ -238,7 +238,7 @@ def test_who_may_only_read_changes_nothing(tmp_path):
         window = Window(client)
         assert not window.info["editable"]
         assert not any(layer["editable"] for layer in window.info["layers"])
-        assert "for reading only" in window.edit(add(), expected=403)["error"]
+        assert "read-only" in window.edit(add(), expected=403)["error"]
         for path_ in ("/api/undo", "/api/save"):
             assert window.post(path_, 403, version=window.version)["error"]
 

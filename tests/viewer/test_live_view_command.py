@@ -128,7 +128,7 @@ def test_a_map_is_served_asked_changed_and_saved_over_http(tmp_path):
             code, said = server.end()
             assert code == 0
             assert time.monotonic() - began < PATIENCE / 3, "an open window must not delay the end"
-        assert "not saved" not in said
+        assert "unsaved" not in said
         assert "Traceback" not in said
 
 

@@ -141,7 +141,9 @@ def test_a_change_of_what_another_window_changed_is_refused(edited: Edited, othe
 
     late.page.locator("#object-name").fill("throne")
     late.page.locator("#object-apply").click()
-    expect(late.page.get_by_role("alert").filter(has_text="changed meanwhile")).to_be_visible()
+    expect(
+        late.page.get_by_role("alert").filter(has_text="changed in another window")
+    ).to_be_visible()
     expect(late.page.locator("#object-name")).to_have_value("armchair")
     late.page.locator("#object-name").fill("throne")  # now that it has seen the other's
     late.wait_until_drawn()

@@ -29,7 +29,7 @@ Force = Annotated[bool, typer.Option("--force", "-f", help="Replace an existing 
 
 ForceMap = Annotated[
     bool,
-    typer.Option("--force", "-f", help="Replace an existing OUT, even if it was edited by hand."),
+    typer.Option("--force", "-f", help="Replace an existing OUT: even if it was edited by hand."),
 ]
 
 

@@ -38,7 +38,7 @@ def command(
             help="Save here: a configuration for MAP, .rviz. Opens no window.",
         ),
     ] = None,
-    ros2: Annotated[bool, typer.Option("--ros2", help="Use ROS 2 and rviz2.")] = False,
+    ros2: Annotated[bool, typer.Option("--ros2", help="Use ROS 2: starts rviz2.")] = False,
     server: Annotated[
         str, typer.Option("--server", metavar="NODE", help="Full name of the map server node.")
     ] = "/hypermap_server",

@@ -17,7 +17,7 @@ class Found:
     Attributes:
         layer: name of the layer that holds it.
         point_xy: its location in the base frame [m], shape (2,); an object's centroid.
-        distance: metres to what the question named; None where it named nothing to be near to.
+        distance: meters to what the question named; None where it named nothing to be near to.
         object: the object, its footprint in the base frame; None in layers without objects.
     """
 

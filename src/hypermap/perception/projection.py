@@ -68,7 +68,7 @@ def rows_of(
     """Return what `fill_row` needs to give a frame's points row by row.
 
     Args:
-        depth: metres along the optical axis, shape (H, W).
+        depth: meters along the optical axis, shape (H, W).
         K: intrinsic matrix [pixels], shape (3, 3).
         cloud: recorded points [m], shape (H, W, 3), in place of what depth says; None for none.
         step: every n-th row and column of the image counts.

@@ -55,7 +55,7 @@ class ImageFolder(ABC):
     """A recording that is a folder of depth and color images with poses.
 
     Attributes:
-        depth_scale: units of its depth images per metre, unless the options say otherwise.
+        depth_scale: units of its depth images per meter, unless the options say otherwise.
     """
 
     depth_scale: ClassVar[float]

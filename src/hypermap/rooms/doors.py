@@ -54,8 +54,8 @@ def doors_between(
         line = _straight(ends[here].reshape(-1, 2))
         length = float(np.hypot(*(line[1] - line[0])))
         width = min(length, 2 * float(far[row[here], col[here]].max())) * grid.resolution
-        metres = np.round(grid.origin.apply(line * grid.resolution), 6)
-        doors.append(Door((low - 1, high - 1), LineString(metres), round(width, 6)))
+        meters = np.round(grid.origin.apply(line * grid.resolution), 6)
+        doors.append(Door((low - 1, high - 1), LineString(meters), round(width, 6)))
     return tuple(doors)
 
 

@@ -1,4 +1,4 @@
-"""Rooms that are found anew are recognised by where they are."""
+"""Rooms that are found anew are recognized by where they are."""
 
 from __future__ import annotations
 

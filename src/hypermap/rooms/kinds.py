@@ -121,7 +121,7 @@ def guess_kinds(rooms: Rooms, objects: Iterable[SemanticObject], kinds: Kinds) -
 def rooms_of(rooms: Rooms, places: Iterable[BaseGeometry]) -> list[int | None]:
     """Return the place in `rooms` of the room that each geometry's centroid is in, or None.
 
-    What is up to half a metre away from a room, as in its wall, is in it, too.
+    What is up to half a meter away from a room, as in its wall, is in it, too.
     """
     points = np.array([place.centroid for place in places], dtype=object)
     result: list[int | None] = [None] * len(points)

@@ -21,7 +21,7 @@ CONTRACTION = 0.8
 
 
 def clearance(blocked: BoolArray) -> NDArray[np.float32]:
-    """Return the distance of each cell's centre to the nearest blocked one's, in cells."""
+    """Return the distance of each cell's center to the nearest blocked one's, in cells."""
     return ndimage.distance_transform_edt(~blocked).astype(np.float32)
 
 

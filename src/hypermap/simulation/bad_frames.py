@@ -12,7 +12,7 @@ from hypermap.core.arrays import FloatArray
 from hypermap.perception.detections import Detections
 from hypermap.perception.frame import RgbdFrame
 
-_SATURATED = 65.535  # metres: the largest number of 16 bits, in millimetres
+_SATURATED = 65.535  # meters: the largest number of 16 bits, in millimeters
 
 
 def _lost(_frame: RgbdFrame, _before: RgbdFrame, _rng: np.random.Generator) -> None:
@@ -84,12 +84,12 @@ def _turned(frame: RgbdFrame, _before: RgbdFrame, _rng: np.random.Generator) -> 
 
 
 def _no_pose(frame: RgbdFrame, _before: RgbdFrame, _rng: np.random.Generator) -> RgbdFrame:
-    """Localisation has no idea where the robot is."""
+    """Localization has no idea where the robot is."""
     return frame.moved_to(np.full((4, 4), np.nan))
 
 
 def _astray(frame: RgbdFrame, _before: RgbdFrame, rng: np.random.Generator) -> RgbdFrame:
-    """Localisation takes the robot to be somewhere else, up to some metres away."""
+    """Localization takes the robot to be somewhere else, up to some meters away."""
     return frame.moved_to(_somewhere(rng) @ frame.map_T_camera)
 
 

@@ -1,6 +1,6 @@
 """The thesis' way to cut an object out: the largest smooth region of the points in its box.
 
-`organised` looks for neighbours in the image and is fast; `unorganised` looks for them in a k-d
+`organised` looks for neighbors in the image and is fast; `unorganised` looks for them in a k-d
 tree of all points, as PCL does, and is the reference for it. Others know this front alone.
 """
 
@@ -25,7 +25,7 @@ def largest_regions(
         frame: depth or points, and intrinsics.
         valid: which of its pixels hold a point, shape (H, W).
         objects: increasing row-major indices of the valid pixels of each object, none empty.
-        config: which of the two methods, neighbours and thresholds.
+        config: which of the two methods, neighbors and thresholds.
     """
     if config.method == "organised":
         regions = organised.grow_regions(frame, valid, objects, config)

@@ -188,7 +188,7 @@ def configuration(
             **transforms,
             "Views": views(view, ros2=ros2),
         },
-        "RvizWindow Geometry": {
+        "Window Geometry": {
             "Displays": {"collapsed": False},
             "Hide Left Dock": False,
             "Hide Right Dock": True,
@@ -203,7 +203,7 @@ def views(view: RvizView, *, ros2: bool = False) -> dict[str, Any]:
     """Return the part of a configuration that says what is seen."""
     current = {
         "Class": _class("TopDownOrtho", ros2),
-        "Name": "Current RvizView",
+        "Name": "Current View",
         "Target Frame": "<Fixed Frame>",
         "Angle": 0,
         "Scale": round(view.scale, 3),

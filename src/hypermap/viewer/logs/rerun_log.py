@@ -135,7 +135,7 @@ class RerunLog:
             radii=_POINT,
         )
         self._log.log([*path, "fills"], fills, static=is_static)
-        self._log.log([*path, "ring_segments"], lines, static=is_static)
+        self._log.log([*path, "outlines"], lines, static=is_static)
         self._log.log([*path, "names"], names, static=is_static)
 
 

@@ -55,7 +55,7 @@ class SceneShapes:
         layer: the layer's name.
         corners: of triangles that fill all shapes [m], float32, shape (3 T, 3).
         corner_colors: RGBA, uint8, shape (3 T, 4).
-        segments: begin and end of the ring_segments' lines [m], float32, shape (L, 2, 3).
+        segments: begin and end of the outlines' lines [m], float32, shape (L, 2, 3).
         segment_colors: RGB, uint8, shape (L, 3).
         names: of the shapes, shape (N,).
         places: a point in each shape for its name [m], float32, shape (N, 3).
