@@ -49,7 +49,7 @@ def grow_regions(
     )
     size, stride = planes[0].size, planes.shape[2]
     shift = (MARGIN - top) * stride + MARGIN - left  # where the image's first pixel would lie
-    places = [_places(*each, width, stride, shift) for each in zip(objects, starts, strict=True)]
+    places = [_places(pixels, width, stride, shift) for pixels in objects]
     wanted = np.zeros(size, dtype=np.bool_)
     for own in places:
         wanted[own] = True
@@ -68,7 +68,6 @@ def grow_regions(
     ]
 
 
-@loop(allocates=True)
 def _row_starts(pixels: IntArray, width: int) -> IntArray:
     """Return which of increasing pixels is the first of each row, and at last their number."""
     rows = np.arange(pixels[0] // width, pixels[-1] // width + 2)
@@ -87,18 +86,9 @@ def _part(pixels: IntArray, starts: IntArray, width: int) -> tuple[int, int, int
     return top, left, top + len(starts) - 1, right
 
 
-@loop(allocates=True)
-def _places(
-    pixels: IntArray, starts: IntArray, width: int, stride: int, shift: int
-) -> NDArray[np.int32]:
+def _places(pixels: IntArray, width: int, stride: int, shift: int) -> NDArray[np.int32]:
     """Return where pixels lie in a plane with margins."""
-    places = np.empty(len(pixels), np.int32)
-    top = pixels[0] // width
-    for i in range(len(starts) - 1):
-        of_row = (top + i) * (stride - width) + shift
-        for at in range(starts[i], starts[i + 1]):
-            places[at] = pixels[at] + of_row
-    return places
+    return (pixels + pixels // width * (stride - width) + shift).astype(np.int32)
 
 
 @loop()
