@@ -51,7 +51,7 @@ def join(
     parent = np.empty(len(places), np.int32)
     for place in places:
         labels[place] = 0
-    count = 0
+    count = len(places) - len(places)  # 0, and no literal, for which numba compiles again
     for row in range(first, last + 1, stride):
         count = _join_row(cloud, axes, reach2, row, width, stride, cosine, labels, parent, count)
     for label in range(count):
@@ -68,7 +68,7 @@ def join(
     for i, place in enumerate(places):
         is_bent = reach2[place] < 0
         home = _home(cloud, axes, reach2, place, stride, cosine, labels) if is_bent else place
-        regions[i] = _root(parent, labels[home])
+        regions[i] = _root(parent, np.int64(labels[home]))
     for place in places:
         labels[place] = NOTHING
     return regions
@@ -107,7 +107,7 @@ def _join_row(
             if label == NOTHING:
                 label = above
             else:
-                _link(parent, label, above)
+                _link(parent, np.int64(label), np.int64(above))
         if label == NOTHING:
             label = count
             parent[count] = count
@@ -121,8 +121,8 @@ def _joins(
     cloud: Planes,
     axes: Planes,
     reach2: NDArray[np.float32],
-    one: int,
-    other: int,
+    one: np.uint64,
+    other: np.uint64,
     cosine: np.float32,
 ) -> bool:
     """Return whether two places of an object join: both are near, and their normals agree."""
@@ -175,9 +175,13 @@ def _join_far(
             for place in range(start, start + TOGETHER):
                 other = place + apart
                 if labels[place] != NOTHING and labels[other] != NOTHING:
-                    is_new = _root(parent, labels[place]) != _root(parent, labels[other])
-                    if is_new and _joins(cloud, axes, reach2, place, other, cosine):
-                        _link(parent, labels[place], labels[other])
+                    is_new = _root(parent, np.int64(labels[place])) != _root(
+                        parent, np.int64(labels[other])
+                    )
+                    if is_new and _joins(
+                        cloud, axes, reach2, np.uint64(place), np.uint64(other), cosine
+                    ):
+                        _link(parent, np.int64(labels[place]), np.int64(labels[other]))
 
 
 @loop()
@@ -215,23 +219,23 @@ def _home(
     for row in range(-1, 2):
         for other in range(place + row * stride - 1, place + row * stride + 2):
             is_other = other != place and labels[other] != NOTHING
-            if is_other and _joins(cloud, axes, reach2, place, other, cosine):
+            if is_other and _joins(cloud, axes, reach2, np.uint64(place), np.uint64(other), cosine):
                 home = other
     reach2[place] *= -1
     return home
 
 
 @loop()
-def _root(parent: NDArray[np.int32], label: int) -> int:
+def _root(parent: NDArray[np.int32], label: np.int64) -> np.int64:
     """Return the root of a label's region; the way there is half as long the next time."""
     while parent[label] != label:
         parent[label] = parent[parent[label]]
-        label = parent[label]
+        label = np.int64(parent[label])
     return label
 
 
 @loop()
-def _link(parent: NDArray[np.int32], one: int, other: int) -> None:
+def _link(parent: NDArray[np.int32], one: np.int64, other: np.int64) -> None:
     """Make two regions one."""
     root, other_root = _root(parent, one), _root(parent, other)
     parent[max(root, other_root)] = min(root, other_root)
