@@ -126,6 +126,13 @@ def test_several_bags_that_are_not_parts_of_one_are_an_error(
     )
 
 
+def test_a_bag_with_other_types_of_the_same_names_is_an_error(tmp_path: Path) -> None:
+    path = write_bag(tmp_path, "ros1", SHOTS)
+    path.write_bytes(path.read_bytes().replace(b"uint32 step", b"uint32 stop"))
+    with pytest.raises(FormatError, match=r"by the bag, a sensor_msgs/msg/Image has no step"):
+        list(open_recording(path).frames())
+
+
 def test_a_bag_whose_color_images_are_all_damaged_says_so(tmp_path: Path, kind: str) -> None:
     with BagBuilder(tmp_path, kind) as bag:
         add_poses(bag, SHOTS)

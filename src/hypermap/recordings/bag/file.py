@@ -15,7 +15,7 @@ from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_
 from rosbags.typesys.store import Typestore
 
 from hypermap.core.errors import FormatError, HypermapError
-from hypermap.recordings.bag.definitions import known_types
+from hypermap.recordings.bag.definitions import DETECTION_TYPES, known_types
 from hypermap.recordings.bag.parts import is_ros1_bag, parts_of
 
 _REPAIR = {
@@ -151,6 +151,9 @@ def _types_of(connection: Connection) -> Typestore:
     """Return the types that a connection's messages need, its own definitions first.
 
     Each connection has a store of its own: bags may define a type in two ways.
+
+    Raises:
+        FormatError: If a type of ROS lacks a field there.
     """
     text = connection.msgdef.data
     if connection.msgdef.format == MessageDefinitionFormat.NONE:
@@ -165,4 +168,13 @@ def _types_of(connection: Connection) -> Typestore:
             idl = part.partition("\n")[2] if text.startswith(separator) else part
             if idl.strip():
                 store.register(get_types_from_idl(idl))
+    of_ros = known_types().fielddefs
+    for name in store.fielddefs.keys() & (of_ros.keys() - DETECTION_TYPES.keys()):
+        here, there = (
+            {field.lower() for field, _ in f[name][1]} for f in (store.fielddefs, of_ros)
+        )
+        if missing := there - here:  # D or d, as ROS 1 and ROS 2 have it
+            raise FormatError(
+                f"by the bag, a {name} has no {min(missing)}; it does in ROS", key=connection.topic
+            )
     return store
