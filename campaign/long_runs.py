@@ -152,24 +152,24 @@ def _live(
     day = _Day(robot, SemanticMapper(robot))
     end = time.monotonic() + share * budget.seconds
     most = 2 * len(frames) if budget.short else FRAMES
-    step, clock, start = round(DAY * 1e9 / most), 1_600_000_000 * 10**9, time.monotonic()
+    clock, gone, start = 1_600_000_000 * 10**9, 0.0, time.monotonic()
     events = ["restart", "jump", "without detections", "without depth", "other clock"]
     memory, count = np.full(most, np.nan), 0
     day.begin()
     for i, frame in enumerate(cycle(frames)):
         if i == most or (not budget.short and time.monotonic() > end):
             break
-        if not budget.short and i == 100:  # now it is known how many there is time for
-            pace = (time.monotonic() - start) / i
-            step = round(DAY * 1e9 / min(most, i + (end - time.monotonic()) / pace))
-        clock += step
+        before, gone = gone, (i + 1) / most  # of the day
+        if not budget.short:  # which ends with the time that there is, or with the frames
+            gone = max(gone, min(1.0, (time.monotonic() - start) / (end - start)))
+        clock += round((gone - before) * DAY * 1e9)
         event = events[i // 7 % len(events)] if i % 7 == 6 else ""
         if event == "restart":
-            before = len(day.node)
+            objects = len(day.node)
             day.end()
             kept = len(open_map(saved).semantic())
-            if kept != before:
-                findings.append(f"live: {before} objects at the end, {kept} in the saved map")
+            if kept != objects:
+                findings.append(f"live: {objects} objects at the end, {kept} in the saved map")
             day.begin()
         elif event == "jump":
             clock -= round(rng.uniform(2, 3600) * 1e9)
@@ -195,7 +195,7 @@ def _live(
     if not objects:
         findings.append("live: no objects at the end")
     figures["live: frames mapped"], figures["live: restarts"] = day.mapped, day.lives - 1
-    figures["live: hours of its clock"] = round(count * step / 3.6e12, 1)
+    figures["live: hours of its clock"] = round(24 * gone, 1)
     growth = _growth(memory[:count])
     figures["live: MB per 10,000 frames"] = round(growth, 2)
     if count >= _ENOUGH and growth > GROWTH:
