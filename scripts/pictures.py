@@ -205,12 +205,24 @@ def take_rviz(path: Path) -> None:
         with os.fdopen(reader) as number:
             environment["DISPLAY"] = f":{number.readline().strip()}"
         start("roscore", "-p", str(master))
+        wait_for_port(master)
         ground_truth(demo_world()).save(Path(folder) / "room.hmap")
         start("hypermap", "serve", "room.hmap", "--ros1")
         start("hypermap", "rviz", "room.hmap")
         image = drawn(environment["DISPLAY"])
     image.save(path, optimize=True)
     sys.stdout.write(f"{path.name}: {path.stat().st_size / 1000:.0f} kB\n")
+
+
+def wait_for_port(port: int) -> None:
+    """Wait until a program listens there."""
+    end = time.monotonic() + PATIENCE
+    while True:
+        with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", port)):
+            return
+        if time.monotonic() > end:
+            raise SystemExit(f"nothing listens on port {port}")
+        time.sleep(0.5)
 
 
 def drawn(display: str) -> Image.Image:
