@@ -19,7 +19,7 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -178,6 +178,8 @@ def take_evidence(page: Page, path: Path) -> None:
 
 def take_rviz(path: Path) -> None:
     """Serve the demo's room on ROS 1, and look at it in rviz, on a screen without a monitor."""
+    if missing := [name for name in ("Xvfb", "roscore", "rviz") if shutil.which(name) is None]:
+        raise SystemExit(f"{', '.join(missing)}: not installed, see scripts/ros1.sh")
     with tempfile.TemporaryDirectory() as folder, contextlib.ExitStack() as stack:
 
         def start(*command: str, **options: Any) -> subprocess.Popen[bytes]:
@@ -203,45 +205,45 @@ def take_rviz(path: Path) -> None:
         with os.fdopen(reader) as number:
             environment["DISPLAY"] = f":{number.readline().strip()}"
         start("roscore", "-p", str(master))
+        wait_for_port(master)
         ground_truth(demo_world()).save(Path(folder) / "room.hmap")
         start("hypermap", "serve", "room.hmap", "--ros1")
         start("hypermap", "rviz", "room.hmap")
         image = drawn(environment["DISPLAY"])
-    image.crop(image.getbbox()).save(path, optimize=True)  # the window, without the black around
+    image.save(path, optimize=True)
     sys.stdout.write(f"{path.name}: {path.stat().st_size / 1000:.0f} kB\n")
 
 
+def wait_for_port(port: int) -> None:
+    """Wait until a program listens there."""
+    end = time.monotonic() + PATIENCE
+    while True:
+        with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", port)):
+            return
+        if time.monotonic() > end:
+            raise SystemExit(f"nothing listens on port {port}")
+        time.sleep(0.5)
+
+
 def drawn(display: str) -> Image.Image:
-    """Return what a screen shows, once the sofa is on it and nothing moves any more."""
+    """Return the window on a black screen, once the sofa is in it and nothing moves any more."""
     outline = 255 * np.array(class_colors(["sofa"])["sofa"])
     end = time.monotonic() + PATIENCE
-    before = None
+    before = np.empty(0)
     while time.monotonic() < end:
-        image = ImageGrab.grab(xdisplay=display).convert("RGB")
+        screen = ImageGrab.grab(xdisplay=display).convert("RGB")
+        image = screen.crop(screen.getbbox() or (0, 0, 100, 100))
         pixels = np.asarray(image)[:-40]  # without the frames per second
         there = (np.abs(pixels - outline).max(axis=2) < 6).sum() > 100
-        if there and before is not None and (pixels == before).all():
+        if there and np.array_equal(pixels, before):
             return image
         before = pixels
         time.sleep(5)
     raise SystemExit("rviz has not shown the map")
 
 
-def main() -> None:
-    """Take all pictures, or those that are named."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("names", nargs="*", metavar="NAME", help=f"of {', '.join(NAMES)}")
-    parser.add_argument("--output", type=Path, default=IMAGES, metavar="FOLDER")
-    given = parser.parse_args()
-    wanted = given.names or NAMES
-    if unknown := set(wanted) - set(NAMES):
-        parser.error(f"there is no picture {unknown.pop()!r}, only {', '.join(NAMES)}")
-    folder: Path = given.output
-    folder.mkdir(parents=True, exist_ok=True)
-    if "rviz" in wanted:
-        take_rviz(folder / "rviz.png")
-    if set(wanted) <= {"rviz"}:
-        return
+def take_in_browser(wanted: Sequence[str], folder: Path) -> None:
+    """Take the pictures of a run and of the page, of one demo."""
     chromium = os.environ.get("HYPERMAP_CHROMIUM") or shutil.which("chromium")
     if chromium is None:
         raise SystemExit("Chromium is not installed: scripts/chromium.sh")
@@ -261,6 +263,23 @@ def main() -> None:
         if "evidence" in wanted:
             take_evidence(page, folder / "evidence.png")
         browser.close()
+
+
+def main() -> None:
+    """Take all pictures, or those that are named."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"of {', '.join(NAMES)}")
+    parser.add_argument("--output", type=Path, default=IMAGES, metavar="FOLDER")
+    given = parser.parse_args()
+    wanted = given.names or NAMES
+    if unknown := set(wanted) - set(NAMES):
+        parser.error(f"there is no picture {unknown.pop()!r}, only {', '.join(NAMES)}")
+    folder: Path = given.output
+    folder.mkdir(parents=True, exist_ok=True)
+    if set(wanted) - {"rviz"}:
+        take_in_browser(wanted, folder)
+    if "rviz" in wanted:
+        take_rviz(folder / "rviz.png")
 
 
 if __name__ == "__main__":
