@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from itertools import cycle
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import shapely
@@ -149,7 +149,7 @@ def _live(
     saved = budget.folder / "live.hmap"
     saved.unlink(missing_ok=True)
     robot = Robot(save_to=str(saved), save_every=0.0, patience=0.5)
-    day = _Day(robot, SemanticMapper(robot))
+    day = _Day(robot, SemanticMapper(cast(Any, robot)))
     end = time.monotonic() + share * budget.seconds
     most = 2 * len(frames) if budget.short else FRAMES
     clock, gone, start = 1_600_000_000 * 10**9, 0.0, time.monotonic()

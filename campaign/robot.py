@@ -144,7 +144,12 @@ class Robot:
 
     def timer(self, _: float, callback: Callable[[], None]) -> _Closable:
         self._timers.append(callback)
-        return _Closable(lambda: callback in self._timers and self._timers.remove(callback))
+
+        def stop() -> None:
+            if callback in self._timers:
+                self._timers.remove(callback)
+
+        return _Closable(stop)
 
     def now(self) -> int:
         return self.clock

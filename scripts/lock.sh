@@ -22,3 +22,4 @@ pin requirements/hypermap.txt pyproject.toml requirements/build.in -c requiremen
 pin requirements/core.txt requirements/core.in -c requirements/dev.txt
 pin requirements/node.txt requirements/node.in
 pin requirements/audit.txt requirements/audit.in -c requirements/dev.txt
+pin requirements/campaign.txt requirements/campaign.in -c requirements/dev.txt
