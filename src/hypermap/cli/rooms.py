@@ -77,8 +77,8 @@ def command(
 ) -> None:
     """Find rooms, corridors and doors in the occupancy of a map, and what kind each room is.
 
-    With -o, they become the layer "rooms" of the new map: objects with outlines and names. Where the
-    map has such a layer, its rooms keep their ids, and names that were given by hand.
+    With -o, they become the layer "rooms" of the new map: objects with outlines and names. Where
+    the map has such a layer, its rooms keep their ids, and names that were given by hand.
 
     Examples:
         hypermap rooms office.hmap

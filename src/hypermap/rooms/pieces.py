@@ -13,7 +13,9 @@ from hypermap.core.arrays import FloatArray
 from hypermap.rooms.settings import RoomSettings
 
 # Shares, of what the names say.
-_OPEN = 0.27  # of its outline at most is open where a room stands open; a square without one wall: 0.25
+_OPEN = (
+    0.27  # of its outline at most is open where a room stands open; a square without one wall: 0.25
+)
 _COUNTS = 0.6  # of a piece's width is a passage at least that makes it open
 _LARGE = 4.0  # [m^2] what is smaller is part of what it opens to, as a niche
 _LONG = 2.5  # times its width is a corridor's length at least
@@ -40,7 +42,9 @@ class Pieces:
         passages: Iterable[tuple[int, int, float]],
         settings: RoomSettings,
     ) -> None:
-        self.area, self.perimeter, self.clear = area.tolist(), perimeter.tolist(), clear.tolist()
+        self.area: list[float] = area.tolist()
+        self.perimeter: list[float] = perimeter.tolist()
+        self.clear: list[float] = clear.tolist()
         self._settings = settings
         self._parent = list(range(len(self.area)))
         # Lines side by side, as at both ends of a deep door, lead to the same place: the widest.
