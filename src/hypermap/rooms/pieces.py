@@ -21,7 +21,7 @@ _LARGE = 4.0  # [m^2] what is smaller is part of what it opens to, as a niche
 _LONG = 2.5  # times its width is a corridor's length at least
 _DOOR = 0.8  # of the narrower side's width is a door at most
 _BOTTLENECK = 0.65  # of the narrower corridor's width is a passage between corridors at most
-_ALIKE = 0.85  # of each other's width is where a corridor goes on
+_ALIKE = 0.9  # of each other's width is where a corridor goes on
 _HALL = 2.5  # times a corridor's width is a hall's, of which the corridor is no part
 
 
