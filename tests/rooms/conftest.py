@@ -47,7 +47,7 @@ def two_rooms(door: float = 0.9) -> Plan:
 
 
 def along_a_corridor() -> Plan:
-    """Three rooms of 4 x 4 m on either side of a corridor of 2 x 13 m, doors opposite each other."""
+    """Three rooms of 4 x 4 m on either side of a corridor of 2 x 13 m, doors face each other."""
     plan = Plan(14, 12).clear(0.5, 5, 13.5, 7)
     for left in (0.5, 5.0, 9.5):
         for low, door in ((0.8, 4.8), (7.2, 7.0)):

@@ -105,7 +105,7 @@ def test_doors_that_cannot_be_read_are_an_error():
 def test_a_room_is_found_by_id_and_name():
     rooms = find_rooms(two_rooms().layer())
     assert rooms[1] is rooms["room 2"]
-    with pytest.raises(HypermapError, match="there is no room 'rom 2'; did you mean 'room 2'?"):
+    with pytest.raises(HypermapError, match=r"there is no room 'rom 2'; did you mean 'room 2'\?"):
         rooms["rom 2"]
     with pytest.raises(HypermapError, match="no room with the id 7"):
         rooms[7]
