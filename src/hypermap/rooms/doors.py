@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
+from scipy.spatial import cKDTree
 from shapely.geometry import LineString
 
-from hypermap.core.arrays import BoolArray, FloatArray
+from hypermap.core.arrays import BoolArray, FloatArray, IntArray
 from hypermap.core.grid import GridGeometry
 from hypermap.rooms.rooms import Door
-from hypermap.rooms.watershed import clearance
 
 _LEAST = 0.3  # [m] nobody passes through less
 
@@ -43,7 +43,7 @@ def doors_between(
     row, col = np.concatenate(rows), np.concatenate(cols)
     if not len(row):
         return ()
-    far = clearance(np.pad(walls, 1, constant_values=True))[1:-1, 1:-1]
+    far = _distances(row, col, np.pad(walls, 1, constant_values=True))
     border = np.zeros(labels.shape, dtype=bool)
     border[row, col] = True
     groups, _ = ndimage.label(border, np.ones((3, 3)))
@@ -55,12 +55,25 @@ def doors_between(
         here = which.ravel() == number
         line = _straight(ends[here].reshape(-1, 2))
         # The middle of a door of n cells is n / 2 or (n + 1) / 2 away from the nearest blocked one.
-        width = (2 * float(far[row[here], col[here]].max()) - 0.5) * grid.resolution
+        width = (2 * float(far[here].max()) - 0.5) * grid.resolution
         if width < _LEAST:
             continue
         metres = np.round(grid.origin.apply(line * grid.resolution), 6)
         doors.append(Door((low - 1, high - 1), LineString(metres), round(width, 6)))
     return tuple(doors)
+
+
+def _distances(row: IntArray, col: IntArray, walls: BoolArray) -> FloatArray:
+    """Return how far some cells are from the nearest wall, in cells.
+
+    Args:
+        row: of the cells.
+        col: likewise.
+        walls: with one more cell on each side.
+    """
+    beside = walls & ndimage.binary_dilation(~walls)
+    distances: FloatArray = cKDTree(np.argwhere(beside)).query(np.column_stack([row, col]) + 1)[0]
+    return distances
 
 
 def _straight(points: FloatArray) -> FloatArray:
