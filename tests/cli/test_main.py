@@ -118,6 +118,7 @@ def test_a_bad_map_gives_one_line_and_code_2_for_every_command(
         "info": [],
         "query": ["--at", "0,0"],
         "render": ["-o", tmp_path / "out.png"],
+        "rooms": [],
         "convert": [tmp_path / "out.hmap"],
         "shell": [],
     }
