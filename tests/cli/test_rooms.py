@@ -61,7 +61,7 @@ def test_rooms_are_drawn(hypermap, flat, tmp_path):
         (["--least-area", "0"], "--least-area must be a positive number, got 0.0"),
         (["-o", "x.png"], "x.png: a map with rooms is saved as .hmap"),
         (["--kinds", "none.yaml"], "none.yaml: there is no such file"),
-        (["--layer", "semantic"], "there is no layer 'semantic'"),
+        (["--occupancy", "semantic"], "there is no layer 'semantic'"),
     ],
 )
 def test_what_cannot_be_is_said_so(hypermap, flat, arguments, reason):
