@@ -72,8 +72,8 @@ def _distances(row: IntArray, col: IntArray, walls: BoolArray) -> FloatArray:
         walls: with one more cell on each side.
     """
     beside = walls & ndimage.binary_dilation(~walls)
-    distances: FloatArray = cKDTree(np.argwhere(beside)).query(np.column_stack([row, col]) + 1)[0]
-    return distances
+    cells = np.column_stack([row, col]) + 1  # as the walls count them
+    return np.asarray(cKDTree(np.argwhere(beside)).query(cells)[0])
 
 
 def _straight(points: FloatArray) -> FloatArray:
