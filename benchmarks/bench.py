@@ -30,6 +30,7 @@ GROUPS = (
     "grids",
     "files",
     "startup",
+    "rooms",
 )
 CHECKOUT = Path(__file__).resolve().parent.parent
 WRONG, BAD_INPUT, INTERRUPTED = 1, 2, 130  # exit codes

@@ -18,7 +18,7 @@ from hypermap.cli.terminal import BAD_INPUT
 
 from .conftest import assert_one_error
 
-COMMANDS = ["demo", "map", "detectors", "info", "query", "render", "convert", "shell"]
+COMMANDS = ["demo", "map", "detectors", "info", "query", "render", "rooms", "convert", "shell"]
 NEEDED = {"numpy", "shapely", "yaml"}  # by a question to a map
 FOREIGN = {"matplotlib", "mcap", "numba", "onnxruntime", "rosbags", "scipy", "starlette", "uvicorn"}
 
@@ -101,7 +101,7 @@ def test_wrong_usage_ends_with_code_2_and_a_hint(hypermap, arguments):
     assert "Traceback" not in result.err
 
 
-@pytest.mark.parametrize("command", ["info", "query", "render", "convert", "shell"])
+@pytest.mark.parametrize("command", ["info", "query", "render", "rooms", "convert", "shell"])
 def test_a_bad_map_gives_one_line_and_code_2_for_every_command(
     hypermap, tmp_path, room_map, command
 ):
@@ -118,6 +118,7 @@ def test_a_bad_map_gives_one_line_and_code_2_for_every_command(
         "info": [],
         "query": ["--at", "0,0"],
         "render": ["-o", tmp_path / "out.png"],
+        "rooms": [],
         "convert": [tmp_path / "out.hmap"],
         "shell": [],
     }

@@ -25,13 +25,13 @@ def command(
             "--output",
             metavar="OUT",
             show_default=False,
-            help="Save the map with its rooms here: .hmap.",
+            help="Save here: .hmap.",
         ),
     ] = None,
-    layer: Annotated[
+    occupancy: Annotated[
         str | None,
         typer.Option(
-            "--layer", metavar="NAME", show_default="the only one", help="The occupancy layer."
+            "--occupancy", metavar="NAME", show_default="the only one", help="The layer to cut."
         ),
     ] = None,
     least_area: Annotated[
@@ -77,8 +77,8 @@ def command(
 ) -> None:
     """Find rooms, corridors and doors in the occupancy of a map, and what kind each room is.
 
-    With -o, they become the layer "rooms" of the new map: objects with outlines and names. Where the
-    map has such a layer, its rooms keep their ids, and names that were given by hand.
+    With -o, they become the layer "rooms" of the new map: objects with outlines and names. Where
+    the map has such a layer, its rooms keep their ids, and names that were given by hand.
 
     Examples:
         hypermap rooms office.hmap
@@ -100,7 +100,7 @@ def command(
         raise HypermapError(f"--{name.replace('_', '-')} {rest}") from None
     table_of_kinds = None if kinds is None else load_kinds(kinds)
     hypermap = open_map(path)
-    rooms = rooms_of_map(hypermap, settings, occupancy=layer, kinds=table_of_kinds)
+    rooms = rooms_of_map(hypermap, settings, occupancy=occupancy, kinds=table_of_kinds)
     passing = graph(rooms, robot_radius or 0.0)
     if as_json:
         say_json(describe(rooms, passing, robot_radius))

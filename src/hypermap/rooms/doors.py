@@ -5,12 +5,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
+from scipy.spatial import cKDTree
 from shapely.geometry import LineString
 
-from hypermap.core.arrays import BoolArray, FloatArray
+from hypermap.core.arrays import BoolArray, FloatArray, IntArray
 from hypermap.core.grid import GridGeometry
 from hypermap.rooms.rooms import Door
-from hypermap.rooms.watershed import clearance
+
+_LEAST = 0.3  # [m] nobody passes through less
 
 
 def doors_between(
@@ -25,7 +27,7 @@ def doors_between(
 
     Returns:
         In the order of the ids. A passage is as wide as the widest disc that passes between the
-        walls at it, and not wider than it is long.
+        walls at it, up to half a cell; less than 0.3 m are none.
     """
     rows, cols, pairs, places = [], [], [], []
     for dr, dc in ((0, 1), (1, 0)):
@@ -37,11 +39,11 @@ def doors_between(
         pairs.append(np.sort(np.stack([one[meet], other[meet]], axis=1), axis=1))
         # Both ends of the edge between the two cells, (x, y).
         begin = np.stack([c + dc, r + dr], axis=1)
-        places.append(np.stack([begin, begin + [dr, dc]], axis=1))
+        places.append(np.stack([begin, begin + np.array([dr, dc])], axis=1))
     row, col = np.concatenate(rows), np.concatenate(cols)
     if not len(row):
         return ()
-    far = clearance(np.pad(walls, 1, constant_values=True))[1:-1, 1:-1]
+    far = _distances(row, col, np.pad(walls, 1, constant_values=True))
     border = np.zeros(labels.shape, dtype=bool)
     border[row, col] = True
     groups, _ = ndimage.label(border, np.ones((3, 3)))
@@ -52,11 +54,26 @@ def doors_between(
     for number, (low, high, _) in enumerate(found.tolist()):
         here = which.ravel() == number
         line = _straight(ends[here].reshape(-1, 2))
-        length = float(np.hypot(*(line[1] - line[0])))
-        width = min(length, 2 * float(far[row[here], col[here]].max())) * grid.resolution
+        # The middle of a door of n cells is n / 2 or (n + 1) / 2 away from the nearest blocked one.
+        width = (2 * float(far[here].max()) - 0.5) * grid.resolution
+        if width < _LEAST:
+            continue
         meters = np.round(grid.origin.apply(line * grid.resolution), 6)
         doors.append(Door((low - 1, high - 1), LineString(meters), round(width, 6)))
     return tuple(doors)
+
+
+def _distances(row: IntArray, col: IntArray, walls: BoolArray) -> FloatArray:
+    """Return how far some cells are from the nearest wall, in cells.
+
+    Args:
+        row: of the cells.
+        col: likewise.
+        walls: with one more cell on each side.
+    """
+    beside = walls & ndimage.binary_dilation(~walls)
+    cells = np.column_stack([row, col]) + 1  # as the walls count them
+    return np.asarray(cKDTree(np.argwhere(beside)).query(cells)[0])
 
 
 def _straight(points: FloatArray) -> FloatArray:
@@ -66,4 +83,5 @@ def _straight(points: FloatArray) -> FloatArray:
     along = (points - middle) @ vectors[:, -1]
     if len(points) <= 2:
         return points
-    return middle + np.outer([along.min(), along.max()], vectors[:, -1])
+    ends: FloatArray = middle + np.outer([along.min(), along.max()], vectors[:, -1])
+    return ends

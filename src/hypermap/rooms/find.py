@@ -9,6 +9,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 from scipy import ndimage
+from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.arrays import BoolArray, FloatArray, IntArray
 from hypermap.core.errors import HypermapError
@@ -28,6 +29,8 @@ from hypermap.rooms.watershed import basins, clearance, in_order, spread
 _NOISE = 0.15  # [m] by how much a straight wall may seem bent
 _WALL = 0.5  # [m] a shorter wall has no line that a room could end at
 _DOOR = 1.6  # [m] what gets narrower than this may be a door without corners of walls beside it
+_RAY = 0.3  # [m] what is thinner is no place for people or robots, as long as it is
+_CORNER = 0.3  # [m] so far from wider places it is a corner of these
 _BESIDE = 2.0  # cells from a line to what lies on either side of it
 _STRAIGHT = 1.5  # cells by which outlines are simplified, about
 
@@ -101,11 +104,8 @@ class _Found:
         walls = np.ones(free.shape, dtype=bool)
         rows, cols = np.flatnonzero(free.any(axis=1)), np.flatnonzero(free.any(axis=0))
         window = (slice(rows[0], rows[-1] + 1), slice(cols[0], cols[-1] + 1))
-        inner = np.pad(
-            _without_obstacles(~free[window], settings.largest_obstacle / side),
-            1,
-            constant_values=True,
-        )
+        blocked = _without_obstacles(~free[window], settings.largest_obstacle / side)
+        inner = np.pad(_without_rays(blocked, side), 1, constant_values=True)
         cut = _cut(inner, side, settings)
         labels[window] = cut[1:-1, 1:-1]
         walls[window] = inner[1:-1, 1:-1]
@@ -122,6 +122,19 @@ def _without_obstacles(blocked: BoolArray, largest: float) -> BoolArray:
         inside = rows.start > 0 and cols.start > 0 and rows.stop < height and cols.stop < width
         small[number] = inside and max(rows.stop - rows.start, cols.stop - cols.start) < largest
     return blocked & ~small[groups]
+
+
+def _without_rays(blocked: BoolArray, side: float) -> BoolArray:
+    """Return blocked cells, and with them what only rays of a sensor reach, as through a window.
+
+    Args:
+        blocked: shape (height, width).
+        side: of a cell [m].
+    """
+    thick = 2 * round(_RAY / 2 / side) + 1
+    corner = 2 * round(_CORNER / side)
+    wide = ndimage.minimum_filter(~blocked, thick, mode="constant", cval=0)
+    return blocked | ~ndimage.maximum_filter(wide, thick + corner, mode="constant", cval=0)
 
 
 def _cut(walls: BoolArray, side: float, settings: RoomSettings) -> NDArray[np.int32]:
@@ -221,7 +234,7 @@ def _passages_between(
     ]
 
 
-def _outlines(labels: NDArray[np.int32], grid: GridGeometry) -> list[shapely.Geometry]:
+def _outlines(labels: NDArray[np.int32], grid: GridGeometry) -> list[BaseGeometry]:
     """Return the outline of each room in the layer's frame; neighbors share their edges."""
     faces, owners = outlines(labels)
     if not len(faces):
@@ -229,11 +242,11 @@ def _outlines(labels: NDArray[np.int32], grid: GridGeometry) -> list[shapely.Geo
     simple = shapely.coverage_simplify(faces, _STRAIGHT)
     pose = grid.origin
 
-    def placed(points: FloatArray) -> FloatArray:
+    def placed(points: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.round(pose.apply(points * grid.resolution), 6)
 
     simple = shapely.transform(simple, placed)
-    shapes = []
+    shapes: list[BaseGeometry] = []
     for label in range(1, int(labels.max()) + 1):
         own = simple[owners == label]
         shapes.append(own[0] if len(own) == 1 else shapely.MultiPolygon(list(own)))

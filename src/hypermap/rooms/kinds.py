@@ -13,6 +13,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from hypermap.core.arrays import ObjectArray
 from hypermap.core.errors import FileMissing, FormatError
 from hypermap.core.semantic import SemanticObject
 from hypermap.rooms.rooms import Room, Rooms
@@ -26,6 +27,7 @@ _MOST = 3  # things of one name count
 _NONE = 1.0  # what always speaks for no kind
 _LONG = 3.0  # times its width is a long room's length at least
 _THIN = 3.5  # [m] is a thin room's width at most
+_PRECISE = 0.05  # [m] by which the measured width may be wrong
 _IN_THE_WALL = 0.5  # [m] from a room may what is fixed to its wall seem to be
 
 
@@ -147,10 +149,11 @@ def _inside(rooms: Rooms, objects: Iterable[SemanticObject]) -> list[list[str]]:
 
 def _is_long_and_thin(outline: BaseGeometry) -> bool:
     """Return whether an outline is like a corridor's, which may turn and branch."""
-    # Of a strip, the area and the perimeter tell both sides, also where it turns.
-    half = outline.length / 2
-    width = (half - math.sqrt(max(half**2 - 4 * outline.area, 0.0))) / 2
-    return width <= _THIN and half - width >= _LONG * width
+    if outline.is_empty or outline.area == 0:
+        return False
+    circles: ObjectArray = np.asarray(shapely.maximum_inscribed_circle([outline], _PRECISE))
+    width = 2 * float(circles[0].length)
+    return width <= _THIN and outline.area >= _LONG * width**2
 
 
 def _named(rooms: list[Room]) -> list[Room]:
@@ -161,8 +164,8 @@ def _named(rooms: list[Room]) -> list[Room]:
         if room.is_named:
             continue
         base = room.kind or _UNKNOWN
-        number = room.name.removeprefix(base).strip()
-        fits = room.name.startswith(base) and (number == "" or number.isdigit())
+        rest = room.name.removeprefix(base).strip()
+        fits = room.name.startswith(base) and (rest == "" or rest.isdigit())
         if room.name and fits and room.name not in taken:
             taken.add(room.name)
         else:

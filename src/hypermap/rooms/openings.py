@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from shapely.geometry import Polygon
 
+from hypermap.core.arrays import ObjectArray
+
 _TURN = math.radians(30)  # a corner that turns less is none
 _IN_LINE = math.radians(20)  # a wall that turns less goes on through the gap
 _ACROSS = math.radians(75)  # less from a wall is no gap but along that wall
@@ -60,7 +62,7 @@ def openings(area: Polygon, tolerance: float, longest: float, wall: float) -> ND
     good &= ((cosines < -math.cos(_IN_LINE)) & stand).any(axis=(0, 2))
     first, second, length = first[good], second[good], length[good]
     ends = np.stack([corners[first], corners[second]], axis=1)
-    lines = shapely.linestrings(ends)
+    lines: ObjectArray = np.asarray(shapely.linestrings(ends))
     shapely.prepare(smooth)
     free = shapely.covers(smooth, lines)
     ends, lines, length = ends[free], lines[free], length[free]
@@ -96,7 +98,7 @@ def _corners(
     return np.concatenate(corners), np.concatenate(walls), np.concatenate(lengths)
 
 
-def _not_crossing(lines: NDArray[np.object_], order: NDArray[np.int64]) -> list[int]:
+def _not_crossing(lines: ObjectArray, order: NDArray[np.int64]) -> list[int]:
     """Return lines in an order, without those that cross an earlier one."""
     crossed: dict[int, list[int]] = {}
     pairs = shapely.STRtree(lines).query(lines, predicate="crosses")

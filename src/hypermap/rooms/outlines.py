@@ -35,7 +35,8 @@ def outlines(labels: NDArray[np.int32]) -> tuple[ObjectArray, IntArray]:
     runs = np.concatenate([_runs(level, meets_upright), along_y]).astype(np.float64)
     if not len(runs):
         return np.empty(0, dtype=object), np.empty(0, dtype=np.int64)
-    faces = shapely.get_parts(shapely.polygonize(shapely.linestrings(runs)))
+    lines: ObjectArray = np.asarray(shapely.linestrings(runs))
+    faces = shapely.get_parts(shapely.polygonize(lines))
     inside = np.floor(shapely.get_coordinates(shapely.point_on_surface(faces))).astype(np.int64)
     found = labels[inside[:, 1], inside[:, 0]].astype(np.int64)
     return faces[found > 0], found[found > 0]

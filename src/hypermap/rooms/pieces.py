@@ -21,7 +21,7 @@ _LARGE = 4.0  # [m^2] what is smaller is part of what it opens to, as a niche
 _LONG = 2.5  # times its width is a corridor's length at least
 _DOOR = 0.8  # of the narrower side's width is a door at most
 _BOTTLENECK = 0.65  # of the narrower corridor's width is a passage between corridors at most
-_ALIKE = 0.85  # of each other's width is where a corridor goes on
+_ALIKE = 0.9  # of each other's width is where a corridor goes on
 _HALL = 2.5  # times a corridor's width is a hall's, of which the corridor is no part
 
 
@@ -42,7 +42,9 @@ class Pieces:
         passages: Iterable[tuple[int, int, float]],
         settings: RoomSettings,
     ) -> None:
-        self.area, self.perimeter, self.clear = area.tolist(), perimeter.tolist(), clear.tolist()
+        self.area: list[float] = area.tolist()
+        self.perimeter: list[float] = perimeter.tolist()
+        self.clear: list[float] = clear.tolist()
         self._settings = settings
         self._parent = list(range(len(self.area)))
         # Lines side by side, as at both ends of a deep door, lead to the same place: the widest.

@@ -180,10 +180,10 @@ class Rooms:
         """
         new_id = {old.id: new.id for old, new in zip(self.rooms, rooms, strict=True)}
         order = sorted(range(len(rooms)), key=lambda place: rooms[place].id)
-        doors = [
-            replace(door, rooms=tuple(sorted(new_id[number] for number in door.rooms)))
-            for door in self.doors
-        ]
+        doors = []
+        for door in self.doors:
+            low, high = sorted(new_id[number] for number in door.rooms)
+            doors.append(replace(door, rooms=(low, high)))
         cells = self.cells
         if cells is not None:
             place = np.full(len(rooms) + 1, -1, dtype=np.int32)  # the last is that of no room

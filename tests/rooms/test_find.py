@@ -1,0 +1,165 @@
+"""What is a room, in drawn plans."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hypermap.core.errors import HypermapError
+from hypermap.core.frames import Pose2D
+from hypermap.core.occupancy import OccupancyLayer
+from hypermap.rooms import RoomSettings, find_rooms
+
+from .conftest import SIDE, Plan, along_a_corridor, layer_of, two_rooms
+
+
+def areas(rooms):
+    return sorted(round(room.area, 1) for room in rooms)
+
+
+def test_a_room_is_what_walls_enclose():
+    (room,) = find_rooms(Plan(5, 4).clear(1, 1, 4, 3).layer())
+    assert room.outline.equals(shapely.box(1, 1, 4, 3))
+    assert (room.id, room.name, room.kind) == (0, "room", "")
+
+
+def test_a_door_divides_two_rooms():
+    rooms = find_rooms(two_rooms(door=0.9).layer())
+    assert areas(rooms) == pytest.approx([16, 16], abs=0.2)
+    (door,) = rooms.doors
+    assert door.rooms == (0, 1)
+    assert door.place_xy == pytest.approx([4.5, 2.5], abs=0.15)
+    assert door.width == pytest.approx(0.9, abs=0.051)
+
+
+def test_a_wide_passage_between_large_rooms_makes_them_one():
+    layer = two_rooms(door=3).layer()
+    assert len(find_rooms(layer)) == 1
+    layer = two_rooms(door=1.5).layer()
+    assert len(find_rooms(layer)) == 2
+    assert len(find_rooms(layer, RoomSettings(widest_door=1.0))) == 1
+
+
+def test_a_corridor_is_not_cut_at_its_doors():
+    rooms = find_rooms(along_a_corridor().layer())
+    assert len(rooms) == 7
+    assert len(rooms.doors) == 6
+    (corridor,) = [room for room in rooms if room.kind == "corridor"]
+    assert corridor.outline.bounds == pytest.approx((0.5, 5, 13.5, 7), abs=0.25)
+    assert {door.rooms for door in rooms.doors} == {
+        tuple(sorted((corridor.id, room.id))) for room in rooms if room is not corridor
+    }
+
+
+def test_a_corridor_that_turns_is_one():
+    plan = Plan(12, 12).clear(1, 1, 3, 11).clear(1, 9, 11, 11).clear(9, 1, 11, 11)
+    assert areas(find_rooms(plan.layer())) == [52]
+
+
+def test_a_cubicle_that_stands_open_to_a_corridor_is_a_room():
+    plan = Plan(16, 7).clear(0.5, 0.5, 15.5, 3).clear(4, 3.2, 7, 5.6).clear(4.5, 3, 6.5, 3.2)
+    assert areas(find_rooms(plan.layer())) == pytest.approx([7.4, 37.6], abs=0.4)
+
+
+def test_furniture_does_not_divide_a_room():
+    plan = Plan(8, 6).clear(1, 1, 7, 5)
+    for x in np.arange(1.5, 6.9, 0.6):
+        for y in np.arange(1.5, 4.9, 0.6):
+            plan.fill(x, y, x + 0.1, y + 0.1)
+    plan.fill(3, 2, 3.5, 2.5, value=-1)  # nothing is known of what is below the table
+    (room,) = find_rooms(plan.layer())
+    assert room.outline.equals(shapely.box(1, 1, 7, 5))  # furniture stands in it
+
+
+def test_rays_through_a_window_are_no_room():
+    plan = Plan(30, 12).clear(1, 1, 6, 6).fill(7, 0, 30, 12, value=-1)
+    for step in range(4):
+        low = 2 + 0.5 * step
+        plan.clear(6, low, 28, low + 0.1)
+    (room,) = find_rooms(plan.layer())
+    assert room.outline.bounds == pytest.approx((1, 1, 6, 6), abs=0.5)
+
+
+def test_what_is_small_is_no_room():
+    layer = Plan(9, 4).clear(1, 1, 4, 3).clear(5, 1, 6.5, 2).layer()
+    assert areas(find_rooms(layer)) == [1.5, 6]
+    assert areas(find_rooms(layer, RoomSettings(least_area=2))) == [6]
+    assert len(find_rooms(layer, RoomSettings(least_area=100))) == 0
+
+
+def test_rooms_lie_where_the_grid_lies():
+    origin = Pose2D(10, -3, np.pi / 2)
+    (room,) = find_rooms(Plan(5, 4).clear(1, 1, 4, 3).layer(origin))
+    assert room.outline.equals(shapely.box(7, -2, 9, 1))
+
+
+def test_the_same_map_gives_the_same_rooms():
+    one, other = (find_rooms(along_a_corridor().layer()) for _ in range(2))
+    assert one.cells.tobytes() == other.cells.tobytes()
+    assert [room.outline.wkb for room in one] == [room.outline.wkb for room in other]
+    assert [door.line.wkb for door in one.doors] == [door.line.wkb for door in other.doors]
+
+
+@pytest.mark.parametrize("turn", range(8))
+def test_a_turned_or_mirrored_map_has_the_same_rooms(turn):
+    cells = along_a_corridor().cells
+    turned = np.ascontiguousarray(np.rot90(cells if turn < 4 else cells[::-1], turn))
+    rooms, expected = find_rooms(layer_of(turned)), find_rooms(layer_of(cells))
+    assert areas(rooms) == pytest.approx(areas(expected), abs=0.3)
+    assert len(rooms.doors) == len(expected.doors)
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.data())
+def test_rooms_share_edges_and_cover_the_free_space_once(data):
+    plan = Plan(6, 5)
+    corners = st.integers(0, 10)
+    for _ in range(data.draw(st.integers(1, 5))):
+        x0, y0 = (data.draw(corners) / 2 for _ in range(2))
+        plan.clear(x0, y0, x0 + data.draw(corners) / 3 + 0.5, y0 + data.draw(corners) / 3 + 0.5)
+    rooms = find_rooms(plan.layer())
+    outlines = [room.outline for room in rooms]
+    assert all(shapely.is_valid(outlines))
+    assert shapely.coverage_is_valid(np.array(outlines, dtype=object))
+    # Outlines follow the cells, up to what makes them straight.
+    assert sum(room.area for room in rooms) == pytest.approx(
+        (rooms.cells >= 0).sum() * SIDE**2, abs=0.3
+    )
+    assert (plan.cells[rooms.cells >= 0] == 0).all()
+    large = RoomSettings().least_area / SIDE**2
+    assert all((rooms.cells == place).sum() >= large for place in range(len(rooms)))
+
+
+@pytest.mark.parametrize(
+    ("cells", "reason"),
+    [
+        (np.full((20, 20), -1, dtype=np.int8), "has no free cell"),
+        (np.full((1, 1), 100, dtype=np.int8), "has no free cell"),
+    ],
+)
+def test_a_map_without_free_space_is_an_error(cells, reason):
+    with pytest.raises(HypermapError, match=reason):
+        find_rooms(layer_of(cells))
+
+
+def test_an_empty_layer_is_an_error():
+    with pytest.raises(HypermapError, match="'occupancy' is empty"):
+        find_rooms(OccupancyLayer("occupancy", "map"))
+
+
+def test_a_map_of_one_free_cell_has_no_room():
+    assert len(find_rooms(layer_of(np.zeros((1, 1), dtype=np.int8)))) == 0
+
+
+def test_a_door_narrower_than_a_cell_is_none():
+    rooms = find_rooms(two_rooms(door=0).layer())
+    assert (len(rooms), rooms.doors) == (2, ())
+
+
+@pytest.mark.parametrize("value", [0, -1, float("nan"), float("inf")])
+def test_settings_are_positive(value):
+    with pytest.raises(ValueError, match="widest_door must be a positive number"):
+        RoomSettings(widest_door=value)
