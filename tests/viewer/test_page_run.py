@@ -350,7 +350,7 @@ def test_a_run_is_followed_stopped_and_looked_at_and_its_end_is_said(
         assert watched.end() == 130
         banner = page.locator("#banner")
         banner.wait_for(state="visible")
-        assert "Hypermap has ended" in banner.inner_text()
+        assert "Hypermap has stopped" in banner.inner_text()
         assert window.number == 1  # what was drawn stays
 
 
