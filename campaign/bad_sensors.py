@@ -362,7 +362,7 @@ SENSORS = (
     BadSensor(
         "10,000 at once",
         _found(lambda _: [_box(score=0.5 + i / 3e4) for i in range(10_000)]),
-        "9800 detections are left out",
+        "dropped 9800 detections",
     ),
     BadSensor(
         "of another image",

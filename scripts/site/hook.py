@@ -21,7 +21,7 @@ from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 
 ROOT = Path(__file__).resolve().parents[2]
-PAGES = ("*.md", "docs/**/*.md", "benchmarks/*.md", "examples/*/*.md")
+PAGES = ("*.md", "docs/**/*.md", "benchmarks/*.md", "campaign/*.md", "examples/*/*.md")
 OTHER_FILES = ("docs/images/*", "docs/site.css", "docs/iframe-worker.js")
 LINK = re.compile(r"(?<=\]\()(?![a-z]+:)([^)#\s]+)")
 
