@@ -132,5 +132,5 @@ def test_what_a_detector_does_wrong_is_told_as_the_detectors(answer: object, mes
 
 def test_that_the_memory_is_full_is_not_the_detectors_fault() -> None:
     source = detections_from_detector(Moody(MemoryError()))  # type: ignore[arg-type]
-    with pytest.raises(HypermapError, match="^there was not enough memory"):
+    with pytest.raises(HypermapError, match="there was not enough memory"):
         source(frame(COLOR))
