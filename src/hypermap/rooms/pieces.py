@@ -13,9 +13,7 @@ from hypermap.core.arrays import FloatArray
 from hypermap.rooms.settings import RoomSettings
 
 # Shares, of what the names say.
-_OPEN = (
-    0.27  # of its outline at most is open where a room stands open; a square without one wall: 0.25
-)
+_OPEN = 0.27  # of a room's outline is open at most; of a square without one wall 0.25 is
 _COUNTS = 0.6  # of a piece's width is a passage at least that makes it open
 _LARGE = 4.0  # [m^2] what is smaller is part of what it opens to, as a niche
 _LONG = 2.5  # times its width is a corridor's length at least
