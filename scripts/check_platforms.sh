@@ -3,6 +3,7 @@
 # scripts/check_platforms.sh [REQUIREMENTS]. The registry is only asked, nothing is installed.
 set -eu
 cd "$(dirname "$0")/.."
+. scripts/uv.sh
 requirements=${1:-requirements/hypermap.txt}
 errors=$(mktemp)
 trap 'rm -f "$errors"' EXIT
@@ -11,7 +12,7 @@ export MACOSX_DEPLOYMENT_TARGET=14.0
 ask() {  # ask PLATFORM PYTHON OPTIONS...
   platform=$1 python=$2
   shift 2
-  "${VENV:-.venv}/bin/uv" pip compile --quiet --no-deps --only-binary :all: --python-platform "$platform" \
+  "$uv" pip compile --quiet --no-deps --only-binary :all: --python-platform "$platform" \
     --python-version "$python" "$@" "$requirements" >/dev/null 2>"$errors"
 }
 

@@ -4,11 +4,9 @@
 # The lowest are those that pyproject.toml promises, the newest what pip finds today.
 set -eu
 cd "$(dirname "$0")/.."
-uv=$PWD/${VENV:-.venv}/bin/uv
+. scripts/uv.sh
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
-
-. scripts/pythons.sh
 
 which=$1
 shift

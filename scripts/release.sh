@@ -5,8 +5,7 @@
 #   install    both, in new environments of the oldest and the newest Python that are here
 set -eu
 cd "$(dirname "$0")/.."
-. scripts/pythons.sh
-uv=$PWD/${VENV:-.venv}/bin/uv
+. scripts/uv.sh
 python=$PWD/${VENV:-.venv}/bin/python
 
 refuse() {

@@ -1,5 +1,10 @@
-# Sourced: find_python VERSIONS prints the first Python of these that is here, on PATH or of pyenv.
-# None is downloaded. `uv` names the program of that name.
+# Sourced in the checkout: uv, and what finds Pythons by it.
+uv=$PWD/${VENV:-.venv}/bin/uv
+# Where its cache cannot be made, as in a home folder that is write-protected, it ends.
+mkdir -p "$("$uv" cache dir)" 2>/dev/null || export UV_CACHE_DIR="$PWD/${VENV:-.venv}/uv-cache"
+
+# find_python VERSIONS... prints the first of these that is here, on PATH or of pyenv. None is
+# downloaded.
 find_python() {
   for version in "$@"; do
     python=$("$uv" python find --quiet --no-project --no-python-downloads "$version" 2>/dev/null) ||
