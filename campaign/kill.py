@@ -222,8 +222,11 @@ class _Campaign:
 
     def _read_only(self, trial: Trial) -> None:
         trial.again()
-        made = trial.folder
-        outcome = in_a_process(partial(trial.way.save, made, 1), partial(_be_a_reader, made))
+        made, elsewhere = trial.folder, trial.place / "elsewhere"
+        fresh(elsewhere, trial.place / "old")
+        outcome = in_a_process(
+            partial(trial.way.save, made, 1), partial(_be_a_reader, made, trial.way, elsewhere)
+        )
         self._runs += 1
         problem = ""
         if not outcome.error:
@@ -280,7 +283,9 @@ def _die_after(seconds: float) -> None:
         os._exit(0)
 
 
-def _be_a_reader(folder: Path) -> None:
+def _be_a_reader(folder: Path, way: Way, elsewhere: Path) -> None:
+    """Become who may read a folder and not write there."""
+    way.save(elsewhere, 1)  # imports what it needs, from where the reader may not look
     read_only(folder)
 
 
