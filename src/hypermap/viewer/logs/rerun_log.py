@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
 import sys
 from pathlib import Path
@@ -28,6 +29,7 @@ try:
 except ImportError:
     raise MissingExtra("a log for Rerun", "rerun") from None
 
+_STALLED = 15.0  # seconds in which a file that is being written grows
 _WALL_CLOCK = 1e8  # seconds; smaller stamps count from the start of a recording
 _LINE, _THIN_LINE, _POINT = 0.012, 0.006, 0.015  # radii [m]
 _GREY = (150, 150, 150)
@@ -52,6 +54,7 @@ class RerunLog:
         """
         recording_id = uuid4() if path is None else uuid5(NAMESPACE_URL, f"hypermap:{name}")
         self._log = rerun.RecordingStream("hypermap", recording_id=recording_id)
+        self._path = path
         self._has_camera = False
         try:
             if path is None:
@@ -114,9 +117,34 @@ class RerunLog:
         self._log.log("seen/area", area)
 
     def close(self) -> None:
-        """Finish the file, or hand the last things over to the viewer."""
-        self._log.flush()
+        """Finish the file, or hand the last things over to the viewer.
+
+        Raises:
+            RuntimeError: If not all could be written.
+        """
+        try:
+            self._flush()
+        except RuntimeError:
+            # After a write that failed, Rerun may wait for good, also when the stream goes or
+            # Python ends. So it never goes.
+            rerun.unregister_shutdown()
+            ctypes.pythonapi.Py_IncRef(ctypes.py_object(self._log))
+            raise
         self._log.disconnect()
+
+    def _flush(self) -> None:
+        """Wait until all is written; where a file does not grow meanwhile, not for good."""
+        if self._path is None:
+            self._log.flush()
+            return
+        while True:
+            size = self._path.stat().st_size
+            try:
+                self._log.flush(timeout_sec=_STALLED)
+                return
+            except RuntimeError:
+                if self._path.stat().st_size == size:
+                    raise
 
     def _set_time(self, stamp: float | None) -> None:
         if stamp is not None and stamp > _WALL_CLOCK:
