@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import statistics
 import time
+from typing import Any
 
 from suite.objects import floor
 
@@ -33,7 +34,7 @@ def main() -> None:
         text, binary = dump_table(table), dump_parquet(table, "map")
         readers = {"regular": parse_content, "all": parse_objects, "binary": parse_content}
         seconds: dict[str, list[float]] = {name: [] for name in readers}
-        held = {}
+        held: dict[str, Any] = {}
         for _ in range(repeat):
             for name, read in readers.items():
                 start = time.process_time()
@@ -41,8 +42,8 @@ def main() -> None:
                 seconds[name].append(time.process_time() - start)
                 held[name] = objects
         some = range(0, count, max(1, count // 100))
-        by_columns = [held["regular"].object(row) for row in some]  # type: ignore[union-attr]
-        assert_same_objects(by_columns, [held["all"][row] for row in some])  # type: ignore[index]
+        by_columns = [held["regular"].object(row) for row in some]
+        assert_same_objects(by_columns, [held["all"][row] for row in some])
         medians = " | ".join(f"{statistics.median(runs):.3g}" for runs in seconds.values())
         print(f"| {count:,} | {len(text) / 1e6:.2g} | {medians} |", flush=True)
 

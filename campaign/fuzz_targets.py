@@ -220,7 +220,7 @@ def png(folder: Path) -> Target:
 
 def semantic_yaml(folder: Path) -> Target:
     """A list of objects in YAML."""
-    corpus = [dump_objects(_layer()), dump_objects(_map()["semantic"])]  # type: ignore[arg-type]
+    corpus = [dump_objects(_layer()), dump_objects(_map().semantic("semantic"))]
     return _file_target("objects.yaml", corpus, mutate_text, folder)
 
 
@@ -246,7 +246,7 @@ def wkt(_: Path) -> Target:
         hypermap = Hypermap([SemanticLayer("semantic", "map", [square("cup", 0, 0)])])
         with contextlib.suppress(ValueError, TypeError):  # as they say
             shape = footprint_from_wkt(text)
-            hypermap["semantic"].add(SemanticObject("thing", shape))  # type: ignore[attr-defined]
+            hypermap.semantic("semantic").add(SemanticObject("thing", shape))
             ask_everything(hypermap, _draw(data))
         with contextlib.suppress(HypermapError):
             parse_point(text, "--at")

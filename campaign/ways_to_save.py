@@ -116,7 +116,7 @@ def _save_on_page(folder: Path, version: int) -> None:
     if version == 0:
         return
     document = MapDocument(path)
-    ids = document.current.hypermap["semantic"].ids  # type: ignore[attr-defined]
+    ids = document.current.hypermap.semantic("semantic").ids
     change = {"op": "update", "layer": "semantic", "id": int(ids[0]), "name": "changed"}
 
     def rename(draft: Draft) -> None:
