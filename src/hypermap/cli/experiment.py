@@ -11,7 +11,7 @@ import typer
 
 from hypermap.cli.options import AsJson, Force, check_output
 from hypermap.cli.progress import counting
-from hypermap.cli.simulate import WHAT_ERRS, errors_of, world_of
+from hypermap.cli.simulate import ERRORS, SENSORS, WHAT_ERRS, WHAT_SENSOR, errors_of, world_of
 from hypermap.cli.terminal import out, say, say_json, table
 from hypermap.core.errors import HypermapError
 
@@ -29,7 +29,8 @@ def command(
     ] = "lab,floor",
     seeds: Annotated[int, typer.Option(min=1, max=1000, help="Drives through each world.")] = 10,
     first_seed: Annotated[int, typer.Option(min=0, help="Seed of the first drive.")] = 1000,
-    errors: Annotated[str, typer.Option(metavar="none|fair|robot|FILE", help=WHAT_ERRS)] = "robot",
+    errors: Annotated[str, typer.Option(metavar=ERRORS, help=WHAT_ERRS)] = "robot",
+    sensor: Annotated[str, typer.Option(metavar=SENSORS, help=WHAT_SENSOR)] = "kinect_v1",
     rate: Annotated[float, typer.Option(min=0.1, max=30, help="Frames per second.")] = 2.0,
     jobs: Annotated[
         int, typer.Option(min=0, max=256, help="Number of parallel drives; 0: one per core.")
@@ -60,7 +61,7 @@ def command(
         check_output(file, replace)
     described = [world_of(word) for word in worlds.split(",")]
     _check_names([world.name for world in described], worlds.split(","))
-    chosen = errors_of(errors)
+    chosen = errors_of(errors, sensor)
     drives = [
         SimulatedDrive(world, seed, chosen, rate)
         for world in described
@@ -77,6 +78,8 @@ def command(
     ]
     data = to_data(results)
     options = f"--worlds {worlds} --seeds {seeds} --first-seed {first_seed} --errors {errors}"
+    if sensor != "kinect_v1":
+        options += f" --sensor {sensor}"
     repeated = f"hypermap experiment thesis {options} --rate {rate:g}"
     data["command"] = repeated
     write_report(results, data, output, repeated)

@@ -17,7 +17,15 @@ if TYPE_CHECKING:
     from hypermap.simulation import World
     from hypermap.simulation.levels import Errors
 
-WHAT_ERRS = "Errors of camera, localization and detector: a level or a YAML file."
+ERRORS = "none|fair|robot|rough|harsh|FILE"
+WHAT_ERRS = (
+    "Errors of camera, localization, detector and map: none; fair: depth and detections as usual; "
+    "robot: also poses that drift and jump, walls taken for things; rough: also small lasting "
+    "errors (clock, mounting, dark surfaces, false places, a map made by a laser); harsh: twice "
+    "these; or a YAML file that changes single values of fair."
+)
+SENSORS = "kinect_v1|realsense_d435|tof"
+WHAT_SENSOR = "Depth camera: its noise, range, steps and flying pixels, as published."
 _SIZES = {"320x240": 1, "640x480": 2}
 
 
@@ -43,10 +51,11 @@ def command(
     errors: Annotated[
         str,
         typer.Option(
-            metavar="none|fair|robot|FILE",
+            metavar=ERRORS,
             help=WHAT_ERRS,
         ),
     ] = "robot",
+    sensor: Annotated[str, typer.Option(metavar=SENSORS, help=WHAT_SENSOR)] = "kinect_v1",
     seed: Annotated[int, typer.Option(min=0, help="Random seed.")] = 0,
     rate: Annotated[float, typer.Option(min=0.01, max=100, help="Frames per second.")] = 3.0,
     image_size: Annotated[
@@ -71,6 +80,7 @@ def command(
         hypermap simulate lab -o lab
         hypermap map lab --detections lab/detections.json -o mine.hmap
         hypermap evaluate mine.hmap lab/truth.hmap
+        hypermap simulate lab -o rough --errors rough --sensor tof
         hypermap simulate office.yaml -o office.bag --errors none --image-size 640x480
     """
     from hypermap.formats import save_map
@@ -82,14 +92,11 @@ def command(
         taken = output if output.exists() else truth_file
         raise HypermapError(f"{taken} exists already; name a new one")
     described = world_of(world)
-    chosen = errors_of(errors)
-    recording = SimulatedRecording(
+    recording = SimulatedRecording.with_errors(
         described,
+        errors_of(errors, sensor),
         camera=_camera(image_size),
         rate=rate,
-        depth_noise=chosen.depth,
-        pose_noise=chosen.poses,
-        detector_noise=chosen.detector,
         bad_frames=bad_frames,
         seed=seed,
     )
@@ -114,15 +121,15 @@ def world_of(name: str) -> World:
     return load_world(name) if is_file else built_in_world(name)
 
 
-def errors_of(name: str) -> Errors:
-    """Return a level of errors, or what a file lays over "fair"."""
+def errors_of(name: str, sensor: str) -> Errors:
+    """Return a level of errors with a depth camera, or what a file lays over "fair"."""
     from hypermap.mapping.overrides import override, read_overrides
-    from hypermap.simulation.levels import Errors, errors_of_level
+    from hypermap.simulation.levels import errors_of_level
 
     path = Path(name)
     if path.suffix in (".yaml", ".yml") or path.is_file():
-        return override(Errors(), read_overrides(path), path=path)
-    return errors_of_level(name)
+        return override(errors_of_level("fair", sensor), read_overrides(path), path=path)
+    return errors_of_level(name, sensor)
 
 
 def _camera(size: str) -> Camera:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 import shapely
@@ -38,13 +39,26 @@ class Scene:
     is_floor: NDArray[np.bool_]
 
     @classmethod
-    def of(cls, world: World) -> Scene:
-        """Return the triangles of a world."""
+    def of(cls, world: World, with_glass: bool = True) -> Scene:
+        """Return the triangles of a world, with or without what is made of glass."""
+        walls = [wall for wall in world.walls if with_glass or not wall.glass]
+        things = [(i, one) for i, one in enumerate(world.objects) if with_glass or not one.glass]
         bodies = [(part, BACKGROUND, True) for part in floor_parts(world.floor)]
-        bodies += [(part, BACKGROUND, False) for wall in world.walls for part in wall_parts(wall)]
-        bodies += [
-            (part, i, False) for i, thing in enumerate(world.objects) for part in placed(thing)
-        ]
+        bodies += [(part, BACKGROUND, False) for wall in walls for part in wall_parts(wall)]
+        return cls._of_bodies(bodies + _bodies_of(things))
+
+    @classmethod
+    def of_things(cls, things: Iterable[tuple[int, WorldObject]]) -> Scene:
+        """Return the triangles of things alone, each with its instance."""
+        return cls._of_bodies(_bodies_of(things))
+
+    def joined(self, other: Scene) -> Scene:
+        """Return both together."""
+        pairs = zip(vars(self).values(), vars(other).values(), strict=True)
+        return Scene(*(np.concatenate(pair) for pair in pairs))
+
+    @classmethod
+    def _of_bodies(cls, bodies: Sequence[_Body]) -> Scene:
         counts = [len(part.faces) for part, _, _ in bodies]
         return cls(
             np.concatenate([part.vertices[part.faces] for part, _, _ in bodies]).astype(np.float32),
@@ -54,9 +68,22 @@ class Scene:
         )
 
 
+_Body: TypeAlias = tuple[Part, int, bool]  # with its instance, and whether it is floor
+
+
+def _bodies_of(things: Iterable[tuple[int, WorldObject]]) -> list[_Body]:
+    return [(part, i, False) for i, thing in things for part in placed(thing)]
+
+
 def placed(thing: WorldObject) -> tuple[Part, ...]:
     """Return the parts of a thing where it stands, map frame."""
     return thing.parts()
+
+
+def size_of(thing: WorldObject) -> float:
+    """Return the largest side of a thing [m]: of its length, width and height."""
+    corners = np.concatenate([part.vertices for part in placed(thing)])
+    return float(np.ptp(corners, axis=0).max())
 
 
 def floor_parts(floor: FloorPlan) -> tuple[Part, ...]:

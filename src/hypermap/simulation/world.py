@@ -86,6 +86,7 @@ class Wall:
         height: meters.
         thickness: meters.
         color: of the paint.
+        glass: whether cameras and lasers measure mostly what is behind it.
     """
 
     line: tuple[Point, ...] | None = None
@@ -94,6 +95,7 @@ class Wall:
     height: Height = 2.6
     thickness: Height = 0.1
     color: str = "#e9e4d8"
+    glass: bool = False
 
     __pydantic_config__: ClassVar[ConfigDict] = _STRICT
 
@@ -134,6 +136,7 @@ class WorldObject:
         color: of its main parts; None for the model's own.
         outline: four corners [m], which the model then fills; its length and width, if it has
             such, are those of the outline.
+        glass: whether cameras and lasers measure mostly what is behind it.
     """
 
     model: str
@@ -144,6 +147,7 @@ class WorldObject:
     size: dict[str, Annotated[float, Field(strict=True)]] = field(default_factory=dict)
     color: str | None = None
     outline: tuple[Point, Point, Point, Point] | None = None
+    glass: bool = False
 
     __pydantic_config__: ClassVar[ConfigDict] = _STRICT
 
