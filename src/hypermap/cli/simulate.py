@@ -35,7 +35,8 @@ def command(
         typer.Argument(
             metavar="WORLD",
             show_default=False,
-            help="demo, lab, floor, office, or a world file (YAML).",
+            help="demo, lab, floor, office, kitchen, warehouse, corridor, apartment, open_office, "
+            "building, or a world file (YAML).",
         ),
     ],
     output: Annotated[
@@ -56,7 +57,9 @@ def command(
         ),
     ] = "robot",
     sensor: Annotated[str, typer.Option(metavar=SENSORS, help=WHAT_SENSOR)] = "kinect_v1",
-    seed: Annotated[int, typer.Option(min=0, help="Random seed.")] = 0,
+    seed: Annotated[
+        int, typer.Option(min=0, help="Random seed: of all errors, and of where furniture stands.")
+    ] = 0,
     rate: Annotated[float, typer.Option(min=0.01, max=100, help="Frames per second.")] = 3.0,
     image_size: Annotated[
         str, typer.Option(metavar="|".join(_SIZES), help="Width and height in pixels.")
@@ -84,14 +87,14 @@ def command(
         hypermap simulate office.yaml -o office.bag --errors none --image-size 640x480
     """
     from hypermap.formats import save_map
-    from hypermap.simulation import SimulatedRecording, ground_truth, write_bag, write_tum
+    from hypermap.simulation import SimulatedRecording, ground_truth, varied, write_bag, write_tum
 
     is_bag = output.suffix == ".bag"
     truth_file = output.with_suffix(".truth.hmap") if is_bag else output / "truth.hmap"
     if output.exists() or truth_file.exists():
         taken = output if output.exists() else truth_file
         raise HypermapError(f"{taken} exists already; name a new one")
-    described = world_of(world)
+    described = varied(world_of(world), seed)
     recording = SimulatedRecording.with_errors(
         described,
         errors_of(errors, sensor),

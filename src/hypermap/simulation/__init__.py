@@ -10,6 +10,7 @@ from hypermap.simulation.pose_noise import PoseNoise
 from hypermap.simulation.recording import SimulatedRecording
 from hypermap.simulation.sensors import SENSORS, sensor_of
 from hypermap.simulation.truth import ground_truth
+from hypermap.simulation.variation import varied
 from hypermap.simulation.world import (
     World,
     built_in_world,
@@ -39,6 +40,7 @@ __all__ = [
     "load_world",
     "network_detector",
     "sensor_of",
+    "varied",
     "write_bag",
     "write_tum",
 ]

@@ -114,40 +114,11 @@ def wall_parts(wall: Wall) -> tuple[Part, ...]:
 
 def footprint(parts: Iterable[Part]) -> BaseGeometry:
     """Return the union of the parts' projections on the floor; exact, as every part is convex."""
-    return shapely.union_all([_projection(part) for part in parts])
+    return shapely.union_all([projection(part) for part in parts])
 
 
-def overlaps(world: World) -> list[tuple[int, int]]:
-    """Return the pairs of objects of which some parts stand in each other."""
-    bodies = [[_Solid.of(part) for part in placed(thing)] for thing in world.objects]
-    outlines = np.array([shapely.union_all([s.outline for s in body]) for body in bodies])
-    left, right = shapely.STRtree(outlines).query(outlines, predicate="intersects")
-    pairs = sorted((int(i), int(j)) for i, j in zip(left, right, strict=True) if i < j)
-    return [(i, j) for i, j in pairs if any(a.hits(b) for a in bodies[i] for b in bodies[j])]
-
-
-@dataclass(frozen=True)
-class _Solid:
-    """A part as a prism: its outline, and from where to where it reaches."""
-
-    outline: BaseGeometry
-    bottom: float
-    top: float
-
-    @classmethod
-    def of(cls, part: Part) -> _Solid:
-        z = part.vertices[:, 2]
-        return cls(_projection(part), float(z.min()), float(z.max()))
-
-    def hits(self, other: _Solid) -> bool:
-        """Return whether the two share more than a touch."""
-        if min(self.top, other.top) - max(self.bottom, other.bottom) <= _TOUCH:
-            return False
-        shared = self.outline.intersection(other.outline)
-        return not shared.buffer(-_TOUCH / 2).is_empty
-
-
-def _projection(part: Part) -> BaseGeometry:
+def projection(part: Part) -> BaseGeometry:
+    """Return the outline of a part on the floor; exact, as every part is convex."""
     return shapely.MultiPoint(part.vertices[:, :2]).convex_hull
 
 
