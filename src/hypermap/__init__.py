@@ -99,8 +99,11 @@ def __getattr__(name: str) -> Any:
 
 
 def _for_the_core(name: str) -> Any:
-    files = {"write_file": "hypermap.formats.atomic"}
-    home = (_HOMES | files).get(name, "hypermap.viewer.notebook")
+    others = {
+        "nearest_by_path": "hypermap.paths.planner",
+        "write_file": "hypermap.formats.atomic",
+    }
+    home = (_HOMES | others).get(name, "hypermap.viewer.notebook")
     return getattr(importlib.import_module(home), name)
 
 
