@@ -4,11 +4,21 @@ Git's tags give the version (docs/release.md). A wheel contains it as a file. An
 may not, so its metadata is asked. A copy that was never installed has no version.
 """
 
+from importlib import import_module
+
 __all__ = ["__version__"]
 
 
+def _version() -> str:
+    try:
+        built: str = import_module("hypermap._built_version").__version__
+    except ModuleNotFoundError:
+        return _installed()
+    return built
+
+
 def _installed() -> str:
-    from importlib.metadata import PackageNotFoundError, version
+    from importlib.metadata import PackageNotFoundError, version  # takes a while to import
 
     try:
         return version("hypermap")
@@ -16,7 +26,4 @@ def _installed() -> str:
         return "0+unknown"
 
 
-try:
-    from hypermap._built_version import __version__
-except ModuleNotFoundError:
-    __version__ = _installed()
+__version__ = _version()
