@@ -10,9 +10,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from hypermap.core.arrays import PointsLike
-
 if TYPE_CHECKING:
+    from hypermap.core.arrays import PointsLike
     from hypermap.core.found import Found
 
 _offered: Callable[[str], Callable[..., Any]] | None = None

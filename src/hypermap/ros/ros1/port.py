@@ -54,9 +54,7 @@ class Ros1Port:
             show_lines_at_once()
             rospy.init_node(name, argv=None if argv is None else list(argv), disable_signals=True)
             if threading.current_thread() is threading.main_thread():
-                # A script's background process inherits that Ctrl-C is ignored; roslaunch sends it.
-                for number in end_signals():
-                    signal.signal(number, self._interrupt)
+                self._take_signals()
         keep_rosout_settings()
         forward_logs(self.log)
         words = sys.argv if argv is None else argv
@@ -260,6 +258,19 @@ class Ros1Port:
         for name in rospy.get_param(rospy.get_name(), {}).keys() & set(names):
             with contextlib.suppress(KeyError):  # somebody else was faster
                 rospy.delete_param(f"~{name}")
+
+    def _take_signals(self) -> None:
+        # A script's background process inherits that Ctrl-C is ignored; roslaunch sends it.
+        for number in end_signals():
+            signal.signal(number, self._interrupt)
+        before = sys.unraisablehook
+
+        def pass_on(lost: sys.UnraisableHookArgs) -> None:
+            # A finalizer drops an interrupt that comes while it runs; the node ends all the same.
+            if not (self._is_ending and issubclass(lost.exc_type, KeyboardInterrupt)):
+                before(lost)
+
+        sys.unraisablehook = pass_on
 
     def _interrupt(self, *_: object) -> None:
         self._is_ending = True
