@@ -145,7 +145,7 @@ def test_jumps_come_as_often_as_asked_and_nothing_else_jumps() -> None:
     [
         (lambda: DepthNoise(axial=-1), "axial must be a number of at least 0, got -1"),
         (lambda: DepthNoise(edge_loss=math.nan), "edge_loss must be a number of at least 0"),
-        (lambda: DepthNoise(min_range=9), "min_range must lie below max_range"),
+        (lambda: DepthNoise(min_range=9), "min_range must be below max_range"),
         (lambda: PoseNoise(yaw_deg=-1), "yaw_deg must be a number of at least 0, got -1"),
     ],
 )

@@ -43,7 +43,7 @@ class DepthNoise:
 
     def __post_init__(self) -> None:
         if not 0 <= self.min_range < self.max_range:
-            raise ValueError(f"min_range must lie below max_range, got {self}")
+            raise ValueError(f"min_range must be below max_range, got {self}")
         check_not_negative(self, "axial", "disparity_step", "edge_loss", "max_incidence_deg")
 
     def measure(self, view: Rendering, rng: np.random.Generator) -> NDArray[np.float32]:

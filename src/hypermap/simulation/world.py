@@ -244,7 +244,7 @@ def load_world(path: str | Path) -> World:
 
     Raises:
         FileMissing: If there is no such file.
-        FormatError: If it is no world, or two of its objects stand in each other.
+        FormatError: If it is not a world, or two of its objects intersect.
     """
     from hypermap.simulation.scene import overlaps  # the scene is built of a world
 
