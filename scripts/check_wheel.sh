@@ -13,7 +13,8 @@ git ls-files -z --cached --others --exclude-standard | tar -c --null -T - | tar 
 (
   cd "$work/clone"
   git init --quiet && git add .
-  git -c user.name=check -c user.email=check@example.com commit --quiet --message "As it is now"
+  git -c user.name=check -c user.email=check@example.com -c commit.gpgsign=false \
+    commit --quiet --message "As it is now"
   git tag v12.3.4
 )
 "$python" -m build --quiet --outdir "$work/dist" "$work/clone" >/dev/null

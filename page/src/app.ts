@@ -13,15 +13,17 @@ import { drawnLayer, isVisible, MapView } from "./mapview";
 import { Panel } from "./panel";
 import { placeFromHash, placeToHash } from "./place";
 import { Search } from "./search";
-import { keepSettings, loadSettings, onSystemTheme, themeOf } from "./settings";
+import { loadSettings } from "./settings";
 import { settingsPanel } from "./settingspanel";
 import type { Change, DataSource, Frame, MapInfo, Point, Ring } from "./source";
 import { StatusLine } from "./statusline";
+import { ThemeSwitch } from "./theme";
 import { Toolbar, type Tool } from "./toolbar";
 
 export class App {
   readonly view: MapView;
   private readonly settings = loadSettings();
+  private readonly theme = new ThemeSwitch(this.settings, () => this.view.restyle(this.settings));
   private readonly context: Context;
   private readonly panel: Panel;
   private readonly ask: Ask;
@@ -58,13 +60,15 @@ export class App {
     };
     this.layers = new LayersPanel(this.view, () => this.linkPlace());
     this.status = new StatusLine((frame) => this.setFrame(frame));
-    this.toolbar = new Toolbar({
-      menu: () => toggleSidebar(),
-      choose: (tool) => this.choose(tool),
-      edit: () => this.toggleEdit(),
-      fit: () => this.view.fit(this.context.info.extent),
-      theme: () => this.switchTheme(),
-    });
+    this.toolbar = new Toolbar(
+      {
+        menu: () => toggleSidebar(),
+        choose: (tool) => this.choose(tool),
+        edit: () => this.toggleEdit(),
+        fit: () => this.view.fit(this.context.info.extent),
+      },
+      this.theme.button,
+    );
     this.editor = this.makeEditor();
     this.toolbar.offerEdit(this.editor !== null);
   }
@@ -72,8 +76,8 @@ export class App {
   start(): void {
     const { info } = this.context;
     this.show(info);
-    this.restyle();
-    settingsPanel(this.settings, () => this.restyle());
+    this.theme.apply();
+    settingsPanel(this.settings, () => this.theme.apply());
     this.restorePlace();
     this.listen();
     this.source.editing?.watch((change) => this.onEvent(change));
@@ -135,7 +139,6 @@ export class App {
     window.addEventListener("beforeunload", (event) => {
       if (this.editor && this.context.info.unsaved) event.preventDefault();
     });
-    onSystemTheme(() => this.restyle());
     byId("ask").addEventListener("submit", (event) => {
       event.preventDefault();
       this.find();
@@ -287,19 +290,6 @@ export class App {
     this.view.setFrame(this.context.frame);
     this.ask.refresh();
     this.linkPlace();
-  }
-
-  private switchTheme(): void {
-    this.settings.theme = themeOf(this.settings) === "dark" ? "light" : "dark";
-    this.restyle();
-  }
-
-  private restyle(): void {
-    const theme = themeOf(this.settings);
-    document.documentElement.dataset["theme"] = theme;
-    this.toolbar.showTheme(theme);
-    this.view.restyle(this.settings);
-    keepSettings(this.settings);
   }
 
   /** Keeps the view in the address, not at every step of a movement. */

@@ -114,7 +114,7 @@ export function newObjectForm(
   const checkName = () => {
     const name = newLayer.value.trim();
     const other = taken.includes(name) && !layers.includes(name);
-    newLayer.setCustomValidity(other ? `Layer ${name} holds no objects; choose another name` : "");
+    newLayer.setCustomValidity(other ? `Layer ${name} has no objects; choose another name` : "");
   };
   newLayer.addEventListener("input", checkName);
   layer.addEventListener("change", () => {

@@ -1,7 +1,7 @@
 /** How the panels lie over the map. */
 
 import { byId } from "./dom";
-import type { Insets } from "./mapview";
+import type { Insets } from "./plane";
 
 /** Phones, and narrow windows: panels lie below each other. */
 export const NARROW = window.matchMedia("(max-width: 760px)");

@@ -2,33 +2,24 @@
 
 import Feature from "ol/Feature.js";
 import OpenLayersMap from "ol/Map.js";
-import View from "ol/View.js";
+import type View from "ol/View.js";
 import { easeOut } from "ol/easing.js";
 import { boundingExtent } from "ol/extent.js";
 import MultiPolygon from "ol/geom/MultiPolygon.js";
 import PointGeometry from "ol/geom/Point.js";
 import { defaults as defaultInteractions } from "ol/interaction/defaults.js";
 import type TileLayer from "ol/layer/Tile.js";
-import VectorLayer from "ol/layer/Vector.js";
-import Projection from "ol/proj/Projection.js";
 import type ImageTile from "ol/source/ImageTile.js";
-import VectorSource from "ol/source/Vector.js";
 import { EvidenceLayer, type ShownEvidence } from "./evidencelayer";
 import { GridLines } from "./gridlines";
 import { areaLook, chosenLook, matchLook, placeLook } from "./looks";
 import type { Place } from "./place";
+import { calm, featureLayer, fitView, planeView, setFeatures, type Insets } from "./plane";
 import type { Settings } from "./settings";
 import { ShapesLayer } from "./shapeslayer";
 import type { DataSource, Extent, Frame, LayerInfo, MapInfo, Point, Polygon, Ring } from "./source";
 import { FramesLayer } from "./frameslayer";
 import { tileLayer, tileSource } from "./tiles";
-
-export interface Insets {
-  top: number;
-  right: number;
-  bottom: number;
-  left: number;
-}
 
 export interface ShownLayer {
   info: LayerInfo;
@@ -38,9 +29,7 @@ export interface ShownLayer {
   shapes?: ShapesLayer;
 }
 
-/** Meters per pixel: from a tenth of a millimeter to a city. */
-const FINEST = 0.0001;
-const COARSEST = 100;
+const FINEST = 0.0001; // meters per pixel
 /** How far from a panel a marked place should lie [pixels]. */
 const EDGE = 30;
 /** A part that fills so much of the view is large enough to be looked at. */
@@ -58,12 +47,11 @@ export class MapView {
   readonly grid: GridLines;
   private readonly evidence: EvidenceLayer;
   readonly frames = new FramesLayer();
-  private readonly projection = new Projection({ code: "meters", units: "m", global: false });
   private readonly marks = {
-    area: marksLayer(80),
-    chosen: marksLayer(81),
-    matches: marksLayer(82),
-    place: marksLayer(83),
+    area: featureLayer(80),
+    chosen: featureLayer(81),
+    matches: featureLayer(82),
+    place: featureLayer(83),
   };
   private readonly view: View;
   private timer = 0;
@@ -77,15 +65,7 @@ export class MapView {
     private readonly insets: () => Insets,
     private readonly shapesChanged: () => void,
   ) {
-    this.view = new View({
-      projection: this.projection,
-      center: [0, 0],
-      resolution: 0.02,
-      minResolution: FINEST,
-      maxResolution: COARSEST,
-      enableRotation: false,
-      multiWorld: true,
-    });
+    this.view = planeView(FINEST);
     this.grid = new GridLines(() => {
       const { left, bottom } = insets();
       return { left: left + 8, bottom: bottom + 10 };
@@ -127,7 +107,7 @@ export class MapView {
     if (shown.version === version) return;
     shown.version = version;
     shown.shapes?.update(info, version, map.extent);
-    shown.tiles?.setSource(tileSource(info, this.source, version, this.projection));
+    shown.tiles?.setSource(tileSource(info, this.source, version));
   }
 
   private addLayer(info: LayerInfo): ShownLayer {
@@ -190,14 +170,12 @@ export class MapView {
 
   fit(extent: Extent | null, animate = true, minResolution = 0.002): void {
     const shown = extent ?? ([-5, -5, 5, 5] as Extent);
-    const { top, right, bottom, left } = this.insets();
     this.fitted = null;
     this.isFitting = true;
-    this.view.fit(shown, {
-      padding: [top + 24, right + 24, bottom + 24, left + 24],
+    fitView(this.view, shown, this.insets(), {
+      margin: 24,
       minResolution,
-      duration: animate && !calm() ? 350 : 0,
-      easing: easeOut,
+      animate,
       callback: (isDone) => {
         this.isFitting = false;
         if (isDone) this.fitted = { extent: shown, minResolution, view: this.viewKey() };
@@ -298,15 +276,15 @@ export class MapView {
   }
 
   markPlace(point: Point | null): void {
-    setMarks(this.marks.place, point ? [new Feature(new PointGeometry(point))] : []);
+    setFeatures(this.marks.place, point ? [new Feature(new PointGeometry(point))] : []);
   }
 
   markArea(ring: Ring | null): void {
-    setMarks(this.marks.area, ring ? [new Feature(new MultiPolygon([[ring]]))] : []);
+    setFeatures(this.marks.area, ring ? [new Feature(new MultiPolygon([[ring]]))] : []);
   }
 
   markChosen(polygons: Polygon[] | null): void {
-    setMarks(this.marks.chosen, polygons ? [new Feature(new MultiPolygon(polygons))] : []);
+    setFeatures(this.marks.chosen, polygons ? [new Feature(new MultiPolygon(polygons))] : []);
   }
 
   markMatches(points: Point[]): void {
@@ -315,7 +293,7 @@ export class MapView {
       feature.set("rank", i + 1);
       return feature;
     });
-    setMarks(this.marks.matches, features);
+    setFeatures(this.marks.matches, features);
   }
 
   /** Lets a match stand out, by its place in the list, and brings it into the bare part. */
@@ -336,7 +314,7 @@ export class MapView {
   }
 
   clearMarks(): void {
-    for (const layer of Object.values(this.marks)) setMarks(layer, []);
+    for (const layer of Object.values(this.marks)) setFeatures(layer, []);
   }
 }
 
@@ -349,16 +327,4 @@ export type DrawnLayer = TileLayer<ImageTile> | ShapesLayer["layer"];
 
 export function isVisible(shown: ShownLayer): boolean {
   return drawnLayer(shown)?.getVisible() ?? true;
-}
-
-/** Whether the person asked the system for less motion. */
-const calm = (): boolean => window.matchMedia("(prefers-reduced-motion: reduce)").matches;
-
-function marksLayer(zIndex: number): VectorLayer<VectorSource> {
-  return new VectorLayer({ source: new VectorSource(), zIndex, updateWhileAnimating: true });
-}
-
-function setMarks(layer: VectorLayer<VectorSource>, features: Feature[]): void {
-  layer.getSource()?.clear(true);
-  layer.getSource()?.addFeatures(features);
 }

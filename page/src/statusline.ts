@@ -1,12 +1,10 @@
 /** The foot of the map: axes, scale bar, coordinates under the pointer, and their frame. */
 
 import { byId, el } from "./dom";
-import { length, meters, niceLength } from "./format";
+import { meters } from "./format";
 import { fromBase } from "./frames";
+import { showScale } from "./scalebar";
 import type { Frame, Point } from "./source";
-
-/** The scale bar is not longer than this [pixels]. */
-const LONGEST = 120;
 
 export class StatusLine {
   private readonly select = byId<HTMLSelectElement>("frame");
@@ -39,9 +37,7 @@ export class StatusLine {
 
   setResolution(resolution: number): void {
     this.resolution = resolution;
-    const metersLong = niceLength(LONGEST * resolution);
-    byId("scale-text").textContent = length(metersLong);
-    byId("scale-bar").style.width = `${metersLong / resolution}px`;
+    showScale(resolution);
     this.write();
   }
 

@@ -1,9 +1,9 @@
 /** A raster layer on the map: tiles in meters, crisp when magnified. */
 
 import TileLayer from "ol/layer/Tile.js";
-import type Projection from "ol/proj/Projection.js";
 import ImageTile from "ol/source/ImageTile.js";
 import TileGrid from "ol/tilegrid/TileGrid.js";
+import { PLANE } from "./plane";
 import type { DataSource, LayerInfo } from "./source";
 import { coarsestZoom, finestZoom, PIXEL, TILE } from "./zooms";
 
@@ -11,12 +11,7 @@ export function tileLayer(): TileLayer<ImageTile> {
   return new TileLayer<ImageTile>({ className: "raster", cacheSize: 1024 });
 }
 
-export function tileSource(
-  info: LayerInfo,
-  source: DataSource,
-  version: number,
-  projection: Projection,
-): ImageTile | null {
+export function tileSource(info: LayerInfo, source: DataSource, version: number): ImageTile | null {
   if (!info.extent) return null;
   const [finest, coarsest] = [finestZoom(info.resolution ?? 0.05), coarsestZoom(info.extent)];
   const resolutions = [];
@@ -28,7 +23,7 @@ export function tileSource(
     tileSize: TILE,
   });
   return new ImageTile({
-    projection,
+    projection: PLANE,
     tileGrid,
     interpolate: false,
     wrapX: false,

@@ -1,7 +1,6 @@
 /** The tools at the top of the map. */
 
 import { byId, el, icon, iconButton, type ICONS } from "./dom";
-import type { Theme } from "./settings";
 
 export type Tool = "point" | "rectangle" | "polygon";
 
@@ -10,7 +9,6 @@ export interface ToolVerbs {
   choose: (tool: Tool) => void;
   edit: () => void;
   fit: () => void;
-  theme: () => void;
 }
 
 const TOOLS: { tool: Tool; label: string; title: string }[] = [
@@ -22,9 +20,8 @@ const TOOLS: { tool: Tool; label: string; title: string }[] = [
 export class Toolbar {
   private readonly tools = new Map<Tool, HTMLButtonElement>();
   private readonly edit: HTMLButtonElement;
-  private readonly theme: HTMLButtonElement;
 
-  constructor(verbs: ToolVerbs) {
+  constructor(verbs: ToolVerbs, theme: HTMLElement) {
     const menu = iconButton("menu", "Layers and search", verbs.menu, { id: "menu" });
     for (const { tool, label, title } of TOOLS) {
       this.tools.set(
@@ -34,14 +31,13 @@ export class Toolbar {
     }
     this.edit = toolButton("edit", "tool-edit", "Edit", "Edit the map", verbs.edit);
     this.edit.setAttribute("aria-pressed", "false");
-    this.theme = iconButton("moon", "Dark", verbs.theme, { id: "theme" });
     byId("toolbar").replaceChildren(
       menu,
       ...this.tools.values(),
       el("span", { class: "divider" }),
       this.edit,
       iconButton("fit", "Show the whole map (f)", verbs.fit, { id: "fit" }),
-      this.theme,
+      theme,
     );
     this.showTool("point");
   }
@@ -59,13 +55,6 @@ export class Toolbar {
   showEdit(active: boolean): void {
     this.edit.setAttribute("aria-pressed", String(active));
     this.tools.get("point")?.setAttribute("aria-pressed", String(!active));
-  }
-
-  showTheme(theme: Theme): void {
-    const label = theme === "dark" ? "Light theme" : "Dark theme";
-    this.theme.replaceChildren(icon(theme === "dark" ? "sun" : "moon"));
-    this.theme.title = label;
-    this.theme.setAttribute("aria-label", label);
   }
 }
 

@@ -1,4 +1,4 @@
-"""Names and numbers from files and recordings, made fit to be shown."""
+"""Makes names and numbers from files and recordings safe to display."""
 
 from __future__ import annotations
 

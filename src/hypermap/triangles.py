@@ -1,4 +1,4 @@
-"""Shapes as what displays can draw: triangles, line segments, and a point for the name."""
+"""Shapes for displays: triangles, line segments, and a point for the name."""
 
 from __future__ import annotations
 

@@ -210,7 +210,7 @@ def test_the_command_runs_the_suite_of_the_checkout(tmp_path: Path) -> None:
         cwd=CHECKOUT,
     )
     assert done.returncode == 0, done.stderr
-    assert "--json: an old name, which will go; write --times" in done.stderr
+    assert "--json: a deprecated name; use --times" in done.stderr
     assert "so nothing is drawn" in done.stderr  # of a start, there is no growth
     rows = json.loads(file.read_text())["groups"]["startup"]
     assert any(row["kind"] == "race" and row["ratio"] > 0 for row in rows)

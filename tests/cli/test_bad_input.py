@@ -43,7 +43,7 @@ MAP_FILES = {
     "broken YAML": ("hmap_config.yaml", None, "layers: [", "is not valid YAML"),
     "deep YAML": ("hmap_config.yaml", None, "layers: " + "[" * 9999, "nested more than"),
     "a tag": ("hmap_config.yaml", None, "layers: !!python/name:os.abort []", "is not allowed"),
-    "a key twice": ("hmap_config.yaml", None, "layers: []\nlayers: []", "'layers' is there twice"),
+    "a key twice": ("hmap_config.yaml", None, "layers: []\nlayers: []", "'layers' appears twice"),
     "a name twice": ("hmap_config.yaml", "name: semantic", "name: occupancy", "layers[1].name"),
     "no frame": ("hmap_config.yaml", "frame_id: map\n  load", "load", "layers[0].frame_id"),
     "missing layer file": ("hmap_config.yaml", "file: semantic", "file: gone", "room/gone"),

@@ -89,7 +89,7 @@ def test_objects_that_could_not_be_read_are_named_as_left_out(hypermap, shared_d
     [
         (
             ["x.shp"],
-            "nothing is known of the ending '.shp'; known: .hmap, .geojson, .parquet, .gpkg",
+            "unknown file extension '.shp'; known: .hmap, .geojson, .parquet, .gpkg",
         ),
         (["x.yaml"], "choose with --layer occupancy or --layer semantic"),
         (["x.geojson", "--layer", "occupancy"], "can hold the objects of one layer, but there is"),
@@ -391,7 +391,7 @@ def test_a_class_without_objects_is_told_of_and_may_be_marked_later(hypermap, ro
 @pytest.mark.parametrize(
     ("out", "options", "message"),
     [
-        ("m.yaml", ["--keepout", "chair"], "keepout: 'chair' is no zone; expected a class and"),
+        ("m.yaml", ["--keepout", "chair"], "keepout: 'chair' is not a zone; expected a class and"),
         ("m.yaml", ["--speed", "chair 1 0%"], "a limit must be above 0"),
         ("m.yaml", ["--keepout", "chair 1", "--speed", "chair 1 9%"], "one file holds one mask"),
         ("m.yaml", ["--mask-resolution", "0.1"], "give either --keepout or --speed"),

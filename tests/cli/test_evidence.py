@@ -74,7 +74,7 @@ def test_only_objects_can_be_looked_behind(hypermap: Run, tmp_path: Path) -> Non
     path = tmp_path / "map.hmap"
     save_map(Hypermap([occupancy_from_text("#."), things]), path)
     assert_one_error(
-        hypermap("query", path, "--at", "0,0", "--evidence"), "--evidence looks behind objects"
+        hypermap("query", path, "--at", "0,0", "--evidence"), "--evidence shows the observations"
     )
     nothing = hypermap("query", path, "--name", "elephant", "--evidence")
     assert (nothing.code, nothing.out) == (0, "")

@@ -27,7 +27,7 @@ def test_a_map_is_described_for_people(hypermap, room_map):
     text = hypermap("info", room_map).out
     assert "semantic: 2 chair, 1 potted plant" in text
     assert "30 x 20 cells of 0.5 m: Free 180, Occupied 20, Unknown 400" in text
-    assert "frame room stands in map at x 10, y 0, yaw 1.5708" in text
+    assert "frame room is in map at x 10, y 0, yaw 1.5708" in text
 
 
 def test_settings_are_shown_when_asked_for(hypermap, tmp_path):

@@ -173,7 +173,7 @@ def test_a_failure_leaves_the_old_output(hypermap, drive, tmp_path):
         (["-o", "nowhere/out.hmap"], "does not exist; create it first"),
         (["--detector", "a.onnx", "--detections", "b.json"], "either --detector or --detections"),
         (["--no-objects", "--detector", "a.onnx"], "--no-objects leaves no work for --detector"),
-        (["--labels", "names.txt"], "--labels belongs to a --detector"),
+        (["--labels", "names.txt"], "--labels needs --detector"),
         (["--detector", "a.onnx"], "a.onnx"),
         (["--detections", "b.json"], "b.json: there is no such file"),
         (["--map", "m.yaml"], "m.yaml"),

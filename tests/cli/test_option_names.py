@@ -79,8 +79,8 @@ def test_help_shows_the_new_name_alone(hypermap, command, new, old):
 
 def assert_warns(result: Any, old: str, new: str) -> None:
     assert result.code == 0, result.err
-    told = [line for line in result.err.splitlines() if "old name" in line]
-    assert told == [f"hypermap: warning: {old}: an old name, which will go; write {new}"]
+    told = [line for line in result.err.splitlines() if "deprecated" in line]
+    assert told == [f"hypermap: warning: {old}: a deprecated name; use {new}"]
 
 
 def test_old_names_work_for_one_more_release_with_a_warning(hypermap, room_map, tmp_path, drive):
@@ -114,8 +114,8 @@ def test_the_demo_takes_its_old_names(hypermap, tmp_path):
     (tmp_path / "demo").write_text("precious")
     result = hypermap("demo", f"-o{tmp_path / 'demo'}", "--detector", "noisy")
     assert result.code == 2
-    assert "-o, --output: an old name, which will go; write --folder" in result.err
-    assert "--detector: an old name, which will go; write --noisy" in result.err
+    assert "-o, --output: a deprecated name; use --folder" in result.err
+    assert "--detector: a deprecated name; use --noisy" in result.err
     assert "this is a file; name a folder" in result.err
     wrong = hypermap("demo", "--folder", tmp_path / "new", "--detector", "netwrok")
     assert (wrong.code, "did you mean 'network'?" in wrong.err) == (2, True)

@@ -140,8 +140,8 @@ def test_an_empty_answer_is_no_error_and_hints_at_the_nearest_name(hypermap, roo
 @pytest.mark.parametrize(
     ("arguments", "reason"),
     [
-        ([], "nothing is asked; give --at X,Y, --in AREA or --name NAME"),
-        (["--at", "1"], "--at '1': a point is given as X,Y"),
+        ([], "there is no query; give --at X,Y, --in AREA or --name NAME"),
+        (["--at", "1"], "--at '1': a point is X,Y"),
         (["--at", "1,2", "--name", "chair"], "--at asks what is at a point"),
         (["--in", "1,2,3"], "--in '1,2,3': an area is a rectangle"),
         (["--name", "chair", "--id", "1"], "give either --name or --value, not both"),

@@ -26,7 +26,7 @@ def test_rooms_and_doors_are_printed(hypermap, flat):
     assert (result.code, result.err) == (0, "")
     assert "room 2" in result.out
     assert "too narrow" in result.out
-    assert "no way leads from one of these 2 groups to another" in result.out
+    assert "there is no path from one of these 2 groups to another" in result.out
     assert "reaches every room" in hypermap("rooms", flat, "--robot-radius", "0.3").out
 
 

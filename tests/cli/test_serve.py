@@ -161,7 +161,7 @@ def test_clients_change_nothing_unless_they_may_and_what_they_replace_is_kept(
         for name, kind in names:
             with pytest.raises(ServiceFailed, match="start the node with --allow-edits"):
                 client.call(f"/hypermap_server/{name}", kind, filename="room.hmap")
-        with pytest.raises(ServiceFailed, match="clients may only look"):
+        with pytest.raises(ServiceFailed, match="clients are read-only"):
             client.call("/hypermap_server/clear", "std_srvs/Trigger")
         assert "/hypermap_server/occupancy_map" in client.channels
     assert server.stop(signal.SIGINT) == 0
@@ -226,9 +226,9 @@ def test_a_broken_map_is_an_error(hypermap, room_map, tmp_path):
         (["--ros1", "--foxglove"], ["give one of --ros1, --foxglove"]),
         (
             ["--ros1", "--port", "1"],
-            ["--allow-origin are for --foxglove alone"],
+            ["--allow-origin need --foxglove"],
         ),
-        (["--ros1", "--allow-edits"], ["--allow-origin are for --foxglove alone"]),
+        (["--ros1", "--allow-edits"], ["--allow-origin need --foxglove"]),
         (["--foxglove", "--param", "height"], ["--param 'height': give NAME=VALUE"]),
         (["--foxglove", "__name:=x"], ["'__name:=x' is an argument for ROS"]),
     ],

@@ -175,7 +175,7 @@ def test_the_shell_looks_behind_objects_as_query_does(hypermap, drive, tmp_path)
         assert hypermap("shell", path, stdin=f"{line} --json").json == as_json.json
     result = hypermap("shell", drawn, stdin="query --at 0,0 --evidence")
     assert (result.code, result.out) == (2, "")
-    assert "--evidence looks behind objects" in result.err
+    assert "--evidence shows the observations" in result.err
 
 
 def test_the_old_commands_and_the_new_one_stand_side_by_side(hypermap, room_map):

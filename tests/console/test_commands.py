@@ -149,7 +149,7 @@ def test_the_questions_of_query_are_answered(lab, line, answer):
 @pytest.mark.parametrize(
     ("line", "reason"),
     [
-        ("query", "nothing is asked; give --at X,Y, --in AREA or --name NAME"),
+        ("query", "there is no query; give --at X,Y, --in AREA or --name NAME"),
         ("query --nam chair", "a query has no option '--nam'; did you mean '--name'?"),
         ("query chair", "a query has no option 'chair'; known: --at, --in, --name"),
         ("query --name", "--name needs a value: --name NAME"),
@@ -159,7 +159,7 @@ def test_the_questions_of_query_are_answered(lab, line, answer):
         ("query --name chair -k two", "-k 'two': expected a whole number"),
         ("query --name chair --near sink --within -1", "--within -1: expected at least 0"),
         ("query --id seven", "--value 'seven': expected a number"),
-        ("query --at 1", "--at '1': a point is given as X,Y in meters"),
+        ("query --at 1", "--at '1': a point is X,Y in meters"),
         ("query --name chair --id 1", "give either --name or --value, not both"),
         ("query --name chair --layer rooms", "there is no layer 'rooms'"),
         ("help fly", "unknown command 'fly'"),

@@ -18,7 +18,7 @@ def test_a_point_is_two_numbers(text):
 def test_a_bad_point_is_said_so(text):
     with pytest.raises(HypermapError) as error:
         parse_point(text, "--at")
-    assert str(error.value) == f"--at {text!r}: a point is given as X,Y in meters, as 1.5,-2"
+    assert str(error.value) == f"--at {text!r}: a point is X,Y in meters, such as 1.5,-2"
 
 
 @pytest.mark.parametrize(

@@ -135,8 +135,8 @@ def test_the_order_in_which_transforms_are_added_does_not_matter() -> None:
     ("parent", "child", "message"),
     [
         ("cellar", "lab", "frame 'lab' already has the parent 'floor'"),
-        ("map", "map", "frame 'map' cannot stand below 'map': the two would form a loop"),
-        ("lab", "map", "frame 'map' cannot stand below 'lab': the two would form a loop"),
+        ("map", "map", "frame 'map' cannot be a child of 'map': the two would form a loop"),
+        ("lab", "map", "frame 'map' cannot be a child of 'lab': the two would form a loop"),
         ("lab", "lab", "frame 'lab' already has the parent 'floor'"),
     ],
 )

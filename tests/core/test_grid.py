@@ -249,9 +249,9 @@ def mask_of(windows: list[Window], grid: GridGeometry) -> np.ndarray:
         ({"resolution": math.nan}, ValueError, "resolution must be from 1e-06 to 1e+06 m, got nan"),
         ({"resolution": math.inf}, ValueError, "resolution must be from 1e-06 to 1e+06 m, got inf"),
         ({"origin": Pose2D(1e13)}, ValueError,
-         "a grid must lie within 1e+12 m, this one reaches 1e+13 m"),
+         "a grid must be within 1e+12 m, this one reaches 1e+13 m"),
         ({"height": 10**13}, ValueError,
-         "a grid must lie within 1e+12 m, this one reaches 5e+12 m"),
+         "a grid must be within 1e+12 m, this one reaches 5e+12 m"),
         ({"resolution": 1e-9}, ValueError, "resolution must be from 1e-06 to 1e+06 m, got 1e-09"),
     ],
 )  # fmt: skip

@@ -507,7 +507,7 @@ def test_a_layer_without_objects_is_not_asked_for_them() -> None:
     for ask in (lab.objects, lambda layer: lab.objects_at([0, 0], layer)):
         with pytest.raises(HypermapError) as caught:
             ask(layer="occupancy")
-        message = "layer 'occupancy' is a OccupancyGridLayer, which holds no objects"
+        message = "layer 'occupancy' is a OccupancyGridLayer, which has no objects"
         assert str(caught.value) == message
 
 

@@ -208,7 +208,7 @@ def test_a_resolution_that_is_none_is_not_replaced_by_another(resolution) -> Non
 
 @pytest.mark.parametrize("outside", [-2, 101, 300])
 def test_other_cells_hold_what_a_mask_can_hold(outside: int) -> None:
-    with pytest.raises(ValueError, match=f"outside must lie between -1 and 100, got {outside}"):
+    with pytest.raises(ValueError, match=f"outside must be between -1 and 100, got {outside}"):
         draw_mask(Hypermap([floor()]), [], outside=outside)
 
 

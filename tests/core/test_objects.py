@@ -32,8 +32,8 @@ def test_everything_that_an_object_holds_comes_back_from_the_table() -> None:
     ("wrong", "message"),
     [
         ({"name": 3}, "an object's name must be text, got 3"),
-        ({"id": -1}, "an object's id must lie between 0 and 2147483647, got -1"),
-        ({"id": 2**31}, "an object's id must lie between 0 and 2147483647, got 2147483648"),
+        ({"id": -1}, "an object's id must be between 0 and 2147483647, got -1"),
+        ({"id": 2**31}, "an object's id must be between 0 and 2147483647, got 2147483648"),
         ({"id": 1.0}, "an object's id must be an integer, got 1.0"),
         ({"id": True}, "an object's id must be an integer, got True"),
         ({"tags": "cup"}, "tags must be several texts, got the text 'cup'"),
@@ -54,7 +54,7 @@ def test_an_object_may_have_the_first_and_the_last_id_and_keeps_tuples() -> None
         cup = square("cup", 0, 0, tags=["cup", "mug"], confidence=[0.5, 0.25]).with_id(number)
         assert (cup.id, cup.tags, cup.confidence) == (number, ("cup", "mug"), (0.5, 0.25))
         assert cup.with_id(number) is cup
-        with pytest.raises(ValueError, match="id must lie between"):
+        with pytest.raises(ValueError, match="id must be between"):
             cup.with_id(2**31)
 
 
@@ -89,8 +89,8 @@ def test_what_is_computed_from_footprints_is_carried_along_by_changes() -> None:
     ("column", "values", "message"),
     [
         ("ids", np.array([1, 1]), "two objects have the id 1"),
-        ("ids", np.array([-1, 1]), "must lie between 0 and 2147483647"),
-        ("ids", np.array([0, 2**31]), "must lie between 0 and 2147483647"),
+        ("ids", np.array([-1, 1]), "must be between 0 and 2147483647"),
+        ("ids", np.array([0, 2**31]), "must be between 0 and 2147483647"),
         ("footprints", shapely.points([0, 1], [0, 1]), "must be a polygon or multipolygon"),
         ("existence", np.array([np.nan, np.inf]), "existence must be finite"),
     ],

@@ -171,9 +171,9 @@ def test_the_layers_cells_cannot_be_written_but_the_callers_can() -> None:
         (GRID, np.zeros(6, np.int8), ValueError, "cells must have shape (2, 3), got (6,)"),
         (GRID, np.zeros((2, 3)), TypeError,
          "cells must be integers (-1 unknown, 0 free .. 100 occupied) or bool, got float64"),
-        (GRID, np.full((2, 3), -2), ValueError, "cells must lie between -1 and 255 "
+        (GRID, np.full((2, 3), -2), ValueError, "cells must be between -1 and 255 "
          "(-1 unknown, 0 free .. 100 occupied), one is -2"),
-        (GRID, np.full((2, 3), 256), ValueError, "cells must lie between -1 and 255 "
+        (GRID, np.full((2, 3), 256), ValueError, "cells must be between -1 and 255 "
          "(-1 unknown, 0 free .. 100 occupied), one is 256"),
     ],
 )  # fmt: skip

@@ -27,7 +27,7 @@ BOX = shapely.box(0, 0, 1, 1)
 )
 def test_every_question_to_an_unknown_layer_is_an_error(ask: str, asked: tuple[Any, ...]) -> None:
     layer = OpaqueLayer("WifiLayer", "wifi", "map")
-    with pytest.raises(HypermapError, match=r"layer 'wifi' cannot be asked: .*'WifiLayer'"):
+    with pytest.raises(HypermapError, match=r"layer 'wifi' cannot be queried: .*'WifiLayer'"):
         getattr(layer, ask)(*asked)
 
 

@@ -213,7 +213,7 @@ def test_ids_are_given_in_order_and_never_twice() -> None:
         ([square("x", 0, 0, id=3), square("y", 0, 0, id=3)], "two objects have the id 3"),
         ([square("x", 0, 0, id=3), square("y", 0, 0, id=7)], "two objects have the id 7"),
         ([square("x", 0, 0, id=2**31 - 1), square("y", 0, 0)],
-         "an object's id must lie between 0 and 2147483647, got 2147483648"),
+         "an object's id must be between 0 and 2147483647, got 2147483648"),
     ],
 )  # fmt: skip
 def test_a_change_that_is_refused_changes_nothing(objects: Any, message: str) -> None:

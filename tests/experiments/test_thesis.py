@@ -195,7 +195,7 @@ def _command_line(process: str) -> str:
         (["thesis", "--errors", "bad"], "there is no level of errors 'bad'"),
         (
             ["thesis", "--worlds", "lab,floor,lab"],
-            "--worlds: lab and lab have the same name 'lab', by which results are told apart",
+            "--worlds: lab and lab have the same name 'lab'; change the key",
         ),
         (["thesis", "-o", "no/where.html"], "does not exist; create it first"),
     ],

@@ -77,7 +77,7 @@ def test_where_it_cannot_be_written_the_message_says_why(tmp_path: Path) -> None
         write_file(long, b"")
     assert str(error.value) == f"{long}: cannot be saved: File name too long"
     for name in ("a\0b", "a\ud800"):
-        with pytest.raises(HypermapError, match="cannot be saved: it is no name of a file"):
+        with pytest.raises(HypermapError, match="cannot be saved: it is not a valid file name"):
             write_file(tmp_path / name, b"")
     with pytest.raises(FileMissing, match="there is no such folder to save in"):
         write_file(long / "map.hmap", b"")
@@ -264,7 +264,7 @@ def test_a_journal_that_is_none_is_named(tmp_path: Path, content: bytes) -> None
     journal.write_bytes(content)
     with pytest.raises(HypermapError) as error:
         read_as_saved(tmp_path / "config", lambda: None)
-    assert str(error.value) == f"{journal}: is no journal of a save; delete it"
+    assert str(error.value) == f"{journal}: is not a journal of a save; delete it"
     write_file(tmp_path / "other.hmap", b"")  # which has nothing to do with it
 
 

@@ -158,7 +158,7 @@ LAYER = "layers: [{class: A, name: a, frame_id: map}]\n"
             LAYER + "transforms:\n"
             "- {frame_id: a, child_frame_id: b, transform_pose: [0, 0, 0]}\n"
             "- {frame_id: b, child_frame_id: a, transform_pose: [0, 0, 0]}\n",
-            "transforms[1]: frame 'a' cannot stand below 'b': the two would form a loop",
+            "transforms[1]: frame 'a' cannot be a child of 'b': the two would form a loop",
         ),
         (
             LAYER + "transforms:\n"
@@ -166,7 +166,7 @@ LAYER = "layers: [{class: A, name: a, frame_id: map}]\n"
             "- {frame_id: c, child_frame_id: b, transform_pose: [0, 0, 0]}\n",
             "transforms[1]: frame 'b' already has the parent 'a'",
         ),
-        (OLD + "vendor: 1\n", "line 19: the key 'vendor' is there twice"),
+        (OLD + "vendor: 1\n", "line 19: the key 'vendor' appears twice"),
         (OLD.replace("layer_cnt: 7", "layer_cnt: {"), "is not valid YAML: "),
     ],
 )

@@ -19,15 +19,15 @@ from .strategies import map_facts
 @pytest.mark.parametrize(
     ("files", "message"),
     [
-        ({"readme": "x"}, "is a zip archive without hmap_config.yaml, so it is no map"),
-        ({}, "is a zip archive without hmap_config.yaml, so it is no map"),
+        ({"readme": "x"}, "is a zip archive without hmap_config.yaml, so it is not a map"),
+        ({}, "is a zip archive without hmap_config.yaml, so it is not a map"),
         (
             {"hmap_config.yaml": CONFIG},
             "/objects: there is no such file, only hmap_config.yaml",
         ),
         (
             {"hmap_config.yaml": CONFIG.replace("objects", "../objects")},
-            "the file name '../objects' is not allowed; it must lie within the map's files",
+            "the file name '../objects' is not allowed; it must be within the map's files",
         ),
         ({"hmap_config.yaml": "layers: ["}, "/hmap_config.yaml: is not valid YAML: "),
         (

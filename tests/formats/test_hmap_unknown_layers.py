@@ -55,7 +55,7 @@ def test_a_layer_of_unknown_class_keeps_all_files_that_no_other_layer_reads(
     with pytest.raises(HypermapError) as error:
         hypermap.label_at("rooms", [[0, 0]])
     assert str(error.value) == (
-        "layer 'rooms' cannot be asked: no plug-in for its class 'RoomLayer' is installed"
+        "layer 'rooms' cannot be queried: no plug-in for its class 'RoomLayer' is installed"
     )
 
     save_map(hypermap, tmp_path / "again.hmap")

@@ -36,7 +36,7 @@ def test_names_that_lead_out_are_refused(store: Store, name: str) -> None:
     for use in (lambda: store.read(name), lambda: store.write(name, b"")):
         with pytest.raises(FormatError) as error:
             use()
-        assert f"the file name {name!r} is not allowed; it must lie within" in str(error.value)
+        assert f"the file name {name!r} is not allowed; it must be within" in str(error.value)
 
 
 def test_the_names_of_a_layer_are_its_file_its_endings_and_its_folder(

@@ -53,8 +53,8 @@ LAUGHS = b"a: &a [x,x,x,x,x,x,x,x,x,x]\n" + b"".join(
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (b"a: 1\nb: 2\na: 3", "f: line 3: the key 'a' is there twice"),
-        (b"x:\n  a: 1\n  'a': 3", "f: line 3: the key 'a' is there twice"),
+        (b"a: 1\nb: 2\na: 3", "f: line 3: the key 'a' appears twice"),
+        (b"x:\n  a: 1\n  'a': 3", "f: line 3: the key 'a' appears twice"),
         (
             b"a: b: c",
             "f: is not valid YAML: mapping values are not allowed in this",

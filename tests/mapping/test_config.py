@@ -105,7 +105,7 @@ def test_what_is_saved_with_a_map_is_read_again(tmp_path: Path, name: str) -> No
         ),
         (
             "perception: {smoothness_deg: 91}",
-            "perception: smoothness_deg must lie between 0 and 90, got 91.0",
+            "perception: smoothness_deg must be between 0 and 90, got 91.0",
         ),
     ],
 )

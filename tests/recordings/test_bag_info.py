@@ -65,7 +65,7 @@ NO_DEPTH = (
     "there are no depth images (sensor_msgs/Image with 'depth' in the topic's name, or "
     "compressedDepth) and no clouds; name the topic with --depth-topic if it is there, or record it"
 )
-NO_TF = "there is no tf, so that nothing tells where the camera was; record /tf and /tf_static"
+NO_TF = "there is no tf, so the camera's poses are unknown; record /tf and /tf_static"
 NO_INFO = (
     "there is no camera info (sensor_msgs/CameraInfo) for the depth images; record it, or give "
     "--intrinsics"
@@ -109,7 +109,7 @@ NO_INFO = (
             without("/tf"),
             {},
             [
-                "tf does not lead from the camera to the map: frames 'map' and 'camera' are not "
+                "tf has no transform from the camera to the map: frames 'map' and 'camera' are not "
                 "connected: the first hangs below 'map', the second below 'base'; name another "
                 "fixed frame with --map-frame"
             ],

@@ -76,6 +76,6 @@ def test_a_folder_of_recordings_names_them(tmp_path: Path) -> None:
     with pytest.raises(FormatError) as caught:
         open_recording(tmp_path)
     assert str(caught.value) == (
-        f"{tmp_path}: a recording lies one folder further down (seq-01, seq-02); name it, as "
+        f"{tmp_path}: there is a recording one folder down (seq-01, seq-02); name it, as "
         f"{tmp_path}/seq-01"
     )

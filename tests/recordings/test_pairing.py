@@ -68,7 +68,7 @@ def test_frames_need_color_and_a_pose_and_what_is_left_out_is_counted() -> None:
     assert plan.notes == (
         "1 of 5 depth images have no color image within 0.02 s (--max-time-difference) and are "
         "left out",
-        "2 of 4 frames lie outside the poses, or in a gap between poses longer than 1 s "
+        "2 of 4 frames are outside the poses, or in a gap between poses longer than 1 s "
         "(--max-pose-gap), and are left out",
     )
 

@@ -154,9 +154,9 @@ def test_what_speaks_for_two_kinds_alike_is_not_sure():
     [
         ("- kitchen", "each kind with names and numbers is expected"),
         ("kitchen: sink", "kitchen: each kind with names"),
-        ("kitchen: {sink: much}", "kitchen.sink: 'much' is no number from 0 on"),
-        ("kitchen: {sink: -1}", "kitchen.sink: -1 is no number from 0 on"),
-        ("kitchen: {", "this is no YAML file that can be read"),
+        ("kitchen: {sink: much}", "kitchen.sink: 'much' is not a number of at least 0"),
+        ("kitchen: {sink: -1}", "kitchen.sink: -1 is not a number of at least 0"),
+        ("kitchen: {", "this is not a readable YAML file"),
     ],
 )
 def test_a_table_that_is_none_is_an_error(tmp_path, text, reason):

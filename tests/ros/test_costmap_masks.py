@@ -212,7 +212,7 @@ def test_a_wrong_parameter_leaves_the_masks_as_they_were(wrong) -> None:
     masks = CostmapMasks(topics)
     masks.set({"keepout": ["desk 0.5"]})
     masks.show(office())
-    with pytest.raises(HypermapError, match="is no zone"):
+    with pytest.raises(HypermapError, match="is not a zone"):
         masks.set({"mask_resolution": 0.25, **wrong})
     masks.show(office())
     assert len(topics.published["keepout_mask"]) == 1
@@ -340,7 +340,7 @@ def test_a_map_server_publishes_masks_and_takes_new_zones_while_it_runs(
         )
 
         rospy.set_param("/masks_server/keepout", ["plant"])
-        server.expect("keepout: 'plant' is no zone; expected a class and a margin in meters")
+        server.expect("keepout: 'plant' is not a zone; expected a class and a margin in meters")
         rospy.set_param("/masks_server/speed", ["desk 0 50%"])
         speed = rospy.wait_for_message("/masks_server/speed_mask", OccupancyGrid, timeout=120)
         assert sorted(np.unique(cells(speed))) == [0, 50]

@@ -79,7 +79,7 @@ def test_a_ring_may_be_closed_and_wind_either_way(
 
 @pytest.mark.parametrize(("points", "reason"), MALFORMED)
 def test_a_malformed_area_is_refused(types: Any, points: Any, reason: str) -> None:
-    with pytest.raises(FormatError, match=f"the area is no polygon: .*{reason}"):
+    with pytest.raises(FormatError, match=f"the area is not a polygon: .*{reason}"):
         area_of(area(types, points))
 
 
@@ -168,9 +168,7 @@ def test_a_malformed_object_is_left_out_and_the_rest_kept(
 def test_an_object_that_crosses_itself_is_kept_and_reported(types: Any) -> None:
     objects, problems = semantic_objects_of(semantic(types, item(types, "tie", BOW_TIE, 3)))
     assert [got.id for got in objects] == [3]
-    assert problems == [
-        "object 3 ('tie'): its outline crosses itself; all that it winds around is taken"
-    ]
+    assert problems == ["object 3 ('tie'): its outline crosses itself; everything inside it counts"]
     layer = SemanticLayer("s", "map", objects)
     assert layer.label_at([[1.8, 1.0], [0.2, 1.0], [1.0, 1.8]]).tolist() == ["tie", "tie", "Empty"]
 

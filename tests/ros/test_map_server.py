@@ -156,22 +156,22 @@ def test_a_malformed_area_is_an_error_of_every_service(client, corners):
             ("get_ints_by_area", "GetIntsByArea"),
         ]:
             error = client.refused(service, kind, layer=layer, area=area)
-            assert "the area is no polygon" in error
-    assert "no polygon" in client.refused("get_semantic_by_area", "GetSemanticByArea", area=area)
+            assert "the area is not a polygon" in error
+    assert "not a polygon" in client.refused("get_semantic_by_area", "GetSemanticByArea", area=area)
     error = client.refused(
         "get_hits_in_areas",
         "GetHitsInAreas",
         layer="semantic",
         areas=[client.box(0, 0, 1, 1), area],
     )
-    assert "areas[1]: the area is no polygon" in error
+    assert "areas[1]: the area is not a polygon" in error
     if corners:
         fields = {"layer": "occupancy", "area": area}
         for service, what in (("String", {"name": "Free"}), ("Int", {"value": 0})):
             error = client.refused(
                 f"get_locations_by_{service.lower()}", f"GetLocationsBy{service}", **fields, **what
             )
-            assert "the area is no polygon" in error
+            assert "the area is not a polygon" in error
 
 
 # Where something is

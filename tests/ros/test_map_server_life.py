@@ -90,9 +90,9 @@ def test_what_a_command_was_given_is_not_held_against_the_next_one(start, rospy)
 def test_a_misspelled_parameter_on_the_parameter_server_is_a_warning(start, rospy):
     rospy.set_param("/misspelled/keepuot", ["desk 0.2"])
     process = start("hypermap", "serve", "--ros1", "__name:=misspelled")
-    process.expect("nobody heeds the parameter 'keepuot'; did you mean 'keepout'?")
+    process.expect("ignoring the unknown parameter 'keepuot'; did you mean 'keepout'?")
     rospy.set_param("/misspelled/sped", ["desk 0.2 50%"])
-    process.expect("nobody heeds the parameter 'sped'; did you mean 'speed'?")
+    process.expect("ignoring the unknown parameter 'sped'; did you mean 'speed'?")
     assert process.output.count("keepuot") == 1
 
 

@@ -38,7 +38,7 @@ class Notes:
 
     def lookup(self, target: str, source: str, stamp: int | None, timeout: float) -> Any:
         if (target, source) not in self.tf:
-            raise FrameError(f"tf does not lead from {source!r} to {target!r}")
+            raise FrameError(f"tf has no transform from {source!r} to {target!r}")
         return self.tf[target, source]
 
     def response(self, type_name: str) -> type[Any]:

@@ -406,10 +406,10 @@ def test_updates_are_ignored_with_a_line_in_the_log_where_they_are_off(serve):
         grids.publish(grid_update(client, 0, 0, [100], 1))
         objects.publish(client.message("hypermap_msgs/SemanticMapUpdate", to_delete=[7]))
     for topic in ("occupancy_map", "semantic_semmap"):
-        log.expect(f"{topic}_updates: layer '{topic.partition('_')[0]}': it takes no updates")
+        log.expect(f"{topic}_updates: layer '{topic.partition('_')[0]}': it accepts no updates")
     assert client.string("occupancy", 0.5, 0.5) == "Free"
     assert client.string("semantic", 1, 0.5, "lab") == "table"
-    assert log.output.count("it takes no updates") == 2
+    assert log.output.count("it accepts no updates") == 2
     grids.unregister()
     objects.unregister()
 

@@ -88,7 +88,7 @@ def test_changes_are_told_once_and_wrong_ones_keep_the_old_value(
     assert parameters.given == {"rate": 5, "shown": False, "mode": "scale"}
     assert [record.getMessage() for record in caplog.records] == [
         "parameter 'rate' must be at most 10.0, got 40.0; it stays at 4.0",
-        "parameter 'mode' counts from the next start of the node on",
+        "parameter 'mode' takes effect when the node restarts",
     ]
 
 
@@ -98,8 +98,8 @@ def test_names_that_nobody_heeds_are_a_warning_each(caplog: pytest.LogCaptureFix
         for given in ({"rates": 4, "rate": 5}, {"rates": 5, "zzz": 1}, {"zzz": 1}):
             parameters.update(given)
     assert [record.getMessage() for record in caplog.records] == [
-        "nobody heeds the parameter 'rates'; did you mean 'rate'?",
-        "nobody heeds the parameter 'zzz'; known: rate, mode",
+        "ignoring the unknown parameter 'rates'; did you mean 'rate'?",
+        "ignoring the unknown parameter 'zzz'; known: rate, mode",
     ]
 
 

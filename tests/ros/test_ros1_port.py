@@ -250,9 +250,11 @@ def test_lookup_finds_what_others_publish(
     found = port.lookup("map", "robot", 100_000_000_000, timeout=20.0)
     np.testing.assert_allclose(found[:3, 3], [4, 0, 0])
     late.join()
-    with pytest.raises(FrameError, match=r"tf does not lead from 'robot' to 'map'.*extrapolation"):
+    with pytest.raises(
+        FrameError, match=r"tf has no transform from 'robot' to 'map'.*extrapolation"
+    ):
         port.lookup("map", "robot", 500_000_000_000)
-    with pytest.raises(FrameError, match="tf does not lead from 'nowhere' to 'map'"):
+    with pytest.raises(FrameError, match="tf has no transform from 'nowhere' to 'map'"):
         port.lookup("map", "nowhere")
 
 
@@ -273,7 +275,7 @@ def test_parameters_are_read_and_change_while_the_node_runs(
     rospy.set_param(f"{name}/height", "tall")
     logged(log, "'height' must be a number, got 'tall'")
     rospy.set_param(f"{name}/file", "b.hmap")
-    logged(log, "'file' counts from the next start")
+    logged(log, "'file' takes effect when the node restarts")
     rospy.delete_param(f"{name}/height")
     rospy.set_param(f"{name}/height", 3)
     wait_for(lambda: len(changes) == 2, "the second change")

@@ -115,5 +115,5 @@ def test_a_misspelled_parameter_is_a_warning(graph: Graph, make_port: Any) -> No
     port = make_port("hypermap_server", "--ros-args", *words)
     assert port.parameters(PARAMETERS)["count"] == 4
     warned = [text for level, text in graph.logged if level == "warning"]
-    assert warned == ["nobody heeds the parameter 'hieght'; did you mean 'height'?"]
+    assert warned == ["ignoring the unknown parameter 'hieght'; did you mean 'height'?"]
     assert port.origins()["count"] == "as an argument or in a file of parameters"

@@ -140,7 +140,7 @@ def test_a_misspelled_parameter_is_a_warning(ros2: Ros2, start: Callable[..., Pr
     process = start("hypermap", "serve", "--ros2", "--ros-args", "-p", "keepuot:=['desk 0.2']",
                     "-p", "console:=false", "-r", "__node:=misspelled",
                     env=ros2.environment)  # fmt: skip
-    process.expect("nobody heeds the parameter 'keepuot'; did you mean 'keepout'?", 90)
+    process.expect("ignoring the unknown parameter 'keepuot'; did you mean 'keepout'?", 90)
 
 
 @pytest.mark.parametrize(

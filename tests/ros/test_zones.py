@@ -37,7 +37,7 @@ def test_what_is_no_keepout_zone_is_named(entry) -> None:
     with pytest.raises(HypermapError) as error:
         keepout_filter(["desk 0.2", entry])
     assert str(error.value) == (
-        f"keepout: {entry!r} is no zone; expected a class and a margin in meters, as 'desk 0.2'"
+        f"keepout: {entry!r} is not a zone; expected a class and a margin in meters, as 'desk 0.2'"
     )
 
 
@@ -71,14 +71,14 @@ def test_the_lowest_limit_comes_last() -> None:
 @pytest.mark.parametrize(
     ("entries", "message"),
     [
-        (["plant 0.5"], "speed: 'plant 0.5' is no zone"),
-        (["plant 50%"], "speed: 'plant 50%' is no zone"),
-        (["plant 0.5 50"], "speed: 'plant 0.5 50' is no zone"),
+        (["plant 0.5"], "speed: 'plant 0.5' is not a zone"),
+        (["plant 50%"], "speed: 'plant 50%' is not a zone"),
+        (["plant 0.5 50"], "speed: 'plant 0.5 50' is not a zone"),
         (["plant 0.5 0%"], "speed: 'plant 0.5 0%': a limit must be above 0 and at most 100 %"),
         (["plant 0.5 101%"], "'plant 0.5 101%': a limit must be above 0 and at most 100 %"),
         (["plant 0.5 0m/s"], "'plant 0.5 0m/s': a limit must be above 0 m/s"),
         (["a 0 50%", "b 0 1 m/s"], "'b 0 1 m/s' has its limit in m/s, others have it in %"),
-        ([3], "speed: 3 is no zone; expected a class, a margin in meters and a limit"),
+        ([3], "speed: 3 is not a zone; expected a class, a margin in meters and a limit"),
     ],
 )
 def test_what_is_no_speed_limit_is_named(entries, message) -> None:

@@ -78,7 +78,7 @@ def test_a_world_file_becomes_plain_data(tmp_path: Path) -> None:
         ),
         (
             BASE + "objects: [{model: chair, at: [1, 1], size: {width: 30}}]",
-            "w.yaml: objects[0]: width must lie above 0 and at most at 20 m, got 30.0",
+            "w.yaml: objects[0]: width must be above 0 and at most 20 m, got 30.0",
         ),
         (
             BASE + "objects: [{model: chair, at: [1, 1], size: {seat_height: 2}}]",
@@ -86,7 +86,7 @@ def test_a_world_file_becomes_plain_data(tmp_path: Path) -> None:
         ),
         (
             BASE + "objects: [{model: chair, at: [1, 1], color: bluu}]",
-            "w.yaml: objects[0]: 'bluu' is no color; write it as '#b5835a' or 'teal'",
+            "w.yaml: objects[0]: 'bluu' is not a color; write it like '#b5835a' or 'teal'",
         ),
         (
             BASE + "objects: [{model: cup}]",

@@ -206,7 +206,7 @@ def test_who_hears_of_a_change_at_once_hears_all_of_it(tmp_path):
         (add(name="a\nb"), 400, "has letters that cannot be shown"),
         (add(name="x" * 300), 400, "a text of 300 letters is too long; at most 200"),
         (add(tags="mug"), 400, "tags: a list of at most 100 texts"),
-        ({**add(), "layer": "occupancy"}, 400, "holds no objects; only those can be edited"),
+        ({**add(), "layer": "occupancy"}, 400, "has no objects; only those can be edited"),
         ({**add(), "layer": "thing"}, 404, "there is no layer 'thing'; did you mean 'things'?"),
         (rename(9, "x"), 404, "layer 'things' has no object with id 9"),
         ({**rename(0, "x"), "id": "zero"}, 400, "id: a whole number is expected, got 'zero'"),

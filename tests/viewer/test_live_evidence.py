@@ -103,7 +103,7 @@ def test_where_nothing_is_kept_that_is_said(tmp_path: Path) -> None:
 def test_what_is_no_object_is_refused(tmp_path: Path) -> None:
     path = saved(tmp_path)
     assert "no object with id 77" in asked(path, 77, expected=404)["error"]
-    assert "'occupancy' holds no objects" in asked(path, 1, "occupancy", expected=400)["error"]
+    assert "'occupancy' has no objects" in asked(path, 1, "occupancy", expected=400)["error"]
     assert "attic" in asked(path, 1, "attic", expected=404)["error"]
 
 

@@ -127,7 +127,7 @@ def test_saving_under_another_name_asks_if_that_exists(tmp_path):
         ("/tmp/out.hmap", 403, "/tmp/out.hmap"),
         ("link/out.hmap", 403, "leads out of the map's folder"),
         ("a\0b.hmap", 403, ""),
-        ("x" * 300 + ".hmap", 400, "is no name of a file: File name too long"),
+        ("x" * 300 + ".hmap", 400, "is not a valid file name: File name too long"),
         ("notes.txt", 400, "give a name that ends in .hmap"),
         ("no/such.hmap", 400, "there is no such folder"),
         (7, 400, "path: a text is expected, got 7"),
@@ -163,7 +163,7 @@ def test_half_of_a_character_is_in_no_name(tmp_path):
         content = b'{"path": "caf\\ud83d.hmap"}'
         answer = client.post("/api/save", content=content, headers=Window(client).headers)
     assert answer.status_code == 400
-    assert answer.json()["error"] == r"'caf\ud83d.hmap' is no name of a file"
+    assert answer.json()["error"] == r"'caf\ud83d.hmap' is not a valid file name"
     assert files_in(tmp_path) == ["room.hmap"]
 
 

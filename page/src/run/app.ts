@@ -1,11 +1,14 @@
 /** The page of a run: joins the camera's picture, the map and the timeline. */
 
-import { byId, complain, el, icon, iconButton } from "../dom";
-import { count, length, niceLength, plural } from "../format";
-import { keepSettings, loadSettings, onSystemTheme, themeOf } from "../settings";
+import { byId, complain, el, iconButton } from "../dom";
+import { count, plural } from "../format";
+import type { Insets } from "../plane";
+import { showScale } from "../scalebar";
+import { loadSettings } from "../settings";
 import type { Point } from "../source";
+import { ThemeSwitch } from "../theme";
 import { CameraView, percent } from "./camera";
-import { RunMap, type Insets } from "./map";
+import { RunMap } from "./map";
 import type { RunInfo, RunSource } from "./source";
 import {
   changedBy,
@@ -19,18 +22,17 @@ import {
 } from "./steps";
 import { Timeline } from "./timeline";
 
-/** The scale bar is not longer than this [pixels]. */
-const LONGEST = 120;
-
 export class RunPage {
   readonly steps = new Steps();
   readonly map = new RunMap(byId("map"), insets);
   /** The step that is drawn. */
   shown: { number: number; observation: Observation; things: ObjectStates } | null = null;
-  private readonly settings = loadSettings();
+  private readonly theme = new ThemeSwitch(loadSettings(), () => {
+    this.map.restyle();
+    this.timeline.restyle();
+  });
   private readonly camera: CameraView;
   private readonly timeline: Timeline;
-  private readonly theme: HTMLButtonElement;
   private news: RunUpdate | null = null;
   private colors: Record<string, string> = {};
   /** Number of the grid's picture that is drawn. */
@@ -48,7 +50,6 @@ export class RunPage {
       segments: true,
     });
     this.timeline = new Timeline(this.steps, { show: (position) => this.want(position) });
-    this.theme = iconButton("moon", "Dark", () => this.switchTheme(), { id: "theme" });
   }
 
   start(): void {
@@ -56,7 +57,7 @@ export class RunPage {
     document.title = `${recording} – Hypermap`;
     byId("title").replaceChildren(recording, el("span", { class: "arrow", text: " → " }), output);
     const fit = iconButton("fit", "Show the whole map (f)", () => this.fit(), { id: "fit" });
-    byId("toolbar").replaceChildren(fit, this.theme);
+    byId("toolbar").replaceChildren(fit, this.theme.button);
     for (const name of ["boxes", "segments"] as const) {
       const box = byId<HTMLInputElement>(`show-${name}`);
       box.addEventListener("change", () => {
@@ -67,13 +68,13 @@ export class RunPage {
     const { map } = this.map;
     map.on("pointermove", ({ pixel, dragging }) => this.tip(dragging ? null : pixel));
     map.getViewport()?.addEventListener("pointerleave", () => this.tip(null));
-    map.getView().on("change:resolution", () => this.showScale());
-    this.showScale();
+    const scaled = () => showScale(this.map.resolution);
+    map.getView().on("change:resolution", scaled);
+    scaled();
     document.addEventListener("keydown", ({ key, ctrlKey, metaKey }) => {
       if (key === "f" && !ctrlKey && !metaKey) this.fit();
     });
-    onSystemTheme(() => this.restyle());
-    this.restyle();
+    this.theme.apply();
     this.source.watch((news) => this.hear(news));
   }
 
@@ -220,33 +221,9 @@ export class RunPage {
     tip.style.top = `${pixel[1] + 16}px`;
   }
 
-  private showScale(): void {
-    const { resolution } = this.map;
-    const meters = niceLength(LONGEST * resolution);
-    byId("scale-text").textContent = length(meters);
-    byId("scale-bar").style.width = `${meters / resolution}px`;
-  }
-
   private fit(): void {
     this.map.follows = true;
     this.map.fit();
-  }
-
-  private switchTheme(): void {
-    this.settings.theme = themeOf(this.settings) === "dark" ? "light" : "dark";
-    this.restyle();
-  }
-
-  private restyle(): void {
-    const theme = themeOf(this.settings);
-    document.documentElement.dataset["theme"] = theme;
-    const label = theme === "dark" ? "Light theme" : "Dark theme";
-    this.theme.replaceChildren(icon(theme === "dark" ? "sun" : "moon"));
-    this.theme.title = label;
-    this.theme.setAttribute("aria-label", label);
-    this.map.restyle();
-    this.timeline.restyle();
-    keepSettings(this.settings);
   }
 }
 

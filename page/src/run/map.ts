@@ -2,32 +2,21 @@
 
 import Feature from "ol/Feature.js";
 import OpenLayersMap from "ol/Map.js";
-import View from "ol/View.js";
-import { easeOut } from "ol/easing.js";
+import type View from "ol/View.js";
 import { createEmpty, extend, isEmpty } from "ol/extent.js";
 import LineString from "ol/geom/LineString.js";
 import MultiPolygon from "ol/geom/MultiPolygon.js";
 import PointGeometry from "ol/geom/Point.js";
 import { defaults as defaultInteractions } from "ol/interaction/defaults.js";
-import VectorLayer from "ol/layer/Vector.js";
-import Projection from "ol/proj/Projection.js";
-import VectorSource from "ol/source/Vector.js";
 import { classLook, type ClassLook } from "../looks";
 import { NameSides } from "../namesides";
+import { featureLayer, fitView, planeView, setFeatures, type Insets } from "../plane";
 import type { Extent, Point, Polygon } from "../source";
 import { GridLayer } from "./gridlayer";
 import { cameraLook, footprintLook, observedLook, wayLook } from "./runlooks";
 import type { Observation, ObjectState, ObjectStates } from "./steps";
 
-export interface Insets {
-  top: number;
-  right: number;
-  bottom: number;
-  left: number;
-}
-
-const FINEST = 0.0005;
-const COARSEST = 100;
+const FINEST = 0.0005; // meters per pixel
 const LABEL = 13; // pixels
 const MARGIN = 28; // pixels
 
@@ -56,15 +45,7 @@ export class RunMap {
     target: HTMLElement,
     private readonly insets: () => Insets,
   ) {
-    this.view = new View({
-      projection: new Projection({ code: "meters", units: "m", global: false }),
-      center: [0, 0],
-      resolution: 0.02,
-      minResolution: FINEST,
-      maxResolution: COARSEST,
-      enableRotation: false,
-      multiWorld: true,
-    });
+    this.view = planeView(FINEST);
     this.map = new OpenLayersMap({
       target,
       view: this.view,
@@ -117,13 +98,16 @@ export class RunMap {
 
   /** Shows a step: what its frame saw, the objects then, and the way up to it. */
   show(observation: Observation, things: ObjectStates, places: Point[], position: number): void {
-    fill(this.observed, [shape(observation.observed)]);
+    setFeatures(this.observed, [shape(observation.observed)]);
     const objects = [...things.values()].sort((a, b) => areaOf(b) - areaOf(a)).map(featureOf);
-    fill(this.objects, objects);
-    fill(this.labels, objects);
+    setFeatures(this.objects, objects);
+    setFeatures(this.labels, objects);
     this.sides.forget();
-    fill(this.way, [way(places.slice(position), true), way(places.slice(0, position + 1), false)]);
-    fill(
+    setFeatures(this.way, [
+      way(places.slice(position), true),
+      way(places.slice(0, position + 1), false),
+    ]);
+    setFeatures(
       this.footprints,
       observation.detections
         .filter(({ footprint }) => footprint.length)
@@ -132,18 +116,12 @@ export class RunMap {
     const { x, y, yaw, width } = observation.camera;
     const eye = new Feature(new PointGeometry([x, y]));
     eye.setProperties({ yaw, width });
-    fill(this.camera, [eye]);
+    setFeatures(this.camera, [eye]);
     this.setExtent(observation, things);
   }
 
   fit(animate = true): void {
-    const { top, right, bottom, left } = this.insets();
-    this.view.fit(this.extent ?? [-3, -3, 3, 3], {
-      padding: [top + MARGIN, right + MARGIN, bottom + MARGIN, left + MARGIN],
-      minResolution: 0.002,
-      duration: animate && !calm() ? 350 : 0,
-      easing: easeOut,
-    });
+    fitView(this.view, this.extent ?? [-3, -3, 3, 3], this.insets(), { margin: MARGIN, animate });
   }
 
   get resolution(): number {
@@ -186,22 +164,8 @@ export class RunMap {
   }
 }
 
-const calm = (): boolean => window.matchMedia("(prefers-reduced-motion: reduce)").matches;
-
-function layer(zIndex: number, declutter = false): VectorLayer<VectorSource> {
-  return new VectorLayer({
-    source: new VectorSource(),
-    zIndex,
-    declutter,
-    updateWhileAnimating: true,
-    updateWhileInteracting: true,
-  });
-}
-
-function fill(to: VectorLayer<VectorSource>, features: Feature[]): void {
-  to.getSource()?.clear(true);
-  to.getSource()?.addFeatures(features);
-}
+const layer = (zIndex: number, declutter = false) =>
+  featureLayer(zIndex, { declutter, updateWhileInteracting: true });
 
 function shape(polygons: Polygon[], properties: Record<string, unknown> = {}): Feature {
   const feature = new Feature(new MultiPolygon(polygons));

@@ -122,7 +122,7 @@ def command(
         _save_folder(hypermap, target, semantic.value, force)
     else:
         raise HypermapError(
-            f"{target}: nothing is known of the ending {target.suffix!r}; known: .hmap, .geojson, "
+            f"{target}: unknown file extension {target.suffix!r}; known: .hmap, .geojson, "
             ".parquet, .gpkg, .csv, .yaml, .pgm, .tif, .rrd, .mcap, or none for a folder"
         )
     note(f"saved {target}")

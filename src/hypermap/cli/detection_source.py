@@ -1,4 +1,4 @@
-"""Where `hypermap map` takes detections from: as the user says, or as the recording has them."""
+"""Where `hypermap map` takes detections from: as the user says, or from the recording."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def detection_source(
     if detector is not None and detections is not None:
         raise HypermapError("give either --detector or --detections, not both")
     if labels is not None and detector is None:
-        raise HypermapError("--labels belongs to a --detector, which is not given")
+        raise HypermapError("--labels needs --detector")
     if not objects:
         if detector is not None or detections is not None:
             raise HypermapError("--no-objects leaves no work for --detector or --detections")

@@ -125,4 +125,7 @@ def _note_strangers(objects: MapObjects, truth: MapObjects) -> None:
     if not names:
         note(f"{objects.name}: the map has no objects; nothing was found")
     elif not names & {thing.name for thing in truth.objects}:
-        note(f"{objects.name}: the map and {truth.name} have no class in common; are names alike?")
+        note(
+            f"{objects.name}: the map and {truth.name} have no class in common; do they use the "
+            "same names?"
+        )

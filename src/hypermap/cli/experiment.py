@@ -121,13 +121,13 @@ def command(
 
 
 def _check_names(names: list[str], words: list[str]) -> None:
-    """Raise a HypermapError if two worlds have one name, by which the results are told apart."""
+    """Raise a HypermapError if two worlds have the same name."""
     first: dict[str, str] = {}
     for name, word in zip(names, words, strict=True):
         if name in first:
             raise HypermapError(
-                f"--worlds: {first[name]} and {word} have the same name {name!r}, by which results "
-                "are told apart; change the key `name` of one file, or ask for one world"
+                f"--worlds: {first[name]} and {word} have the same name {name!r}; change the key "
+                "`name` of one file, or use only one of them"
             )
         first[name] = word
 

@@ -152,7 +152,7 @@ def show_map(content: dict[str, Any], with_settings: bool) -> None:
             say(f"rejected: object {entry['position']} ({name}): {reason}")
     for frame in content["frames"]:
         x, y, yaw = frame["pose"]
-        say(f"frame {frame['child']} stands in {frame['parent']} at x {x:g}, y {y:g}, yaw {yaw:g}")
+        say(f"frame {frame['child']} is in {frame['parent']} at x {x:g}, y {y:g}, yaw {yaw:g}")
     made_with = content["metadata"]
     if made_with:
         # Settings come in groups, one for each stage.

@@ -1,4 +1,4 @@
-"""One line at a terminal that says how a live node fares."""
+"""A status line for live nodes at a terminal."""
 
 from __future__ import annotations
 

@@ -220,12 +220,19 @@ def _make_map(
                 note("no frame was mapped so far, so nothing is saved")
                 raise typer.Exit(stop.exit_code) from None
             raise
-    seconds = time.monotonic() - started
+    _note_frames(hypermap, settings, time.monotonic() - started, rate)
+    return hypermap, not stoppable.ended_early
+
+
+def _note_frames(
+    hypermap: Hypermap, settings: MappingConfig, seconds: float, rate: float | None
+) -> None:
+    """Say what became of the frames; `rate` is their number per second once code is loaded."""
     counts = hypermap.metadata["frames"]
     total = sum(counts.values())
-    pace_told = f" ({rate:.1f}/s after the first, which loads compiled code)" if rate else ""
+    pace = f" ({rate:.1f}/s after the first, which loads compiled code)" if rate else ""
     note(
-        f"{total} frames in {seconds:.1f} s{pace_told}: {counts['used']} used, "
+        f"{total} frames in {seconds:.1f} s{pace}: {counts['used']} used, "
         f"{counts['skipped']} skipped because the camera had hardly moved, "
         f"{counts['unusable']} unusable"
     )
@@ -237,7 +244,6 @@ def _make_map(
         )
     if settings.alignment.enabled and hypermap.metadata["poses"] == "as recorded":
         note("poses were used as recorded: without an occupancy map (--map) they are not corrected")
-    return hypermap, not stoppable.ended_early
 
 
 class _FloorNote:

@@ -1,4 +1,4 @@
-"""What the commands that are nodes have in common: their middleware, parameters, ROS arguments."""
+"""Options of all commands that run nodes: middleware, parameters, ROS arguments."""
 
 from __future__ import annotations
 
@@ -127,9 +127,7 @@ def address_of(
 
     is_given = host is not None or port is not None or allow_edits or bool(allow_origin)
     if middleware != "foxglove" and is_given:
-        raise HypermapError(
-            "--host, --port, --allow-edits and --allow-origin are for --foxglove alone"
-        )
+        raise HypermapError("--host, --port, --allow-edits and --allow-origin need --foxglove")
     default = Address()
     return Address(
         default.host if host is None else host,

@@ -1,4 +1,4 @@
-"""The options that say of a recording what it does not say itself.
+"""Options for what a recording does not say itself.
 
 Their defaults and checks are those of `RecordingOptions`; here is only how they are spelled.
 """

@@ -1,4 +1,4 @@
-"""Options under names that they had before: they are taken for one more release, with a warning."""
+"""Deprecated option names: accepted for one more release, with a warning."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def takes_old_names(name: str, command: Callable[..., None]) -> Callable[..., No
             given = arguments.pop(_old(option))
             if given is not None:
                 spelled = ", ".join(option.old).replace("/", ", ")
-                _log.warning("%s: an old name, which will go; write %s", spelled, option.new)
+                _log.warning("%s: a deprecated name; use %s", spelled, option.new)
                 arguments[option.argument] = option.value(given)
         command(**arguments)
 

@@ -172,6 +172,6 @@ def _show_parts(rooms: Rooms, passing: Graph) -> None:
     if len(parts) == 1:
         say("the robot reaches every room from every other")
         return
-    say(f"no way leads from one of these {counted(len(parts), 'group')} to another:")
+    say(f"there is no path from one of these {counted(len(parts), 'group')} to another:")
     for names in parts.values():
         say(f"  {', '.join(names)}")

@@ -1,4 +1,4 @@
-"""`hypermap shell`: ask a map line by line."""
+"""`hypermap shell`: query a map line by line."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`hypermap simulate`: a recording of a described world, with its true map."""
+"""`hypermap simulate`: record a drive through a simulated world, with its true map."""
 
 from __future__ import annotations
 

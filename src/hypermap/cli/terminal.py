@@ -175,7 +175,7 @@ def set_verbosity(level: int) -> None:
         logger = logging.getLogger(name)
         logger.handlers = [LineHandler()]
         logger.setLevel(shown[min(max(level, -1), 2) + 1])
-    # That loops are compiled is told as if it were progress.
+    # That loops are compiled is shown as progress.
     logging.getLogger("hypermap._loops").setLevel(logging.ERROR if level < 0 else logging.INFO)
 
 

@@ -1,4 +1,4 @@
-"""`hypermap warm-up`: compile now what the first map would wait for."""
+"""`hypermap warm-up`: compile now what the first map would otherwise wait for."""
 
 from __future__ import annotations
 

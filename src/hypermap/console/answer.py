@@ -1,4 +1,4 @@
-"""How the answer to a question is shown: which of its rows, and in which columns, or as JSON."""
+"""How an answer is shown: its rows and columns, or JSON."""
 
 from __future__ import annotations
 

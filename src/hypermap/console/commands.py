@@ -1,4 +1,4 @@
-"""What the console can do: a line of text in, an answer in text out.
+"""The commands of the console: a line of text in, an answer in text out.
 
 Source: INTERFACES, section 4: the commands and their spelling are those of the first Hypermap.
 `query` is new, and asks what `hypermap query` asks.
@@ -109,7 +109,7 @@ class Console:
         width = max(map(len, calls))
         lines = [f"{call:<{width}}  {command.meaning}" for call, command in calls.items()]
         lines.append("`help query` lists the options of a question.")
-        lines.append('Words with blanks stand in "double quotes"; a backslash escapes.')
+        lines.append('Put words with spaces in "double quotes"; a backslash escapes.')
         return "\n".join(lines)
 
     def _load(self, arguments: list[str]) -> str:

@@ -46,7 +46,9 @@ def add_evidence(
     """
     objects = [row for row in rows if "object" in row]
     if rows and not objects:
-        raise HypermapError("--evidence looks behind objects; ask for some by --name, --id or --in")
+        raise HypermapError(
+            "--evidence shows the observations of objects; choose some with --name, --id or --in"
+        )
     for row in objects:
         answer = describe_evidence(hypermap, row["layer"], row["object"]["id"])
         row["evidence"] = {k: v for k, v in answer.items() if k not in ("layer", "id", "name")}

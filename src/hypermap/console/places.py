@@ -19,7 +19,7 @@ def parse_point(text: str, option: str) -> tuple[float, float]:
     """
     numbers = _numbers(text)
     if len(numbers) != 2:
-        raise HypermapError(f"{option} {text!r}: a point is given as X,Y in meters, as 1.5,-2")
+        raise HypermapError(f"{option} {text!r}: a point is X,Y in meters, such as 1.5,-2")
     return numbers[0], numbers[1]
 
 

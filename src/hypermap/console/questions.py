@@ -130,9 +130,11 @@ def _hints(hypermap: Hypermap, question: Question) -> Iterator[str]:
 def _check(question: Question) -> None:
     asked = (question.what or None, question.area, question.near, question.inside)
     if question.at is not None and any(part is not None for part in (*asked, question.most)):
-        raise HypermapError("--at asks what is at a point; it goes with --layer and --frame alone")
+        raise HypermapError(
+            "--at asks what is at a point; combine it only with --layer and --frame"
+        )
     if question.at is None and all(part is None for part in asked):
-        raise HypermapError("nothing is asked; give --at X,Y, --in AREA or --name NAME")
+        raise HypermapError("there is no query; give --at X,Y, --in AREA or --name NAME")
     if question.most is not None and not question.what:
         raise HypermapError("the nearest what? give --name NAME")
     if question.most is not None and question.near is not None:
@@ -202,7 +204,7 @@ def _objects(hypermap: Hypermap, question: Question, layers: set[str]) -> list[F
 
 
 def _rows_of_layer(hypermap: Hypermap, layer: Layer, question: Question) -> list[Row]:
-    """Return the rows of a layer that holds no objects."""
+    """Return the rows of a layer that has no objects."""
     area = _area(question)
     if question.what:
         frame_id = question.frame_id

@@ -1,4 +1,4 @@
-"""Names for the arrays that travel through the package, and the checks made once at its joints."""
+"""Array types used throughout the package, and the checks at its interfaces."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What can go wrong with a caller's input; everything else is a bug of ours."""
+"""Errors caused by a caller's input. Anything else is a bug in Hypermap."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The evidence behind the objects of a semantic layer: what was seen of them, and from where."""
+"""The evidence behind the objects of a semantic layer: observations and camera poses."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ class EvidenceTable:
             if column.dtype.kind == "f" and not np.isfinite(column).all():
                 raise ValueError(f"{name} must be finite")
             if name in ("scores", "heights", "poses") and np.abs(column).max(initial=0) > _FAR:
-                raise ValueError(f"{name} must lie within {_FAR:g}")  # else none could be rounded
+                raise ValueError(f"{name} must be within {_FAR:g}")  # else none could be rounded
         if count and not (self.views.min() >= 0 and self.views.max() < view_count):
             raise ValueError(f"views must be rows of the {view_count} views")
         if shapely.is_empty(self.footprints).any():

@@ -1,4 +1,4 @@
-"""What a question across layers has found."""
+"""The result of a query across layers."""
 
 from __future__ import annotations
 

@@ -112,7 +112,7 @@ class FrameTree:
             raise FrameError(f"frame {transform.child!r} already has the parent {parent!r}")
         if transform.child in (frame for frame, _ in self._to_root(transform.parent)):
             raise FrameError(
-                f"frame {transform.child!r} cannot stand below {transform.parent!r}: "
+                f"frame {transform.child!r} cannot be a child of {transform.parent!r}: "
                 "the two would form a loop"
             )
         self._by_child[transform.child] = transform

@@ -63,7 +63,7 @@ class GridGeometry:
         check_resolution(self.resolution)
         reach = sides * self.resolution + max(abs(self.origin.x), abs(self.origin.y))
         if not reach <= _FAR:
-            raise ValueError(f"a grid must lie within {_FAR:g} m, this one reaches {reach:g} m")
+            raise ValueError(f"a grid must be within {_FAR:g} m, this one reaches {reach:g} m")
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -208,7 +208,7 @@ class Window:
 
     @property
     def inside(self) -> BoolArray:
-        """Whether each cell of the part lies in the area, of its shape; made anew each time."""
+        """Whether each cell of the part is in the area, in its shape; created on each access."""
         return filled(self.spans, math.prod(self.shape)).reshape(self.shape)
 
     def positions(self, chosen: BoolArray | None = None) -> IntArray:

@@ -1,4 +1,4 @@
-"""The hypermap: layers on top of each other, their frames, and the questions across them."""
+"""The hypermap: layers on top of each other, their frames, and queries across them."""
 
 from __future__ import annotations
 
@@ -34,12 +34,12 @@ AnyLayer = TypeVar("AnyLayer", bound=Layer)
 class Hypermap(Outward):
     """Ordered layers, and the tree of their frames.
 
-    A question may be asked in any frame that the map knows, by `frame_id`; None is the base
-    frame. Answers are always in the base frame, which is that of the first layer.
+    A query may use any frame of the map, by `frame_id`; None is the base frame. Answers are always
+    in the base frame, which is the frame of the first layer.
 
     Attributes:
-        frames: how the frames of the layers lie to each other.
-        metadata: what is saved with the map, as the configuration that made it.
+        frames: the transforms between the frames of the layers.
+        metadata: saved with the map, such as the configuration that made it.
 
     Raises:
         HypermapError: If two layers have the same name.
@@ -96,7 +96,7 @@ class Hypermap(Outward):
         return self._layers[name]
 
     def layer(self, name: str, kind: type[AnyLayer]) -> AnyLayer:
-        """Return a layer by its name, known to be of a kind, as type checkers want it.
+        """Return a layer by its name, with the type of its kind for type checkers.
 
         Raises:
             LayerNotFound: If there is none of that name.
@@ -109,11 +109,11 @@ class Hypermap(Outward):
         return layer
 
     def semantic(self, name: str | None = None) -> SemanticLayer:
-        """Return the semantic layer of a name, or the only one; raises like `layer`."""
+        """Return the semantic layer with a name, or the only one; raises like `layer`."""
         return self.layer(self._only(SemanticLayer) if name is None else name, SemanticLayer)
 
     def occupancy(self, name: str | None = None) -> OccupancyLayer:
-        """Return the occupancy layer of a name, or the only one; raises like `layer`."""
+        """Return the occupancy layer with a name, or the only one; raises like `layer`."""
         return self.layer(self._only(OccupancyLayer) if name is None else name, OccupancyLayer)
 
     def _only(self, kind: type[Layer]) -> str:
@@ -142,7 +142,7 @@ class Hypermap(Outward):
         self._layers[layer.name] = layer
 
     def remove(self, name: str) -> None:
-        """Take a layer out of the map.
+        """Remove a layer from the map.
 
         Raises:
             LayerNotFound: If there is none of that name.
@@ -166,7 +166,7 @@ class Hypermap(Outward):
         self._layers = {layer.name: layer for layer in self.layers}
 
     def with_layer(self, layer: Layer) -> Hypermap:
-        """Return a map in which a layer stands in place of that of the same name.
+        """Return a map in which a layer replaces the one with the same name.
 
         Raises:
             LayerNotFound: If there is none of that name.
@@ -224,9 +224,9 @@ class Hypermap(Outward):
     def labels_at(
         self, layer_name: str, point_xy: PointsLike, frame_id: str | None = None
     ) -> ObjectArray:
-        """Return all that a layer says at one point, shape (M,); raises like `label_at`.
+        """Return all labels of a layer at one point, shape (M,); raises like `label_at`.
 
-        The first is what `label_at` says: of objects on top of each other, the smallest.
+        The first is the label of `label_at`: of stacked objects, the smallest.
         """
         layer = self[layer_name]
         return layer.labels_at(self._points(point_xy, layer, frame_id))
@@ -234,13 +234,13 @@ class Hypermap(Outward):
     # Questions across layers
 
     def placed_layers(self) -> list[Layer]:
-        """Return the layers that have a place in the base frame; the log tells of the others."""
+        """Return the layers that are connected to the base frame; others are logged."""
         return [layer for layer in self._layers.values() if self._has_place(layer)]
 
     def objects_at(
         self, point_xy: PointsLike, layer: str | None = None, frame_id: str | None = None
     ) -> list[FoundObject]:
-        """Return all objects at a point, by layers; of each, the smallest first.
+        """Return all objects at a point, layer by layer, smallest first.
 
         Args:
             point_xy: where, in the frame `frame_id` [m].
@@ -249,7 +249,7 @@ class Hypermap(Outward):
 
         Raises:
             LayerNotFound, FrameError: If the layer or the frame is unknown.
-            HypermapError: If the layer holds no objects.
+            HypermapError: If the layer has no objects.
         """
         asked = self._lookup(self.base_frame, frame_id).apply(as_point_xy(point_xy))[0]
         return [found for place in self._with_objects(layer) for found in place.at(asked)]
@@ -265,10 +265,10 @@ class Hypermap(Outward):
     ) -> list[Found]:
         """Return the k nearest occurrences of a string or number, nearest first.
 
-        To an object, the distance is that to its shape; 0 inside. By path, it is the length of the
-        shortest path of a point over free cells to where the object is in sight and at most a meter
-        away, and from there to its shape; objects to which none leads are left out.
-        `hypermap.paths.Planner` does the same for a robot of a radius.
+        The distance to an object is the distance to its shape, 0 inside. By path, it is the length
+        of the shortest path of a point over free cells to where the object is in sight and at most
+        a meter away, and from there to its shape; objects that no path leads to are left out.
+        `hypermap.paths.Planner` does the same for a robot with a radius.
 
         Args:
             what: what to look for, as in `find`.
@@ -315,20 +315,20 @@ class Hypermap(Outward):
         limit: int | None = None,
         frame_id: str | None = None,
     ) -> list[FoundObject]:
-        """Return the objects of semantic layers for which all that is given is true.
+        """Return the objects of semantic layers that meet all conditions.
 
         Args:
             name: their name, or several of which they have one; None for any.
             near: a name, a geometry or a point, from which the distance is measured; with a
                 name, to the nearest other object that has it.
             within: the largest distance between the shapes [m]; None for any.
-            inside: a name or a geometry in which their centroid lies; with a name, in any other
+            inside: a name or a geometry that contains their centroid; with a name, any other
                 object that has it.
-            area: what their shape meets.
-            tags: all of these are among theirs.
+            area: an area that their shape intersects.
+            tags: tags that they all have.
             layer: the one that holds them; None for all semantic layers that have a place. What
                 `near` and `inside` name may be in any.
-            limit: return the first so many of them; None for all.
+            limit: return at most this many; None for all.
             frame_id: frame of the geometries and the point; None for the base frame.
 
         Returns:
@@ -337,7 +337,7 @@ class Hypermap(Outward):
 
         Raises:
             LayerNotFound, FrameError: If the layer or the frame is unknown.
-            HypermapError: If the layer holds no objects.
+            HypermapError: If the layer has no objects.
             ValueError: If `within` is given without `near`, or is negative, or `limit` is below 1.
 
         >>> import shapely
@@ -366,9 +366,9 @@ class Hypermap(Outward):
         layer: str | None = None,
         frame_id: str | None = None,
     ) -> Matches:
-        """Find what `objects` returns, without making the objects: of very many, that takes time.
+        """Find what `objects` returns, without creating the objects, which takes time for many.
 
-        Takes the same arguments but `limit`, and raises like it.
+        Takes the same arguments except `limit`, and raises the same errors.
         """
         if within is not None and near is None:
             raise ValueError("within needs near: a distance from what?")
@@ -408,7 +408,7 @@ class Hypermap(Outward):
         if only is not None:
             if not isinstance(only, SemanticLayer):
                 raise HypermapError(
-                    f"layer {only.name!r} is a {only.class_name}, which holds no objects"
+                    f"layer {only.name!r} is a {only.class_name}, which has no objects"
                 )
             place = self._placed(only)
             if not and_others:

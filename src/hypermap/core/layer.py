@@ -1,4 +1,4 @@
-"""What every layer of a hypermap can answer."""
+"""The queries that every layer answers."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from hypermap.core.grid import GridGeometry
 
 
 class Store(Protocol):
-    """Where a layer's files lie; a layer does not know whether that is a zip or a folder."""
+    """The storage of a layer's files; a layer does not know whether it is a zip or a folder."""
 
     def read(self, name: str) -> bytes:
         """Return the content of a file.
@@ -31,13 +31,13 @@ class Store(Protocol):
         ...
 
     def path_of(self, name: str) -> str:
-        """Return how messages name a file, as "office.hmap/semantic"."""
+        """Return the name of a file for messages, such as "office.hmap/semantic"."""
         ...
 
 
 @dataclass(frozen=True, eq=False)
 class Hits:
-    """What an area holds: one value and one location per cell or object.
+    """The contents of an area: one value and one location per cell or object.
 
     Attributes:
         values: labels (str) or numbers, shape (M,).
@@ -62,7 +62,7 @@ class RasterPicture:
     """A layer drawn as an image over a grid.
 
     Attributes:
-        grid: where the pixels lie; row 0 is at the origin, as in the layer.
+        grid: the geometry of the pixels; row 0 is at the origin, as in the layer.
         rgba: uint8, shape (height, width, 4).
         legend: text for single colors, or empty: label -> (r, g, b), 0..255.
     """
@@ -86,15 +86,15 @@ class ShapesPicture:
 
 
 class Layer(ABC):
-    """A value store with questions, in one frame.
+    """A store of values in one frame, with queries.
 
     Points and areas are given, and locations returned, in the layer's own frame [m];
     `Hypermap` turns other frames into it.
 
     Attributes:
-        class_name: the name under which configuration files know this kind of layer.
+        class_name: the name of this kind of layer in configuration files.
         name: unique within the map.
-        frame_id: the frame in which the layer's coordinates are.
+        frame_id: the frame of the layer's coordinates.
         settings: keys of the layer's configuration that the core does not interpret; they are
             written back as they were read.
     """
@@ -116,7 +116,7 @@ class Layer(ABC):
         return f"<{kind} {self.name!r} in frame {self.frame_id!r}{held and ': ' + held}>"
 
     def summary(self) -> str:
-        """Return what the layer holds in a few words, as "2 objects (1 cup, 1 table)"."""
+        """Return a short summary of the layer, such as "2 objects (1 cup, 1 table)"."""
         return ""
 
     @abstractmethod
@@ -124,7 +124,7 @@ class Layer(ABC):
         """Return the string representation at each point, shape (N,)."""
 
     def labels_at(self, point_xy: PointsLike) -> ObjectArray:
-        """Return all that the layer says at one point, first what `label_at` says, shape (M,)."""
+        """Return all labels at one point, that of `label_at` first, shape (M,)."""
         return self.label_at(as_point_xy(point_xy))
 
     @abstractmethod
@@ -167,14 +167,14 @@ class Layer(ABC):
 
     @abstractmethod
     def extent(self) -> BaseGeometry:
-        """Return an area that covers everything the layer holds; empty if it holds nothing."""
+        """Return an area that covers all of the layer; empty if the layer is empty."""
 
     def picture(self) -> RasterPicture | ShapesPicture | None:
-        """Return what a map's picture should show of this layer; None for nothing."""
+        """Return how a picture of the map shows this layer; None for not at all."""
         return None
 
 
 def check_count(k: int) -> None:
-    """Raise a ValueError if `k` is no number of answers to ask for."""
+    """Raise a ValueError if `k` is less than 1."""
     if k < 1:
         raise ValueError(f"k must be at least 1, got {k}")

@@ -1,4 +1,4 @@
-"""Masks: which cells of a grid lie near objects of a class, as input of a planner's costmap."""
+"""Masks: the cells of a grid near objects of a class, as input for a planner's costmap."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class Zone:
         if not 0 <= self.margin <= MAX_MARGIN:
             raise ValueError(f"a margin must be from 0 to {MAX_MARGIN:g} m, got {self.margin}")
         if not 0 <= operator.index(self.value) <= OCCUPIED:
-            raise ValueError(f"a mask's value must lie between 0 and {OCCUPIED}, got {self.value}")
+            raise ValueError(f"a mask's value must be between 0 and {OCCUPIED}, got {self.value}")
 
 
 def draw_mask(
@@ -93,7 +93,7 @@ def draw_mask(
     if resolution is not None:
         check_resolution(resolution)
     if not UNKNOWN <= operator.index(outside) <= OCCUPIED:
-        raise ValueError(f"outside must lie between {UNKNOWN} and {OCCUPIED}, got {outside}")
+        raise ValueError(f"outside must be between {UNKNOWN} and {OCCUPIED}, got {outside}")
     chosen = list(zones)
     floor = _occupancy_with_cells(hypermap)
     frame_id = hypermap.base_frame if floor is None else floor.frame_id

@@ -1,4 +1,4 @@
-"""Semantic objects: one as a value, and many as a table of columns."""
+"""Semantic objects: one as a value, many as a table of columns."""
 
 from __future__ import annotations
 
@@ -174,7 +174,7 @@ class ObjectTable:
         """
         ordered = np.sort(self.ids)
         if len(ordered) and not (ordered[0] >= 0 and ordered[-1] <= MAX_ID):
-            raise ValueError(f"an object's id must lie between 0 and {MAX_ID}")
+            raise ValueError(f"an object's id must be between 0 and {MAX_ID}")
         twice = ordered[1:][ordered[1:] == ordered[:-1]]
         if len(twice):
             raise ValueError(f"two objects have the id {twice[0]}")
@@ -305,7 +305,7 @@ def _check_id(number: int) -> None:
     if isinstance(number, bool) or not isinstance(number, int | np.integer):
         raise TypeError(f"an object's id must be an integer, got {number!r}")
     if not 0 <= number <= MAX_ID:
-        raise ValueError(f"an object's id must lie between 0 and {MAX_ID}, got {number}")
+        raise ValueError(f"an object's id must be between 0 and {MAX_ID}, got {number}")
 
 
 def _or_nan(values: Iterable[float | None]) -> NDArray[np.float64]:

@@ -23,17 +23,17 @@ COLORS = {"Free": (255, 255, 255), "Occupied": (104, 112, 126), "Unknown": (229,
 
 
 class OccupancyLayer(Layer):
-    """Occupancy on a grid; row 0 lies at the origin and rows grow along y.
+    """Occupancy on a grid; row 0 is at the origin, and rows increase along y.
 
-    A cell's label is "Free" where its value is 0, "Occupied" where it is 100, and "Unknown" for
-    every other value and off the grid. A layer without a grid is empty.
+    A cell's label is "Free" for the value 0, "Occupied" for 100, and "Unknown" for every other
+    value and off the grid. A layer without a grid is empty.
 
     Attributes:
-        grid: where the cells lie; None while the layer is empty.
+        grid: the geometry of the cells; None while the layer is empty.
         cells: read-only, shape (height, width); int8 with -1 unknown, 0 free .. 100 occupied, or
-            int16 where a raw map holds values up to 255. None while the layer is empty. It is a
-            view: a contiguous int8 or int16 array that was handed in is not copied. Cells may be
-            given as bool, too: True where occupied, False where free.
+            int16 if a raw map has values up to 255. None while the layer is empty. It is a view: a
+            contiguous int8 or int16 array is not copied. Cells may also be given as bool: True
+            for occupied, False for free.
 
     Raises:
         ValueError: If only one of `grid` and `cells` is given, their shapes differ, or a value
@@ -72,7 +72,7 @@ class OccupancyLayer(Layer):
             self.cells.flags.writeable = False  # which copies and pickles of arrays forget
 
     def summary(self) -> str:
-        """Return how large the grid is."""
+        """Return the size of the grid."""
         if self.grid is None:
             return "empty"
         (rows, cols), side = self.grid.shape, self.grid.resolution
@@ -148,7 +148,7 @@ def _checked(cells: NDArray[np.integer[Any]] | BoolArray, grid: GridGeometry) ->
     if lowest < UNKNOWN or highest > _LARGEST:
         wrong = lowest if lowest < UNKNOWN else highest
         raise ValueError(
-            f"cells must lie between {UNKNOWN} and {_LARGEST} ({_MEANING}), one is {wrong}"
+            f"cells must be between {UNKNOWN} and {_LARGEST} ({_MEANING}), one is {wrong}"
         )
     if array.dtype not in (np.int8, np.int16):
         array = array.astype(np.int8 if highest <= np.iinfo(np.int8).max else np.int16)
@@ -187,7 +187,7 @@ def _matches(cells: IntArray, what: str | float) -> BoolArray:
 def cell_colors() -> NDArray[np.uint8]:
     """Return the color of each value, shape (257, 4); the last one, at index -1, is unknown's.
 
-    Red, green, blue and how opaque it is, 0..255; unknown cells are transparent.
+    Red, green, blue and opacity, 0..255; unknown cells are transparent.
     """
     palette = np.full((_LARGEST + 2, 4), 255, dtype=np.uint8)
     share = np.minimum(np.arange(_LARGEST + 1) / OCCUPIED, 1)[:, np.newaxis]

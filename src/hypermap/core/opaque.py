@@ -1,4 +1,4 @@
-"""A layer of a kind that is not installed: kept as it is, for those who know it."""
+"""A layer whose plug-in is not installed: its files are kept unchanged."""
 
 # ruff: noqa: ARG002  # whatever is asked, there is no answer
 
@@ -68,6 +68,6 @@ class OpaqueLayer(Layer):
 
     def _refuse(self) -> NoReturn:
         raise HypermapError(
-            f"layer {self.name!r} cannot be asked: no plug-in for its class "
+            f"layer {self.name!r} cannot be queried: no plug-in for its class "
             f"{self.class_name!r} is installed"
         )

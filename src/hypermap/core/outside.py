@@ -1,4 +1,4 @@
-"""What leads out of the core: a map is saved, drawn, and shown in a notebook; a file is written.
+"""Functions that the core gets from other packages: save, draw, show in a notebook, write a file.
 
 Files and pictures are no business of the core, which knows neither. So the package that joins them,
 `hypermap`, hands in a way to its functions, and here they are called by their names there.

@@ -31,20 +31,20 @@ _NAMED = 4  # names of which a summary tells
 class SemanticLayer(Layer):
     """Objects with names and shapes, kept as columns.
 
-    An object's id stays the same as long as it is in the layer, and is not given out again while
-    the layer lives. Where outlines cross themselves, questions are answered by a repaired copy.
+    An object keeps its id as long as it is in the layer. The id is not reused while the layer
+    exists. If an outline crosses itself, queries use a repaired copy.
 
-    A change makes a new snapshot beside the old one, so each question, also from another thread,
+    A change makes a new snapshot and keeps the old one, so each query, also from another thread,
     sees the layer either before a change or after it. A change of one object takes some
-    microseconds on the average, however many there are; `table` and `names` are made anew after
-    each, so ask for them once and not in a loop of changes.
+    microseconds on average, however many there are. `table` and `names` are created again after
+    each change, so get them once and not in a loop of changes.
 
-    A layer is iterated over, and indexed by id, like a collection of its objects.
+    A layer is a collection of its objects: iterate over it, or index it by id.
 
     Attributes:
         rejected: entries of the layer's file that could not be read.
-        kept_evidence: what the objects were made of, where that is known: a table, or a function
-            that returns it when it is asked for. It may speak of objects that are gone.
+        kept_evidence: the evidence for the objects, if there is any: a table, or a function that
+            returns it on demand. It may include objects that were removed.
 
     Raises:
         ValueError: If two objects have the same id.
@@ -84,7 +84,7 @@ class SemanticLayer(Layer):
         rejected: Iterable[Rejected] = (),
         evidence: EvidenceTable | Callable[[], EvidenceTable] | None = None,
     ) -> SemanticLayer:
-        """Return a layer of objects that are columns already, in a small part of the time.
+        """Return a layer from objects in columns, which is much faster.
 
         The table must pass its `check`.
         """
@@ -93,7 +93,7 @@ class SemanticLayer(Layer):
         return layer
 
     def copy(self) -> SemanticLayer:
-        """Return a layer that holds the same; a change of one does not change the other."""
+        """Return an equal layer; changes to one do not affect the other."""
         settings, evidence = self.settings, self.kept_evidence
         other = SemanticLayer(self.name, self.frame_id, (), settings, self.rejected, evidence)
         other._now = self._now
@@ -142,18 +142,18 @@ class SemanticLayer(Layer):
     def geometries(self) -> ObjectArray:
         """Copies of the objects' footprints as they were given, in the order of `ids`, shape (N,).
 
-        Made anew each time, so that each thread may prepare its own.
+        Created on each access, so that each thread may prepare its own.
         """
         return np.asarray(shapely.force_2d(self._now.table.footprints))
 
     @property
     def table(self) -> ObjectTable:
-        """All objects as columns; a later change of the layer does not change it."""
+        """All objects as columns; later changes of the layer do not affect it."""
         return self._now.table
 
     @property
     def snapshot(self) -> ObjectStore:
-        """All that the layer holds now; a later change of the layer does not change it."""
+        """The current contents of the layer; later changes of the layer do not affect it."""
         return self._now
 
     def objects(self) -> list[SemanticObject]:
@@ -175,7 +175,7 @@ class SemanticLayer(Layer):
     # The evidence behind them
 
     def evidence(self) -> EvidenceTable | None:
-        """Return the evidence for the objects that are there; None where none was kept.
+        """Return the evidence for the current objects; None if there is none.
 
         Raises:
             FormatError: If it is kept in a file that cannot be read.
@@ -184,7 +184,7 @@ class SemanticLayer(Layer):
         return None if kept is None else kept.of(self.ids)
 
     def evidence_of(self, object_id: int) -> EvidenceTable:
-        """Return the evidence for one object; empty where none was kept.
+        """Return the evidence for one object; empty if there is none.
 
         Raises:
             ObjectNotFound: If there is no such object.
@@ -294,10 +294,10 @@ class SemanticLayer(Layer):
         return names if len(names) else np.array([EMPTY], dtype=object)
 
     def objects_at(self, point_xy: PointsLike) -> list[SemanticObject]:
-        """Return all objects at a point, the smallest first, as a cup before its table.
+        """Return all objects at a point, smallest first: a cup before its table.
 
-        Of equally large ones, the one that was added first comes first; so the first of all is the
-        one that `label_at` and `value_at` tell of.
+        Of equally large ones, the one added first comes first. So the first of all is the object of
+        `label_at` and `value_at`.
         """
         now = self._now
         return [now.object(row) for row in now.all_at(as_point_xy(point_xy)).tolist()]
@@ -315,13 +315,13 @@ class SemanticLayer(Layer):
         return values
 
     def labels_in(self, area: BaseGeometry) -> Hits:
-        """Return the name and centroid of each object whose shape meets the area."""
+        """Return the name and centroid of each object whose shape intersects the area."""
         now = self._now
         rows = now.in_area(area)
         return Hits(now.names(rows), now.column("centroids", rows))
 
     def values_in(self, area: BaseGeometry) -> Hits:
-        """Return the id and centroid of each object whose shape meets the area."""
+        """Return the id and centroid of each object whose shape intersects the area."""
         now = self._now
         rows = now.in_area(area)
         return Hits(now.column("ids", rows), now.column("centroids", rows))
@@ -351,14 +351,14 @@ class SemanticLayer(Layer):
     def nearest_objects(
         self, what: str | float, point_xy: PointsLike, k: int = 1
     ) -> tuple[list[SemanticObject], NDArray[np.float64]]:
-        """Return what `nearest` returns, with the objects in place of their centroids."""
+        """Return the same as `nearest`, with the objects instead of their centroids."""
         check_count(k)
         now = self._now
         rows, distances = now.nearest(what, as_point_xy(point_xy), k)
         return [now.object(row) for row in rows.tolist()], distances
 
     def summary(self) -> str:
-        """Return how many objects there are, and of which names most."""
+        """Return the number of objects, and their most frequent names."""
         counts = Counter(self.names.tolist())
         named = [
             f"{count} {name if name.isprintable() else repr(name)}"

@@ -1,4 +1,4 @@
-"""Shapes in the plane: checked once, and repaired where an outline crosses itself."""
+"""Shapes in the plane: checked once, and repaired if an outline crosses itself."""
 
 from __future__ import annotations
 
@@ -125,7 +125,7 @@ def check_footprint(footprint: Any) -> None:
     Raises:
         TypeError: If it is no shapely polygon or multipolygon.
         ValueError: If it has no points, or a third, non-finite or absurdly large coordinate, or
-            its outline is so tangled that it cannot be mended.
+            its outline is so tangled that it cannot be repaired.
     """
     if not isinstance(footprint, shapely.Polygon | shapely.MultiPolygon):
         raise TypeError(

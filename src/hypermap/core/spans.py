@@ -1,4 +1,4 @@
-"""Which whole numbers an area covers, row by row: an area as spans of cells.
+"""The integer cells that an area covers, row by row, as spans.
 
 Source: the scan-line polygon fill of Foley et al., "Computer Graphics: Principles and Practice",
 2nd edition, section 3.6, with the boundary counted in on every side.

@@ -1,4 +1,4 @@
-"""How tangled an outline may be, so that no small file or request keeps the program busy.
+"""Limits on self-intersections, so that no small file or request keeps the program busy.
 
 GEOS takes time for the square of the corners, and more, where edges lie across each other. What
 exceeds these bounds is no outline of a thing: it is refused before GEOS begins.

@@ -1,4 +1,4 @@
-"""How well the shape of each true object was formed, by the measure of the 2019 thesis."""
+"""How well the shape of each true object was mapped, by the measure of the 2019 thesis."""
 
 from __future__ import annotations
 

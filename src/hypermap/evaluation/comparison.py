@@ -1,4 +1,4 @@
-"""Two estimates of the same truth against each other, object by object."""
+"""Compares two estimates of the same ground truth, object by object."""
 
 from __future__ import annotations
 

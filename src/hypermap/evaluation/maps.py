@@ -1,4 +1,4 @@
-"""The objects of whole maps, brought into one frame so that they can be compared."""
+"""The objects of whole maps, transformed into one frame for comparison."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which object of an estimated map is which object of the truth."""
+"""Matches the objects of an estimated map with the true objects."""
 
 from __future__ import annotations
 

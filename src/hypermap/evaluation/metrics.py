@@ -1,4 +1,4 @@
-"""How good an estimated semantic layer is, as numbers; a class without truth is not defined."""
+"""Metrics of an estimated semantic layer; a class without ground truth is not defined."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""An evaluation as plain data for JSON and CSV; each figure names rule, threshold and inputs."""
+"""An evaluation as plain data for JSON and CSV, with its rule, threshold and inputs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What an experiment shows: figures per world, method and class, and how certain they are."""
+"""The results of an experiment: figures per world, method and class, and their confidence."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Maps and single layers from files of every kind that we read."""
+"""Maps and single layers from files of every supported kind."""
 
 from __future__ import annotations
 

@@ -120,7 +120,7 @@ def _check_members(members: list[zipfile.ZipInfo]) -> None:
     for info in members:
         name = safe_name(info.filename)
         if name in seen:
-            raise FormatError("is there twice", key=name)
+            raise FormatError("appears twice", key=name)
         seen.add(name)
         if info.flag_bits & _ENCRYPTED:
             raise FormatError("is encrypted", key=name)

@@ -1,4 +1,4 @@
-"""Files are replaced as a whole or not at all, and several that belong together at once."""
+"""Atomic writes of one file, or of several files together."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def write_files(folder: str | Path, files: Mapping[str, bytes]) -> None:
 
     Args:
         folder: an existing folder.
-        files: content by name; a name may lie in a folder below, which is made.
+        files: content by name; a name may be in a subfolder, which is created.
 
     Raises:
         FileMissing: If the folder does not exist.
@@ -69,7 +69,9 @@ def write_files(folder: str | Path, files: Mapping[str, bytes]) -> None:
         where = getattr(error, "filename2", None) or target  # where a rename was to lead
         raise HypermapError(f"{where}: cannot be saved: {error.strerror}") from error
     except ValueError:  # a NUL character, or half of a character
-        raise HypermapError(f"{str(target)!r}: cannot be saved: it is no name of a file") from None
+        raise HypermapError(
+            f"{str(target)!r}: cannot be saved: it is not a valid file name"
+        ) from None
 
 
 @contextmanager
@@ -103,7 +105,9 @@ def file_beside(path: str | Path) -> Iterator[Path]:
     except OSError as error:
         raise HypermapError(f"{target}: cannot be saved: {error.strerror}") from error
     except ValueError:
-        raise HypermapError(f"{str(target)!r}: cannot be saved: it is no name of a file") from None
+        raise HypermapError(
+            f"{str(target)!r}: cannot be saved: it is not a valid file name"
+        ) from None
     finally:
         _remove([temporary])
 

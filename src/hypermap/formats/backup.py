@@ -1,4 +1,4 @@
-"""What is there before a map is saved: whether people have worked on it, and a copy beside."""
+"""What a save replaces: whether people have edited it, and a backup next to it."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def backup_of(path: Path) -> Path:
 
 
 def keep_backup(path: Path, *, spare_edited: bool = False) -> Path | None:
-    """Keep what lies on the disk beside it, as `backup_of` says.
+    """Keep a copy of the file on disk, named by `backup_of`.
 
     Args:
         path: of a map.
@@ -50,7 +50,7 @@ def keep_backup(path: Path, *, spare_edited: bool = False) -> Path | None:
     except (FileNotFoundError, FileMissing):
         return None
     except (OSError, HypermapError) as error:
-        raise HypermapError(f"no backup can be kept, so nothing is saved: {error}") from error
+        raise HypermapError(f"cannot keep a backup, so nothing is saved: {error}") from error
     return backup
 
 

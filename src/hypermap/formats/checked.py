@@ -1,4 +1,4 @@
-"""Pydantic at the border: what a file holds becomes a checked model, or one clear error."""
+"""Checks the contents of files with pydantic: a valid model, or one clear error."""
 
 from __future__ import annotations
 

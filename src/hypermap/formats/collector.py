@@ -1,4 +1,4 @@
-"""Python's collector of garbage, which reading many objects would start over and over in vain."""
+"""Pauses Python's garbage collector, which would run over and over while many objects load."""
 
 from __future__ import annotations
 

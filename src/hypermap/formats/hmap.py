@@ -42,7 +42,7 @@ _YAML_ENDINGS = (".yaml", ".yml")
 
 
 def open_map(path: str | Path) -> Hypermap:
-    """Return the map that a file holds.
+    """Return the map in a file.
 
     Args:
         path: an `.hmap` archive, a configuration YAML in a folder or that folder, or a
@@ -63,26 +63,27 @@ def open_map(path: str | Path) -> Hypermap:
         return _open_yaml(path)
     store = read_archive(path)
     if CONFIG_NAME not in store.files:
-        raise FormatError(f"is a zip archive without {CONFIG_NAME}, so it is no map", path=path)
+        raise FormatError(f"is a zip archive without {CONFIG_NAME}, so it is not a map", path=path)
     return _read_map(store, CONFIG_NAME)
 
 
 def save_map(hypermap: Hypermap, path: str | Path, semantic: SemanticForm = "auto") -> None:
-    """Write a map so that `open_map` returns the same again.
+    """Write a map so that `open_map` returns an equal one.
 
-    The same map gives the same bytes each time. Whatever goes wrong, the old file remains.
+    The same map gives the same bytes each time. If saving fails, the old file stays.
 
     Args:
         hypermap: the map.
-        path: a file with the ending `.yaml` or `.yml` becomes a configuration with the layers'
-            files beside it, and so does `hmap_config.yaml` in a folder that exists; every other
-            path becomes an archive.
-        semantic: how semantic layers are kept: `yaml`, which all programs read, `parquet`, which
-            is several times faster but not for the first program, or `auto`: Parquet from
-            100,000 objects on and for what is too large for YAML, where pyarrow is installed.
+        path: for a path that ends in `.yaml` or `.yml`, a configuration with the layers' files
+            next to it; for an existing folder, the same as `hmap_config.yaml` in it; for any
+            other path, an archive.
+        semantic: the file format of semantic layers: `yaml`, which all programs read; `parquet`,
+            which is several times faster, but which the first program does not read; or `auto`:
+            Parquet from 100,000 objects on and for layers that are too large for YAML, if pyarrow
+            is installed.
 
     Raises:
-        MissingExtra: If Parquet is asked for, and pyarrow is not installed.
+        MissingExtra: If the format is Parquet and pyarrow is not installed.
         FileMissing: If the folder to save in does not exist.
         HypermapError: If it cannot be written, or there is no plug-in for one of its layers.
     """

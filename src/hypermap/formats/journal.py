@@ -1,8 +1,8 @@
-"""Several files are saved as one: what a killed save leaves undone is done by whoever comes next.
+"""Saves several files as one: the next reader or writer completes a save that was killed.
 
-Before the first of the files is replaced, all lie beside their places, and a journal names them.
-From then on the save stands: whoever finds the journal puts the rest in place. A save without a
-journal has not happened.
+Before the first of the files is replaced, all new files are next to the old ones, and a journal
+lists them. From then on the save is valid: whoever finds the journal puts the rest in place. A
+save without a journal has not happened.
 """
 
 from __future__ import annotations
@@ -164,7 +164,7 @@ def _journal_in(folder: Path) -> Journal | None:
     except OSError as error:
         raise HypermapError(f"{path}: cannot be read: {error.strerror}") from error
     except (ValueError, TypeError, LookupError, RecursionError):
-        raise FormatError("is no journal of a save; delete it", path=path) from None
+        raise FormatError("is not a journal of a save; delete it", path=path) from None
     return Journal(folder, names, token)
 
 

@@ -1,4 +1,4 @@
-"""Texts that no file can hold: half of a character, as JSON can spell one."""
+"""Texts that no file can contain: unpaired surrogates, as JSON can spell them."""
 
 from __future__ import annotations
 

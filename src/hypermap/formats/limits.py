@@ -1,4 +1,4 @@
-"""How large a map's files may be: checked before anything is allocated for them.
+"""Size limits of a map's files, checked before memory is allocated.
 
 They are far above any map of a building, and far below what fills a robot's memory.
 """

@@ -1,4 +1,4 @@
-"""Who is saving just now, where the system has locks."""
+"""Locks between programs that save at the same time, where the system supports them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which kinds of layers there are: ours, and those that other packages bring."""
+"""The kinds of layers: built-in ones, and those of other packages."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def plugin_for(class_name: str) -> LayerPlugin | None:
 
 @contextlib.contextmanager
 def blamed_on_plugin(class_name: str, work: str) -> Iterator[None]:
-    """Let whatever another package raises be told as that package's.
+    """Attribute whatever another package raises to that package.
 
     Args:
         class_name: the kind of layer.

@@ -1,4 +1,4 @@
-"""Where a map's files lie: in memory (the members of an archive) or in a folder."""
+"""The files of a map: in memory (the members of an archive) or in a folder."""
 
 from __future__ import annotations
 
@@ -153,7 +153,7 @@ def safe_name(name: str, where: str = "") -> str:
     parts = [part for part in name.split("/") if part not in ("", ".")]
     if not parts or ".." in parts or _UNSAFE.search(name):
         raise FormatError(
-            f"the file name {name!r} is not allowed; it must lie within the map's files",
+            f"the file name {name!r} is not allowed; it must be within the map's files",
             path=where or None,
         )
     return "/".join(parts)
@@ -171,9 +171,9 @@ def place_for(folder: Path, name: str) -> Path:
         with contextlib.suppress(FileNotFoundError):
             path.lstat()
     except OSError as error:
-        raise HypermapError(f"{name[:60]!r} is no name of a file: {error.strerror}") from None
+        raise HypermapError(f"{name[:60]!r} is not a valid file name: {error.strerror}") from None
     except ValueError:  # half of a character
-        raise HypermapError(f"{name[:60]!r} is no name of a file") from None
+        raise HypermapError(f"{name[:60]!r} is not a valid file name") from None
     return path
 
 

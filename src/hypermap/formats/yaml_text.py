@@ -1,4 +1,4 @@
-"""YAML from files that nobody vouches for: bounded, free of tags, every key once.
+"""YAML from untrusted files: bounded, without tags, with every key once.
 
 The text is read event by event, not by PyYAML's constructors: those follow aliases without a bound,
 drop the first of two equal keys silently, and the C one overflows its stack on deep nesting.
@@ -227,7 +227,7 @@ class _Reader:
                 raise self._error(event, "a key must be a single word or number")
             key = self._scalar(event, as_text=False)
             if key in values:
-                raise self._error(event, f"the key {key!r} is there twice")
+                raise self._error(event, f"the key {key!r} appears twice")
             values[key] = self._value(next(self._events), (*place, str(key)))
         return values
 

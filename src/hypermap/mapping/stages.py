@@ -88,18 +88,18 @@ class EvidenceConfig:
         gain: existence gained by an observation.
         gain_by_score: whether the gain is multiplied by the detection's score.
         loss: existence lost by a missed detection.
-        loses: which tracks can be missed: "all" in the observed area, or only "unmatched" ones,
+        loses: which tracks can be missed: "all" in the visible area, or only "unmatched" ones,
             which this frame did not show.
-        sight: the occlusion test, which tells what a frame should have shown. "area": what lies in
-            the observed area. "rays": what the depth image could see at least half of; without an
-            image, the area.
-        margin: how far inside the observed area an object must lie to be missed [m].
+        sight: the occlusion test, which decides what a frame should have shown. "area": objects in
+            the visible area. "rays": objects of which the depth image could see at least half;
+            without an image, the area.
+        margin: how far inside the visible area an object must be to be missed [m].
         tolerance: by how much the measured surface of an object may be off, for "rays" [m].
         gone_loss: existence lost where the rays went through the object's place, for "rays".
         contested: existence lost where a frame shows an object of another class in its place.
         min_contested: Jaccard index from which on two objects claim the same place.
         slip: Jaccard index with a confirmed track of another class from which on an observed shape
-            counts as a misclassification, which adds nothing; 1 turns it off.
+            counts as a misclassification and adds nothing; 1 turns this off.
         max_range: distance from the camera up to which an object can be missed [m].
         max_existence: existence never grows above this.
         publish_above: objects with more existence than this are in the map.

@@ -21,7 +21,7 @@ class PerceptionConfig:
             a Kinect's is 0.0015 to 0.002.
         max_gap: jump in depth between neighboring pixels, noise apart, at which one thing ends
             and another begins, for "enclosed" [m].
-        min_inside: share of a surface that must lie within the box for it to belong to the object,
+        min_inside: share of a surface that must be within the box for it to belong to the object,
             for "enclosed"; boxes are seldom quite large enough.
         min_own_border: share of a surface's jumps in depth at which it must be the nearer side, for
             "enclosed"; what ends only behind other things is background.
@@ -103,4 +103,4 @@ class PerceptionConfig:
 
 def _check(name: str, value: float, lowest: float, highest: float) -> None:
     if not lowest <= value <= highest:  # also false for NaN
-        raise ValueError(f"{name} must lie between {lowest:g} and {highest:g}, got {value!r}")
+        raise ValueError(f"{name} must be between {lowest:g} and {highest:g}, got {value!r}")

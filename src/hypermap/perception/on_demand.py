@@ -1,4 +1,4 @@
-"""Parts of a value that are made only when somebody asks for them."""
+"""Attributes that are computed on first access."""
 
 from __future__ import annotations
 

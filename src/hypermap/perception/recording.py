@@ -80,7 +80,7 @@ class Recording(Protocol):
         """Yield the frames in order of time.
 
         Args:
-            on_bad: told of each frame that cannot be read, which is left out then.
+            on_bad: called for each frame that cannot be read, and the frame is left out.
 
         Raises:
             FormatError: If something that mapping needs is missing or broken; of a single frame
@@ -89,7 +89,7 @@ class Recording(Protocol):
         ...
 
     def info(self) -> RecordingInfo:
-        """Say what is inside and what is missing; never raises for what is missing."""
+        """Return what is in the recording and what is missing; missing parts raise no error."""
         ...
 
     def occupancy(self) -> OccupancyLayer | None:
@@ -98,10 +98,10 @@ class Recording(Protocol):
 
 
 def or_report(read: Callable[[], _Part], stamp: float, on_bad: OnBadFrame | None) -> _Part | None:
-    """Return what a frame needs; None where it cannot be read, and somebody is told of that.
+    """Return a part of a frame; None if it cannot be read and `on_bad` was called.
 
     Raises:
-        HypermapError: As `read` does, if nobody is told.
+        HypermapError: As `read` does, if there is no `on_bad`.
     """
     try:
         return read()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,18 +62,33 @@ def segment(
         cut, is_piece = enclosed.cut_out(frame.z, valid, frame.camera, objects, boxes, config)
     else:
         cut = largest_regions(frame, valid, objects, config)
-    return [
-        Segment(number, pixels, _points_of(frame, pixels, config), bool(piece))
+    kept = [
+        (number, pixels, bool(piece))
         for (number, _), pixels, piece in zip(candidates, cut, is_piece, strict=True)
         if config.min_cluster <= len(pixels) <= config.max_cluster
     ]
+    clouds = _points_of(frame, [pixels for _, pixels, _ in kept], config)
+    return [
+        Segment(number, pixels, points_xyz, piece)
+        for (number, pixels, piece), points_xyz in zip(kept, clouds, strict=True)
+    ]
 
 
-def _points_of(frame: RgbdFrame, pixels: IntArray, config: PerceptionConfig) -> NDArray[np.float32]:
-    points_xyz = frame.points_of(pixels)
-    if config.method == "enclosed":
-        return smoothed(points_xyz, pixels, frame.camera.width, config)
-    return points_xyz
+def _points_of(
+    frame: RgbdFrame, objects: Sequence[IntArray], config: PerceptionConfig
+) -> list[NDArray[np.float32]]:
+    """Return the points of each object, looked up for all of them at once."""
+    if not objects:
+        return []
+    ends = np.cumsum([len(pixels) for pixels in objects])
+    clouds = np.split(frame.points_of(np.concatenate(objects)), ends[:-1])
+    if config.method != "enclosed":
+        return clouds
+    width = frame.camera.width
+    return [
+        smoothed(points_xyz, pixels, width, config)
+        for points_xyz, pixels in zip(clouds, objects, strict=True)
+    ]
 
 
 def _pixels_of(detections: Detections, number: int, valid: BoolArray) -> IntArray:

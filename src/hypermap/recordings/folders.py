@@ -159,7 +159,7 @@ def usual_size(pictures: Sequence[tuple[Path, Path | None]]) -> tuple[int, int]:
         pictures: depth and color of each frame, at least one.
 
     Raises:
-        FileMissing: If no depth image is there; tells of the first, as the following.
+        FileMissing: If there is no depth image; names the first, like the following.
         FormatError: If none is a picture, or the color of each that is one has another size.
     """
     sizes: list[tuple[int, int]] = []

@@ -1,4 +1,4 @@
-"""Which kind of recording lies at a path."""
+"""Recognizes the kind of recording at a path."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _BAG_ENDINGS = (".bag", ".active", ".db3", ".mcap")
 
 
 def open_recording(path: str | Path, options: RecordingOptions | None = None) -> Recording:
-    """Return the recording that lies at a path, recognized by what lies there.
+    """Return the recording at a path, recognized by its files.
 
     Only names are looked at: what is inside, and what is wrong with it, `info` tells.
 
@@ -39,7 +39,7 @@ def open_recording(path: str | Path, options: RecordingOptions | None = None) ->
         if recordings:
             listed = ", ".join(recordings[:6]) + (", ..." if len(recordings) > 6 else "")
             raise FormatError(
-                f"a recording lies one folder further down ({listed}); "
+                f"there is a recording one folder down ({listed}); "
                 f"name it, as {path / recordings[0]}",
                 path=path,
             )

@@ -1,4 +1,4 @@
-"""What a user can say about a recording that it does not say itself."""
+"""What a user can say about a recording that the recording does not say itself."""
 
 from __future__ import annotations
 

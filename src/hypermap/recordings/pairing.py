@@ -42,7 +42,7 @@ def plan_frames(
     pose_span: tuple[float, float],
     options: RecordingOptions,
 ) -> FramePlan:
-    """Return the frames that have all that a frame needs.
+    """Return the frames that are complete: with depth, a pose and, if there is any, color.
 
     Args:
         depth_stamps: times of the depth images [s], shape (N,).
@@ -55,20 +55,14 @@ def plan_frames(
     Raises:
         FormatError: If no frame is left.
     """
-    notes = []
     if len(depth_stamps) == 0:
         raise FormatError("there are no depth images")
+    notes = []
     if color_stamps is None:
         depth = np.argsort(depth_stamps, kind="stable")
         color = np.full(len(depth), -1)
     else:
-        depth, color = associate(depth_stamps, color_stamps, options.max_time_difference)
-        if len(depth) == 0:
-            raise FormatError(
-                "no depth image has a color image within "
-                f"{options.max_time_difference:g} s (--max-time-difference): depth images reach "
-                f"{_span(depth_stamps)}, color images {_span(color_stamps)}"
-            )
+        depth, color = _with_color(depth_stamps, color_stamps, options.max_time_difference)
         if len(depth) < len(depth_stamps):
             notes.append(
                 f"{len(depth_stamps) - len(depth)} of {len(depth_stamps)} depth images have no "
@@ -85,13 +79,27 @@ def plan_frames(
         )
     if not known.all():
         notes.append(
-            f"{np.count_nonzero(~known)} of {len(known)} frames lie outside the poses, or in a "
+            f"{np.count_nonzero(~known)} of {len(known)} frames are outside the poses, or in a "
             f"gap between poses longer than {options.max_pose_gap:g} s (--max-pose-gap), and are "
             "left out"
         )
     depth, color = depth[known][:: options.every], color[known][:: options.every]
     map_T_camera = Chain((FixedPose(options.world_pose()), world_T_camera)).at(depth_stamps[depth])
     return FramePlan(depth, color, map_T_camera, tuple(notes))
+
+
+def _with_color(
+    depth_stamps: NDArray[np.float64], color_stamps: NDArray[np.float64], max_difference: float
+) -> tuple[IntArray, IntArray]:
+    """Return which depth images have a color image, and which; shape (K,) each."""
+    depth, color = associate(depth_stamps, color_stamps, max_difference)
+    if len(depth) == 0:
+        raise FormatError(
+            f"no depth image has a color image within {max_difference:g} s "
+            f"(--max-time-difference): depth images reach {_span(depth_stamps)}, color images "
+            f"{_span(color_stamps)}"
+        )
+    return depth, color
 
 
 def associate(

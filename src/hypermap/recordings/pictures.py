@@ -1,4 +1,4 @@
-"""Encoded pictures become arrays, wherever they lie: PNG depth, and color of any common kind."""
+"""Decodes images into arrays: PNG depth, and color in any common format."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""All that is wrong with a recording at once, not only what is found first."""
+"""Lists all problems of a recording at once, not only the first one."""
 
 from __future__ import annotations
 

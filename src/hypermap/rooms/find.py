@@ -53,7 +53,7 @@ def find_rooms(
     Args:
         occupancy: the grid.
         settings: what a room is.
-        objects: what stands in the rooms, in the layer's frame, by which their kinds are guessed.
+        objects: the objects in the rooms, in the layer's frame, for guessing their kinds.
         kinds: the table of kinds; None for ours.
         previous: rooms that were found before, in the same frame: where they overlap, ids and names
             given by hand are kept.

@@ -1,4 +1,4 @@
-"""Rooms that are found anew are recognized by where they are."""
+"""Recognizes rooms by their location when rooms are found again."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def numbered(rooms: Rooms, previous: SemanticLayer | None) -> Rooms:
     if previous.frame_id != rooms.frame_id:
         raise HypermapError(
             f"layer {previous.name!r} is in frame {previous.frame_id!r}, the rooms in "
-            f"{rooms.frame_id!r}: remove the layer to find rooms anew"
+            f"{rooms.frame_id!r}: remove the layer to find rooms again"
         )
     old = Rooms.of_layer(previous)
     same = _same(rooms, old)
@@ -46,7 +46,7 @@ def numbered(rooms: Rooms, previous: SemanticLayer | None) -> Rooms:
     for place in set(range(len(old))) - set(same.values()):
         if old.rooms[place].is_named:
             _log.warning(
-                "room %r (id %d), named by hand, is not in the map any more",
+                "room %r (id %d), named by hand, is no longer in the map",
                 old.rooms[place].name,
                 old.rooms[place].id,
             )

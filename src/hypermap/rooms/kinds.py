@@ -1,4 +1,4 @@
-"""What kind a room is, by what stands in it and by its shape; and its name."""
+"""Guesses the kind and name of a room from its objects and its shape."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def load_kinds(path: str | Path = OURS) -> Kinds:
         raise FileMissing(f"{path}: there is no such file") from None
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
         said = " ".join(str(error).split())
-        raise FormatError(f"this is no YAML file that can be read ({said})", path=path) from None
+        raise FormatError(f"this is not a readable YAML file ({said})", path=path) from None
     shape = "each kind with names and numbers is expected, as 'kitchen: {oven: 3, sink: 1.5}'"
     if not isinstance(parsed, dict):
         raise FormatError(shape, path=path)
@@ -94,7 +94,7 @@ def load_kinds(path: str | Path = OURS) -> Kinds:
             is_number = isinstance(weight, int | float) and not isinstance(weight, bool)
             if not is_number or not math.isfinite(weight) or weight < 0:
                 raise FormatError(
-                    f"{weight!r} is no number from 0 on", path=path, key=f"{kind}.{name}"
+                    f"{weight!r} is not a number of at least 0", path=path, key=f"{kind}.{name}"
                 )
         votes[kind] = {_key(str(name)): float(weight) for name, weight in entries.items()}
     return Kinds(votes)
@@ -108,7 +108,7 @@ def guess_kinds(rooms: Rooms, objects: Iterable[SemanticObject], kinds: Kinds) -
 
     Args:
         rooms: those.
-        objects: what stands in them, in their frame.
+        objects: the objects in them, in their frame.
         kinds: the table.
     """
     inside = _inside(rooms, objects)

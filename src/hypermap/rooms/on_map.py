@@ -1,4 +1,4 @@
-"""Rooms of a whole map: out of its grid, with what its other layers say of them."""
+"""Finds the rooms of a whole map, from its grid and its objects."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ class Room:
     """A room.
 
     Attributes:
-        id: stays the same when rooms are found anew.
+        id: stays the same when rooms are found again.
         name: as people call it; no two rooms found at once have the same.
         outline: Polygon or MultiPolygon in the frame of the rooms [m].
         kind: as "kitchen"; empty where nothing tells it.
@@ -227,7 +227,7 @@ def _doors_of(room: int, kept: Any, layer: SemanticLayer) -> list[Door]:
             doors.append(Door((low, high), LineString(entry["line"]), float(entry["width"])))
     except Exception as error:
         raise HypermapError(
-            f"layer {layer.name!r}, object {room}: its doors cannot be read; find the rooms anew "
+            f"layer {layer.name!r}, object {room}: its doors cannot be read; find the rooms again "
             f"({type(error).__name__})"
         ) from error
     return doors

@@ -1,4 +1,4 @@
-"""What a room is: the lengths and areas by which free space is cut."""
+"""Settings for finding rooms: lengths and areas."""
 
 from __future__ import annotations
 

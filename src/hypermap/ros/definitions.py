@@ -1,4 +1,4 @@
-"""Where the message definitions of the package `hypermap_msgs` lie."""
+"""Finds the message definitions of the package `hypermap_msgs`."""
 
 from __future__ import annotations
 

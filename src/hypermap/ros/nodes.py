@@ -1,4 +1,4 @@
-"""Our nodes as programs: which middleware they run on, and from their start to their end.
+"""The nodes as programs: their middleware, and their life from start to end.
 
 Every error that an operator can cause is a HypermapError; `hypermap serve` and `hypermap live`
 print it as one line.

@@ -1,4 +1,4 @@
-"""Whether the values that an operator gives fit a node's parameters, at its start and later."""
+"""Checks the values that an operator gives for a node's parameters, at startup and later."""
 
 from __future__ import annotations
 
@@ -131,7 +131,7 @@ class ParameterSet:
             if value == self.values[name]:
                 continue
             if not parameter.changes:
-                _log.warning("parameter %r counts from the next start of the node on", name)
+                _log.warning("parameter %r takes effect when the node restarts", name)
                 continue
             changed[name] = value
         self.values.update(changed)
@@ -147,5 +147,5 @@ class ParameterSet:
                 continue
             self._unknown.add(name)
             _log.warning(
-                "nobody heeds the parameter %r; %s", name, did_you_mean(name, self._parameters)
+                "ignoring the unknown parameter %r; %s", name, did_you_mean(name, self._parameters)
             )

@@ -1,4 +1,4 @@
-"""What a node needs of the middleware that it runs on: a ROS 1 or ROS 2 node, or Foxglove.
+"""What a node needs from its middleware: a ROS 1 or ROS 2 node, or Foxglove.
 
 Names of topics and services are private to the node unless they start with "/". Callbacks and
 handlers may be called from several threads at once: what they share guards itself.
@@ -212,7 +212,7 @@ class Port(Protocol):
         ...
 
     def spin(self) -> None:
-        """Return when the node is to end: on Ctrl-C, on `shut_down`, when it is told to."""
+        """Return when the node should end: on Ctrl-C, on `shut_down`, or on request."""
         ...
 
     def shut_down(self) -> None:

@@ -1,4 +1,4 @@
-"""Log lines that would repeat with every frame, now and then."""
+"""Throttles log lines that would repeat with every frame."""
 
 from __future__ import annotations
 

@@ -118,11 +118,11 @@ def encode(message: Any) -> bytes:
         _make_arrays(message, name)
         return bytes(typestore().serialize_cdr(message, name))
     except (SerdeError, ValueError, TypeError, AttributeError, OverflowError) as error:
-        raise HypermapError(f"this is no {name}: {error}") from error
+        raise HypermapError(f"this is not a valid {name}: {error}") from error
     except Exception as error:  # struct.error has no better base
         if type(error).__module__ != "struct":
             raise
-        raise HypermapError(f"this is no {name}: {error}") from error
+        raise HypermapError(f"this is not a valid {name}: {error}") from error
 
 
 def decode(data: bytes, cls: type[Any]) -> Any:
@@ -137,7 +137,7 @@ def decode(data: bytes, cls: type[Any]) -> Any:
     try:
         return typestore().deserialize_cdr(data, name)
     except (SerdeError, IndexError, AssertionError) as error:
-        raise HypermapError(f"these {len(data)} bytes are no {name}: {error}") from None
+        raise HypermapError(f"these {len(data)} bytes are not a valid {name}: {error}") from None
 
 
 def definition(cls: type[Any]) -> str:

@@ -1,4 +1,4 @@
-"""A detector that knows the truth, and errs as real ones do; each error can be set to zero."""
+"""A simulated detector that makes realistic errors; each error can be set to zero."""
 
 from __future__ import annotations
 

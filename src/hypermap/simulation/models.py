@@ -1,4 +1,4 @@
-"""Models of what can stand in a world, by name."""
+"""Models of objects in a world, by name."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def build(model: str, size: Mapping[str, float], color: str | None) -> tuple[Par
         if key not in known:
             raise ValueError(f"{model} has no size {key!r}; {did_you_mean(key, known)}")
         if not 0 < value <= MAX_SIZE:
-            raise ValueError(f"{key} must lie above 0 and at most at {MAX_SIZE:g} m, got {value}")
+            raise ValueError(f"{key} must be above 0 and at most {MAX_SIZE:g} m, got {value}")
     return MODELS[model](*(() if color is None else (color,)), **size)
 
 

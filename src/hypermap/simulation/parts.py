@@ -36,7 +36,7 @@ def rgb(color: str) -> NDArray[np.float64]:
     try:
         return np.array(ImageColor.getrgb(color)[:3]) / 255
     except ValueError:
-        raise ValueError(f"{color!r} is no color; write it as '#b5835a' or 'teal'") from None
+        raise ValueError(f"{color!r} is not a color; write it like '#b5835a' or 'teal'") from None
 
 
 def box(size: Sequence[float], center: Sequence[float], color: str) -> Part:

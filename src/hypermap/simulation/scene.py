@@ -1,4 +1,4 @@
-"""A world as solid bodies: what the camera sees, and what their footprints truly are."""
+"""A world as solid bodies: what the camera sees, and the exact footprints."""
 
 from __future__ import annotations
 

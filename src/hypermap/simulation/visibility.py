@@ -105,7 +105,7 @@ def _draw(
 
 @dataclass(frozen=True, eq=False)
 class Shadows:
-    """What stands between a lamp and points, by where it lies on the lamp's picture of the scene.
+    """What is between a lamp and points, by its place in the lamp's picture of the scene.
 
     The picture looks straight down and is divided in cells; each lists the triangles that may be
     seen there. What reaches up to the lamp is on no such picture and is tried for every point.

@@ -268,8 +268,8 @@ def load_world(path: str | Path) -> World:
 
     Raises:
         FileMissing: If there is no such file.
-        FormatError: If it is no world, or its objects stand in each other or in walls, or hang in
-            the air.
+        FormatError: If it is not a world, or its objects intersect each other or walls, or float
+            in the air.
     """
     path = Path(path)
     if not path.is_file():

@@ -1,4 +1,4 @@
-"""Whether two maps, layers or lists of objects are the same, and otherwise in what they differ."""
+"""Compares maps, layers or lists of objects, and lists the differences."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What every kind of layer must fulfill, as a suite that a plug-in's tests inherit.
+"""The contract of every kind of layer, as a test suite that plug-ins inherit.
 
 ```python
 class TestMyLayer(LayerContract):

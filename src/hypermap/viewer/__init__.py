@@ -1,1 +1,1 @@
-"""What one sees of a map: pictures in PNG and SVG."""
+"""Pictures of maps in PNG and SVG, pages and logs."""

@@ -1,4 +1,4 @@
-"""An estimated map and the true one over each other, with what was found, missed and made up."""
+"""An estimated map over the true one, with matches, misses and false positives."""
 
 from __future__ import annotations
 

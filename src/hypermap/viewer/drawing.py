@@ -1,4 +1,4 @@
-"""How a picture is put on paper with matplotlib."""
+"""Draws a picture with matplotlib."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where to write the names on a map so that they can be read."""
+"""Places the names on a map so that they are readable."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A map as a notebook shows it: a table of its layers, and a picture."""
+"""A map in a notebook: a table of its layers, and a picture."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A map in a figure of one's own: matplotlib's axes in, axes out."""
+"""Draws a map into your own figure: matplotlib's axes in, axes out."""
 
 from __future__ import annotations
 

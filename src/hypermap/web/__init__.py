@@ -1,1 +1,1 @@
-"""Who may ask the servers of this package: by which names, and from which sites."""
+"""Access rules of the servers: under which host names, and from which websites."""

@@ -1,8 +1,8 @@
-"""The door of the WebSocket server: it lets in programs and known apps, but not any website.
+"""The gate of the WebSocket server: it admits programs and known apps, but no other website.
 
-A page of any site in one's own browser may open a WebSocket to one's own machine; the browser says
-in the header Origin which site that is. Foxglove's SDK does not look at it. So the SDK's server
-listens at an address that nobody is told, and this door stands before it.
+Any page in the user's browser may open a WebSocket to the user's machine. The browser names the
+page's site in the header Origin, which Foxglove's SDK does not check. So the SDK's server listens
+at an undisclosed address, and this gate is in front of it.
 """
 
 from __future__ import annotations
@@ -56,8 +56,8 @@ class Gate:
             host: address to listen on.
             port: 0 for any that is free.
             behind: address and port of the server.
-            origins: of websites that are let in beside `APPS` and those of this machine.
-            refused: told why a connection is not handed on.
+            origins: of websites to admit in addition to `APPS` and those of this machine.
+            refused: called with the reason when a connection is refused.
 
         Raises:
             OSError: If it cannot listen there.

@@ -1,4 +1,4 @@
-"""By which names programs may ask a server of ours, so that no other site leads them there."""
+"""The host names under which programs may address a server (DNS rebinding protection)."""
 
 from __future__ import annotations
 

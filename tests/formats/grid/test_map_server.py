@@ -214,13 +214,13 @@ def test_a_picture_of_floating_point_numbers_is_refused() -> None:
         ("0.65", "1.5", "occupied_thresh: input should be less than or equal to 1, found 1.5"),
         ("0.65", ".nan", "occupied_thresh: input should be "),
         ("0.196", "-0.1", "free_thresh: input should be greater than or equal to 0, found -0.1"),
-        ("0.65", "0.1", "t.hmap/map.yaml: free_thresh (0.196) must lie below occupied_thresh"),
+        ("0.65", "0.1", "t.hmap/map.yaml: free_thresh (0.196) must be below occupied_thresh"),
         (
             "negate: 0",
             "negate: 0\nmode: color",
             "mode: input should be 'trinary', 'scale' or",
         ),
-        ("negate: 0", "negate: 0\nnegate: 1", "line 5: the key 'negate' is there twice"),
+        ("negate: 0", "negate: 0\nnegate: 1", "line 5: the key 'negate' appears twice"),
         ("image: map.png", "image: 'map.png", "t.hmap/map.yaml: is not valid YAML: "),
     ],
 )
@@ -241,7 +241,7 @@ def test_a_yaml_file_that_is_a_list_is_refused() -> None:
 def test_thresholds_may_be_equal_where_nothing_is_scaled_between_them() -> None:
     equal = YAML.replace("0.65", "0.5").replace("0.196", "0.5")
     assert cells(picture([[0, 255]]), equal) == [[100, 0]]
-    with pytest.raises(FormatError, match="must lie below"):
+    with pytest.raises(FormatError, match="must be below"):
         load(picture([[0, 255]]), mode("scale", equal))
 
 

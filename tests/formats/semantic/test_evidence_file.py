@@ -245,8 +245,8 @@ BAD = [
     (with_views(stamp=[1.0]), "cannot reshape"),
     (with_views(stamp=[1.0, float("nan")]), "stamps must be finite"),
     (with_views(map_T_camera=[[0.0] * 12]), "cannot reshape"),
-    (with_views(map_T_camera=[[1e308] * 12] * 2), "poses must lie within 1e+09"),
-    (with_observations(score=[1e308, 1, 2]), "scores must lie within 1e+09"),
+    (with_views(map_T_camera=[[1e308] * 12] * 2), "poses must be within 1e+09"),
+    (with_observations(score=[1e308, 1, 2]), "scores must be within 1e+09"),
     (with_observations(object=[3, 5]), "views must have shape"),
     (with_observations(object=[3, 5, 1.5]), "lists of whole numbers"),
     (with_observations(view=[0, 1, 2]), "views must be rows of the 2 views"),
@@ -258,7 +258,7 @@ BAD = [
     (with_footprints(rings=[1]), "do not fit each other"),
     (with_footprints(polygons=[-1, 3, 2]), "must be from 0 on"),
     (with_footprints(polygons=[10**30, 1, 1]), "lists of whole numbers"),
-    (with_footprints(steps=[10**18] * 40), "a point lies farther away"),
+    (with_footprints(steps=[10**18] * 40), "a point is farther away"),
     (with_footprints(polygons=[0, 2, 2]), "a footprint must not be empty"),
 ]
 

@@ -200,7 +200,7 @@ def test_coordinates_that_lie_too_deep_are_an_error() -> None:
 def test_an_id_that_is_there_twice_is_an_error(times: int) -> None:
     document = json.loads(to_geojson(LAYER))
     document["features"] *= times
-    with pytest.raises(FormatError, match="features: the id 7 is there twice"):
+    with pytest.raises(FormatError, match="features: the id 7 appears twice"):
         from_geojson(json.dumps(document))
 
 

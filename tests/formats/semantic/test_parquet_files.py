@@ -181,7 +181,7 @@ TANGLED = pa.array(shapely.to_wkb([shapely.box(0, 0, 1, 1)] * 3 + [SCRIBBLE] * 2
         ({"geometry": pa.array([None] * 5, pa.binary())}, "t: geometry: is missing in a row"),
         ({"geometry": TANGLED}, "t: geometry in row 3: an outline of 3001 corners crosses"),
         ({"id": pa.array([1, 1, 2, 3, 4])}, "t: two objects have the id 1"),
-        ({"id": pa.array([-1, 1, 2, 3, 4])}, "t: an object's id must lie between 0 and"),
+        ({"id": pa.array([-1, 1, 2, 3, 4])}, "t: an object's id must be between 0 and"),
         ({"id": pa.array([0.5, 1, 2, 3, 4])}, "t: id: expected a whole number in each row"),
         ({"id": pa.array(["a"] * 5)}, "t: id: expected numbers"),
         ({"tags": pa.array([[1]] * 5)}, "t: tags: expected lists of texts"),
@@ -210,7 +210,7 @@ def test_a_column_that_is_there_twice_is_refused() -> None:
     file = parquet.read_table(pa.BufferReader(INTACT)).append_column("color", pa.array(["red"] * 5))
     sink = io.BytesIO()
     parquet.write_table(file, sink)
-    with pytest.raises(FormatError, match="t: color: is there twice"):
+    with pytest.raises(FormatError, match="t: color: appears twice"):
         parse_parquet(sink.getvalue(), "t")
 
 

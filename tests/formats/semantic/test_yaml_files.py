@@ -249,7 +249,7 @@ def test_a_file_without_entries_is_an_empty_layer(text: str) -> None:
         ("name: chair", "t.hmap/semantic: expected a list of objects, found keys and values"),
         ("hello", "t.hmap/semantic: expected a list of objects, found 'hello'"),
         ("- [", "t.hmap/semantic: is not valid YAML: "),
-        ("- {name: a, name: b}", "t.hmap/semantic: line 1: the key 'name' is there twice"),
+        ("- {name: a, name: b}", "t.hmap/semantic: line 1: the key 'name' appears twice"),
         ("- !!python/name:os.system a", "t.hmap/semantic: line 1: the tag "),
     ],
 )

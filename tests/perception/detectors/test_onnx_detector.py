@@ -303,7 +303,7 @@ def test_thresholds_lie_between_0_and_1(
     name: str, save_model: SaveModel, networks: Networks
 ) -> None:
     path = save_model(networks["RT-DETR, D-FINE"])
-    with pytest.raises(ValueError, match=rf"^{name} must lie in 0\.\.1, got 1\.5$"):
+    with pytest.raises(ValueError, match=rf"^{name} must be in 0\.\.1, got 1\.5$"):
         OnnxDetector.load(path, **{name: 1.5})
 
 

@@ -127,7 +127,7 @@ def test_a_bad_object_is_named_by_file_frame_and_number(
         ({"frames": {"nan": []}}, "frame nan: the stamp must be a finite number, got nan"),
         (
             {"frames": {"1": [], "1.0": []}},
-            "frame 1.0: there is a frame of the stamp 1.0 already",
+            "frame 1.0: there is a frame with the stamp 1.0 already",
         ),
         (
             {"image_size": [0, 3], "frames": {}},
@@ -215,7 +215,7 @@ def test_run_lengths_turn_into_the_mask_again(mask: np.ndarray) -> None:
 def test_detections_that_do_not_fit_are_refused() -> None:
     recorded = RecordedDetections((64, 48))
     recorded.add(1.0, Detections.of([], []))
-    with pytest.raises(ValueError, match=r"a frame of the stamp 1\.0 already"):
+    with pytest.raises(ValueError, match=r"a frame with the stamp 1\.0 already"):
         recorded.add(1.0, Detections.of([], []))
     masks = np.zeros((1, 64, 48), bool)
     with pytest.raises(ValueError, match=r"expected masks of \(48, 64\) rows and columns"):

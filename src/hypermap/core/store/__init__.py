@@ -1,4 +1,4 @@
-"""Where the objects of a semantic layer are kept and found; others know this front alone.
+"""Stores and finds the objects of a semantic layer. `ObjectStore` is its only interface.
 
 An `ObjectStore` is what a layer holds at one moment. Behind it, an `object_log` keeps what changes
 have written, a `Snapshot` of the log says which of it is there, `at_points`, `in_areas` and `named`

@@ -1,4 +1,4 @@
-"""A change: written behind what is there, or, when its log is full, into a new one."""
+"""A change: appended to the log, or written to a new log when the old one is full."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The objects that meet an area."""
+"""The objects that intersect an area."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
-"""A log of the objects that a semantic layer has held, from which nothing is ever taken out.
+"""A log of all objects that a semantic layer has ever had; nothing is removed from it.
 
-A log begins with a table. A change writes new rows behind it and notes which rows it has ended;
-nothing is copied, and who looks at the log as it was before still sees what he saw. Its room is
-bounded; when it is full, a new log begins with a table of all that is there. So a change costs
-little on the average, however many objects there are.
+A log starts with a table. A change appends new rows and marks the rows that it ends. Nothing is
+copied, and readers of an earlier snapshot still see the same rows. The capacity of a log is
+limited. When it is full, a new log starts with a table of all current objects. So a change is
+cheap on average, however many objects there are.
 """
 
 from __future__ import annotations

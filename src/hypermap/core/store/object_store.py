@@ -1,4 +1,4 @@
-"""The front of the store: what a semantic layer holds at one moment, and all questions about it."""
+"""The interface of the store: the objects of a layer at one moment, and all queries for them."""
 
 from __future__ import annotations
 

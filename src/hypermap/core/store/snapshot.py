@@ -1,4 +1,4 @@
-"""What a log held at one moment: which rows were there, in which order, and what they say."""
+"""The state of a log at one moment: which rows existed, in which order, with which values."""
 
 from __future__ import annotations
 

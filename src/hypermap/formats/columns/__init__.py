@@ -1,1 +1,1 @@
-"""Very many values at once: columns and outlines, as arrays, as text and as binary."""
+"""Columns of values and outlines in bulk: as arrays, text and binary."""

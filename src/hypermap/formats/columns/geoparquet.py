@@ -1,4 +1,4 @@
-"""Columns of values beside polygons as GeoParquet.
+"""Columns of values and polygons as GeoParquet.
 
 GeoParquet (version 1.1, geometries as WKB) is what GeoPandas, QGIS, GDAL and DuckDB read. The same
 columns give the same bytes each time.

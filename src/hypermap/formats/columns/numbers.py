@@ -1,4 +1,4 @@
-"""Numbers from text, very many at once."""
+"""Parses numbers from text in bulk."""
 
 from __future__ import annotations
 

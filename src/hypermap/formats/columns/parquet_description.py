@@ -1,4 +1,4 @@
-"""What a Parquet file says of itself, looked at before anything is unpacked."""
+"""The metadata of a Parquet file, checked before anything is unpacked."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def leaves_of(parquet: Any, content: bytes, path: str) -> dict[str, Leaf]:
         kind = described.physical_type
         width = described.length if kind == "FIXED_LEN_BYTE_ARRAY" else WIDTH
         if described.path in leaves:
-            raise FormatError("is there twice", path=path, key=described.path)
+            raise FormatError("appears twice", path=path, key=described.path)
         leaves[described.path] = Leaf(kind, width, set())
     groups = [metadata.row_group(i) for i in range(metadata.num_row_groups)]
     unpacked = 0  # bytes; of values that are all the same, the file itself holds next to nothing

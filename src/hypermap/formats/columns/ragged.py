@@ -1,4 +1,4 @@
-"""Lists of different lengths that lie end to end."""
+"""Lists of different lengths, stored end to end."""
 
 from __future__ import annotations
 

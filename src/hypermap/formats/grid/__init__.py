@@ -1,1 +1,1 @@
-"""Occupancy layers as files: what ROS' map_server reads, pictures, GeoTIFF."""
+"""Occupancy layers as files: ROS map_server maps, images, GeoTIFF."""

@@ -1,4 +1,4 @@
-"""Occupancy maps of ROS' map_server: a YAML file beside a picture.
+"""Occupancy maps of ROS' map_server: a YAML file next to an image.
 
 The specification is docs/formats/hmap.md. Only this module knows that row 0 of a picture is the
 top of the map.
@@ -56,7 +56,7 @@ class MapYaml(Checked):
             self.mode == "scale" and self.free_thresh == self.occupied_thresh
         ):
             raise ValueError(
-                f"free_thresh ({self.free_thresh}) must lie below "
+                f"free_thresh ({self.free_thresh}) must be below "
                 f"occupied_thresh ({self.occupied_thresh})"
             )
         return self

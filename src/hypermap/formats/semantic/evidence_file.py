@@ -77,9 +77,10 @@ def load_evidence(store: Store, settings: Mapping[str, Any]) -> EvidenceFile | N
 
 
 def save_evidence(layer: SemanticLayer, store: Store, file: str) -> Mapping[str, Any]:
-    """Write the evidence for the objects that are there beside a layer's file.
+    """Write the evidence for a layer's objects next to the layer's file.
 
-    What cannot be read is written as it was. Too much is left out, which is logged.
+    Evidence that cannot be read is written unchanged. If there is too much, it is left out and
+    logged.
 
     Returns:
         What the layer's configuration has to say; nothing if there is no evidence.
@@ -214,7 +215,7 @@ def _unpacked(columns: Mapping[str, Any]) -> ObjectArray:
         raise ValueError(f"{points.sum()} points are announced, and {len(steps)} there")
     xy = np.cumsum(steps, axis=0) / _PER_METRE
     if not np.abs(xy).max(initial=0) <= limits.MAX_PLACE:
-        raise ValueError(f"a point lies farther away than {limits.MAX_PLACE:g} m")
+        raise ValueError(f"a point is farther away than {limits.MAX_PLACE:g} m")
     if len(xy) == 0:
         return np.full(len(polygons), shapely.Polygon(), dtype=object)
     ends = np.cumsum(points)

@@ -110,7 +110,7 @@ def from_geojson(
     ids = collections.Counter(item.id for item in objects if item.id is not None)
     for number, count in ids.most_common(1):
         if count > 1:
-            raise FormatError(f"the id {number} is there twice", path=path, key="features")
+            raise FormatError(f"the id {number} appears twice", path=path, key="features")
     return SemanticLayer(name or collection.name or "semantic", frame, objects)
 
 

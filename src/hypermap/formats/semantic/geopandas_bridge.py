@@ -32,8 +32,8 @@ def to_geodataframe(source: SemanticLayer | Hypermap) -> GeoDataFrame:
     """Return one row per object: its id (the index), name, what else is known, and geometry.
 
     Coordinates are meters in the layer's frame, or in the base frame of a map, whose objects have
-    the name of their layer in the column `layer`; ids are unique within a layer. Layers without a
-    place in that frame are left out, and the log tells of them. The coordinate reference system has
+    the name of their layer in the column `layer`; ids are unique within a layer. Layers that no
+    transform connects to that frame are left out and logged. The coordinate reference system has
     the frame's name.
 
     Raises:
@@ -126,7 +126,7 @@ def from_geodataframe(
     ids = collections.Counter(item.id for item in objects if item.id is not None)
     for number, count in ids.most_common(1):
         if count > 1:
-            raise FormatError(f"the id {number} is there twice", path=_WHERE, key="id")
+            raise FormatError(f"the id {number} appears twice", path=_WHERE, key="id")
     return SemanticLayer(name, frame_id, objects)
 
 

@@ -30,7 +30,7 @@ class _Record(Checked):
 
 
 KNOWN_KEYS = _Record.known_keys() | {"shape"}
-"""What an object's entry may hold beside free attributes."""
+"""The keys of an object's entry other than free attributes."""
 
 
 def object_from_record(record: Any, footprint: BaseGeometry) -> SemanticObject:
@@ -60,8 +60,8 @@ def object_from_record(record: Any, footprint: BaseGeometry) -> SemanticObject:
 def record_from_object(item: SemanticObject) -> dict[str, Any]:
     """Return an object's keys and values in the files' order, without its shape and its id.
 
-    Attributes stand beside the other keys, where programs expect their own; only those that
-    would be taken for one of ours stand under the key `attributes`.
+    Attributes are next to the other keys, where programs expect them. Only those with the name
+    of one of our keys are under the key `attributes`.
     """
     record: dict[str, Any] = {"name": item.name}
     if item.tags:

@@ -1,4 +1,4 @@
-"""Semantic layers as YAML: a list of named shapes, readable and writable by the first program.
+"""Semantic layers as YAML: a list of named shapes, compatible with the first program.
 
 The specification is docs/formats/semantic.md. One broken entry does not spoil the others: it is
 reported, kept, and written back at the end of the file, since old readers stop at the first one.
@@ -45,7 +45,7 @@ _TEXT = {("*", "name"), ("*", "shape"), ("*", "tags", "*")}
 class SemanticFiles:
     """How semantic layers are kept: `file` NAME means the YAML file NAME or NAME.parquet.
 
-    What the objects were made of lies beside it, in the file that the key `evidence` names.
+    The evidence for the objects is next to it, in the file that the key `evidence` names.
 
     Attributes:
         form: `yaml`, `parquet`, or `auto`, which is Parquet for layers of many objects, or too
@@ -103,7 +103,7 @@ PLUGIN = SemanticFiles()
 
 
 def _own(settings: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the settings without those that name files, which saving sets anew."""
+    """Return the settings without those that name files, which saving sets again."""
     return {k: v for k, v in without_evidence(settings).items() if k != BINARY_FILE}
 
 

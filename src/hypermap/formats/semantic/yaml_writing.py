@@ -1,4 +1,4 @@
-"""Semantic layers as YAML text, written line by line where that is what YAML would be anyhow.
+"""Semantic layers as YAML text, written line by line where that gives the same text.
 
 The general writer takes some ten times as long. It still writes each entry that holds more than
 plain words and numbers, so that the whole reads as if it had written all.

@@ -1,4 +1,4 @@
-"""Networks that are known by name, and where they lie once they were downloaded."""
+"""Networks known by name, and where their downloads are stored."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class KnownNetwork:
 
     @property
     def path(self) -> Path:
-        """Where it lies in the user's cache, whether it does yet or not."""
+        """Its path in the user's cache, whether it exists yet or not."""
         return cache_folder() / self.url.rpartition("/")[2]
 
     def downloaded(self) -> Path:
@@ -45,7 +45,7 @@ class KnownNetwork:
 
         Raises:
             FileMissing: If it was not downloaded yet.
-            FormatError: If something else lies there.
+            FormatError: If there is something else at its path.
         """
         if not self.path.is_file():
             raise FileMissing(

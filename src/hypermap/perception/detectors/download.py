@@ -1,4 +1,4 @@
-"""Downloads a network: whole and checked, or not at all; what broke off goes on another time."""
+"""Downloads a network: complete and verified, or not at all; interrupted downloads resume."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def download(
 
 
 def _fill(file: IO[bytes], network: KnownNetwork, address: str, on_progress: Progress) -> None:
-    """Make a file hold the network; a part of another file is found out and replaced."""
+    """Write the network to a file; a part of another file is detected and replaced."""
     had_part = file.seek(0, os.SEEK_END) > 0
     _receive(file, network, address, on_progress)
     found = _hash_of(file)

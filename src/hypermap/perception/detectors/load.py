@@ -1,4 +1,4 @@
-"""From what a user writes to a detector: an ONNX file, or a detector of another package."""
+"""Makes a detector from what a user writes: an ONNX file, or a plug-in's name."""
 
 from __future__ import annotations
 

@@ -45,7 +45,7 @@ class OnnxDetector:
     def __post_init__(self) -> None:
         for name in ("score_threshold", "iou_threshold"):
             if not 0 <= getattr(self, name) <= 1:
-                raise ValueError(f"{name} must lie in 0..1, got {getattr(self, name)}")
+                raise ValueError(f"{name} must be in 0..1, got {getattr(self, name)}")
 
     @classmethod
     def load(

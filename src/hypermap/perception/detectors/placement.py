@@ -1,4 +1,4 @@
-"""Where an image lies in a network's input, and the way there and back."""
+"""The position of an image in a network's input, and the conversions there and back."""
 
 from __future__ import annotations
 

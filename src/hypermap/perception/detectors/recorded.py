@@ -183,7 +183,7 @@ class RecordedDetections:
         if not math.isfinite(stamp):
             raise ValueError(f"the stamp must be a finite number, got {stamp}")
         if stamp in self._objects:
-            raise ValueError(f"there is a frame of the stamp {stamp!r} already")
+            raise ValueError(f"there is a frame with the stamp {stamp!r} already")
         masked = [found.mask.size for found in objects if found.mask is not None]
         if masked and len(masked) < len(objects):
             raise ValueError("either all objects of a frame have a mask, or none")

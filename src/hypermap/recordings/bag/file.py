@@ -85,7 +85,7 @@ class BagFile:
 
         Args:
             names: of the topics.
-            on_damaged: told of each damaged message, with its time of recording [ns]; it is left
+            on_damaged: called for each damaged message, with its time of recording [ns]; it is left
                 out then.
 
         Raises:

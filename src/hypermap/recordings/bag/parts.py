@@ -18,7 +18,7 @@ def is_ros1_bag(path: Path) -> bool:
 
 
 def parts_of(path: Path) -> list[Path]:
-    """Return the files or folders that hold a bag, in the order of recording.
+    """Return the files or folders of a bag, in the order of recording.
 
     `rosbag record --split` writes NAME_0.bag, NAME_1.bag and so on; with `-o`, each has the date
     of its start before the number. ROS 2 writes parts into a folder, which its metadata describes

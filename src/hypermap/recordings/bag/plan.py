@@ -1,4 +1,4 @@
-"""What a bag's frames will be, or what stands in their way."""
+"""Plans the frames of a bag, and lists what is missing for them."""
 
 from __future__ import annotations
 
@@ -142,8 +142,7 @@ class BagPlan:
         known = ", ".join(tree.frames)
         if not known:
             raise FormatError(
-                "there is no tf, so that nothing tells where the camera was; record /tf and "
-                "/tf_static"
+                "there is no tf, so the camera's poses are unknown; record /tf and /tf_static"
             )
         _ = self.geometry_topic
         if not self._camera_frame:
@@ -168,8 +167,8 @@ class BagPlan:
             return tree.motion(self.map_frame, self._camera_frame)
         except FrameError as error:
             raise FormatError(
-                f"tf does not lead from the camera to the map: {error}; name another fixed frame "
-                "with --map-frame"
+                f"tf has no transform from the camera to the map: {error}; name another fixed "
+                "frame with --map-frame"
             ) from None
 
     @cached_property

@@ -71,25 +71,9 @@ def _records(message: Any) -> NDArray[Any]:
     if height < 2 or width < 2:
         raise FormatError(
             f"the cloud is not organised: it has {height} x {width} points, and its neighbors "
-            "cannot be told; record the camera's organised cloud or its depth image"
+            "are unknown; record the camera's organised cloud or its depth image"
         )
-    names, formats, offsets = [], [], []
-    order = ">" if message.is_bigendian else "<"
-    for field in message.fields:
-        kind = _KINDS.get(field.datatype, "")
-        if field.name in ("x", "y", "z"):
-            if not kind.startswith("f"):
-                raise FormatError(f"field {field.name!r} of the cloud is not a float")
-        elif field.name in ("rgb", "rgba"):
-            kind = "u4"  # a float32 `rgb` holds the same four bytes
-        else:
-            continue
-        names.append(field.name)
-        formats.append(order + kind)
-        offsets.append(field.offset)
-    if not {"x", "y", "z"} <= set(names):
-        found = ", ".join(field.name for field in message.fields) or "none"
-        raise FormatError(f"the cloud needs the fields x, y, z; found {found}")
+    names, formats, offsets = _point_fields(message)
     ends = [at + np.dtype(kind).itemsize for at, kind in zip(offsets, formats, strict=True)]
     if (
         max(ends) > message.point_step
@@ -114,3 +98,25 @@ def _records(message: Any) -> NDArray[Any]:
         buffer=np.ascontiguousarray(octets(message.data)),
         strides=(message.row_step, message.point_step),
     )
+
+
+def _point_fields(message: Any) -> tuple[list[str], list[str], list[int]]:
+    """Return name, numpy type and offset of each of x, y, z and color in the bytes of a point."""
+    names, formats, offsets = list[str](), list[str](), list[int]()
+    order = ">" if message.is_bigendian else "<"
+    for field in message.fields:
+        kind = _KINDS.get(field.datatype, "")
+        if field.name in ("x", "y", "z"):
+            if not kind.startswith("f"):
+                raise FormatError(f"field {field.name!r} of the cloud is not a float")
+        elif field.name in ("rgb", "rgba"):
+            kind = "u4"  # a float32 `rgb` holds the same four bytes
+        else:
+            continue
+        names.append(field.name)
+        formats.append(order + kind)
+        offsets.append(field.offset)
+    if not {"x", "y", "z"} <= set(names):
+        found = ", ".join(field.name for field in message.fields) or "none"
+        raise FormatError(f"the cloud needs the fields x, y, z; found {found}")
+    return names, formats, offsets

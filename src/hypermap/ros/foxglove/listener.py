@@ -23,7 +23,7 @@ class Settings:
     Attributes:
         parameters: those declared, by their names.
         values: their values.
-        on_change: is told the new values of those that a client has changed.
+        on_change: called with the new values of parameters that a client has changed.
     """
 
     parameters: Mapping[str, Parameter]
@@ -41,7 +41,7 @@ class Settings:
         if parameter is None:
             raise HypermapError(f"there is no parameter {name!r}")
         if not parameter.changes or self.on_change is None:
-            raise HypermapError(f"parameter {name!r} can be set at the start of the node alone")
+            raise HypermapError(f"parameter {name!r} can be set only when the node starts")
         before, new = self.values[name], checked(parameter, value)
         if new == before:
             return

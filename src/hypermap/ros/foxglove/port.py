@@ -101,32 +101,39 @@ class FoxglovePort:
         self._rosout: Publisher | None = None
         self._allow_edits = allow_edits
         hidden = hidden_address()
+        self._server = self._start_server(hidden)
+        self._gate = self._open_gate(port, (hidden, self._server.port), origins)
+        self._handle_signals()
+        self._rosout = self.publisher("/rosout", "rcl_interfaces/Log")
+        self.log("info", f"open {self.url} in Foxglove or Lichtblick (Foxglove WebSocket)")
+
+    def _start_server(self, host: str) -> Any:
+        """Return the SDK's server, on any free port of an address that is not disclosed."""
         can = [Capability.Parameters, Capability.Services]
         try:
-            self._server = foxglove.start_server(
+            return foxglove.start_server(
                 name=f"Hypermap {self._name}",
-                host=hidden,
+                host=host,
                 port=0,
-                capabilities=[*can, Capability.ClientPublish] if allow_edits else can,
+                capabilities=[*can, Capability.ClientPublish] if self._allow_edits else can,
                 supported_encodings=[CDR],
                 server_listener=self._listener,
                 context=self._context,
             )
         except RuntimeError as error:
             raise HypermapError(f"the server for Foxglove does not start: {error}") from None
+
+    def _open_gate(self, port: int, behind: tuple[str, int], origins: Sequence[str]) -> Gate:
+        """Return the gate in front of the server, on the address and port that clients use."""
         try:
-            self._gate = Gate(
-                host, port, (hidden, self._server.port), origins, partial(self.log, "warning")
-            )
+            return Gate(self._host, port, behind, origins, partial(self.log, "warning"))
         except (OSError, OverflowError) as error:
             self._server.stop()
             reason = getattr(error, "strerror", None) or error
             raise HypermapError(
-                f"cannot listen on {host}, port {port}: {reason}; give another --port or --host"
+                f"cannot listen on {self._host}, port {port}: {reason}; give another --port or "
+                "--host"
             ) from None
-        self._handle_signals()
-        self._rosout = self.publisher("/rosout", "rcl_interfaces/Log")
-        self.log("info", f"open {self.url} in Foxglove or Lichtblick (Foxglove WebSocket)")
 
     @property
     def url(self) -> str:
@@ -197,7 +204,7 @@ class FoxglovePort:
             try:
                 if name in _EDITING and not self._allow_edits:
                     raise HypermapError(
-                        "clients may only look: start the node with --allow-edits to let them "
+                        "clients are read-only: start the node with --allow-edits to let them "
                         "change the map and files"
                     )
                 if call.encoding != CDR:
@@ -264,7 +271,7 @@ class FoxglovePort:
             frames, _ = self._transforms.frames(max_gap=0.0)
             pose: NDArray[np.float64] = frames.motion(target, source).at([0.0])[0]
         except FrameError as error:
-            raise FrameError(f"no way leads from {source!r} to {target!r}: {error}") from None
+            raise FrameError(f"no transform from {source!r} to {target!r}: {error}") from None
         return pose
 
     def forget_transforms(self) -> None:

@@ -105,7 +105,7 @@ class ChannelPublisher(Closing):
             self._channel.log(data)
 
     def count(self, change: int) -> None:
-        """Take notice of a subscriber who comes or goes; called by a thread of the server."""
+        """Handle a subscriber that comes or goes; called by a thread of the server."""
         self.listeners += change
         if change > 0 and self._latched:
             self._sender.submit(self._send_again)

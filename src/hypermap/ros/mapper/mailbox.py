@@ -1,4 +1,4 @@
-"""One slot between those who bring work and the one who does it."""
+"""A mailbox with one slot between the producers of work and the worker."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""When the map of a live node is saved: now and then by itself, at the end, and when one asks."""
+"""When a live node saves its map: periodically, at the end, and on request."""
 
 from __future__ import annotations
 

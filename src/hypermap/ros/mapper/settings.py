@@ -1,4 +1,4 @@
-"""The parameters of the semantic mapper, each written once: name, default, limits, meaning."""
+"""The parameters of the semantic mapper: name, default, limits and meaning."""
 
 from __future__ import annotations
 
@@ -109,7 +109,7 @@ class LiveSettings:
         if self.detector and not (self.color_topic or self.cloud_topic):
             raise HypermapError("the detector needs color images: give color_topic")
         if self.labels and not self.detector:
-            raise HypermapError("labels belong to a detector, which is not given")
+            raise HypermapError("labels need a detector")
         if not self.map_frame.strip("/"):
             raise HypermapError("map_frame must be the name of a frame")
         if self.save_to and not self.save_to.lower().endswith(".hmap"):

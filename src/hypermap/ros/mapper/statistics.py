@@ -1,4 +1,4 @@
-"""How a live node fares: what became of the frames, how fast, and what is the matter."""
+"""Statistics of a live node: what became of the frames, how fast, and any problems."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which messages of several topics belong together: those with the nearest stamps.
+"""Synchronizes messages of several topics by their nearest time stamps.
 
 Plain Python: no threads, no clock, no ROS. Whoever calls from several threads guards it.
 """

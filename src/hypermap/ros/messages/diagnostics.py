@@ -1,4 +1,4 @@
-"""How a node fares, as `/diagnostics` carries it."""
+"""The state of a node as a message for `/diagnostics`."""
 
 from __future__ import annotations
 

@@ -55,10 +55,10 @@ def area_of(message: Any) -> tuple[shapely.Polygon, str | None]:
     try:
         area = _polygon(message.polygon)
     except ValueError as error:
-        raise FormatError(f"the area is no polygon: {error}") from None
+        raise FormatError(f"the area is not a polygon: {error}") from None
     if crosses_itself(area):
         raise FormatError(
-            "the area is no polygon: its outline crosses itself; all that it winds around is taken"
+            "the area is not a polygon: its outline crosses itself; everything inside it counts"
         )
     return area, _frame(message)
 
@@ -164,9 +164,7 @@ def _objects(
             problems.append(f"{label} is left out: {error}")
             continue
         if crosses_itself(footprint):
-            problems.append(
-                f"{label}: its outline crosses itself; all that it winds around is taken"
-            )
+            problems.append(f"{label}: its outline crosses itself; everything inside it counts")
     return objects, problems
 
 

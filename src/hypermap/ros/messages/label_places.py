@@ -1,4 +1,4 @@
-"""Where labels stand, so that those of objects that stand on one another can be read."""
+"""Places labels so that those of stacked objects stay readable."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Objects as messages: those that the first program knew, and all that is known of them."""
+"""Objects as messages: those of the first program, and new ones with all their data."""
 
 from __future__ import annotations
 

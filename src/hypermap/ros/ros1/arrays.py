@@ -1,4 +1,4 @@
-"""ROS 1 messages that are written from arrays, and read into them.
+"""ROS 1 messages written from arrays, and read into arrays.
 
 The code that genpy generates writes and reads lists item by item: seconds for a map of millions of
 cells. A class from here has the same bytes, but takes whole arrays where the message has lists.

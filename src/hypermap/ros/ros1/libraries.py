@@ -1,4 +1,4 @@
-"""The Python libraries of ROS 1, from where its packages put them.
+"""Finds the Python libraries of ROS 1 where its packages install them.
 
 Debian installs rospy for the system's Python. A virtual environment of the same Python version can
 use it as well, so its folder is looked into last, after the environment's own packages.

@@ -1,4 +1,4 @@
-"""What the library logs, in the log of the node."""
+"""Forwards the library's log to the log of the node."""
 
 from __future__ import annotations
 

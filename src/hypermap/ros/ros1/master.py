@@ -1,4 +1,4 @@
-"""The roscore, as a node sees it: whether there is one, and whether it still knows the node."""
+"""The roscore from a node's view: whether it runs, and whether it still knows the node."""
 
 from __future__ import annotations
 

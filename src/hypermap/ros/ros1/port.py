@@ -179,7 +179,7 @@ class Ros1Port:
                     time.sleep(0.01)
                     continue
                 raise FrameError(
-                    f"tf does not lead from {source!r} to {target!r}: {error}"
+                    f"tf has no transform from {source!r} to {target!r}: {error}"
                 ) from None
             p, q = found.transform.translation, found.transform.rotation
             return pose_matrix((p.x, p.y, p.z), (q.x, q.y, q.z, q.w))

@@ -1,4 +1,4 @@
-"""A sign of life for nav2's lifecycle manager."""
+"""A heartbeat for Nav2's lifecycle manager."""
 
 from __future__ import annotations
 

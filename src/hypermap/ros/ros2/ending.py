@@ -1,4 +1,4 @@
-"""Ending what may not end: executors of rclpy, and a program whose threads are stuck."""
+"""Ends rclpy's executors, and programs with threads that hang."""
 
 from __future__ import annotations
 

@@ -86,7 +86,7 @@ def warn_of_others(
         is_known = node.has_parameter(name) or name.startswith(_OF_RCLPY)
         if not is_known and name not in {parameter.name for parameter in parameters}:
             hint = did_you_mean(name, [parameter.name for parameter in parameters])
-            log("warning", f"nobody heeds the parameter {name!r}; {hint}")
+            log("warning", f"ignoring the unknown parameter {name!r}; {hint}")
 
 
 class Changes:

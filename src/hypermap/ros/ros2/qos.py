@@ -1,4 +1,4 @@
-"""Which quality of service our topics ask of ROS 2."""
+"""The quality of service of our topics in ROS 2."""
 
 from __future__ import annotations
 

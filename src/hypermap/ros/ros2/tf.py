@@ -1,4 +1,4 @@
-"""What tf knows, in ROS 2."""
+"""Looks up transforms of tf in ROS 2."""
 
 from __future__ import annotations
 
@@ -72,7 +72,9 @@ class Transforms:
                 target, source, time, Duration(nanoseconds=int(timeout * 1e9))
             )
         except (tf2_ros.TransformException, ValueError, OverflowError) as error:
-            raise FrameError(f"tf does not lead from {source!r} to {target!r}: {error}") from None
+            raise FrameError(
+                f"tf has no transform from {source!r} to {target!r}: {error}"
+            ) from None
         p, q = found.transform.translation, found.transform.rotation
         return pose_matrix((p.x, p.y, p.z), (q.x, q.y, q.z, q.w))
 

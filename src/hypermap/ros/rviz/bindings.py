@@ -1,4 +1,4 @@
-"""A window of rviz that does what it is told on standard input, a line of JSON at a time.
+"""An rviz window that takes commands on standard input, one line of JSON at a time.
 
 It runs on the Python that rviz's bindings are for, so it imports nothing but those:
 
@@ -29,7 +29,7 @@ _PERIOD = 50  # ms between looks at the input
 
 
 class RvizWindow(rviz.VisualizationFrame):  # type: ignore[misc]
-    """The window, and the displays that it was told to show."""
+    """The window, and the displays that it should show."""
 
     def __init__(self) -> None:
         super().__init__()

@@ -91,7 +91,7 @@ def has_display(class_name: str) -> bool:
 def display(
     class_name: str, name: str, server: str = DEFAULT_SERVER, *, ros2: bool = False
 ) -> dict[str, Any]:
-    """Return the display of a layer, as it stands in a `.rviz` file.
+    """Return the display of a layer for a `.rviz` file.
 
     Args:
         class_name: of the layer; `has_display` must be true.
@@ -118,7 +118,7 @@ def display(
 def mask_display(
     name: str, server: str = DEFAULT_SERVER, *, ros2: bool = False, is_shown: bool = True
 ) -> dict[str, Any]:
-    """Return the display of a mask for costmaps, as it stands in a `.rviz` file.
+    """Return the display of a costmap mask for a `.rviz` file.
 
     Args:
         name: one of `MASKS`.

@@ -61,7 +61,7 @@ class Displays(Protocol):
 
 
 class RvizWindow:
-    """A window of rviz in a process of its own; one that crashes comes again as it was told to be.
+    """An rviz window in its own process; it reopens with its displays after a crash.
 
     Raises:
         HypermapError: If no Python here has rviz's bindings.

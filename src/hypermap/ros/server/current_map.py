@@ -1,4 +1,4 @@
-"""The map that a node serves now, and the parts of the node that show it."""
+"""The map that a node serves, and the parts of the node that show it."""
 
 from __future__ import annotations
 

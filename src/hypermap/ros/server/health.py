@@ -1,4 +1,4 @@
-"""How the map server fares, on `/diagnostics`: what it serves, was asked, and will save where."""
+"""The state of the map server on `/diagnostics`: its map, its queries, where it will save."""
 
 from __future__ import annotations
 

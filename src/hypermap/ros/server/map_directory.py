@@ -1,4 +1,4 @@
-"""Files that a client may name: inside one directory that the operator has named."""
+"""Checks file names from clients: only files in one directory of the operator's choice."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Loading and storing maps on a client's word: inside one directory that the operator has named."""
+"""Loads and stores maps for clients, in one directory of the operator's choice."""
 
 from __future__ import annotations
 

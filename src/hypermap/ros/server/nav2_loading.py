@@ -1,4 +1,4 @@
-"""Another map on the word of nav2's tools, by the service of its map server."""
+"""Loads maps for Nav2's tools, by the service of its map server."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class Nav2Loading:
         try:
             name = unquote(urlsplit(url).path) if url.startswith("file://") else url
         except ValueError as error:
-            raise HypermapError(f"{url[:200]!r} is no address of a file: {error}") from None
+            raise HypermapError(f"{url[:200]!r} is not a file URL: {error}") from None
         directory, path = self._files.directory, Path(name)
         if directory is not None and path.is_absolute():
             top = directory.absolute()

@@ -1,4 +1,4 @@
-"""Saving the map when the node ends, so that what was recorded is not lost.
+"""Saves the map when the node ends, so that no recording is lost.
 
 A file that holds another map is never written over: the map is stored next to it then.
 """

@@ -1,4 +1,4 @@
-"""The services of the map server: which there are, and what answers them."""
+"""The services of the map server and their handlers."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ class Services:
 
 
 def failed_response(port: Port, type_name: str, text: str) -> Message:
-    """Return the response that tells of an error as well as its type can.
+    """Return the response that reports an error as well as its type can.
 
     Types of ours have `success` and `message`; a string is empty, a number -1, a list empty. The
     `result` of nav2's is 255, an undefined failure.

@@ -41,7 +41,7 @@ class _Source:
         type_name: type of its messages.
         make: takes a layer, a message and the pose of the message's frame in the layer's, and
             returns the new layer, and what of the message was wrong.
-        is_latched: whether a message holds a whole layer, so that the last one is kept.
+        is_latched: whether a message contains a whole layer, so that the last one is kept.
     """
 
     name: str
@@ -176,7 +176,7 @@ class LayerUpdates:
                 self._said.pop((source.name, name), None)
 
     def _complain(self, topic: str, layer: str, problems: Sequence[str]) -> None:
-        """Log what was wrong with a message, but for reasons that were told already.
+        """Log what was wrong with a message, except for reasons that were logged before.
 
         Reasons that differ in numbers alone are one.
         """
@@ -202,7 +202,7 @@ class LayerUpdates:
         layer: Layer,
     ) -> Layer:
         if not source.is_latched and not is_set(layer, "enable_update"):
-            raise HypermapError("it takes no updates, since its enable_update is false")
+            raise HypermapError("it accepts no updates because its enable_update is false")
         pose = self._pose(hypermap, layer, message)
         changed, wrong = source.make(layer, message, pose)
         problems += wrong

@@ -81,7 +81,7 @@ def keepout_filter(entries: Iterable[object]) -> Filter:
         match = _KEEPOUT.fullmatch(entry) if isinstance(entry, str) else None
         if match is None:
             raise HypermapError(
-                f"keepout: {entry!r} is no zone; expected a class and a margin in meters, "
+                f"keepout: {entry!r} is not a zone; expected a class and a margin in meters, "
                 "as 'desk 0.2'"
             )
         name, margin = match.groups()
@@ -108,8 +108,8 @@ def speed_filter(entries: Iterable[object]) -> Filter:
         match = _SPEED.fullmatch(entry) if isinstance(entry, str) else None
         if match is None:
             raise HypermapError(
-                f"speed: {entry!r} is no zone; expected a class, a margin in meters and a limit, "
-                "as 'plant 0.5 50%' or 'plant 0.5 0.3m/s'"
+                f"speed: {entry!r} is not a zone; expected a class, a margin in meters and a "
+                "limit, as 'plant 0.5 50%' or 'plant 0.5 0.3m/s'"
             )
         name, margin, limit, unit = match.groups()
         first_unit = first_unit or unit

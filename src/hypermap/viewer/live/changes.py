@@ -160,12 +160,12 @@ class Draft:
 
         Raises:
             LayerNotFound: If there is none of that name.
-            HypermapError: If it holds no objects.
+            HypermapError: If it has no objects.
         """
         if name not in self._own:
             layer = self.hypermap[name]
             if not isinstance(layer, SemanticLayer):
-                raise HypermapError(f"layer {name!r} holds no objects; only those can be edited")
+                raise HypermapError(f"layer {name!r} has no objects; only those can be edited")
             self._own[name] = layer.copy()
             self.hypermap = self.hypermap.with_layer(self._own[name])
         return self._own[name]

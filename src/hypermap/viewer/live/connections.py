@@ -1,4 +1,4 @@
-"""Connections of the page's server: those that ask for nothing do not keep others out."""
+"""Connections to the page's server: idle ones do not block others."""
 
 from __future__ import annotations
 

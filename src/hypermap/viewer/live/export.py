@@ -1,4 +1,4 @@
-"""`hypermap view MAP --html`: the page and all that it shows in one file that needs no server."""
+"""`hypermap view MAP --html`: the page with its map in one file that needs no server."""
 
 from __future__ import annotations
 

@@ -1,11 +1,11 @@
 """Keeps other sites and other users away from the server, and the page away from other sites.
 
-A server on one's own machine can be reached by every program on it, and by every page in one's own
-browser. So it is private: whoever asks must know a token, which stands in the address that is
+Every program on the user's machine can reach a server there, and so can every page in the user's
+browser. So the server is private: requests must have a token, which is part of the address that is
 printed and opened, and is a cookie from then on. Requests must name this machine as their host,
-which a site that lets its name point here (DNS rebinding) does not; they must not come from another
-site's page; and what changes anything carries the token in a header, too, as only this server's
-page does.
+which a site whose name points here (DNS rebinding) does not. They must not come from another site's
+page. Requests that change something must also have the token in a header, as only this server's
+page sends them.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Answers as JSON, whatever attributes a map's objects have."""
+"""Responses as JSON, whatever attributes a map's objects have."""
 
 from __future__ import annotations
 

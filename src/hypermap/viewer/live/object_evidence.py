@@ -39,12 +39,12 @@ def describe_evidence(hypermap: Hypermap, layer_name: str, number: int) -> dict[
 
     Raises:
         LayerNotFound, ObjectNotFound: If there is none.
-        HypermapError: If the layer holds no objects.
+        HypermapError: If the layer has no objects.
         FormatError: If the evidence is kept in a file that cannot be read.
     """
     layer = hypermap[layer_name]
     if not isinstance(layer, SemanticLayer):
-        raise HypermapError(f"layer {layer_name!r} holds no objects")
+        raise HypermapError(f"layer {layer_name!r} has no objects")
     item = layer.get(number)
     kept = layer.evidence()
     table = layer.evidence_of(number)

@@ -9,6 +9,7 @@ from typing import Any
 
 import shapely
 
+from hypermap.core.found import FoundObject
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.semantic import SemanticLayer
 from hypermap.viewer.live.names import names_of, similar_names
@@ -103,22 +104,11 @@ def find(hypermap: Hypermap, path: str, query: ObjectQuery) -> dict[str, Any]:
         area=None if query.corners is None else shapely.Polygon(query.corners),
         frame_id=query.frame,
     )
-    rows = [
-        {
-            "layer": found.layer,
-            "id": found.object.id,
-            "name": found.object.name,
-            "x": float(found.point_xy[0]),
-            "y": float(found.point_xy[1]),
-            "distance": found.distance,
-        }
-        for found in matches.first(query.limit)
-    ]
     return {
         "name": understood.name,
         "near": understood.near,
         "inside": understood.inside,
-        "rows": rows,
+        "rows": [_row(found) for found in matches.first(query.limit)],
         "total": len(matches),
         "names": [] if query.name is None else similar_names(query.name, known),
         "unknown": unknown,
@@ -131,6 +121,18 @@ def find(hypermap: Hypermap, path: str, query: ObjectQuery) -> dict[str, Any]:
             corners=query.corners,
             frame=query.frame,
         ),
+    }
+
+
+def _row(found: FoundObject) -> dict[str, Any]:
+    x, y = found.point_xy
+    return {
+        "layer": found.layer,
+        "id": found.object.id,
+        "name": found.object.name,
+        "x": float(x),
+        "y": float(y),
+        "distance": found.distance,
     }
 
 

@@ -1,4 +1,4 @@
-"""The files of the built page, which lie in the package."""
+"""The files of the built page, which are part of the package."""
 
 from __future__ import annotations
 

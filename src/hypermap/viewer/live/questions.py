@@ -1,4 +1,4 @@
-"""Queries of the page: what is here, what is in this area, where is that object."""
+"""Queries of the page: at a point, in an area, for an object."""
 
 from __future__ import annotations
 
@@ -115,7 +115,7 @@ class Questions:
         layer = self.hypermap[layer_name]
         view = self._views.of(self.hypermap, layer)
         if view.shapes is None:
-            raise HypermapError(f"layer {layer_name!r} holds no objects")
+            raise HypermapError(f"layer {layer_name!r} has no objects")
         rows = np.flatnonzero(view.shapes.ids == number)
         if len(rows) == 0:
             raise ObjectNotFound(f"layer {layer_name!r} has no object with id {number}")

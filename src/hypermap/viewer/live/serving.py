@@ -1,4 +1,4 @@
-"""Running the server of the page: a port, a browser, and an end that does not wait."""
+"""Runs the server of the page: port, browser, and a shutdown that does not wait."""
 
 from __future__ import annotations
 

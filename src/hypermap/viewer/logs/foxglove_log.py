@@ -14,6 +14,7 @@ from hypermap.core.frames import Pose2D
 from hypermap.core.hypermap import Hypermap
 from hypermap.mapping.mapper import MappedFrame
 from hypermap.perception.detections import Detections
+from hypermap.perception.frame import RgbdFrame
 from hypermap.viewer.logs.images import jpeg, millimeters
 from hypermap.viewer.logs.scene import (
     MapScene,
@@ -100,39 +101,20 @@ class FoxgloveLog:
 
     def add_frame(self, mapped: MappedFrame) -> None:
         """Log what the camera saw, from where, and what that says about the floor."""
-        frame, camera, stamp = mapped.frame, mapped.frame.camera, mapped.frame.stamp
-        time, K = _time(stamp), camera.K
+        frame, stamp = mapped.frame, mapped.frame.stamp
         pose = _spatial(self._frame_id, _CAMERA, frame.map_T_camera, stamp)
         self._log("/tf", fox.FrameTransforms(transforms=[pose]), stamp)
-        calibration = fox.CameraCalibration(
-            timestamp=time,
-            frame_id=_CAMERA,
-            width=camera.width,
-            height=camera.height,
-            K=K.ravel().tolist(),
-            R=np.eye(3).ravel().tolist(),
-            P=np.column_stack([K, np.zeros(3)]).ravel().tolist(),
-        )
-        self._log("/camera/calibration", calibration, stamp)
+        self._log("/camera/calibration", _calibration(frame), stamp)
         if frame.color is not None:
             color = fox.CompressedImage(
-                timestamp=time, frame_id=_CAMERA, data=jpeg(frame.color), format="jpeg"
+                timestamp=_time(stamp), frame_id=_CAMERA, data=jpeg(frame.color), format="jpeg"
             )
             self._log("/camera/color", color, stamp)
-        depth = fox.RawImage(
-            timestamp=time,
-            frame_id=_CAMERA,
-            width=camera.width,
-            height=camera.height,
-            encoding="16UC1",
-            step=2 * camera.width,
-            data=millimeters(frame.depth).astype("<u2").tobytes(),
-        )
-        self._log("/camera/depth", depth, stamp)
+        self._log("/camera/depth", _depth_image(frame), stamp)
         self._log("/camera/detections", _annotations(mapped.detections, stamp), stamp)
         seen = _entity(seen_shapes(mapped.observation), self._frame_id, stamp)
         area = fox.SceneEntity(
-            timestamp=time,
+            timestamp=_time(stamp),
             frame_id=self._frame_id,
             id="area",
             lines=[
@@ -160,6 +142,32 @@ class FoxgloveLog:
             channel = getattr(channels, f"{type(message).__name__}Channel")
             self._channels[topic] = channel(topic, context=self._context)
         self._channels[topic].log(message, log_time=round((stamp or 0.0) * _NANOSECONDS))
+
+
+def _calibration(frame: RgbdFrame) -> fox.CameraCalibration:
+    camera = frame.camera
+    return fox.CameraCalibration(
+        timestamp=_time(frame.stamp),
+        frame_id=_CAMERA,
+        width=camera.width,
+        height=camera.height,
+        K=camera.K.ravel().tolist(),
+        R=np.eye(3).ravel().tolist(),
+        P=np.column_stack([camera.K, np.zeros(3)]).ravel().tolist(),
+    )
+
+
+def _depth_image(frame: RgbdFrame) -> fox.RawImage:
+    """Return the depth in whole millimeters."""
+    return fox.RawImage(
+        timestamp=_time(frame.stamp),
+        frame_id=_CAMERA,
+        width=frame.camera.width,
+        height=frame.camera.height,
+        encoding="16UC1",
+        step=2 * frame.camera.width,
+        data=millimeters(frame.depth).astype("<u2").tobytes(),
+    )
 
 
 def _time(stamp: float | None) -> fox.Timestamp:

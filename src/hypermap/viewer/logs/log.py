@@ -1,4 +1,4 @@
-"""Where a map and its making are logged to: a file, or a program that shows it at once."""
+"""Where a map and its making are logged: to a file, or to a viewer while it runs."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _GRID_EVERY = 10  # frames; a grid is large, and changes little from one to the 
 
 
 class MapLog(Protocol):
-    """What is told of a map and of its making."""
+    """A log of a map and of its making."""
 
     def add_map(self, hypermap: Hypermap, stamp: float | None = None) -> None:
         """Log some or all layers of a map as they are at a time; None if they never change."""
@@ -61,7 +61,7 @@ def open_log(target: str, name: str, frame_id: str = "map") -> MapLog:
         return _LogFile(Path(target), lambda beside: FoxgloveLog(beside, name, frame_id))
     raise HypermapError(
         f"{target}: a log is a file ending with .rrd (Rerun) or .mcap (Foxglove), or `rerun` or "
-        "`foxglove` to look on while the map is made"
+        "`foxglove` to watch the map being made"
     )
 
 

@@ -1,4 +1,4 @@
-"""Pictures of the growing grid, made as often as it costs little."""
+"""Pictures of the growing grid, as often as they cost little."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What was seen while a map was made, step by step, within bounds.
+"""The steps of a mapping run, kept within bounds.
 
 A step is a frame that was mapped. Each is a few small files in a folder of its own: the picture,
 what the frame saw, and how the map's objects differ from the step before; every so many steps,

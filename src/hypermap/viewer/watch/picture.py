@@ -1,4 +1,4 @@
-"""What the camera saw, small enough to be kept for every frame."""
+"""The camera's image, small enough to keep for every frame."""
 
 from __future__ import annotations
 
