@@ -31,6 +31,7 @@ GROUPS = (
     "files",
     "startup",
     "rooms",
+    "paths",
 )
 CHECKOUT = Path(__file__).resolve().parent.parent
 WRONG, BAD_INPUT, INTERRUPTED = 1, 2, 130  # exit codes

@@ -101,6 +101,7 @@ def __getattr__(name: str) -> Any:
 def _for_the_core(name: str) -> Any:
     others = {
         "nearest_by_path": "hypermap.paths.planner",
+        "stand_in_rooms": "hypermap.rooms.questions",
         "write_file": "hypermap.formats.atomic",
     }
     home = (_HOMES | others).get(name, "hypermap.viewer.notebook")

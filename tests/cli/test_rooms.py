@@ -66,3 +66,12 @@ def test_rooms_are_drawn(hypermap, flat, tmp_path):
 )
 def test_what_cannot_be_is_said_so(hypermap, flat, arguments, reason):
     assert_one_error(hypermap("rooms", flat, *arguments), reason)
+
+
+def test_a_room_is_drawn_alone(hypermap, flat, tmp_path):
+    out = tmp_path / "room.svg"
+    assert hypermap("render", flat, "-o", out, "--rooms", "--in", "room 2").code == 0
+    text = out.read_text()
+    assert "room 2" in text
+    result = hypermap("render", flat, "-o", out, "--rooms", "--in", "attic")
+    assert_one_error(result, "there is no room or kind of room 'attic'; known: room, room 2")

@@ -71,7 +71,7 @@ def test_a_map_that_cannot_be_opened_ends_the_shell(hypermap, tmp_path):
         ("query --near chair --ne", ["--nearest"]),
         ("query --name c", ["chair"]),
         ('query --near "po', ['"potted plant"']),
-        ('query --near "potted plant" --wi', ["--within"]),
+        ('query --near "potted plant" --wi', ["--within", "--with"]),
         ("query --name Occ", ["Occupied"]),
         ("query --near Occ", []),
         ("query --inside ", ["chair", '"potted plant"']),

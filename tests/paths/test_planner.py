@@ -152,6 +152,18 @@ def test_rooms_are_reachable_through_doors_that_are_wide_enough(flat):
         Planner(flat, PathSettings(robot_radius=3.0)).is_reachable("kitchen", "room")
 
 
+def test_a_room_is_meant_by_name_kind_or_id(flat):
+    planner = Planner(flat)
+    kitchen = planner.point_of("kitchen")
+    number = planner.places.rooms["kitchen"].id
+    assert planner.point_of(f"room {number}").tolist() == kitchen.tolist()
+    twice = Hypermap(flat.layers)
+    rooms = SemanticLayer("rooms", "map", flat.semantic("rooms"))
+    rooms.rename([1, 2], "den")
+    with pytest.raises(HypermapError, match=r"2 rooms are 'den'; ask for one of 'room 1' \(den\)"):
+        Planner(twice.with_layer(rooms)).path([2.0, 2.5], "den")
+
+
 def test_a_grid_in_another_frame_gives_paths_in_the_base_frame():
     flat = a_flat()
     occupancy = flat.occupancy()

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from hypermap.core.errors import HypermapError
 from hypermap.core.frames import Pose2D
 from hypermap.core.occupancy import OccupancyLayer
+from hypermap.core.semantic import SemanticObject
 from hypermap.rooms import RoomSettings, find_rooms
 
 from .conftest import SIDE, Plan, along_a_corridor, layer_of, two_rooms
@@ -59,6 +60,15 @@ def test_a_corridor_that_turns_is_one():
     assert areas(find_rooms(plan.layer())) == [52]
 
 
+def test_a_corridor_that_widens_in_places_is_a_corridor():
+    plan = Plan(32, 12).clear(1, 5, 31, 7).clear(8, 7, 12, 9).clear(20, 7, 23, 9)
+    objects = [SemanticObject("dining table", shapely.box(9, 8, 10, 8.5))]
+    (corridor,) = find_rooms(plan.layer(), objects=objects)
+    assert corridor.kind == "corridor"
+    hall = find_rooms(Plan(12, 8).clear(1, 1, 11, 7).layer(), objects=objects[:0])
+    assert [room.kind for room in hall] == [""]
+
+
 def test_a_cubicle_that_stands_open_to_a_corridor_is_a_room():
     plan = Plan(16, 7).clear(0.5, 0.5, 15.5, 3).clear(4, 3.2, 7, 5.6).clear(4.5, 3, 6.5, 3.2)
     assert areas(find_rooms(plan.layer())) == pytest.approx([7.4, 37.6], abs=0.4)
@@ -72,6 +82,13 @@ def test_furniture_does_not_divide_a_room():
     plan.fill(3, 2, 3.5, 2.5, value=-1)  # nothing is known of what is below the table
     (room,) = find_rooms(plan.layer())
     assert room.outline.equals(shapely.box(1, 1, 7, 5))  # furniture stands in it
+
+
+def test_niches_between_piers_are_part_of_a_room():
+    plan = Plan(10, 10).clear(1, 1, 9, 9)
+    for pier in ((5, 7.9, 5.2, 9), (1.5, 8.2, 1.7, 9), (1, 7.5, 1.9, 7.7), (1, 6.8, 1.7, 7)):
+        plan.fill(*pier)
+    assert areas(find_rooms(plan.layer())) == pytest.approx([63.2], abs=0.5)
 
 
 def test_rays_through_a_window_are_no_room():
@@ -108,7 +125,8 @@ def test_a_turned_or_mirrored_map_has_the_same_rooms(turn):
     cells = along_a_corridor().cells
     turned = np.ascontiguousarray(np.rot90(cells if turn < 4 else cells[::-1], turn))
     rooms, expected = find_rooms(layer_of(turned)), find_rooms(layer_of(cells))
-    assert areas(rooms) == pytest.approx(areas(expected), abs=0.3)
+    # The space in a doorway, here 0.18 m2, may be part of the room on either side.
+    assert areas(rooms) == pytest.approx(areas(expected), abs=3 * 0.18)
     assert len(rooms.doors) == len(expected.doors)
 
 

@@ -39,6 +39,7 @@ _MODULES = {
     "view": "view",
     "render": "render",
     "rooms": "rooms",
+    "path": "path",
     "evaluate": "evaluate",
     "convert": "convert",
     "simulate": "simulate",

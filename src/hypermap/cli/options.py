@@ -25,6 +25,16 @@ MapPath = Annotated[
 _YAML_HEAD = 65536  # bytes of a YAML file next to a picture that are looked at
 
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON, for programs.")]
+RobotRadius = Annotated[
+    float | None,
+    typer.Option(
+        "--robot-radius",
+        metavar="METERS",
+        min=0,
+        show_default=False,
+        help="Radius of the robot: which doors it fits through.",
+    ),
+]
 Force = Annotated[bool, typer.Option("--force", "-f", help="Replace an existing OUT.")]
 
 ForceMap = Annotated[

@@ -42,9 +42,12 @@ def command(
     nearest: Annotated[bool, _option("--nearest", _WHAT)] = False,
     count: Annotated[int | None, _option("-k", _WHAT)] = None,
     start: Annotated[str | None, _option("--from", _WHERE, "0,0")] = None,
+    by: Annotated[str | None, _option("--by", _WHERE, "air")] = None,
+    robot_radius: Annotated[float | None, _option("--robot-radius", _WHERE)] = None,
     near: Annotated[str | None, _option("--near", _WHERE)] = None,
     within: Annotated[float | None, _option("--within", _WHERE)] = None,
     inside: Annotated[str | None, _option("--inside", _WHERE)] = None,
+    having: Annotated[str | None, _option("--with", _WHAT)] = None,
     evidence: Annotated[bool, _option("--evidence", _WHAT)] = False,
     layer: Annotated[list[str] | None, _option("--layer")] = None,
     frame_id: Annotated[str | None, _option("--frame", None, "the map's base frame")] = None,
@@ -59,7 +62,10 @@ def command(
         hypermap query lab.hmap --at 3,-2
         hypermap query lab.hmap --in 2,-2,3,-1
         hypermap query lab.hmap --name cup --nearest --from 1,1
+        hypermap query lab.hmap --name cup --nearest --from 1,1 --by path
         hypermap query lab.hmap --name cup --name bottle
+        hypermap query lab.hmap --name chair --in kitchen
+        hypermap query lab.hmap --with printer
         hypermap query lab.hmap --name chair --near sink --within 2
         hypermap query lab.hmap --name chair --in "1,2 2,2 2,3 1,3" --json
         hypermap query lab.hmap --id 7 --evidence
@@ -76,9 +82,12 @@ def command(
         "--nearest": nearest,
         "-k": count,
         "--from": start,
+        "--by": by,
+        "--robot-radius": robot_radius,
         "--near": near,
         "--within": within,
         "--inside": inside,
+        "--with": having,
         "--layer": layer,
         "--frame": frame_id,
     }
@@ -101,7 +110,7 @@ def command(
 
 
 def _show(answer: Shown) -> None:
-    grid = table(*answer.columns, right=answer.columns[2:])
+    grid = table(*answer.columns, right=answer.columns[answer.texts :])
     for row in answer.rows:
         grid.add_row(*row)
     if answer.rows:

@@ -32,7 +32,7 @@ def command(
     ] = None,
     area: Annotated[
         str | None,
-        typer.Option("--in", metavar="AREA", help=f"Only this area: {AN_AREA}."),
+        typer.Option("--in", metavar="AREA|ROOM", help=f"Only this area: {AN_AREA}; or a room."),
     ] = None,
     rooms: Annotated[
         bool, typer.Option("--rooms", help="Find the rooms, where the map has none yet.")
@@ -62,19 +62,27 @@ def command(
         hypermap render lab.hmap -o lab.svg --name chair --name table
         hypermap render floor.hmap -o corner.png --in 18,-4,30,4
         hypermap render lab.hmap -o rooms.png --rooms
+        hypermap render lab.hmap -o kitchen.png --rooms --in kitchen
     """
-    from hypermap.console.places import parse_area
+    from hypermap.console.places import names_rooms, parse_area
     from hypermap.formats import open_map
     from hypermap.viewer.picture import check_suffix, render
 
     check_suffix(output)
     check_picture(output)
-    shown = None if area is None else parse_area(area, "--in")
+    by_rooms = area is not None and names_rooms(area)
+    shown = None if area is None or by_rooms else parse_area(area, "--in")
     hypermap = open_map(path)
     if rooms and "rooms" not in hypermap:
         from hypermap.rooms import rooms_of_map, with_rooms
 
         hypermap = with_rooms(hypermap, rooms_of_map(hypermap))
+    if area is not None and by_rooms:
+        from shapely import union_all
+
+        from hypermap.rooms import rooms_asked
+
+        shown = union_all([room.outline for room in rooms_asked(hypermap, area)])
     render(
         hypermap,
         output,

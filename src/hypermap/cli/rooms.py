@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from hypermap.cli.options import AsJson, Force, MapPath, check_output
+from hypermap.cli.options import AsJson, Force, MapPath, RobotRadius, check_output
 from hypermap.cli.terminal import note, out, say, say_json, table
 from hypermap.core.errors import HypermapError
 from hypermap.text import counted, printable
@@ -31,7 +31,7 @@ def command(
     occupancy: Annotated[
         str | None,
         typer.Option(
-            "--occupancy", metavar="NAME", show_default="the only one", help="The layer to cut."
+            "--occupancy", metavar="NAME", show_default="the only one", help="The occupancy layer."
         ),
     ] = None,
     least_area: Annotated[
@@ -53,16 +53,7 @@ def command(
             help="A room may stand open so far to a corridor.",
         ),
     ] = 4.5,
-    robot_radius: Annotated[
-        float | None,
-        typer.Option(
-            "--robot-radius",
-            metavar="METERS",
-            min=0,
-            show_default=False,
-            help="Say through which doors a robot fits, and which rooms it cannot reach.",
-        ),
-    ] = None,
+    robot_radius: RobotRadius = None,
     kinds: Annotated[
         Path | None,
         typer.Option(

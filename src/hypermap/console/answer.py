@@ -19,7 +19,8 @@ class Shown:
     """What people see of an answer; programs take the rows themselves.
 
     Attributes:
-        columns: their names; those from the third on hold numbers.
+        columns: their names.
+        texts: how many of them, the first, hold texts; the others hold numbers.
         rows: the first of them, as texts.
         counts: a line for each layer of cells that are counted.
         left_out: how many rows more there are.
@@ -29,6 +30,7 @@ class Shown:
     rows: list[list[str]] = field(default_factory=list)
     counts: list[str] = field(default_factory=list)
     left_out: int = 0
+    texts: int = 2
 
 
 def shown(question: Question, rows: Sequence[Row]) -> Shown:
@@ -42,18 +44,19 @@ def shown(question: Question, rows: Sequence[Row]) -> Shown:
     cells = Counter(
         (row["layer"], row["label"]) for row in rows if cells_are_counted and "object" not in row
     )
-    names = ("layer", "label")
+    names = ("layer", "label", *(["room"] if any("room" in row for row in listed) else []))
     texts = [
-        [*(printable(row[key]) for key in names), *(_number(row[key]) for key in numbers)]
+        [*(_text(row.get(key)) for key in names), *(_number(row[key]) for key in numbers)]
         for row in listed[:_MOST_ROWS]
     ]
     counts = [f"{printable(on)}: {count} {printable(what)}" for (on, what), count in cells.items()]
-    return Shown([*names, *numbers], texts, counts, max(0, len(listed) - _MOST_ROWS))
+    more = max(0, len(listed) - _MOST_ROWS)
+    return Shown([*names, *numbers], texts, counts, more, len(names))
 
 
 def plain(answer: Shown) -> str:
     """Return an answer as lines whose columns stand below one another."""
-    lines = aligned([answer.columns, *answer.rows], texts=2) if answer.rows else []
+    lines = aligned([answer.columns, *answer.rows], answer.texts) if answer.rows else []
     more = [f"and {answer.left_out} more; --json lists all"] if answer.left_out else []
     return "\n".join([*lines, *more, *answer.counts])
 
@@ -74,6 +77,11 @@ def aligned(table: Sequence[Sequence[str]], texts: int) -> list[str]:
 def document(source: str | None, hypermap: Hypermap, rows: Sequence[Row]) -> dict[str, Any]:
     """Return an answer as programs take it, for JSON; `source` is where the map comes from."""
     return {"map": source, "frame_id": hypermap.base_frame, "answers": list(rows)}
+
+
+def _text(value: Any) -> str:
+    """Return a text, the name of a room, or nothing."""
+    return "" if value is None else printable(value["name"] if isinstance(value, dict) else value)
 
 
 def _number(value: object) -> str:

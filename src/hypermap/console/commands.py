@@ -56,12 +56,13 @@ class Command:
 
     def takes(self, arguments: list[str]) -> bool:
         """Return whether the number of arguments is right."""
-        if self.words.startswith("["):  # all of them may be left out
-            return "..." in self.words or len(arguments) <= len(self.words.split())
+        if self.words.startswith("[") and "..." in self.words:
+            return True
         names = self.words.replace("...", "").split()
         if self.words.endswith("..."):
             return len(arguments) >= len(names) and (len(arguments) - len(names)) % 2 == 0
-        return len(arguments) == len(names)
+        optional = sum(name.startswith("[") for name in names)
+        return len(names) - optional <= len(arguments) <= len(names)
 
 
 class Console:
@@ -157,6 +158,19 @@ class Console:
         said = [plain(shown(question, rows)), plain_evidence(rows)]
         return "\n".join(filter(None, [*said, *remarks(self.hypermap, question, rows)]))
 
+    def _path(self, arguments: list[str]) -> str:
+        # Compiled loops take their time, and few lines ask for paths.
+        from hypermap.console.paths import lines, plan
+        from hypermap.paths import PathSettings, Planner
+        from hypermap.paths.settings import STAND_OFF
+
+        start, goal, *radius = arguments
+        try:
+            settings = PathSettings(float(radius[0]) if radius else 0.0)
+        except ValueError:
+            raise HypermapError(f"{radius[0]!r} is no radius in meters, as 0.3") from None
+        return "\n".join(lines(plan(Planner(self.hypermap, settings), start, goal, STAND_OFF)))
+
     def _republish(self, _: list[str]) -> str:
         return self.republish()
 
@@ -185,6 +199,11 @@ COMMANDS = {
         "LAYER STRING X Y X Y X Y ...", "where it is in an area", Console._get_coords_area
     ),
     "query": Command("[OPTION ...]", "ask a question, as --name cup --near sink", Console._query),
+    "path": Command(
+        "FROM TO [RADIUS]",
+        'the way from a point X,Y, room or object as "cup 3" to another, for a robot',
+        Console._path,
+    ),
     "republish": Command("", "publish all layers again", Console._republish),
     "clear": Command("", "forget this map", Console._clear),
     "getLayerCount": Command("", "how many layers there are", Console._get_layer_count),

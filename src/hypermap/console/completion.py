@@ -58,7 +58,9 @@ class ConsoleCompleter(Completer):
             return [layer.name for layer in hypermap]
         if option == "--frame":
             return dict.fromkeys([layer.frame_id for layer in hypermap] + hypermap.frames.frames)
-        if option not in ("--name", "--near", "--inside"):
+        if option == "--by":
+            return ("air", "path")
+        if option not in ("--name", "--near", "--inside", "--in", "--with"):
             return ()
         layers = [layer for layer in hypermap if isinstance(layer, SemanticLayer)]
         names = sorted({str(name) for layer in layers for name in layer.names})

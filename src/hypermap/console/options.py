@@ -34,7 +34,10 @@ class Option:
 
 OPTIONS = {
     "--at": Option("X,Y", "What is at this point?"),
-    "--in": Option("AREA", f"Only this area: {AN_AREA}. Alone: what is in it?"),
+    "--in": Option(
+        "AREA|ROOM",
+        f"Only this area: {AN_AREA}; or the rooms of this name or kind. Alone: what is in it?",
+    ),
     "--name": Option(
         "NAME", "Only objects with this name: may be repeated, for either.", repeats=True
     ),
@@ -42,9 +45,12 @@ OPTIONS = {
     "--nearest": Option("", "Only the nearest one.", bool),
     "-k": Option("K", "The K nearest ones.", int, least=1),
     "--from": Option("X,Y", "Where --nearest and -k start to measure."),
+    "--by": Option("air|path", "How --nearest and -k measure: by air, or by path around walls."),
+    "--robot-radius": Option("METERS", "Radius of the robot: for --by path.", float, least=0),
     "--near": Option("NAME|X,Y", "Only objects near this one."),
     "--within": Option("METERS", "Largest distance of --near.", float, least=0),
     "--inside": Option("NAME|AREA", "Only objects whose center is inside this one."),
+    "--with": Option("NAME", "Only rooms in which there is an object of this name."),
     "--evidence": Option("", "Show the evidence for the objects.", bool),
     "--layer": Option("NAME", "Only this layer: may be repeated.", repeats=True),
     "--frame": Option("FRAME", "Frame of the coordinates: of points and areas in the query."),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 
 import shapely
 from shapely.geometry.base import BaseGeometry
@@ -43,6 +44,12 @@ def parse_area(text: str, option: str) -> BaseGeometry:
             "X,Y X,Y X,Y, or WKT, in meters"
         )
     return _checked(area, text, option)
+
+
+def names_rooms(text: str) -> bool:
+    """Return whether a text is no numbers and no WKT, so that it names rooms."""
+    shapes = "(MULTI)?(POINT|LINESTRING|LINEARRING|POLYGON)|GEOMETRYCOLLECTION"
+    return re.match(rf"\s*([-+.\d]|({shapes})\b)", text, re.IGNORECASE) is None
 
 
 def _area_from_wkt(text: str, option: str) -> BaseGeometry:

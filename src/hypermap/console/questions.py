@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -13,12 +13,14 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from hypermap.console.places import parse_area, parse_point
+from hypermap.console.places import names_rooms, parse_area, parse_point
 from hypermap.core.errors import HypermapError, did_you_mean
-from hypermap.core.hypermap import Found, Hypermap
+from hypermap.core.hypermap import ROOMS, FoundObject, Hypermap
 from hypermap.core.layer import Layer
 from hypermap.core.opaque import OpaqueLayer
 from hypermap.core.semantic import SemanticLayer
+from hypermap.rooms.questions import rooms_asked, rooms_at, rooms_with, stand_in_rooms
+from hypermap.rooms.rooms import rooms_on
 
 Row: TypeAlias = dict[str, Any]
 
@@ -32,7 +34,11 @@ class Question:
         names: of which an object has one, or a layer says one.
         number: an object's id, or what a layer has as a value.
         area: as the user wrote it, like `near` and `inside`.
+        rooms: name or kind of rooms in which objects are; `answers` finds out that an area is one.
         start: from where the nearest are measured [m]; None for (0, 0).
+        by_path: whether they are measured by path, not by air.
+        robot_radius: of the robot that drives there [m].
+        having: name of an object that rooms have.
         most: how many of the nearest are wanted.
         near: a name or a point.
         within: distance to `near` [m].
@@ -45,8 +51,12 @@ class Question:
     names: Sequence[str] = ()
     number: float | None = None
     area: str | None = None
+    rooms: str | None = None
     start: tuple[float, float] | None = None
     most: int | None = None
+    by_path: bool = False
+    robot_radius: float | None = None
+    having: str | None = None
     near: str | None = None
     within: float | None = None
     inside: str | None = None
@@ -62,6 +72,9 @@ class Question:
         """
         if given.get("--name") and given.get("--value") is not None:
             raise HypermapError("give either --name or --value, not both")
+        by = given.get("--by") or "air"
+        if by not in ("air", "path"):
+            raise HypermapError(f"--by {by!r}: expected air or path")
         at, start, most = (given.get(name) for name in ("--at", "--from", "-k"))
         return cls(
             at=None if at is None else parse_point(at, "--at"),
@@ -70,6 +83,9 @@ class Question:
             area=given.get("--in"),
             start=None if start is None else parse_point(start, "--from"),
             most=most if most is not None else 1 if given.get("--nearest") else None,
+            by_path=by == "path",
+            robot_radius=given.get("--robot-radius"),
+            having=given.get("--with"),
             near=given.get("--near"),
             within=given.get("--within"),
             inside=given.get("--inside"),
@@ -85,7 +101,8 @@ class Question:
     @property
     def is_about_objects(self) -> bool:
         """Whether only objects can be an answer."""
-        return self.near is not None or self.inside is not None
+        others = (self.near, self.inside, self.rooms, self.having)
+        return self.by_path or any(part is not None for part in others)
 
 
 def answers(hypermap: Hypermap, question: Question) -> list[Row]:
@@ -95,11 +112,15 @@ def answers(hypermap: Hypermap, question: Question) -> list[Row]:
         HypermapError: If the question has no meaning, or names an unknown layer or frame.
     """
     _check(question)
+    if question.area is not None and names_rooms(question.area):
+        rooms_asked(hypermap, question.area)
+        question = replace(question, area=None, rooms=question.area)
     layers = _asked_layers(hypermap, question)
     if question.at is not None:
         return [row for layer in layers for row in _rows_at(hypermap, layer, question)]
     semantic = {layer.name for layer in layers if isinstance(layer, SemanticLayer)}
     rows = [_row_of_object(found) for found in _objects(hypermap, question, semantic)]
+    _tell_rooms(hypermap, rows)
     if not question.is_about_objects:
         for layer in layers:
             if layer.name not in semantic:
@@ -125,10 +146,12 @@ def _hints(hypermap: Hypermap, question: Question) -> Iterator[str]:
     for name in (*question.names, question.near, question.inside):
         if isinstance(name, str) and name not in known and not _is_place(hypermap, name):
             yield f"no object is called {name!r}; {did_you_mean(name, known)}"
+    if question.by_path:
+        yield "what no path leads to is left out"
 
 
 def _check(question: Question) -> None:
-    asked = (question.what or None, question.area, question.near, question.inside)
+    asked = (question.what or None, question.area, question.near, question.inside, question.having)
     if question.at is not None and any(part is not None for part in (*asked, question.most)):
         raise HypermapError(
             "--at asks what is at a point; combine it only with --layer and --frame"
@@ -139,6 +162,10 @@ def _check(question: Question) -> None:
         raise HypermapError("the nearest what? give --name NAME")
     if question.most is not None and question.near is not None:
         raise HypermapError("give either --nearest (or -k) with --from, or --near")
+    if question.by_path and question.most is None:
+        raise HypermapError("--by path measures the nearest; give --nearest or -k")
+    if question.robot_radius is not None and not question.by_path:
+        raise HypermapError("--robot-radius needs --by path")
     if question.within is not None and question.near is None:
         raise HypermapError("--within needs --near: a distance from what?")
 
@@ -149,7 +176,7 @@ def _asked_layers(hypermap: Hypermap, question: Question) -> list[Layer]:
         for layer in named:
             if question.is_about_objects and not isinstance(layer, SemanticLayer):
                 raise HypermapError(
-                    f"--near and --inside ask for objects; {layer.name!r} holds none"
+                    f"the question asks for objects; layer {layer.name!r} holds none"
                 )
         return named
     # A number is an id unless a layer is named: a grid has thousands of cells with each number.
@@ -175,11 +202,12 @@ def _rows_at(hypermap: Hypermap, layer: Layer, question: Question) -> list[Row]:
     return [_row(layer.name, label, value, x, y)]
 
 
-def _objects(hypermap: Hypermap, question: Question, layers: set[str]) -> list[Found]:
+def _objects(hypermap: Hypermap, question: Question, layers: set[str]) -> list[FoundObject]:
     """Return the objects of some layers for which all that is asked is true."""
     if not layers:
         return []
-    near: Any = _start(question) if question.most is not None else None
+    is_by_air = question.most is not None and not question.by_path
+    near: Any = _start(question) if is_by_air else None
     if question.near is not None:
         is_point = _is_place(hypermap, question.near)
         near = parse_point(question.near, "--near") if is_point else question.near
@@ -196,11 +224,44 @@ def _objects(hypermap: Hypermap, question: Question, layers: set[str]) -> list[F
         frame_id=question.frame_id,
     )
     number = question.number
-    return [
-        item
-        for item in found
-        if item.layer in layers and item.object and number in (None, item.object.id)
-    ]
+    chosen = [item for item in found if item.layer in layers and number in (None, item.object.id)]
+    chosen = _by_rooms(hypermap, question, chosen)
+    if not question.by_path:
+        return chosen
+    from hypermap.paths import PathSettings, Planner  # with loops that take time to load
+
+    settings = PathSettings(question.robot_radius or 0.0)
+    start = _in_base_frame(hypermap, _start(question), question.frame_id)
+    return Planner(hypermap, settings).by_path(chosen, start)
+
+
+def _by_rooms(
+    hypermap: Hypermap, question: Question, found: list[FoundObject]
+) -> list[FoundObject]:
+    """Return the objects that are in the rooms that are asked for, and of rooms those that have."""
+    if question.rooms is not None and found:
+        points = [item.point_xy for item in found]
+        standing = stand_in_rooms(hypermap, question.rooms, points)
+        assert standing is not None  # there are such rooms
+        pairs = zip(found, standing.tolist(), strict=True)
+        found = [item for item, is_there in pairs if is_there and item.layer != ROOMS]
+    if question.having is not None:
+        ids = {room.id for room in rooms_with(hypermap, question.having)}
+        found = [item for item in found if item.layer == ROOMS and item.object.id in ids]
+    return found
+
+
+def _tell_rooms(hypermap: Hypermap, rows: list[Row]) -> None:
+    """Say of each object, in a map that has rooms, in which it is."""
+    things = [row for row in rows if row["layer"] != ROOMS]
+    if ROOMS not in hypermap or not things:
+        return
+    rooms = rooms_on(hypermap)
+    if rooms is None:
+        return
+    points = [(row["x"], row["y"]) for row in things]
+    for row, room in zip(things, rooms_at(rooms, points), strict=True):
+        row["room"] = None if room is None else {"id": room.id, "name": room.name}
 
 
 def _rows_of_layer(hypermap: Hypermap, layer: Layer, question: Question) -> list[Row]:
@@ -250,9 +311,8 @@ def _in_base_frame(
     return in_base
 
 
-def _row_of_object(found: Found) -> Row:
+def _row_of_object(found: FoundObject) -> Row:
     item = found.object
-    assert item is not None  # semantic layers hold objects alone
     row = _row(found.layer, item.name, item.id, *found.point_xy)
     if found.distance is not None:
         row["distance"] = found.distance

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from shapely.geometry import Point
 from shapely.geometry.base import BaseGeometry
 
-from hypermap.core.arrays import ObjectArray, PointsLike, as_point_xy
+from hypermap.core.arrays import BoolArray, ObjectArray, PointsLike, as_point_xy
 from hypermap.core.errors import FrameError, HypermapError, LayerNotFound, did_you_mean
 from hypermap.core.found import Found, FoundObject
 from hypermap.core.frames import FrameTree, Pose2D
@@ -27,6 +27,8 @@ __all__ = ["Found", "FoundObject", "Hypermap"]
 _log = logging.getLogger(__name__)
 
 DEFAULT_FRAME = "map"  # REP 105
+ROOMS = "rooms"
+"""Name of the layer whose objects are rooms."""
 
 AnyLayer = TypeVar("AnyLayer", bound=Layer)
 
@@ -323,7 +325,8 @@ class Hypermap(Outward):
                 name, to the nearest other object that has it.
             within: the largest distance between the shapes [m]; None for any.
             inside: a name or a geometry that contains their centroid; with a name, any other
-                object that has it.
+                object that has it, or a room of that kind, as "kitchen". What is in a room may lie
+                in its wall.
             area: an area that their shape intersects.
             tags: tags that they all have.
             layer: the one that holds them; None for all semantic layers that have a place. What
@@ -385,7 +388,7 @@ class Hypermap(Outward):
         if wanted := set(tags):
             chosen = chosen.take(layers.have_tags(chosen.keys, wanted))
         if inside is not None:
-            chosen = chosen.take(chosen.stand_in(self._anchors(layers, inside, frame_id)))
+            chosen = chosen.take(self._stand_in(layers, chosen, inside, frame_id))
         if near is None:
             return Matches(layers, chosen.keys)
         others = self._anchors(layers, near, frame_id)
@@ -428,6 +431,21 @@ class Hypermap(Outward):
                 _log.warning("layer %r is left out: %s", layer.name, error)
             return False
         return True
+
+    def _stand_in(
+        self,
+        layers: PlacedLayers,
+        chosen: Placed,
+        inside: str | BaseGeometry,
+        frame_id: str | None,
+    ) -> BoolArray:
+        """Return which objects stand in what a question names, or in such rooms."""
+        standing = chosen.stand_in(self._anchors(layers, inside, frame_id))
+        if isinstance(inside, str) and ROOMS in self:
+            in_rooms = self.stand_in_rooms(inside, chosen.centroids)
+            if in_rooms is not None:
+                standing = (standing | in_rooms) & ~layers.are_of(ROOMS, chosen.keys)
+        return standing
 
     def _anchors(
         self, layers: PlacedLayers, what: str | BaseGeometry | PointsLike, frame_id: str | None

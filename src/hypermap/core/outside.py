@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from hypermap.core.arrays import PointsLike
+    from hypermap.core.arrays import BoolArray, PointsLike
     from hypermap.core.found import Found
 
 _offered: Callable[[str], Callable[..., Any]] | None = None
@@ -74,6 +74,16 @@ class Outward:
         """
         found: list[Found] = _outside("nearest_by_path")(self, what, point_xy, k, layer)
         return found
+
+    def stand_in_rooms(self, what: str, points_xy: PointsLike) -> BoolArray | None:
+        """Return which points are in rooms with a name or of a kind; None if there are none.
+
+        Args:
+            what: a name or a kind.
+            points_xy: in the base frame [m], shape (N, 2).
+        """
+        standing: BoolArray | None = _outside("stand_in_rooms")(self, what, points_xy)
+        return standing
 
     # For notebooks, which ask for these
 

@@ -8,8 +8,8 @@ from typing import TypeAlias
 from hypermap.core.arrays import PointsLike
 from hypermap.core.errors import HypermapError, did_you_mean
 from hypermap.core.hypermap import FoundObject, Hypermap
-from hypermap.rooms.on_map import rooms_on
-from hypermap.rooms.rooms import LAYER, Room
+from hypermap.rooms.questions import rooms_called
+from hypermap.rooms.rooms import LAYER, Room, rooms_on
 
 Place: TypeAlias = str | int | PointsLike
 """A point [m], a room's name, an object's id, its name, or both as "cup 3"."""
@@ -46,7 +46,12 @@ class Places:
         """
         if self.rooms is None or not isinstance(what, str):
             return None
-        return self.rooms[what] if what in {room.name for room in self.rooms} else None
+        found = rooms_called(self.rooms, what)
+        named = [room for room in found if room.name == what] or found
+        if len(named) > 1:
+            ids = ", ".join(f"'room {room.id}' ({room.name})" for room in named)
+            raise HypermapError(f"{len(named)} rooms are {what!r}; ask for one of {ids}")
+        return named[0] if named else None
 
     def object(self, what: str | int) -> FoundObject:
         """Return the one object that is meant.

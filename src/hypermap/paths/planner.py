@@ -24,15 +24,12 @@ from hypermap.paths.find import Distances, NoPath, distances, find_path, length_
 from hypermap.paths.free_space import FreeSpace
 from hypermap.paths.passed import passed
 from hypermap.paths.places import Place, Places, title
-from hypermap.paths.settings import PathSettings
+from hypermap.paths.settings import STAND_OFF, PathSettings
 from hypermap.paths.sight import Sight
 from hypermap.rooms.rooms import Door, Room
 
 REACH = 1.0
 """What is so far from where a robot can be [m], and in sight, is reached."""
-
-STAND_OFF = 0.6
-"""So far from an object a robot stands to look at it [m], if nobody says."""
 
 _ROOM_TO_MOVE = 20  # cells around, in which a place is the better the farther walls are
 
@@ -166,16 +163,24 @@ class Planner:
         """
         if k is not None:
             check_count(k)
+        known = self.places.objects(layer)
+        asked = [i for i in known if what is None or what in (i.object.name, i.object.id)]
+        return self.by_path(asked, start)[:k]
+
+    def by_path(self, objects: Iterable[FoundObject], start: Place) -> list[FoundObject]:
+        """Return objects with the lengths of the shortest paths to them, nearest first.
+
+        Those to which none leads are left out; raises like `nearest`.
+        """
         meters = self.distances(start).meters.ravel()
         found = []
-        for item in self.places.objects(layer):
-            if what is None or what in (item.object.name, item.object.id):
-                cells, gaps = self._sight.around(item.object.footprint, 0.0, REACH)
-                far = meters[cells] + gaps
-                chosen = self._sight.first_that_sees(item.object.footprint, cells, far)
-                if chosen is not None:
-                    found.append(replace(item, distance=float(far[chosen])))
-        return sorted(found, key=lambda item: item.distance or 0.0)[:k]
+        for item in objects:
+            cells, gaps = self._sight.around(item.object.footprint, 0.0, REACH)
+            far = meters[cells] + gaps
+            chosen = self._sight.first_that_sees(item.object.footprint, cells, far)
+            if chosen is not None:
+                found.append(replace(item, distance=float(far[chosen])))
+        return sorted(found, key=lambda item: item.distance or 0.0)
 
     def approach(
         self, what: str | int, distance: float = STAND_OFF, start: Place | None = None

@@ -5,6 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+STAND_OFF = 0.6
+"""So far from an object a robot stands to look at it [m], if nobody says."""
+
 
 @dataclass(frozen=True)
 class PathSettings:

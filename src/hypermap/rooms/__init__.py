@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     from hypermap.rooms.graph import Graph, graph
     from hypermap.rooms.kinds import Kinds, guess_kinds, load_kinds
     from hypermap.rooms.on_map import rooms_of_map, with_rooms
+    from hypermap.rooms.questions import room_of, rooms_asked, rooms_at, rooms_with
     from hypermap.rooms.rooms import Door, Room, Rooms
     from hypermap.rooms.settings import RoomSettings
 
@@ -23,7 +24,11 @@ _HOMES = {
     "graph": "hypermap.rooms.graph",
     "guess_kinds": "hypermap.rooms.kinds",
     "load_kinds": "hypermap.rooms.kinds",
+    "room_of": "hypermap.rooms.questions",
+    "rooms_asked": "hypermap.rooms.questions",
+    "rooms_at": "hypermap.rooms.questions",
     "rooms_of_map": "hypermap.rooms.on_map",
+    "rooms_with": "hypermap.rooms.questions",
     "with_rooms": "hypermap.rooms.on_map",
 }
 
@@ -38,7 +43,11 @@ __all__ = [
     "graph",
     "guess_kinds",
     "load_kinds",
+    "room_of",
+    "rooms_asked",
+    "rooms_at",
     "rooms_of_map",
+    "rooms_with",
     "with_rooms",
 ]
 

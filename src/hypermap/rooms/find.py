@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -31,6 +32,7 @@ _WALL = 0.5  # [m] a shorter wall has no line that a room could end at
 _DOOR = 1.6  # [m] what gets narrower than this may be a door without corners of walls beside it
 _RAY = 0.3  # [m] what is thinner is no place for people or robots, as long as it is
 _CORNER = 0.3  # [m] so far from wider places it is a corner of these
+_ALONG = np.linspace(0.15, 0.85, 9)  # where we look what is beside a line, from end to end
 _BESIDE = 2.0  # cells from a line to what lies on either side of it
 _STRAIGHT = 1.5  # cells by which outlines are simplified, about
 
@@ -152,9 +154,15 @@ def _cut(walls: BoolArray, side: float, settings: RoomSettings) -> NDArray[np.in
     np.add.at(perimeter, owners, shapely.length(shapely.simplify(shapes, _STRAIGHT)) * side)
     clear = np.zeros(count + 1)
     np.maximum.at(clear, parts.ravel(), far.ravel())
-    passages = [*_passages_of(lines, parts, side), *_passages_between(parts, far, side)]
+    whole = spread(parts, walls)
+    # By the spread parts, too: where two lines run side by side, there is no part between them.
+    passages = [
+        *_passages_of(lines, whole, side),
+        *_passages_between(parts, far, side),
+        *_passages_between(whole, clearance(walls), side),
+    ]
     pieces = Pieces(area, perimeter, (clear - 0.5) * side, passages, settings)
-    rooms = np.array(pieces.room_of(), dtype=np.int32)[spread(parts, walls)]
+    rooms = np.array(pieces.room_of(), dtype=np.int32)[whole]
     large = np.bincount(rooms.ravel()) * side**2 >= settings.least_area
     large[0] = False
     return in_order(np.where(large[rooms], rooms, -1).astype(np.int32))
@@ -185,27 +193,29 @@ def _draw(cells: BoolArray, begin: FloatArray, end: FloatArray) -> None:
 def _passages_of(
     lines: FloatArray, parts: NDArray[np.int32], side: float
 ) -> list[tuple[int, int, float]]:
-    """Return which parts lie on both sides of each line, and its length [m]."""
+    """Return which parts lie on both sides of each line, and how long it is between them [m]."""
     passages = []
     for begin, end in lines:
         length = float(np.hypot(*(end - begin)))
         across = np.array([begin[1] - end[1], end[0] - begin[0]]) / length
-        places = begin + np.linspace(0.15, 0.85, 9)[:, np.newaxis] * (end - begin)
-        one = _most(parts, places + _BESIDE * across)
-        other = _most(parts, places - _BESIDE * across)
-        if one and other and one != other:
-            passages.append((one, other, length * side))
+        places = begin + _ALONG[:, np.newaxis] * (end - begin)
+        one = _parts_at(parts, places + _BESIDE * across)
+        other = _parts_at(parts, places - _BESIDE * across)
+        between = np.sort(np.column_stack([one, other])[(one != other) & (one > 0) & (other > 0)])
+        for (low, high), count in Counter(map(tuple, between.tolist())).items():
+            # What lies beside most of a line is divided by it as a whole.
+            share = 1.0 if 2 * count > len(_ALONG) else count / len(_ALONG)
+            passages.append((low, high, share * length * side))
     return passages
 
 
-def _most(parts: NDArray[np.int32], places: FloatArray) -> int:
-    """Return the part in which most places lie; 0 for none."""
+def _parts_at(parts: NDArray[np.int32], places: FloatArray) -> NDArray[np.int32]:
+    """Return the part at each place, (x, y) in cells, shape (N, 2); 0 for none."""
     cols, rows = np.floor(places).astype(np.int64).T
     cols = np.clip(cols, 0, parts.shape[1] - 1)
     rows = np.clip(rows, 0, parts.shape[0] - 1)
-    there = parts[rows, cols]
-    there = there[there > 0]
-    return int(np.bincount(there).argmax()) if len(there) else 0
+    found: NDArray[np.int32] = parts[rows, cols]
+    return found
 
 
 def _passages_between(

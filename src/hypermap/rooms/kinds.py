@@ -27,6 +27,7 @@ _MOST = 3  # things of one name count
 _NONE = 1.0  # what always speaks for no kind
 _LONG = 3.0  # times its width is a long room's length at least
 _THIN = 3.5  # [m] is a thin room's width at most
+_WIDE = 0.4  # of a corridor's area may be wider, as where it meets another
 _PRECISE = 0.05  # [m] by which the measured width may be wrong
 _IN_THE_WALL = 0.5  # [m] from a room may what is fixed to its wall seem to be
 
@@ -114,8 +115,7 @@ def guess_kinds(rooms: Rooms, objects: Iterable[SemanticObject], kinds: Kinds) -
     inside = _inside(rooms, objects)
     found = []
     for room, names in zip(rooms, inside, strict=True):
-        things = [*names, LONG_AND_THIN] if _is_long_and_thin(room.outline) else names
-        kind, sure = kinds.guess(things)
+        kind, sure = kinds.guess([*names, *[LONG_AND_THIN] * _long_and_thin(room.outline)])
         found.append(replace(room, kind=kind, sure=sure))
     return rooms.replaced(_named(found))
 
@@ -147,13 +147,21 @@ def _inside(rooms: Rooms, objects: Iterable[SemanticObject]) -> list[list[str]]:
     return names
 
 
-def _is_long_and_thin(outline: BaseGeometry) -> bool:
-    """Return whether an outline is like a corridor's, which may turn and branch."""
+def _long_and_thin(outline: BaseGeometry) -> int:
+    """Return how often an outline is as long as a corridor's is at least; 0 if it is no corridor's.
+
+    A corridor may turn and branch, and widen in places: where a disc of its largest width fits in.
+    """
     if outline.is_empty or outline.area == 0:
-        return False
+        return 0
     circles: ObjectArray = np.asarray(shapely.maximum_inscribed_circle([outline], _PRECISE))
     width = 2 * float(circles[0].length)
-    return width <= _THIN and outline.area >= _LONG * width**2
+    if width > _THIN:
+        wide = outline.buffer(-_THIN / 2).buffer(_THIN / 2).intersection(outline)
+        if wide.area > _WIDE * outline.area:
+            return 0
+        width = _THIN
+    return int(outline.area / (_LONG * width**2))
 
 
 def _named(rooms: list[Room]) -> list[Room]:

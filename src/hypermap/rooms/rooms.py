@@ -15,9 +15,10 @@ from hypermap.core.arrays import FloatArray
 from hypermap.core.errors import HypermapError, did_you_mean
 from hypermap.core.frames import Pose2D
 from hypermap.core.grid import GridGeometry
+from hypermap.core.hypermap import ROOMS, Hypermap
 from hypermap.core.semantic import SemanticLayer, SemanticObject
 
-LAYER = "rooms"
+LAYER = ROOMS
 _GIVEN = "automatic_name"  # which a room had from us; another name was given by hand
 _DOORS = "doors"
 
@@ -212,6 +213,19 @@ class Rooms:
             doors=tuple(sorted(doors, key=_order)),
             cells=cells,
         )
+
+
+def rooms_on(hypermap: Hypermap) -> Rooms | None:
+    """Return the rooms in the layer `rooms` of a map, in its base frame; None where it has none.
+
+    Raises:
+        HypermapError: If the doors of a room cannot be read.
+    """
+    if LAYER not in hypermap or not isinstance(hypermap[LAYER], SemanticLayer):
+        return None
+    layer = hypermap.semantic(LAYER)
+    pose = hypermap.frames.lookup(hypermap.base_frame, layer.frame_id)
+    return Rooms.of_layer(layer).moved(pose, hypermap.base_frame)
 
 
 def _order(door: Door) -> tuple[tuple[int, int], tuple[float, ...]]:

@@ -179,6 +179,11 @@ class PlacedLayers:
         nothing = Placed(as_objects([]), np.empty((0, 2)), np.empty(0, dtype=np.int64))
         return functools.reduce(Placed.followed_by, placed, nothing)
 
+    def are_of(self, layer: str, keys: NDArray[np.int64]) -> BoolArray:
+        """Return whether the objects with these keys, shape (N,), are of a layer."""
+        numbers = [number for number, place in enumerate(self._layers) if place.name == layer]
+        return np.isin(keys // _ROWS, numbers)
+
     def have_tags(self, keys: NDArray[np.int64], tags: set[str]) -> BoolArray:
         """Return whether the objects with these keys, shape (N,), have all the tags."""
         places = zip(*(part.tolist() for part in np.divmod(keys, _ROWS)), strict=True)

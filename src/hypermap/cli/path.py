@@ -1,0 +1,107 @@
+"""`hypermap path`: the way from one place on a map to another."""
+
+from __future__ import annotations
+
+import re
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperCommand
+
+from hypermap.cli.mask_options import Keepout
+from hypermap.cli.options import AsJson, MapPath, RobotRadius
+from hypermap.cli.terminal import say, say_json
+from hypermap.core.errors import HypermapError
+from hypermap.paths.settings import STAND_OFF
+
+
+class _PathCommand(TyperCommand):
+    """Takes points as -1,2 for places, not for options."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Read the arguments; what is behind a blank is no option."""
+        return super().parse_args(
+            ctx, [f" {word}" if re.match(r"-[\d.]+,", word) else word for word in args]
+        )
+
+
+COMMAND_CLASS = _PathCommand
+
+
+def command(
+    path: MapPath,
+    start: Annotated[
+        str,
+        typer.Argument(
+            metavar="FROM",
+            show_default=False,
+            help='A point X,Y, a room, or an object: by name, id, or both as "cup 3".',
+        ),
+    ],
+    goal: Annotated[
+        str, typer.Argument(metavar="TO", show_default=False, help="The same, to where.")
+    ],
+    robot_radius: RobotRadius = None,
+    inflation_radius: Annotated[
+        float,
+        typer.Option(
+            "--inflation-radius",
+            metavar="METERS",
+            help="Keep so far from walls where it costs little, as Nav2 does; 0: the shortest.",
+        ),
+    ] = 0.0,
+    cost_scaling: Annotated[
+        float,
+        typer.Option(
+            "--cost-scaling", metavar="PER_METER", help="How fast that cost falls with distance."
+        ),
+    ] = 10.0,
+    keepout: Keepout = None,
+    through_unknown: Annotated[
+        bool, typer.Option("--through-unknown", help="Unknown cells are free, too.")
+    ] = False,
+    distance: Annotated[
+        float,
+        typer.Option("--distance", metavar="METERS", help="How far from an object to stand."),
+    ] = STAND_OFF,
+    occupancy: Annotated[
+        str | None,
+        typer.Option(
+            "--occupancy", metavar="NAME", show_default="the only one", help="The occupancy layer."
+        ),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Find the shortest path for a robot, with the rooms and doors that it passes.
+
+    To an object, it leads to where the robot can stand in front of it, facing it, with nothing in
+    between. Points are in meters, in the base frame of the map. The exit code is 2 if there is no
+    path; the message says why.
+
+    Examples:
+        hypermap path office.hmap 1,1 "cup 3"
+        hypermap path office.hmap kitchen "office 2" --robot-radius 0.3
+        hypermap path office.hmap 1,1 4,-2 --robot-radius 0.2 --inflation-radius 0.55
+        hypermap path office.hmap 1,1 printer --keepout "plant 0.3" --json
+    """
+    from hypermap.console.paths import document, lines, plan
+    from hypermap.formats import open_map
+    from hypermap.paths import PathSettings, Planner
+    from hypermap.ros.server.zones import keepout_filter
+
+    try:
+        settings = PathSettings(
+            robot_radius or 0.0, inflation_radius, cost_scaling, through_unknown
+        )
+    except ValueError as error:
+        name, _, rest = str(error).partition(" ")
+        raise HypermapError(f"--{name.replace('_', '-')} {rest}") from None
+    zones = keepout_filter(keepout or ()).zones
+    hypermap = open_map(path)
+    planner = Planner(hypermap, settings, keepout=zones, occupancy=occupancy)
+    planned = plan(planner, start, goal, distance)
+    if as_json:
+        say_json({"map": str(path), **document(planned, hypermap.base_frame)})
+        return
+    for line in lines(planned):
+        say(line)

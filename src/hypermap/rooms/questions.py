@@ -1,0 +1,102 @@
+"""Which room something is in, what is in a room, and which rooms have something."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+import shapely
+
+from hypermap.core.arrays import BoolArray, PointsLike, as_points_xy
+from hypermap.core.errors import HypermapError, did_you_mean
+from hypermap.core.hypermap import FoundObject, Hypermap
+from hypermap.rooms.kinds import rooms_of
+from hypermap.rooms.rooms import Room, Rooms, rooms_on
+
+
+def rooms_called(rooms: Rooms, what: str) -> list[Room]:
+    """Return the rooms with a name or of a kind; of "room 3", if none has that name, that by id.
+
+    A name counts as it is written, a kind in any case.
+    """
+    found = [room for room in rooms if what == room.name or what.lower() == room.kind.lower() != ""]
+    by_id = re.fullmatch(r"room\s+(\d+)", what)
+    if not found and by_id is not None:
+        found = [room for room in rooms if room.id == int(by_id[1])]
+    return found
+
+
+def rooms_asked(hypermap: Hypermap, what: str) -> list[Room]:
+    """Return the rooms of a map, in its base frame, with a name or of a kind.
+
+    Raises:
+        HypermapError: If there are none, or the map has no rooms.
+    """
+    rooms = _rooms_on(hypermap)
+    found = rooms_called(rooms, what)
+    if not found:
+        known = dict.fromkeys([*(r.name for r in rooms), *(r.kind for r in rooms if r.kind)])
+        raise HypermapError(
+            f"there is no room or kind of room {what!r}; {did_you_mean(what, known)}"
+        )
+    return found
+
+
+def rooms_at(rooms: Rooms, points_xy: PointsLike) -> list[Room | None]:
+    """Return the room that each point is in, or up to half a meter away from, as in its wall.
+
+    Args:
+        rooms: those of the map.
+        points_xy: in their frame [m], shape (N, 2).
+    """
+    places = rooms_of(rooms, map(shapely.Point, as_points_xy(points_xy).tolist()))
+    return [None if place is None else rooms.rooms[place] for place in places]
+
+
+def room_of(hypermap: Hypermap, what: FoundObject | PointsLike) -> Room | None:
+    """Return the room that an object's centroid, or a point of the base frame, is in.
+
+    None where it is in none.
+
+    Raises:
+        HypermapError: If the map has no rooms.
+    """
+    point = what.point_xy if isinstance(what, FoundObject) else what
+    return rooms_at(_rooms_on(hypermap), point)[0]
+
+
+def stand_in_rooms(hypermap: Hypermap, what: str, points_xy: PointsLike) -> BoolArray | None:
+    """Return which points are in the rooms with a name or of a kind; None if there are none.
+
+    Args:
+        hypermap: the map.
+        what: a name or a kind.
+        points_xy: in the base frame [m], shape (N, 2).
+    """
+    rooms = rooms_on(hypermap)
+    if rooms is None:
+        return None
+    ids = {room.id for room in rooms_called(rooms, what)}
+    if not ids:
+        return None
+    return np.array([room is not None and room.id in ids for room in rooms_at(rooms, points_xy)])
+
+
+def rooms_with(hypermap: Hypermap, names: str | Iterable[str]) -> list[Room]:
+    """Return the rooms in which there is an object of a name, or of one of several.
+
+    Raises:
+        HypermapError: If the map has no rooms.
+    """
+    rooms = _rooms_on(hypermap)
+    found: Sequence[FoundObject] = hypermap.objects(names)
+    there = {room.id for room in rooms_at(rooms, [item.point_xy for item in found]) if room}
+    return [room for room in rooms if room.id in there]
+
+
+def _rooms_on(hypermap: Hypermap) -> Rooms:
+    rooms = rooms_on(hypermap)
+    if rooms is None:
+        raise HypermapError("the map has no rooms; `hypermap rooms MAP -o OUT` finds them")
+    return rooms

@@ -1,0 +1,87 @@
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+import shapely
+
+from hypermap import (
+    GridGeometry,
+    Hypermap,
+    OccupancyLayer,
+    Pose2D,
+    SemanticLayer,
+    SemanticObject,
+    save_map,
+)
+from hypermap.rooms import rooms_of_map, with_rooms
+
+from .conftest import assert_one_error
+
+
+@pytest.fixture
+def flat(tmp_path):
+    """Return the file of two rooms, a door of 0.9 m at the upper end of the wall, and two cups."""
+    cells = np.full((100, 180), 100, dtype=np.int8)
+    cells[10:90, 8:88] = cells[10:90, 92:172] = cells[70:88, 88:92] = 0
+    grid = GridGeometry(180, 100, 0.05, Pose2D(-1.0, 0.0))
+    names = [("cup", 3.0, 1.5), ("cup", 7.0, 4.0), ("refrigerator", 0.0, 1.0)]
+    objects = [
+        SemanticObject(name, shapely.box(x - 0.1, y - 0.1, x + 0.1, y + 0.1))
+        for name, x, y in names
+    ]
+    layers = [
+        OccupancyLayer("occupancy", "map", grid, cells),
+        SemanticLayer("things", "map", objects),
+    ]
+    hypermap = Hypermap(layers)
+    file = tmp_path / "flat.hmap"
+    save_map(with_rooms(hypermap, rooms_of_map(hypermap)), file)
+    return file
+
+
+def test_a_path_is_told_with_its_length_rooms_and_doors(hypermap, flat):
+    result = hypermap("path", flat, "-0.5,2.5", "5.5,2.5")
+    assert (result.code, result.err) == (0, "")
+    length = math.hypot(3.9, 1) + 0.2 + math.hypot(1.9, 1)  # over (3.4, 3.5) and (3.6, 3.5)
+    assert result.out.startswith(f"{length:.2f} m\n-0.50,2.50  3.40,3.50  3.60,3.50  5.50,2.50\n")
+    assert "rooms: kitchen, room\ndoor at 3.5" in result.out
+
+
+def test_a_path_to_an_object_ends_in_front_of_it(hypermap, flat):
+    told = hypermap("path", flat, "kitchen", "cup 1", "--distance", "0.5", "--json").json
+    there = told["approach"]
+    assert (there["object"], there["name"]) == (1, "cup")
+    assert told["points"][-1] == [there["x"], there["y"]]
+    assert there["distance"] == pytest.approx(0.5, abs=0.05)
+    assert told["length"] > 3
+    assert [room["name"] for room in told["rooms"]] == ["kitchen", "room"]
+    assert "stand at " in hypermap("path", flat, "0,3", "1", "--robot-radius", "0.2").out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "reason"),
+    [
+        (["kitchen", "room", "--robot-radius", "0.6"], "no path leads from"),
+        (
+            ["3.5,1", "room"],
+            "the start (3.50, 1.00) is in a wall (cell row 20, col 90); the nearest",
+        ),
+        (["0,3", "cup"], "2 objects are called 'cup'; ask for one of 'cup 0', 'cup 1'"),
+        (["0,3", "mug"], "there is no object or room 'mug'; known: cup, refrigerator, kitchen"),
+        (["0,3", "1,x"], "TO '1,x': a point is given as X,Y in meters"),
+        (["0,3", "1,1", "--cost-scaling", "-1"], "--cost-scaling must be 0 or more"),
+        (["0,3", "1,1", "--keepout", "cup"], "keepout: 'cup' is no zone"),
+    ],
+)
+def test_what_is_no_path_is_one_error(hypermap, flat, arguments, reason):
+    assert_one_error(hypermap("path", flat, *arguments), reason)
+
+
+def test_the_shell_tells_paths_and_whether_a_room_is_reachable(hypermap, flat):
+    result = hypermap("shell", flat, stdin="path 0,3 room 0.3\npath kitchen room 0.6\npath 0,3\n")
+    assert "rooms: kitchen, room" in result.out
+    assert "no path leads from" in result.err
+    assert "usage: path FROM TO [RADIUS]" in result.err
+    assert result.code == 2
