@@ -100,7 +100,7 @@ def test_a_saved_map_gives_the_shapes_again_that_are_in_it(tmp_path: Path, name:
         assert item.id is not None
         own = layer.evidence_of(item.id)
         assert len(own) == item.attributes["evidence"]
-        fused = fused_shapes(own, config)
+        fused = fused_shapes(own, config, item.name)
         assert list(fused) == list(FUSIONS)
         # Kept shapes are rounded to 0.1 mm, and the ground seen to 5 mm: one cell may change.
         assert jaccard(fused[config.fusion], item.footprint) > 0.85

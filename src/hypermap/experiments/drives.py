@@ -6,9 +6,11 @@ import multiprocessing
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
+from functools import partial
 
 from hypermap.core.semantic import SemanticObject
 from hypermap.mapping.alignment import Aligner
+from hypermap.mapping.completion import free_share
 from hypermap.mapping.config import MappingConfig
 from hypermap.mapping.evidence import EvidenceMap
 from hypermap.mapping.keyframes import KeyframeSelector
@@ -62,10 +64,13 @@ def map_drive(drive: SimulatedDrive, methods: Mapping[str, MappingConfig]) -> Ma
     recording = SimulatedRecording.with_errors(
         drive.world, drive.errors, rate=drive.rate, seed=drive.seed
     )
-    maps = {name: EvidenceMap(config.evidence) for name, config in methods.items()}
-    keyframes = {name: KeyframeSelector(config.keyframes) for name, config in methods.items()}
     occupancy = recording.occupancy()
     assert occupancy is not None  # it has one unless it is told otherwise
+    maps = {
+        name: EvidenceMap(config.evidence, partial(free_share, occupancy))
+        for name, config in methods.items()
+    }
+    keyframes = {name: KeyframeSelector(config.keyframes) for name, config in methods.items()}
     aligners = {
         config.alignment: Aligner(occupancy, config.alignment) for config in methods.values()
     }

@@ -115,6 +115,7 @@ _PROFILES: Mapping[str, MappingConfig] = {
             association="jaccard",
             combine="matches",
             fusion="best_shape",
+            completion="none",
             renewal=0.0,
             gain=1.0,
             gain_by_score=False,

@@ -13,6 +13,7 @@ import numpy as np
 
 from hypermap.core.semantic import SemanticLayer, SemanticObject
 from hypermap.mapping.association import ASSOCIATIONS
+from hypermap.mapping.completion import FreeShare, completed
 from hypermap.mapping.evidence_buffer import Evidence, evidence_from
 from hypermap.mapping.evidence_table import lazy_evidence_table
 from hypermap.mapping.footprint_iou import footprint_ious
@@ -39,11 +40,14 @@ class EvidenceMap:
     Attributes:
         config: how all of this is done.
         ignored: how many observed shapes were left out because they are no areas.
+        is_free: tells how much of an area is known to be free, where no published shape grows;
+            None for nothing.
     """
 
-    def __init__(self, config: EvidenceConfig) -> None:
+    def __init__(self, config: EvidenceConfig, is_free: FreeShare | None = None) -> None:
         self.config = config
         self.ignored = 0
+        self.is_free = is_free
         self._associate = ASSOCIATIONS[config.association]
         self._fuse = FUSIONS[config.fusion]
         self._observed: set[int] = set()  # ids of the tracks that this frame shows
@@ -255,10 +259,14 @@ class EvidenceMap:
         # The stale shape stays: a question must not change the map.
         is_stale = track.pending > 0
         shape = self._fuse(buffer, self.config) if is_stale else self._tracks.shapes.polygons[row]
+        footprint = shape.geometry
+        if self.config.completion == "class_depth":
+            cameras_xy = np.array([item.map_T_camera[:2, 3] for item in buffer.items])
+            footprint = completed(footprint, track.name, cameras_xy, self.is_free)
         z_min, z_max = buffer.heights()
         return SemanticObject(
             name=track.name,
-            footprint=shape.geometry,
+            footprint=footprint,
             id=track.id,
             tags=(track.name,),
             confidence=(buffer.score_sum / buffer.count,),

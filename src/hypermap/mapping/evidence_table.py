@@ -13,6 +13,7 @@ from shapely.geometry.base import BaseGeometry
 from hypermap.core.arrays import as_objects
 from hypermap.core.errors import FormatError
 from hypermap.core.evidence import EvidenceTable
+from hypermap.mapping.completion import completed
 from hypermap.mapping.config import profile
 from hypermap.mapping.evidence_buffer import Evidence, EvidenceBuffer
 from hypermap.mapping.fusion import FUSIONS
@@ -57,12 +58,16 @@ def evidence_table(evidence: Mapping[int, Sequence[Evidence]]) -> EvidenceTable:
     ).rounded()
 
 
-def fused_shapes(table: EvidenceTable, config: EvidenceConfig) -> dict[str, BaseGeometry]:
+def fused_shapes(
+    table: EvidenceTable, config: EvidenceConfig, name: str = ""
+) -> dict[str, BaseGeometry]:
     """Return what each fusion method makes of all observations of a table.
 
     Args:
         table: evidence for one object, at least one observation.
         config: settings of the methods; which of them made the map does not matter.
+        name: class of the object, by which the shape of the method that made the map is completed
+            where the settings say so.
 
     Returns:
         A polygon per method, by its name, in the frame of the table [m].
@@ -89,7 +94,11 @@ def fused_shapes(table: EvidenceTable, config: EvidenceConfig) -> dict[str, Base
                 z_max=z_max,
             )
         )
-    return {method: fuse(buffer, config).geometry for method, fuse in FUSIONS.items()}
+    fused = {method: fuse(buffer, config).geometry for method, fuse in FUSIONS.items()}
+    if config.completion == "class_depth":
+        cameras_xy = table.poses[table.views, :2, 3]
+        fused[config.fusion] = completed(fused[config.fusion], name, cameras_xy)
+    return fused
 
 
 def config_of(metadata: Mapping[str, Any]) -> EvidenceConfig:

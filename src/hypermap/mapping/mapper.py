@@ -7,6 +7,7 @@ import re
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
+from functools import partial
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from hypermap.core.layer import Layer
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.trajectory import rpy_from_pose
 from hypermap.mapping.alignment import Aligner
+from hypermap.mapping.completion import free_share
 from hypermap.mapping.config import MappingConfig, to_dict
 from hypermap.mapping.depth_check import DepthCheck, why_implausible
 from hypermap.mapping.evidence import EvidenceMap
@@ -129,7 +131,8 @@ class Mapper:
         """
         self.config = config
         self.counts = Counts()
-        self.evidence = EvidenceMap(config.evidence)
+        is_free = None if occupancy is None else partial(free_share, occupancy)
+        self.evidence = EvidenceMap(config.evidence, is_free)
         self.first_reason = ""
         self.surplus = 0
         self.watch: Callable[[MappedFrame, Mapper], None] | None = None
@@ -192,6 +195,7 @@ class Mapper:
 
         The map's first layer stays what it was.
         """
+        self.evidence.is_free = partial(free_share, occupancy)
         if self._aligner is None:
             self._aligner = Aligner(occupancy, self.config.alignment)
         else:

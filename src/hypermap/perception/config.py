@@ -29,6 +29,8 @@ class PerceptionConfig:
             multiple of the box's larger side, for "enclosed": things are about as deep as wide.
         max_cut: share of its outline at which a surface may run on past the box that cuts the
             object out of it, if the box encloses none, for "enclosed"; 0 cuts nothing out.
+        min_support: neighbors in the image, of eight, that must be as far away as a pixel between a
+            nearer and a farther one, for it not to be a flying pixel; 0 keeps all.
         smoothing: pixels to each side over which the depth of an object's surfaces is averaged, for
             "enclosed"; 0 leaves the points as they were measured.
         normal_neighbors: nearest points that a surface normal is fitted to, the point included.
@@ -54,6 +56,7 @@ class PerceptionConfig:
     min_own_border: float = 0.2
     max_offset: float = 0.4
     max_cut: float = 0.5
+    min_support: int = 4
     smoothing: int = 2
     normal_neighbors: int = 50
     region_neighbors: int = 30
@@ -78,6 +81,7 @@ class PerceptionConfig:
         _check("min_own_border", self.min_own_border, 0, 1)
         _check("max_offset", self.max_offset, 0, math.inf)
         _check("max_cut", self.max_cut, 0, 1)
+        _check("min_support", self.min_support, 0, 8)
         _check("smoothing", self.smoothing, 0, 20)
         _check("normal_neighbors", self.normal_neighbors, 3, 1000)
         _check("region_neighbors", self.region_neighbors, 2, self.normal_neighbors)
@@ -98,7 +102,9 @@ class PerceptionConfig:
 
         `method="unorganised"` is its method to the letter.
         """
-        return cls(method="organised", visible_step=1, min_score=0.0, max_depth=math.inf)
+        return cls(
+            method="organised", min_support=0, visible_step=1, min_score=0.0, max_depth=math.inf
+        )
 
 
 def _check(name: str, value: float, lowest: float, highest: float) -> None:

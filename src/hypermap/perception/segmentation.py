@@ -14,6 +14,7 @@ from hypermap.perception import enclosed
 from hypermap.perception.config import PerceptionConfig
 from hypermap.perception.denoising import smoothed
 from hypermap.perception.detections import Detections
+from hypermap.perception.flying_pixels import without_flying
 from hypermap.perception.frame import RgbdFrame
 from hypermap.perception.region_growing import largest_regions
 from hypermap.perception.segments import Segment
@@ -48,6 +49,8 @@ def segment(
     Raises:
         ValueError: If the masks are not of the image's size.
     """
+    noise, support = config.depth_noise, config.min_support
+    valid = without_flying(frame.z, valid, detections.xyxy, noise, support)
     candidates = [
         (number, pixels)
         for number in range(len(detections))

@@ -65,7 +65,7 @@ def describe_evidence(hypermap: Hypermap, layer_name: str, number: int) -> dict[
     config = config_of(hypermap.metadata)
     answer["start"] = float(kept.stamps.min())
     answer["observations"] = _observations(table, base_T_layer)
-    fused = fused_shapes(table, config)
+    fused = fused_shapes(table, config, item.name)
     own = config.fusion if "config" in hypermap.metadata else None
     answer["fused"] = _compared(fused, item.footprint, own, base_T_layer)
     return answer

@@ -1,0 +1,137 @@
+"""Amodal completion: a thing that was seen from one side is as deep as things of its class are.
+
+A shelf between two others shows its front alone, and a map of fronts is full of strips that overlap
+with nothing true. What is missing lies behind what was seen, away from the cameras.
+
+Source: the idea of completing by what is known of the class is that of Kar, Tulsiani, Carreira,
+Malik, "Amodal completion and size constancy in natural scenes", ICCV 2015; here on the floor.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely import affinity
+from shapely.geometry.base import BaseGeometry
+
+from hypermap.core.occupancy import FREE, OccupancyLayer
+
+FreeShare = Callable[[BaseGeometry], float]
+"""Tells how much of an area on the floor is known to be free, 0..1."""
+
+# How deep bulky things usually are at least, from front to back [m]. Low and small ones show their
+# top, too, and need none: a cup that is completed is worse than one that is not.
+CLASS_DEPTHS: Mapping[str, float] = MappingProxyType(
+    {
+        "bed": 1.9,
+        "bench": 0.4,
+        "bookshelf": 0.3,
+        "box": 0.35,
+        "cabinet": 0.45,
+        "couch": 0.85,
+        "cupboard": 0.45,
+        "desk": 0.7,
+        "diningtable": 0.8,
+        "dishwasher": 0.6,
+        "microwave": 0.35,
+        "oven": 0.6,
+        "person": 0.25,
+        "plant": 0.35,
+        "pottedplant": 0.35,
+        "refrigerator": 0.6,
+        "shelf": 0.5,
+        "sink": 0.5,
+        "sofa": 0.85,
+        "table": 0.7,
+        "wardrobe": 0.6,
+    }
+)
+_ONE_SIDED = 0.75  # length of the mean direction of view: 1 from one place, 0 from all around
+_STEP = 0.05  # meters
+_MOST_FREE = 0.5  # of a step that may be known to be free
+_WORTH = 0.02  # meters that a shape must lack
+_NEAR = 0.1  # meters; a camera so near has no direction
+
+
+def completed(
+    shape: BaseGeometry,
+    name: str,
+    cameras_xy: NDArray[np.float64],
+    is_free: FreeShare | None = None,
+) -> BaseGeometry:
+    """Return a shape, made as deep as its class usually is if it was seen from one side.
+
+    Args:
+        shape: of the object, map frame [m].
+        name: its class. A shape of a class without a known depth stays as it is.
+        cameras_xy: from where it was seen [m], shape (N, 2).
+        is_free: tells what is known to be free, where a shape does not grow; None for nothing.
+    """
+    depth = CLASS_DEPTHS.get(name.replace(" ", "").lower())
+    if depth is None or shape.geom_type != "Polygon" or shape.is_empty:
+        return shape
+    view = _mean_view(shape, cameras_xy)
+    if np.hypot(*view) < _ONE_SIDED:
+        return shape
+    away, extent = _along(shape, view)
+    more = depth - extent
+    if more < _WORTH:
+        return shape
+    if is_free is not None:
+        more = _room_behind(shape, away, more, is_free)
+    return _swept(shape, more * away) if more > 0 else shape
+
+
+def free_share(occupancy: OccupancyLayer, area: BaseGeometry) -> float:
+    """Return how much of an area a map knows to be free, 0..1."""
+    values = occupancy.values_in(area).values
+    return float(np.mean(values == FREE)) if len(values) else 0.0
+
+
+def _mean_view(shape: BaseGeometry, cameras_xy: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the mean of the directions from which it was seen, of length 1 each, shape (2,)."""
+    center = shapely.get_coordinates(shapely.centroid(shape))
+    views = center - cameras_xy
+    lengths = np.hypot(*views.T)
+    is_far = lengths > _NEAR
+    if not is_far.any():
+        return np.zeros(2)
+    return np.asarray((views[is_far] / lengths[is_far, np.newaxis]).mean(axis=0))
+
+
+def _along(shape: BaseGeometry, view: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+    """Return the axis of a shape that points away from the cameras, and its extent along it [m].
+
+    The axes are those of the smallest rectangle around it.
+    """
+    rectangle = shapely.get_coordinates(shapely.minimum_rotated_rectangle(shape))
+    sides = np.diff(rectangle[:3], axis=0)
+    lengths = np.hypot(*sides.T)
+    axes = sides / lengths[:, np.newaxis]
+    along = axes @ view
+    k = int(np.argmax(np.abs(along)))
+    return np.copysign(1.0, along[k]) * axes[k], float(lengths[k])
+
+
+def _room_behind(
+    shape: BaseGeometry, away: NDArray[np.float64], most: float, is_free: FreeShare
+) -> float:
+    """Return how far a shape can grow before it would cover what is known to be free [m]."""
+    reached, whole = 0.0, shape
+    while reached < most:
+        further = min(reached + _STEP, most)
+        grown = _swept(shape, further * away)
+        if is_free(shapely.difference(grown, whole)) > _MOST_FREE:
+            break
+        reached, whole = further, grown
+    return reached
+
+
+def _swept(shape: BaseGeometry, by: NDArray[np.float64]) -> BaseGeometry:
+    """Return what a shape covers on its way to another place."""
+    moved = affinity.translate(shape, *by.tolist())
+    return shapely.convex_hull(shapely.union(shape, moved))
