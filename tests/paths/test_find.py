@@ -156,7 +156,8 @@ def test_where_nothing_costs_more_the_cheapest_path_is_nearly_the_shortest(seed)
     if cells is not None:
         rows, cols = np.divmod(cells, 30)
         points = straightened(space.cost, np.column_stack([cols, rows]) + 0.5)
-        assert far - 0.01 <= length_of(points) <= 1.05 * far
+        # Steps to eight neighbors alone are up to 8.2 % longer (Bailey et al., SoCS 2015).
+        assert far - 0.01 <= length_of(points) <= 1.09 * far
         assert crossed(points, blocked) == 0
 
 
