@@ -12,8 +12,8 @@ LIMIT := 3600
 # How long the campaign may take, all parts together.
 MINUTES := 60
 ENDING := $(if $(shell command -v timeout),timeout --foreground --kill-after=60 $(LIMIT))
-# One more than there are cores, as some tests wait for other programs.
-WORKERS := $(shell expr $$(getconf _NPROCESSORS_ONLN) + 1)
+# Two more than there are cores, as some tests wait for other programs.
+WORKERS := $(shell expr $$(getconf _NPROCESSORS_ONLN) + 2)
 PAGE := src/hypermap/viewer/page/app.js
 
 .PHONY: demo test bench campaign docs ros1 chromium pictures lint types tests coverage core-tests package platforms lowest newest sbom audit format lock clean help

@@ -11,6 +11,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import json
+import logging
 import os
 import random
 import re
@@ -25,6 +26,8 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
+
+from campaign.fuzz_targets import target_of
 
 MOST_SECONDS = 2.0  # of an answer, in time of the processor
 MOST_BYTES = 1_000_000_000  # of memory, for the whole process
@@ -121,24 +124,17 @@ def main() -> None:
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
     os.dup2(1, 2)
     guide = _atheris() if not runs else None
-    with contextlib.ExitStack() as instrumented:
-        if guide is not None:
-            instrumented.enter_context(
-                guide.instrument_imports(["hypermap", "rosbags", "yaml"], _with_loops())
-            )
-        from campaign.fuzz_targets import TARGETS
-    import logging
-
     logging.getLogger().addHandler(logging.NullHandler())
     logging.lastResort = None
-    kept = Path(folder)
+    kept = Path(folder).absolute()
     kept.mkdir(parents=True, exist_ok=True)
     memory = "/dev/shm" if os.access("/dev/shm", os.W_OK) else None  # where saves need no disk
     with tempfile.TemporaryDirectory(prefix="hypermap-fuzz-", dir=memory) as scratch:
         os.chdir(scratch)
-        target = TARGETS[name](Path(scratch))
-        tries = Tries(target.ask, kept)
-        tries.warm_up(target.corpus)
+        with _instrumented(guide):
+            target = target_of(name, Path(scratch))
+            tries = Tries(target.ask, kept)
+            tries.warm_up(target.corpus)  # which imports what the program imports when it needs it
         arguments = tries, target, float(seconds), int(seed)
         if guide is not None:
             _guided(guide, *arguments, kept, partial(_end, said, name, tries, scratch))
@@ -237,6 +233,15 @@ def _atheris() -> Any:
     except ImportError:
         return None
     return atheris
+
+
+def _instrumented(guide: Any) -> contextlib.AbstractContextManager[Any]:
+    """Return a context in which what is imported tells the guide what it reaches."""
+    if guide is None:
+        return contextlib.nullcontext()
+    packages = ["hypermap", "rosbags", "yaml"]
+    made: contextlib.AbstractContextManager[Any] = guide.instrument_imports(packages, _with_loops())
+    return made
 
 
 def _with_loops() -> list[str]:

@@ -4,24 +4,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections import Counter
+from collections.abc import Callable, Sequence
 from typing import Any
 
+import numpy as np
+
+from hypermap.core.arrays import FloatArray
 from hypermap.core.errors import FrameError
 from hypermap.ros import typestore
+from hypermap.ros.parameters import checked
 from hypermap.ros.typestore import decode, encode, message_class, request_class, response_class
 
+_LINES = 10  # of the log that are kept
 
-class _Silent:
-    """A publisher to whom nobody listens, or a subscription."""
+
+class _Closable:
+    """A publisher to whom nobody listens, a subscription, a service or a timer."""
 
     listeners = 1
 
+    def __init__(self, close: Callable[[], object] = lambda: None) -> None:
+        self.close = close
+
     def publish(self, message: Any) -> None:
         encode(message)
-
-    def close(self) -> None:
-        pass
 
 
 class InProcessPort:
@@ -30,17 +37,30 @@ class InProcessPort:
     Attributes:
         services: of the node; each takes a request, and returns the response, as CDR.
         topics: that the node listens to; each takes a message as CDR.
+        clock: what time it is [ns].
         lines: what the node logged last.
+        levels: how many lines it logged at each level.
     """
 
-    node_name = "/hypermap_server"
+    node_name = "/hypermap"
     is_shut_down = False
 
-    def __init__(self, values: Mapping[str, Any]) -> None:
+    def __init__(self, **parameters: Any) -> None:
+        """Open a port for a node, with the values of its parameters that are not the defaults."""
         self.services: dict[str, Callable[[bytes], bytes]] = {}
         self.topics: dict[str, Callable[[bytes], None]] = {}
+        self.clock = 1_600_000_000_000_000_000
         self.lines: list[tuple[str, str]] = []
-        self._values = values
+        self.levels: Counter[str] = Counter()
+        self._parameters = parameters
+        self._timers: list[Callable[[], None]] = []
+
+    def tick(self) -> None:
+        """Let the node's timers run once."""
+        for callback in list(self._timers):
+            callback()
+
+    # What the node asks
 
     def message(self, type_name: str) -> type[Any]:
         return message_class(type_name)
@@ -48,22 +68,23 @@ class InProcessPort:
     def response(self, type_name: str) -> type[Any]:
         return response_class(type_name)
 
-    def publisher(self, *_: Any, **__: Any) -> _Silent:
-        return _Silent()
+    def publisher(self, *_: Any, **__: Any) -> _Closable:
+        return _Closable()
 
-    def subscribe(self, topic: str, type_name: str, callback: Any, **_: Any) -> _Silent:
+    def subscribe(self, topic: str, type_name: str, callback: Any, **_: Any) -> _Closable:
         self.topics[topic] = lambda data: callback(decode(data, message_class(type_name)))
-        return _Silent()
+        return _Closable(lambda: self.topics.pop(topic, None))
 
-    def service(self, name: str, type_name: str, handler: Any, *_: Any) -> _Silent:
+    def service(self, name: str, type_name: str, handler: Any, *_: Any) -> _Closable:
         self.services[name] = lambda data: encode(handler(decode(data, request_class(type_name))))
-        return _Silent()
+        return _Closable(lambda: self.services.pop(name, None))
 
-    def timer(self, *_: Any) -> _Silent:
-        return _Silent()
+    def timer(self, _: float, callback: Callable[[], None]) -> _Closable:
+        self._timers.append(callback)
+        return _Closable(lambda: self._timers.remove(callback))
 
     def now(self) -> int:
-        return 1_600_000_000_000_000_000
+        return self.clock
 
     def stamp(self, nanoseconds: int) -> Any:
         return typestore.stamp(nanoseconds)
@@ -71,18 +92,22 @@ class InProcessPort:
     def static_transforms(self, transforms: Any) -> None:
         pass
 
-    def lookup(self, target: str, source: str, *_: Any) -> Any:
-        raise FrameError(f"no way leads from {source!r} to {target!r}")
+    def lookup(self, target: str, source: str, stamp: int | None = None, *_: Any) -> FloatArray:
+        if target == source:
+            return np.eye(4)
+        raise FrameError(f"no way leads from {source!r} to {target!r} at {stamp}")
 
     def forget_transforms(self) -> None:
         pass
 
-    def parameters(self, parameters: Any, *_: Any) -> dict[str, Any]:
-        return {p.name: self._values.get(p.name, p.default) for p in parameters}
+    def parameters(self, parameters: Sequence[Any], *_: Any) -> dict[str, Any]:
+        given = self._parameters
+        return {p.name: checked(p, given.get(p.name, p.default)) for p in parameters}
 
     def origins(self) -> dict[str, str]:
         return {}
 
     def log(self, level: str, text: str) -> None:
         text.encode()  # as a terminal and /rosout do
-        self.lines = [*self.lines[-9:], (level, text)]
+        self.lines = [*self.lines[1 - _LINES :], (level, text)]
+        self.levels[level] += 1

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -54,3 +55,14 @@ class Result:
     runs: int
     findings: list[Finding] = field(default_factory=list)
     figures: dict[str, float | str] = field(default_factory=dict)
+
+
+def merged(name: str, results: Iterable[Result]) -> Result:
+    """Return what several have done as one part of that name."""
+    every = list(results)
+    return Result(
+        name,
+        sum(result.runs for result in every),
+        [finding for result in every for finding in result.findings],
+        {what: figure for result in every for what, figure in result.figures.items()},
+    )

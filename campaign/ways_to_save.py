@@ -131,7 +131,7 @@ def _save_on_server(folder: Path, version: int) -> None:
     from hypermap.ros import typestore
     from hypermap.ros.server.map_server import MapServer
 
-    port = InProcessPort({"console": False, "map_directory": str(folder)})
+    port = InProcessPort(console=False, map_directory=str(folder))
     server = MapServer(port, folder.parent / "sources" / f"{version}.hmap")  # type: ignore[arg-type]
     server.configure()
     server.activate()
@@ -143,7 +143,7 @@ def _save_server_at_end(folder: Path, version: int) -> None:
     """Save as the map server does when it ends."""
     from hypermap.ros.server.save_at_end import save_at_end
 
-    path, port = folder / "map.hmap", InProcessPort({})
+    path, port = folder / "map.hmap", InProcessPort()
     save_at_end(hypermap_of(version), path, [path], port)  # type: ignore[arg-type]
     if failed := [text for level, text in port.lines if level == "error"]:
         raise HypermapError(failed[0])
@@ -155,11 +155,11 @@ def _save_live(folder: Path, version: int) -> None:
     from hypermap.ros.mapper.settings import LiveSettings
     from hypermap.ros.throttle import Throttle
 
-    path, port = folder / "map.hmap", InProcessPort({})
+    path, port = folder / "map.hmap", InProcessPort()
     settings = LiveSettings(
         depth_topic="/depth", detections_topic="/boxes", save_to=str(path), save_every=0.0
     )
-    log = Throttle(port)  # type: ignore[arg-type]
+    log = Throttle(port.log)
     live = _LiveMap(hypermap_of(version))
     saving = Saving(port, settings, live, log)  # type: ignore[arg-type]
     live.revision += 1

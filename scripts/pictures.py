@@ -12,7 +12,6 @@ import io
 import os
 import re
 import shutil
-import signal
 import socket
 import subprocess
 import sys
@@ -79,7 +78,7 @@ def running_demo() -> Iterator[Demo]:
         try:
             yield demo
         finally:
-            demo.process.send_signal(signal.SIGINT)
+            demo.process.terminate()  # a job in the background ignores SIGINT
             demo.process.wait()
 
 
@@ -188,7 +187,7 @@ def take_rviz(path: Path) -> None:
                 command, cwd=folder, env=environment, stdout=log, stderr=log, **options
             )
             stack.callback(process.wait)
-            stack.callback(process.send_signal, signal.SIGINT)
+            stack.callback(process.terminate)
             return process
 
         environment = {**os.environ, "ROS_HOME": folder, "LIBGL_ALWAYS_SOFTWARE": "1"}

@@ -1,6 +1,6 @@
 #!/bin/sh
 # The steps of a release, as docs/release.md lists them: scripts/release.sh check TAG | build | install
-#   check TAG  whether the checkout is what the tag says: version, changelog, ROS packages, addresses
+#   check TAG  whether the checkout matches the tag: version, changelog, ROS packages, addresses
 #   build      source archive and wheel into dist/, and what the registry would say of them
 #   install    both, in new environments of the oldest and the newest Python that are here
 set -eu
@@ -25,8 +25,8 @@ check() {
     ! grep -q "@example.com" "$package" || refuse "$package names no maintainer yet"
   done
   grep -q "^\[project.urls\]" pyproject.toml || refuse "pyproject.toml has no [project.urls] yet"
-  is=$("$python" -c 'from hypermap import __version__; print(__version__)')
-  [ "$is" = "$version" ] || refuse "the package calls itself $is"
+  is=$("$python" -m setuptools_scm)
+  [ "$is" = "$version" ] || refuse "git's tags make this version $is; is $tag a tag of this commit?"
   echo "$tag: ready to be built"
 }
 

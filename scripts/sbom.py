@@ -7,7 +7,6 @@ or Pythons alone say for which. The same requirements give the same bytes.
 from __future__ import annotations
 
 import json
-import re
 import sys
 from pathlib import Path
 from uuid import UUID, uuid5
@@ -27,15 +26,15 @@ from cyclonedx.output.json import JsonV1Dot6
 from locked import ROOT, Pin, read_licenses, read_pins
 from packageurl import PackageURL
 
+from hypermap import __version__
+
 _NAMESPACE = UUID("6d5c0b3e-7a55-4cc5-9d0e-1a4c5a0f3c52")
 
 
 def make_bom(requirements: Path) -> Bom:
     """Return the bill of materials of pinned requirements."""
-    version = re.search(r'__version__ = "(.+)"', (ROOT / "src/hypermap/_version.py").read_text())
-    assert version is not None
     bom = Bom(serial_number=uuid5(_NAMESPACE, requirements.read_text()))
-    bom.metadata.component = _component("hypermap", version[1], "BSD-3-Clause")
+    bom.metadata.component = _component("hypermap", __version__, "BSD-3-Clause")
     bom.metadata.component.type = ComponentType.APPLICATION
     licenses = read_licenses(ROOT / "requirements" / "licenses.txt")
     pins = [_pinned(pin, licenses.get(pin.name)) for pin in read_pins(requirements)]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import configparser
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -20,6 +21,7 @@ from hypermap.core.semantic import SemanticLayer, SemanticObject
 from hypermap.formats import save_map
 
 ROOT = Path(__file__).resolve().parents[1]
+needs_git = pytest.mark.skipif(shutil.which("git") is None, reason="git is not installed")
 CONDA_NAMES = {"mapbox-earcut": "mapbox_earcut", "matplotlib": "matplotlib-base"}
 
 
@@ -36,12 +38,92 @@ def requirements() -> set[str]:
     return found
 
 
+def build_requirements() -> set[str]:
+    """Return what building the package requires, as conda would write it."""
+    text = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
+    listed = re.search(r"^requires = \[(.+)\]$", text, re.MULTILINE)
+    assert listed is not None
+    return {f"{name} {version}" for name, version in re.findall(r'"([\w-]+)(>=[\w.]+)"', listed[1])}
+
+
 def test_conda_gets_the_same_requirements_as_pip() -> None:
     environment = yaml.safe_load((ROOT / "packaging/environment.yml").read_text(encoding="utf-8"))
-    of_conda_itself = {"python >=3.10", "pip", "setuptools >=77", "nodejs >=20"}
+    of_conda_itself = {"python >=3.10", "pip", *build_requirements(), "nodejs >=20"}
     assert set(environment["dependencies"]) - of_conda_itself == requirements()
     recipe = yaml.safe_load((ROOT / "packaging/conda/recipe.yaml").read_text(encoding="utf-8"))
     assert set(recipe["requirements"]["run"]) - {"python >=3.10"} == requirements()
+    assert set(recipe["requirements"]["host"]) - {"python >=3.10", "pip"} == build_requirements()
+
+
+@pytest.fixture
+def checkout(tmp_path: Path) -> Path:
+    """A git repository of one commit, with our build settings and no tag."""
+    folder = tmp_path / "checkout"
+    folder.mkdir()
+    shutil.copy(ROOT / "pyproject.toml", folder)
+    git(folder, "init", "--quiet")
+    commit(folder, "A first commit")
+    return folder
+
+
+def git(folder: Path, *arguments: str) -> None:
+    subprocess.run(["git", "-C", str(folder), *arguments], check=True, capture_output=True)
+
+
+def commit(folder: Path, message: str) -> None:
+    git(folder, "add", ".")
+    who = ("-c", "user.name=test", "-c", "user.email=test@example.com")
+    git(folder, *who, "commit", "--quiet", "--allow-empty", "--message", message)
+
+
+def version_of(folder: Path, **environment: str) -> str:
+    """Return the version that a build in this folder would have."""
+    done = subprocess.run(
+        [sys.executable, "-m", "setuptools_scm"],
+        cwd=folder,
+        env={**os.environ, **environment},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return done.stdout.strip()
+
+
+@needs_git
+def test_the_version_is_that_of_the_tag_and_counts_the_commits_after_it(checkout: Path) -> None:
+    assert version_of(checkout) == "0.1.0.dev1"
+    git(checkout, "tag", "v1.2.3")
+    assert version_of(checkout) == "1.2.3"
+    commit(checkout, "A second commit")
+    assert version_of(checkout) == "1.2.4.dev1"
+
+
+@needs_git
+def test_a_copy_without_a_history_has_a_version(checkout: Path, tmp_path: Path) -> None:
+    git(checkout, "tag", "v1.2.3")
+    commit(checkout, "A second commit")
+    shallow = tmp_path / "shallow"
+    git(tmp_path, "clone", "--quiet", "--depth", "1", checkout.as_uri(), str(shallow))
+    assert version_of(shallow) == "0.1.0.dev1"
+    shutil.rmtree(shallow / ".git")
+    assert version_of(shallow) == "0.1.0.dev0"
+    assert version_of(checkout, PATH=str(tmp_path)) == "0.1.0.dev0"  # where git is missing
+
+
+def test_a_copy_that_was_never_installed_says_that_its_version_is_unknown(tmp_path: Path) -> None:
+    shutil.copytree(
+        ROOT / "src" / "hypermap",
+        tmp_path / "hypermap",
+        ignore=shutil.ignore_patterns("__pycache__", "_built_version.py", "viewer", "simulation"),
+    )
+    asked = "import sys; sys.path.append(sys.argv[1]); import hypermap; print(hypermap.__version__)"
+    done = subprocess.run(
+        [sys.executable, "-I", "-S", "-c", asked, str(tmp_path)],  # without installed packages
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.stdout, done.stderr) == ("0+unknown\n", "")
 
 
 def test_the_container_of_ros_1_has_debian_packages_that_the_tests_run_with() -> None:

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 from hypermap._compiled import find_a_cache
 from hypermap._lazy import attribute
-from hypermap._version import __version__
 from hypermap.core.outside import offer
 
 if TYPE_CHECKING:
+    from hypermap._version import __version__
     from hypermap.core.errors import (
         FileMissing,
         FormatError,
@@ -39,6 +39,7 @@ if TYPE_CHECKING:
 _HOMES = {
     name: module
     for module, names in {
+        "hypermap._version": "__version__",
         "hypermap.core.errors": (
             "FileMissing FormatError FrameError HypermapError LayerNotFound MissingExtra"
         ),
@@ -98,8 +99,11 @@ def __getattr__(name: str) -> Any:
 
 
 def _for_the_core(name: str) -> Any:
-    files = {"write_file": "hypermap.formats.atomic"}
-    home = (_HOMES | files).get(name, "hypermap.viewer.notebook")
+    others = {
+        "nearest_by_path": "hypermap.paths.planner",
+        "write_file": "hypermap.formats.atomic",
+    }
+    home = (_HOMES | others).get(name, "hypermap.viewer.notebook")
     return getattr(importlib.import_module(home), name)
 
 

@@ -35,7 +35,8 @@ def loop(*, allocates: bool = False, **options: Any) -> Callable[[Function], Fun
     """Return the decorator of a function that is compiled when it is first called, and kept.
 
     Args:
-        allocates: whether it makes arrays or returns any. Others are called with arrays to fill.
+        allocates: whether it makes arrays, returns any, or calls a loop that does; otherwise their
+            memory is never given back. Others are called with arrays to fill.
         options: of numba.
     """
     options |= _OPTIONS | {"_nrt": allocates}  # "NumPy runtime", numba's name for that count

@@ -87,6 +87,7 @@ def test_a_bag_of_large_images_with_errors_from_a_file(world: Path, tmp_path: Pa
         (["ofice"], "there is no world 'ofice'; did you mean 'office'?; or name a world file"),
         (["nowhere.yaml"], "nowhere.yaml: there is no such world file"),
         (["demo", "--errors", "robt"], "there is no level of errors 'robt'"),
+        (["demo", "--sensor", "kinect"], "there is no preset of a depth camera 'kinect'; did you"),
         (["demo", "--image-size", "1x1"], "--image-size 1x1: images are 320x240 or 640x480"),
         (["demo", "--errors", "e.yaml"], "e.yaml: detector.mis: unknown key; did you mean 'miss'?"),
     ],

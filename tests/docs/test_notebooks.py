@@ -5,18 +5,30 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
-
-nbclient = pytest.importorskip("nbclient", reason="nbclient is not installed (make docs)")
-nbformat = pytest.importorskip("nbformat", reason="nbformat is not installed (make docs)")
-pytest.importorskip("ipykernel", reason="ipykernel is not installed (make docs)")
 
 NOTEBOOKS = sorted((Path(__file__).resolve().parents[2] / "notebooks").glob("*.ipynb"))
 
 
+@pytest.fixture
+def nbclient() -> Any:
+    """The module, which takes long to import."""
+    pytest.importorskip("ipykernel", reason="ipykernel is not installed (make docs)")
+    return pytest.importorskip("nbclient", reason="nbclient is not installed (make docs)")
+
+
+@pytest.fixture
+def nbformat() -> Any:
+    """The module, which takes long to import."""
+    return pytest.importorskip("nbformat", reason="nbformat is not installed (make docs)")
+
+
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
-def test_a_notebook_runs_and_shows_pictures(path: Path, tmp_path: Path) -> None:
+def test_a_notebook_runs_and_shows_pictures(
+    path: Path, nbclient: Any, nbformat: Any, tmp_path: Path
+) -> None:
     notebook = nbformat.read(path, as_version=4)
     nbformat.validate(notebook)
     where = {"metadata": {"path": str(tmp_path)}}
@@ -35,7 +47,7 @@ def test_a_notebook_is_kept_without_what_it_shows(path: Path) -> None:
     assert not any(cell["outputs"] or cell["execution_count"] for cell in cells)
 
 
-def test_the_notebooks_kernel_is_this_python(tmp_path: Path) -> None:
+def test_the_notebooks_kernel_is_this_python(nbclient: Any, nbformat: Any, tmp_path: Path) -> None:
     cell = nbformat.v4.new_code_cell("import sys; print(sys.executable)")
     notebook = nbformat.v4.new_notebook(cells=[cell])
     nbclient.NotebookClient(

@@ -411,6 +411,34 @@ def _facts(evidence: EvidenceMap) -> list[object]:
     ]
 
 
+def test_a_merge_that_fails_leaves_the_neighbors_as_they_were(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    evidence = EvidenceMap(published_all(DEFAULT))
+    left, right, whole = shapely.box(0, 0, 1, 1), shapely.box(1, 0, 2, 1), shapely.box(0, 0, 2, 1)
+    neighbor = square(3.5)
+    evidence.update(seen(left, right, neighbor))
+    before = [dict(track.co_occurrences) for track in evidence._tracks.objects]
+    assert before == [{1: 1, 2: 1}, {0: 1, 2: 1}, {0: 1, 1: 1}]
+    with monkeypatch.context() as patched:
+        patched.delattr(evidence_module, "penalize_missed")
+        with pytest.raises(NameError):
+            evidence.update(seen(whole))
+    assert [dict(track.co_occurrences) for track in evidence._tracks.objects] == before
+    evidence.update(seen(whole))
+    after = {track.id: dict(track.co_occurrences) for track in evidence._tracks.objects}
+    assert after == {0: {2: 2}, 2: {0: 2}}
+
+
+def test_what_is_forgotten_leaves_nothing_behind() -> None:
+    # Beside a chair that stays, a wrong one is found in each frame, every time somewhere else.
+    evidence = EvidenceMap(dataclasses.replace(published_all(DEFAULT), loss=10.0))
+    for i in range(30):
+        evidence.update(seen(square(-2), square(2, 2 * (i % 3) - 2)))
+    stays, last = evidence._tracks.objects
+    assert stays.co_occurrences == {last.id: 1}
+
+
 @pytest.mark.parametrize("name", ["default", "thesis"])
 def test_what_is_kept_of_an_object_is_bounded(name: str) -> None:
     evidence = EvidenceMap(published_all(profile(name).evidence))

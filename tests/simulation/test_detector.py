@@ -13,6 +13,7 @@ from hypermap.simulation.detector import (
     NoisyDetector,
     visible_boxes,
 )
+from hypermap.simulation.lasting import LastingFaults, like_classes
 
 NAMES = ["cup", "chair", "table"]
 
@@ -150,6 +151,56 @@ def test_the_mask_of_a_false_positive_is_its_box() -> None:
         rows, cols = np.nonzero(mask)
         bounds = [cols.min(), rows.min(), cols.max() + 1, rows.max() + 1]
         assert bounds == pytest.approx(box, abs=0.51)
+
+
+def test_at_times_nothing_at_all_is_found_for_several_frames_in_a_row() -> None:
+    noise = only(blackout=0.02, blackout_frames=5)
+    seen = "".join("1" if len(found) else "0" for found in detect(noise, frames=5000))
+    lengths = [len(run) for run in seen.strip("1").split("1") if run]
+    assert np.mean(lengths) == pytest.approx(5, rel=0.25)
+    assert seen.count("1") / 5000 == pytest.approx(50 / 55, abs=0.03)
+
+
+def test_small_things_are_hard_to_find_more_often_and_stay_so() -> None:
+    noise = only(lasting_misses=0.4, hard_size=0.3, hard_miss=0.9)
+    sizes = np.repeat([0.1, 0.3, 1.2], 5000)
+    names = ["cup"] * len(sizes)
+    is_hard = LastingFaults.draw(names, sizes, noise, np.random.default_rng(0)).is_hard
+    shares = is_hard.reshape(3, -1).mean(axis=1)
+    assert shares == pytest.approx([0.4, 0.4, 0.1], abs=0.03)
+    lasting = LastingFaults(np.array([True, False, False]), ("", "", ""))
+    detector = NoisyDetector(NAMES, noise, np.random.default_rng(1), lasting=lasting)
+    found = [detector.detect(image()).names.tolist() for _ in range(500)]
+    assert sum("cup" in names for names in found) / 500 == pytest.approx(0.1, abs=0.05)
+    assert all("chair" in names for names in found)
+
+
+def test_a_thing_is_taken_for_a_like_one_in_many_frames() -> None:
+    noise = only(lasting_confusion=0.3, confusion_rate=0.5)
+    drawn = LastingFaults.draw(["chair"] * 3000, np.ones(3000), noise, np.random.default_rng(0))
+    assert np.mean([bool(alias) for alias in drawn.aliases]) == pytest.approx(0.3, abs=0.03)
+    assert set(drawn.aliases) == {"", *like_classes("chair")}
+    lasting = LastingFaults(np.zeros(3, dtype=bool), ("", "bench", ""))
+    detector = NoisyDetector(NAMES, noise, np.random.default_rng(1), lasting=lasting)
+    names = [detector.detect(image()).names.tolist() for _ in range(500)]
+    assert sum(found[1] == "bench" for found in names) / 500 == pytest.approx(0.5, abs=0.07)
+    assert all(found[0] == "cup" for found in names)
+
+
+def test_what_looks_like_nothing_else_is_not_confused() -> None:
+    drawn = LastingFaults.draw(
+        ["person"], np.ones(1), only(lasting_confusion=1), np.random.default_rng(0)
+    )
+    assert drawn.aliases == ("",)
+
+
+def test_false_places_join_the_boxes_clipped_to_the_image() -> None:
+    places = Detections.of([[-5, 10, 20, 30]], ["plant"], [0.8])
+    detector = NoisyDetector(NAMES, EXACT_DETECTOR, np.random.default_rng(0), has_masks=True)
+    found = detector.detect(image(), places)
+    assert found.names.tolist() == ["cup", "chair", "plant"]
+    assert found.xyxy[2].tolist() == [0, 10, 20, 30]
+    assert found.masks[2].sum() == 20 * 20
 
 
 def test_an_empty_world_gives_empty_detections() -> None:

@@ -7,7 +7,13 @@ from importlib import resources
 import numpy as np
 import pytest
 
-from hypermap.simulation import SimulatedRecording, World, built_in_world, network_detector
+from hypermap.simulation import (
+    SimulatedRecording,
+    World,
+    built_in_world,
+    built_in_worlds,
+    network_detector,
+)
 from hypermap.simulation.detector import visible_boxes
 from hypermap.simulation.network import CLASSES, class_of
 from hypermap.simulation.render import Renderer
@@ -28,7 +34,7 @@ def test_it_is_small_and_read_like_any_network() -> None:
 def test_every_model_of_the_built_in_worlds_has_a_class() -> None:
     assert class_of(WorldObject("screen", (0, 0), name="tvmonitor")) == "monitor"
     assert class_of(WorldObject("sitter", (0, 0), name="person")) == "person"
-    for world in ("demo", "lab", "office", "floor"):
+    for world in built_in_worlds():
         assert {class_of(thing) for thing in built_in_world(world).objects} <= set(CLASSES)
 
 

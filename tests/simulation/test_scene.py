@@ -11,10 +11,10 @@ from hypermap.simulation.scene import (
     BACKGROUND,
     Scene,
     footprint,
-    overlaps,
     placed,
     wall_parts,
 )
+from hypermap.simulation.standing import overlaps
 from hypermap.simulation.world import Door, FloorPlan, Wall, World, WorldObject
 
 

@@ -37,16 +37,18 @@ def test_a_world_file_becomes_plain_data(tmp_path: Path) -> None:
     text = BASE + (
         "walls: [{line: [[0, 0], [4, 0]], doors: [{at: [2, 0]}]}]\n"
         "objects:\n"
-        "  - {model: cup, name: no, at: [1, 2.5], z: 0.7, yaw_deg: 90, size: {height: 0.2}}\n"
+        "  - {model: table, at: [1, 2.5]}\n"
+        "  - {model: cup, name: no, at: [1, 2.5], z: 0.74, yaw_deg: 90, size: {height: 0.2}}\n"
         "drive: {waypoints: [[1, 1], [2, 1, 90]], speed: 1}\n"
     )
     world = load(tmp_path, text)
     assert world.floor == FloorPlan((0, 0, 4, 3))
     assert world.walls == (Wall(line=((0, 0), (4, 0)), doors=(Door((2, 0), 0.9),)),)
     assert world.objects == (
-        WorldObject("cup", (1, 2.5), yaw_deg=90, z=0.7, name="no", size={"height": 0.2}),
+        WorldObject("table", (1, 2.5)),
+        WorldObject("cup", (1, 2.5), yaw_deg=90, z=0.74, name="no", size={"height": 0.2}),
     )
-    assert world.objects[0].label == "no"
+    assert world.objects[1].label == "no"
     assert world.drive.waypoints == ((1, 1), (2, 1, 90))
     assert (world.drive.speed, world.drive.camera_height) == (1, 1.2)
 
@@ -129,6 +131,20 @@ def test_a_world_file_becomes_plain_data(tmp_path: Path) -> None:
             "w.yaml: objects[1]: the sofa at (1.2, 1) stands in the table at (1, 1), "
             "which is objects[0]; move one of them, or raise its z",
         ),
+        (
+            BASE + "objects: [{model: table, at: [2, 2]}, {model: cup, at: [2, 2], z: 0.9}]",
+            "w.yaml: objects[1]: the cup at (2, 2) hangs in the air: nothing ends at its z of 0.9 "
+            "below it, and no wall is beside it; set its z to the height of what it stands on",
+        ),
+        (
+            BASE + "objects: [{model: table, at: [2, 2]}, {model: cup, at: [3, 2], z: 0.74}]",
+            "w.yaml: objects[1]: the cup at (3, 2) hangs in the air",
+        ),
+        (
+            BASE + "walls: [{line: [[0, 1], [4, 1]]}]\nobjects: [{model: bin, at: [2, 1.02]}]",
+            "w.yaml: objects[0]: the bin at (2, 1.02) stands in a wall; move it away from there",
+        ),
+        (BASE + "variation: {mov: 1}", "w.yaml: variation.mov: unknown key; did you mean 'move'?"),
     ],
 )
 def test_a_bad_world_file_is_named_with_its_key_and_the_remedy(

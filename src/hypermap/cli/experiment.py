@@ -11,7 +11,7 @@ import typer
 
 from hypermap.cli.options import AsJson, Force, check_output
 from hypermap.cli.progress import counting
-from hypermap.cli.simulate import WHAT_ERRS, errors_of, world_of
+from hypermap.cli.simulate import ERRORS, SENSORS, WHAT_ERRS, WHAT_SENSOR, errors_of, world_of
 from hypermap.cli.terminal import out, say, say_json, table
 from hypermap.core.errors import HypermapError
 
@@ -25,11 +25,32 @@ def command(
         Path, typer.Option("-o", "--output", metavar="OUT", help="Save here: a report, .html.")
     ] = Path("thesis.html"),
     worlds: Annotated[
-        str, typer.Option(metavar="WORLD,...", help="Worlds of `hypermap simulate`, or files.")
+        str,
+        typer.Option(
+            metavar="dev|test|WORLD,...",
+            help="Worlds of `hypermap simulate`, or files. dev: those to look at and tune on; "
+            "test: those only to measure on.",
+        ),
     ] = "lab,floor",
+    wanted: Annotated[
+        str,
+        typer.Option(
+            "--methods",
+            metavar="all|NAME,...",
+            help="Methods by the first letters of their names: default, best, convex, ...",
+        ),
+    ] = "all",
     seeds: Annotated[int, typer.Option(min=1, max=1000, help="Drives through each world.")] = 10,
-    first_seed: Annotated[int, typer.Option(min=0, help="Seed of the first drive.")] = 1000,
-    errors: Annotated[str, typer.Option(metavar="none|fair|robot|FILE", help=WHAT_ERRS)] = "robot",
+    first_seed: Annotated[
+        int | None,
+        typer.Option(
+            min=0,
+            show_default="1000, or 5000 with worlds of test",
+            help="Seed of the first drive. Seeds from 5000 on are only to measure on.",
+        ),
+    ] = None,
+    errors: Annotated[str, typer.Option(metavar=ERRORS, help=WHAT_ERRS)] = "robot",
+    sensor: Annotated[str, typer.Option(metavar=SENSORS, help=WHAT_SENSOR)] = "kinect_v1",
     rate: Annotated[float, typer.Option(min=0.1, max=30, help="Frames per second.")] = 2.0,
     jobs: Annotated[
         int, typer.Option(min=0, max=256, help="Number of parallel drives; 0: one per core.")
@@ -40,35 +61,41 @@ def command(
     """Repeat the experiment of the 2019 thesis in simulation, with its four methods and ours.
 
     Every method maps the same drives through a laboratory and a floor like those of the thesis,
-    with different random errors. The occupancy map is known. The profile `default` corrects poses
-    by it; the methods of the thesis do not. The tables have the form of the thesis. A JSON file
-    next to the report contains all values.
+    with different random errors; in most other worlds each seed also moves and resizes the
+    furniture. The occupancy map is known. The profile `default` corrects poses by it; the methods
+    of the thesis do not. The tables have the form of the thesis. A JSON file next to the report
+    contains all values.
 
     Examples:
         hypermap experiment thesis
         hypermap experiment thesis --seeds 2 --worlds lab -o quick.html
+        hypermap experiment thesis --worlds dev --errors rough --sensor tof --methods default
     """
     from hypermap.experiments.drives import SimulatedDrive, map_drives
-    from hypermap.experiments.methods import methods
+    from hypermap.experiments.methods import chosen_methods
     from hypermap.experiments.report import write_report
     from hypermap.experiments.results import WorldResult, to_data
+    from hypermap.experiments.sets import first_seed_of, worlds_named
+    from hypermap.simulation import varied
 
     if name != "thesis":
         raise HypermapError(f"there is no experiment {name!r}; known: thesis")
     figures = output.with_suffix(".json")
     for file in (output, figures):
         check_output(file, replace)
-    described = [world_of(word) for word in worlds.split(",")]
-    _check_names([world.name for world in described], worlds.split(","))
-    chosen = errors_of(errors)
+    words = worlds_named(worlds)
+    described = [world_of(word) for word in words]
+    _check_names([world.name for world in described], words)
+    chosen, methods = errors_of(errors, sensor), chosen_methods(wanted)
+    first = first_seed_of(words) if first_seed is None else first_seed
     drives = [
-        SimulatedDrive(world, seed, chosen, rate)
+        SimulatedDrive(varied(world, seed), seed, chosen, rate)
         for world in described
-        for seed in range(first_seed, first_seed + seeds)
+        for seed in range(first, first + seeds)
     ]
     mapped = []
     with counting("mapping", len(drives), "drives") as count:
-        for done in map_drives(drives, methods(), jobs or len(os.sched_getaffinity(0))):
+        for done in map_drives(drives, methods, jobs or len(os.sched_getaffinity(0))):
             mapped.append(done)
             count()
     results = [
@@ -76,7 +103,11 @@ def command(
         for world in described
     ]
     data = to_data(results)
-    options = f"--worlds {worlds} --seeds {seeds} --first-seed {first_seed} --errors {errors}"
+    options = f"--worlds {worlds} --seeds {seeds} --first-seed {first} --errors {errors}"
+    if sensor != "kinect_v1":
+        options += f" --sensor {sensor}"
+    if wanted != "all":
+        options += f" --methods {wanted}"
     repeated = f"hypermap experiment thesis {options} --rate {rate:g}"
     data["command"] = repeated
     write_report(results, data, output, repeated)

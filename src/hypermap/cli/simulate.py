@@ -17,7 +17,15 @@ if TYPE_CHECKING:
     from hypermap.simulation import World
     from hypermap.simulation.levels import Errors
 
-WHAT_ERRS = "Errors of camera, localization and detector: a level or a YAML file."
+ERRORS = "none|fair|robot|rough|harsh|FILE"
+WHAT_ERRS = (
+    "Errors of camera, localization, detector and map: none; fair: depth and detections as usual; "
+    "robot: also poses that drift and jump, walls taken for things; rough: also small lasting "
+    "errors (clock, mounting, dark surfaces, false places, a map made by a laser); harsh: twice "
+    "these; or a YAML file that changes single values of fair."
+)
+SENSORS = "kinect_v1|realsense_d435|tof"
+WHAT_SENSOR = "Depth camera: its noise, range, steps and flying pixels, as published."
 _SIZES = {"320x240": 1, "640x480": 2}
 
 
@@ -27,7 +35,8 @@ def command(
         typer.Argument(
             metavar="WORLD",
             show_default=False,
-            help="demo, lab, floor, office, or a world file (YAML).",
+            help="demo, lab, floor, office, kitchen, warehouse, corridor, apartment, open_office, "
+            "building, or a world file (YAML).",
         ),
     ],
     output: Annotated[
@@ -43,11 +52,14 @@ def command(
     errors: Annotated[
         str,
         typer.Option(
-            metavar="none|fair|robot|FILE",
+            metavar=ERRORS,
             help=WHAT_ERRS,
         ),
     ] = "robot",
-    seed: Annotated[int, typer.Option(min=0, help="Random seed.")] = 0,
+    sensor: Annotated[str, typer.Option(metavar=SENSORS, help=WHAT_SENSOR)] = "kinect_v1",
+    seed: Annotated[
+        int, typer.Option(min=0, help="Random seed: of all errors, and of where furniture stands.")
+    ] = 0,
     rate: Annotated[float, typer.Option(min=0.01, max=100, help="Frames per second.")] = 3.0,
     image_size: Annotated[
         str, typer.Option(metavar="|".join(_SIZES), help="Width and height in pixels.")
@@ -71,25 +83,23 @@ def command(
         hypermap simulate lab -o lab
         hypermap map lab --detections lab/detections.json -o mine.hmap
         hypermap evaluate mine.hmap lab/truth.hmap
+        hypermap simulate lab -o rough --errors rough --sensor tof
         hypermap simulate office.yaml -o office.bag --errors none --image-size 640x480
     """
     from hypermap.formats import save_map
-    from hypermap.simulation import SimulatedRecording, ground_truth, write_bag, write_tum
+    from hypermap.simulation import SimulatedRecording, ground_truth, varied, write_bag, write_tum
 
     is_bag = output.suffix == ".bag"
     truth_file = output.with_suffix(".truth.hmap") if is_bag else output / "truth.hmap"
     if output.exists() or truth_file.exists():
         taken = output if output.exists() else truth_file
         raise HypermapError(f"{taken} exists already; name a new one")
-    described = world_of(world)
-    chosen = errors_of(errors)
-    recording = SimulatedRecording(
+    described = varied(world_of(world), seed)
+    recording = SimulatedRecording.with_errors(
         described,
+        errors_of(errors, sensor),
         camera=_camera(image_size),
         rate=rate,
-        depth_noise=chosen.depth,
-        pose_noise=chosen.poses,
-        detector_noise=chosen.detector,
         bad_frames=bad_frames,
         seed=seed,
     )
@@ -114,15 +124,15 @@ def world_of(name: str) -> World:
     return load_world(name) if is_file else built_in_world(name)
 
 
-def errors_of(name: str) -> Errors:
-    """Return a level of errors, or what a file lays over "fair"."""
+def errors_of(name: str, sensor: str) -> Errors:
+    """Return a level of errors with a depth camera, or what a file lays over "fair"."""
     from hypermap.mapping.overrides import override, read_overrides
-    from hypermap.simulation.levels import Errors, errors_of_level
+    from hypermap.simulation.levels import errors_of_level
 
     path = Path(name)
     if path.suffix in (".yaml", ".yml") or path.is_file():
-        return override(Errors(), read_overrides(path), path=path)
-    return errors_of_level(name)
+        return override(errors_of_level("fair", sensor), read_overrides(path), path=path)
+    return errors_of_level(name, sensor)
 
 
 def _camera(size: str) -> Camera:

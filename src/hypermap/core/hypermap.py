@@ -261,10 +261,14 @@ class Hypermap(Outward):
         k: int = 1,
         layer: str | None = None,
         frame_id: str | None = None,
+        by: str = "air",
     ) -> list[Found]:
         """Return the k nearest occurrences of a string or number, nearest first.
 
-        To an object, the distance is that to its shape; 0 inside.
+        To an object, the distance is that to its shape; 0 inside. By path, it is the length of the
+        shortest path of a point over free cells to where the object is in sight and at most a meter
+        away, and from there to its shape; objects to which none leads are left out.
+        `hypermap.paths.Planner` does the same for a robot of a radius.
 
         Args:
             what: what to look for, as in `find`.
@@ -272,13 +276,20 @@ class Hypermap(Outward):
             k: how many at most.
             layer: where to look; None for all semantic layers that have a place.
             frame_id: frame of the point; None for the base frame.
+            by: "air" or "path".
 
         Raises:
             LayerNotFound, FrameError: If the layer or the frame is unknown.
-            ValueError: If `k` is below 1.
+            HypermapError: By path, if the layer holds no objects, the map has not one occupancy
+                layer, or the point is in a wall.
+            ValueError: If `k` is below 1, or `by` is another word.
         """
         check_count(k)
         asked = self._lookup(self.base_frame, frame_id).apply(as_point_xy(point_xy))[0]
+        if by == "path":
+            return self.nearest_by_path(what, asked, k, layer)
+        if by != "air":
+            raise ValueError(f"by must be 'air' or 'path', got {by!r}")
         found: list[Found] = []
         only = None if layer is None else self[layer]
         if only is None or isinstance(only, SemanticLayer):

@@ -8,7 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+from hypermap.core.arrays import PointsLike
+
+if TYPE_CHECKING:
+    from hypermap.core.found import Found
 
 _offered: Callable[[str], Callable[..., Any]] | None = None
 
@@ -56,6 +61,20 @@ class Outward:
             options: as `layers`, `names`, `area`, `labels`, `legend`.
         """
         return _outside("plot")(self, axes, **options)
+
+    def nearest_by_path(
+        self, what: str | float, point_xy: PointsLike, k: int = 1, layer: str | None = None
+    ) -> list[Found]:
+        """Return the k objects with the shortest paths to them, as `nearest` with `by="path"`.
+
+        Args:
+            what: a name or an id.
+            point_xy: from where, in the base frame [m].
+            k: how many at most.
+            layer: the one that holds them; None for all.
+        """
+        found: list[Found] = _outside("nearest_by_path")(self, what, point_xy, k, layer)
+        return found
 
     # For notebooks, which ask for these
 

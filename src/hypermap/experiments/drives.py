@@ -19,7 +19,6 @@ from hypermap.perception.frame import RgbdFrame
 from hypermap.perception.observation import Observation
 from hypermap.perception.observe import observe
 from hypermap.simulation import Errors, SimulatedRecording, World
-from hypermap.simulation.truth import true_occupancy
 
 
 @dataclass(frozen=True)
@@ -57,20 +56,16 @@ class Mapped:
 def map_drive(drive: SimulatedDrive, methods: Mapping[str, MappingConfig]) -> Mapped:
     """Return the objects that each method maps on a drive.
 
-    Each frame is rendered once, and looked at once by each way of perception. The occupancy map of
-    the world is known, and poses are corrected by it where a method does so.
+    Each frame is rendered once, and looked at once by each way of perception. The occupancy map is
+    known, as well as the errors allow, and poses are corrected by it where a method does so.
     """
-    recording = SimulatedRecording(
-        drive.world,
-        rate=drive.rate,
-        depth_noise=drive.errors.depth,
-        pose_noise=drive.errors.poses,
-        detector_noise=drive.errors.detector,
-        seed=drive.seed,
+    recording = SimulatedRecording.with_errors(
+        drive.world, drive.errors, rate=drive.rate, seed=drive.seed
     )
     maps = {name: EvidenceMap(config.evidence) for name, config in methods.items()}
     keyframes = {name: KeyframeSelector(config.keyframes) for name, config in methods.items()}
-    occupancy = true_occupancy(drive.world)
+    occupancy = recording.occupancy()
+    assert occupancy is not None  # it has one unless it is told otherwise
     aligners = {
         config.alignment: Aligner(occupancy, config.alignment) for config in methods.values()
     }

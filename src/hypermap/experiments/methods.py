@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
 
+from hypermap.core.errors import HypermapError, did_you_mean
 from hypermap.mapping.config import MappingConfig, profile
 
 OURS = "default"
@@ -58,3 +59,22 @@ def methods() -> dict[str, MappingConfig]:
         for association, rule in associations.items()
     }
     return {**found, OURS: profile("default")}
+
+
+def chosen_methods(words: str) -> dict[str, MappingConfig]:
+    """Return the methods whose names begin with one of some words, or all for "all".
+
+    >>> list(chosen_methods("best,default"))
+    ['best shape, overlap', 'best shape, radius', 'default']
+
+    Raises:
+        HypermapError: If a word is the beginning of no name.
+    """
+    known = methods()
+    if words == "all":
+        return known
+    for word in words.split(","):
+        if not word or not any(name.startswith(word) for name in known):
+            hint = did_you_mean(word, ["all", *known])
+            raise HypermapError(f"there is no method {word!r}; {hint}")
+    return {name: known[name] for name in known if name.startswith(tuple(words.split(",")))}

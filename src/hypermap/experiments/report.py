@@ -61,7 +61,8 @@ def write_report(results: Sequence[WorldResult], data: Data, path: Path, command
             f"to {seeds[-1]}) of {world['frames']} frames.</p>"
         )
         parts += [_overall(world), _by_class(world, "iou"), _by_class(world, "distance")]
-        parts += [_picture(result, name) for name in (OURS, "best shape, overlap")]
+        shown = [name for name in (OURS, "best shape, overlap") if name in world["methods"]]
+        parts += [_picture(result, name) for name in shown]
     page = (
         "<!doctype html><html lang=en><meta charset=utf-8><title>Hypermap: the thesis' experiment"
         f"</title><style>{_STYLE}</style><body>{''.join(parts)}</body></html>"

@@ -13,7 +13,8 @@ from hypermap.evaluation.metrics import Evaluation, evaluate
 from hypermap.evaluation.significance import SignedRank, signed_rank
 from hypermap.experiments.drives import Mapped
 from hypermap.experiments.methods import OURS, PUBLISHED
-from hypermap.simulation import World, ground_truth
+from hypermap.simulation import World
+from hypermap.simulation.truth import true_objects
 
 Data = dict[str, Any]
 
@@ -23,8 +24,8 @@ class WorldResult:
     """All drives through a world.
 
     Attributes:
-        world: the world.
-        truth: its true objects.
+        world: the world, as the first drive saw it.
+        truth: its true objects; those of the other drives are as many, of the same classes.
         mapped: what became of each drive, by ascending seed.
         evaluations: one for each drive, by the method's name.
     """
@@ -37,15 +38,15 @@ class WorldResult:
     @classmethod
     def of(cls, mapped: Sequence[Mapped]) -> WorldResult:
         """Return the result of drives through the same world."""
-        world = mapped[0].drive.world
-        layer = ground_truth(world)["semantic"]
-        truth = tuple(layer.objects())  # type: ignore[attr-defined]
         by_seed = tuple(sorted(mapped, key=lambda m: m.drive.seed))
+        truths = [tuple(true_objects(m.drive.world).objects()) for m in by_seed]
         evaluations = {
-            name: tuple(evaluate(m.objects[name], truth) for m in by_seed)
+            name: tuple(
+                evaluate(m.objects[name], truth) for m, truth in zip(by_seed, truths, strict=True)
+            )
             for name in mapped[0].objects
         }
-        return cls(world, truth, by_seed, evaluations)
+        return cls(by_seed[0].drive.world, truths[0], by_seed, evaluations)
 
     def classes(self) -> list[str]:
         """Return the classes of the true objects, in alphabetical order."""

@@ -85,7 +85,8 @@ class EvidenceMap:
         if self.config.exclusive:
             self._count_co_occurrences()
         penalize_missed(self._tracks, observation, observed, self.config)
-        prune(self._tracks, self.config.forget_below)
+        for track in prune(self._tracks, self.config.forget_below):
+            self._forget_co_occurrences(track)
 
     def objects(self, ids: Collection[int] | None = None) -> list[SemanticObject]:
         """Return the objects with enough existence, in the order of their ids.
@@ -217,8 +218,14 @@ class EvidenceMap:
         """Move the co-occurrences of a merged track to the one that stays, on both sides."""
         kept.co_occurrences.update(merged.co_occurrences)
         for row in self._tracks.rows_of(merged.co_occurrences):
-            neighbor = self._tracks.objects[row]
+            neighbor = self._touch(row)
             neighbor.co_occurrences[kept.id] += neighbor.co_occurrences.pop(merged.id)
+        del kept.co_occurrences[kept.id]  # of frames that showed the two
+
+    def _forget_co_occurrences(self, pruned: Track) -> None:
+        """Drop the co-occurrences of a pruned track from the tracks that stay."""
+        for row in self._tracks.rows_of(pruned.co_occurrences):
+            self._touch(row).co_occurrences.pop(pruned.id)
 
     def _refresh_shape(self, row: int) -> None:
         """Fuse a track's shape from its evidence."""

@@ -11,7 +11,7 @@ import shapely
 from hypermap.mapping.footprint_iou import footprint_ious
 from hypermap.mapping.occlusion import sample_points, visible_shares
 from hypermap.mapping.stages import EvidenceConfig
-from hypermap.mapping.tracks import TrackTable
+from hypermap.mapping.tracks import Track, TrackTable
 from hypermap.perception.depth_view import DepthView
 from hypermap.perception.observation import Observation
 
@@ -39,11 +39,13 @@ def penalize_missed(
         _penalize_conflicts(tracks, observed, config)
 
 
-def prune(tracks: TrackTable, below: float) -> None:
-    """Remove the tracks with less existence than a limit."""
-    pruned = np.flatnonzero(tracks.existence < below)
-    if len(pruned):
-        tracks.remove(pruned.tolist())
+def prune(tracks: TrackTable, below: float) -> list[Track]:
+    """Remove the tracks with less existence than a limit, and return them."""
+    rows = np.flatnonzero(tracks.existence < below).tolist()
+    pruned = [tracks.objects[row] for row in rows]
+    if rows:
+        tracks.remove(rows)
+    return pruned
 
 
 def _penalize_by_rays(

@@ -48,6 +48,19 @@ def rooms_of_map(
     return find_rooms(grid, settings, objects=objects, kinds=kinds, previous=previous)
 
 
+def rooms_on(hypermap: Hypermap) -> Rooms | None:
+    """Return the rooms in the layer `rooms` of a map, in its base frame; None where it has none.
+
+    Raises:
+        HypermapError: If the doors of a room cannot be read.
+    """
+    if LAYER not in hypermap or not isinstance(hypermap[LAYER], SemanticLayer):
+        return None
+    layer = hypermap.semantic(LAYER)
+    pose = hypermap.frames.lookup(hypermap.base_frame, layer.frame_id)
+    return Rooms.of_layer(layer).moved(pose, hypermap.base_frame)
+
+
 def with_rooms(hypermap: Hypermap, rooms: Rooms) -> Hypermap:
     """Return a map with these rooms as its layer `rooms`, in the place of an older one."""
     previous = _previous(hypermap)

@@ -13,6 +13,7 @@ from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.arrays import FloatArray
 from hypermap.core.errors import HypermapError, did_you_mean
+from hypermap.core.frames import Pose2D
 from hypermap.core.grid import GridGeometry
 from hypermap.core.semantic import SemanticLayer, SemanticObject
 
@@ -172,6 +173,22 @@ class Rooms:
         rooms.sort(key=lambda room: room.id)
         doors = [door for door in doors if ids.issuperset(door.rooms)]
         return cls(layer.frame_id, tuple(rooms), tuple(sorted(doors, key=_order)))
+
+    def moved(self, pose: Pose2D, frame_id: str) -> Rooms:
+        """Return the same rooms and doors in another frame, without cells.
+
+        Args:
+            pose: of the rooms' frame in that frame.
+            frame_id: of that frame.
+        """
+        if pose.is_identity:
+            return replace(self, frame_id=frame_id)
+        rooms = [replace(room, outline=pose.apply_geometry(room.outline)) for room in self.rooms]
+        doors = [
+            replace(door, line=LineString(pose.apply(np.array(door.line.coords))))
+            for door in self.doors
+        ]
+        return Rooms(frame_id, tuple(rooms), tuple(doors))
 
     def replaced(self, rooms: list[Room]) -> Rooms:
         """Return the same with other rooms in the places of these; doors go along.

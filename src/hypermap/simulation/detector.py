@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from hypermap.core.arrays import BoolArray
 from hypermap.perception.detections import Detections
-from hypermap.simulation.noise import check_not_negative
+from hypermap.simulation.lasting import LastingFaults
+from hypermap.simulation.ranges import check_not_negative
 
 WALL_NAMES = ("train", "refrigerator")  # what detectors trained on COCO take walls for
 _BACKGROUND_SHARE = 0.9
@@ -31,6 +34,22 @@ class DetectorNoise:
         false_positives: boxes around nothing, per frame, in the mean.
         walls: large boxes on walls and floor with a name of `WALL_NAMES`, per frame, in the mean.
         mask_margin: pixels by which masks, where there are any, reach past their objects.
+        blackout: probability per frame that the detector finds nothing at all for a while.
+        blackout_frames: for how many frames it then finds nothing, in the mean.
+        lasting_misses: probability that a thing as small as `hard_size` is one that the detector
+            hardly ever finds. Of a thing n times as large it is an n-th of that. Which things these
+            are, the seed says.
+        hard_size: the largest side of such a small thing [m].
+        hard_miss: probability that one of these is missed in a frame.
+        false_places: places of the world, as a shadow or a picture, where the detector sees a thing
+            that is not there, each time that it looks from about the same side.
+        false_place_rate: share of these frames in which it does.
+        lasting_confusion: share of the things that the detector takes for a like class in many
+            frames, as a screen for a laptop; which, the seed says.
+        confusion_rate: share of the frames in which it does.
+
+    Objects that are small are missed more often, and what is taken for what is not at random:
+    Hoiem, Chodpathumwan, Dai, "Diagnosing error in object detectors", ECCV 2012, sections 3 and 4.
     """
 
     min_pixels: int = 60
@@ -43,11 +62,21 @@ class DetectorNoise:
     false_positives: float = 0.03
     walls: float = 0.0
     mask_margin: int = 1
+    blackout: float = 0.0
+    blackout_frames: float = 5.0
+    lasting_misses: float = 0.0
+    hard_size: float = 0.3
+    hard_miss: float = 0.9
+    false_places: int = 0
+    false_place_rate: float = 0.6
+    lasting_confusion: float = 0.0
+    confusion_rate: float = 0.5
 
     def __post_init__(self) -> None:
         check_not_negative(self, *(f.name for f in fields(self)))
-        if self.flicker_frames < 1:
-            raise ValueError(f"flicker_frames must be at least 1, got {self.flicker_frames}")
+        for frames in ("flicker_frames", "blackout_frames"):
+            if getattr(self, frames) < 1:
+                raise ValueError(f"{frames} must be at least 1, got {getattr(self, frames)}")
 
 
 EXACT_DETECTOR = DetectorNoise(
@@ -64,6 +93,7 @@ class NoisyDetector:
         noise: DetectorNoise,
         rng: np.random.Generator,
         has_masks: bool = False,
+        lasting: LastingFaults | None = None,
     ) -> None:
         """Prepare to detect.
 
@@ -72,26 +102,38 @@ class NoisyDetector:
             noise: how it errs.
             rng: all chance comes from here.
             has_masks: whether it gives masks with its boxes.
+            lasting: what it gets wrong of which object the whole drive long; None for nothing.
         """
         self._names = list(names)
         self._classes = sorted(set(names))
         self._noise = noise
         self._rng = rng
         self._has_masks = has_masks
+        self._lasting = lasting
         self._lost_for = np.zeros(len(names), dtype=np.int64)
+        self._blind_for = 0
 
-    def detect(self, instances: NDArray[np.int32]) -> Detections:
+    def detect(
+        self, instances: NDArray[np.int32], false_places: Detections | None = None
+    ) -> Detections:
         """Return boxes around the visible parts of the objects, clipped to the image.
 
         Args:
             instances: which object each pixel shows, -1 for none, shape (H, W).
+            false_places: boxes around places that look like a thing; None for none.
         """
+        found = self._objects(instances)
+        if false_places is not None and len(false_places):
+            found = self._joined(found, false_places, instances.shape)
+        return found[:0] if self._is_blind() else found
+
+    def _objects(self, instances: NDArray[np.int32]) -> Detections:
         height, width = instances.shape
         size = [width, height, width, height]
         pixels = np.bincount(instances[instances >= 0], minlength=len(self._names))
         found = np.flatnonzero(self._is_found(pixels))
         boxes = self._misplaced(visible_boxes(instances, len(self._names))[found])
-        names = [self._named(self._names[i]) for i in found]
+        names = [self._named(self._called(i)) for i in found.tolist()]
         scores = self._rng.uniform(0.5, 0.95, len(names))
 
         extra = self._rng.poisson(self._noise.false_positives) if self._classes else 0
@@ -112,7 +154,39 @@ class NoisyDetector:
         starts = (self._lost_for == 0) & (rng.random(n) < noise.flicker)
         self._lost_for[starts] = rng.geometric(1 / noise.flicker_frames, n)[starts]
         seen = (pixels > 0) & (pixels >= noise.min_pixels)
-        return np.asarray(seen & (self._lost_for == 0) & (rng.random(n) >= noise.miss))
+        found = seen & (self._lost_for == 0) & (rng.random(n) >= noise.miss)
+        if self._lasting is not None and self._lasting.is_hard.any():
+            found &= ~(self._lasting.is_hard & (rng.random(n) < noise.hard_miss))
+        return np.asarray(found)
+
+    def _is_blind(self) -> bool:
+        """Return whether nothing at all is found in this frame."""
+        if not self._noise.blackout:
+            return False
+        self._blind_for = max(self._blind_for - 1, 0)
+        if self._blind_for == 0 and self._rng.random() < self._noise.blackout:
+            self._blind_for = int(self._rng.geometric(1 / self._noise.blackout_frames))
+        return self._blind_for > 0
+
+    def _called(self, index: int) -> str:
+        """Return the class of an object, or the like one that it is often taken for."""
+        alias = "" if self._lasting is None else self._lasting.aliases[index]
+        is_alias = bool(alias) and self._rng.random() < self._noise.confusion_rate
+        return alias if is_alias else self._names[index]
+
+    def _joined(self, found: Detections, others: Detections, shape: tuple[int, ...]) -> Detections:
+        """Return detections and further boxes, which are clipped to the image."""
+        height, width = shape
+        boxes = np.clip(others.xyxy, 0, [width, height, width, height])
+        masks = None
+        if found.masks is not None:
+            masks = np.concatenate([found.masks, _filled(boxes, height, width)])
+        return Detections.of(
+            np.vstack([found.xyxy, boxes]),
+            [*found.names, *others.names],
+            np.append(found.scores, others.scores),
+            masks,
+        )
 
     def _named(self, name: str) -> str:
         others = [other for other in self._classes if other != name]
@@ -138,9 +212,7 @@ class NoisyDetector:
             mask[:] = instances == index
             if self._noise.mask_margin:
                 mask[:] = ndimage.binary_dilation(mask, iterations=self._noise.mask_margin)
-        for mask, box in zip(masks[len(found) :], nonsense, strict=True):
-            xmin, ymin, xmax, ymax = np.round(box).astype(int)
-            mask[ymin:ymax, xmin:xmax] = True
+        masks[len(found) :] = _filled(nonsense, *instances.shape)
         return masks
 
     def _on_walls(self, instances: NDArray[np.int32]) -> list[NDArray[np.float64]]:
@@ -160,6 +232,15 @@ class NoisyDetector:
         size = self._rng.uniform(0.05, 0.4, 2) * [width, height]
         corner = self._rng.uniform(size=2) * ([width, height] - size)
         return np.hstack([corner, corner + size])
+
+
+def _filled(boxes: Iterable[NDArray[np.floating[Any]]], height: int, width: int) -> BoolArray:
+    """Return masks of all that is in boxes, shape (N, height, width)."""
+    corners = [np.round(box).astype(int) for box in boxes]
+    masks = np.zeros((len(corners), height, width), dtype=bool)
+    for mask, (xmin, ymin, xmax, ymax) in zip(masks, corners, strict=True):
+        mask[ymin:ymax, xmin:xmax] = True
+    return masks
 
 
 def visible_boxes(instances: NDArray[np.int32], count: int) -> NDArray[np.float64]:

@@ -207,3 +207,31 @@ def panel(
             color,
         ),
     )
+
+
+def shelf(
+    color: str = "#3f5f9a", *, length: float = 0.6, width: float = 2.0, height: float = 2.4
+) -> tuple[Part, ...]:
+    """Four posts with boards at a tenth, four tenths and seven tenths of the height, and on top."""
+    board, post = 0.03, 0.06
+    return (
+        *_legs(length, width, height - board, post, color),
+        *(
+            box((length, width, board), (0, 0, share * height - board / 2), "#b08d57")
+            for share in (0.1, 0.4, 0.7, 1.0)
+        ),
+    )
+
+
+def bed(
+    color: str = "#7f8fa6", *, length: float = 2.0, width: float = 1.4, height: float = 0.9
+) -> tuple[Part, ...]:
+    """A mattress on its frame and a headboard at the back; one lies looking along +x."""
+    mattress, head, frame, wood = 0.2, 0.06, 0.3, "#8a6f4f"
+    top, board = frame + mattress, height - frame
+    return (
+        box((length, width, frame), (0, 0, frame / 2), wood),
+        box((length - head, width - 0.04, mattress), (head / 2, 0, frame + mattress / 2), color),
+        box((head, width, board), ((head - length) / 2, 0, frame + board / 2), wood),
+        box((0.4, width * 0.8, 0.1), (0.3 - length / 2, 0, top + 0.05), "#f0efe8"),
+    )

@@ -64,5 +64,9 @@ MODELS: Mapping[str, Model] = {
         things.mouse,
         things.fan,
         things.sitter,
+        furniture.shelf,
+        furniture.bed,
+        things.bottle,
+        things.carton,
     )
 }

@@ -9,8 +9,16 @@ from hypermap.perception.detectors import load_detector
 from hypermap.simulation.models import MODELS
 from hypermap.simulation.world import WorldObject
 
-# What looks alike has one name: a network cannot know what a world's author calls it.
-_ALIKE = {"screen": "monitor", "sitter": "person"}
+# What looks alike has one name: a network cannot know what a world's author calls it. The last four
+# came after its training.
+_ALIKE = {
+    "screen": "monitor",
+    "sitter": "person",
+    "shelf": "cupboard",
+    "bed": "sofa",
+    "bottle": "cup",
+    "carton": "bin",
+}
 CLASSES = tuple(model for model in MODELS if model not in _ALIKE)
 
 

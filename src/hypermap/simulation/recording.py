@@ -4,24 +4,36 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from hypermap.core.arrays import FloatArray
 from hypermap.core.occupancy import OccupancyLayer
-from hypermap.perception.detections import Detector
+from hypermap.perception.detections import Detections, Detector
 from hypermap.perception.frame import Camera, RgbdFrame
 from hypermap.perception.recording import OnBadFrame, RecordingInfo, Stream
 from hypermap.simulation.bad_frames import FAULTS, draw_fault
+from hypermap.simulation.depth_noise import DepthNoise
 from hypermap.simulation.detector import DetectorNoise, NoisyDetector
-from hypermap.simulation.noise import DepthNoise, PoseNoise
-from hypermap.simulation.render import DEFAULT_CAMERA, Renderer
-from hypermap.simulation.scene import Scene
-from hypermap.simulation.trajectory import camera_poses, planar_poses
-from hypermap.simulation.truth import true_occupancy
+from hypermap.simulation.false_places import FalsePlace, detect_false_places, draw_false_places
+from hypermap.simulation.lasting import LastingFaults
+from hypermap.simulation.levels import Errors
+from hypermap.simulation.map_noise import MapNoise
+from hypermap.simulation.people import draw_walkers, walkers_at
+from hypermap.simulation.pose_noise import PoseNoise
+from hypermap.simulation.render import DEFAULT_CAMERA, Rendering
+from hypermap.simulation.scene import Scene, size_of
+from hypermap.simulation.trajectory import Drive, camera_poses, planar_poses, poses_at
+from hypermap.simulation.views import Views
 from hypermap.simulation.world import World
 
 # One stream of random numbers per kind of error, so that changing one leaves the others alone.
 _DEPTH, _POSE, _DETECTOR, _FAULT = range(4)
+_DARK, _MOUNT, _LASTING, _PLACES, _FALSE, _PEOPLE, _GLASS, _MAP = range(4, 12)
+
+_PERSON = 1.75  # meters
 
 
 class SimulatedRecording:
@@ -46,6 +58,8 @@ class SimulatedRecording:
         pose_noise: PoseNoise | None = None,
         detector: Detector | None = None,
         detector_noise: DetectorNoise | None = None,
+        map_noise: MapNoise | None = None,
+        people: int = 0,
         has_masks: bool = False,
         has_occupancy: bool = True,
         bad_frames: float = 0.0,
@@ -62,8 +76,10 @@ class SimulatedRecording:
             detector: finds the objects in the color images, as `network_detector()` does; None for
                 one that knows where they are, and errs.
             detector_noise: how that one errs; None for the defaults.
+            map_noise: errors of the occupancy map; None for none.
+            people: how many walk through the world meanwhile.
             has_masks: whether that one gives masks with its boxes.
-            has_occupancy: whether the recording comes with the exact occupancy map.
+            has_occupancy: whether the recording comes with an occupancy map.
             bad_frames: share of the frames that broken sensors spoil, each by a fault of
                 `bad_frames.FAULTS`.
             seed: of all random numbers.
@@ -81,13 +97,14 @@ class SimulatedRecording:
         self._depth_noise = depth_noise or DepthNoise()
         self._detector = detector
         self._detector_noise = detector_noise or DetectorNoise()
+        self._map_noise = map_noise or MapNoise()
+        self._seed = seed
+        self._walkers = draw_walkers(people, world.drive, self._rng(_PEOPLE))
         self._has_masks = has_masks
         self._has_occupancy = has_occupancy
-        self._seed = seed
         self._stamps, poses = planar_poses(world.drive, rate)
         self._true_poses = camera_poses(poses, world.drive)
-        estimated = (pose_noise or PoseNoise()).estimate(self._stamps, poses, self._rng(_POSE))
-        self._estimated_poses = camera_poses(estimated, world.drive)
+        self._estimated_poses = self._estimated(pose_noise or PoseNoise(), poses, world.drive)
         drawn = (draw_fault(bad_frames, self._rng(_FAULT, i)) for i in range(len(self)))
         self.faults = {i: fault for i, fault in enumerate(drawn) if fault is not None}
 
@@ -117,15 +134,33 @@ class SimulatedRecording:
                 yield arrived
             before = frame
 
+    @classmethod
+    def with_errors(cls, world: World, errors: Errors, **options: Any) -> SimulatedRecording:
+        """Prepare a drive with all of some errors, as those of a level; options as above."""
+        return cls(
+            world,
+            depth_noise=errors.depth,
+            pose_noise=errors.poses,
+            detector_noise=errors.detector,
+            map_noise=errors.map,
+            people=errors.people,
+            **options,
+        )
+
     def _good_frames(self) -> Iterator[RgbdFrame]:
-        renderer = Renderer(Scene.of(self.world), self.camera)
-        names = [thing.label for thing in self.world.objects]
-        noisy = NoisyDetector(names, self._detector_noise, self._rng(_DETECTOR), self._has_masks)
+        views = Views(self.world, self.camera)
+        dark = self._depth_noise.draw_dark(len(self.world.objects), self._rng(_DARK))
+        noisy, places = self._noisy_detector(), self._false_places(views)
         for i, stamp in enumerate(self._stamps.tolist()):
-            view = renderer.render(self._true_poses[i])
+            pose = self._true_poses[i]
+            moving = self._people_at(stamp, pose)
+            view = views.seen(pose, moving)
+            measured = views.measured(
+                view, pose, moving, self._depth_noise.glass_return, self._rng(_GLASS, i)
+            )
             yield RgbdFrame(
                 stamp=stamp,
-                depth=self._depth_noise.measure(view, self._rng(_DEPTH, i)),
+                depth=self._depth_noise.measure(measured, self._rng(_DEPTH, i), dark),
                 camera=self.camera,
                 map_T_camera=self._estimated_poses[i],
                 color=view.color,
@@ -133,9 +168,33 @@ class SimulatedRecording:
                 detections=(
                     self._detector.detect(view.color)
                     if self._detector is not None
-                    else noisy.detect(view.instances)
+                    else noisy.detect(view.instances, self._seen_falsely(places, view, i))
                 ),
             )
+
+    def _noisy_detector(self) -> NoisyDetector:
+        noise = self._detector_noise
+        names = [thing.label for thing in self.world.objects] + ["person"] * len(self._walkers)
+        sizes = [size_of(thing) for thing in self.world.objects] + [_PERSON] * len(self._walkers)
+        lasting = LastingFaults.draw(names, np.array(sizes), noise, self._rng(_LASTING))
+        return NoisyDetector(names, noise, self._rng(_DETECTOR), self._has_masks, lasting)
+
+    def _false_places(self, views: Views) -> list[FalsePlace]:
+        names = sorted({thing.label for thing in self.world.objects})
+        count, rng = self._detector_noise.false_places, self._rng(_PLACES)
+        return draw_false_places(count, self._true_poses, views.seen, self.camera, names, rng)
+
+    def _seen_falsely(self, places: list[FalsePlace], view: Rendering, i: int) -> Detections | None:
+        if not places:
+            return None
+        rate, rng = self._detector_noise.false_place_rate, self._rng(_FALSE, i)
+        return detect_false_places(places, self._true_poses[i], view, self.camera, rate, rng)
+
+    def _people_at(self, stamp: float, pose: FloatArray) -> Scene | None:
+        """Return the people in the world at a time; None for nobody."""
+        first = len(self.world.objects)
+        here = walkers_at(self._walkers, stamp, pose[:2, 3])
+        return Scene.of_things((first + n, one) for n, one in here) if here else None
 
     def info(self) -> RecordingInfo:
         """Say what is inside."""
@@ -147,7 +206,7 @@ class SimulatedRecording:
             Stream("poses", "simulated camera poses", n, "where each image was taken"),
         ]
         if self._has_occupancy:
-            streams.append(Stream("map", "exact occupancy map", 1, "occupancy layer"))
+            streams.append(Stream("map", "occupancy map", 1, "occupancy layer"))
         return RecordingInfo(
             path=self.path,
             format="simulation",
@@ -158,8 +217,20 @@ class SimulatedRecording:
         )
 
     def occupancy(self) -> OccupancyLayer | None:
-        """Return the exact occupancy map of walls and objects, or None if there is to be none."""
-        return true_occupancy(self.world) if self._has_occupancy else None
+        """Return the occupancy map of walls and objects, or None if there is to be none."""
+        return self._map_noise.make(self.world, self._rng(_MAP)) if self._has_occupancy else None
+
+    def _estimated(
+        self, noise: PoseNoise, poses: NDArray[np.float64], drive: Drive
+    ) -> NDArray[np.float64]:
+        """Return `map_T_camera` of all frames as localization reports it, shape (N, 4, 4)."""
+        if noise.time_offset:
+            poses = poses_at(drive, self._stamps - noise.time_offset)
+        estimated = noise.estimate(self._stamps, poses, self._rng(_POSE))
+        cameras = camera_poses(estimated, drive)
+        if noise.mounting_deg or noise.mounting:
+            cameras = cameras @ noise.mounting_error(self._rng(_MOUNT))
+        return cameras
 
     def _rng(self, *stream: int) -> np.random.Generator:
         return np.random.default_rng([self._seed, *stream])

@@ -49,26 +49,35 @@ class Renderer:
         self._lengths = np.linalg.norm(self._rays, axis=1)
         self._shadows = Shadows.of(scene.triangles, _lamp(scene))
 
-    def render(self, map_T_camera: NDArray[np.float64]) -> Rendering:
-        """Return the view from a pose of the optical frame."""
+    def render(self, map_T_camera: NDArray[np.float64], moving: Scene | None = None) -> Rendering:
+        """Return the view from a pose of the optical frame.
+
+        Args:
+            map_T_camera: the pose, shape (4, 4).
+            moving: what else is there just now; it casts no shadow.
+        """
+        scene, facing = self._scene, self._normals
+        if moving is not None:
+            scene = scene.joined(moving)
+            facing = np.concatenate([facing, _normals(moving.triangles)])
         shape = (self.camera.height, self.camera.width)
         pose = map_T_camera.astype(np.float32)
         # Not `@`: for so narrow a matrix the threads of BLAS cost more than they save.
         directions = np.einsum("ij,kj->ik", self._rays, pose[:3, :3])
         projection = self.camera.K @ invert(map_T_camera)[:3]
-        depths, found = nearest_triangles(self._scene.triangles, projection, *shape)
+        depths, found = nearest_triangles(scene.triangles, projection, *shape)
 
         triangles = found.ravel()  # -1 for nothing: what it stands for is overwritten below
         nothing = triangles < 0
         # A ray advances one meter along the optical axis per unit of length.
         depth = np.where(nothing, np.nan, depths.ravel()).astype(np.float32)
         points = pose[:3, 3] + depth[:, np.newaxis] * directions
-        cosine = np.einsum("ij,ij->i", directions, self._normals[triangles]) / self._lengths
-        instances = self._scene.instances[triangles]
+        cosine = np.einsum("ij,ij->i", directions, facing[triangles]) / self._lengths
+        instances = scene.instances[triangles]
         instances[nothing] = BACKGROUND
         incidence = np.arccos(np.minimum(np.abs(cosine), 1))
         incidence[nothing] = np.nan
-        color = self._shade(points, triangles)
+        color = self._shade(points, scene, triangles, facing[triangles])
         color[nothing] = SKY
         return Rendering(
             depth=depth.reshape(shape),
@@ -78,19 +87,22 @@ class Renderer:
         )
 
     def _shade(
-        self, points: NDArray[np.float32], triangles: NDArray[np.int32]
+        self,
+        points: NDArray[np.float32],
+        scene: Scene,
+        triangles: NDArray[np.int32],
+        normals: NDArray[np.float32],
     ) -> NDArray[np.float32]:
         """Return Lambert shading: light from all around, a little more from above, and a lamp."""
-        normals = self._normals[triangles]
         to_lamp = self._shadows.lamp.astype(np.float32) - points
         facing = np.einsum("ij,ij->i", normals, to_lamp)
         facing /= np.sqrt(np.einsum("ij,ij->i", to_lamp, to_lamp))
         lit = np.flatnonzero(facing > 0)
         facing[lit[self._shadows.cover(points[lit] + 1e-3 * normals[lit])]] = 0
         light = _AMBIENT + _FROM_ABOVE * normals[:, 2] + _FROM_LAMP * np.maximum(facing, 0)
-        boards = np.flatnonzero(self._scene.is_floor[triangles])
+        boards = np.flatnonzero(scene.is_floor[triangles])
         light[boards] *= _boards(points[boards])
-        shaded: NDArray[np.float32] = self._scene.colors[triangles] * light[:, np.newaxis]
+        shaded: NDArray[np.float32] = scene.colors[triangles] * light[:, np.newaxis]
         return shaded
 
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 import shapely
@@ -38,13 +39,26 @@ class Scene:
     is_floor: NDArray[np.bool_]
 
     @classmethod
-    def of(cls, world: World) -> Scene:
-        """Return the triangles of a world."""
+    def of(cls, world: World, with_glass: bool = True) -> Scene:
+        """Return the triangles of a world, with or without what is made of glass."""
+        walls = [wall for wall in world.walls if with_glass or not wall.glass]
+        things = [(i, one) for i, one in enumerate(world.objects) if with_glass or not one.glass]
         bodies = [(part, BACKGROUND, True) for part in floor_parts(world.floor)]
-        bodies += [(part, BACKGROUND, False) for wall in world.walls for part in wall_parts(wall)]
-        bodies += [
-            (part, i, False) for i, thing in enumerate(world.objects) for part in placed(thing)
-        ]
+        bodies += [(part, BACKGROUND, False) for wall in walls for part in wall_parts(wall)]
+        return cls._of_bodies(bodies + _bodies_of(things))
+
+    @classmethod
+    def of_things(cls, things: Iterable[tuple[int, WorldObject]]) -> Scene:
+        """Return the triangles of things alone, each with its instance."""
+        return cls._of_bodies(_bodies_of(things))
+
+    def joined(self, other: Scene) -> Scene:
+        """Return both together."""
+        pairs = zip(vars(self).values(), vars(other).values(), strict=True)
+        return Scene(*(np.concatenate(pair) for pair in pairs))
+
+    @classmethod
+    def _of_bodies(cls, bodies: Sequence[_Body]) -> Scene:
         counts = [len(part.faces) for part, _, _ in bodies]
         return cls(
             np.concatenate([part.vertices[part.faces] for part, _, _ in bodies]).astype(np.float32),
@@ -54,9 +68,22 @@ class Scene:
         )
 
 
+_Body: TypeAlias = tuple[Part, int, bool]  # with its instance, and whether it is floor
+
+
+def _bodies_of(things: Iterable[tuple[int, WorldObject]]) -> list[_Body]:
+    return [(part, i, False) for i, thing in things for part in placed(thing)]
+
+
 def placed(thing: WorldObject) -> tuple[Part, ...]:
     """Return the parts of a thing where it stands, map frame."""
     return thing.parts()
+
+
+def size_of(thing: WorldObject) -> float:
+    """Return the largest side of a thing [m]: of its length, width and height."""
+    corners = np.concatenate([part.vertices for part in placed(thing)])
+    return float(np.ptp(corners, axis=0).max())
 
 
 def floor_parts(floor: FloorPlan) -> tuple[Part, ...]:
@@ -87,40 +114,11 @@ def wall_parts(wall: Wall) -> tuple[Part, ...]:
 
 def footprint(parts: Iterable[Part]) -> BaseGeometry:
     """Return the union of the parts' projections on the floor; exact, as every part is convex."""
-    return shapely.union_all([_projection(part) for part in parts])
+    return shapely.union_all([projection(part) for part in parts])
 
 
-def overlaps(world: World) -> list[tuple[int, int]]:
-    """Return the pairs of objects of which some parts stand in each other."""
-    bodies = [[_Solid.of(part) for part in placed(thing)] for thing in world.objects]
-    outlines = np.array([shapely.union_all([s.outline for s in body]) for body in bodies])
-    left, right = shapely.STRtree(outlines).query(outlines, predicate="intersects")
-    pairs = sorted((int(i), int(j)) for i, j in zip(left, right, strict=True) if i < j)
-    return [(i, j) for i, j in pairs if any(a.hits(b) for a in bodies[i] for b in bodies[j])]
-
-
-@dataclass(frozen=True)
-class _Solid:
-    """A part as a prism: its outline, and from where to where it reaches."""
-
-    outline: BaseGeometry
-    bottom: float
-    top: float
-
-    @classmethod
-    def of(cls, part: Part) -> _Solid:
-        z = part.vertices[:, 2]
-        return cls(_projection(part), float(z.min()), float(z.max()))
-
-    def hits(self, other: _Solid) -> bool:
-        """Return whether the two share more than a touch."""
-        if min(self.top, other.top) - max(self.bottom, other.bottom) <= _TOUCH:
-            return False
-        shared = self.outline.intersection(other.outline)
-        return not shared.buffer(-_TOUCH / 2).is_empty
-
-
-def _projection(part: Part) -> BaseGeometry:
+def projection(part: Part) -> BaseGeometry:
+    """Return the outline of a part on the floor; exact, as every part is convex."""
     return shapely.MultiPoint(part.vertices[:, :2]).convex_hull
 
 

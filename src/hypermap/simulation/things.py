@@ -135,3 +135,26 @@ def sitter(
         ),
         ellipsoid((head, head * 0.85, head * 1.2), (spine + 0.02, 0, height - head * 1.2), skin),
     )
+
+
+def bottle(
+    color: str = "#2f6f4a", *, radius: float = 0.04, height: float = 0.28
+) -> tuple[Part, ...]:
+    """A body, a shoulder and a neck."""
+    body, shoulder = height * 0.6, height * 0.2
+    return (
+        cylinder(radius, body, (0, 0, 0), color),
+        turned([(radius, 0.0), (radius * 0.35, shoulder)], (0, 0, body), color),
+        cylinder(radius * 0.35, height - body - shoulder, (0, 0, body + shoulder), color),
+    )
+
+
+def carton(
+    color: str = "#b98f5a", *, length: float = 0.4, width: float = 0.5, height: float = 0.35
+) -> tuple[Part, ...]:
+    """A cardboard box with a strip of tape on top."""
+    tape = 0.002
+    return (
+        box((length, width, height - tape), (0, 0, (height - tape) / 2), color),
+        box((length, 0.06, tape), (0, 0, height - tape / 2), "#d9c9a0"),
+    )

@@ -55,10 +55,18 @@ def planar_poses(drive: Drive, rate: float) -> tuple[NDArray[np.float64], NDArra
     """
     if not (math.isfinite(rate) and rate > 0):
         raise ValueError(f"the rate must be a positive number, got {rate}")
-    times, knots = _knots(drive)
+    times, _ = _knots(drive)
     stamps = np.arange(math.floor(times[-1] * rate + 1e-9) + 1) / rate
-    columns = [np.interp(stamps, times, knots[:, i]) for i in range(3)]
-    return stamps, np.column_stack(columns)
+    return stamps, poses_at(drive, stamps)
+
+
+def poses_at(drive: Drive, stamps: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return where the robot is at some times [s]: x, y, yaw [m, m, rad], shape (N, 3).
+
+    It stands still before it starts and after it has arrived.
+    """
+    times, knots = _knots(drive)
+    return np.column_stack([np.interp(stamps, times, knots[:, i]) for i in range(3)])
 
 
 def camera_poses(poses: ArrayLike, drive: Drive) -> NDArray[np.float64]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import shapely
@@ -21,6 +22,7 @@ from hypermap.simulation.world import World
 RESOLUTION = 0.05  # meters per cell
 BLOCKING = (0.05, 1.8)  # meters above the floor between which a body blocks a robot
 _MARGIN = 0.5  # meters of the unknown around the world
+_STRAIGHT = 0.25  # meters of a wall that stay straight where a map is bent
 
 
 def ground_truth(world: World, frame_id: str = "map") -> Hypermap:
@@ -39,19 +41,33 @@ def true_objects(world: World, frame_id: str = "map") -> SemanticLayer:
 
 
 def true_occupancy(
-    world: World, frame_id: str = "map", resolution: float = RESOLUTION
+    world: World,
+    frame_id: str = "map",
+    resolution: float = RESOLUTION,
+    bend: Callable[[NDArray[np.float64]], NDArray[np.float64]] | None = None,
 ) -> OccupancyLayer:
     """Return the occupancy that walls and objects cause.
 
     Cells that a body touches between the heights of `BLOCKING` are occupied, all others on the
     floor free, and the rest is unknown.
+
+    Args:
+        world: what there is.
+        frame_id: of the map.
+        resolution: side of a cell [m].
+        bend: moves points, shape (N, 2), as a map does in which places are off; None for none.
     """
     floor = shapely.union_all([shapely.box(*area) for area in world.floor.all_rectangles])
     parts = [part for wall in world.walls for part in wall_parts(wall)]
     parts += [part for thing in world.objects for part in placed(thing)]
     obstacles = footprint(part for part in parts if _blocks(part))
+    if bend is not None:
+        floor, obstacles = (
+            shapely.transform(shapely.segmentize(area, _STRAIGHT), bend)
+            for area in (floor, obstacles)
+        )
 
-    grid = _grid_around(shapely.union(floor, obstacles), resolution)
+    grid = grid_around(shapely.union(floor, obstacles), resolution)
     cells = np.full(grid.shape, UNKNOWN, dtype=np.int8)
     cells[grid.cells_in(floor)] = FREE
     cells[_touched(grid, obstacles)] = OCCUPIED
@@ -73,7 +89,7 @@ def _blocks(part: Part) -> bool:
     return bool(z.max() > BLOCKING[0] and z.min() < BLOCKING[1])
 
 
-def _grid_around(area: BaseGeometry, resolution: float) -> GridGeometry:
+def grid_around(area: BaseGeometry, resolution: float) -> GridGeometry:
     """Return a grid that covers the area, with its origin on a multiple of the resolution."""
     x0, y0, x1, y1 = area.bounds
     left, bottom = (math.floor((low - _MARGIN) / resolution) for low in (x0, y0))

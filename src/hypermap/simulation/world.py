@@ -86,6 +86,7 @@ class Wall:
         height: meters.
         thickness: meters.
         color: of the paint.
+        glass: whether cameras and lasers measure mostly what is behind it.
     """
 
     line: tuple[Point, ...] | None = None
@@ -94,6 +95,7 @@ class Wall:
     height: Height = 2.6
     thickness: Height = 0.1
     color: str = "#e9e4d8"
+    glass: bool = False
 
     __pydantic_config__: ClassVar[ConfigDict] = _STRICT
 
@@ -134,6 +136,7 @@ class WorldObject:
         color: of its main parts; None for the model's own.
         outline: four corners [m], which the model then fills; its length and width, if it has
             such, are those of the outline.
+        glass: whether cameras and lasers measure mostly what is behind it.
     """
 
     model: str
@@ -144,6 +147,7 @@ class WorldObject:
     size: dict[str, Annotated[float, Field(strict=True)]] = field(default_factory=dict)
     color: str | None = None
     outline: tuple[Point, Point, Point, Point] | None = None
+    glass: bool = False
 
     __pydantic_config__: ClassVar[ConfigDict] = _STRICT
 
@@ -184,6 +188,23 @@ class WorldObject:
 
 
 @dataclass(frozen=True)
+class Variation:
+    """By how much the things of a world differ from seed to seed; see `varied`.
+
+    Attributes:
+        move: at most by so much in x and in y [m].
+        turn_deg: at most by so much to either side [degrees].
+        size: lengths and widths at most by this share.
+    """
+
+    move: Annotated[float, Field(strict=True, ge=0, le=5)] = 0.3
+    turn_deg: Annotated[float, Field(strict=True, ge=0, le=180)] = 12.0
+    size: Annotated[float, Field(strict=True, ge=0, le=0.5)] = 0.15
+
+    __pydantic_config__: ClassVar[ConfigDict] = _STRICT
+
+
+@dataclass(frozen=True)
 class World:
     """All that there is to see, and a drive through it.
 
@@ -193,6 +214,7 @@ class World:
         objects: the objects of the truth; their places in this list are their ids.
         walls: its walls.
         drive: how a robot drives through it; None if the file has no drive.
+        variation: how its things differ from seed to seed; None if they do not.
     """
 
     name: str
@@ -200,6 +222,7 @@ class World:
     objects: Annotated[tuple[WorldObject, ...], Field(max_length=10_000)] = ()
     walls: Annotated[tuple[Wall, ...], Field(max_length=10_000)] = ()
     drive: Drive | None = None
+    variation: Variation | None = None
 
     __pydantic_config__: ClassVar[ConfigDict] = _STRICT
 
@@ -212,6 +235,7 @@ _KINDS: dict[str, type] = {
     "doors": Door,
     "objects": WorldObject,
     "drive": Drive,
+    "variation": Variation,
 }
 
 
@@ -244,10 +268,9 @@ def load_world(path: str | Path) -> World:
 
     Raises:
         FileMissing: If there is no such file.
-        FormatError: If it is no world, or two of its objects stand in each other.
+        FormatError: If it is no world, or its objects stand in each other or in walls, or hang in
+            the air.
     """
-    from hypermap.simulation.scene import overlaps  # the scene is built of a world
-
     path = Path(path)
     if not path.is_file():
         raise FileMissing(f"{path}: there is no such world file")
@@ -259,15 +282,30 @@ def load_world(path: str | Path) -> World:
     except ValidationError as error:
         key, message = _first_problem(error)
         raise FormatError(message, path=path, key=key) from None
-    for i, j in overlaps(world):
-        a, b = world.objects[i], world.objects[j]
-        raise FormatError(
-            f"the {b.label} at {_place(b.place)} stands in the {a.label} at {_place(a.place)}, "
-            f"which is objects[{i}]; move one of them, or raise its z",
-            path=path,
-            key=f"objects[{j}]",
-        )
+    _check_standing(world, path)
     return world
+
+
+def _check_standing(world: World, path: Path) -> None:
+    """Raise a FormatError if objects stand in each other or in walls, or hang in the air."""
+    from hypermap.simulation.standing import bases, in_walls, overlaps  # which know worlds
+
+    def told(i: int) -> str:
+        return f"the {world.objects[i].label} at {_place(world.objects[i].place)}"
+
+    for i, j in overlaps(world):
+        message = f"{told(j)} stands in {told(i)}, which is objects[{i}]; move one of them, or"
+        raise FormatError(f"{message} raise its z", path=path, key=f"objects[{j}]")
+    for i in in_walls(world):
+        message = f"{told(i)} stands in a wall; move it away from there"
+        raise FormatError(message, path=path, key=f"objects[{i}]")
+    for i, base in enumerate(bases(world)):
+        if base is None:
+            message = (
+                f"{told(i)} hangs in the air: nothing ends at its z of {world.objects[i].z:g} "
+                "below it, and no wall is beside it; set its z to the height of what it stands on"
+            )
+            raise FormatError(message, path=path, key=f"objects[{i}]")
 
 
 def _first_problem(error: ValidationError) -> tuple[str | None, str]:

@@ -7,7 +7,7 @@ from numba import uint64
 from numpy.typing import NDArray
 
 from hypermap._loops import loop
-from hypermap.core.arrays import IntArray
+from hypermap.core.arrays import BoolArray, IntArray
 
 # Neighbors are looked for in as many rows below a pixel, in twice as many columns around it.
 SEARCH = 4
@@ -53,7 +53,9 @@ def join(
         labels[place] = 0
     count = len(places) - len(places)  # 0, and no literal, for which numba compiles again
     for row in range(first, last + 1, stride):
-        count = _join_row(cloud, axes, reach2, row, width, stride, cosine, labels, parent, count)
+        with_left = _all_joins(cloud, axes, reach2, row, row - 1, width, cosine)
+        with_above = _all_joins(cloud, axes, reach2, row, row - stride, width, cosine)
+        count = _label_row(with_left, with_above, row, stride, labels, parent, count)
     for label in range(count):
         parent[label] = parent[parent[label]]  # the root: parents have the smaller numbers
     for place in places:
@@ -75,27 +77,31 @@ def join(
 
 
 @loop()
-def _join_row(
-    cloud: Planes,
-    axes: Planes,
-    reach2: NDArray[np.float32],
+def _label_row(
+    with_left: BoolArray,
+    with_above: BoolArray,
     row: int,
-    width: int,
     stride: int,
-    cosine: np.float32,
     labels: NDArray[np.int32],
     parent: NDArray[np.int32],
     count: int,
 ) -> int:
     """Label a row's places of the object: what joins those on the left or above has their label.
 
+    Args:
+        with_left: which of the places join those on their left, shape (width,).
+        with_above: which join those above them, shape (width,).
+        row: the first place.
+        stride: places from row to row.
+        labels: of all places; those of the row are set.
+        parent: of the labels.
+        count: how many labels there are.
+
     Returns:
         How many labels there are then.
     """
-    with_left = _all_joins(cloud, axes, reach2, row, row - 1, width, cosine)
-    with_above = _all_joins(cloud, axes, reach2, row, row - stride, width, cosine)
     label = NOTHING
-    for i in range(width):
+    for i in range(len(with_left)):
         place = row + i
         if labels[place] == NOTHING:
             label = NOTHING

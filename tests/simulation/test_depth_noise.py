@@ -1,20 +1,24 @@
-"""The errors of the camera and of localization, against the published models."""
+"""The errors of depth cameras, against the published models."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from hypermap.simulation.noise import (
+from hypermap.core.errors import HypermapError
+from hypermap.simulation.depth_noise import (
     EXACT_DEPTH,
     DepthNoise,
-    PoseNoise,
     axial_sigma,
     quantized,
+    stereo_sigma,
+    tof_sigma,
 )
 from hypermap.simulation.render import Rendering
+from hypermap.simulation.sensors import SENSORS, sensor_of
 
 SHAPE = (120, 160)
 
@@ -110,34 +114,92 @@ def test_the_truth_is_left_as_it_was_and_a_seed_repeats_the_measurement() -> Non
     assert not np.array_equal(first, DepthNoise().measure(view, rng(2)), equal_nan=True)
 
 
-def test_poses_are_exact_unless_asked_otherwise() -> None:
-    poses = np.arange(12.0).reshape(4, 3)
-    assert (PoseNoise().estimate(np.arange(4.0), poses, rng()) == poses).all()
+@pytest.mark.parametrize(
+    ("z", "theta_deg", "sigma"),
+    [
+        # Fankhauser et al. 2015, in millimeters: 1.5 - 0.5 z + 0.3 z^2 + 0.1 z^(3/2) times
+        # theta^2 / (pi/2 - theta)^2, which is 16 at 72 degrees.
+        (1.0, 0, 0.0013),
+        (4.0, 0, 0.0043),
+        (4.0, 72, 0.0043 + 0.0128),
+    ],
+)
+def test_time_of_flight_follows_the_published_model(
+    z: float, theta_deg: float, sigma: float
+) -> None:
+    theta = np.array([math.radians(theta_deg)])
+    assert tof_sigma(np.array([z]), theta)[0] == pytest.approx(sigma, abs=1e-9)
 
 
-def test_pose_noise_has_the_deviations_asked_for() -> None:
-    errors = pose_errors(PoseNoise(position=0.05, yaw_deg=2), 20_000)
-    assert errors.std(axis=0) == pytest.approx([0.05, 0.05, math.radians(2)], rel=0.03)
+def test_stereo_follows_the_published_model() -> None:
+    # 3 m, 0.08 pixels, 424 pixels, 50 mm: 9 * 0.08 / 21.2.
+    assert stereo_sigma(np.array([3.0]), 424 * 0.05)[0] == pytest.approx(0.03396, abs=1e-5)
+    measured = replace(SENSORS["realsense_d435"], disparity_step=0).measure(plane(3.0), rng())
+    assert measured.std() == pytest.approx(0.03396, rel=0.03)
 
 
-def pose_errors(noise: PoseNoise, count: int, interval: float = 0.1) -> np.ndarray:
-    return noise.estimate(np.arange(count) * interval, np.zeros((count, 3)), rng())
+def test_correlated_noise_is_as_strong_and_alike_among_neighbors() -> None:
+    noise = DepthNoise(disparity_step=0, correlated=0.6)
+    errors = (noise.measure(plane(3.0), rng()) - 3.0) / 0.014044
+    assert errors.std() == pytest.approx(1, rel=0.1)
+    assert np.mean(errors[:, 1:] * errors[:, :-1]) == pytest.approx(
+        0.6 * math.exp(-1 / 16), abs=0.1
+    )
+    assert abs(np.mean(errors[:, 20:] * errors[:, :-20])) < 0.1
 
 
-def test_drift_has_its_deviation_and_changes_slowly() -> None:
-    errors = pose_errors(PoseNoise(drift=0.1, drift_yaw_deg=3, drift_time=5), 400_000)
-    assert errors.std(axis=0) == pytest.approx([0.1, 0.1, math.radians(3)], rel=0.05)
-    later = [np.corrcoef(errors[:-lag, 0], errors[lag:, 0])[0, 1] for lag in (1, 50, 200)]
-    assert later == pytest.approx([math.exp(-lag / 50) for lag in (1, 50, 200)], abs=0.05)
+def test_flying_pixels_lie_between_two_surfaces_and_nowhere_else() -> None:
+    view = plane(3.0)
+    view.depth[:, 80:] = 1.0
+    noise = DepthNoise(axial=0, disparity_step=0, edge_loss=0, flying=0.5)
+    measured = noise.measure(view, rng())
+    flies = (measured > 1.001) & (measured < 2.999)
+    assert np.nonzero(flies.any(axis=0))[0].tolist() == [79, 80]
+    assert flies[:, 79:81].mean() == pytest.approx(0.5, abs=0.1)
+    assert measured[flies].mean() == pytest.approx(2.0, abs=0.15)
+    assert (measured[~flies] == view.depth[~flies]).all()
 
 
-def test_jumps_come_as_often_as_asked_and_nothing_else_jumps() -> None:
-    noise = PoseNoise(drift=0.1, drift_time=1000, jump_interval=10)
-    steps = np.abs(np.diff(pose_errors(noise, 100_000)[:, 0]))
-    assert np.mean(steps > 0.01) == pytest.approx(0.01, rel=0.1)  # 0.1 s of every 10 s
-    assert (
-        np.abs(np.diff(pose_errors(PoseNoise(drift=0.1, drift_time=1000), 100_000)[:, 0])) < 0.01
-    ).all()
+def test_what_flies_before_nothing_has_no_depth() -> None:
+    view = plane(3.0)
+    view.depth[:, 80:] = np.nan
+    noise = DepthNoise(axial=0, disparity_step=0, edge_loss=0, flying=1)
+    measured = noise.measure(view, rng())
+    assert np.isnan(measured[:, 80:]).all()
+    assert (measured[:, :79] == 3.0).all()
+
+
+def test_a_wrong_scale_makes_all_depths_too_large() -> None:
+    noise = DepthNoise(axial=0, disparity_step=0, edge_loss=0, scale=0.02)
+    assert noise.measure(plane(2.0), rng()) == pytest.approx(2.04)
+
+
+def test_dark_things_lose_their_depth_in_patches_and_others_keep_it() -> None:
+    view = plane(2.0)
+    view.instances[:60] = 0
+    view.instances[60:] = 1
+    noise = DepthNoise(axial=0, disparity_step=0, edge_loss=0, dark_surfaces=0.5, dark_loss=0.8)
+    lost = np.isnan(noise.measure(view, rng(), np.array([True, False])))
+    assert lost[:60].mean() == pytest.approx(0.8, abs=0.1)
+    assert not lost[60:].any()
+    alone = lost[1:59, 1:-1] & ~(lost[:58, 1:-1] | lost[2:60, 1:-1])
+    assert alone.sum() < 0.02 * lost.sum()  # patches, not single pixels
+    # One world in two has such things, and people who walk are none of them.
+    assert noise.draw_dark(2000, rng()).mean() == pytest.approx(0.5, abs=0.05)
+    view.instances[:] = 2
+    assert not np.isnan(noise.measure(view, rng(), np.array([True, True]))).any()
+
+
+def test_a_share_of_the_image_is_missing() -> None:
+    noise = DepthNoise(axial=0, disparity_step=0, edge_loss=0, missing=0.2)
+    lost = [np.isnan(noise.measure(plane(2.0), rng(seed))).mean() for seed in range(10)]
+    assert np.mean(lost) == pytest.approx(0.2, abs=0.03)
+
+
+def test_a_preset_that_is_not_there_is_named_with_those_that_are() -> None:
+    with pytest.raises(HypermapError, match=r"no preset of a depth camera 'kinect1'; did you mean"):
+        sensor_of("kinect1")
+    assert sensor_of("kinect_v1") == DepthNoise()
 
 
 @pytest.mark.parametrize(
@@ -146,7 +208,9 @@ def test_jumps_come_as_often_as_asked_and_nothing_else_jumps() -> None:
         (lambda: DepthNoise(axial=-1), "axial must be a number of at least 0, got -1"),
         (lambda: DepthNoise(edge_loss=math.nan), "edge_loss must be a number of at least 0"),
         (lambda: DepthNoise(min_range=9), "min_range must lie below max_range"),
-        (lambda: PoseNoise(yaw_deg=-1), "yaw_deg must be a number of at least 0, got -1"),
+        (lambda: DepthNoise(flying=1.5), "flying must be a share from 0 to 1, got 1.5"),
+        (lambda: DepthNoise(scale=math.nan), "scale must lie between -0.5 and 0.5, got nan"),
+        (lambda: DepthNoise(focal_baseline=0), "focal_baseline and correlation_length must be"),
     ],
 )
 def test_noise_out_of_range_is_refused(make: object, message: str) -> None:

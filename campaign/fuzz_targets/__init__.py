@@ -1,0 +1,41 @@
+"""What is fuzzed: each place where bytes of strangers come in, and examples of what is right."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import cast
+
+from campaign.fuzz_targets.target import Target
+
+# Each target, and the module that has a function of its name.
+TARGETS = {
+    "archive": "maps",
+    "config": "maps",
+    "map_server": "maps",
+    "png": "maps",
+    "semantic_yaml": "maps",
+    "wkt": "maps",
+    "geojson": "maps",
+    "geoparquet": "maps",
+    "evidence": "maps",
+    "tum": "recordings",
+    "seven_scenes": "recordings",
+    "ros1_bag": "recordings",
+    "ros2_db3": "recordings",
+    "ros2_mcap": "recordings",
+    "sensor_messages": "recordings",
+    "detections": "detectors",
+    "onnx": "detectors",
+    "ros_messages": "nodes",
+    "console": "nodes",
+    "http": "servers",
+    "websocket": "servers",
+}
+
+
+def target_of(name: str, folder: Path) -> Target:
+    """Return a target that may work in an empty folder; only what it needs is imported."""
+    module = importlib.import_module(f"campaign.fuzz_targets.{TARGETS[name]}")
+    return cast(Callable[[Path], Target], getattr(module, name))(folder)

@@ -1,0 +1,39 @@
+"""Paths over the free space of a map: for a robot of a radius, to points, objects and rooms."""
+
+from typing import TYPE_CHECKING, Any
+
+from hypermap._lazy import attribute
+
+if TYPE_CHECKING:
+    from hypermap.paths.find import Distances, NoPath, distances, find_path
+    from hypermap.paths.free_space import FreeSpace
+    from hypermap.paths.planner import Approach, Path, Planner
+    from hypermap.paths.settings import PathSettings
+
+_HOMES = {
+    "Approach": "hypermap.paths.planner",
+    "Distances": "hypermap.paths.find",
+    "FreeSpace": "hypermap.paths.free_space",
+    "NoPath": "hypermap.paths.find",
+    "Path": "hypermap.paths.planner",
+    "PathSettings": "hypermap.paths.settings",
+    "Planner": "hypermap.paths.planner",
+    "distances": "hypermap.paths.find",
+    "find_path": "hypermap.paths.find",
+}
+
+__all__ = [
+    "Approach",
+    "Distances",
+    "FreeSpace",
+    "NoPath",
+    "Path",
+    "PathSettings",
+    "Planner",
+    "distances",
+    "find_path",
+]
+
+
+def __getattr__(name: str) -> Any:
+    return attribute(__name__, name, _HOMES)

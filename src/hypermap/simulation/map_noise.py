@@ -1,0 +1,63 @@
+"""Occupancy maps with the errors of those that a robot makes: bent, and of what a laser sees."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hypermap.core.occupancy import OccupancyLayer
+from hypermap.simulation.laser_map import laser_map
+from hypermap.simulation.ranges import check_not_negative
+from hypermap.simulation.truth import true_occupancy
+from hypermap.simulation.world import World
+
+_WAVES = 8  # that a bend is made of
+
+
+@dataclass(frozen=True)
+class MapNoise:
+    """How the occupancy map of a recording errs. Not at all by default.
+
+    Attributes:
+        source: "exact", the true map of walls and things; or "laser", what scan matching makes of
+            the scans of a planar laser on the drive, which sees of a table its legs.
+        bend: standard deviation in x and in y by which places of the map are off, as where scans
+            were matched a little wrong [m].
+        bend_length: over how many meters that changes.
+    """
+
+    source: Literal["exact", "laser"] = "exact"
+    bend: float = 0.0
+    bend_length: float = 4.0
+
+    def __post_init__(self) -> None:
+        check_not_negative(self, "bend", "bend_length")
+        if self.bend_length == 0:
+            raise ValueError("bend_length must be positive")
+
+    def make(self, world: World, rng: np.random.Generator) -> OccupancyLayer:
+        """Return the map of a world, which has a drive if a laser is to see it."""
+        bend = self._bend(rng) if self.bend else None
+        if self.source == "laser":
+            return laser_map(world, rng, bend)
+        return true_occupancy(world, bend=bend)
+
+    def _bend(
+        self, rng: np.random.Generator
+    ) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
+        """Return a smooth function that moves points, shape (N, 2)."""
+        angles, phases = rng.uniform(0, math.tau, (2, 2, _WAVES))
+        numbers = math.tau / (self.bend_length * rng.uniform(1, 3, (2, _WAVES)))
+        along = np.stack([np.cos(angles), np.sin(angles)]) * numbers
+
+        def bend(points_xy: NDArray[np.float64]) -> NDArray[np.float64]:
+            waves = np.sin(np.einsum("ni,iak->nak", points_xy, along) + phases)
+            scale = self.bend * math.sqrt(2 / _WAVES)
+            return np.asarray(points_xy + scale * waves.sum(axis=2))
+
+        return bend
