@@ -432,8 +432,12 @@ def test_a_given_map_lies_in_the_frame_of_the_recording(hypermap, drive, room_ma
     given, out = tmp_path / "given.yaml", tmp_path / "out.hmap"
     assert hypermap("convert", room_map, given, "--layer", "occupancy").code == 0
     arguments = ["--intrinsics", INTRINSICS, "--map-frame", "hall", "--map", given, "-o", out]
-    assert hypermap("map", drive, *arguments).code == 0
-    layers = hypermap("info", out, "--json").json["layers"]
+    made = hypermap("map", drive, *arguments)
+    assert made.code == 0
+    assert re.search(r"poses: 0 of 6 corrected by the map; \d+ as recorded: ", made.err)
+    described = hypermap("info", out, "--json").json
+    assert sum(described["metadata"]["pose_corrections"]["as_recorded"].values()) == 6
+    layers = described["layers"]
     assert [layer["frame_id"] for layer in layers] == ["hall", "hall"]
 
 

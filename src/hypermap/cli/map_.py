@@ -195,6 +195,7 @@ def _make_map(
     """Return the map, and whether it is that of the whole recording."""
     from hypermap.cli.progress import Pace, mapping_progress
     from hypermap.cli.stopping import StoppableRecording
+    from hypermap.mapping.corrections import told
     from hypermap.mapping.mapper import map_recording
 
     started, pace, rate = time.monotonic(), Pace(), 0.0
@@ -241,6 +242,8 @@ def _make_map(
             f"{settings.perception.max_detections} of a frame are used "
             "(perception: max_detections in --config)"
         )
+    if corrections := hypermap.metadata.get("pose_corrections"):
+        note(told(corrections))
     if settings.alignment.enabled and hypermap.metadata["poses"] == "as recorded":
         note("poses were used as recorded: without an occupancy map (--map) they are not corrected")
     return hypermap, not stoppable.ended_early

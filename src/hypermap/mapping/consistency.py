@@ -8,7 +8,7 @@ clocks of poses and images differ; if only with all depth multiplied, the unit o
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -34,6 +34,8 @@ _CAP = 0.03  # 1/m; a larger difference in disparity is an occlusion, or somethi
 _RATIO_CAP = 0.1  # the same as a share of the depth
 _WORST = 0.8  # mean difference over its cap, above which images hardly agree at all
 _CLEARLY = 0.7  # of the mean difference as recorded, which another turn of the camera has at most
+_JUDGED_EVERY = 12  # frames
+_SURELY_WORSE = 2.0  # standard errors
 _SURE = 3.0  # standard errors by which the mean of a difference has to be less
 _OFFSETS = np.linspace(-0.78, 0.78, 27)  # seconds
 _REACH = 0.9  # seconds, about an image, for which poses must be known
@@ -144,6 +146,34 @@ class Consistency:
             as_recorded=1.0,
         )
 
+    def gain_of(self, others: Mapping[float, NDArray[np.float64]]) -> float | None:
+        """Return how much better the images agree by other poses than by their own.
+
+        Args:
+            others: `map_T_camera` of frames by their stamps, shape (4, 4).
+
+        Returns:
+            The mean gain over its standard error; None if too few images show the same things.
+        """
+        views = [view for view in self._views if view.stamp in others]
+        if len(views) < _FEWEST_VIEWS:
+            return None
+        own = np.array([view.map_T_camera for view in views])
+        other = np.array([others[view.stamp] for view in views])
+        compare = _Comparison(views, *_pairs(views, lambda i, j: _moves(own, other, i, j)))
+        costs = np.array([compare.in_disparity(poses) for poses in (own, other)])
+        before, after = costs[:, costs.min(axis=0) < _WORST]
+        if len(before) < _FEWEST_PAIRS:
+            return None
+        gain = before - after
+        error = float(gain.std(ddof=1)) / math.sqrt(len(gain))
+        return float(gain.mean()) / max(error, 1e-9)
+
+    @property
+    def stamps(self) -> set[float]:
+        """The stamps of the frames whose depth is kept [s]."""
+        return {view.stamp for view in self._views}
+
     def turn_deg(self) -> int:
         """Return by how much the camera is turned about its optical axis, unknown to its poses.
 
@@ -205,6 +235,34 @@ def _displacements(one: NDArray[np.float64], other: NDArray[np.float64]) -> NDAr
     """Return how far a point before each of some cameras moves between two sets of poses [m]."""
     ahead = np.array([0.0, 0.0, _LEVER, 1.0])
     return np.asarray(np.linalg.norm((one @ ahead - other @ ahead)[:, :3], axis=1))
+
+
+class Agreement:
+    """Whether depth images agree less with each other by corrected poses than by the given ones.
+
+    Where poses are exact, a map that is bent only takes images of one place apart. Where they are
+    not, corrections bring them together.
+
+    Attributes:
+        is_worse: whether they do, as far as is known.
+    """
+
+    def __init__(self) -> None:
+        self.is_worse = False
+        self._given = Consistency()
+        self._corrected: dict[float, NDArray[np.float64]] = {}
+        self._frames = 0
+
+    def add(self, frame: RgbdFrame, corrected: NDArray[np.float64]) -> None:
+        """Take a frame with the pose that was given, and the corrected one, shape (4, 4)."""
+        self._given.add(frame)
+        self._corrected[frame.stamp] = corrected
+        self._frames += 1
+        if self._frames % _JUDGED_EVERY == 0:
+            kept = self._given.stamps
+            self._corrected = {at: pose for at, pose in self._corrected.items() if at in kept}
+            gain = self._given.gain_of(self._corrected)
+            self.is_worse = gain is not None and gain < -_SURELY_WORSE
 
 
 class _Comparison:

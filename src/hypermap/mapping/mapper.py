@@ -7,6 +7,7 @@ import re
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 
@@ -214,9 +215,16 @@ class Mapper:
             "frames": asdict(self.counts),
             **({"surplus_detections": self.surplus} if self.surplus else {}),
             "poses": "corrected by the occupancy map" if self.corrects_poses else "as recorded",
+            **self._pose_corrections(),
             "config": to_dict(self.config),
         }
         return Hypermap(layers, metadata=metadata)
+
+    def _pose_corrections(self) -> dict[str, Any]:
+        """Return what became of the poses, for the metadata, if any could be corrected."""
+        if self._aligner is None or not self.corrects_poses:
+            return {}
+        return {"pose_corrections": self._aligner.corrections.summary()}
 
     def occupancy(self) -> OccupancyLayer:
         """Return the first layer of the map: the given one, or what depth has shown so far."""
