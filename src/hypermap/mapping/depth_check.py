@@ -53,6 +53,8 @@ class DepthCheck:
 
     def why_odd(self) -> str | None:
         """Return what is odd about most frames; None if nothing is."""
+        if self._frames == 0:
+            return None
         causes = {
             "near": f"half of the depth or more is nearer than {_NEAR:g} m; {_SCALE}",
             "far": f"half of the depth or more is farther than the {self._max_depth:g} m up to "
