@@ -17,7 +17,7 @@ from hypermap.perception.frame import Camera, RgbdFrame
 from hypermap.perception.turning import turned
 from hypermap.recordings import RecordingOptions, open_recording
 from hypermap.simulation import SimulatedRecording, demo_world
-from hypermap.simulation.levels import LEVELS
+from hypermap.simulation.levels import errors_of_level
 
 pytestmark = pytest.mark.xdist_group("preflight")  # they share what takes long to make
 
@@ -26,7 +26,7 @@ SMALL = Camera.from_intrinsics(131, 131, 79.5, 59.5, width=160, height=120)
 
 @functools.cache
 def room(level: str = "fair") -> tuple[RgbdFrame, ...]:
-    errors = LEVELS[level]
+    errors = errors_of_level(level)
     recording = SimulatedRecording(
         demo_world(), camera=SMALL, rate=3.0, depth_noise=errors.depth, pose_noise=errors.poses
     )

@@ -25,13 +25,17 @@ from hypermap.perception.frame import RgbdFrame
 
 _log = logging.getLogger(__name__)
 
-_FIRST = 24  # mapped frames after which the check is made; then after four times as many, and so on
-_AGAIN = 4
+_FIRST = 24  # mapped frames after which the check is made; then after eight times as many, ...
+_AGAIN = 8
 _LEAST_OFFSET = 0.035  # seconds; less may be the exposure of images, or how poses are interpolated
 _LEAST_MOVE = 0.02  # meters
 _LEAST_SCALE = math.log(1.25)  # a smaller error of depth does not come from a wrong unit
 _UPSIDE_DOWN = -0.5  # mean cosine between the images' upward side and that of the map
 _SIDEWAYS = 0.7  # the same of their right side
+_UNDECIDED = {
+    "scale": "the camera hardly moves, so nothing tells the unit of depth",
+    "clock": "frames too far apart, or too even a motion, to compare clocks",
+}
 _TOLD_TILT, _TOLD_HEIGHT = 1.0, 0.05  # degrees and meters that leveling mends
 
 
@@ -84,6 +88,7 @@ class Preflight:
         self._registration = RegistrationCheck()
         self._frames, self._next = 0, _FIRST
         self._told: set[str] = set()
+        self._settled: dict[str, Finding] = {}
 
     def add(self, frame: RgbdFrame) -> None:
         """Look at a usable frame, in order of time."""
@@ -109,15 +114,22 @@ class Preflight:
     def findings(self) -> list[Finding]:
         """Return what was found about each thing, right or wrong."""
         floor = self._floor.floor()
-        found = (
-            self._level(floor),
-            self._odd_depth(),
-            self._scale(),
-            self._color(),
-            self._clock(),
-            self._upright(floor),
-        )
-        return [finding for finding in found if finding is not None]
+        for check, measure in (
+            ("scale", self._scale),
+            ("registration", self._color),
+            ("clock", self._clock),
+        ):
+            # Color is sampled at the beginning alone; of the others, more frames may tell more.
+            before = self._settled.get(check)
+            if before is None or not (before.is_wrong or check == "registration"):
+                finding = measure()
+                if finding is not None:
+                    self._settled[check] = finding
+        found = (self._level(floor), self._odd_depth(), *self._settled.values())
+        undecided = [
+            Finding(check, text) for check, text in _UNDECIDED.items() if check not in self._settled
+        ]
+        return [f for f in (*found, *undecided, self._upright(floor)) if f is not None]
 
     def _level(self, floor: Floor | None) -> Finding:
         if floor is None:
@@ -143,10 +155,10 @@ class Preflight:
         remedy = "give the units of depth per meter with --depth-scale, if those are wrong"
         return Finding("depth", why, "of such depth no objects are made", remedy)
 
-    def _scale(self) -> Finding:
+    def _scale(self) -> Finding | None:
         fit = self._consistency.depth_scale()
         if fit is None:
-            return Finding("scale", "the camera hardly moves, so nothing tells the unit of depth")
+            return None
         if not fit.is_sure or abs(math.log(fit.value)) < _LEAST_SCALE:
             return Finding("scale", "depth is in the unit in which the poses are")
         return Finding(
@@ -164,10 +176,10 @@ class Preflight:
             return Finding("registration", "the outlines of depth lie on edges of color")
         return _unregistered(camera)
 
-    def _clock(self) -> Finding:
+    def _clock(self) -> Finding | None:
         fit = self._consistency.time_offset()
         if fit is None:
-            return Finding("clock", "frames too far apart, or too even a motion, to compare clocks")
+            return None
         is_off = abs(fit.value) >= _LEAST_OFFSET and fit.moves >= _LEAST_MOVE
         if not fit.is_sure or not is_off:
             return Finding("clock", f"poses and images agree within {abs(fit.value) + 0.02:.2f} s")
