@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import re
 import signal
 import subprocess
 import sys
@@ -15,12 +16,15 @@ from hypermap.cli.recording_options import OPTIONS
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.semantic import SemanticLayer
 from hypermap.formats import open_map, save_map
+from hypermap.perception.frame import Camera
 from hypermap.recordings import RecordingOptions
 from hypermap.simulation import SimulatedRecording, demo_world, write_tum
 from hypermap.testing import square
 from hypermap.viewer.live.document import MapDocument
 
 from .conftest import INTRINSICS, answered, assert_one_error, write_drive
+
+SMALL = Camera.from_intrinsics(131.25, 131.25, 79.5, 59.5, width=160, height=120)
 
 
 def objects_in(path: Path) -> list[tuple[str, float, float]]:
@@ -310,7 +314,7 @@ def test_what_is_no_recording_is_said_so(hypermap, tmp_path, kind):
 
 def test_there_is_an_option_for_every_field_of_the_recording_options():
     fields = set(RecordingOptions.__dataclass_fields__)
-    assert set(OPTIONS) == fields
+    assert set(OPTIONS) == fields | {"level"}  # which is always measured
 
 
 def as_from_a_terminal() -> None:
@@ -428,8 +432,12 @@ def test_a_given_map_lies_in_the_frame_of_the_recording(hypermap, drive, room_ma
     given, out = tmp_path / "given.yaml", tmp_path / "out.hmap"
     assert hypermap("convert", room_map, given, "--layer", "occupancy").code == 0
     arguments = ["--intrinsics", INTRINSICS, "--map-frame", "hall", "--map", given, "-o", out]
-    assert hypermap("map", drive, *arguments).code == 0
-    layers = hypermap("info", out, "--json").json["layers"]
+    made = hypermap("map", drive, *arguments)
+    assert made.code == 0
+    assert re.search(r"poses: 0 of 6 corrected by the map; \d+ as recorded: ", made.err)
+    described = hypermap("info", out, "--json").json
+    assert sum(described["metadata"]["pose_corrections"]["as_recorded"].values()) == 6
+    layers = described["layers"]
     assert [layer["frame_id"] for layer in layers] == ["hall", "hall"]
 
 
@@ -443,12 +451,33 @@ def test_a_world_that_is_not_level_is_told_with_the_option_that_levels_it(hyperm
     tilted = hypermap(*map_room, "--world-transform", "1,0,-1,0.4,0.2,0.5")
     assert tilted.code == 0
     assert "the world of the recording is not level: its floor is tilted by 2" in tilted.err
-    option = tilted.err.splitlines()[-1].strip()
-    assert option.startswith("--world-transform=")
-    assert f"pass {option}" in tilted.err
-    mended = hypermap(*map_room, option)
-    assert mended.code == 0
-    assert "warning" not in mended.err
+    assert "  level: give --level auto, or --world-transform=" in tilted.err.splitlines()[-1]
+    option = re.search(r"--world-transform=\S+", tilted.err)
+    assert option is not None
+    for mend in ([option[0]], ["--world-transform", "1,0,-1,0.4,0.2,0.5", "--level", "auto"]):
+        mended = hypermap(*map_room, *mend)
+        assert mended.code == 0
+        assert "warning" not in mended.err
+    assert "level: the floor is tilted by 2" in mended.err
+
+
+def test_what_auto_measures_is_said_and_used(hypermap, tmp_path):
+    room = tmp_path / "room"
+    write_tum(SimulatedRecording(demo_world(), camera=SMALL, rate=3.0), room)
+    poses = (room / "groundtruth.txt").read_text().splitlines()
+    late = [f"{float(line.split()[0]) + 0.2:.6f} {line.partition(' ')[2]}" for line in poses[2:]]
+    (room / "groundtruth.txt").write_text("\n".join(late))
+    map_room = ["map", room, "-o", tmp_path / "room.hmap", "--no-objects"]
+    told = hypermap(*map_room)
+    assert "images fit each other best with the poses of 0.20 s later" in told.err
+    mended = hypermap(*map_room, "--time-offset", "auto", "--level", "auto")
+    assert "time offset: 0.20 s" in mended.err
+    assert "level: within 0.0 degrees, so the world stays as it is" in mended.err
+    assert "suffers" in told.err
+    assert "suffers" not in mended.err
+    for option, value in (("--level", "manual"), ("--time-offset", "soon"), ("--rotate", "45")):
+        assert_one_error(hypermap(*map_room, option, value), option)
+    assert_one_error(hypermap(*map_room, "--color-intrinsics", "5,5,3,2"), "give register")
 
 
 def test_a_real_kitchen_with_a_tilted_world_is_told(hypermap, shared_data, tmp_path):

@@ -18,6 +18,7 @@ from hypermap.core.occupancy import FREE, OCCUPIED, OccupancyLayer
 from hypermap.evaluation.metrics import evaluate
 from hypermap.mapping.alignment import Aligner
 from hypermap.mapping.config import MappingConfig, profile
+from hypermap.mapping.consistency import Agreement
 from hypermap.mapping.mapper import Mapper, map_recording
 from hypermap.mapping.stages import AlignmentConfig
 from hypermap.perception.detections import Detections
@@ -273,3 +274,62 @@ def test_the_profile_of_the_thesis_takes_poses_as_they_are(frames: list[RgbdFram
     observation = mapper.add(given_pose)
     assert observation is not None
     np.testing.assert_array_equal(observation.map_T_camera, given_pose.map_T_camera)
+
+
+@pytest.fixture(scope="module")
+def drive() -> tuple[list[RgbdFrame], list[RgbdFrame]]:
+    """Frames with exact poses, and the same with poses that drift."""
+    camera = Camera.from_intrinsics(131, 131, 79.5, 59.5, 160, 120)
+    exact = list(SimulatedRecording(ROOM, camera=camera, rate=3.0).frames())
+    rng = np.random.default_rng(1)
+    errors = np.cumsum(rng.normal(size=(len(exact), 3)) * [0.01, 0.01, 0.005], axis=0)
+    return exact, [off_by(frame, *error) for frame, error in zip(exact, errors, strict=True)]
+
+
+def test_images_tell_whether_corrected_poses_are_worse(
+    drive: tuple[list[RgbdFrame], list[RgbdFrame]],
+) -> None:
+    exact, drifting = drive
+    for poses, corrected, is_worse in ((exact, drifting, True), (drifting, exact, False)):
+        agreement = Agreement()
+        for frame, other in zip(poses, corrected, strict=True):
+            agreement.add(frame, other.map_T_camera)
+        assert agreement.is_worse == is_worse
+
+
+def test_a_bent_map_moves_exact_poses_no_more_once_images_tell(
+    drive: tuple[list[RgbdFrame], list[RgbdFrame]],
+) -> None:
+    exact = true_occupancy(ROOM, resolution=0.02)
+    assert exact.grid is not None
+    assert exact.cells is not None
+    rows, cols = np.indices(exact.grid.shape)
+    bend = np.rint(4 * np.sin(rows / 12)).astype(int)  # cells, up to 8 cm
+    cells = exact.cells[rows, np.clip(cols + bend, 0, exact.grid.width - 1)]
+    aligner = Aligner(OccupancyLayer("occupancy", "map", exact.grid, cells), CONFIG)
+    for frame in drive[0]:
+        aligner.align(frame)
+    left = aligner.corrections.summary()["as_recorded"]
+    assert any("bent map" in reason for reason in left)
+
+
+def test_what_became_of_the_poses_is_counted(frames: list[RgbdFrame]) -> None:
+    aligner = Aligner(turned_map(0.0), CONFIG)
+    for _ in range(3):
+        for frame in frames:
+            aligner.align(off_by(frame, 0.05, 0.0, 0.015))
+    aligner.align(down(1.2))
+    aligner.align(moved(frames[0], 1e6))
+    found = aligner.corrections.summary()
+    assert found["corrected"] + sum(found["as_recorded"].values()) == 3 * len(frames) + 2
+    assert found["corrected"] >= 2 * len(frames)
+    assert 0.03 < found["median_m"] < 0.06
+    assert 0.4 < found["median_deg"] < 1.2
+    assert found["median_m"] <= found["most_m"]
+    assert {reason.split()[0] for reason in found["as_recorded"]} >= {"too", "the"}
+
+    exact = Aligner(turned_map(0.0), CONFIG)
+    for frame in frames:
+        exact.align(frame)
+    (reason,) = exact.corrections.summary()["as_recorded"]
+    assert reason.startswith("corrections so far are no larger than their own errors")

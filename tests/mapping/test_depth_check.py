@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from typing import Any
 
 import numpy as np
@@ -49,24 +48,16 @@ def test_what_no_camera_measures_is_told_from_what_one_may(depth: Any, reason: s
         (ALMOST_EMPTY, "in 3 of 5 frames, less than 5% of the pixels have depth"),
     ],
 )
-def test_what_is_odd_about_most_frames_is_told_once(
-    depth: Any, words: str, caplog: pytest.LogCaptureFixture
-) -> None:
-    with caplog.at_level(logging.WARNING):
-        check = DepthCheck(max_depth=5.0)
-        for i in range(5):
-            check.add(frame(depth if i < 3 else ROOM))
-        check.finish()
-        check.finish()
-    assert caplog.text.count(words) == 1
-    assert len(caplog.records) == 1
-
-
-def test_of_usual_frames_and_of_a_few_odd_ones_nothing_is_said(
-    caplog: pytest.LogCaptureFixture,
-) -> None:
+def test_what_is_odd_about_most_frames_is_told(depth: Any, words: str) -> None:
     check = DepthCheck(max_depth=5.0)
+    for i in range(5):
+        check.add(frame(depth if i < 3 else ROOM))
+    assert str(check.why_odd()).startswith(words)
+
+
+def test_of_usual_frames_and_of_a_few_odd_ones_nothing_is_said() -> None:
+    check = DepthCheck(max_depth=5.0)
+    assert check.why_odd() is None
     for depth in [ROOM] * 5 + [ROOM * 5, ROOM / 1000, ALMOST_EMPTY]:
         check.add(frame(depth))
-    check.finish()
-    assert not caplog.records
+    assert check.why_odd() is None

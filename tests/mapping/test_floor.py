@@ -160,7 +160,7 @@ def test_who_maps_a_tilted_world_is_warned_once(
     assert len(told) == warnings
     for text in told:
         assert "tilted by 17 degrees against its z axis" in text
-        numbers = text.rpartition("(")[2].rstrip(")").split(", ")
+        numbers = text.rpartition("--world-transform=")[2].split(",")
         levelled = compose(pose_from_rpy(*map(float, numbers)), Tilted.world_T_room)
         assert levelled[2] == pytest.approx([0, 0, 1, 0], abs=0.02)
 

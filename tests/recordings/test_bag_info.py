@@ -127,8 +127,8 @@ NO_INFO = (
             {},
             [
                 f"color images on {COLOR} have 7 x 5 pixels, but depth images on {DEPTH} have "
-                "32 x 24; record depth that is registered to color, or choose other topics with "
-                "--depth-topic and --color-topic"
+                "32 x 24; record depth that is registered to color, give --register, or choose "
+                "other topics with --depth-topic and --color-topic"
             ],
         ),
         (
@@ -202,7 +202,7 @@ def test_distortion_other_frames_and_other_topics_are_noted(tmp_path: Path) -> N
     assert recording.info().notes == (
         f"{DEPTH} is used; also there: /camera/depth/image_raw (--depth-topic)",
         "color comes from frame 'color_camera', depth from 'camera': if the driver has not "
-        "registered them, objects are cut out next to where they are",
+        "registered them, objects are cut out next to where they are (--register)",
         "the lens distortion that the camera info tells is not corrected",
     )
     assert_shows(next(recording.frames()), SHOTS[0])

@@ -46,7 +46,10 @@ def test_intrinsics_become_a_camera() -> None:
             {"intrinsics": (1, math.nan, 3, 4)},
             "intrinsics must be finite numbers, got (1, nan, 3, 4)",
         ),
-        ({"intrinsics": (1, 0, 3, 4)}, "the focal lengths must be positive, got (1, 0)"),
+        (
+            {"intrinsics": (1, 0, 3, 4)},
+            "intrinsics: the focal lengths must be positive, got (1, 0)",
+        ),
         (
             {"map_T_world": [0] * 7},
             "map_T_world must be 6 numbers (x, y, z, roll, pitch, yaw) or 16 numbers (the rows of "

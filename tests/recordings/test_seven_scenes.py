@@ -212,7 +212,8 @@ def test_depth_and_color_of_different_size_from_the_start_are_told_by_info(folde
         Image.fromarray(np.zeros((48, 64, 3), np.uint8)).save(color)
     assert open_recording(folder).info().missing == (
         f"{path}: color has 64 x 48 pixels, but depth in {folder}/frame-000000.depth.png has "
-        "32 x 24; color must be registered to depth and of its size",
+        "32 x 24; color must be registered to depth and of its size; else give --register, "
+        "--color-intrinsics and --depth-transform",
     )
 
 

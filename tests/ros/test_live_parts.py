@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from types import SimpleNamespace
 from typing import Any
 from unittest.mock import MagicMock
 
@@ -12,9 +13,11 @@ import pytest
 from hypermap.core.errors import HypermapError
 from hypermap.core.grid import GridGeometry
 from hypermap.core.occupancy import OccupancyLayer
+from hypermap.core.trajectory import pose_from_rpy
 from hypermap.perception.detections import Detections
 from hypermap.perception.frame import Camera, RgbdFrame
 from hypermap.ros.mapper.diagnostics import diagnostic_array
+from hypermap.ros.mapper.frames import FrameMaker
 from hypermap.ros.mapper.inputs import Work
 from hypermap.ros.mapper.live_map import LiveMap
 from hypermap.ros.mapper.mailbox import Mailbox
@@ -267,3 +270,55 @@ def test_a_score_of_nought_is_one_too(profile: str, score: float, expected: floa
         depth_topic="/depth", detections_topic="/boxes", profile=profile, score=score
     )
     assert LiveMap(settings).config.perception.min_score == expected
+
+
+def message(pixels: np.ndarray, encoding: str) -> Any:
+    """An image as any middleware hands it over."""
+    data = np.ascontiguousarray(pixels).view(np.uint8).reshape(len(pixels), -1)
+    return SimpleNamespace(
+        header=SimpleNamespace(frame_id="camera"),
+        height=pixels.shape[0],
+        width=pixels.shape[1],
+        encoding=encoding,
+        is_bigendian=0,
+        step=data.shape[1],
+        data=data.tobytes(),
+    )
+
+
+def info(width: int, height: int, focal: float) -> Any:
+    K = [focal, 0, (width - 1) / 2, 0, focal, (height - 1) / 2, 0, 0, 1]
+    return SimpleNamespace(width=width, height=height, K=K, D=[], P=[])
+
+
+def test_depth_is_registered_to_color_and_frames_are_turned_where_that_is_set() -> None:
+    settings = LiveSettings(
+        depth_topic="/depth/image", color_topic="/color/image", register=True, rotate=90,
+        detector="network.onnx",
+    )  # fmt: skip
+    assert settings.color_info_topic == "/color/camera_info"
+    frames = FrameMaker(settings)
+    frames.camera_info = info(32, 24, 26.0)
+    assert frames.lacks_camera_info
+    frames.color_info = info(64, 48, 52.0)
+    assert not frames.lacks_camera_info
+    color = message(np.zeros((48, 64, 3), np.uint8), "rgb8")
+    match = MatchedMessages(10**9, {"": None, "color": color}, {})
+    depth = message(np.full((24, 32), 2.0, np.float32), "32FC1")
+    aside = pose_from_rpy(0.1, 0, 0, 0, 0, 0)
+    frame = frames.frame(match, depth, np.eye(4), aside)
+    assert frame.depth.shape == (64, 48)
+    assert np.nanmax(frame.depth) == 2.0
+    np.testing.assert_allclose(frame.map_T_camera[:3, 3], [-0.1, 0, 0])
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"register": True}, "give color_topic"),
+        ({"rotate": 45}, "rotate must be 0, 90, 180 or 270 degrees, got 45"),
+    ],
+)
+def test_settings_that_do_not_go_together_are_told(values: dict[str, Any], words: str) -> None:
+    with pytest.raises(HypermapError, match=words):
+        LiveSettings(depth_topic="/depth", detections_topic="/boxes", **values)

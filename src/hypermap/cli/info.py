@@ -7,13 +7,14 @@ import logging
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import asdict
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from hypermap.cli.options import AsJson
-from hypermap.cli.recording_options import takes_recording_options
+from hypermap.cli.recording_options import RecordingRequest, takes_recording_options
 from hypermap.cli.terminal import facts, note, out, say, say_json, table
 from hypermap.text import counted, printable
 
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from hypermap.core.hypermap import Hypermap
     from hypermap.core.layer import Layer
     from hypermap.core.semantic import SemanticLayer
+    from hypermap.mapping.preflight import Finding
     from hypermap.perception.recording import RecordingInfo
     from hypermap.recordings import RecordingOptions
 
@@ -33,12 +35,16 @@ def command(
             metavar="PATH", readable=False, show_default=False, help="A map or a recording."
         ),
     ],
-    recording_options: RecordingOptions,
+    request: RecordingRequest,
     as_json: AsJson = False,
 ) -> None:
     """Show what is inside a map, or inside a recording and what it lacks for mapping.
 
     -v also shows all settings that made the map.
+
+    Of a recording, some frames are looked at: is its floor level at z = 0, the unit of depth right,
+    depth registered to color, do poses and images have one clock, and are the images upright? What
+    is wrong is told with what it does to a map and the option that mends it.
 
     The exit code is 0 even if something is missing for mapping. With --json, the list "missing" is
     empty if `hypermap map` can map the recording without further options.
@@ -56,9 +62,10 @@ def command(
         is_long = logging.getLogger("hypermap").isEnabledFor(logging.INFO)
         show = functools.partial(show_map, with_settings=is_long)
     else:
-        from hypermap.recordings import open_recording
-
-        content = describe_recording(open_recording(path, recording_options).info())
+        recording, options = request.open(path)
+        info = recording.info()
+        content = describe_recording(info)
+        content["checks"] = [] if info.frames == 0 else _checks(path, options)
         show = show_recording
     if as_json:
         say_json({"path": str(path), **content})
@@ -213,6 +220,24 @@ def describe_recording(info: RecordingInfo) -> dict[str, Any]:
     return {"kind": "recording", **content}
 
 
+def _checks(path: Path, options: RecordingOptions) -> list[dict[str, Any]]:
+    """Return what the pre-flight check finds in some frames all over, and in the first ones."""
+    from hypermap.cli.measured_options import IN_A_ROW, SPREAD, usable_frames
+    from hypermap.mapping.preflight import Preflight
+
+    found: list[Finding] = []
+    preflight = Preflight(found.append, map_T_world=options.world_pose())
+    for frame in islice(usable_frames(path, options), IN_A_ROW):
+        preflight.add(frame)
+    for frame in usable_frames(path, options, SPREAD):
+        preflight.add_mapped(frame)
+    return [
+        {"check": f.check, "is_wrong": f.is_wrong, "measured": f.measured}
+        | ({"effect": f.effect, "remedy": f.remedy} if f.is_wrong else {})
+        for f in preflight.findings()
+    ]
+
+
 def show_recording(content: dict[str, Any]) -> None:
     """Print a recording as text."""
     size = content["image_size"]
@@ -229,6 +254,12 @@ def show_recording(content: dict[str, Any]) -> None:
         rows.add_row(name, kind, str(stream["count"]), stream["use"] or "-")
     say()
     out().print(rows)
+    for check in content["checks"]:
+        if check["is_wrong"]:
+            told = "; ".join(check[part] for part in ("measured", "effect", "remedy"))
+            say(f"wrong: {check['check']}: {told}", style="bold")
+        else:
+            say(f"checked: {check['check']}: {check['measured']}")
     for text in content["notes"]:
         say(f"note: {text}")
     for text in content["missing"]:

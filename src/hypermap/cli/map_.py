@@ -23,7 +23,8 @@ from hypermap.cli.finding_options import (
 )
 from hypermap.cli.logs import Log, logging_to
 from hypermap.cli.options import ForceMap, check_map_output
-from hypermap.cli.recording_options import takes_recording_options
+from hypermap.cli.preflight_notes import PreflightNotes
+from hypermap.cli.recording_options import RecordingRequest, takes_recording_options
 from hypermap.cli.signals import Stop, stop_on_signal
 from hypermap.cli.terminal import note
 from hypermap.cli.watching import Browser, Port, View, watching
@@ -35,11 +36,10 @@ if TYPE_CHECKING:
     from hypermap.core.hypermap import Hypermap
     from hypermap.core.occupancy import OccupancyLayer
     from hypermap.mapping.config import MappingConfig
-    from hypermap.mapping.floor import Floor
     from hypermap.mapping.mapper import MappedFrame, Mapper, Progress
+    from hypermap.mapping.preflight import Preflight
     from hypermap.perception.frame import DetectionSource
     from hypermap.perception.recording import Recording
-    from hypermap.recordings import RecordingOptions
 
 
 @takes_recording_options
@@ -59,7 +59,7 @@ def command(
             "-o", "--output", metavar="OUT", show_default=False, help="Save here: a map, .hmap."
         ),
     ],
-    recording_options: RecordingOptions,
+    request: RecordingRequest,
     detector: Detector = None,
     labels: Labels = None,
     score: Score = None,
@@ -113,6 +113,10 @@ def command(
     what a recording contains and what is missing. `hypermap detectors` lists networks to download.
     --no-objects makes a map without objects.
 
+    The first frames, and now and then later ones, are checked: whether the floor is level at z = 0,
+    the unit of depth, whether depth is registered to color, the clocks of poses and images, and
+    whether the images are upright. What is wrong is told with the option that mends it.
+
     Ctrl-C or SIGTERM stops early and saves the map so far, with the exit code 130 or 143. With
     --view the page stays open afterward, until Ctrl-C.
 
@@ -120,17 +124,17 @@ def command(
         hypermap map desk --detector yolox-nano -o desk.hmap
         hypermap map drive.bag --map map.yaml -o office.hmap --view
         hypermap map desk --log desk.rrd -o desk.hmap
-        hypermap map heads --world-transform 0,0,1.2,-1.9,0,0 -o heads.hmap
+        hypermap map heads --level auto -o heads.hmap
     """
     from hypermap.cli.detection_source import detection_source
     from hypermap.formats import save_map
     from hypermap.formats.backup import keep_backup
     from hypermap.formats.grid.map_server import load_occupancy
     from hypermap.mapping.config import chosen_config
-    from hypermap.recordings import open_recording
+    from hypermap.mapping.preflight import Preflight
 
     check_map_output(output, force)
-    recording = open_recording(path, recording_options)
+    recording, options = request.open(path)
     settings = chosen_config(profile.value, config, score, has_network=detector is not None)
     occupancy = None
     if map_file is not None:
@@ -139,7 +143,9 @@ def command(
         recording, detector, labels, settings.perception.min_score, detections, objects
     )
     frames = len(recording)  # which reads a bag through once
-    name, floor = recording.path.name, _FloorNote(recording_options)
+    name, notes = recording.path.name, PreflightNotes()
+    max_depth = settings.perception.max_depth
+    preflight = Preflight(notes.add, max_depth, options.world_pose())
     with watching(view, name, output, frames, port, browser) as watched:
         with stop_on_signal() as stop, logging_to(log, name, recording.frame_id) as logged:
             watchers = [watch for watch in (watched.frame, logged) if watch is not None]
@@ -152,7 +158,7 @@ def command(
                 stop,
                 watched,
                 watchers,
-                floor,
+                preflight,
                 0.0 if strict else max_bad,
             )
             if not evidence:
@@ -162,7 +168,7 @@ def command(
         if backup is not None:
             note(f"the previous map is kept as {backup}")
         _summarize(hypermap, output)
-        floor.remind()
+        notes.remind()
         part = (
             "" if is_whole else f"the map of a part of the recording: stopped early by {stop.name}"
         )
@@ -183,12 +189,13 @@ def _make_map(
     stop: Stop,
     watched: Watched,
     watchers: list[Callable[[MappedFrame, Mapper], None]],
-    on_wrong_floor: Callable[[Floor], None],
+    preflight: Preflight,
     max_bad: float,
 ) -> tuple[Hypermap, bool]:
     """Return the map, and whether it is that of the whole recording."""
     from hypermap.cli.progress import Pace, mapping_progress
     from hypermap.cli.stopping import StoppableRecording
+    from hypermap.mapping.corrections import told
     from hypermap.mapping.mapper import map_recording
 
     started, pace, rate = time.monotonic(), Pace(), 0.0
@@ -212,7 +219,7 @@ def _make_map(
                 occupancy,
                 watched.beside(tell),
                 watch if watchers else None,
-                on_wrong_floor,
+                preflight,
                 max_bad,
             )
         except HypermapError:
@@ -242,31 +249,10 @@ def _note_frames(
             f"{settings.perception.max_detections} of a frame are used "
             "(perception: max_detections in --config)"
         )
+    if corrections := hypermap.metadata.get("pose_corrections"):
+        note(told(corrections))
     if settings.alignment.enabled and hypermap.metadata["poses"] == "as recorded":
         note("poses were used as recorded: without an occupancy map (--map) they are not corrected")
-
-
-class _FloorNote:
-    """Tells that the floor is not where a map needs it, and the option that puts it there."""
-
-    def __init__(self, options: RecordingOptions) -> None:
-        self._options = options
-        self._remedy = ""
-
-    def __call__(self, floor: Floor) -> None:
-        from hypermap.core.trajectory import compose, rpy_from_pose
-
-        map_T_world = compose(floor.level_T_map(), self._options.world_pose())
-        *position, roll, pitch, yaw = rpy_from_pose(map_T_world)
-        numbers = [f"{x:.3f}" for x in position] + [f"{x:.4f}" for x in (roll, pitch, yaw)]
-        self._remedy = f"--world-transform={','.join(numbers)}"
-        note(f"warning: {floor}; a map needs a level floor at z = 0; pass {self._remedy}")
-
-    def remind(self) -> None:
-        """Say it again at the end, if there was something to say."""
-        if self._remedy:
-            note("\nwarning: the floor is not level at z = 0; map the recording again with")
-            note(f"  {self._remedy}")
 
 
 def _forget_evidence(hypermap: Hypermap) -> None:

@@ -9,6 +9,8 @@ import functools
 import inspect
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
@@ -16,6 +18,7 @@ import typer
 from hypermap.core.errors import HypermapError
 
 if TYPE_CHECKING:
+    from hypermap.perception.recording import Recording
     from hypermap.recordings import RecordingOptions
 
 PANEL = "What the recording does not say itself"
@@ -40,6 +43,22 @@ OPTIONS = {
         "--world-transform",
     ),
     "depth_scale": _Option(float, "UNITS", "Units of the depth images per meter."),
+    "register": _Option(
+        bool,
+        "",
+        "Register depth to color: move it into the color camera, known from a bag's camera info "
+        "and tf, or from the two options below.",
+    ),
+    "color_intrinsics": _Option(
+        str, "FX,FY,CX,CY", "Intrinsics of the color images in pixels, for --register."
+    ),
+    "color_T_depth": _Option(
+        str,
+        "X,Y,Z,ROLL,PITCH,YAW",
+        "Pose of the depth camera in the color camera (meters, radians), or a 4 x 4 matrix in "
+        "row-major order, for --register.",
+        "--depth-transform",
+    ),
     "map_frame": _Option(
         str,
         "FRAME",
@@ -52,6 +71,21 @@ OPTIONS = {
     "camera_info_topic": _Option(str, "TOPIC", "Topic of the camera info."),
     "detections_topic": _Option(str, "TOPIC", "Topic of detections."),
     "map_topic": _Option(str, "TOPIC", "Topic of an occupancy map."),
+    "rotate": _Option(
+        int,
+        "DEGREES",
+        "Turn images clockwise: 90, 180 or 270. For a camera mounted upside down or on its side.",
+    ),
+    "time_offset": _Option(
+        str,
+        "auto|SECONDS",
+        "How much later than an image's stamp its pose is to be looked up; `auto` measures it.",
+    ),
+    "level": _Option(
+        str,
+        "auto",
+        "Level the world by the floor that depth shows, and put that at z = 0.",
+    ),
     "max_time_difference": _Option(
         float, "SECONDS", "Largest time difference between matching images."
     ),
@@ -59,20 +93,47 @@ OPTIONS = {
         float, "SECONDS", "Longest gap between two poses that is interpolated."
     ),
 }
-_LISTS = {"intrinsics", "map_T_world"}
+_MEASURED = ("level", "time_offset")  # which `auto` leaves to the frames
+_LISTS = {"intrinsics", "map_T_world", "color_intrinsics", "color_T_depth"}
+
+
+@dataclass(frozen=True)
+class RecordingRequest:
+    """How to read a recording, as the user said it.
+
+    Attributes:
+        options: what was given.
+        measured: "level" and "time_offset", where the frames are to tell them.
+    """
+
+    options: RecordingOptions
+    measured: frozenset[str] = frozenset()
+
+    def open(self, path: Path) -> tuple[Recording, RecordingOptions]:
+        """Return the recording, and the options with what was measured.
+
+        Raises:
+            HypermapError: If there is none, or it cannot be read.
+        """
+        from hypermap.cli.measured_options import measured_options
+        from hypermap.recordings import open_recording
+
+        options = self.options
+        if self.measured:
+            options = measured_options(path, options, self.measured)
+        return open_recording(path, options), options
 
 
 def takes_recording_options(command: Callable[..., None]) -> Callable[..., None]:
-    """Add the options above to a command, which gets them as the argument `recording_options`."""
+    """Add the options above to a command, which gets them as the argument `request`."""
 
     @functools.wraps(command)
     def wrapper(**arguments: Any) -> None:
         given = {name: arguments.pop(name) for name in OPTIONS}
-        command(recording_options=_recording_options(given), **arguments)
+        command(request=_request(given), **arguments)
 
-    # The class itself is not imported here: that would take longer than showing the help.
-    signature = inspect.signature(command, locals={"RecordingOptions": Any}, eval_str=True)
-    own = [p for p in signature.parameters.values() if p.name != "recording_options"]
+    signature = inspect.signature(command, eval_str=True)
+    own = [p for p in signature.parameters.values() if p.name != "request"]
     added = [_parameter(name, option) for name, option in OPTIONS.items()]
     wrapper.__signature__ = signature.replace(parameters=own + added)  # type: ignore[attr-defined]
     wrapper.__annotations__ = {p.name: p.annotation for p in own + added}
@@ -82,7 +143,11 @@ def takes_recording_options(command: Callable[..., None]) -> Callable[..., None]
 def _parameter(name: str, option: _Option) -> inspect.Parameter:
     flag = option.flag or f"--{name.replace('_', '-')}"
     declared = typer.Option(
-        flag, metavar=option.metavar, help=option.help, rich_help_panel=PANEL, show_default=False
+        flag,
+        metavar=option.metavar or None,
+        help=option.help,
+        rich_help_panel=PANEL,
+        show_default=False,
     )
     return inspect.Parameter(
         name,
@@ -92,14 +157,23 @@ def _parameter(name: str, option: _Option) -> inspect.Parameter:
     )
 
 
-def _recording_options(given: dict[str, Any]) -> RecordingOptions:
+def _request(given: dict[str, Any]) -> RecordingRequest:
     from hypermap.recordings import RecordingOptions
 
     values = {name: value for name, value in given.items() if value is not None}
+    measured = frozenset(name for name in _MEASURED if values.get(name) == "auto")
+    for name in measured:
+        del values[name]
+    if "level" in values:
+        raise HypermapError(f"--level {values['level']}: the one choice is auto")
+    if "time_offset" in values:
+        (values["time_offset"], *more) = _numbers(values["time_offset"], "time_offset")
+        if more:
+            raise HypermapError("--time-offset: expected one number of seconds, or auto")
     for name in _LISTS & values.keys():
         values[name] = _numbers(values[name], name)
     try:
-        return RecordingOptions(**values)
+        return RecordingRequest(RecordingOptions(**values), measured)
     except ValueError as error:
         raise HypermapError(_with_flags(str(error))) from None
 

@@ -83,6 +83,24 @@ def rpy_from_pose(pose: NDArray[np.float64]) -> tuple[float, float, float, float
     return x, y, z, float(roll), pitch, float(yaw)
 
 
+def quats_of(rotations: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return unit quaternions x, y, z, w, shape (N, 4), of rotation matrices, shape (N, 3, 3).
+
+    Source: Bar-Itzhack, "New method for extracting the quaternion from a rotation matrix", 2000:
+    of an eigenvector to the largest eigenvalue, so that no angle is special.
+    """
+    R = np.asarray(rotations, dtype=np.float64)
+    K = np.zeros((len(R), 4, 4))
+    for i in range(3):
+        for j in range(3):
+            K[:, i, j] = R[:, i, j] + R[:, j, i]
+        K[:, i, i] = 2 * R[:, i, i] - np.trace(R, axis1=1, axis2=2)
+        after, last = (i + 1) % 3, (i + 2) % 3
+        K[:, i, 3] = K[:, 3, i] = R[:, last, after] - R[:, after, last]
+    K[:, 3, 3] = np.trace(R, axis1=1, axis2=2)
+    return np.asarray(np.linalg.eigh(K)[1][:, :, -1])
+
+
 def compose(*poses: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return `a_T_c` from `a_T_b` and `b_T_c`, and so on; shapes (..., 4, 4) broadcast."""
     result = np.eye(4)
@@ -183,6 +201,13 @@ class Trajectory:
         weight = ((t - t0) / (t1 - t0))[:, np.newaxis]
         position = (1 - weight) * self.positions[i - 1] + weight * self.positions[i]
         return pose_matrix(position, _slerp(self.quats_xyzw[i - 1], self.quats_xyzw[i], weight))
+
+
+def trajectory_of(
+    stamps: NDArray[np.float64], poses: NDArray[np.float64], max_gap: float = np.inf
+) -> Trajectory:
+    """Return the trajectory through rigid transforms, shape (N, 4, 4); raises as its class."""
+    return Trajectory(stamps, poses[:, :3, 3], quats_of(poses[:, :3, :3]), max_gap)
 
 
 def _slerp(

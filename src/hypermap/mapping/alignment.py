@@ -21,6 +21,14 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from hypermap.core.occupancy import OccupancyLayer
+from hypermap.mapping.consistency import Agreement
+from hypermap.mapping.corrections import (
+    FEW_POINTS,
+    LESS_AGREEMENT,
+    NO_BETTER,
+    NO_MAP,
+    Corrections,
+)
 from hypermap.mapping.shrinkage import Shrinkage
 from hypermap.mapping.stages import AlignmentConfig
 from hypermap.perception.frame import RgbdFrame
@@ -43,10 +51,13 @@ class Aligner:
 
     Each pose is matched by itself: an error of the map in one place does no harm elsewhere, and
     localization may jump. How much of a correction is applied depends on those before it. If they
-    are no larger than the errors of corrections, as with exact poses, nothing is applied.
+    are no larger than the errors of corrections, as with exact poses, nothing is applied. Nor is it
+    if depth images agree less with each other by corrected poses than by the given ones, as where
+    the poses are exact and the map is bent.
 
     Attributes:
         config: how far poses may be off, and what is compared.
+        corrections: what became of the poses so far.
     """
 
     def __init__(self, occupancy: OccupancyLayer, config: AlignmentConfig) -> None:
@@ -55,6 +66,8 @@ class Aligner:
         self._occupancy = occupancy
         self._borders: _Borders | None = None
         self._shrinkage = Shrinkage()
+        self._agreement = Agreement()
+        self.corrections = Corrections()
 
     def replace_map(self, occupancy: OccupancyLayer) -> None:
         """Correct by another map of the same place from now on."""
@@ -67,17 +80,24 @@ class Aligner:
         disabled.
         """
         position = frame.map_T_camera[:2, 3]
-        borders = self._borders_around(position) if self.config.enabled else None
+        if not self.config.enabled:
+            return frame
+        borders = self._borders_around(position)
         if borders is None:
+            self.corrections.leave(NO_MAP)
             return frame
         xy, depths = _one_per_cell(*upright_points(frame, self.config), borders.resolution)
         if len(xy) < _FEWEST:
+            self.corrections.leave(FEW_POINTS)
             return frame
-        dx, dy, turn = self._correction(xy, depths, position, borders)
-        map_T_camera = frame.map_T_camera.copy()
-        map_T_camera[:3, :3] = _rotation(turn) @ map_T_camera[:3, :3]
-        map_T_camera[:2, 3] += dx, dy
-        return frame.moved_to(map_T_camera)
+        share, found = self._correction(xy, depths, position, borders)
+        self._agreement.add(frame, _corrected(frame.map_T_camera, found))
+        if share == 0 or self._agreement.is_worse:
+            self.corrections.leave(NO_BETTER if share == 0 else LESS_AGREEMENT)
+            return frame
+        dx, dy, turn = share * found
+        self.corrections.add(math.hypot(dx, dy), float(turn))
+        return frame.moved_to(_corrected(frame.map_T_camera, share * found))
 
     def _correction(
         self,
@@ -85,10 +105,10 @@ class Aligner:
         depths: NDArray[np.float64],
         position: NDArray[np.float64],
         borders: _Borders,
-    ) -> NDArray[np.float64]:
-        """Return the correction to apply: x, y [m] and turn about the camera [rad].
+    ) -> tuple[float, NDArray[np.float64]]:
+        """Return which share of the correction to apply, and the correction.
 
-        It is a share of the one that moves the points onto borders.
+        It is x, y [m] and turn about the camera [rad], and moves the points onto borders.
         """
         config = self.config
         expected = np.array([config.position, config.position, math.radians(config.yaw_deg)])
@@ -102,8 +122,8 @@ class Aligner:
             inward = -np.sum(slope * turned, axis=1)
             counts = np.abs(distance) < config.max_distance
             counts &= inward > _FACING * np.hypot(*turned.T)
-            share = np.where(counts, 1 - (distance / config.max_distance) ** 2, 0.0)  # Tukey 1960
-            weight = share**2 / sigma**2 / _TOGETHER
+            inlier = np.where(counts, 1 - (distance / config.max_distance) ** 2, 0.0)  # Tukey 1960
+            weight = inlier**2 / sigma**2 / _TOGETHER
             by_turn = slope[:, 1] * turned[:, 0] - slope[:, 0] * turned[:, 1]
             jacobian = np.column_stack([slope, by_turn])
             measured = jacobian.T @ (weight[:, np.newaxis] * jacobian)
@@ -116,7 +136,7 @@ class Aligner:
         # of the first number is the second, the number of directions in which the map holds.
         size = float(found @ information @ found)
         by_errors = float(np.trace(np.linalg.solve(information, measured)))
-        return found * self._shrinkage.share_of(size, by_errors)
+        return self._shrinkage.share_of(size, by_errors), found
 
     def _borders_around(self, position: NDArray[np.float64]) -> _Borders | None:
         """Return the borders of free space near the camera; None where the map has none."""
@@ -228,6 +248,16 @@ def _one_per_cell(
     sums = [np.bincount(which, values, len(counts)) for values in (*xy.T, depths)]
     x, y, depth = sums / counts
     return np.column_stack([x, y]), depth
+
+
+def _corrected(
+    map_T_camera: NDArray[np.float64], correction: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return a pose moved by x and y [m] and turned about the camera [rad], shape (4, 4)."""
+    corrected = map_T_camera.copy()
+    corrected[:3, :3] = _rotation(correction[2]) @ corrected[:3, :3]
+    corrected[:2, 3] += correction[:2]
+    return corrected
 
 
 def _rotation(angle: float) -> NDArray[np.float64]:

@@ -5,14 +5,10 @@ It looks at a few hundred pixels of each frame.
 
 from __future__ import annotations
 
-import logging
-
 import numpy as np
 from numpy.typing import NDArray
 
 from hypermap.perception.frame import RgbdFrame
-
-_log = logging.getLogger(__name__)
 
 _LOOKED_AT = 30  # rows and columns of a frame that are sampled, about
 _FARTHEST = 50.0  # meters, within which half of the depth of any camera lies
@@ -20,7 +16,6 @@ _SATURATED = 10.0  # meters; beyond it, no real surface fills an image at one si
 _SAME = 0.95  # share of an image at one depth
 _FEW = 0.05  # share of pixels with depth
 _NEAR = 0.1  # meters
-_EARLY = 24  # frames after which the check reports
 _SCALE = "are the units of depth per meter right (--depth-scale)?"
 
 
@@ -39,13 +34,12 @@ def why_implausible(frame: RgbdFrame) -> str | None:
 
 
 class DepthCheck:
-    """Counts frames with odd depth, and logs the likely cause once if there are many."""
+    """Counts frames with odd depth, and tells the likely cause if there are many."""
 
     def __init__(self, max_depth: float) -> None:
         """Count depth beyond `max_depth` [m], where no objects are looked for, as odd."""
         self._max_depth = max_depth
         self._frames = 0
-        self._has_reported = False
         self._odd = dict.fromkeys(("few", "near", "far"), 0)
 
     def add(self, frame: RgbdFrame) -> None:
@@ -56,11 +50,11 @@ class DepthCheck:
         self._odd["few"] += len(depth) < _FEW * _sampled(frame.z).size
         self._odd["near"] += middle < _NEAR
         self._odd["far"] += middle > self._max_depth
-        if self._frames == _EARLY:
-            self.finish()
 
-    def finish(self) -> None:
-        """Log what is odd about most frames, unless that was logged before."""
+    def why_odd(self) -> str | None:
+        """Return what is odd about most frames; None if nothing is."""
+        if self._frames == 0:
+            return None
         causes = {
             "near": f"half of the depth or more is nearer than {_NEAR:g} m; {_SCALE}",
             "far": f"half of the depth or more is farther than the {self._max_depth:g} m up to "
@@ -69,10 +63,9 @@ class DepthCheck:
             "are these another kind of images?",
         }
         for kind, cause in causes.items():
-            if not self._has_reported and 2 * self._odd[kind] > self._frames:
-                self._has_reported = True
-                count = self._odd[kind]
-                _log.warning("in %d of %d frames, %s", count, self._frames, cause)
+            if 2 * self._odd[kind] > self._frames:
+                return f"in {self._odd[kind]} of {self._frames} frames, {cause}"
+        return None
 
 
 def _sampled(z: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -7,7 +7,7 @@ and the floor becomes a wall.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from hypermap.perception.frame import RgbdFrame
 
 _COLUMNS = 40  # columns of an image that are sampled
-_EARLY = 24  # frames after which the floor is looked for
 _FEWEST_FRAMES = 5  # as one image may mislead
 _MOST_FRAMES = 64  # are kept; then every other one is dropped, and only every other one added
 _SAME_NORMAL = math.cos(math.radians(12))  # least cosine between two normals of one surface
@@ -41,6 +40,7 @@ _UNITS = (
 )  # errors of depth with a wrong scale
 _UNIT_TOLERANCE = 0.1
 _LOWEST_CAMERA = 0.3  # meters, below which such a factor looks the same as a wrong height
+_TURNED = 0.7  # least mean cosine between the map's z axis and another side of the images than up
 _BENT = 0.05  # meters by which depth errors may lift one side of the visible floor
 
 
@@ -134,7 +134,7 @@ class FloorSampler:
 
     def __init__(self) -> None:
         self._frames: list[tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]]
-        self._frames = []  # points and their normals, (N, 3) each, and the image's upward side
+        self._frames = []  # points and their normals, (N, 3) each, and the camera's axes, (3, 3)
         self._heights: list[float] = []  # of the cameras
         self._every, self._seen = 1, 0
 
@@ -144,11 +144,23 @@ class FloorSampler:
         if (self._seen - 1) % self._every:
             return
         points, normals = _points_and_normals(frame)
-        self._frames.append((points, normals, -frame.map_T_camera[:3, 1]))
+        self._frames.append((points, normals, frame.map_T_camera[:3, :3]))
         self._heights.append(float(frame.map_T_camera[2, 3]))
         if len(self._frames) > _MOST_FRAMES:
             self._frames, self._every = self._frames[::2], 2 * self._every
             self._heights = self._heights[::2]
+
+    @property
+    def axes(self) -> NDArray[np.float64]:
+        """The mean directions of the images in the map, as columns: right, down, ahead; (3, 3)."""
+        axes = [axes for _, _, axes in self._frames] or [np.zeros((3, 3))]
+        return np.asarray(np.mean(axes, axis=0))
+
+    @property
+    def _says_turned(self) -> bool:
+        """Whether the poses say that the images lie on their side or upside down."""
+        right, down, _ = self.axes[2]
+        return bool(max(abs(right), down) > _TURNED)
 
     def floor(self) -> Floor | None:
         """Return the floor; None if too little of it is visible."""
@@ -156,7 +168,7 @@ class FloorSampler:
             return None
         points = np.concatenate([points for points, _, _ in self._frames])
         normals = np.concatenate([normals for _, normals, _ in self._frames])
-        up = np.mean([upward for _, _, upward in self._frames], axis=0)
+        up = -self.axes[:, 1]
         if len(points) < _TRIED:
             return None
         camera_z = float(np.mean(self._heights))
@@ -172,37 +184,12 @@ class FloorSampler:
             return None
         most = max(count for _, count in floors)
         for floor, count in sorted(floors, key=_count, reverse=True):
-            is_likely = floor.normal[2] >= _LEVEL and floor.normal @ up > _UPRIGHT
+            is_upright = floor.normal @ up > _UPRIGHT or self._says_turned
+            is_likely = floor.normal[2] >= _LEVEL and is_upright
             if is_likely and count >= _LEVEL_SHARE * most:
                 return floor
         floor, count = max(floors, key=_count)
         return floor if count >= _LEAST_SHARE_TILTED * len(points) else None
-
-
-class FloorCheck:
-    """Checks early in a recording, and at its end, that the floor is level and at z = 0.
-
-    Args:
-        report: called once, if it is not.
-    """
-
-    def __init__(self, report: Callable[[Floor], None]) -> None:
-        self._sampler, self._report = FloorSampler(), report
-        self._frames, self._has_reported = 0, False
-
-    def add(self, frame: RgbdFrame) -> None:
-        """Check a frame with depth and a valid pose."""
-        self._sampler.add(frame)
-        self._frames += 1
-        if self._frames == _EARLY:
-            self.finish()
-
-    def finish(self) -> None:
-        """Report a wrong floor, unless it was reported before."""
-        floor = None if self._has_reported else self._sampler.floor()
-        if floor is not None and not floor.is_level:
-            self._has_reported = True
-            self._report(floor)
 
 
 def _count(found: tuple[Floor, int]) -> int:

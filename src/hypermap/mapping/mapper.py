@@ -8,6 +8,7 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -16,15 +17,14 @@ from hypermap.core.errors import HypermapError
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.layer import Layer
 from hypermap.core.occupancy import OccupancyLayer
-from hypermap.core.trajectory import rpy_from_pose
 from hypermap.mapping.alignment import Aligner
 from hypermap.mapping.completion import free_share
 from hypermap.mapping.config import MappingConfig, to_dict
-from hypermap.mapping.depth_check import DepthCheck, why_implausible
+from hypermap.mapping.depth_check import why_implausible
 from hypermap.mapping.evidence import EvidenceMap
-from hypermap.mapping.floor import Floor, FloorCheck
 from hypermap.mapping.keyframes import KeyframeSelector
 from hypermap.mapping.occupancy import OccupancyMapper
+from hypermap.mapping.preflight import Preflight
 from hypermap.perception.detections import Detections
 from hypermap.perception.detectors.sources import detections_of
 from hypermap.perception.frame import DetectionSource, RgbdFrame
@@ -219,9 +219,16 @@ class Mapper:
             "frames": asdict(self.counts),
             **({"surplus_detections": self.surplus} if self.surplus else {}),
             "poses": "corrected by the occupancy map" if self.corrects_poses else "as recorded",
+            **self._pose_corrections(),
             "config": to_dict(self.config),
         }
         return Hypermap(layers, metadata=metadata)
+
+    def _pose_corrections(self) -> dict[str, Any]:
+        """Return what became of the poses, for the metadata, if any could be corrected."""
+        if self._aligner is None or not self.corrects_poses:
+            return {}
+        return {"pose_corrections": self._aligner.corrections.summary()}
 
     def occupancy(self) -> OccupancyLayer:
         """Return the first layer of the map: the given one, or what depth has shown so far."""
@@ -280,7 +287,7 @@ def map_recording(
     occupancy: OccupancyLayer | None = None,
     on_progress: Callable[[Progress], None] | None = None,
     watch: Callable[[MappedFrame, Mapper], None] | None = None,
-    on_wrong_floor: Callable[[Floor], None] | None = None,
+    preflight: Preflight | None = None,
     max_bad: float = MAX_BAD,
 ) -> Hypermap:
     """Return the map of a recording.
@@ -299,8 +306,8 @@ def map_recording(
             depth.
         on_progress: called after each frame.
         watch: called after each frame that was mapped.
-        on_wrong_floor: called once, as soon as the depth shows a floor that is not level or not
-            at z = 0, as of a recording whose world is not level; by default this is logged.
+        preflight: looks whether the recording is as mapping takes it to be, as that its floor is
+            level at z = 0; by default what is wrong is logged.
         max_bad: share of the recording's frames that may be skipped like this; 0 stops at the
             first.
 
@@ -311,25 +318,25 @@ def map_recording(
         occupancy = recording.occupancy()
     mapper = Mapper(config, source, occupancy, recording.frame_id)
     mapper.watch = watch
-    check = FloorCheck(on_wrong_floor or _log_wrong_floor)
-    depth_check = DepthCheck(config.perception.max_depth)
+    preflight = preflight or Preflight(max_depth=config.perception.max_depth)
     bad = _BadFrames(mapper, recording, max_bad)
     for frame in recording.frames(bad.add):
+        unusable = mapper.counts.unusable
         try:
             is_mapped = mapper.add(frame) is not None
         except BadFrame as error:
             bad.add(frame.stamp, error)
             is_mapped = False
+        if mapper.counts.unusable == unusable:
+            preflight.add(frame)
         if is_mapped:
-            check.add(frame)
-            depth_check.add(frame)
+            preflight.add_mapped(frame)
         if on_progress is not None:
             counts = mapper.counts
             on_progress(Progress(counts.frames, len(recording), len(mapper.evidence), counts))
     bad.finish()
     mapper.tell_left_out()
-    check.finish()
-    depth_check.finish()
+    preflight.finish()
     hypermap = mapper.hypermap()
     hypermap.metadata["recording"] = recording.path.name
     return hypermap
@@ -379,11 +386,6 @@ class _BadFrames:
 
 def _no_detections(_frame: RgbdFrame) -> Detections:
     return Detections.of([], [])
-
-
-def _log_wrong_floor(floor: Floor) -> None:
-    turn = ", ".join(f"{number:.4f}" for number in rpy_from_pose(floor.level_T_map()))
-    _log.warning("%s; the pose that levels it in the map is (%s)", floor, turn)
 
 
 def why_unusable(frame: RgbdFrame) -> str | None:

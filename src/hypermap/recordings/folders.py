@@ -7,9 +7,9 @@ from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,7 @@ from hypermap.core.errors import FileMissing, FormatError, HypermapError
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.perception.frame import Camera, RgbdFrame
 from hypermap.perception.recording import OnBadFrame, or_report
+from hypermap.perception.turning import turned
 from hypermap.recordings.options import RecordingOptions
 from hypermap.recordings.pictures import (
     decode_color,
@@ -26,6 +27,9 @@ from hypermap.recordings.pictures import (
     picture_size,
     read_file,
 )
+
+if TYPE_CHECKING:
+    from hypermap.perception.registration import Registration
 
 _FIRST = 5  # frames that tell the size of all; of these, one may be odd or two broken
 
@@ -83,16 +87,20 @@ class ImageFolder(ABC):
             FormatError: If a list, an image, a pose or the intrinsics are broken.
             FileMissing: If one of them is not there.
         """
-        shots, camera = self._shots(), self._camera
+        shots, depth_camera, registration = self._shots(), self._camera, self._registration
+        camera = depth_camera if registration is None else registration.camera
         for note in self._left_out:
             _log.warning("%s: %s", self._path, note)
         scale = self._options.depth_scale or self.depth_scale
         for shot in shots:
-            load = partial(load_depth, shot.depth, camera, scale)
+            load = partial(load_depth, shot.depth, depth_camera, scale)
             pose = or_report(shot.pose, shot.stamp, on_bad)
             if pose is None or (depth := or_report(load, shot.stamp, on_bad)) is None:
                 continue
-            yield RgbdFrame(
+            if registration is not None:
+                depth = registration.depth(depth, depth_camera)
+                pose = registration.pose(pose)
+            frame = RgbdFrame(
                 stamp=shot.stamp,
                 depth=depth,
                 camera=camera,
@@ -100,6 +108,7 @@ class ImageFolder(ABC):
                 color=partial(load_color, shot.color, camera) if shot.color else None,
                 color_stamp=shot.color_stamp,
             )
+            yield turned(frame, self._options.rotate)
 
     def occupancy(self) -> OccupancyLayer | None:
         """Return None: such a folder holds no occupancy map."""
@@ -109,6 +118,44 @@ class ImageFolder(ABC):
     @abstractmethod
     def _camera(self) -> Camera:
         """The camera of all images."""
+
+    @property
+    def image_size(self) -> tuple[int, int]:
+        """Columns and rows of its frames."""
+        camera = self._camera if self._registration is None else self._registration.camera
+        return self._options.turned_size(camera)
+
+    @cached_property
+    def _registration(self) -> Registration | None:
+        """How depth gets into the color camera; None if it is there already.
+
+        Raises:
+            FormatError: If the color camera is not known.
+        """
+        if not self._options.register:
+            return None
+        colors = [(shot.color, None) for shot in self._shots() if shot.color is not None]
+        width, height = usual_size(colors) if colors else (self._camera.width, self._camera.height)
+        camera = self._options.color_camera(width, height)
+        if camera is None:
+            raise FormatError(
+                "a folder does not tell the color camera, to which depth is to be registered "
+                "(--register); give --color-intrinsics and --depth-transform",
+                path=self._path,
+            )
+        # Imported here, as numba takes longer to load than folders need without it.
+        from hypermap.perception.registration import Registration
+
+        return Registration(camera, self._options.depth_pose())
+
+    def _depth_size(self, pictures: Sequence[tuple[Path, Path | None]]) -> tuple[int, int]:
+        """Return columns and rows of the depth images; raises as `usual_size` does.
+
+        Color has the same, unless depth is yet to be registered.
+        """
+        if self._options.register:
+            pictures = [(depth, None) for depth, _ in pictures]
+        return usual_size(pictures)
 
     @property
     @abstractmethod
@@ -182,7 +229,8 @@ def _frame_size(depth: Path, color: Path | None) -> tuple[int, int]:
         color_width, color_height = _size_of(color)
         raise FormatError(
             f"color has {color_width} x {color_height} pixels, but depth in {depth} has "
-            f"{width} x {height}; color must be registered to depth and of its size",
+            f"{width} x {height}; color must be registered to depth and of its size; else give "
+            "--register, --color-intrinsics and --depth-transform",
             path=color,
         )
     return width, height

@@ -12,6 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from hypermap.core.trajectory import pose_from_rpy
 from hypermap.perception.frame import Camera
 
+_MOST_OFFSET = 10  # seconds between the clocks of poses and images
+
 
 @dataclass(frozen=True)
 class RecordingOptions:
@@ -33,6 +35,15 @@ class RecordingOptions:
         map_topic: topic of an occupancy map.
         depth_scale: units of integer depth per meter; None is the format's own (5000 for TUM,
             1000 otherwise).
+        register: whether depth is to be registered to color: moved into the color camera.
+        color_intrinsics: fx, fy, cx, cy of the color images [pixels], for `register`; None takes
+            them from a bag's camera info.
+        color_T_depth: pose of the depth camera in the color camera, as `map_T_world` is given, for
+            `register`; None takes it from a bag's tf, and in folders both cameras for one place.
+        time_offset: seconds by which the clock of the poses is ahead of that of the images: the
+            image of time t was taken from the pose of time t + `time_offset`.
+        rotate: degrees by which the images are turned clockwise: 0, 90, 180 or 270; as of a camera
+            that is mounted upside down, which the poses know.
         max_time_difference: seconds by which the stamps of a depth image and of the color image
             or detections that go with it may differ, at most 1.
         max_pose_gap: seconds between two poses across which none is interpolated.
@@ -53,26 +64,31 @@ class RecordingOptions:
     detections_topic: str | None = None
     map_topic: str | None = None
     depth_scale: float | None = None
+    register: bool = False
+    color_intrinsics: tuple[float, float, float, float] | None = None
+    color_T_depth: ArrayLike | None = None
+    time_offset: float = 0.0
+    rotate: int = 0
     max_time_difference: float = 0.02
     max_pose_gap: float = 1.0
     every: int = 1
 
     def __post_init__(self) -> None:
-        if self.intrinsics is not None:
-            _check_numbers("intrinsics", self.intrinsics, {4: "fx, fy, cx, cy"})
-            if min(self.intrinsics[:2]) <= 0:
-                raise ValueError(f"the focal lengths must be positive, got {self.intrinsics[:2]}")
-        if self.map_T_world is not None:
-            # As a tuple, options can be compared, too.
-            object.__setattr__(self, "map_T_world", _row_by_row(self.map_T_world))
-            _check_numbers(
-                "map_T_world",
-                _row_by_row(self.map_T_world),
-                {6: "x, y, z, roll, pitch, yaw", 16: "the rows of a 4 x 4 matrix"},
-            )
-            self.world_pose()
+        for name in ("intrinsics", "color_intrinsics"):
+            self._check_intrinsics(name)
+        for name in ("map_T_world", "color_T_depth"):
+            self._check_pose(name)
+        for name in ("color_intrinsics", "color_T_depth"):
+            if getattr(self, name) is not None and not self.register:
+                raise ValueError(f"{name} is for registering depth to color: give register, too")
         if self.depth_scale is not None and not 0 < self.depth_scale < math.inf:
             raise ValueError(f"depth_scale must be positive, got {self.depth_scale}")
+        if self.rotate not in (0, 90, 180, 270):
+            raise ValueError(f"rotate must be 0, 90, 180 or 270 degrees, got {self.rotate}")
+        if not abs(self.time_offset) <= _MOST_OFFSET:
+            raise ValueError(
+                f"time_offset must be -{_MOST_OFFSET} .. {_MOST_OFFSET} s, got {self.time_offset}"
+            )
         if not 0 <= self.max_time_difference <= 1:
             raise ValueError(
                 f"max_time_difference must be 0 .. 1 s, got {self.max_time_difference}"
@@ -86,18 +102,43 @@ class RecordingOptions:
 
     def world_pose(self) -> NDArray[np.float64]:
         """Return `map_T_world` as a matrix, shape (4, 4); the identity if it was not given."""
-        if self.map_T_world is None:
-            return np.eye(4)
-        numbers = _row_by_row(self.map_T_world)
-        if len(numbers) == 6:
-            return pose_from_rpy(*numbers)
-        return nearest_rigid(np.array(numbers).reshape(4, 4))
+        return _matrix("map_T_world", self.map_T_world)
+
+    def depth_pose(self) -> NDArray[np.float64]:
+        """Return `color_T_depth` as a matrix, shape (4, 4); the identity if it was not given."""
+        return _matrix("color_T_depth", self.color_T_depth)
 
     def camera(self, width: int, height: int) -> Camera | None:
         """Return the camera that the user described, if so."""
         if self.intrinsics is None:
             return None
         return Camera.from_intrinsics(*self.intrinsics, width=width, height=height)
+
+    def color_camera(self, width: int, height: int) -> Camera | None:
+        """Return the color camera that the user described, if so."""
+        if self.color_intrinsics is None:
+            return None
+        return Camera.from_intrinsics(*self.color_intrinsics, width=width, height=height)
+
+    def turned_size(self, camera: Camera) -> tuple[int, int]:
+        """Return columns and rows of a camera's images, as they are once they are turned."""
+        size = camera.width, camera.height
+        return size if self.rotate % 180 == 0 else size[::-1]
+
+    def _check_intrinsics(self, name: str) -> None:
+        numbers = getattr(self, name)
+        if numbers is not None:
+            _check_numbers(name, numbers, {4: "fx, fy, cx, cy"})
+            if min(numbers[:2]) <= 0:
+                raise ValueError(f"{name}: the focal lengths must be positive, got {numbers[:2]}")
+
+    def _check_pose(self, name: str) -> None:
+        if getattr(self, name) is not None:
+            numbers = _row_by_row(name, getattr(self, name))
+            object.__setattr__(self, name, numbers)  # as a tuple, options can be compared, too
+            meanings = {6: "x, y, z, roll, pitch, yaw", 16: "the rows of a 4 x 4 matrix"}
+            _check_numbers(name, numbers, meanings)
+            _matrix(name, numbers)
 
 
 def nearest_rigid(pose: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -122,14 +163,24 @@ def nearest_rigid(pose: NDArray[np.float64]) -> NDArray[np.float64]:
     return rigid
 
 
-def _row_by_row(numbers: ArrayLike) -> tuple[float, ...]:
+def _matrix(name: str, pose: ArrayLike | None) -> NDArray[np.float64]:
+    """Return a pose as a matrix, shape (4, 4); the identity for None."""
+    if pose is None:
+        return np.eye(4)
+    numbers = _row_by_row(name, pose)
+    if len(numbers) == 6:
+        return pose_from_rpy(*numbers)
+    return nearest_rigid(np.array(numbers).reshape(4, 4))
+
+
+def _row_by_row(name: str, numbers: ArrayLike) -> tuple[float, ...]:
     """Return the numbers of a pose, which may be a matrix."""
     try:
         array = np.asarray(numbers, dtype=np.float64)
     except (TypeError, ValueError) as error:
-        raise ValueError(f"map_T_world must be numbers: {error}") from None
+        raise ValueError(f"{name} must be numbers: {error}") from None
     if array.ndim > 1 and array.shape != (4, 4):
-        raise ValueError(f"map_T_world must be a 4 x 4 matrix, got one of shape {array.shape}")
+        raise ValueError(f"{name} must be a 4 x 4 matrix, got one of shape {array.shape}")
     return tuple(array.ravel().tolist())
 
 

@@ -69,7 +69,7 @@ def plan_frames(
                 f"color image within {options.max_time_difference:g} s (--max-time-difference) "
                 "and are left out"
             )
-    stamps = depth_stamps[depth]
+    stamps = depth_stamps[depth] + options.time_offset
     known = world_T_camera.covers(stamps)
     if not known.any():
         raise FormatError(
@@ -84,7 +84,8 @@ def plan_frames(
             "left out"
         )
     depth, color = depth[known][:: options.every], color[known][:: options.every]
-    map_T_camera = Chain((FixedPose(options.world_pose()), world_T_camera)).at(depth_stamps[depth])
+    motion = Chain((FixedPose(options.world_pose()), world_T_camera))
+    map_T_camera = motion.at(depth_stamps[depth] + options.time_offset)
     return FramePlan(depth, color, map_T_camera, tuple(notes))
 
 

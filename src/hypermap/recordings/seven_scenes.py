@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
 from typing import ClassVar
@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hypermap.core.errors import FileMissing, FormatError
-from hypermap.core.trajectory import compose
+from hypermap.core.trajectory import compose, trajectory_of
 from hypermap.perception.frame import Camera
 from hypermap.perception.recording import RecordingInfo, Stream
-from hypermap.recordings.folders import ImageFolder, Shot, usual_size
+from hypermap.recordings.folders import ImageFolder, Shot
 from hypermap.recordings.options import nearest_rigid
 from hypermap.recordings.problems import problems_of
 from hypermap.recordings.textfiles import read_matrix
@@ -100,11 +100,11 @@ class SevenScenesRecording(ImageFolder):
         notes = [f"stamps are frame numbers at {FRAME_RATE:g} Hz"]
         if self._options.map_T_world is None:
             notes.append("the world is taken as level, z up; if it is not, give --world-transform")
-        problems = problems_of(self, "_frames", "_camera")
+        problems = problems_of(self, "_frames", "_camera", "_registration")
         if not problems:
             frames = len(self._frames)
             duration = self._frames[-1].stamp - self._frames[0].stamp
-            image_size = (self._camera.width, self._camera.height)
+            image_size = self.image_size
             notes += self._left_out
         return RecordingInfo(
             self._path,
@@ -158,6 +158,11 @@ class SevenScenesRecording(ImageFolder):
                 lost += 1
             else:
                 frames.append(NumberedFrame(number, depths[number], colors.get(number), pose))
+        if self._options.time_offset:
+            frames, left = moved_in_time(
+                frames, self._options.time_offset, self._options.max_pose_gap
+            )
+            lost += left
         wrong = [frame.world_T_camera for frame in frames]
         broken = [error for error in wrong if isinstance(error, FormatError)]
         if frames and len(broken) == len(frames):
@@ -174,12 +179,13 @@ class SevenScenesRecording(ImageFolder):
         if broken:
             notes.append(f"poses that cannot be read: {len(broken)}, the first is {broken[0]}")
         if lost:
-            notes.append(f"{lost} frames have no pose (tracking was lost) and are left out")
+            past = ", or --time-offset leads past them" if self._options.time_offset else ""
+            notes.append(f"{lost} frames have no pose (tracking was lost{past}) and are left out")
         return tuple(frames[:: self._options.every]), tuple(notes)
 
     @cached_property
     def _camera(self) -> Camera:
-        width, height = usual_size([(frame.depth, frame.color) for frame in self._frames])
+        width, height = self._depth_size([(frame.depth, frame.color) for frame in self._frames])
         return self._options.camera(width, height) or self._own_camera(width, height)
 
     def _own_camera(self, width: int, height: int) -> Camera:
@@ -202,6 +208,24 @@ class SevenScenesRecording(ImageFolder):
                 path=path,
             )
         return camera
+
+
+def moved_in_time(
+    frames: list[NumberedFrame], offset: float, max_gap: float
+) -> tuple[list[NumberedFrame], int]:
+    """Return frames with the poses of `offset` [s] later, and how many are left out without one."""
+    posed = [frame for frame in frames if not isinstance(frame.world_T_camera, FormatError)]
+    if not posed:
+        return frames, 0
+    poses = np.array([frame.world_T_camera for frame in posed])
+    stamps = np.array([frame.stamp for frame in posed])
+    trajectory = trajectory_of(stamps, poses, max_gap)
+    known = trajectory.covers(stamps + offset)
+    moved = trajectory.at((stamps + offset)[known])
+    found = [frame for frame, is_known in zip(posed, known, strict=True) if is_known]
+    return [
+        replace(frame, world_T_camera=pose) for frame, pose in zip(found, moved, strict=True)
+    ], len(posed) - len(found)
 
 
 def read_pose(path: Path) -> NDArray[np.float64] | None:

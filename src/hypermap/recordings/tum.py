@@ -13,7 +13,7 @@ from hypermap.core.errors import FormatError, HypermapError
 from hypermap.core.trajectory import Trajectory
 from hypermap.perception.frame import Camera
 from hypermap.perception.recording import RecordingInfo, Stream
-from hypermap.recordings.folders import ImageFolder, Shot, absence_of, usual_size
+from hypermap.recordings.folders import ImageFolder, Shot, absence_of
 from hypermap.recordings.image_lists import (
     ImageList,
     read_associations,
@@ -73,14 +73,14 @@ class TumRecording(ImageFolder):
         if not any((self._path / name).is_file() for name in ("rgb.txt", "associations.txt")):
             missing.append("rgb.txt is missing: without color images no objects can be detected")
         problems = problems_of(
-            self, "_depth", "_color", "_trajectory", "_plan", "_absence", "_camera"
+            self, "_depth", "_color", "_trajectory", "_plan", "_absence", "_camera", "_registration"
         )
         missing += problems
         frames, duration, image_size = 0, 0.0, None
         if not problems:
             stamps = self._depth.stamps[self._plan.depth]
             frames, duration = len(stamps), float(stamps[-1] - stamps[0])
-            image_size = (self._camera.width, self._camera.height)
+            image_size = self.image_size
             notes += [*self._trajectory[1], *self._plan.notes, *self._absence]
             if self._options.intrinsics is None:
                 K = self._camera.K
@@ -151,7 +151,7 @@ class TumRecording(ImageFolder):
             (depth[d], color.paths[c] if color else None)
             for d, c in zip(plan.depth, plan.color, strict=True)
         ]
-        width, height = usual_size(pairs)
+        width, height = self._depth_size(pairs)
         return self._options.camera(width, height) or default_camera(width, height, self._path)
 
 

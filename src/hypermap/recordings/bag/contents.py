@@ -58,6 +58,7 @@ class Contents:
         geometry: depth images or clouds.
         color: color images.
         camera_info: the first message of the intrinsics.
+        color_info: the same of the color images, where depth is to be registered to them.
         transforms: all of tf.
         detections: by the stamp of the image [ns].
         damaged: messages that cannot be decoded, by their times of recording [ns].
@@ -66,6 +67,7 @@ class Contents:
     geometry: ImageStream = field(default_factory=ImageStream)
     color: ImageStream = field(default_factory=ImageStream)
     camera_info: Any = None
+    color_info: Any = None
     transforms: TransformLog = field(default_factory=TransformLog)
     detections: dict[int, Detections] = field(default_factory=dict)
     damaged: list[tuple[int, FormatError]] = field(default_factory=list)
@@ -81,7 +83,8 @@ def read_contents(bag: BagFile, topics: ChosenTopics) -> Contents:
     transforms = {topic.name for topic in topics.transforms}
     single = (topics.geometry, topics.color, topics.camera_info, topics.detections)
     geometry, color, info, detections = (topic.name if topic else None for topic in single)
-    names = transforms | {name for name in (geometry, color, info, detections) if name}
+    color_info = topics.color_info.name if topics.color_info else None
+    names = transforms | {name for name in (geometry, color, info, color_info, detections) if name}
 
     def on_damaged(log_time: int, error: FormatError) -> None:
         damaged = FormatError(str(error), path=bag.path)
@@ -95,8 +98,11 @@ def read_contents(bag: BagFile, topics: ChosenTopics) -> Contents:
             contents.geometry.add(message, stamp_of(message, log_time))
         elif name == color:
             contents.color.add(message, stamp_of(message, log_time))
-        elif name == info and contents.camera_info is None:
-            contents.camera_info = message
+        elif name in (info, color_info):
+            if name == info and contents.camera_info is None:
+                contents.camera_info = message
+            if name == color_info and contents.color_info is None:
+                contents.color_info = message
         elif name == detections:
             stamp, found = _detections(name, message)
             contents.detections[stamp] = found

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Sequence
 from functools import cached_property, partial
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,9 @@ from hypermap.recordings.options import RecordingOptions
 from hypermap.recordings.pairing import FramePlan, associate, plan_frames
 from hypermap.recordings.problems import problems_of
 
+if TYPE_CHECKING:
+    from hypermap.perception.registration import Registration
+
 DEPTH_SCALE = 1000.0  # units per meter, REP 118
 MAP_FRAME = "map"  # REP 105
 _Image = TypeVar("_Image", Geometry, NDArray[np.uint8])
@@ -43,7 +46,8 @@ class BagPlan:
 
     def problems(self) -> list[str]:
         """Return a sentence for everything without which there are no frames."""
-        return problems_of(self, "geometry_topic", "camera", "motion", "frames", "color_topic")
+        needs = ("geometry_topic", "camera", "motion", "frames", "color_topic", "registration")
+        return problems_of(self, *needs)
 
     def notes(self) -> list[str]:
         """Return sentences on what was left out, assumed or chosen, for a plan without problems."""
@@ -52,11 +56,12 @@ class BagPlan:
         if self.damaged:
             count, (_, first) = len(self.damaged), self.damaged[0]
             notes.append(f"messages that cannot be read: {count}, the first: {first}")
-        if self.color_topic and contents.color.frame_id != contents.geometry.frame_id:
+        is_elsewhere = contents.color.frame_id != contents.geometry.frame_id
+        if self.color_topic and is_elsewhere and self.registration is None:
             notes.append(
                 f"color comes from frame {contents.color.frame_id!r}, depth from "
                 f"{contents.geometry.frame_id!r}: if the driver has not registered them, objects "
-                "are cut out next to where they are"
+                "are cut out next to where they are (--register)"
             )
         if self._has_uncorrected_lens:
             notes.append("the lens distortion that the camera info tells is not corrected")
@@ -105,9 +110,18 @@ class BagPlan:
                 if error.key == topic.name:
                     raise error
             return None
-        colors = _readable(partial(decode_color, topic), self._contents.color.firsts)
-        self.check_color(_usual(colors, lambda color: color.shape))
+        if not self._options.register:
+            self.check_color(self._first_color)
         return topic
+
+    @cached_property
+    def _first_color(self) -> NDArray[np.uint8]:
+        """One of the first color images: one of the size that most of them have."""
+        topic = self._topics.color
+        if topic is None:
+            raise FormatError("there are no color images")
+        colors = _readable(partial(decode_color, topic), self._contents.color.firsts)
+        return _usual(colors, lambda color: color.shape)
 
     @property
     def has_color(self) -> bool:
@@ -134,6 +148,50 @@ class BagPlan:
                 "record it, or give --intrinsics"
             )
         return camera_of_info(self._contents.camera_info, width, height, self._is_rectified)
+
+    @property
+    def frame_camera(self) -> Camera:
+        """The camera of the frames: the color camera where depth is registered to it."""
+        return self.camera if self.registration is None else self.registration.camera
+
+    @cached_property
+    def registration(self) -> Registration | None:
+        """How depth gets into the color camera; None unless that was asked for."""
+        if not self._options.register:
+            return None
+        if self.color_topic is None:
+            raise FormatError(
+                "depth cannot be registered to color (--register): there are no color images, or "
+                "clouds that have color already"
+            )
+        from hypermap.perception.registration import Registration
+
+        height, width, _ = self._first_color.shape
+        camera = self._options.color_camera(width, height)
+        if camera is None:
+            if self._contents.color_info is None:
+                raise FormatError(
+                    "there is no camera info next to the color images, to which depth is to be "
+                    "registered (--register); record it, or give --color-intrinsics"
+                )
+            is_rectified = "rect" in self.color_topic.name.rpartition("/")[2]
+            camera = camera_of_info(self._contents.color_info, width, height, is_rectified)
+        return Registration(camera, self._color_T_depth())
+
+    def _color_T_depth(self) -> NDArray[np.float64]:  # noqa: N802
+        """Return the pose of the depth camera in the color camera, shape (4, 4)."""
+        if self._options.color_T_depth is not None:
+            return self._options.depth_pose()
+        tree, _ = self._tree
+        frames = self._contents.color.frame_id, self._camera_frame
+        try:
+            poses = tree.motion(*frames).at(self._contents.geometry.seconds()[:1])
+            return np.asarray(poses[0])
+        except FrameError as error:
+            raise FormatError(
+                f"tf does not say where the color camera is ({frames[0]!r}), to which depth is to "
+                f"be registered (--register): {error}; give --depth-transform"
+            ) from None
 
     @cached_property
     def motion(self) -> Motion:
@@ -234,16 +292,18 @@ class BagPlan:
             )
 
     def check_color(self, color: NDArray[np.uint8]) -> None:
-        """Raise a FormatError unless a color image has the size of the depth images."""
+        """Raise a FormatError unless a color image has the size of the frames."""
         (color_height, color_width, _), (width, height) = color.shape, self._first.size
+        if self.registration is not None:
+            width, height = self.registration.camera.width, self.registration.camera.height
         if (color_width, color_height) != (width, height):
             depth_topic = self.geometry_topic
             color_topic = self._topics.color or depth_topic
             raise FormatError(
                 f"color images on {color_topic.name} have {color_width} x {color_height} pixels, "
                 f"but depth images on {depth_topic.name} have {width} x {height}; record depth "
-                "that is registered to color, or choose other topics with --depth-topic and "
-                "--color-topic"
+                "that is registered to color, give --register, or choose other topics with "
+                "--depth-topic and --color-topic"
             )
 
     @cached_property

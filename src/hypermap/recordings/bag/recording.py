@@ -16,6 +16,7 @@ from hypermap.core.errors import FormatError, HypermapError
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.perception.frame import RgbdFrame
 from hypermap.perception.recording import OnBadFrame, RecordingInfo, Stream, or_report
+from hypermap.perception.turning import turned
 from hypermap.recordings.bag.contents import read_contents
 from hypermap.recordings.bag.decode import Geometry, decode_color, decode_geometry
 from hypermap.recordings.bag.file import BagFile, Topic
@@ -84,16 +85,22 @@ class BagRecording:
             color: NDArray[np.uint8] | Callable[[], NDArray[np.uint8]] | None = geometry.color
             if len(topics) > 1:
                 color = partial(self._color, topics, messages[1], stamps[0])
-            yield RgbdFrame(
+            camera, pose = plan.camera, plan.frames.map_T_camera[i]
+            if (registration := plan.registration) is not None:
+                depth = registration.depth(geometry.depth, camera, geometry.cloud)
+                geometry = Geometry(depth)
+                camera, pose = registration.camera, registration.pose(pose)
+            frame = RgbdFrame(
                 stamp=as_seconds(stamps[0]),
                 depth=geometry.depth,
-                camera=plan.camera,
-                map_T_camera=plan.frames.map_T_camera[i],
+                camera=camera,
+                map_T_camera=pose,
                 color=color,
                 color_stamp=None if color is None else as_seconds(stamps[-1]),
                 detections=plan.detections[i],
                 cloud=geometry.cloud,
             )
+            yield turned(frame, self._options.rotate)
 
     def info(self) -> RecordingInfo:
         """Say what is inside and what is missing."""
@@ -109,7 +116,7 @@ class BagRecording:
                 plan = self._plan
                 frames = len(plan.frames)
                 duration = as_seconds(plan.stamps[-1][0] - plan.stamps[0][0])
-                image_size = plan.camera.width, plan.camera.height
+                image_size = self._options.turned_size(plan.frame_camera)
                 notes += plan.notes()
                 if not plan.has_color and self._topics.detections is None:
                     missing.append(

@@ -32,7 +32,8 @@ class ChosenTopics:
         depth: depth images; never together with `cloud`.
         cloud: organised clouds.
         color: color images.
-        camera_info: intrinsics.
+        camera_info: intrinsics of the depth images.
+        color_info: intrinsics of the color images; only where depth is to be registered to them.
         detections: recorded detections.
         occupancy: an occupancy map.
         transforms: all topics of tf.
@@ -46,6 +47,7 @@ class ChosenTopics:
     detections: Topic | None = None
     occupancy: Topic | None = None
     transforms: tuple[Topic, ...] = ()
+    color_info: Topic | None = None
     notes: tuple[str, ...] = field(default=())
 
     @property
@@ -59,6 +61,7 @@ class ChosenTopics:
             self.depth: "geometry",
             self.cloud: "geometry",
             self.color: "detection of objects",
+            self.color_info: "intrinsics of color",
             self.camera_info: "intrinsics",
             self.detections: "recorded detections",
             self.occupancy: "occupancy map",
@@ -107,8 +110,16 @@ def choose_topics(topics: Sequence[Topic], options: RecordingOptions) -> ChosenT
         ),
         choice.pick("map", options.map_topic, _is(OCCUPANCY), _is_map, _map_rank),
         tuple(topic for topic in choice.topics if topic.type in TRANSFORMS),
+        _color_info(choice.topics, color) if options.register else None,
         tuple(choice.notes),
     )
+
+
+def _color_info(topics: Sequence[Topic], color: Topic | None) -> Topic | None:
+    """Return the camera info next to the color images, if there is one."""
+    beside = "" if color is None else _folder(color.name)
+    infos = (topic for topic in topics if topic.type == CAMERA_INFO)
+    return next((topic for topic in infos if _folder(topic.name) == beside), None)
 
 
 class _Choice:

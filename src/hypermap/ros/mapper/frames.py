@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from hypermap.core.errors import FormatError
 from hypermap.perception.detections import Detections
 from hypermap.perception.frame import Camera, RgbdFrame
+from hypermap.perception.registration import Registration
+from hypermap.perception.turning import turned
 from hypermap.recordings.messages.camera import camera_of_info
 from hypermap.recordings.messages.clouds import fit_camera, points_of_cloud
 from hypermap.recordings.messages.compressed_depth import depth_of_compressed
@@ -28,24 +30,31 @@ class FrameMaker:
 
     Attributes:
         camera_info: the last `sensor_msgs/CameraInfo`; None while there was none.
+        color_info: that of the color images, where depth is to be registered to them.
     """
 
     def __init__(self, settings: LiveSettings) -> None:
         self.camera_info: Any = None
+        self.color_info: Any = None
         self._settings = settings
         self._fitted: Camera | None = None
 
     @property
     def lacks_camera_info(self) -> bool:
         """Whether the intrinsics are not known yet."""
-        return bool(self._settings.info_topic) and self.camera_info is None
+        lacks_color = bool(self._settings.color_info_topic) and self.color_info is None
+        return lacks_color or (bool(self._settings.info_topic) and self.camera_info is None)
 
     def frame_id(self, geometry: Any) -> str:
         """Return the optical frame of a depth message."""
         return clean_frame(self._settings.camera_frame or geometry.header.frame_id)
 
     def frame(
-        self, match: MatchedMessages, geometry: Any, map_T_camera: NDArray[np.float64]
+        self,
+        match: MatchedMessages,
+        geometry: Any,
+        map_T_camera: NDArray[np.float64],
+        color_T_depth: NDArray[np.float64] | None = None,
     ) -> RgbdFrame:
         """Return a frame.
 
@@ -53,11 +62,17 @@ class FrameMaker:
             match: color and detections, and the stamps of all.
             geometry: the depth image or cloud.
             map_T_camera: pose of its optical frame, shape (4, 4).
+            color_T_depth: its pose in the color camera, to which it is to be registered; else None.
 
         Raises:
             FormatError: If a message is damaged, or they do not fit each other.
         """
         depth, cloud, color = self._geometry(geometry)
+        camera = self._camera(depth, cloud)
+        if color_T_depth is not None:
+            registration = Registration(self._color_camera(match.items["color"]), color_T_depth)
+            depth, map_T_camera = registration.depth(depth, camera), registration.pose(map_T_camera)
+            camera = registration.camera
         if "color" in match.items and self._settings.detector:
             message = match.items["color"]
             is_compressed = self._settings.color_type == COMPRESSED
@@ -70,16 +85,28 @@ class FrameMaker:
         if self._settings.detector and color is None:
             raise FormatError("the clouds have no color for the detector; give color_topic")
         detections: Detections | None = match.items.get("detections")
-        return RgbdFrame(
+        frame = RgbdFrame(
             stamp=as_seconds(match.stamp),
             depth=depth,
-            camera=self._camera(depth, cloud),
+            camera=camera,
             map_T_camera=map_T_camera,
             color=color,
             color_stamp=as_seconds(match.stamps.get("color", match.stamp)),
             detections=detections,
             cloud=cloud,
         )
+        return turned(frame, self._settings.rotate)
+
+    def _color_camera(self, color: Any) -> Camera:
+        """Return the camera of a color image, whose size only its camera info tells if compressed.
+
+        Raises:
+            FormatError: If that says nothing of use.
+        """
+        info = self.color_info
+        is_rectified = "rect" in self._settings.color_topic.rpartition("/")[2]
+        size = getattr(color, "width", info.width), getattr(color, "height", info.height)
+        return camera_of_info(info, *size, is_rectified)
 
     def _geometry(
         self, message: Any

@@ -50,6 +50,7 @@ class LiveInputs:
         log: Throttle,
         on_work: Callable[[Work], None],
         on_camera_info: Callable[[Message], None],
+        on_color_info: Callable[[Message], None],
         on_jump: Callable[[], None],
     ) -> None:
         """Subscribe.
@@ -61,6 +62,7 @@ class LiveInputs:
             log: says why.
             on_work: takes what is complete, in order of time but for small disorder.
             on_camera_info: takes the intrinsics.
+            on_color_info: takes those of the color images, where they are needed.
             on_jump: called when the clock has jumped back, before anything newer comes.
         """
         self._settings = settings
@@ -77,13 +79,17 @@ class LiveInputs:
                 settings.detections_type,
                 self._take_detections,
             )
-        elif settings.color_topic:
+        if settings.color_topic and (settings.register or not others):
             others["color"] = (settings.color_topic, settings.color_type, self._take_color)
         self._synchronizer = Synchronizer(tuple(others), settings.slop, settings.patience)
         self._subscriptions: list[Closable] = []
         if settings.info_topic:
             self._subscriptions.append(
                 port.subscribe(settings.info_topic, CAMERA_INFO, on_camera_info)
+            )
+        if settings.color_info_topic:
+            self._subscriptions.append(
+                port.subscribe(settings.color_info_topic, CAMERA_INFO, on_color_info)
             )
         for topic, type_name, take in others.values():
             self._subscriptions.append(port.subscribe(topic, type_name, take, queue=_QUEUE))

@@ -133,6 +133,7 @@ class _Life:
             self._log,
             self._worker.put,
             self._take_camera_info,
+            self._take_color_info,
             self._worker.jump,
         )
 
@@ -154,6 +155,9 @@ class _Life:
 
     def _take_camera_info(self, message: Message) -> None:
         self._frames.camera_info = message
+
+    def _take_color_info(self, message: Message) -> None:
+        self._frames.color_info = message
 
     def _take_occupancy(self, message: Message) -> None:
         topic = self._settings.map_topic

@@ -76,6 +76,15 @@ class LiveSettings:
     map_topic: str = _setting(
         "", "Occupancy map of another node, to save in place of our own; poses are corrected by it."
     )
+    register: bool = _setting(
+        False, "Whether to register depth to color, by the camera info next to color, and tf."
+    )
+    rotate: int = _setting(
+        0, "Degrees by which images are turned clockwise: 0, 90, 180 or 270.", 0, 270
+    )
+    time_offset: float = _setting(
+        0.0, "Seconds by which the poses of tf are to be looked up later than images say.", -10, 10
+    )
     slop: float = _setting(
         0.02, "Seconds by which stamps of messages that go together may differ.", 0, 1
     )
@@ -110,6 +119,10 @@ class LiveSettings:
             raise HypermapError("the detector needs color images: give color_topic")
         if self.labels and not self.detector:
             raise HypermapError("labels need a detector")
+        if self.register and not (self.color_topic and self.depth_topic):
+            raise HypermapError("register moves depth images into color: give color_topic, too")
+        if self.rotate % 90:
+            raise HypermapError(f"rotate must be 0, 90, 180 or 270 degrees, got {self.rotate}")
         if not self.map_frame.strip("/"):
             raise HypermapError("map_frame must be the name of a frame")
         if self.save_to and not self.save_to.lower().endswith(".hmap"):
@@ -158,6 +171,13 @@ class LiveSettings:
             return self.camera_info_topic
         folder = image_name(self.depth_topic).rpartition("/")[0]
         return f"{folder}/camera_info"
+
+    @property
+    def color_info_topic(self) -> str:
+        """Where the intrinsics of color come from; empty if depth is not registered to it."""
+        if not self.register:
+            return ""
+        return f"{image_name(self.color_topic).rpartition('/')[0]}/camera_info"
 
     @property
     def is_rectified(self) -> bool:

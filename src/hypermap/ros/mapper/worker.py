@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hypermap.core.errors import FrameError, HypermapError
-from hypermap.mapping.floor import Floor, FloorCheck
+from hypermap.mapping.preflight import Finding, Preflight
 from hypermap.recordings.messages.header import clean_frame
 from hypermap.ros.mapper.frames import FrameMaker
 from hypermap.ros.mapper.inputs import Work
@@ -22,18 +22,25 @@ from hypermap.ros.mapper.live_map import LiveMap
 from hypermap.ros.mapper.mailbox import Mailbox
 from hypermap.ros.mapper.outputs import LiveOutputs
 from hypermap.ros.mapper.settings import LiveSettings
-from hypermap.ros.mapper.statistics import Fate, Statistics
+from hypermap.ros.mapper.statistics import FINE, Fate, Statistics
 from hypermap.ros.port import Port
 from hypermap.ros.throttle import Throttle
 
 _TF_POLL = 0.01  # s
+# Where a live node is mended otherwise than a recording.
+_REMEDIES = {
+    "level": "does tf say where the camera really is?",
+    "scale": "is the parameter depth_scale right?",
+    "registration": "take depth that is registered to color, or set the parameter register",
+    "upright": "does tf say how the camera is mounted? If so, set the parameter rotate",
+}
 _PATIENT_END = 30.0  # s that the worker may take for its last frame
 
 
 class Worker:
     """Maps the newest frame, publishes what changed, and counts what became of each frame.
 
-    It warns once of a floor that is not level or not at z = 0.
+    It warns once of each fault that the pre-flight check finds.
     """
 
     def __init__(
@@ -59,7 +66,7 @@ class Worker:
         self._waits_for_tf = False
         self._jumps = 0  # how often the clock has jumped back
         self._newest = (0, 0)  # jumps before the newest frame that was taken, and its stamp [ns]
-        self._floor = FloorCheck(self._warn_of_floor)
+        self._preflight = Preflight(self._warn_of, live_map.config.perception.max_depth)
         self._prepare_tf()
         self._thread = threading.Thread(target=self._work, name="mapping", daemon=True)
         self._thread.start()
@@ -100,15 +107,12 @@ class Worker:
                 kind = type(error).__name__
                 self._log.log("error", kind, f"a frame failed: {kind}: {error}")
         self._outputs.publish()
-        self._floor.finish()
+        self._preflight.finish()
 
-    def _warn_of_floor(self, floor: Floor) -> None:
-        side = "below" if floor.offset < 0 else "above"
+    def _warn_of(self, finding: Finding) -> None:
+        remedy = _REMEDIES.get(finding.check, finding.remedy)
         self._port.log(
-            "warning",
-            f"the floor that the camera sees is tilted by {floor.tilt_deg:.0f} degrees and lies "
-            f"{abs(floor.offset):.2f} m {side} the origin of {self._map_frame!r}; a map needs it "
-            "level at z = 0: does tf say where the camera really is?",
+            "warning", f"{finding.measured} ({self._map_frame!r}); {finding.effect}; {remedy}"
         )
 
     def _take(self, jumps: int, work: Work) -> None:
@@ -132,15 +136,28 @@ class Worker:
         if self._frames.lacks_camera_info:
             return Fate.NO_CAMERA_INFO, f"nothing came on {self._settings.info_topic}"
         try:
-            pose = self._pose(self._frames.frame_id(work.geometry), stamp)
+            frame_id = self._frames.frame_id(work.geometry)
+            pose = self._pose(frame_id, stamp + round(self._settings.time_offset * 1e9))
+            color_T_depth = self._color_T_depth(work, frame_id)
         except FrameError as error:
             return Fate.NO_TF, str(error)
-        frame = self._frames.frame(work.match, work.geometry, pose)
+        frame = self._frames.frame(work.match, work.geometry, pose, color_T_depth)
         fate, reason, observation = self._map.add(frame)
+        if fate in FINE:
+            self._preflight.add(frame)
         if observation is not None:
             self._outputs.show(observation, stamp)
-            self._floor.add(frame)
+            self._preflight.add_mapped(frame)
         return fate, reason
+
+    def _color_T_depth(  # noqa: N802
+        self, work: Work, frame_id: str
+    ) -> NDArray[np.float64] | None:
+        """Return the pose of the depth camera in the color camera, if depth is to be registered."""
+        if not self._settings.register:
+            return None
+        color = clean_frame(work.match.items["color"].header.frame_id)
+        return self._port.lookup(color, frame_id)
 
     def _pose(self, frame_id: str, stamp: int) -> NDArray[np.float64]:
         """Return `map_T_camera` at a time; wait for it a little.

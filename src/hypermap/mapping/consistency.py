@@ -1,0 +1,351 @@
+"""Whether depth images and poses agree: what one image shows, others must show in the same place.
+
+Points of one depth image are moved into another by the poses of both. Where the poses are right,
+the other image has the same depth there. If it has so only with the poses of a moment later, the
+clocks of poses and images differ; if only with all depth multiplied, the unit of depth is wrong.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hypermap.core.arrays import IntArray
+from hypermap.core.trajectory import invert, trajectory_of
+from hypermap.perception.frame import Camera, RgbdFrame
+
+_COLUMNS = 80  # of a kept image, about
+_NEAR, _FAR = 0.2, 6.0  # meters between which depth is compared
+_SMOOTH = 0.02  # 1/m; pixels that differ by more in disparity from the next one lie at an edge
+_MOST_VIEWS = 48  # are kept; then every other one is dropped, and only every other one added
+_MOST_POSES = 20_000  # after which no frame is looked at any more
+_PAIRS = 40  # of images that are compared
+_POINTS = 120  # of each image
+_FEWEST_VIEWS, _FEWEST_PAIRS = 8, 6
+_OVERLAP = math.cos(math.radians(30))  # least cosine between two directions of view
+_APART = 1.5  # meters between two cameras, at most
+_LEAST_SEEN = 0.4  # of the points that the other image has to show
+_MAX_GAP = 0.5  # seconds between two poses across which none is interpolated
+_CAP = 0.03  # 1/m; a larger difference in disparity is an occlusion, or something that moves
+_RATIO_CAP = 0.1  # the same as a share of the depth
+_WORST = 0.8  # mean difference over its cap, above which images hardly agree at all
+_CLEARLY = 0.7  # of the mean difference as recorded, which another turn of the camera has at most
+_JUDGED_EVERY = 12  # frames
+_SURELY_WORSE = 2.0  # standard errors
+_SURE = 3.0  # standard errors by which the mean of a difference has to be less
+_OFFSETS = np.linspace(-0.78, 0.78, 27)  # seconds
+_REACH = 0.9  # seconds, about an image, for which poses must be known
+_FINE_OFFSETS = np.linspace(-0.04, 0.04, 5)
+_TRIED = 0.1  # seconds by which poses are moved to see which pairs depend on their times
+_LEVER = 2.0  # meters; how far away a point is of which it is told how far it moves
+_SCALES = 11.0 ** np.linspace(-1.0, 1.0, 25)
+_FINE_SCALES = np.linspace(0.85, 1.15, 7)
+
+
+@dataclass(frozen=True)
+class Fit:
+    """The value with which depth images and poses agree best.
+
+    Attributes:
+        value: seconds, or a factor.
+        is_sure: whether they agree clearly better than as recorded.
+        moves: by how much things in the map are off for it [m].
+    """
+
+    value: float
+    is_sure: bool
+    moves: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class _View:
+    """What is kept of a frame: some of its points [m], shape (N, 3), and its depth, coarsely."""
+
+    stamp: float
+    map_T_camera: NDArray[np.float64]
+    camera: Camera
+    depth: NDArray[np.float32]
+    points: NDArray[np.float64]
+
+
+class Consistency:
+    """Keeps the poses of all frames, and some of their depth, and compares them."""
+
+    def __init__(self) -> None:
+        self._views: list[_View] = []
+        self._stamps: list[float] = []
+        self._poses: list[NDArray[np.float64]] = []
+        self._every, self._seen = 1, 0
+        self._rng = np.random.default_rng(0)
+
+    def add(self, frame: RgbdFrame) -> None:
+        """Take a frame with a valid pose, in order of time."""
+        is_late = bool(self._stamps) and frame.stamp <= self._stamps[-1]
+        if is_late or len(self._stamps) == _MOST_POSES:
+            return
+        self._stamps.append(frame.stamp)
+        self._poses.append(frame.map_T_camera)
+        self._seen += 1
+        if (self._seen - 1) % self._every:
+            return
+        view = self._view(frame)
+        if view is None or (self._views and view.depth.shape != self._views[0].depth.shape):
+            return
+        self._views.append(view)
+        if len(self._views) > _MOST_VIEWS:
+            self._views, self._every = self._views[::2], 2 * self._every
+
+    def time_offset(self) -> Fit | None:
+        """Return how much later than an image's stamp its pose is to be looked up [s].
+
+        None if that cannot be told: frames lie too far apart, or the camera moved too evenly.
+        """
+        if len(self._stamps) < _FEWEST_VIEWS:
+            return None
+        stamps, poses = np.array(self._stamps), np.array(self._poses)
+        trajectory = trajectory_of(stamps, poses, _MAX_GAP)
+        kept = np.array([view.stamp for view in self._views])
+        ends = (-_REACH, -_REACH / 2, 0.0, _REACH / 2, _REACH)
+        known = np.all([trajectory.covers(kept + end) for end in ends], axis=0)
+        views = [view for view, is_known in zip(self._views, known, strict=True) if is_known]
+        if len(views) < _FEWEST_VIEWS:
+            return None
+        earlier, later = (trajectory.at(kept[known] + tried) for tried in (-_TRIED, _TRIED))
+        pairs = _pairs(views, lambda i, j: _moves(earlier, later, i, j))
+        compare = _Comparison(views, *pairs)
+        fit = _best(
+            lambda offset: compare.in_disparity(trajectory.at(kept[known] + offset)),
+            _OFFSETS,
+            lambda best: best + _FINE_OFFSETS,
+            as_recorded=0.0,
+        )
+        if fit is None or not fit.is_sure:
+            return fit
+        moves = _displacements(*(trajectory.at(kept[known] + at) for at in (0.0, fit.value)))
+        return replace(fit, moves=float(np.median(moves)))
+
+    def depth_scale(self) -> Fit | None:
+        """Return the factor by which all depth is to be multiplied.
+
+        None if that cannot be told: the camera has hardly moved from its place.
+        """
+        if len(self._views) < _FEWEST_VIEWS:
+            return None
+        poses = np.array([view.map_T_camera for view in self._views])
+        apart = np.linalg.norm(poses[:, np.newaxis, :3, 3] - poses[:, :3, 3], axis=2)
+        pairs = _pairs(self._views, lambda i, j: np.minimum(apart[i, j], 1.0))
+        compare = _Comparison(self._views, *pairs)
+        return _best(
+            lambda scale: compare.in_depth(poses, scale),
+            _SCALES,
+            lambda best: best * _FINE_SCALES,
+            as_recorded=1.0,
+        )
+
+    def gain_of(self, others: Mapping[float, NDArray[np.float64]]) -> float | None:
+        """Return how much better the images agree by other poses than by their own.
+
+        Args:
+            others: `map_T_camera` of frames by their stamps, shape (4, 4).
+
+        Returns:
+            The mean gain over its standard error; None if too few images show the same things.
+        """
+        views = [view for view in self._views if view.stamp in others]
+        if len(views) < _FEWEST_VIEWS:
+            return None
+        own = np.array([view.map_T_camera for view in views])
+        other = np.array([others[view.stamp] for view in views])
+        compare = _Comparison(views, *_pairs(views, lambda i, j: _moves(own, other, i, j)))
+        costs = np.array([compare.in_disparity(poses) for poses in (own, other)])
+        before, after = costs[:, costs.min(axis=0) < _WORST]
+        if len(before) < _FEWEST_PAIRS:
+            return None
+        gain = before - after
+        error = float(gain.std(ddof=1)) / math.sqrt(len(gain))
+        return float(gain.mean()) / max(error, 1e-9)
+
+    @property
+    def stamps(self) -> set[float]:
+        """The stamps of the frames whose depth is kept [s]."""
+        return {view.stamp for view in self._views}
+
+    def turn_deg(self) -> int:
+        """Return by how much the camera is turned about its optical axis, unknown to its poses.
+
+        0, 90, 180 or 270 degrees; 0 as well if that cannot be told.
+        """
+        if len(self._views) < _FEWEST_VIEWS:
+            return 0
+        poses = np.array([view.map_T_camera for view in self._views])
+        apart = np.linalg.norm(poses[:, np.newaxis, :3, 3] - poses[:, :3, 3], axis=2)
+        turned = poses[:, :3, 2] @ poses[:, :3, 2].T  # less than 1 if the directions differ
+        pairs = _pairs(self._views, lambda i, j: apart[i, j] - _LEVER * turned[i, j])
+        compare = _Comparison(self._views, *pairs)
+        quarter = np.array([[0.0, -1, 0, 0], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
+        turns = [np.linalg.matrix_power(quarter, k) for k in range(4)]
+        means = [float(compare.in_disparity(poses @ turn).mean()) for turn in turns]
+        best = int(np.argmin(means))
+        return 90 * best if means[best] < _CLEARLY * means[0] else 0
+
+    def _view(self, frame: RgbdFrame) -> _View | None:
+        """Return what is kept of a frame; None if too little of it is smooth."""
+        step = max(1, round(frame.camera.width / _COLUMNS))
+        camera, z = frame.camera.every(step), np.ascontiguousarray(frame.z[::step, ::step])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            disparity = np.where((z > _NEAR) & (z < _FAR), 1 / z, np.nan)
+            across = np.abs(np.diff(disparity, axis=1, append=np.nan))
+            down = np.abs(np.diff(disparity, axis=0, append=np.nan))
+            rows, columns = np.nonzero((across < _SMOOTH) & (down < _SMOOTH))  # False for NaN
+        if len(rows) < _POINTS:
+            return None
+        chosen = self._rng.choice(len(rows), _POINTS, replace=False)
+        v, u = rows[chosen], columns[chosen]
+        points = np.asarray(frame.points(step)[v, u], np.float64)
+        return _View(frame.stamp, frame.map_T_camera, camera, z, points)
+
+
+def _pairs(
+    views: list[_View], key: Callable[[IntArray, IntArray], NDArray[np.float64]]
+) -> tuple[IntArray, IntArray]:
+    """Return the pairs of views with the largest keys of those that look at the same things."""
+    poses = np.array([view.map_T_camera for view in views])
+    i, j = np.nonzero(~np.eye(len(views), dtype=bool))
+    same_way = np.sum(poses[i, :3, 2] * poses[j, :3, 2], axis=1) > _OVERLAP
+    is_near = np.linalg.norm(poses[i, :3, 3] - poses[j, :3, 3], axis=1) < _APART
+    i, j = i[same_way & is_near], j[same_way & is_near]
+    best = np.argsort(-key(i, j), kind="stable")[:_PAIRS]
+    return i[best], j[best]
+
+
+def _moves(
+    earlier: NDArray[np.float64], later: NDArray[np.float64], i: IntArray, j: IntArray
+) -> NDArray[np.float64]:
+    """Return how much the pose of view j seen from view i depends on when the poses are taken."""
+    change = invert(earlier[j]) @ earlier[i] - invert(later[j]) @ later[i]
+    turn = np.linalg.norm(change[:, :3, :3], axis=(1, 2))
+    return np.asarray(np.linalg.norm(change[:, :3, 3], axis=1) + _LEVER * turn)
+
+
+def _displacements(one: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return how far a point before each of some cameras moves between two sets of poses [m]."""
+    ahead = np.array([0.0, 0.0, _LEVER, 1.0])
+    return np.asarray(np.linalg.norm((one @ ahead - other @ ahead)[:, :3], axis=1))
+
+
+class Agreement:
+    """Whether depth images agree less with each other by corrected poses than by the given ones.
+
+    Where poses are exact, a map that is bent only takes images of one place apart. Where they are
+    not, corrections bring them together.
+
+    Attributes:
+        is_worse: whether they do, as far as is known.
+    """
+
+    def __init__(self) -> None:
+        self.is_worse = False
+        self._given = Consistency()
+        self._corrected: dict[float, NDArray[np.float64]] = {}
+        self._frames = 0
+
+    def add(self, frame: RgbdFrame, corrected: NDArray[np.float64]) -> None:
+        """Take a frame with the pose that was given, and the corrected one, shape (4, 4)."""
+        self._given.add(frame)
+        self._corrected[frame.stamp] = corrected
+        self._frames += 1
+        if self._frames % _JUDGED_EVERY == 0:
+            kept = self._given.stamps
+            self._corrected = {at: pose for at, pose in self._corrected.items() if at in kept}
+            gain = self._given.gain_of(self._corrected)
+            self.is_worse = gain is not None and gain < -_SURELY_WORSE
+
+
+class _Comparison:
+    """Pairs of views, of which the first is laid onto the second."""
+
+    def __init__(self, views: list[_View], i: IntArray, j: IntArray) -> None:
+        self._i, self._j = i, j
+        self._points = np.array([views[k].points for k in i]).reshape(len(i), -1, 3)
+        self._depths = np.array([view.depth for view in views])
+        self._K = views[0].camera.K
+
+    def in_disparity(self, poses: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return how much the views of each pair differ, 0..1, shape (P,).
+
+        Args:
+            poses: `map_T_camera` of all views, shape (V, 4, 4).
+        """
+        z, there = self._both(poses, 1.0)
+        return self._mean(np.abs(1 / z - 1 / there) / _CAP)  # noise is the same near and far
+
+    def in_depth(self, poses: NDArray[np.float64], scale: float) -> NDArray[np.float64]:
+        """Return the same with all depth multiplied by a factor."""
+        z, there = self._both(poses, scale)
+        return self._mean(np.abs(z / there - 1) / _RATIO_CAP)  # which the factor leaves alone
+
+    def _both(
+        self, poses: NDArray[np.float64], scale: float
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the depth that each point has in the second view, and what this shows there.
+
+        NaN where the point is not in sight.
+        """
+        j_T_i = invert(poses[self._j]) @ poses[self._i]
+        rotations = np.swapaxes(j_T_i[:, :3, :3], 1, 2)
+        moved = scale * self._points @ rotations + j_T_i[:, np.newaxis, :3, 3]
+        K, (height, width) = self._K, self._depths.shape[1:]
+        with np.errstate(invalid="ignore", divide="ignore"):
+            z = np.where(moved[..., 2] > _NEAR * scale, moved[..., 2], np.nan)
+            columns = np.rint(K[0, 0] * moved[..., 0] / z + K[0, 2])
+            rows = np.rint(K[1, 1] * moved[..., 1] / z + K[1, 2])
+            inside = (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height)
+            at = np.where(inside, rows, 0).astype(int), np.where(inside, columns, 0).astype(int)
+            there = scale * self._depths[self._j[:, np.newaxis], at[0], at[1]].astype(np.float64)
+            return z, np.where(inside & (there > 0) & (there < np.inf), there, np.nan)
+
+    @staticmethod
+    def _mean(differences: NDArray[np.float64]) -> NDArray[np.float64]:
+        seen = np.isfinite(differences)
+        total = np.where(seen, np.minimum(differences, 1.0), 0.0).sum(axis=1)
+        counts = seen.sum(axis=1)
+        is_enough = counts >= _LEAST_SEEN * differences.shape[1]
+        return np.where(is_enough, total / np.maximum(counts, 1), 1.0)
+
+
+def _best(
+    costs_at: Callable[[float], NDArray[np.float64]],
+    values: NDArray[np.float64],
+    finer: Callable[[float], NDArray[np.float64]],
+    as_recorded: float,
+) -> Fit | None:
+    """Return the value at which the pairs differ least.
+
+    None if too few pairs agree with any, or the best lies at an end, behind which a better may be.
+
+    Args:
+        costs_at: how much each pair differs at a value, shape (P,).
+        values: those that are tried.
+        finer: those to be tried about the best of them.
+        as_recorded: what stands for the recording as it is.
+    """
+    costs = np.array([costs_at(value) for value in values])
+    agree = costs.min(axis=0) < _WORST
+    if np.count_nonzero(agree) < _FEWEST_PAIRS:
+        return None
+    best = int(np.argmin(costs[:, agree].mean(axis=1)))
+    if best in (0, len(values) - 1):
+        return None
+    near = finer(float(values[best]))
+    fine = np.array([costs_at(value) for value in near])[:, agree]
+    means = fine.mean(axis=1)
+    best = int(np.argmin(means))
+    if means[best] > _WORST:
+        return None
+    gain = costs_at(as_recorded)[agree] - fine[best]
+    error = float(gain.std(ddof=1)) / math.sqrt(len(gain))
+    return Fit(float(near[best]), bool(gain.mean() > _SURE * error))

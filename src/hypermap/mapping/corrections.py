@@ -1,0 +1,66 @@
+"""What became of the poses that were to be corrected: how many were, by how much, and why not."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import Any
+
+import numpy as np
+
+NO_MAP = "the map has no border of free space near the camera"
+FEW_POINTS = "too few upright surfaces are in sight"
+NO_BETTER = "corrections so far are no larger than their own errors, as with exact poses"
+LESS_AGREEMENT = "depth images agree less with each other by corrected poses, as by a bent map"
+UNCHANGED = "the pose fits the map as it is"
+
+_LEAST = 1e-6  # meters or radians; less is no correction
+
+
+class Corrections:
+    """Counts poses by what became of them."""
+
+    def __init__(self) -> None:
+        self._sizes: list[tuple[float, float]] = []  # meters and radians
+        self._left: Counter[str] = Counter()
+
+    def add(self, distance: float, turn: float) -> None:
+        """Count a pose that was moved so far over the floor [m] and turned by so much [rad]."""
+        if max(distance, abs(turn)) < _LEAST:
+            self.leave(UNCHANGED)
+        else:
+            self._sizes.append((distance, abs(turn)))
+
+    def leave(self, reason: str) -> None:
+        """Count a pose that stayed as it was, and why."""
+        self._left[reason] += 1
+
+    def summary(self) -> dict[str, Any]:
+        """Return the counts, for a map's metadata.
+
+        `corrected` frames, by `median_m` and `median_deg`, at most by `most_m` and `most_deg`; and
+        `as_recorded`, how many stayed as they were, by reason.
+        """
+        found: dict[str, Any] = {"corrected": len(self._sizes)}
+        if self._sizes:
+            sizes = np.array(self._sizes)
+            sizes[:, 1] = np.degrees(sizes[:, 1])
+            for name, values in (("median", np.median(sizes, axis=0)), ("most", sizes.max(axis=0))):
+                found[f"{name}_m"], found[f"{name}_deg"] = values.round(4).tolist()
+        return found | {"as_recorded": dict(self._left.most_common())}
+
+
+def told(summary: dict[str, Any]) -> str:
+    """Return a summary as a sentence.
+
+    >>> told({"corrected": 0, "as_recorded": {"too few upright surfaces are in sight": 3}})
+    'poses: 0 of 3 corrected by the map; 3 as recorded: too few upright surfaces are in sight'
+    """
+    corrected, left = summary["corrected"], summary["as_recorded"]
+    text = f"poses: {corrected} of {corrected + sum(left.values())} corrected by the map"
+    if corrected:
+        text += (
+            f", by {100 * summary['median_m']:.1f} cm and {summary['median_deg']:.1f} degrees in "
+            f"the median, at most {100 * summary['most_m']:.1f} cm and "
+            f"{summary['most_deg']:.1f} degrees"
+        )
+    return "; ".join([text, *(f"{count} as recorded: {reason}" for reason, count in left.items())])

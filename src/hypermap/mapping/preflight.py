@@ -1,0 +1,271 @@
+"""The pre-flight check: whether a recording is as mapping takes it to be.
+
+Mapping believes that the floor is level at z = 0, that depth is in meters and registered to color,
+that poses and images have one clock, and that the camera is the right way up. Where that is not so,
+a map is made all the same, and a wrong one. So the first frames are looked at, and now and then
+later ones; each fault is told once: what was measured, what it does to the map, what mends it.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hypermap.core.trajectory import compose, rpy_from_pose
+from hypermap.mapping.consistency import Consistency
+from hypermap.mapping.depth_check import DepthCheck
+from hypermap.mapping.floor import Floor, FloorSampler
+from hypermap.mapping.registration_check import ColorCamera, RegistrationCheck
+from hypermap.perception.frame import RgbdFrame
+
+_log = logging.getLogger(__name__)
+
+_FIRST = 24  # mapped frames after which the check is made; then after eight times as many, ...
+_AGAIN = 8
+_LEAST_OFFSET = 0.035  # seconds; less may be the exposure of images, or how poses are interpolated
+_LEAST_MOVE = 0.02  # meters
+_LEAST_SCALE = math.log(1.25)  # a smaller error of depth does not come from a wrong unit
+_UPSIDE_DOWN = -0.5  # mean cosine between the images' upward side and that of the map
+_SIDEWAYS = 0.7  # the same of their right side
+_UNDECIDED = {
+    "scale": "the camera hardly moves, so nothing tells the unit of depth",
+    "clock": "frames too far apart, or too even a motion, to compare clocks",
+}
+_TOLD_TILT, _TOLD_HEIGHT = 1.0, 0.05  # degrees and meters that leveling mends
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What the check has found about one thing that mapping believes.
+
+    Attributes:
+        check: "level", "depth", "scale", "registration", "clock" or "upright".
+        measured: what was measured, or that it could not be.
+        effect: what that does to the map; empty if nothing is wrong.
+        remedy: what mends it; empty if nothing is wrong.
+    """
+
+    check: str
+    measured: str
+    effect: str = ""
+    remedy: str = ""
+
+    @property
+    def is_wrong(self) -> bool:
+        """Whether the map suffers from it."""
+        return bool(self.effect)
+
+    def __str__(self) -> str:
+        return "; ".join(filter(None, (self.measured, self.effect, self.remedy)))
+
+
+class Preflight:
+    """Looks at frames, and tells each fault once, as soon as it is clear.
+
+    Args:
+        report: called with each fault.
+        max_depth: depth beyond which no objects are looked for [m].
+        map_T_world: the pose of the recording's world that its options gave, shape (4, 4), to which
+            the one that levels it is added.
+    """
+
+    def __init__(
+        self,
+        report: Callable[[Finding], None] | None = None,
+        max_depth: float = 5.0,
+        map_T_world: NDArray[np.float64] | None = None,
+    ) -> None:
+        self._report = report or _warn
+        self._map_T_world = np.eye(4) if map_T_world is None else map_T_world
+        self._floor = FloorSampler()
+        self._depth = DepthCheck(max_depth)
+        self._consistency = Consistency()
+        self._registration = RegistrationCheck()
+        self._frames, self._next = 0, _FIRST
+        self._told: set[str] = set()
+        self._settled: dict[str, Finding] = {}
+
+    def add(self, frame: RgbdFrame) -> None:
+        """Look at a usable frame, in order of time."""
+        self._consistency.add(frame)
+
+    def add_mapped(self, frame: RgbdFrame) -> None:
+        """Look closer at a frame of which the map was made, and report what is clear by now."""
+        self._floor.add(frame)
+        self._depth.add(frame)
+        self._registration.add(frame)
+        self._frames += 1
+        if self._frames == self._next:
+            self._next *= _AGAIN
+            self.finish()
+
+    def finish(self) -> None:
+        """Report the faults that were not reported before."""
+        for finding in self.findings():
+            if finding.is_wrong and finding.check not in self._told:
+                self._told.add(finding.check)
+                self._report(finding)
+
+    def findings(self) -> list[Finding]:
+        """Return what was found about each thing, right or wrong."""
+        floor = self._floor.floor()
+        for check, measure in (
+            ("scale", self._scale),
+            ("registration", self._color),
+            ("clock", self._clock),
+        ):
+            # Color is sampled at the beginning alone; of the others, more frames may tell more.
+            before = self._settled.get(check)
+            if before is None or not (before.is_wrong or check == "registration"):
+                finding = measure()
+                if finding is not None:
+                    self._settled[check] = finding
+        found = (self._level(floor), self._odd_depth(), *self._settled.values())
+        undecided = [
+            Finding(check, text) for check, text in _UNDECIDED.items() if check not in self._settled
+        ]
+        return [f for f in (*found, *undecided, self._upright(floor)) if f is not None]
+
+    def _level(self, floor: Floor | None) -> Finding:
+        if floor is None:
+            return Finding("level", "no floor is in sight, so nobody knows whether z = 0 is one")
+        if floor.is_level:
+            said = f"tilted by {floor.tilt_deg:.1f} degrees, at z = {floor.offset:.2f} m"
+            return Finding("level", f"the lowest level surface is {said}")
+        pose = compose(floor.level_T_map(), self._map_T_world)
+        *position, roll, pitch, yaw = rpy_from_pose(pose)
+        numbers = [f"{x:.3f}" for x in position] + [f"{x:.4f}" for x in (roll, pitch, yaw)]
+        return Finding(
+            "level",
+            str(floor),
+            "a map needs a level floor at z = 0: else the floor becomes a wall, and what stands on "
+            "it is lost",
+            f"give --level auto, or --world-transform={','.join(numbers)}",
+        )
+
+    def _odd_depth(self) -> Finding | None:
+        why = self._depth.why_odd()
+        if why is None:
+            return None
+        remedy = "give the units of depth per meter with --depth-scale, if those are wrong"
+        return Finding("depth", why, "of such depth no objects are made", remedy)
+
+    def _scale(self) -> Finding | None:
+        fit = self._consistency.depth_scale()
+        if fit is None:
+            return None
+        if not fit.is_sure or abs(math.log(fit.value)) < _LEAST_SCALE:
+            return Finding("scale", "depth is in the unit in which the poses are")
+        return Finding(
+            "scale",
+            f"depth images agree with each other if all depth is multiplied by {fit.value:.2g}",
+            "everything lies too near or too far off, and comes out too small or too large",
+            f"divide --depth-scale by {fit.value:.2g}, if the poses are in meters",
+        )
+
+    def _color(self) -> Finding | None:
+        camera = self._registration.color_camera()
+        if camera is None:
+            return None
+        if not camera.is_other:
+            return Finding("registration", "the outlines of depth lie on edges of color")
+        return _unregistered(camera)
+
+    def _clock(self) -> Finding | None:
+        fit = self._consistency.time_offset()
+        if fit is None:
+            return None
+        is_off = abs(fit.value) >= _LEAST_OFFSET and fit.moves >= _LEAST_MOVE
+        if not fit.is_sure or not is_off:
+            return Finding("clock", f"poses and images agree within {abs(fit.value) + 0.02:.2f} s")
+        side = "later" if fit.value > 0 else "earlier"
+        return Finding(
+            "clock",
+            f"images fit each other best with the poses of {abs(fit.value):.2f} s {side}",
+            f"things 2 m ahead of the moving camera come to lie {fit.moves:.2f} m beside their "
+            "places, and may come out twice",
+            f"give --time-offset auto, or {fit.value:.2f} (live, the parameter time_offset)",
+        )
+
+    def _upright(self, floor: Floor | None) -> Finding:
+        up = np.array([0.0, 0.0, 1.0]) if floor is None else floor.normal
+        right, down, _ = up @ self._floor.axes
+        if turn := self._consistency.turn_deg():
+            return Finding(
+                "upright",
+                f"images fit each other only if the camera is turned by {turn} degrees about its "
+                "optical axis",
+                "what one image shows comes to lie where no other image shows it",
+                "if the camera is mounted upside down or on its side, its pose (tf) has to say so",
+            )
+        turned = 180 if -down < _UPSIDE_DOWN else 270 if right > _SIDEWAYS else 0
+        turned = 90 if right < -_SIDEWAYS else turned
+        if not turned:
+            return Finding("upright", "the images are upright")
+        return Finding(
+            "upright",
+            "the images are upside down" if turned == 180 else "the images lie on their side",
+            "the map is right, but detectors find little in such images",
+            f"give --rotate {turned}",
+        )
+
+
+def leveling_pose(frames: Iterable[RgbdFrame]) -> tuple[NDArray[np.float64], Floor | None]:
+    """Return the pose that brings the floor that frames show to z = 0, and the floor.
+
+    The identity, shape (4, 4), if no floor is in sight, or it is level there already. A level
+    surface above z = 0 that may be a table stays where it is.
+    """
+    sampler = FloorSampler()
+    for frame in frames:
+        sampler.add(frame)
+    floor = sampler.floor()
+    if floor is None:
+        return np.eye(4), None
+    is_off = abs(floor.offset) > _TOLD_HEIGHT or floor.tilt_deg > _TOLD_TILT
+    may_be_table = floor.is_level and floor.offset > _TOLD_HEIGHT
+    if not is_off or (may_be_table and floor.tilt_deg <= _TOLD_TILT):
+        return np.eye(4), floor
+    pose = floor.level_T_map()
+    if may_be_table:
+        pose[2, 3] = 0.0
+    return pose, floor
+
+
+def clock_offset(frames: Iterable[RgbdFrame]) -> float | None:
+    """Return how much later than an image's stamp its pose is to be looked up [s].
+
+    0 if nothing else is clear; None if that cannot be told.
+    """
+    consistency = Consistency()
+    for frame in frames:
+        consistency.add(frame)
+    fit = consistency.time_offset()
+    if fit is None:
+        return None
+    return fit.value if fit.is_sure else 0.0
+
+
+def _unregistered(camera: ColorCamera) -> Finding:
+    fx, fy, cx, cy = camera.intrinsics
+    pixels = camera.shift * camera.camera.width
+    return Finding(
+        "registration",
+        f"depth is not registered to color: both show the same place {pixels:.0f} pixels apart; "
+        f"color looks like that of a camera with a focal length {camera.scale:.2f} times that of "
+        f"the depth camera, {1000 * abs(camera.x):.0f} mm beside it",
+        "what a box cuts out of the depth is not what it was drawn around: small things are lost, "
+        "or come out beside their places",
+        "give --register with a bag whose camera info and tf tell the color camera; else "
+        f"--register --color-intrinsics={fx:.1f},{fy:.1f},{cx:.1f},{cy:.1f} "
+        f"--depth-transform={camera.x:.3f},{camera.y:.3f},0,0,0,0",
+    )
+
+
+def _warn(finding: Finding) -> None:
+    _log.warning("%s", finding)

@@ -1,0 +1,173 @@
+"""What is wrong with a recording is told before a map is made of it, and what is right is not."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import re
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hypermap.core.trajectory import compose, pose_from_rpy, trajectory_of
+from hypermap.mapping.preflight import Finding, Preflight, clock_offset, leveling_pose
+from hypermap.perception.frame import Camera, RgbdFrame
+from hypermap.perception.turning import turned
+from hypermap.recordings import RecordingOptions, open_recording
+from hypermap.simulation import SimulatedRecording, demo_world
+from hypermap.simulation.levels import errors_of_level
+
+pytestmark = pytest.mark.xdist_group("preflight")  # they share what takes long to make
+
+SMALL = Camera.from_intrinsics(131, 131, 79.5, 59.5, width=160, height=120)
+
+
+@functools.cache
+def room(level: str = "fair") -> tuple[RgbdFrame, ...]:
+    errors = errors_of_level(level)
+    recording = SimulatedRecording(
+        demo_world(), camera=SMALL, rate=3.0, depth_noise=errors.depth, pose_noise=errors.poses
+    )
+    return tuple(recording.frames())
+
+
+def wrong(frames: Iterable[RgbdFrame], **options: object) -> dict[str, Finding]:
+    """The faults that are told of frames, all of which are mapped."""
+    found: list[Finding] = []
+    preflight = Preflight(found.append, **options)
+    for frame in frames:
+        preflight.add(frame)
+        preflight.add_mapped(frame)
+    preflight.finish()
+    preflight.finish()
+    assert len({finding.check for finding in found}) == len(found)  # each is told once
+    return {finding.check: finding for finding in found}
+
+
+def late(frames: Iterable[RgbdFrame], seconds: float) -> list[RgbdFrame]:
+    """Frames with the poses of some seconds before their images."""
+    frames = list(frames)
+    stamps = np.array([frame.stamp for frame in frames])
+    trajectory = trajectory_of(stamps, np.array([frame.map_T_camera for frame in frames]))
+    known = [frame for frame in frames if trajectory.covers([frame.stamp - seconds])[0]]
+    return [frame.moved_to(trajectory.at([frame.stamp - seconds])[0]) for frame in known]
+
+
+@pytest.mark.parametrize("level", ["fair", "robot"])
+def test_of_a_recording_as_it_should_be_nothing_is_told(level: str) -> None:
+    assert wrong(room(level)) == {}
+
+
+@pytest.mark.parametrize("pose", [(0, 0, -0.4, 0, 0, 0), (0, 0, 0, 0.2, -0.1, 0)])
+def test_a_world_that_is_not_level_is_told_and_leveled(pose: tuple[float, ...]) -> None:
+    moved = pose_from_rpy(*pose)
+    frames = [frame.moved_to(compose(moved, frame.map_T_camera)) for frame in room()[::3]]
+    assert "--level auto" in wrong(frames)["level"].remedy
+    leveling, _ = leveling_pose(frames)
+    level = compose(leveling, moved)
+    assert level[2] == pytest.approx([0, 0, 1, 0], abs=0.02)
+    # The option that is told with it comes on top of the one that was given.
+    given = pose_from_rpy(1, 2, 3, 0.1, 0.2, 0.3)
+    told = wrong(frames, map_T_world=given)["level"].remedy.rpartition("=")[2]
+    numbers = pose_from_rpy(*map(float, told.split(",")))
+    np.testing.assert_allclose(numbers, compose(leveling, given), atol=0.002)
+
+
+def test_a_level_world_stays_as_it_is() -> None:
+    np.testing.assert_array_equal(leveling_pose(room()[::3])[0], np.eye(4))
+    np.testing.assert_array_equal(leveling_pose([])[0], np.eye(4))
+
+
+@pytest.mark.parametrize("seconds", [-0.3, -0.1, 0.1, 0.3])
+def test_clocks_that_differ_are_told_and_by_how_much(seconds: float) -> None:
+    frames = late(room("robot"), seconds)
+    finding = wrong(frames)["clock"]
+    [(told, side)] = re.findall(r"poses of ([0-9.]+) s (\w+)", finding.measured)
+    assert float(told) == pytest.approx(abs(seconds), abs=0.03)
+    assert side == ("later" if seconds > 0 else "earlier")
+    assert clock_offset(frames) == pytest.approx(seconds, abs=0.03)
+
+
+def test_of_frames_far_apart_nobody_knows_the_clock() -> None:
+    assert clock_offset(room()[::8]) is None
+    assert clock_offset([]) is None
+    assert clock_offset(room()) == pytest.approx(0.0, abs=0.021)
+
+
+@pytest.mark.parametrize("factor", [0.2, 5.0])
+def test_depth_in_another_unit_is_told(factor: float) -> None:
+    frames = [
+        dataclasses.replace(frame, depth=frame.depth * np.float32(factor)) for frame in room()
+    ]
+    measured = wrong(frames)["scale"].measured
+    assert float(measured.split()[-1]) == pytest.approx(1 / factor, rel=0.1)
+
+
+@pytest.mark.parametrize("pixels", [-5, 4])
+def test_color_that_is_not_registered_is_told(pixels: int) -> None:
+    frames = [
+        dataclasses.replace(frame, color=np.roll(frame.color, pixels, axis=1))
+        for frame in room()[:40]
+    ]
+    assert "--register" in wrong(frames)["registration"].remedy
+
+
+@pytest.mark.parametrize("degrees", [90, 180, 270])
+def test_images_that_are_not_upright_are_told_with_the_turn_that_mends_them(degrees: int) -> None:
+    frames = [turned(frame, 360 - degrees) for frame in room()[:30]]
+    found = wrong(frames)
+    assert found.keys() == {"upright"}
+    assert found["upright"].remedy == f"give --rotate {degrees}"
+    assert turned(frames[0], degrees).map_T_camera == pytest.approx(room()[0].map_T_camera)
+
+
+def test_a_camera_that_hangs_upside_down_without_its_pose_saying_so_is_told() -> None:
+    frames = [
+        turned(frame, 180).moved_to(frame.map_T_camera) for frame in room()[:30]
+    ]  # the images are upside down, and the pose is that of an upright camera
+    found = wrong(frames)["upright"]
+    assert "turned by 180 degrees" in found.measured
+    assert "tf" in found.remedy
+
+
+def test_color_that_cannot_be_read_is_left_out() -> None:
+    from hypermap.core.errors import FormatError
+
+    def broken() -> np.ndarray:
+        raise FormatError("damaged")
+
+    frames = [
+        RgbdFrame(f.stamp, f.depth, f.camera, f.map_T_camera, broken, f.stamp) for f in room()[:30]
+    ]
+    assert wrong(frames) == {}
+
+
+def test_of_a_real_kitchen_level_and_registration_are_told(shared_data: Path) -> None:
+    path = shared_data / "kitchen"
+    found = wrong(open_recording(path).frames())
+    assert found.keys() == {"level", "registration"}
+    # Both were measured by someone else, too.
+    options = dict(
+        re.findall(r"--(color-intrinsics|depth-transform)=(\S+)", found["registration"].remedy)
+    )
+    focal = [float(number) for number in options["color-intrinsics"].split(",")[:2]]
+    assert focal == pytest.approx([525, 525], rel=0.02)
+    baseline = [float(number) for number in options["depth-transform"].split(",")]
+    assert baseline == pytest.approx([-0.025, 0, 0, 0, 0, 0], abs=0.006)
+    leveling, _ = leveling_pose(open_recording(path).frames())
+    mended = RecordingOptions(
+        register=True,
+        color_intrinsics=(525, 525, 320, 240),
+        color_T_depth=(-0.025, 0, 0, 0, 0, 0),
+        map_T_world=leveling,
+    )
+    assert wrong(open_recording(path, mended).frames()) == {}
+
+
+def test_the_clock_of_a_real_desk_is_told_when_it_is_off(shared_data: Path) -> None:
+    path = shared_data / "desk"
+    assert wrong(open_recording(path).frames()) == {}
+    measured = clock_offset(open_recording(path, RecordingOptions(time_offset=0.3)).frames())
+    assert measured == pytest.approx(-0.3, abs=0.05)  # 20 ms of it are the recording's own
