@@ -195,7 +195,6 @@ def _make_map(
     """Return the map, and whether it is that of the whole recording."""
     from hypermap.cli.progress import Pace, mapping_progress
     from hypermap.cli.stopping import StoppableRecording
-    from hypermap.mapping.corrections import told
     from hypermap.mapping.mapper import map_recording
 
     started, pace, rate = time.monotonic(), Pace(), 0.0
@@ -235,6 +234,8 @@ def _note_frames(
     hypermap: Hypermap, settings: MappingConfig, seconds: float, rate: float | None
 ) -> None:
     """Say what became of the frames; `rate` is their number per second once code is loaded."""
+    from hypermap.mapping.corrections import told
+
     counts = hypermap.metadata["frames"]
     total = sum(counts.values())
     pace = f" ({rate:.1f}/s after the first, which loads compiled code)" if rate else ""
