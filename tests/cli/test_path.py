@@ -70,9 +70,9 @@ def test_a_path_to_an_object_ends_in_front_of_it(hypermap, flat):
         ),
         (["0,3", "cup"], "2 objects are called 'cup'; ask for one of 'cup 0', 'cup 1'"),
         (["0,3", "mug"], "there is no object or room 'mug'; known: cup, refrigerator, kitchen"),
-        (["0,3", "1,x"], "TO '1,x': a point is given as X,Y in meters"),
+        (["0,3", "1,x"], "TO '1,x': a point is X,Y in meters"),
         (["0,3", "1,1", "--cost-scaling", "-1"], "--cost-scaling must be 0 or more"),
-        (["0,3", "1,1", "--keepout", "cup"], "keepout: 'cup' is no zone"),
+        (["0,3", "1,1", "--keepout", "cup"], "keepout: 'cup' is not a zone"),
     ],
 )
 def test_what_is_no_path_is_one_error(hypermap, flat, arguments, reason):

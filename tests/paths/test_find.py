@@ -59,6 +59,14 @@ def oracle(blocked, start, goal) -> float:
     return float(dijkstra(matrix, directed=False, indices=0)[1])
 
 
+def test_a_goal_in_a_cone_too_narrow_for_a_cell_center_is_reached_straight():
+    blocked = np.zeros((9, 4), dtype=bool)
+    blocked.flat[[2, 4, 6, 19, 20, 23, 27, 33]] = True
+    space = space_of(np.where(blocked, 100, 0))
+    points = find_path(space, [0.5, 2.25], [1.25, 7.25])
+    np.testing.assert_allclose(points, [[0.5, 2.25], [1, 5], [1.25, 7.25]], atol=1e-3)
+
+
 @settings(max_examples=60, deadline=None)
 @given(st.data())
 def test_a_path_is_the_shortest_and_crosses_no_blocked_cell(data):

@@ -68,7 +68,7 @@ def test_the_nearest_are_measured_in_a_frame_that_is_asked_for(flat):
 def test_distance_is_by_air_or_by_path(flat):
     with pytest.raises(ValueError, match="by must be 'air' or 'path', got 'foot'"):
         flat.nearest("cup", [5.0, 1.5], by="foot")
-    with pytest.raises(HypermapError, match="holds no objects"):
+    with pytest.raises(HypermapError, match="has no objects"):
         flat.nearest("Free", [5.0, 1.5], layer="occupancy", by="path")
 
 

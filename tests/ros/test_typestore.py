@@ -197,7 +197,7 @@ def test_an_unknown_type_is_named(name, expected):
     "data", [b"", b"abc", b"\x00\x01\x00\x00", b"\x00\x01\x00\x00" + b"\xff" * 40]
 )
 def test_bytes_that_are_no_message_are_an_error(data):
-    with pytest.raises(HypermapError, match=rf"these {len(data)} bytes are no nav_msgs/msg/Occ"):
+    with pytest.raises(HypermapError, match=rf"these {len(data)} bytes are not a valid nav_msgs"):
         decode(data, message_class("nav_msgs/OccupancyGrid"))
 
 

@@ -142,7 +142,10 @@ def _shortest(
 
 
 def _roots_near(space: FreeSpace, reached: Reached, cell: int) -> list[int]:
-    """Return the corners after which the ways to a cell and to those around it are straight."""
+    """Return the corners after which the ways to a cell and to those around it are straight.
+
+    With all corners before these: the cone behind one may be too narrow to hold a cell's center.
+    """
     height, width = space.grid.shape
     row, col = divmod(cell, width)
     rows = slice(max(0, row - 2), row + 3)
@@ -151,7 +154,16 @@ def _roots_near(space: FreeSpace, reached: Reached, cell: int) -> list[int]:
     lines = space.strips.lines
     near = np.arange(lines[max(0, row - 1)], lines[min(height, row + 2) + 1])
     near = near[(np.abs(space.strips.xs[near] - col) <= 2) & np.isfinite(reached.corner_far[near])]
-    return sorted({*roots[np.isfinite(far)].tolist(), *near.tolist()})
+    found = {*roots[np.isfinite(far)].tolist(), *near.tolist()}
+    waiting = list(found)
+    while waiting:
+        if (root := waiting.pop()) == SOURCE:
+            continue
+        before = int(reached.corner_roots[root])
+        if before not in found:
+            found.add(before)
+            waiting.append(before)
+    return sorted(found)
 
 
 def _turns(

@@ -94,7 +94,7 @@ def test_rows_without_ids_are_numbered_by_the_layer() -> None:
         (lambda frame: frame.drop(columns="name"), None, "the GeoDataFrame: row 0: name: is requ"),
         (lambda frame: frame.set_geometry(frame.centroid), None,
          "the GeoDataFrame: row 0: a footprint must be a polygon or multipolygon, got Point"),
-        (lambda frame: frame.iloc[[0, 1, 0]], None, "the GeoDataFrame: id: the id 7 is there twi"),
+        (lambda frame: frame.iloc[[0, 1, 0]], None, "the GeoDataFrame: id: the id 7 appears twice"),
         (lambda frame: frame.assign(existence=["much"] * 3), None, "the GeoDataFrame: row 0: exis"),
     ],
 )  # fmt: skip
