@@ -210,6 +210,15 @@ def mapped(
     return layer.objects()
 
 
+def with_numbers(frame: RgbdFrame, names: list[str]) -> RgbdFrame:
+    """The frame with the places of classes in a list for their names, as vision_msgs has them."""
+    found = frame.detections
+    if found is None:
+        return frame
+    numbers = [str(names.index(name)) for name in found.names]
+    return replace(frame, detections=Detections.of(found.xyxy, numbers, found.scores))
+
+
 def with_whole_pixels(frame: RgbdFrame) -> RgbdFrame:
     """The frame with boxes as darknet_ros has them."""
     found = frame.detections
