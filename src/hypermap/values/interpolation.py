@@ -1,0 +1,179 @@
+"""From samples at places to values all over the floor."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from hypermap.core.errors import HypermapError
+from hypermap.core.grid import GridGeometry
+from hypermap.core.occupancy import OccupancyLayer
+from hypermap.values.fitting import LEAST_SAMPLES, fitted, with_limits
+from hypermap.values.kernel import kernel_estimate
+from hypermap.values.lattice import Lattice, grid_around
+from hypermap.values.random_field import FieldSettings, Observations, Posterior, Prior
+from hypermap.values.samples import Samples
+
+Method = Literal["gmrf", "kernel"]
+METHODS: tuple[str, ...] = get_args(Method)
+
+_MARGIN = 2.0  # meters around the samples
+_RESOLUTION = 0.25  # meters; the finest that is chosen by itself
+_NODES = 20_000  # at most, where nobody asks for more
+_MOST_NODES = 400_000
+_NODES_TO_FIT = 2_500
+_UNEXPLAINED = 0.5  # of the variance, above which there is no value
+_UNSURE = 0.5  # confidence of the kernel, below which there is no value
+
+
+@dataclass(frozen=True, eq=False)
+class Interpolation:
+    """What samples say about a quantity all over the floor.
+
+    Attributes:
+        grid: where the cells lie, in the frame of the samples.
+        values: float64, shape (height, width), in the quantity's unit; NaN where no sample says
+            enough, or there is no free floor.
+        deviations: standard deviation of each value, not of a sample there; of the same shape.
+        noise: standard deviation of a sample at one place; a sample that is still to be taken lies
+            within two times hypot(deviation, noise) of the value in 95 of 100 cases.
+        method: "gmrf" or "kernel".
+        settings: by which names and numbers the method found it, so that it can be repeated.
+    """
+
+    grid: GridGeometry
+    values: NDArray[np.float64]
+    deviations: NDArray[np.float64]
+    noise: float
+    method: Method
+    settings: dict[str, float]
+
+
+def interpolate(
+    samples: Samples,
+    occupancy: OccupancyLayer | None = None,
+    *,
+    method: Method = "gmrf",
+    settings: FieldSettings | None = None,
+    resolution: float | None = None,
+) -> Interpolation:
+    """Return the most probable values between samples.
+
+    "gmrf" is a Gaussian Markov random field, whose links walls cut (`random_field`); it takes
+    limits for what they are, and its deviations are honest. "kernel" is quicker, knows no walls,
+    and takes limits for values (`kernel`).
+
+    Args:
+        samples: in the frame of the occupancy layer.
+        occupancy: walls, and where the floor is; without it the floor is open everywhere.
+        method: one of `METHODS`.
+        settings: of the field; without them those that make the samples likeliest.
+        resolution: side of a cell [m]; without it 0.25 m, or more on a large floor.
+
+    Raises:
+        HypermapError: If there are too few samples with a value, or the resolution is too fine.
+    """
+    if method not in METHODS:
+        raise HypermapError(f"method must be one of {', '.join(METHODS)}, got {method!r}")
+    heard = int(np.count_nonzero(~samples.is_below))
+    if heard == 0:
+        raise HypermapError(
+            f"none of the {len(samples)} samples has a value; without one there is nothing to map"
+        )
+    if settings is None and heard < LEAST_SAMPLES:
+        raise HypermapError(
+            f"{heard} samples with a value do not tell how the quantity varies; give at least "
+            f"{LEAST_SAMPLES}, or say its length, deviation and noise"
+        )
+    grid = _grid(samples, resolution)
+    if method == "kernel":
+        return _by_kernel(grid, samples, occupancy, settings)
+    with threadpool_limits(1, "blas"):  # threads wait for each other at each small block
+        return _by_field(grid, samples, occupancy, settings)
+
+
+def _by_field(
+    grid: GridGeometry,
+    samples: Samples,
+    occupancy: OccupancyLayer | None,
+    settings: FieldSettings | None,
+) -> Interpolation:
+    lattice = Lattice.over(grid, occupancy)
+    known = samples.chosen(~samples.is_below)
+    if settings is None:
+        coarse = _at_most(grid, _NODES_TO_FIT)
+        rough = lattice if coarse == grid else Lattice.over(coarse, occupancy)
+        settings = fitted(rough, _observed(rough, known))
+    prior = Prior(lattice, settings.length, settings.through_walls)
+    observed = _observed(lattice, known)
+    if samples.is_below.any():
+        limits = _observed(lattice, samples.chosen(samples.is_below))
+        observed = with_limits(prior, observed, limits, settings)
+    posterior = Posterior(prior, observed, settings.noise / settings.deviation)
+    variance = posterior.variance().reshape(grid.shape)
+    nowhere = (variance > _UNEXPLAINED) | ~lattice.is_floor
+    return Interpolation(
+        grid,
+        np.where(nowhere, np.nan, posterior.mean().reshape(grid.shape)),
+        np.where(nowhere, np.nan, settings.deviation * np.sqrt(variance)),
+        settings.noise,
+        "gmrf",
+        {
+            "length": settings.length,
+            "deviation": settings.deviation,
+            "noise": settings.noise,
+            "through_walls": settings.through_walls,
+        },
+    )
+
+
+def _by_kernel(
+    grid: GridGeometry,
+    samples: Samples,
+    occupancy: OccupancyLayer | None,
+    settings: FieldSettings | None,
+) -> Interpolation:
+    width = None if settings is None else settings.length
+    values, deviations, confidence, width = kernel_estimate(grid, samples, width)
+    nowhere = (confidence < _UNSURE) | ~Lattice.over(grid, occupancy).is_floor
+    noise = float(np.median(deviations[~nowhere])) if (~nowhere).any() else float("nan")
+    return Interpolation(
+        grid,
+        np.where(nowhere, np.nan, values),
+        np.where(nowhere, np.nan, deviations),
+        noise,
+        "kernel",
+        {"length": width},
+    )
+
+
+def _observed(lattice: Lattice, samples: Samples) -> Observations:
+    ones = np.ones(len(samples))
+    return Observations(lattice.weights_at(samples.points_xy), samples.values, ones)
+
+
+def _grid(samples: Samples, resolution: float | None) -> GridGeometry:
+    if resolution is None:
+        return _at_most(grid_around(samples.points_xy, _MARGIN, _RESOLUTION), _NODES)
+    grid = grid_around(samples.points_xy, _MARGIN, resolution)
+    if grid.width * grid.height > _MOST_NODES:
+        raise HypermapError(
+            f"a resolution of {resolution:g} m makes {grid.width} x {grid.height} cells, more than "
+            f"the {_MOST_NODES} that can be interpolated; take a coarser one"
+        )
+    return grid
+
+
+def _at_most(grid: GridGeometry, nodes: int) -> GridGeometry:
+    """Return the grid, with larger cells where it has too many."""
+    count = grid.width * grid.height
+    if count <= nodes:
+        return grid
+    factor = math.ceil(math.sqrt(count / nodes))
+    width, height = math.ceil(grid.width / factor), math.ceil(grid.height / factor)
+    return GridGeometry(width, height, grid.resolution * factor, grid.origin)

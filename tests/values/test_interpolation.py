@@ -1,0 +1,195 @@
+"""From samples to values all over the floor: right, honest, and bounded by walls."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hypermap.core.errors import HypermapError
+from hypermap.core.grid import GridGeometry
+from hypermap.core.occupancy import OccupancyLayer
+from hypermap.values import FieldSettings, Interpolation, Samples, interpolate
+
+
+@pytest.fixture(scope="module")
+def two_rooms() -> OccupancyLayer:
+    """8 x 4 m, with a wall across the middle at x = 4."""
+    cells = np.zeros((40, 80), dtype=np.int8)
+    cells[[0, -1], :] = 100
+    cells[:, [0, -1, 39, 40]] = 100
+    return OccupancyLayer("occupancy", "map", GridGeometry(80, 40, 0.1), cells)
+
+
+def warm_and_cold(count: int = 60) -> Samples:
+    random = np.random.default_rng(5)
+    points = random.uniform([0.3, 0.3], [7.7, 3.7], size=(count, 2))
+    warmth = np.where(points[:, 0] < 4, 24.0, 16.0) + 0.3 * points[:, 1]
+    return Samples.of(points, warmth + random.normal(0, 0.2, count))
+
+
+@pytest.fixture(scope="module")
+def mapped(two_rooms: OccupancyLayer) -> Interpolation:
+    return interpolate(warm_and_cold(), two_rooms)
+
+
+def settings_of(result: Interpolation) -> FieldSettings:
+    return FieldSettings(**result.settings)
+
+
+def at(result, points):
+    rows, cols = result.grid.cells_at(points).T
+    return result.values[rows, cols]
+
+
+def test_warmth_does_not_leak_through_a_wall(mapped):
+    beside_the_wall = [[3.7, 2.0], [4.3, 2.0]]
+    right = np.array([24.6, 16.6])
+    without = interpolate(warm_and_cold())
+    assert np.abs(at(mapped, beside_the_wall) - right).max() < 0.3
+    assert np.abs(at(without, beside_the_wall) - right).max() > 1
+    assert mapped.settings["through_walls"] == 0
+
+
+def test_values_are_where_the_floor_is_and_samples_say_something(two_rooms, mapped):
+    centers = mapped.grid.centers(*np.nonzero(~np.isnan(mapped.values)))
+    assert set(two_rooms.label_at(centers)) == {"Free"}
+    assert not np.isnan(at(mapped, [[1.0, 2.0], [7.0, 2.0]])).any()
+
+    left = warm_and_cold()
+    left = left.chosen(left.points_xy[:, 0] < 4)
+    one_room = interpolate(left, two_rooms, settings=settings_of(mapped))
+    assert not np.isnan(at(one_room, [[1.0, 2.0]])).any()
+    assert np.isnan(at(one_room, [[5.5, 2.0]])).all()
+
+
+def test_deviations_are_honest():
+    random = np.random.default_rng(8)
+    points = random.uniform(0, 10, size=(240, 2))
+    truth = 5 * np.sin(points[:, 0] / 2) + 3 * np.cos(points[:, 1] / 3)
+    measured = truth + random.normal(0, 0.5, 240)
+    result = interpolate(Samples.of(points[:120], measured[:120]))
+    rows, cols = result.grid.cells_at(points[120:]).T
+    errors = np.abs(measured[120:] - result.values[rows, cols])
+    within = errors < 2 * np.hypot(result.deviations[rows, cols], result.noise)
+    assert 0.9 < within.mean() <= 1
+    assert result.noise == pytest.approx(0.5, rel=0.3)
+
+
+def test_not_heard_is_information_but_not_believed_against_all_around():
+    random = np.random.default_rng(2)
+    x = random.uniform(0, 20, 80)
+    points = np.column_stack([x, random.uniform(0, 2, 80)])
+    level = -50 - 4 * x  # below -95 from x = 11.25 on
+    measured = level + random.normal(0, 2, 80)
+    below = measured < -95
+    samples = Samples.of(points, np.where(below, -95, measured), below)
+    result = interpolate(samples)
+    far = at(result, [[15.0, 1.0], [19.0, 1.0]])
+    assert (far < -95).all()
+
+    deaf = np.zeros(80, dtype=bool)
+    deaf[int(np.argmin(np.abs(x - 3)))] = True
+    samples = Samples.of(points, np.where(below | deaf, -95, measured), below | deaf)
+    (near,) = at(interpolate(samples, settings=settings_of(result)), [[3.0, 1.0]])
+    assert near == pytest.approx(-62, abs=3)
+
+
+@pytest.mark.parametrize("method", ["gmrf", "kernel"])
+def test_a_field_that_is_the_same_all_over_is_so_everywhere(method):
+    points = np.random.default_rng(1).uniform(0, 3, size=(9, 2))
+    result = interpolate(Samples.of(points, np.full(9, 21.5)), method=method)
+    known = ~np.isnan(result.values)
+    assert known.any()
+    np.testing.assert_allclose(result.values[known], 21.5)
+
+
+def test_the_same_samples_give_the_same_values(two_rooms, mapped):
+    again = interpolate(warm_and_cold(), two_rooms)
+    np.testing.assert_array_equal(again.values, mapped.values)
+    np.testing.assert_array_equal(again.deviations, mapped.deviations)
+
+
+def test_settings_are_taken_as_given_even_for_one_sample():
+    settings = FieldSettings(length=2.0, deviation=3.0, noise=0.1)
+    result = interpolate(Samples.of([[1.0, 1.0]], [18.0]), settings=settings)
+    (value,) = at(result, [[1.0, 1.0]])
+    assert value == pytest.approx(18)
+
+
+@pytest.mark.parametrize(
+    ("count", "below", "said"),
+    [
+        (4, 0, "4 samples with a value do not tell how the quantity varies"),
+        (6, 6, "none of the 6 samples has a value"),
+        (6, 3, "3 samples with a value do not tell"),
+    ],
+)
+def test_too_few_samples_are_refused_with_a_remedy(count, below, said):
+    points = np.random.default_rng(1).uniform(0, 3, size=(count, 2))
+    with pytest.raises(HypermapError, match=said):
+        interpolate(Samples.of(points, np.arange(count), np.arange(count) < below))
+
+
+def test_a_resolution_that_is_too_fine_is_refused():
+    with pytest.raises(HypermapError, match="take a coarser one"):
+        interpolate(warm_and_cold(), resolution=0.005)
+
+
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [([1.0, np.nan], r"values\[1\] is not finite"), ([1.0], r"values must have shape \(2,\)")],
+)
+def test_samples_are_checked(values, said):
+    with pytest.raises(ValueError, match=said):
+        Samples.of([[0, 0], [1, 1]], values)
+
+
+# Two surveys of WiFi signal strength; the figures of other methods are in their README.
+
+
+def read_survey(path: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Return places, (N, 2), and what is heard of each radio there, (N, R), with NaN for nothing.
+
+    A radio counts as heard where at least half of the scans hear it; its value is their median.
+    """
+    scans: dict[tuple[float, float], list[list[float]]] = {}
+    with path.open() as file:
+        for x, y, *heard in list(csv.reader(file))[1:]:
+            scans.setdefault((float(x), float(y)), []).append(
+                [float(value) if value else np.nan for value in heard]
+            )
+    levels = []
+    for there in scans.values():
+        columns = np.array(there).T
+        levels.append(
+            [
+                np.nanmedian(column) if np.isfinite(column).mean() >= 0.5 else np.nan
+                for column in columns
+            ]
+        )
+    return np.array(list(scans)), np.array(levels)
+
+
+@pytest.mark.parametrize("site", ["corridor", "office"])
+def test_real_surveys_are_predicted_as_well_as_by_a_gaussian_process(shared_data, site):
+    folder = shared_data / "values"
+    if not folder.is_dir():
+        pytest.skip("the surveys of WiFi are not here")
+    places, levels = read_survey(folder / f"{site}_train.csv")
+    others, truth = read_survey(folder / f"{site}_test.csv")
+    squares, within = [], []
+    for radio in range(levels.shape[1]):
+        below = np.isnan(levels[:, radio])
+        samples = Samples.of(places, np.where(below, -95, levels[:, radio]), below)
+        result = interpolate(samples)
+        rows, cols = result.grid.cells_at(others).T
+        errors = truth[:, radio] - result.values[rows, cols]
+        heard = ~np.isnan(truth[:, radio])
+        squares.append(np.mean(errors[heard] ** 2))
+        spread = np.hypot(result.deviations[rows, cols], result.noise)
+        within.extend(np.abs(errors[heard]) <= 2 * spread[heard])
+    assert np.sqrt(np.mean(squares)) < 3.3  # dB
+    assert 0.92 <= np.mean(within) <= 0.98
