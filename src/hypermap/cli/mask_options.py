@@ -17,13 +17,11 @@ if TYPE_CHECKING:
 
 PANEL = "A mask for nav2's costmap filters, in place of the map"
 
+KEEPOUT_METAVAR = '"CLASS MARGIN"'
+KEEPOUT_HELP = "Keep out of these objects and a margin around them, in meters: may be repeated."
 Keepout = Annotated[
     list[str] | None,
-    typer.Option(
-        metavar='"CLASS MARGIN"',
-        rich_help_panel=PANEL,
-        help="Keep out of these objects and a margin around them, in meters: may be repeated.",
-    ),
+    typer.Option(metavar=KEEPOUT_METAVAR, rich_help_panel=PANEL, help=KEEPOUT_HELP),
 ]
 Speed = Annotated[
     list[str] | None,

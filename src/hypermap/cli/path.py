@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand
 
-from hypermap.cli.mask_options import Keepout
+from hypermap.cli.mask_options import KEEPOUT_HELP, KEEPOUT_METAVAR
 from hypermap.cli.options import AsJson, MapPath, RobotRadius
 from hypermap.cli.terminal import say, say_json
 from hypermap.core.errors import HypermapError
@@ -56,7 +56,9 @@ def command(
             "--cost-scaling", metavar="PER_METER", help="How fast that cost falls with distance."
         ),
     ] = 10.0,
-    keepout: Keepout = None,
+    keepout: Annotated[
+        list[str] | None, typer.Option(metavar=KEEPOUT_METAVAR, help=KEEPOUT_HELP)
+    ] = None,
     through_unknown: Annotated[
         bool, typer.Option("--through-unknown", help="Unknown cells are free, too.")
     ] = False,
