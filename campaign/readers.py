@@ -68,7 +68,7 @@ def watch(
                     counts[i] += 1
                     if seen != 1:
                         odd.append(f"seen {seen} times")
-        except Exception as error:
+        except Exception as error:  # of whatever kind: that is what is looked for
             odd.append(f"{type(error).__name__}: {error}")
 
     threads = [threading.Thread(target=ask, args=pair) for pair in enumerate(readers)]
@@ -81,7 +81,7 @@ def watch(
                 break
             move(THERE if moves % 2 == 0 else HERE)
             moves += 1
-    except Exception as error:
+    except Exception as error:  # likewise; the readers have to end in any case
         odd.append(f"the writer: {type(error).__name__}: {error}")
     ends.set()
     for thread in threads:

@@ -41,7 +41,7 @@ from hypermap.formats.grid.pgm import dump_trinary
 from hypermap.formats.hmap import _write_map  # the files of an archive, without the archive
 from hypermap.formats.semantic.evidence_file import dump_evidence, parse_evidence
 from hypermap.formats.semantic.parquet_files import dump_parquet
-from hypermap.formats.semantic.yaml_files import dump_objects
+from hypermap.formats.semantic.yaml_files import SemanticForm, dump_objects
 from hypermap.testing import square
 
 
@@ -84,8 +84,9 @@ def _file_target(name: str, corpus: Sequence[bytes], mutate: Mutator, folder: Pa
 def archive(folder: Path) -> Target:
     """A whole map in an archive, of which all questions are asked."""
     path, corpus = folder / "example.hmap", []
-    for made, form in ((a_map(), "auto"), (a_map(), "parquet"), (a_small_map(), "yaml")):
-        save_map(made, path, form)  # type: ignore[arg-type]
+    forms: tuple[SemanticForm, ...] = ("auto", "parquet", "yaml")
+    for made, form in zip((a_map(), a_map(), a_small_map()), forms, strict=True):
+        save_map(made, path, form)
         corpus.append(path.read_bytes())
     return _file_target("map.hmap", corpus, mutate_archive, folder)
 

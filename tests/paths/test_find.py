@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import itertools
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,8 +19,6 @@ from hypermap.core.grid import GridGeometry
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.paths import FreeSpace, NoPath, PathSettings, distances, find_path
 from hypermap.paths.find import length_of
-
-DATA = Path(__file__).parents[3] / "shared" / "data" / "paths"
 
 
 def space_of(cells, resolution=1.0, origin=None, **settings_of_robot) -> FreeSpace:
@@ -98,13 +95,13 @@ def test_a_path_is_the_shortest_and_crosses_no_blocked_cell(data):
     assert swept == pytest.approx(oracle(blocked, start, center), abs=5e-3)
 
 
-@pytest.mark.skipif(not DATA.is_dir(), reason="the folder of real data is not here")
-def test_known_questions_are_answered_within_a_tenth_of_a_percent():
-    with Image.open(DATA / "cape.png") as image:
+def test_known_questions_are_answered_within_a_tenth_of_a_percent(shared_data):
+    folder = shared_data / "paths"
+    with Image.open(folder / "cape.png") as image:
         blocked = np.asarray(image)[::-1] == 0
     height = len(blocked)
     space = space_of(np.where(blocked, 100, 0), resolution=0.05)
-    with (DATA / "cape.csv").open() as file:
+    with (folder / "cape.csv").open() as file:
         questions = [[float(text) for text in row] for row in list(csv.reader(file))[1:]]
     assert len(questions) == 201
     for x0, y0, x1, y1, optimum in questions:

@@ -15,7 +15,7 @@ from hypermap.core.grid import GridGeometry
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.values.fitting import LEAST_SAMPLES, fitted, with_limits
 from hypermap.values.kernel import kernel_estimate
-from hypermap.values.lattice import Lattice, grid_around
+from hypermap.values.lattice import Lattice, floor_cells, grid_around
 from hypermap.values.random_field import FieldSettings, Observations, Posterior, Prior
 from hypermap.values.samples import Samples
 
@@ -25,7 +25,7 @@ METHODS: tuple[str, ...] = get_args(Method)
 _MARGIN = 2.0  # meters around the samples
 _RESOLUTION = 0.25  # meters; the finest that is chosen by itself
 _NODES = 20_000  # at most, where nobody asks for more
-_MOST_NODES = 400_000
+_MOST_NODES = 100_000  # a gigabyte of blocks, where the floor is square
 _NODES_TO_FIT = 2_500
 _UNEXPLAINED = 0.5  # of the variance, above which there is no value
 _UNSURE = 0.5  # confidence of the kernel, below which there is no value
@@ -72,7 +72,8 @@ def interpolate(
         samples: in the frame of the occupancy layer.
         occupancy: walls, and where the floor is; without it the floor is open everywhere.
         method: one of `METHODS`.
-        settings: of the field; without them those that make the samples likeliest.
+        settings: of the field; without them those that make the samples likeliest. The kernel
+            takes the length for its width.
         resolution: side of a cell [m]; without it 0.25 m, or more on a large floor.
 
     Raises:
@@ -140,7 +141,7 @@ def _by_kernel(
 ) -> Interpolation:
     width = None if settings is None else settings.length
     values, deviations, confidence, width = kernel_estimate(grid, samples, width)
-    nowhere = (confidence < _UNSURE) | ~Lattice.over(grid, occupancy).is_floor
+    nowhere = (confidence < _UNSURE) | ~floor_cells(grid, occupancy)
     noise = float(np.median(deviations[~nowhere])) if (~nowhere).any() else float("nan")
     return Interpolation(
         grid,

@@ -44,7 +44,7 @@ class Lattice:
             grid,
             links,
             _all_free(occupancy, centers[links[:, 0]], centers[links[:, 1]]),
-            _all_free(occupancy, centers, centers).reshape(grid.shape),
+            floor_cells(grid, occupancy),
         )
 
     def laplacian(self, through_walls: float) -> csr_array:
@@ -111,6 +111,12 @@ class Lattice:
         if width == 1:
             clear |= up
         return clear
+
+
+def floor_cells(grid: GridGeometry, occupancy: OccupancyLayer | None) -> BoolArray:
+    """Return which cells have their center on free floor, (height, width); all without a map."""
+    centers = grid.centers(*np.divmod(np.arange(grid.width * grid.height), grid.width))
+    return _all_free(occupancy, centers, centers).reshape(grid.shape)
 
 
 def grid_around(points_xy: NDArray[np.float64], margin: float, resolution: float) -> GridGeometry:

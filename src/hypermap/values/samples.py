@@ -19,45 +19,39 @@ class Samples:
         values: what it measured, float64, shape (N,), in its unit. Where nothing was heard it is
             the limit that the value lies below.
         is_below: whether a value is such a limit, shape (N,).
-        stamps: when, seconds since 1970, shape (N,); None where nobody says.
     """
 
     points_xy: NDArray[np.float64]
     values: NDArray[np.float64]
     is_below: BoolArray
-    stamps: NDArray[np.float64] | None = None
 
     @staticmethod
     def of(
         points_xy: PointsLike,
         values: ArrayLike,
         is_below: ArrayLike | None = None,
-        stamps: ArrayLike | None = None,
     ) -> Samples:
         """Return samples, checked.
 
         Raises:
-            ValueError: If the arrays do not have one entry for each point, or a coordinate, value
-                or stamp is not finite.
+            ValueError: If the arrays do not have one entry for each point, or a coordinate or value
+                is not finite.
         """
         points = as_points_xy(points_xy)
         below = np.zeros(len(points), dtype=bool) if is_below is None else np.array(is_below, bool)
-        numbers = {"values": np.array(values, dtype=np.float64)}
-        if stamps is not None:
-            numbers["stamps"] = np.array(stamps, dtype=np.float64)
-        for name, column in {**numbers, "is_below": below}.items():
+        numbers = np.array(values, dtype=np.float64)
+        for name, column in (("values", numbers), ("is_below", below)):
             if column.shape != (len(points),):
                 raise ValueError(f"{name} must have shape ({len(points)},), got {column.shape}")
-        for name, column in {**numbers, "points_xy": points}.items():
+        for name, column in (("values", numbers), ("points_xy", points)):
             wrong = np.flatnonzero(~np.isfinite(column.reshape(len(points), -1)).all(axis=1))
             if len(wrong):
                 raise ValueError(f"{name}[{wrong[0]}] is not finite: {column[wrong[0]]}")
-        return Samples(points, numbers["values"], below, numbers.get("stamps"))
+        return Samples(points, numbers, below)
 
     def __len__(self) -> int:
         return len(self.values)
 
     def chosen(self, which: BoolArray) -> Samples:
         """Return those for which `which`, shape (N,), is True."""
-        stamps = None if self.stamps is None else self.stamps[which]
-        return Samples(self.points_xy[which], self.values[which], self.is_below[which], stamps)
+        return Samples(self.points_xy[which], self.values[which], self.is_below[which])

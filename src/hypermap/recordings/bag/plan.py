@@ -176,10 +176,10 @@ class BagPlan:
                 )
             is_rectified = "rect" in self.color_topic.name.rpartition("/")[2]
             camera = camera_of_info(self._contents.color_info, width, height, is_rectified)
-        return Registration(camera, self._color_T_depth())
+        return Registration(camera, self._depth_pose())
 
-    def _color_T_depth(self) -> NDArray[np.float64]:  # noqa: N802
-        """Return the pose of the depth camera in the color camera, shape (4, 4)."""
+    def _depth_pose(self) -> NDArray[np.float64]:
+        """Return `color_T_depth`, the pose of the depth camera in the color camera, (4, 4)."""
         if self._options.color_T_depth is not None:
             return self._options.depth_pose()
         tree, _ = self._tree

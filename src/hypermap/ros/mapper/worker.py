@@ -138,7 +138,7 @@ class Worker:
         try:
             frame_id = self._frames.frame_id(work.geometry)
             pose = self._pose(frame_id, stamp + round(self._settings.time_offset * 1e9))
-            color_T_depth = self._color_T_depth(work, frame_id)
+            color_T_depth = self._depth_pose(work, frame_id)
         except FrameError as error:
             return Fate.NO_TF, str(error)
         frame = self._frames.frame(work.match, work.geometry, pose, color_T_depth)
@@ -150,10 +150,8 @@ class Worker:
             self._preflight.add_mapped(frame)
         return fate, reason
 
-    def _color_T_depth(  # noqa: N802
-        self, work: Work, frame_id: str
-    ) -> NDArray[np.float64] | None:
-        """Return the pose of the depth camera in the color camera, if depth is to be registered."""
+    def _depth_pose(self, work: Work, frame_id: str) -> NDArray[np.float64] | None:
+        """Return `color_T_depth`, (4, 4), if depth is to be registered to color."""
         if not self._settings.register:
             return None
         color = clean_frame(work.match.items["color"].header.frame_id)
