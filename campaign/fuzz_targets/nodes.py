@@ -52,7 +52,7 @@ class _Server:
 
     def _start(self) -> None:
         self._port = InProcessPort(console=False, map_directory=str(self._maps))
-        # The port in this process lacks what only a live mapper needs of one.
+        # The port in this process neither spins nor shuts down, and takes arguments loosely.
         node = MapServer(self._port, self._path)  # type: ignore[arg-type]
         node.configure()
         node.activate()
