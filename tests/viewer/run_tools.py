@@ -20,7 +20,7 @@ from .commands import PATIENCE, started
 
 SIZE = (160, 120)
 INTRINSICS = (131.25, 131.25, 79.5, 59.5)
-CHAIR, CUP, GHOST = (58, 38, 102, 82), (16, 44, 40, 76), (120, 90, 150, 110)
+CHAIR, CUP, GHOST = (58, 38, 102, 82), (16, 50, 40, 76), (120, 90, 150, 110)
 EVIL = "<img src=x onerror=window.hacked=1>"
 RED, BLUE, GRAY = (200, 40, 40), (40, 60, 200), (128, 128, 128)
 
@@ -34,9 +34,9 @@ def write_run(folder: Path, frames: int, cup_from: int) -> Path:
     folder.mkdir()
     depth = np.full((SIZE[1], SIZE[0]), 2.5)
     color = np.full((SIZE[1], SIZE[0], 3), GRAY, np.uint8)
-    for number, (box, paint) in enumerate([(CHAIR, RED), (CUP, BLUE)]):
+    for number, (box, paint, lean) in enumerate([(CHAIR, RED, 0.2), (CUP, BLUE, 0.05)]):
         x0, y0, x1, y1 = np.add(box, (2, 2, -2, -2))
-        depth[y0:y1, x0:x1] = np.linspace(1.7, 1.3, y1 - y0)[:, np.newaxis]
+        depth[y0:y1, x0:x1] = np.linspace(1.5 + lean, 1.5 - lean, y1 - y0)[:, np.newaxis]
         color[y0:y1, x0:x1] = paint
         Image.fromarray((depth * 5000).astype(np.uint16)).save(folder / f"depth{number}.png")
         Image.fromarray(color).save(folder / f"color{number}.png")
