@@ -13,6 +13,7 @@ import numpy as np
 
 from hypermap.core.semantic import SemanticLayer, SemanticObject
 from hypermap.mapping.association import ASSOCIATIONS
+from hypermap.mapping.class_sizes import has_usual_size
 from hypermap.mapping.completion import FreeShare, completed
 from hypermap.mapping.evidence_buffer import Evidence, evidence_from
 from hypermap.mapping.evidence_table import lazy_evidence_table
@@ -80,6 +81,8 @@ class EvidenceMap:
         if len(found) < len(observation.objects):
             self.ignored += len(observation.objects) - len(found)
             _log.info("frame %.6f: skipped shapes without area", observation.stamp)
+        if self.config.class_sizes == "usual":
+            found = [(name, evidence) for name, evidence in found if has_usual_size(name, evidence)]
         # All are compared with the tracks from before the frame, so their order does not matter.
         misclassified = [self._misclassified(name, evidence) for name, evidence in found]
         observed = {
