@@ -14,7 +14,6 @@ from hypermap.cli.finding_options import (
     Detector,
     Labels,
     Profile,
-    ProfileName,
     Score,
 )
 from hypermap.cli.live_status import status_line
@@ -107,7 +106,7 @@ def command(
             help=f"{OPTIONS['map_frame'].help.partition(':')[0]}.",
         ),
     ] = None,
-    profile: Profile = ProfileName.default,
+    profile: Profile = None,
     config: Config = None,
     ros1: Ros1 = False,
     ros2: Ros2 = False,
@@ -140,7 +139,7 @@ def command(
         "score": score,
         "detections_file": _absolute(detections),
         "map_frame": map_frame,
-        "profile": profile.value,
+        "profile": None if profile is None else profile.value,
         "config": _absolute(config),
         "save_to": _absolute(output),
         "save_every": save_every,

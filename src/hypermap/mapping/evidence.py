@@ -92,6 +92,17 @@ class EvidenceMap:
         for track in prune(self._tracks, self.config.forget_below):
             self._forget_co_occurrences(track)
 
+    def tracks(self) -> TrackTable:
+        """Return all tracks as they are now; later frames do not change them."""
+        return self._tracks.snapshot()
+
+    def go_on_with(self, tracks: TrackTable) -> None:
+        """Take over the tracks of an evidence map with the same configuration."""
+        self._tracks = tracks
+        for row, track in enumerate(tracks.objects):
+            class_ = self._classes.setdefault(track.name, len(self._classes))
+            tracks.shapes.classes[row] = class_
+
     def objects(self, ids: Collection[int] | None = None) -> list[SemanticObject]:
         """Return the objects with enough existence, in the order of their ids.
 

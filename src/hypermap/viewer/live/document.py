@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import itertools
 import threading
 import time
@@ -162,8 +163,8 @@ class MapDocument:
             keep_backup(file.path)
             hypermap = self._current.hypermap
             if self._content != _OPENED:
-                metadata = {**hypermap.metadata, EDITED_WITH: _EDITOR}
-                hypermap = Hypermap(hypermap, hypermap.frames, metadata)
+                hypermap = copy.copy(hypermap)
+                hypermap.metadata[EDITED_WITH] = _EDITOR
             save_map(hypermap, file.path)
             self.file = MapFile.of(file.path, hypermap)
             self._saved_content = self._content
@@ -249,4 +250,4 @@ def _with_objects(hypermap: Hypermap) -> Hypermap:
     others = (f"semantic_{number}" for number in itertools.count(2))
     name = next(name for name in itertools.chain(["semantic"], others) if name not in hypermap)
     added = SemanticLayer(name, hypermap.base_frame)
-    return Hypermap([*hypermap, added], hypermap.frames, hypermap.metadata)
+    return hypermap.with_layers([*hypermap, added])
