@@ -255,6 +255,11 @@ class Mapper:
         """Whether there is a map by which poses are corrected, where that makes them better."""
         return self._aligner is not None and self.config.alignment.enabled
 
+    @property
+    def makes_occupancy(self) -> bool:
+        """Whether the first layer is made from depth."""
+        return self._given_occupancy is None
+
     def hypermap(self) -> Hypermap:
         """Return the map so far: the layers "occupancy" and "semantic", in one frame.
 
