@@ -37,7 +37,8 @@ if TYPE_CHECKING:
     from hypermap.core.hypermap import Hypermap
     from hypermap.core.occupancy import OccupancyLayer
     from hypermap.mapping.config import MappingConfig
-    from hypermap.mapping.mapper import Counts, MappedFrame, Mapper, Progress
+    from hypermap.mapping.counts import Counts
+    from hypermap.mapping.mapper import MappedFrame, Mapper, Progress
     from hypermap.mapping.preflight import Preflight
     from hypermap.perception.frame import DetectionSource
     from hypermap.perception.recording import Recording
@@ -208,7 +209,8 @@ def _make_map(
     """Return the map, what became of the frames, and whether it is that of the whole recording."""
     from hypermap.cli.progress import Pace, mapping_progress
     from hypermap.cli.stopping import StoppableRecording
-    from hypermap.mapping.mapper import Counts, map_recording
+    from hypermap.mapping.counts import Counts
+    from hypermap.mapping.mapper import map_recording
 
     started, pace, rate = time.monotonic(), Pace(), 0.0
     counts = Counts()

@@ -9,8 +9,13 @@ from hypermap.core.errors import FormatError, HypermapError
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.layer import Layer
 from hypermap.core.semantic import SemanticLayer
+from hypermap.mapping.by_hand import BY_HAND, hand_edits, marked, told
 from hypermap.mapping.config import MappingConfig, to_dict
+from hypermap.mapping.mapper_state import parse_published
 from hypermap.mapping.overrides import override
+
+SEMANTIC = "semantic"
+"""Name of the layer of objects that mapping makes."""
 
 
 class CannotGoOn(HypermapError):
@@ -53,6 +58,29 @@ def _check_same(config: MappingConfig, asked: MappingConfig) -> None:
                     "mapping goes on with the map's own configuration: give no other one "
                     "(--profile, --config, --score), or make a new map"
                 )
+
+
+def layer_of_objects(hypermap: Hypermap) -> SemanticLayer | None:
+    """Return the layer of objects that mapping has made; None if there is none."""
+    named = (layer for layer in hypermap if layer.name == SEMANTIC)
+    return next((layer for layer in named if isinstance(layer, SemanticLayer)), None)
+
+
+def with_marks(hypermap: Hypermap) -> Hypermap:
+    """Return a map that says what people have done to what mapping has made; see `by_hand`.
+
+    Raises:
+        FormatError: If the state of the mapper in it cannot be read.
+    """
+    kept = hypermap.mapper_state
+    layer = layer_of_objects(hypermap)
+    if kept is None or layer is None:
+        return hypermap
+    published, before = parse_published(kept() if callable(kept) else kept)
+    edits = hand_edits(published, layer, before)
+    other = hypermap.with_layer(marked(layer, edits))
+    other.metadata |= {BY_HAND: told(edits)} if edits else {}
+    return other
 
 
 def replaced(base: Hypermap, layers: Iterable[Layer]) -> list[Layer]:

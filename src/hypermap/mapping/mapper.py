@@ -17,14 +17,16 @@ from hypermap.core.errors import FormatError, HypermapError
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.layer import Layer
 from hypermap.core.occupancy import OccupancyLayer
+from hypermap.core.semantic import SemanticObject
 from hypermap.mapping.alignment import Aligner
+from hypermap.mapping.by_hand import BY_HAND, HandEdit, hand_edits, told
 from hypermap.mapping.completion import free_share
 from hypermap.mapping.config import MappingConfig, to_dict
 from hypermap.mapping.counts import Counts
 from hypermap.mapping.depth_check import why_implausible
 from hypermap.mapping.drives import Drive, EarlierDrives
 from hypermap.mapping.evidence import EvidenceMap
-from hypermap.mapping.going_on import CannotGoOn, config_to_go_on_with, replaced
+from hypermap.mapping.going_on import CannotGoOn, config_to_go_on_with, layer_of_objects, replaced
 from hypermap.mapping.keyframes import KeyframeSelector
 from hypermap.mapping.mapper_state import MapperState, dump_state, parse_state
 from hypermap.mapping.occupancy import OccupancyMapper
@@ -42,7 +44,7 @@ MAX_BAD = 0.5
 """Share of a recording's frames that may fail before mapping gives up."""
 _MAX_FAILED_FIRST = 100  # frames that may fail before the first usable one
 
-_OCCUPANCY, _SEMANTIC = "occupancy", "semantic"
+_OCCUPANCY = "occupancy"
 _FARTHEST = 1e9  # meters; beyond, geometry on the floor loses its precision
 
 
@@ -177,8 +179,8 @@ class Mapper:
             grids = (layer for layer in hypermap if isinstance(layer, OccupancyLayer))
             occupancy = next(grids, OccupancyLayer(_OCCUPANCY, hypermap.base_frame))
         mapper = cls(own_config, source, occupancy, hypermap.base_frame, drive)
-        mapper._has_objects = mapper._has_objects or _SEMANTIC in hypermap
-        mapper.evidence.go_on_with(state.tracks)
+        mapper._has_objects = mapper._has_objects or layer_of_objects(hypermap) is not None
+        mapper.evidence.go_on_with(state.tracks, _edits_of(hypermap, state))
         mapper._keyframes.go_on_from(state.keyframe)
         if state.log_odds is not None:
             mapper._occupancy.go_on_with(state.first_cell, state.log_odds)
@@ -267,8 +269,11 @@ class Mapper:
         on keeps its other layers.
         """
         layers: list[Layer] = [self.occupancy()]
+        published: list[SemanticObject] = []
         if self._has_objects:
-            layers.append(self.evidence.layer(frame_id=layers[0].frame_id))
+            layer = self.evidence.layer(frame_id=layers[0].frame_id)
+            layers.append(layer)
+            published = layer.objects()
         metadata = self._base.metadata | {
             "hypermap_version": __version__,
             "frames": (self._counts_before + self.counts).told(),
@@ -279,10 +284,12 @@ class Mapper:
             "drives": [drive.described() for drive in self._drives()],
         }
         made = Hypermap(replaced(self._base, layers), self._base.frames, metadata)
-        made.mapper_state = cache(partial(dump_state, self._state()))
+        if edits := told(self.evidence.hand_edits()):
+            made.metadata[BY_HAND] = edits
+        made.mapper_state = cache(partial(dump_state, self._state(published)))
         return made
 
-    def _state(self) -> MapperState:
+    def _state(self, published: list[SemanticObject]) -> MapperState:
         """Return what is needed to go on; later frames do not change it."""
         first_cell, log_odds = self._occupancy.log_odds()
         return MapperState(
@@ -292,6 +299,7 @@ class Mapper:
             log_odds=None if self._given_occupancy is not None else log_odds,
             drives=self._drives(),
             counts=self._counts_before + self.counts,
+            published=published,
         )
 
     def _drives(self) -> list[Drive]:
@@ -463,6 +471,21 @@ class _BadFrames:
                 f"{self._recording.path}: nothing to map: none of {counts.frames} frames "
                 f"can be used{why}"
             )
+
+
+def _edits_of(hypermap: Hypermap, state: MapperState) -> dict[int, HandEdit]:
+    """Return what people have done to a map since it was begun, by the objects' ids.
+
+    Raises:
+        CannotGoOn: If the layer of the objects is not there.
+    """
+    layer = layer_of_objects(hypermap)
+    if layer is not None:
+        before = {track.id: track.by_hand for track in state.tracks.objects if track.by_hand}
+        return hand_edits(state.published, layer, before)
+    if state.published:
+        raise CannotGoOn("its layer 'semantic' of objects is gone; was it renamed or removed?")
+    return {}
 
 
 def _no_detections(_frame: RgbdFrame) -> Detections:

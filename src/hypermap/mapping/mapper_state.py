@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from hypermap.core.arrays import ObjectArray, as_objects
 from hypermap.core.errors import FormatError
+from hypermap.core.objects import SemanticObject
 from hypermap.formats.array_file import (
     ArrayFile,
     dump_arrays,
@@ -24,7 +25,10 @@ from hypermap.formats.array_file import (
     parse_arrays,
     unpacked_shapes,
 )
-from hypermap.mapping import drives
+from hypermap.formats.semantic.yaml_files import dump_objects, parse_objects
+from hypermap.formats.yaml_text import read_yaml, write_yaml
+from hypermap.mapping import by_hand, drives
+from hypermap.mapping.by_hand import HandEdit
 from hypermap.mapping.counts import Counts
 from hypermap.mapping.drives import Drive
 from hypermap.mapping.evidence_buffer import Evidence, EvidenceBuffer
@@ -38,7 +42,10 @@ VERSION = 1
 _FARTHEST_CELL = 1e10  # from the origin
 
 _Arrays = Mapping[str, NDArray[Any]]
-_WRONG = (KeyError, TypeError, ValueError, IndexError, OverflowError, shapely.GEOSException)
+_WRONG = (
+    *(KeyError, TypeError, ValueError, IndexError, OverflowError),
+    *(AttributeError, shapely.GEOSException),
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +60,7 @@ class MapperState:
             None if the layer is not made from depth.
         drives: what was mapped so far.
         counts: what became of all frames.
+        published: the objects as they were put into the map.
     """
 
     tracks: TrackTable
@@ -61,6 +69,7 @@ class MapperState:
     log_odds: NDArray[np.float32] | None
     drives: Sequence[Drive]
     counts: Counts
+    published: Sequence[SemanticObject]
 
 
 def dump_state(state: MapperState) -> bytes:
@@ -72,6 +81,12 @@ def dump_state(state: MapperState) -> bytes:
         arrays["keyframe"] = state.keyframe.astype(np.float64)
     if state.log_odds is not None:
         arrays |= {"first_cell": state.first_cell, "log_odds": state.log_odds}
+    edits = {track.id: track.by_hand for track in state.tracks.objects if track.by_hand}
+    records = {number: by_hand.as_record(edit) for number, edit in edits.items()}
+    arrays |= {
+        "published": np.frombuffer(dump_objects(state.published), np.uint8),
+        "by_hand": np.frombuffer(write_yaml(records), np.uint8),
+    }
     facts["names"] = [track.name for track in state.tracks.objects]
     facts["next_id"] = state.tracks.next_id
     return dump_arrays(ArrayFile(facts, arrays | _packed(state.tracks)), FORMAT, VERSION)
@@ -98,8 +113,13 @@ def parse_state(content: bytes, config: EvidenceConfig, path: str = "mapper_stat
         if np.abs(first_cell.astype(np.float64)).max() > _FARTHEST_CELL:
             raise ValueError(f"the occupancy layer begins at {first_cell}")
         keyframe = arrays.get("keyframe")
+        published, edits = _published(arrays, path)
+        tracks = _unpacked(facts, arrays, config)
+        for track in tracks.objects:
+            track.by_hand = edits.get(track.id)
         return MapperState(
-            tracks=_unpacked(facts, arrays, config),
+            tracks=tracks,
+            published=published,
             keyframe=None if keyframe is None else keyframe.reshape(4, 4),
             first_cell=first_cell,
             log_odds=log_odds,
@@ -108,6 +128,29 @@ def parse_state(content: bytes, config: EvidenceConfig, path: str = "mapper_stat
         )
     except _WRONG as error:
         raise FormatError(f"is damaged: {error}", path=path) from None
+
+
+def parse_published(
+    content: bytes, path: str = "mapper_state"
+) -> tuple[list[SemanticObject], dict[int, HandEdit]]:
+    """Return the objects as mapping has put them into the map, and what people had done by then.
+
+    Raises:
+        FormatError: If the file holds no state, or is of a later version.
+    """
+    arrays = parse_arrays(content, FORMAT, VERSION, path).arrays
+    try:
+        return _published(arrays, path)
+    except _WRONG as error:
+        raise FormatError(f"is damaged: {error}", path=path) from None
+
+
+def _published(arrays: _Arrays, path: str) -> tuple[list[SemanticObject], dict[int, HandEdit]]:
+    objects, rejected = parse_objects(arrays["published"].tobytes(), path)
+    if rejected:
+        raise ValueError(f"an object that was published: {rejected[0].reason}")
+    records = read_yaml(arrays["by_hand"].tobytes(), path) or {}
+    return objects, {int(key): by_hand.from_record(record) for key, record in records.items()}
 
 
 def _packed(tracks: TrackTable) -> dict[str, NDArray[Any]]:
@@ -162,7 +205,11 @@ def _unpacked(facts: Mapping[str, Any], arrays: _Arrays, config: EvidenceConfig)
     if (arrays["track.kept"] < 0).any() or (ends[-1] if ends else 0) != len(items):
         raise ValueError("the observations do not fit the tracks")
     columns = (
-        *(ids, facts["names"], PreparedPolygon.all_of(unpacked_shapes("track.shape", arrays))),
+        *(
+            ids,
+            facts["names"],
+            PreparedPolygon.all_of(list(unpacked_shapes("track.shape", arrays))),
+        ),
         *(arrays[f"track.{name}"].tolist() for name in _TRACK_COLUMNS),
     )
     begin = 0
@@ -186,8 +233,8 @@ def _evidence(arrays: _Arrays) -> list[Evidence]:
     areas = unpacked_shapes("view.area", arrays)
     centroids = shapely.get_coordinates(shapely.centroid(footprints))
     poses, stamps = list(arrays["view.pose"].reshape(-1, 4, 4)), arrays["view.stamp"].tolist()
-    prepared = PreparedPolygon.all_of(footprints)
-    prepared_areas = PreparedPolygon.all_of(areas)
+    prepared = PreparedPolygon.all_of(list(footprints))
+    prepared_areas = PreparedPolygon.all_of(list(areas))
     found = []
     columns = [arrays[f"observation.{name}"] for name in ("view", "score", "z_min", "z_max")]
     if any(column.shape != (len(footprints),) for column in columns):

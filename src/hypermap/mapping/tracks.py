@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hypermap.core.arrays import BoolArray
+from hypermap.mapping.by_hand import HandEdit
 from hypermap.mapping.columns import Column
 from hypermap.mapping.evidence_buffer import Evidence, EvidenceBuffer
 from hypermap.mapping.prepared_polygon import PreparedPolygon
@@ -28,6 +29,7 @@ class Track:
         buffer: the evidence for it.
         co_occurrences: how many frames also showed another track of its class, by that track's id.
         pending: pieces of evidence that are not in its shape yet.
+        by_hand: what people have done to it; None for nothing.
     """
 
     id: int
@@ -35,12 +37,18 @@ class Track:
     buffer: EvidenceBuffer
     co_occurrences: Counter[int] = dataclasses.field(default_factory=Counter)
     pending: int = 0
+    by_hand: HandEdit | None = None
 
     def copy(self) -> Track:
         """Return an independent copy."""
-        return Track(
-            self.id, self.name, self.buffer.copy(), self.co_occurrences.copy(), self.pending
+        return dataclasses.replace(
+            self, buffer=self.buffer.copy(), co_occurrences=self.co_occurrences.copy()
         )
+
+    @property
+    def is_deleted(self) -> bool:
+        """Whether people have deleted it, so that it is to stay away."""
+        return self.by_hand is not None and self.by_hand.is_deleted
 
     def become(self, other: Track) -> None:
         """Take over the state of another track."""

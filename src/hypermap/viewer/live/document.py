@@ -17,6 +17,7 @@ from hypermap.core.hypermap import Hypermap
 from hypermap.core.semantic import SemanticLayer
 from hypermap.formats import open_map, save_map
 from hypermap.formats.backup import EDITED_WITH, keep_backup
+from hypermap.mapping.going_on import with_marks
 from hypermap.viewer.live.changes import AnyChange, Change, Draft, applied, undoing
 from hypermap.viewer.live.map_file import MapFile
 from hypermap.viewer.live.request_errors import Refused
@@ -163,7 +164,7 @@ class MapDocument:
             keep_backup(file.path)
             hypermap = self._current.hypermap
             if self._content != _OPENED:
-                hypermap = copy.copy(hypermap)
+                hypermap = copy.copy(with_marks(hypermap))
                 hypermap.metadata[EDITED_WITH] = _EDITOR
             save_map(hypermap, file.path)
             self.file = MapFile.of(file.path, hypermap)
