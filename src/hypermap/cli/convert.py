@@ -130,12 +130,10 @@ def command(
 
 def _chosen(hypermap: Hypermap, names: list[str] | None) -> Hypermap:
     """Return the map with only the layers of these names; None for all."""
-    from hypermap.core.hypermap import Hypermap
-
     if not names:
         return hypermap
     layers = [hypermap[name] for name in dict.fromkeys(names)]
-    return Hypermap(layers, hypermap.frames, hypermap.metadata)
+    return hypermap.with_layers(layers)
 
 
 def _save_folder(hypermap: Hypermap, target: Path, semantic: SemanticForm, force: bool) -> None:

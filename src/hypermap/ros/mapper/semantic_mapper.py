@@ -52,6 +52,11 @@ class SemanticMapper:
             _check_folder(Path(settings.map_directory), "map_directory")
         live_map = LiveMap(settings)
         live_map.warm_up()
+        if settings.onto:
+            begins = f"goes on with {settings.onto}, which has {len(live_map)} objects"
+            if not Path(settings.onto).exists():
+                begins = f"begins anew: {settings.onto} is not there yet"
+            self._port.log("info", f"the map {begins}")
         self._settings, self._map = settings, live_map
 
     def activate(self) -> None:

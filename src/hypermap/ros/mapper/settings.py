@@ -96,6 +96,7 @@ class LiveSettings:
     max_rate: float = _setting(0.0, "Frames per second to take at most; 0 is any.", 0, 1000)
     publish_rate: float = _setting(1.0, "How often per second the map is published.", 0.01, 50)
     semantic_map_topic: str = _setting("/semantic_map", "Topic of the objects.")
+    onto: str = _setting("", "Map (.hmap) to go on with, as of an earlier run, with its settings.")
     save_to: str = _setting("", "File (.hmap) in which the map is saved at the end.", once=True)
     save_every: float = _setting(
         30.0, "Seconds after which it is saved there by itself; 0 is at the end alone.", 0, 86400
