@@ -74,7 +74,7 @@ def test_people_read_why_an_object_is_unsure(hypermap, half):
 @pytest.mark.parametrize(
     ("arguments", "reason"),
     [
-        (["9,2"], "the start (9.00, 2.00) is off the grid"),
+        (["99,2"], "the start (99.00, 2.00) is off the grid"),
         (["-1.99,2"], "the start (-1.99, 2.00) is in a wall"),
         (["mug"], "there is no object or room 'mug'; known: cup"),
         (["0,2", "--fov", "0"], "--fov must be above 0 and at most 360"),

@@ -120,6 +120,26 @@ def test_where_the_robot_stands_is_free_though_no_sensor_sees_it():
         Explorer(a_map(half_known()), [5.999, 0.001], ROBOT)
 
 
+def test_a_robot_may_stand_beside_what_it_has_seen():
+    """As one whose camera sees the floor from some way ahead on, where the map then begins."""
+    cells = half_known()
+    bold = PathSettings(robot_radius=0.2, unknown_is_free=True)
+    (border, *_) = Explorer(a_map(cells[:, 1:]), [-1.0, 3.0], bold).frontiers()
+    assert border.distance == pytest.approx(border.pose.x + 1.0, abs=1.0)
+    assert (
+        Explorer(a_map(cells[:, 1:]), [-1.0, 3.0], ROBOT, Sensor(min_range=0.5)).frontiers() == []
+    )
+    with pytest.raises(HypermapError, match=r"the start \(-9.00, 3.00\) is off the grid"):
+        Explorer(a_map(cells), [-9.0, 3.0], ROBOT)
+
+
+def test_a_robot_that_stands_too_near_to_a_wall_starts_beside_it():
+    found = Explorer(a_map(half_known()), [0.12, 3.0], ROBOT).frontiers()
+    assert found
+    with pytest.raises(HypermapError, match="is in a wall"):
+        Explorer(a_map(half_known()), [0.02, 3.0], ROBOT)
+
+
 def test_a_robot_may_drive_through_the_unknown():
     cells = half_known()
     cells[:, 40:60] = -1

@@ -5,17 +5,21 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
+import numpy as np
 import shapely
+from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from hypermap.core.arrays import FloatArray, as_point_xy
+from hypermap.core.arrays import FloatArray, IntArray, as_point_xy
+from hypermap.core.frames import Pose2D
+from hypermap.core.grid import GridGeometry
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.masks import Zone
-from hypermap.core.occupancy import FREE, OccupancyLayer
+from hypermap.core.occupancy import FREE, UNKNOWN, OccupancyLayer
 from hypermap.exploration.frontiers import Frontier, find_frontiers
 from hypermap.exploration.next_views import NextView, find_next_views
 from hypermap.exploration.sensor import Sensor
-from hypermap.paths import Path, PathSettings, Planner
+from hypermap.paths import FreeSpace, Path, PathSettings, Planner
 from hypermap.paths.places import Place
 
 LEAST_SIZE = 0.5
@@ -28,6 +32,7 @@ SURE_FROM = 5.0
 """Objects with less existence than this are unsure, if nobody says; five to ten observations."""
 
 _PER_METER = 0.2
+_BESIDE = 5.0  # meters from the grid at which a robot may stand that has not seen its own place
 
 
 class Explorer:
@@ -42,7 +47,8 @@ class Explorer:
 
     Args:
         hypermap: the map, which must not change meanwhile.
-        start: where the robot is. Unknown cells that it covers there are free.
+        start: where the robot is. Unknown cells that it covers there are free. If it stands nearer
+            to a wall than its radius, the place next to it where it could be counts.
         settings: the robot; None for a point.
         sensor: what it sees; None for a depth camera.
         keepout: zones around objects, or areas in the base frame, that the robot's center stays
@@ -85,7 +91,7 @@ class Explorer:
         self.sensor = sensor or Sensor()
         self.planner = Planner(hypermap, robot, keepout=keepout, occupancy=occupancy)
         self._hypermap = hypermap
-        self._start = self.planner.point_of(start)
+        self._start = _foothold(self.planner.space, self.planner.point_of(start))
         self._meters = self.planner.distances(self._start).meters
 
     def frontiers(
@@ -130,6 +136,15 @@ def _discount(meters: float) -> float:
     return math.exp(-_PER_METER * meters)
 
 
+def _foothold(space: FreeSpace, start_xy: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return where a robot is, or the place next to it where it could be."""
+    row, col = space.grid.cells_at(start_xy)[0].tolist()
+    if not space.grid.contains([row], [col])[0] or space.occupied[row, col]:
+        return start_xy
+    near = space.nearest_place(start_xy, space.settings.robot_radius + space.grid.resolution)
+    return start_xy if near is None or space.free[row, col] else near
+
+
 def _standing(
     hypermap: Hypermap, start_xy: FloatArray, radius: float, name: str | None
 ) -> Hypermap:
@@ -138,13 +153,34 @@ def _standing(
     if layer.grid is None or layer.cells is None:
         return hypermap
     layer_T_base = hypermap.frames.lookup(layer.frame_id, hypermap.base_frame)
-    center = shapely.Point(layer_T_base.apply([start_xy])[0])
-    rows, cols = layer.grid.cells_in(center.buffer(radius + 1.5 * layer.grid.resolution))
-    unknown = layer.cells[rows, cols] < 0
+    robot = shapely.Point(layer_T_base.apply([start_xy])[0]).buffer(
+        radius + 1.5 * layer.grid.resolution
+    )
+    grid, cells = _grown(layer.grid, layer.cells, robot)
+    rows, cols = grid.cells_in(robot)
+    unknown = cells[rows, cols] < 0
     if not unknown.any():
         return hypermap
-    cells = layer.cells.copy()
+    cells = cells.copy()
     cells[rows[unknown], cols[unknown]] = FREE
-    free = OccupancyLayer(layer.name, layer.frame_id, layer.grid, cells)
+    free = OccupancyLayer(layer.name, layer.frame_id, grid, cells)
     layers = [free if each is layer else each for each in hypermap]
     return Hypermap(layers, hypermap.frames, hypermap.metadata)
+
+
+def _grown(
+    grid: GridGeometry, cells: IntArray, robot: BaseGeometry
+) -> tuple[GridGeometry, IntArray]:
+    """Return a grid that holds the robot, if it stands not far beside it."""
+    if robot.distance(grid.outline()) > _BESIDE:
+        return grid, cells
+    places = grid.cells_at(shapely.get_coordinates(robot))
+    before = np.maximum(0, -places.min(axis=0))
+    after = np.maximum(0, places.max(axis=0) + 1 - grid.shape)
+    if not (before.any() or after.any()):
+        return grid, cells
+    rows, cols = zip(before.tolist(), after.tolist(), strict=True)
+    corner = Pose2D(-cols[0] * grid.resolution, -rows[0] * grid.resolution)
+    height, width = np.add(grid.shape, before + after).tolist()
+    larger = GridGeometry(width, height, grid.resolution, grid.origin @ corner)
+    return larger, np.pad(cells, (rows, cols), constant_values=UNKNOWN)

@@ -13,6 +13,7 @@ from hypermap.core.hypermap import Hypermap
 from hypermap.recordings.messages.header import clean_frame
 from hypermap.recordings.messages.occupancy import occupancy_of_grid
 from hypermap.ros.mapper import diagnostics
+from hypermap.ros.mapper.exploring import LiveExploration
 from hypermap.ros.mapper.frames import FrameMaker
 from hypermap.ros.mapper.inputs import LiveInputs
 from hypermap.ros.mapper.live_map import LiveMap
@@ -121,6 +122,8 @@ class _Life:
         )
         self._saving = Saving(port, settings, live_map, self._log)
         self._others: list[Closable] = [port.timer(1.0, self._diagnose), *self._serve()]
+        if settings.frontiers:
+            self._others.append(LiveExploration(port, settings, live_map, self._log))
         # Before the images, for which a player of bags waits: a bag tells its map but once.
         if settings.map_topic:
             self._others.append(
