@@ -11,11 +11,12 @@ import pytest
 from hypermap.exploration import Explorer, Sensor
 from hypermap.paths import PathSettings
 from hypermap.perception.frame import RgbdFrame
+from hypermap.ros.mapper.first_mapper import FirstMapper
 from hypermap.ros.ros1.messages import message_class
 
 from . import live_camera as camera
 from .conftest import wait_for
-from .semantic_mapper_tools import RAW, Room, drive, room
+from .semantic_mapper_tools import RAW, Given, Room, drive, room
 
 __all__ = ["drive", "room"]
 
@@ -84,6 +85,21 @@ def test_frontiers_and_next_views_are_published(
     assert len(markers) == count
     for listener in listeners:
         listener.unregister()
+
+
+def test_the_mapper_of_2019_publishes_areas_under_their_old_names(rospy: Any, port: Any) -> None:
+    import rosgraph
+
+    node = FirstMapper(Given(port, {"depth_topic": camera.DEPTH}))  # type: ignore[arg-type]
+    node.configure()
+    node.activate()
+    try:
+        topics = {topic for topic, _ in rosgraph.Master("/tests").getSystemState()[0]}
+        name = rospy.get_name()
+        names = ("camera_pg", "complete_area_pg", "detected_pg", "observed_area", "detected_shape")
+        assert {f"{name}/{each}" for each in names} <= topics
+    finally:
+        node.deactivate()
 
 
 def of(messages: list[Any], namespace: str) -> list[Any]:

@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from shapely import ops
 
 from hypermap.core.frames import Pose2D
@@ -28,6 +27,7 @@ from hypermap.simulation.trajectory import Drive, poses_at
 
 _LONGEST_LEG = 3.0  # meters after which the robot chooses again, as it has seen more
 _ON_THE_WAY = 3.0  # meters up to which it first looks at an unsure object
+_FOUND = 0.25  # IoU of an object that is found
 _SAME_PLACE = 0.3  # meters
 _SAME_VIEW = math.radians(25)
 _FULL_TURN = (0.0, 120.0, 240.0, 360.0)  # degrees
@@ -74,16 +74,30 @@ class Milestone:
     precision: float
 
 
+@dataclass(frozen=True)
+class Explored:
+    """What became of a robot that chose its own way.
+
+    Attributes:
+        drive: the way, from where the world's drive begins.
+        milestones: what its map held on the way, and at the end.
+    """
+
+    drive: Drive
+    milestones: tuple[Milestone, ...]
+
+
 def explore(
     world: World,
     robot: Robot,
     config: MappingConfig,
     *,
+    every: float = 10.0,
     rate: float = 2.0,
     seed: int = 0,
     camera: Camera = DEFAULT_CAMERA,
-) -> Drive:
-    """Return the drive of a robot that chooses its own way, from the start of the world's drive.
+) -> Explored:
+    """Let a robot choose its own way, from the start of the world's drive.
 
     It maps as it drives. First it turns around; then it drives to unsure objects that are near, to
     the best frontier, and at last to all other unsure objects, until nothing is left.
@@ -91,7 +105,8 @@ def explore(
     Args:
         world: what there is, with a drive that tells start, speed and camera.
         robot: the robot.
-        config: how it maps.
+        config: how it maps, from depth alone.
+        every: meters from one milestone to the next.
         rate: frames per second.
         seed: of the errors of camera and detector; its poses are exact.
         camera: its RGB-D camera.
@@ -101,9 +116,10 @@ def explore(
     """
     if world.drive is None:
         raise ValueError(f"the world {world.name!r} has no drive, so there is no start")
-    explored = _Exploring(world, world.drive, robot, config, rate, seed, camera)
-    explored.run()
-    return replace(world.drive, waypoints=tuple(explored.waypoints))
+    way = _Exploring(world, world.drive, robot, config, every, rate, seed, camera)
+    way.run()
+    drive = replace(world.drive, waypoints=tuple(way.waypoints))
+    return Explored(drive, tuple(way.milestones))
 
 
 def milestones(
@@ -127,8 +143,7 @@ def milestones(
         seed: of the errors of camera and detector; poses are exact.
         camera: the RGB-D camera.
     """
-    truth = ground_truth(world)
-    floor_xy = _drivable(truth, world, radius)
+    judge = _Judge(world, radius)
     recording = SimulatedRecording(world, rate=rate, seed=seed, camera=camera, has_occupancy=False)
     mapper = Mapper(config, detections_from_recording())
     meters, due, before, stamp = 0.0, every, None, 0.0
@@ -138,9 +153,9 @@ def milestones(
         before = at
         if meters >= due:
             due += every
-            yield _milestone(mapper, truth, floor_xy, meters, stamp)
+            yield judge.milestone(mapper, meters, stamp)
         mapper.add(frame)
-    yield _milestone(mapper, truth, floor_xy, meters, stamp)
+    yield judge.milestone(mapper, meters, stamp)
 
 
 class _Exploring:
@@ -152,6 +167,7 @@ class _Exploring:
         drive: Drive,
         robot: Robot,
         config: MappingConfig,
+        every: float,
         rate: float,
         seed: int,
         camera: Camera,
@@ -164,6 +180,9 @@ class _Exploring:
         self._mapper = Mapper(config, detections_from_recording())
         self._pose = Pose2D(x, y, math.radians(self.waypoints[0][2]))
         self._meters, self._seconds = 0.0, 0.0
+        self._judge = _Judge(world, robot.settings.robot_radius)
+        self._every = every
+        self.milestones: list[Milestone] = []
         self._seen: list[Pose2D] = []  # where it has looked at frontiers
         self._asked: set[tuple[str, int | None]] = set()  # objects that it has looked at
 
@@ -171,8 +190,15 @@ class _Exploring:
         """Explore until nothing is left, or the way is as long as it may be."""
         start = math.degrees(self._pose.yaw)
         self._go([(self._pose.x, self._pose.y, start + turn) for turn in _FULL_TURN])
+        due = self._every
         while self._meters < self._robot.most_meters and self._go_on():
-            pass
+            if self._meters >= due:
+                due = self._meters + self._every
+                self.milestones.append(self._milestone())
+        self.milestones.append(self._milestone())
+
+    def _milestone(self) -> Milestone:
+        return self._judge.milestone(self._mapper, self._meters, self._seconds)
 
     def _go_on(self) -> bool:
         """Drive to the next goal, or some way toward it; return whether there was one."""
@@ -255,27 +281,26 @@ def _sensor(drive: Drive, camera: Camera, config: OccupancyConfig) -> Sensor:
     return Sensor(0.9 * config.max_range, max(0.0, nearest), math.degrees(width))
 
 
-def _drivable(truth: Hypermap, world: World, radius: float) -> NDArray[np.float64]:
-    """Return the centers of cells that the robot can reach from where it starts, shape (N, 2)."""
-    assert world.drive is not None
-    explorer = Explorer(truth, world.drive.waypoints[0][:2], PathSettings(radius))
-    reached = explorer.planner.distances(world.drive.waypoints[0][:2])
-    return reached.space.grid.centers(*np.nonzero(np.isfinite(reached.meters)))
+class _Judge:
+    """Compares maps with the true one of a world."""
 
+    def __init__(self, world: World, radius: float) -> None:
+        assert world.drive is not None
+        self._truth = ground_truth(world)
+        start = world.drive.waypoints[0][:2]
+        explorer = Explorer(self._truth, start, PathSettings(radius))
+        reached = explorer.planner.distances(start)
+        # Where the robot can get.
+        rows, cols = np.nonzero(np.isfinite(reached.meters))
+        self._floor_xy = reached.space.grid.centers(rows, cols)
 
-def _milestone(
-    mapper: Mapper, truth: Hypermap, floor_xy: NDArray[np.float64], meters: float, seconds: float
-) -> Milestone:
-    hypermap = mapper.hypermap()
-    known = hypermap.occupancy().value_at(floor_xy) != UNKNOWN
-    (score,) = (
-        each
-        for each in evaluate(_objects(hypermap), _objects(truth)).overall.detection
-        if each.min_iou == 0.25
-    )
-    return Milestone(
-        meters, seconds, float(known.mean()), score.recall or 0.0, score.precision or 0.0
-    )
+    def milestone(self, mapper: Mapper, meters: float, seconds: float) -> Milestone:
+        """Return what a map holds after so many meters and seconds."""
+        hypermap = mapper.hypermap()
+        known = hypermap.occupancy().value_at(self._floor_xy) != UNKNOWN
+        found = evaluate(_objects(hypermap), _objects(self._truth), [_FOUND]).overall.detection[0]
+        share = float(known.mean())
+        return Milestone(meters, seconds, share, found.recall or 0.0, found.precision or 0.0)
 
 
 def _objects(hypermap: Hypermap) -> list[SemanticObject]:
