@@ -2,30 +2,17 @@
 
 from __future__ import annotations
 
-import re
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
-from typer.core import TyperCommand
 
 from hypermap.cli.mask_options import KEEPOUT_HELP, KEEPOUT_METAVAR
-from hypermap.cli.options import AsJson, MapPath, RobotRadius
+from hypermap.cli.options import AsJson, MapPath, PointsAsPlaces, RobotRadius
 from hypermap.cli.terminal import say, say_json
 from hypermap.core.errors import HypermapError
 from hypermap.paths.settings import STAND_OFF
 
-
-class _PathCommand(TyperCommand):
-    """Takes points as -1,2 for places, not for options."""
-
-    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Read the arguments; what is behind a blank is no option."""
-        return super().parse_args(
-            ctx, [f" {word}" if re.match(r"-[\d.]+,", word) else word for word in args]
-        )
-
-
-COMMAND_CLASS = _PathCommand
+COMMAND_CLASS = PointsAsPlaces
 
 
 def command(

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 from scipy import ndimage
 from shapely.geometry.base import BaseGeometry
@@ -116,6 +117,17 @@ class FreeSpace:
                 if 0 <= row < height and 0 <= col < width and self.free[row, col]:
                     return (x, y), row * width + col
         raise HypermapError(self._refusal(point, int(np.floor(y)), int(np.floor(x)), what))
+
+    def nearest_place(self, point_xy: PointsLike, within: float) -> NDArray[np.float64] | None:
+        """Return the nearest center of a free cell [m], shape (2,); None if none is so near [m]."""
+        point = as_point_xy(point_xy)
+        around = self.grid.window_in(shapely.Point(point).buffer(within))
+        rows, cols = around.cells(around.positions(self.free[around.slices]))
+        if not len(rows):
+            return None
+        centers = self.grid.centers(rows, cols)
+        nearest: NDArray[np.float64] = centers[np.argmin(np.hypot(*(centers - point).T))]
+        return nearest
 
     def _refusal(self, point: NDArray[np.float64], row: int, col: int, what: str) -> str:
         says = f"{what} ({point[0]:.2f}, {point[1]:.2f}) {self._reason(row, col)}"

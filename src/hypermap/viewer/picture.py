@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
 
     from hypermap.core.hypermap import Hypermap
+    from hypermap.exploration import Frontier
 
 SUFFIXES = (".png", ".svg")
 _BENEATH = "rooms"  # the layer whose objects hold all others
@@ -91,6 +92,7 @@ def render(
     layers: Sequence[str] | None = None,
     names: Sequence[str] | None = None,
     area: BaseGeometry | None = None,
+    frontiers: Sequence[Frontier] = (),
     full: bool = False,
     labels: bool = True,
     title: str = "",
@@ -106,6 +108,7 @@ def render(
         layers: names of the layers to draw; None for all that can be drawn.
         names: classes of objects to draw; None for all.
         area: what to show, in the base frame [m]; None for all that is known.
+        frontiers: borders of the unknown, numbered as given, with where to stand.
         full: whether to show the grids as far as they reach, not only where something is known.
         labels: whether to write names at the shapes.
         title: first line of the picture.
@@ -118,7 +121,14 @@ def render(
     path = Path(path)
     check_suffix(path)
     drawing = compose(
-        hypermap, layers=layers, names=names, area=area, full=full, labels=labels, title=title
+        hypermap,
+        layers=layers,
+        names=names,
+        area=area,
+        frontiers=frontiers,
+        full=full,
+        labels=labels,
+        title=title,
     )
     from hypermap.viewer.drawing import draw  # loads matplotlib
 
@@ -137,6 +147,7 @@ def compose(
     layers: Sequence[str] | None = None,
     names: Sequence[str] | None = None,
     area: BaseGeometry | None = None,
+    frontiers: Sequence[Frontier] = (),
     full: bool = False,
     labels: bool = True,
     title: str = "",
@@ -155,14 +166,43 @@ def compose(
         else:
             shapes.append(_in_base_frame(layer.name, picture, base_T_layer))
     shapes.sort(key=lambda part: part.layer != _BENEATH)
-    colors = class_colors(name for part in shapes for name in part.names)
+    borders = _borders(frontiers)
+    colors = class_colors(name for part in [*shapes, borders] for name in part.names)
     if names is not None:
         shapes = [_only(part, names, colors) for part in shapes]
     view = _view(rasters, shapes, full) if area is None else area.bounds
     if not np.isfinite(view).all() or not (rasters or any(len(s.names) for s in shapes)):
         raise HypermapError("there is nothing to draw: the layers are empty or have no picture")
     subtitle = f"{_objects(shapes)}frame {hypermap.base_frame}"
-    return Drawing(tuple(rasters), tuple(shapes), _padded(view), colors, title, subtitle, labels)
+    if frontiers:
+        shapes.append(borders)
+    return Drawing(
+        tuple(rasters),
+        tuple(shapes),
+        _padded(view),
+        colors,
+        title,
+        subtitle,
+        labels,
+        _links(frontiers),
+    )
+
+
+def _borders(frontiers: Sequence[Frontier]) -> Shapes:
+    """Return frontiers as shapes with their numbers."""
+    shapes = [
+        shapely.buffer(shapely.multipoints(each.points_xy), each.size / len(each.points_xy))
+        for each in frontiers
+    ]
+    numbers = [str(i) for i in range(1, len(shapes) + 1)]
+    names = as_objects(["frontier"] * len(shapes))
+    return Shapes("frontiers", names, as_objects(shapes), as_objects(numbers))
+
+
+def _links(frontiers: Sequence[Frontier]) -> NDArray[np.float64]:
+    """Return a line from each frontier to where a robot stands, shape (N, 2, 2)."""
+    ends = [[each.place_xy, [each.pose.x, each.pose.y]] for each in frontiers]
+    return np.array(ends, dtype=np.float64).reshape(-1, 2, 2)
 
 
 def _in_base_frame(layer: str, picture: ShapesPicture, base_T_layer: Pose2D) -> Shapes:

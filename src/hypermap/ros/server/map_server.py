@@ -9,6 +9,7 @@ from hypermap.core.errors import HypermapError
 from hypermap.core.hypermap import Hypermap
 from hypermap.formats import open_map
 from hypermap.ros.port import Level, Parameter, Port, Value
+from hypermap.ros.server.automap import AutoMap
 from hypermap.ros.server.costmap_masks import CostmapMasks
 from hypermap.ros.server.current_map import CurrentMap, MapPart
 from hypermap.ros.server.floor_frames import FloorFrames
@@ -44,6 +45,7 @@ class MapServer:
         ),
         *LayerMarkers.PARAMETERS,
         *CostmapMasks.PARAMETERS,
+        *AutoMap.PARAMETERS,
     )
 
     def __init__(self, port: Port, file: str | Path | None = None) -> None:
@@ -78,16 +80,19 @@ class MapServer:
         directory = str(self._values["map_directory"])
         files.directory = Path(directory).expanduser() if directory else None
         tally = Tally()
+        requests = Requests(frames)
+        automap = AutoMap(port, current, requests)
         parts: list[MapPart] = [
-            Services(port, current, Requests(frames), files, tally),
+            Services(port, current, requests, files, tally),
             LayerTopics(port),
             LayerUpdates(port, current, frames),
             LayerMarkers(port),
             CostmapMasks(port),
+            automap,
             Health(port, current, tally, archive_to_save(self._values)),
         ]
         if self._values["console"]:
-            parts.append(TerminalConsole(port, current))
+            parts.append(TerminalConsole(port, current, automap.start))
         for part in parts:
             part.set(self._values)
         self._parts = tuple(parts)
