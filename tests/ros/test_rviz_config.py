@@ -308,6 +308,16 @@ def test_a_mask_is_shown_from_its_first_message_on() -> None:
     assert told.metadata() == [("remove", "things")], "it is no layer"
 
 
+def test_doors_and_the_graph_have_a_display_where_the_map_has_rooms() -> None:
+    rooms = SemanticLayer("rooms", "map", [square("office", 0, 0)])
+    shown = displays(map_configuration(Hypermap([rooms]), "/server"))["Doors and graph"]
+    assert (shown["Class"], shown["Marker Topic"]) == ("rviz/MarkerArray", "/server/room_graph")
+    told: Any = Told()
+    LayerDisplays(told, told, "/server", RvizView())
+    told.heard["/server/room_graph"](SimpleNamespace())
+    assert [order["name"] for do, order in told.orders if do == "put"] == ["Doors and graph"]
+
+
 # The package of launch files
 
 PACKAGE = Path(__file__).parents[2] / "ros" / "hypermap"

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated, TypeVar
 import typer
 
 from hypermap.cli.mask_options import Keepout, MaskResolution, Speed, save_mask
-from hypermap.cli.options import Force, check_output
+from hypermap.cli.options import Force, InflationRadius, RobotRadius, check_output
+from hypermap.cli.route_options import AsRouteGraph, save_route_graph
 from hypermap.cli.terminal import note
 from hypermap.core.errors import HypermapError
 from hypermap.text import counted
@@ -77,6 +78,9 @@ def command(
     keepout: Keepout = None,
     speed: Speed = None,
     mask_resolution: MaskResolution = None,
+    route_graph: AsRouteGraph = False,
+    robot_radius: RobotRadius = None,
+    inflation_radius: InflationRadius = None,
     force: Force = False,
 ) -> None:
     """Convert a map, or one of its layers, to another format, chosen by the extension of OUT.
@@ -95,6 +99,7 @@ def command(
         hypermap convert lab.hmap map.pgm
         hypermap convert lab.hmap objects.csv
         hypermap convert lab.hmap keepout.yaml --keepout "table 0.3" --keepout "chair 0.2"
+        hypermap convert rooms.hmap routes.geojson --route-graph --robot-radius 0.3
         hypermap convert lab.hmap faster.hmap --semantic parquet
         hypermap convert objects.geojson objects.hmap --frame map
         hypermap convert lab.hmap lab.rrd
@@ -103,7 +108,14 @@ def command(
     from hypermap.formats.any_file import open_any
 
     hypermap = _chosen(open_any(source, frame_id), layers)
-    if keepout or speed or mask_resolution is not None:
+    if route_graph or robot_radius is not None or inflation_radius is not None:
+        if not route_graph or speed or mask_resolution is not None:
+            raise HypermapError(
+                "--robot-radius and --inflation-radius are about --route-graph, and --speed and "
+                "--mask-resolution about a mask; one file holds either"
+            )
+        save_route_graph(hypermap, target, robot_radius, inflation_radius, keepout or [], force)
+    elif keepout or speed or mask_resolution is not None:
         save_mask(hypermap, target, keepout or [], speed or [], mask_resolution, force)
     elif target.suffix.lower() == ".hmap":
         check_output(target, force)

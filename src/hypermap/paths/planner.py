@@ -260,16 +260,11 @@ class Planner:
 
     def _middle(self, room: Room) -> NDArray[np.float64]:
         """Return the free cell of a room that is nearest to its middle, shape (2,)."""
-        rows, cols = self.space.grid.window_in(room.outline).cells()
-        free = self.space.free[rows, cols]
-        if not free.any():
+        middle = self.space.middle_of(room.outline)
+        if middle is None:
             radius = self.space.settings.robot_radius
             raise NoPath(f"room {room.name!r} has no free place for a radius of {radius:g} m")
-        centers = self.space.grid.centers(rows[free], cols[free])
-        circles = np.asarray(shapely.maximum_inscribed_circle([room.outline], 0.1))
-        inner = shapely.get_coordinates(circles)[0]
-        nearest: NDArray[np.float64] = centers[int(np.argmin(np.hypot(*(centers - inner).T)))]
-        return nearest
+        return middle
 
     def _center(self, cell: int) -> NDArray[np.float64]:
         row, col = divmod(cell, self.space.grid.width)

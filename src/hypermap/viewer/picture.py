@@ -16,6 +16,7 @@ from hypermap.colors import Color, class_colors
 from hypermap.core.arrays import ObjectArray, as_objects
 from hypermap.core.errors import HypermapError, did_you_mean
 from hypermap.core.frames import Pose2D
+from hypermap.core.hypermap import ROOMS
 from hypermap.core.layer import RasterPicture, ShapesPicture
 from hypermap.core.shapes import valid_copies
 from hypermap.formats.atomic import write_file
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
     from hypermap.exploration import Frontier
 
 SUFFIXES = (".png", ".svg")
-_BENEATH = "rooms"  # the layer whose objects hold all others
 _RAY = 2  # cells of a row through which a single ray of a sensor passes
 
 
@@ -72,6 +72,7 @@ class Drawing:
         title: in the first line; may be empty.
         subtitle: what the picture says about itself.
         labels: whether names are written at the shapes.
+        doors: from x, y to x, y of the lines at which rooms meet [m], shape (N, 2, 2).
         links: from x, y to x, y of lines between what belongs together [m], shape (N, 2, 2).
     """
 
@@ -82,6 +83,7 @@ class Drawing:
     title: str
     subtitle: str
     labels: bool
+    doors: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 2, 2)))
     links: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 2, 2)))
 
 
@@ -165,7 +167,8 @@ def compose(
             rasters.append(Raster(layer.name, picture, base_T_layer @ picture.grid.origin))
         else:
             shapes.append(_in_base_frame(layer.name, picture, base_T_layer))
-    shapes.sort(key=lambda part: part.layer != _BENEATH)
+    shapes.sort(key=lambda part: part.layer != ROOMS)  # rooms hold all others
+    doors = _doors(hypermap) if names is None and ROOMS in {s.layer for s in shapes} else None
     borders = _borders(frontiers)
     colors = class_colors(name for part in [*shapes, borders] for name in part.names)
     if names is not None:
@@ -184,6 +187,7 @@ def compose(
         title,
         subtitle,
         labels,
+        np.empty((0, 2, 2)) if doors is None else doors,
         _links(frontiers),
     )
 
@@ -203,6 +207,15 @@ def _links(frontiers: Sequence[Frontier]) -> NDArray[np.float64]:
     """Return a line from each frontier to where a robot stands, shape (N, 2, 2)."""
     ends = [[each.place_xy, [each.pose.x, each.pose.y]] for each in frontiers]
     return np.array(ends, dtype=np.float64).reshape(-1, 2, 2)
+
+
+def _doors(hypermap: Hypermap) -> NDArray[np.float64]:
+    """Return the lines of the doors between rooms, in the base frame, shape (N, 2, 2)."""
+    from hypermap.rooms.rooms import rooms_on
+
+    rooms = rooms_on(hypermap)
+    lines = [] if rooms is None else [door.line.coords for door in rooms.doors]
+    return np.array([np.array(line)[[0, -1]] for line in lines]).reshape(-1, 2, 2)
 
 
 def _in_base_frame(layer: str, picture: ShapesPicture, base_T_layer: Pose2D) -> Shapes:

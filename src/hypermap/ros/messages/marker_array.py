@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from hypermap.colors import Color
 from hypermap.core.arrays import IntArray
+from hypermap.core.hypermap import ROOMS
 from hypermap.core.objects import ObjectTable
 from hypermap.core.semantic import SemanticLayer
 from hypermap.ros.messages.geometry_messages import Types
@@ -26,7 +27,8 @@ from hypermap.triangles import Corners, label_points, ring_segments, triangles
 
 _FILL, _OUTLINE, _FIRST_LABEL = 0, 1, 2  # ids within a class
 _STEP = 0.004  # m between fill and outline
-_SPREAD = 0.05  # m within which fills lie, the smallest object on top
+_ABOVE_ROOMS = 0.01  # m from the fills of rooms to those of what stands in them
+_SPREAD = 0.05  # m from the same to the smallest object, which lies on top
 _TINT = 0.62  # of a class's color in its fill; the rest is white, so that names can be read
 
 
@@ -72,7 +74,9 @@ def marker_array(
     markers = [make.delete_all()]
     shown = np.array([style.shows(str(name)) for name in table.vocabulary], dtype=bool)
     table = table.take(np.flatnonzero(shown[table.codes]))
-    heights = style.marker_height + _lifts(table)
+    # Rooms, which do not overlap, lie below all else.
+    heights = style.marker_height + (0.0 if layer.name == ROOMS else _lifts(table))
+    heights = np.broadcast_to(heights, len(table))
     fills = outlined = None
     if style.show_fill:
         fills = _Drawn(triangles(table.shapes), table, heights)
@@ -117,7 +121,7 @@ def empty_marker_array(frame_id: str, types: Types) -> Message:
 def _lifts(table: ObjectTable) -> NDArray[np.float64]:
     """Return how much higher each object is drawn [m], so that a small one is not hidden."""
     lifts = np.empty(len(table))
-    lifts[np.argsort(-table.areas, kind="stable")] = np.linspace(0, _SPREAD, len(table))
+    lifts[np.argsort(-table.areas, kind="stable")] = np.linspace(_ABOVE_ROOMS, _SPREAD, len(table))
     return lifts
 
 

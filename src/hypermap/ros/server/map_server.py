@@ -17,7 +17,9 @@ from hypermap.ros.server.health import Health, Tally
 from hypermap.ros.server.layer_topics import LayerTopics
 from hypermap.ros.server.map_files import MAP_DIRECTORY, MapFiles
 from hypermap.ros.server.markers import LayerMarkers
+from hypermap.ros.server.plans import Plans
 from hypermap.ros.server.requests import Requests
+from hypermap.ros.server.room_graph import RoomGraph
 from hypermap.ros.server.save_at_end import SAVE_TO, announce_end, archive_to_save, save_at_end
 from hypermap.ros.server.services import Services
 from hypermap.ros.server.terminal_console import TerminalConsole
@@ -46,6 +48,7 @@ class MapServer:
         *LayerMarkers.PARAMETERS,
         *CostmapMasks.PARAMETERS,
         *AutoMap.PARAMETERS,
+        *Plans.PARAMETERS,
     )
 
     def __init__(self, port: Port, file: str | Path | None = None) -> None:
@@ -79,14 +82,16 @@ class MapServer:
         files = MapFiles(port, current, self._announce)
         directory = str(self._values["map_directory"])
         files.directory = Path(directory).expanduser() if directory else None
-        tally = Tally()
-        requests = Requests(frames)
+        tally, requests = Tally(), Requests(frames)
+        plans = Plans(port, current, requests)
         automap = AutoMap(port, current, requests)
         parts: list[MapPart] = [
-            Services(port, current, requests, files, tally),
+            plans,
+            Services(port, current, requests, plans, files, tally),
             LayerTopics(port),
             LayerUpdates(port, current, frames),
             LayerMarkers(port),
+            RoomGraph(port),
             CostmapMasks(port),
             automap,
             Health(port, current, tally, archive_to_save(self._values)),
