@@ -138,15 +138,6 @@ def test_a_resolution_that_is_too_fine_is_refused():
         interpolate(warm_and_cold(), resolution=0.005)
 
 
-@pytest.mark.parametrize(
-    ("values", "said"),
-    [([1.0, np.nan], r"values\[1\] is not finite"), ([1.0], r"values must have shape \(2,\)")],
-)
-def test_samples_are_checked(values, said):
-    with pytest.raises(ValueError, match=said):
-        Samples.of([[0, 0], [1, 1]], values)
-
-
 # Two surveys of WiFi signal strength; the figures of other methods are in their README.
 
 

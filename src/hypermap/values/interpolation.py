@@ -13,11 +13,11 @@ from threadpoolctl import threadpool_limits
 from hypermap.core.errors import HypermapError
 from hypermap.core.grid import GridGeometry
 from hypermap.core.occupancy import OccupancyLayer
+from hypermap.core.samples import Samples
 from hypermap.values.fitting import LEAST_SAMPLES, fitted, with_limits
 from hypermap.values.kernel import kernel_estimate
 from hypermap.values.lattice import Lattice, floor_cells, grid_around
 from hypermap.values.random_field import FieldSettings, Observations, Posterior, Prior
-from hypermap.values.samples import Samples
 
 Method = Literal["gmrf", "kernel"]
 METHODS: tuple[str, ...] = get_args(Method)
