@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +18,7 @@ from hypermap.core.errors import HypermapError, did_you_mean
 from hypermap.core.frames import Pose2D
 from hypermap.core.layer import RasterPicture, ShapesPicture
 from hypermap.core.shapes import valid_copies
+from hypermap.core.value_layer import ValueLayer
 from hypermap.formats.atomic import write_file
 from hypermap.text import counted
 
@@ -155,6 +156,8 @@ def compose(
         else:
             shapes.append(_in_base_frame(layer.name, picture, base_T_layer))
     shapes.sort(key=lambda part: part.layer != _BENEATH)
+    if any(isinstance(layer, ValueLayer) for layer in shown):  # whose colors rooms would cover
+        shapes = [replace(part, are_outlines=part.layer == _BENEATH) for part in shapes]
     colors = class_colors(name for part in shapes for name in part.names)
     if names is not None:
         shapes = [_only(part, names, colors) for part in shapes]
@@ -177,7 +180,7 @@ def _only(part: Shapes, names: Sequence[str], known: Mapping[str, Any]) -> Shape
         if name not in known:
             raise HypermapError(f"no object is called {name!r}; {did_you_mean(name, known)}")
     wanted = np.isin(part.names.astype(str), list(names))
-    return Shapes(part.layer, part.names[wanted], part.shapes[wanted])
+    return replace(part, names=part.names[wanted], shapes=part.shapes[wanted])
 
 
 def _objects(shapes: Sequence[Shapes]) -> str:
