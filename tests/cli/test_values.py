@@ -278,7 +278,7 @@ def test_bad_input_is_one_error_and_saves_nothing(hypermap, flat, tmp_path, text
     ("arguments", "said"),
     [
         ([], "where are the samples?"),
-        (["drive.bag"], "what of drive.bag? give --topic TOPIC"),
+        (["drive.bag"], "which samples of drive.bag? give --topic TOPIC"),
         (["drive.bag", "--topic", "/t"], "give -o OUT.hmap"),
         (["drive.bag", "--topic", "/t", "-o", "x.hmap"], "drive.bag: there is no such file"),
         (["a.csv", "-o", "x.yaml"], "is saved as .hmap"),
@@ -287,3 +287,14 @@ def test_bad_input_is_one_error_and_saves_nothing(hypermap, flat, tmp_path, text
 def test_what_is_missing_is_asked_for(hypermap, arguments, said, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert_one_error(hypermap("values", *arguments), said)
+
+
+def test_a_file_of_another_kind_is_refused(hypermap, flat, tmp_path):
+    foreign = tmp_path / "office.png"
+    foreign.write_bytes(b"PNG")
+    out = ("-o", tmp_path / "out.hmap")
+    result = hypermap("values", foreign, "--topic", "/t", *out)
+    assert_one_error(result, "office.png: expected a table of samples (.csv), a bag")
+    result = hypermap("values", foreign, "--samples", foreign, *out)
+    assert_one_error(result, "office.png: expected a bag (.bag, .mcap, .db3 or a folder) or a traj")
+    assert_one_error(hypermap("values", flat, *out), "the map has no layer of measured values")

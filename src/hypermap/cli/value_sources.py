@@ -17,6 +17,14 @@ if TYPE_CHECKING:
     from hypermap.core.value_layer import ValueLayer
     from hypermap.recordings.samples import Measured
 
+_BAGS = (".bag", ".active", ".db3", ".mcap")
+_TRAJECTORIES = (".txt", ".tum")
+_POSES = (*_BAGS, *_TRAJECTORIES)
+_SOURCES = (
+    "a table of samples (.csv), a bag (.bag, .mcap, .db3 or a folder) or a map (.hmap)",
+    "a bag (.bag, .mcap, .db3 or a folder) or a trajectory (.txt) with the poses",
+)
+
 
 def check_sources(
     source: Path | None, table: Path | None, topic: str | None, is_again: bool
@@ -28,8 +36,12 @@ def check_sources(
         raise HypermapError("give either --topic or --samples, not both")
     if topic is not None and (source is None or is_again):
         raise HypermapError("--topic names a topic of a bag; give the bag, too")
+    if source is not None and not is_again:
+        endings = _POSES if table is not None else _BAGS
+        if source.is_file() and source.suffix.lower() not in endings:
+            raise HypermapError(f"{source}: expected {_SOURCES[table is not None]}")
     if topic is None and table is None and not is_again:
-        raise HypermapError(f"what of {source}? give --topic TOPIC, or --samples FILE")
+        raise HypermapError(f"which samples of {source}? give --topic TOPIC, or --samples FILE")
 
 
 def read(
@@ -69,7 +81,7 @@ def _motion(source: Path, frame: str, sensor_frame: str | None) -> Motion:
     from hypermap.recordings.samples.bag import MAX_GAP
     from hypermap.recordings.tum import read_trajectory
 
-    if source.suffix.lower() in (".txt", ".tum"):
+    if source.suffix.lower() in _TRAJECTORIES:
         trajectory, notes = read_trajectory(source, MAX_GAP)
         for text in notes:
             note(text)
