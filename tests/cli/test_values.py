@@ -20,6 +20,7 @@ from hypermap import (
     open_map,
     save_map,
 )
+from hypermap.viewer.picture import compose
 
 from ..recordings.test_samples import START, BagBuilder, add_drive, add_temperature
 from .conftest import assert_one_error
@@ -158,6 +159,20 @@ def test_info_and_pictures_show_the_layer(hypermap, warm, tmp_path):
     assert hypermap("render", warm, "-o", picture).code == 0
     assert "°C" in picture.read_text(encoding="utf-8")
     assert hypermap("render", warm, "-o", tmp_path / "w.png", "--layer", "temperature").code == 0
+
+
+def test_walls_stay_visible_above_values_and_rooms_are_lines(warm):
+    drawing = compose(open_map(warm))
+    occupancy, _ = drawing.rasters
+    (walls,) = drawing.walls
+    is_wall = open_map(warm).occupancy().cells == 100
+    assert np.array_equal(walls.picture.rgba[..., 3] > 0, is_wall)
+    assert (occupancy.picture.rgba[..., 3] > 0).all()
+    assert {part.layer: part.are_outlines for part in drawing.shapes} == {
+        "rooms": True,
+        "things": False,
+    }
+    assert compose(open_map(warm), layers=["occupancy", "rooms"]).walls == ()
 
 
 def test_the_layer_is_converted_with_its_unit(hypermap, warm, tmp_path):

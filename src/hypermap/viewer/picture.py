@@ -73,6 +73,7 @@ class Drawing:
         subtitle: what the picture says about itself.
         labels: whether names are written at the shapes.
         links: from x, y to x, y of lines between what belongs together [m], shape (N, 2, 2).
+        walls: what of the rasters is drawn once more, above the others.
     """
 
     rasters: tuple[Raster, ...]
@@ -83,6 +84,7 @@ class Drawing:
     subtitle: str
     labels: bool
     links: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 2, 2)))
+    walls: tuple[Raster, ...] = ()
 
 
 def render(
@@ -156,7 +158,10 @@ def compose(
         else:
             shapes.append(_in_base_frame(layer.name, picture, base_T_layer))
     shapes.sort(key=lambda part: part.layer != _BENEATH)
-    if any(isinstance(layer, ValueLayer) for layer in shown):  # whose colors rooms would cover
+    walls: list[Raster] = []
+    if any(isinstance(layer, ValueLayer) for layer in shown):
+        # Values have larger cells than walls, which they would cover, and rooms would cover them.
+        walls = [_walls(raster) for raster in rasters if "Occupied" in raster.picture.legend]
         shapes = [replace(part, are_outlines=part.layer == _BENEATH) for part in shapes]
     colors = class_colors(name for part in shapes for name in part.names)
     if names is not None:
@@ -164,8 +169,17 @@ def compose(
     view = _view(rasters, shapes, full) if area is None else area.bounds
     if not np.isfinite(view).all() or not (rasters or any(len(s.names) for s in shapes)):
         raise HypermapError("there is nothing to draw: the layers are empty or have no picture")
-    subtitle = f"{_objects(shapes)}frame {hypermap.base_frame}"
-    return Drawing(tuple(rasters), tuple(shapes), _padded(view), colors, title, subtitle, labels)
+    texts = (title, f"{_objects(shapes)}frame {hypermap.base_frame}")
+    drawn = (tuple(rasters), tuple(shapes), _padded(view), colors)
+    return Drawing(*drawn, *texts, labels, walls=tuple(walls))
+
+
+def _walls(raster: Raster) -> Raster:
+    """Return a grid whose occupied cells alone are drawn."""
+    rgba = raster.picture.rgba.copy()
+    is_wall = (rgba[:, :, :3] == raster.picture.legend["Occupied"]).all(axis=2)
+    rgba[~is_wall, 3] = 0
+    return replace(raster, picture=replace(raster.picture, rgba=rgba))
 
 
 def _in_base_frame(layer: str, picture: ShapesPicture, base_T_layer: Pose2D) -> Shapes:
