@@ -84,8 +84,8 @@ def test_the_servers_masks_have_displays_that_can_be_switched_on(ros2: bool) -> 
 
 def test_a_layer_that_no_topic_shows_has_no_display() -> None:
     hypermap = building()
-    hypermap.add(OpaqueLayer("ValueLayer", "values", "map"))
-    assert "values" not in displays(map_configuration(hypermap))
+    hypermap.add(OpaqueLayer("FlowLayer", "people", "map"))
+    assert "people" not in displays(map_configuration(hypermap))
 
 
 def test_the_view_shows_all_that_is_known() -> None:
@@ -200,7 +200,7 @@ def test_displays_come_and_go_with_the_layers() -> None:
     assert told.metadata(GRID, THINGS) == [("put", "grid"), ("put", "things")]
     assert told.orders[-1][1]["open"] == ["Namespaces"]
     assert told.metadata(GRID, THINGS) == []  # so what the user has set there stays
-    assert told.metadata(THINGS, ("ValueLayer", "values", "map")) == [("remove", "grid")]
+    assert told.metadata(THINGS, ("FlowLayer", "people", "map")) == [("remove", "grid")]
     assert told.metadata(("OccupancyGridLayer", "things", "map")) == [("put", "things")]
     assert told.orders[-1][1]["class"] == "rviz/Map"
     assert told.metadata() == [("remove", "things")]

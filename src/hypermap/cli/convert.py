@@ -86,10 +86,11 @@ def command(
     """Convert a map, or one of its layers, to another format, chosen by the extension of OUT.
 
     .hmap and a folder (a name without an extension) store whole maps. .geojson, .parquet, .gpkg and
-    .csv store the objects of one layer, in meters. .yaml stores one layer: a map_server map with
-    its picture, or a list of objects. .pgm stores a grid like map_saver, for old programs: free,
-    occupied or unknown, with a YAML file; .tif stores it as GeoTIFF. .rrd is a log for Rerun, .mcap
-    for Foxglove and Lichtblick. The command lists on standard error what OUT cannot store.
+    .csv store the objects of one layer, in meters; .csv also stores measured values, with --layer.
+    .yaml stores one layer: a map_server map with its picture, or a list of objects. .pgm stores a
+    grid like map_saver, for old programs: free, occupied or unknown, with a YAML file; .tif stores
+    it as GeoTIFF. .rrd is a log for Rerun, .mcap for Foxglove and Lichtblick. The command lists on
+    standard error what OUT cannot store.
 
     Examples:
         hypermap convert lab.hmap lab
@@ -98,6 +99,7 @@ def command(
         hypermap convert lab.hmap map.yaml --layer occupancy
         hypermap convert lab.hmap map.pgm
         hypermap convert lab.hmap objects.csv
+        hypermap convert lab.hmap warmth.csv --layer temperature
         hypermap convert lab.hmap keepout.yaml --keepout "table 0.3" --keepout "chair 0.2"
         hypermap convert rooms.hmap routes.geojson --route-graph --robot-radius 0.3
         hypermap convert lab.hmap faster.hmap --semantic parquet
@@ -120,6 +122,8 @@ def command(
     elif target.suffix.lower() == ".hmap":
         check_output(target, force)
         save_map(hypermap, target, semantic.value)
+    elif target.suffix.lower() == ".csv" and _has_values_alone(hypermap):
+        _save_values(hypermap, target, force)
     elif target.suffix.lower() in _OBJECTS:
         _save_objects(hypermap, target, force)
     elif target.suffix.lower() == ".pgm":
@@ -162,6 +166,26 @@ def _save_folder(hypermap: Hypermap, target: Path, semantic: SemanticForm, force
         with contextlib.suppress(OSError):  # it was there before, and holds something
             target.rmdir()
         raise
+
+
+def _has_values_alone(hypermap: Hypermap) -> bool:
+    """Return whether a map has measured values and no objects."""
+    from hypermap.core.semantic import SemanticLayer
+    from hypermap.core.value_layer import ValueLayer
+
+    kinds = [type(layer) for layer in hypermap]
+    return ValueLayer in kinds and SemanticLayer not in kinds
+
+
+def _save_values(hypermap: Hypermap, target: Path, force: bool) -> None:
+    from hypermap.core.value_layer import ValueLayer
+    from hypermap.formats.atomic import write_file
+    from hypermap.formats.grid.value_table import to_csv
+
+    check_output(target, force)
+    layer = _only_one(hypermap, (ValueLayer,), f"{target} can hold the values of one layer")
+    write_file(target, to_csv(layer).encode())
+    _say_what_is_lost(hypermap, layer)
 
 
 def _save_objects(hypermap: Hypermap, target: Path, force: bool) -> None:

@@ -39,6 +39,7 @@ _MODULES = {
     "view": "view",
     "render": "render",
     "rooms": "rooms",
+    "values": "values",
     "path": "path",
     "frontiers": "frontiers",
     "evaluate": "evaluate",

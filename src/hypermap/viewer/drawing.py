@@ -146,7 +146,7 @@ def _write_titles(page: Axes, drawing: Drawing, top: float) -> None:
 
 
 def _draw_rasters(axes: Axes, drawing: Drawing, vector: bool) -> None:
-    for raster in drawing.rasters:
+    for raster in (*drawing.rasters, *drawing.walls):
         grid = raster.picture.grid
         width, height = grid.width * grid.resolution, grid.height * grid.resolution
         axes.imshow(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +19,7 @@ from hypermap.core.frames import Pose2D
 from hypermap.core.hypermap import ROOMS
 from hypermap.core.layer import RasterPicture, ShapesPicture
 from hypermap.core.shapes import valid_copies
+from hypermap.core.value_layer import ValueLayer
 from hypermap.formats.atomic import write_file
 from hypermap.text import counted
 
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     from hypermap.exploration import Frontier
 
 SUFFIXES = (".png", ".svg")
+_NONE = np.empty((0, 2, 2))  # lines
 _RAY = 2  # cells of a row through which a single ray of a sensor passes
 
 
@@ -74,6 +76,7 @@ class Drawing:
         labels: whether names are written at the shapes.
         doors: from x, y to x, y of the lines at which rooms meet [m], shape (N, 2, 2).
         links: from x, y to x, y of lines between what belongs together [m], shape (N, 2, 2).
+        walls: what of the rasters is drawn once more, above the others.
     """
 
     rasters: tuple[Raster, ...]
@@ -83,8 +86,9 @@ class Drawing:
     title: str
     subtitle: str
     labels: bool
-    doors: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 2, 2)))
-    links: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 2, 2)))
+    doors: NDArray[np.float64] = field(default_factory=lambda: _NONE)
+    links: NDArray[np.float64] = field(default_factory=lambda: _NONE)
+    walls: tuple[Raster, ...] = ()
 
 
 def render(
@@ -168,7 +172,11 @@ def compose(
         else:
             shapes.append(_in_base_frame(layer.name, picture, base_T_layer))
     shapes.sort(key=lambda part: part.layer != ROOMS)  # rooms hold all others
-    doors = _doors(hypermap) if names is None and ROOMS in {s.layer for s in shapes} else None
+    walls: list[Raster] = []
+    if any(isinstance(layer, ValueLayer) for layer in shown):
+        # Values have larger cells than walls, which they would cover, and rooms would cover them.
+        walls = [_walls(raster) for raster in rasters if "Occupied" in raster.picture.legend]
+        shapes = [replace(part, are_outlines=part.layer == ROOMS) for part in shapes]
     borders = _borders(frontiers)
     colors = class_colors(name for part in [*shapes, borders] for name in part.names)
     if names is not None:
@@ -187,8 +195,9 @@ def compose(
         title,
         subtitle,
         labels,
-        np.empty((0, 2, 2)) if doors is None else doors,
+        _doors(hypermap) if names is None and ROOMS in {part.layer for part in shapes} else _NONE,
         _links(frontiers),
+        tuple(walls),
     )
 
 
@@ -218,6 +227,14 @@ def _doors(hypermap: Hypermap) -> NDArray[np.float64]:
     return np.array([np.array(line)[[0, -1]] for line in lines]).reshape(-1, 2, 2)
 
 
+def _walls(raster: Raster) -> Raster:
+    """Return a grid whose occupied cells alone are drawn."""
+    rgba = raster.picture.rgba.copy()
+    is_wall = (rgba[:, :, :3] == raster.picture.legend["Occupied"]).all(axis=2)
+    rgba[~is_wall, 3] = 0
+    return replace(raster, picture=replace(raster.picture, rgba=rgba))
+
+
 def _in_base_frame(layer: str, picture: ShapesPicture, base_T_layer: Pose2D) -> Shapes:
     shapes = valid_copies(picture.shapes)
     placed = as_objects(base_T_layer.apply_geometry(shape) for shape in shapes)
@@ -230,7 +247,7 @@ def _only(part: Shapes, names: Sequence[str], known: Mapping[str, Any]) -> Shape
         if name not in known:
             raise HypermapError(f"no object is called {name!r}; {did_you_mean(name, known)}")
     wanted = np.isin(part.names.astype(str), list(names))
-    return Shapes(part.layer, part.names[wanted], part.shapes[wanted])
+    return replace(part, names=part.names[wanted], shapes=part.shapes[wanted])
 
 
 def _objects(shapes: Sequence[Shapes]) -> str:

@@ -16,11 +16,16 @@ from hypermap.core.hypermap import ROOMS, Hypermap
 from hypermap.core.layer import Layer
 from hypermap.core.occupancy import UNKNOWN, OccupancyLayer
 from hypermap.core.semantic import SemanticLayer
+from hypermap.core.value_layer import ValueLayer
 from hypermap.recordings.messages.header import clean_frame
 from hypermap.ros.topic_names import ROOM_GRAPH, topic_name
 
 DEFAULT_SERVER = "/hypermap_server"
-_SUFFIX = {OccupancyLayer.class_name: "map", SemanticLayer.class_name: "markers"}
+_SUFFIX = {
+    OccupancyLayer.class_name: "map",
+    SemanticLayer.class_name: "markers",
+    ValueLayer.class_name: "values",
+}
 GROUND = "Grid"
 MASKS = {"Keepout zones": "keepout_mask", "Speed limits": "speed_mask"}
 """Displays of the server's masks, and their topics."""
@@ -29,7 +34,7 @@ _WINDOW = (1280, 860)  # pixels
 _MAP_VIEW = (880, 700)  # what of the window is left for the map
 _MARGIN = 0.9  # how much of it the map fills
 _COARSE = 12  # pixels per meter, below which lines at whole meters are too many
-_MASK_ALPHA = 0.4
+_MASK_ALPHA, _VALUES_ALPHA = 0.4, 0.6
 _BACKGROUND = "226; 229; 233"
 
 
@@ -105,6 +110,9 @@ def display(
     if class_name == OccupancyLayer.class_name:
         # Behind all else, as the floor is, also where markers lie on it.
         return _map(name, topic, ros2, {"Alpha": 1, "Color Scheme": "map", "Draw Behind": True})
+    if class_name == ValueLayer.class_name:
+        colors = {"Alpha": _VALUES_ALPHA, "Color Scheme": "costmap", "Draw Behind": False}
+        return _map(name, topic, ros2, colors)
     return _markers(name, topic, ros2)
 
 

@@ -1,7 +1,7 @@
-"""How a value layer is kept: `FILE.npy` holds the numbers, `FILE.yaml` where they lie.
+"""How a flow layer is kept: `FILE.npy` holds the headings, `FILE.yaml` where they lie.
 
-The YAML file has the keys `resolution` (meters), `origin` (x, y, yaw of the lower left corner of
-the first cell; meters, radians), `unit` and `decimals`. The first row of numbers is the lowest.
+The YAML file has the keys `resolution` (meters) and `origin` (x, y, yaw of the lower left corner of
+the first cell; meters, radians). The first row of numbers is the lowest.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from flow_layer.layer import FlowLayer
 from hypermap.core.errors import FormatError
 from hypermap.core.frames import Pose2D
 from hypermap.core.grid import GridGeometry
 from hypermap.core.layer import Store
 from hypermap.formats.yaml_text import read_yaml, write_yaml
-from value_layer.layer import ValueLayer
 
 _DTYPE = np.dtype("<f4")
 # All that may stand before the numbers. `numpy.load` would allow more: pickled objects, and shapes
@@ -29,20 +29,19 @@ _HEADER = re.compile(
     rb"'shape': \(([1-9]\d{0,8}), ([1-9]\d{0,8})\), \} *\n",
     re.DOTALL,
 )
-_MAX_DECIMALS = 9
 _MAX_NUMBER = 1e9  # meters; also refuses infinity and NaN
 
 
-class ValueFiles:
-    """The plug-in: what Hypermap calls to make, open and save value layers."""
+class FlowFiles:
+    """The plug-in: what Hypermap calls to make, open and save flow layers."""
 
-    def empty(self, name: str, frame_id: str, settings: Mapping[str, Any]) -> ValueLayer:
+    def empty(self, name: str, frame_id: str, settings: Mapping[str, Any]) -> FlowLayer:
         """Return a layer that holds nothing yet."""
-        return ValueLayer(name, frame_id, settings=settings)
+        return FlowLayer(name, frame_id, settings=settings)
 
     def load(
         self, store: Store, file: str, name: str, frame_id: str, settings: Mapping[str, Any]
-    ) -> ValueLayer:
+    ) -> FlowLayer:
         """Return the layer kept under `file`.
 
         Raises:
@@ -51,7 +50,7 @@ class ValueFiles:
         numbers, about = f"{file}.npy", f"{file}.yaml"
         cells = _read_numbers(store.read(numbers), store.path_of(numbers))
         path = store.path_of(about)
-        keys = read_yaml(store.read(about), path, text_at={("unit",)})
+        keys = read_yaml(store.read(about), path)
         if not isinstance(keys, Mapping):
             raise FormatError("expected keys and values", path=path)
         x, y, yaw = _numbers(keys, "origin", 3, path)
@@ -60,10 +59,9 @@ class ValueFiles:
             grid = GridGeometry(cells.shape[1], cells.shape[0], resolution, Pose2D(x, y, yaw))
         except ValueError as error:
             raise FormatError(str(error), path=path) from error
-        unit, decimals = _unit(keys, path), _decimals(keys, path)
-        return ValueLayer(name, frame_id, grid, cells, unit, decimals, settings)
+        return FlowLayer(name, frame_id, grid, cells, settings)
 
-    def save(self, layer: ValueLayer, store: Store, file: str) -> None:
+    def save(self, layer: FlowLayer, store: Store, file: str) -> None:
         """Write the layer's files; an empty layer needs none."""
         if layer.grid is None or layer.cells is None:
             return
@@ -74,13 +72,11 @@ class ValueFiles:
         about = {
             "resolution": layer.grid.resolution,
             "origin": [origin.x, origin.y, origin.yaw],
-            "unit": layer.unit,
-            "decimals": layer.decimals,
         }
         store.write(f"{file}.yaml", write_yaml(about))
 
 
-PLUGIN = ValueFiles()
+PLUGIN = FlowFiles()
 
 
 def _read_numbers(content: bytes, path: str) -> NDArray[np.float32]:
@@ -93,8 +89,8 @@ def _read_numbers(content: bytes, path: str) -> NDArray[np.float32]:
     if len(data) != rows * cols * _DTYPE.itemsize:
         raise FormatError(f"its {len(data)} bytes are not {rows} x {cols} numbers", path=path)
     cells = np.frombuffer(data, dtype=_DTYPE).reshape(rows, cols)
-    if np.isinf(cells).any():
-        raise FormatError("holds infinite numbers", path=path)
+    if (np.abs(cells) > np.float32(np.pi)).any():
+        raise FormatError("holds headings that are not from -pi to pi", path=path)
     return cells
 
 
@@ -107,18 +103,3 @@ def _numbers(keys: Mapping[Any, Any], key: str, count: int, path: str) -> list[f
         expected = "a number" if count == 1 else f"{count} numbers"
         raise FormatError(f"expected {expected}, found {found!r}", path=path, key=key)
     return values
-
-
-def _unit(keys: Mapping[Any, Any], path: str) -> str:
-    unit = keys.get("unit", "")
-    if not isinstance(unit, str):
-        raise FormatError(f"expected text, found {unit!r}", path=path, key="unit")
-    return unit
-
-
-def _decimals(keys: Mapping[Any, Any], path: str) -> int:
-    decimals = keys.get("decimals", 1)
-    if not isinstance(decimals, int) or not 0 <= decimals <= _MAX_DECIMALS:
-        message = f"expected a number from 0 to {_MAX_DECIMALS}, found {decimals!r}"
-        raise FormatError(message, path=path, key="decimals")
-    return decimals

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from hypermap.core.arrays import BoolArray, IntArray, ObjectArray
 
 
-def outlines(labels: NDArray[np.int32]) -> tuple[ObjectArray, IntArray]:
+def cell_outlines(labels: NDArray[np.int32]) -> tuple[ObjectArray, IntArray]:
     """Return the polygons of connected cells of one label, with holes; labels of 0 have none.
 
     Args:
