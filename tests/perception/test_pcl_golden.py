@@ -18,7 +18,7 @@ from hypermap.perception.detections import Detections
 from hypermap.perception.frame import Camera, RgbdFrame
 from hypermap.perception.observe import observe
 from hypermap.perception.segmentation import segment, valid_pixels
-from hypermap.perception.shapes import footprint
+from hypermap.perception.footprints import footprint
 
 pytestmark = pytest.mark.xdist_group("golden")  # they share what takes long to make
 

@@ -17,7 +17,7 @@ from hypermap.core.found import Found, FoundObject
 from hypermap.core.frames import FrameTree, Pose2D
 from hypermap.core.layer import Hits, Layer, check_count
 from hypermap.core.occupancy import OccupancyLayer
-from hypermap.core.outside import Outward
+from hypermap.core.outside import OutsideMethods
 from hypermap.core.semantic import SemanticLayer
 from hypermap.core.shapes import as_area
 from hypermap.core.store import Matches, Placed, PlacedLayer, PlacedLayers
@@ -33,7 +33,7 @@ ROOMS = "rooms"
 AnyLayer = TypeVar("AnyLayer", bound=Layer)
 
 
-class Hypermap(Outward):
+class Hypermap(OutsideMethods):
     """Ordered layers, and the tree of their frames.
 
     A query may use any frame of the map, by `frame_id`; None is the base frame. Answers are always
@@ -59,7 +59,7 @@ class Hypermap(Outward):
         self.metadata: dict[str, Any] = dict(metadata or {})
         self.mapper_state: bytes | Callable[[], bytes] | None = None
         self._layers: dict[str, Layer] = {}
-        self._told: set[str] = set()
+        self._warned: set[str] = set()
         for layer in layers:
             self.add(layer)
 
@@ -404,7 +404,7 @@ class Hypermap(Outward):
         if wanted := set(tags):
             chosen = chosen.take(layers.have_tags(chosen.keys, wanted))
         if inside is not None:
-            chosen = chosen.take(self._stand_in(layers, chosen, inside, frame_id))
+            chosen = chosen.take(self._are_inside(layers, chosen, inside, frame_id))
         if near is None:
             return Matches(layers, chosen.keys)
         others = self._anchors(layers, near, frame_id)
@@ -442,13 +442,13 @@ class Hypermap(Outward):
         try:
             self._pose_of(layer)
         except FrameError as error:
-            if layer.name not in self._told:
-                self._told.add(layer.name)
+            if layer.name not in self._warned:
+                self._warned.add(layer.name)
                 _log.warning("layer %r is left out: %s", layer.name, error)
             return False
         return True
 
-    def _stand_in(
+    def _are_inside(
         self,
         layers: PlacedLayers,
         chosen: Placed,
@@ -456,12 +456,12 @@ class Hypermap(Outward):
         frame_id: str | None,
     ) -> BoolArray:
         """Return which objects stand in what a question names, or in such rooms."""
-        standing = chosen.stand_in(self._anchors(layers, inside, frame_id))
+        is_inside = chosen.are_inside(self._anchors(layers, inside, frame_id))
         if isinstance(inside, str) and ROOMS in self:
             in_rooms = self.stand_in_rooms(inside, chosen.centroids)
             if in_rooms is not None:
-                standing = (standing | in_rooms) & ~layers.are_of(ROOMS, chosen.keys)
-        return standing
+                is_inside = (is_inside | in_rooms) & ~layers.are_of(ROOMS, chosen.keys)
+        return is_inside
 
     def _anchors(
         self, layers: PlacedLayers, what: str | BaseGeometry | PointsLike, frame_id: str | None

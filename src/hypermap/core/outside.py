@@ -38,7 +38,7 @@ def write_file(path: str | Path, content: bytes) -> None:
     _outside("write_file")(path, content)
 
 
-class Outward:
+class OutsideMethods:
     """The part of a map that leads out of the core."""
 
     def save(self, path: str | Path) -> None:

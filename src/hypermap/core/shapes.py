@@ -15,7 +15,7 @@ from hypermap.core.tangles import are_untangled, check_tangle, is_sound
 
 _FAR = 1e9  # meters; what of an area lies beyond is cut off
 _FARTHEST = 1e100  # meters; products of two such lengths do not overflow
-_NANOMETRES = 9  # decimals
+_NANOMETERS = 9  # decimals
 
 
 def box_of(area: Any) -> tuple[float, float, float, float] | None:
@@ -93,7 +93,7 @@ def repaired(shape: Any) -> Any:
         except shapely.GEOSException:
             if not isinstance(shape, BaseGeometry):
                 return as_objects(repaired(one) for one in shape)
-            coarse = shapely.transform(shape, lambda xy: np.round(xy, _NANOMETRES))
+            coarse = shapely.transform(shape, lambda xy: np.round(xy, _NANOMETERS))
             return shapely.make_valid(coarse, method="structure", keep_collapsed=True)
 
 

@@ -15,7 +15,7 @@ from hypermap.perception.observation import Observation, ObservedObject
 from hypermap.perception.outline import outer_points
 from hypermap.perception.projection import transform
 from hypermap.perception.segmentation import segment, valid_pixels
-from hypermap.perception.shapes import footprint
+from hypermap.perception.footprints import footprint
 
 PIECE_WEIGHT = 0.5  # of the score of what its box cut out of a surface that runs on
 

@@ -23,7 +23,7 @@ from hypermap.recordings.options import RecordingOptions
 from hypermap.recordings.pictures import (
     decode_color,
     decode_integers,
-    depth_in_metres,
+    depth_in_meters,
     picture_size,
     read_file,
 )
@@ -167,7 +167,7 @@ class ImageFolder(ABC):
         """Return the frames in order of time."""
 
 
-def load_depth(path: Path, camera: Camera, units_per_metre: float) -> NDArray[np.float32]:
+def load_depth(path: Path, camera: Camera, units_per_meter: float) -> NDArray[np.float32]:
     """Return a depth image in meters with NaN for no return, shape (H, W).
 
     Raises:
@@ -180,7 +180,7 @@ def load_depth(path: Path, camera: Camera, units_per_metre: float) -> NDArray[np
     except FormatError as error:
         raise FormatError(str(error), path=path) from None
     _check_size(path, integers.shape, camera, "the first depth image")
-    return depth_in_metres(integers, units_per_metre)
+    return depth_in_meters(integers, units_per_meter)
 
 
 def load_color(path: Path, camera: Camera) -> NDArray[np.uint8]:

@@ -81,9 +81,9 @@ def decode_integers(content: bytes) -> NDArray[np.uint16]:
         return np.asarray(image).astype(np.uint16)
 
 
-def depth_in_metres(integers: NDArray[np.uint16], units_per_metre: float) -> NDArray[np.float32]:
+def depth_in_meters(integers: NDArray[np.uint16], units_per_meter: float) -> NDArray[np.float32]:
     """Return integer depth as meters, float32; 0 and the largest number are no return, NaN."""
-    depth = np.divide(integers, np.float32(units_per_metre), dtype=np.float32)
+    depth = np.divide(integers, np.float32(units_per_meter), dtype=np.float32)
     for value in (0, np.iinfo(np.uint16).max):
         np.copyto(depth, np.nan, where=integers == value)
     return depth

@@ -29,7 +29,7 @@ class _Level:
     Attributes:
         x: of the corner of cell (0, 0) [m].
         y: the same.
-        per_metre: cells per meter.
+        per_meter: cells per meter.
         width: cells along x.
         height: cells along y.
         starts: where each cell begins in `rows`, and the end of the last one.
@@ -39,7 +39,7 @@ class _Level:
 
     x: float
     y: float
-    per_metre: float
+    per_meter: float
     width: int
     height: int
     starts: IntArray
@@ -70,11 +70,11 @@ class _Level:
 
     def columns_of(self, x: NDArray[np.float64]) -> IntArray:
         """Return the cells of coordinates along x."""
-        return np.clip((x - self.x) * self.per_metre, 0, self.width - 1).astype(np.int64)
+        return np.clip((x - self.x) * self.per_meter, 0, self.width - 1).astype(np.int64)
 
     def lines_of(self, y: NDArray[np.float64]) -> IntArray:
         """Return the cells of coordinates along y."""
-        return np.clip((y - self.y) * self.per_metre, 0, self.height - 1).astype(np.int64)
+        return np.clip((y - self.y) * self.per_meter, 0, self.height - 1).astype(np.int64)
 
 
 class BoxGrid:
@@ -122,15 +122,15 @@ class BoxGrid:
             self._levels.append(grid)
             self._for_one.append((wider, grid.width, as_view(grid.starts), as_view(grid.rows)))
         finest = self._levels[0]  # at least half of the boxes are no larger than its cells
-        self._finest = finest.x, finest.y, finest.per_metre, finest.width, finest.height
+        self._finest = finest.x, finest.y, finest.per_meter, finest.width, finest.height
 
     def near(self, x: float, y: float) -> list[Near]:
         """Return the boxes that may be at one point, smallest first; the same in a whole cell.
 
         The list is kept for the next question, and must not be changed.
         """
-        west, south, per_metre, width, height = self._finest
-        column, line = (x - west) * per_metre, (y - south) * per_metre
+        west, south, per_meter, width, height = self._finest
+        column, line = (x - west) * per_meter, (y - south) * per_meter
         if not (0 <= column < width and 0 <= line < height):
             column, line = min(max(column, 0), width - 1), min(max(line, 0), height - 1)
         cell = int(line) * width + int(column)
@@ -145,9 +145,9 @@ class BoxGrid:
         Returns:
             None where it is not small, or not on the grid.
         """
-        west, south, per_metre, width, height = self._finest
-        left, right = int((x0 - west) * per_metre), int((x1 - west) * per_metre)
-        low, high = int((y0 - south) * per_metre), int((y1 - south) * per_metre)
+        west, south, per_meter, width, height = self._finest
+        left, right = int((x0 - west) * per_meter), int((x1 - west) * per_meter)
+        low, high = int((y0 - south) * per_meter), int((y1 - south) * per_meter)
         if left < 0 or low < 0 or right >= width or high >= height:
             return None
         if (right - left + 1) * (high - low + 1) > _FEW_CELLS:

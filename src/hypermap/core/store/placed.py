@@ -95,7 +95,7 @@ class Placed:
             return np.zeros(len(self))
         return np.asarray(shapely.distance(shapely.points(self.centroids), others.shapes[0]))
 
-    def stand_in(self, others: Placed) -> BoolArray:
+    def are_inside(self, others: Placed) -> BoolArray:
         """Return whether each shape's centroid lies in one of the others that is not itself."""
         tree = shapely.STRtree(others.shapes)
         here, there = tree.query(shapely.points(self.centroids), predicate="intersects")

@@ -43,13 +43,13 @@ class RecentBoxes:
             self._all_boxes[side] = value
         size = max(x1 - x0, y1 - y0) / self._cell
         level = math.ceil(math.log(size, _FINER)) if size > 1 else 0
-        per_metre = 1 / (self._cell * _FINER**level)
+        per_meter = 1 / (self._cell * _FINER**level)
         if level not in self._level_of:
             self._level_of[level] = {}
-            self._levels.append((per_metre, self._level_of[level]))
+            self._levels.append((per_meter, self._level_of[level]))
         cells = self._level_of[level]
-        for column in range(math.floor(x0 * per_metre), math.floor(x1 * per_metre) + 1):
-            for line in range(math.floor(y0 * per_metre), math.floor(y1 * per_metre) + 1):
+        for column in range(math.floor(x0 * per_meter), math.floor(x1 * per_meter) + 1):
+            for line in range(math.floor(y0 * per_meter), math.floor(y1 * per_meter) + 1):
                 cells.setdefault((column, line), []).append(position)
 
     def at(self, x: float, y: float, count: int) -> list[int]:
@@ -57,8 +57,8 @@ class RecentBoxes:
         x, y = min(max(x, -_FAR), _FAR), min(max(y, -_FAR), _FAR)
         found = []
         boxes = self._all_boxes
-        for per_metre, cells in self._levels:
-            for position in cells.get((math.floor(x * per_metre), math.floor(y * per_metre)), ()):
+        for per_meter, cells in self._levels:
+            for position in cells.get((math.floor(x * per_meter), math.floor(y * per_meter)), ()):
                 if position < count:
                     k = 4 * position
                     if boxes[k] <= x <= boxes[k + 2] and boxes[k + 1] <= y <= boxes[k + 3]:
@@ -96,9 +96,9 @@ class RecentBoxes:
     def _cells(self, x0: float, y0: float, x1: float, y1: float) -> list[list[int]] | None:
         """Return what is in the cells that meet a box; None if these are not few."""
         found = []
-        for per_metre, cells in self._levels:
-            columns = range(math.floor(x0 * per_metre), math.floor(x1 * per_metre) + 1)
-            lines = range(math.floor(y0 * per_metre), math.floor(y1 * per_metre) + 1)
+        for per_meter, cells in self._levels:
+            columns = range(math.floor(x0 * per_meter), math.floor(x1 * per_meter) + 1)
+            lines = range(math.floor(y0 * per_meter), math.floor(y1 * per_meter) + 1)
             if len(columns) * len(lines) > _FEW_CELLS:
                 return None
             found += [cells.get((column, line), []) for column in columns for line in lines]

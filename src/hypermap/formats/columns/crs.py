@@ -47,7 +47,7 @@ class System:
         return cls(name, name if crs.get("type") == "EngineeringCRS" else None)
 
 
-def check_metres(system: System | None, path: str | None, key: str) -> None:
+def check_meters(system: System | None, path: str | None, key: str) -> None:
     """Raise a FormatError if coordinates are not meters in a frame; None where nothing is said."""
     if system is not None and system.frame_id is None:
         raise FormatError(
@@ -70,7 +70,7 @@ def frame_of(system: System | None, given: str | None, path: str | None, key: st
     Raises:
         FormatError: If the system is of another kind, or there is no frame.
     """
-    check_metres(system, path, key)
+    check_meters(system, path, key)
     frame = given or (system.frame_id if system else None)
     if frame is None:
         raise FormatError(

@@ -33,7 +33,7 @@ class Geometry:
         return self.depth.shape[1], self.depth.shape[0]
 
 
-def decode_geometry(topic: Topic, message: Any, units_per_metre: float) -> Geometry:
+def decode_geometry(topic: Topic, message: Any, units_per_meter: float) -> Geometry:
     """Return the depth in a message of whatever kind.
 
     Raises:
@@ -43,8 +43,8 @@ def decode_geometry(topic: Topic, message: Any, units_per_metre: float) -> Geome
         points, color = points_of_cloud(message)
         return Geometry(points[..., 2].copy(), points, color)
     if topic.type == COMPRESSED:
-        return Geometry(depth_of_compressed(message, units_per_metre))
-    return Geometry(depth_of_image(message, units_per_metre))
+        return Geometry(depth_of_compressed(message, units_per_meter))
+    return Geometry(depth_of_image(message, units_per_meter))
 
 
 def decode_color(topic: Topic, message: Any) -> NDArray[np.uint8]:

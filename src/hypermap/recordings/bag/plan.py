@@ -310,7 +310,7 @@ class BagPlan:
     def _first(self) -> Geometry:
         """One of the first depth images or clouds: one of the size that most of them have."""
         topic, scale = self.geometry_topic, self.depth_scale
-        read = partial(decode_geometry, topic, units_per_metre=scale)
+        read = partial(decode_geometry, topic, units_per_meter=scale)
         return _usual(_readable(read, self._contents.geometry.firsts), lambda found: found.size)
 
     @cached_property

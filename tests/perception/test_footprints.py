@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
-from hypermap.perception.shapes import footprint, voxel_centroids
+from hypermap.perception.footprints import footprint, voxel_centroids
 
 VOXEL = 0.25  # a power of two, so that whole cells are exact
 

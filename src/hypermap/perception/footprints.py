@@ -69,13 +69,13 @@ def voxel_centroids(points_xy: FloatArray, voxel_size: float) -> NDArray[np.floa
 
 @loop()
 def _number_cells(
-    points_xy: FloatArray, per_metre: np.floating[Any], columns: IntArray, rows: IntArray
+    points_xy: FloatArray, per_meter: np.floating[Any], columns: IntArray, rows: IntArray
 ) -> int:
     """Fill in, as columns, the number of each point's cell, column by column.
 
     Args:
         points_xy: as in `voxel_centroids`.
-        per_metre: cells.
+        per_meter: cells.
         columns: to become these numbers, shape (N,).
         rows: room for the rows, shape (N,).
 
@@ -85,8 +85,8 @@ def _number_cells(
     left, bottom = np.inf, np.inf
     right, top = -np.inf, -np.inf
     for i in range(len(points_xy)):
-        column = np.float64(np.floor(points_xy[i, 0] * per_metre))
-        row = np.float64(np.floor(points_xy[i, 1] * per_metre))
+        column = np.float64(np.floor(points_xy[i, 0] * per_meter))
+        row = np.float64(np.floor(points_xy[i, 1] * per_meter))
         left, right = min(left, column), max(right, column)
         bottom, top = min(bottom, row), max(top, row)
         columns[i], rows[i] = column, row
