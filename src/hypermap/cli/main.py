@@ -40,6 +40,7 @@ _MODULES = {
     "render": "render",
     "rooms": "rooms",
     "path": "path",
+    "connect": "connect",
     "evaluate": "evaluate",
     "convert": "convert",
     "simulate": "simulate",
