@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hypermap import GridGeometry, Hypermap, OccupancyLayer, Pose2D, open_map, save_map
+from hypermap import GridGeometry, Hypermap, OccupancyLayer, Pose2D, save_map
 
 from .conftest import assert_one_error
 
@@ -29,7 +29,9 @@ def test_a_path_leads_over_a_lift_both_ways(hypermap, maps):
     assert (result.code, result.out) == (0, "")
     assert result.err == f"saved {ground}\nsaved {upper}\n"
     assert (ground.parent / "ground.hmap.bak").exists()
-    assert open_map(ground).metadata["floor"] == "ground floor"
+    told = hypermap("info", ground).out
+    assert "floor: ground floor\nlift A leads to above/upper.hmap\n" in told
+    assert "made with" not in told
 
     result = hypermap("path", ground, "-1,1", "-1,3", "--goal-map", upper)
     assert result.out.splitlines() == [

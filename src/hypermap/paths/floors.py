@@ -9,9 +9,9 @@ from __future__ import annotations
 import heapq
 import math
 import os.path
+import pathlib
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -21,8 +21,7 @@ from hypermap.core.hypermap import Hypermap
 from hypermap.core.masks import Zone
 from hypermap.paths.find import NoPath
 from hypermap.paths.places import Place
-from hypermap.paths.planner import Approach, Planner
-from hypermap.paths.planner import Path as FloorWay
+from hypermap.paths.planner import Approach, Path, Planner
 from hypermap.paths.settings import STAND_OFF, PathSettings
 
 FLOOR, CONNECTORS = "floor", "connectors"
@@ -115,7 +114,7 @@ class FloorPart:
 
     map: str
     floor: str
-    path: FloorWay
+    path: Path
 
 
 @dataclass(frozen=True, eq=False)
@@ -295,7 +294,7 @@ def other_file(file: str, connector: Connector) -> str:
     >>> other_file("maps/ground.hmap", Connector("lift", (0, 0), "upper.hmap", (1, 1)))
     'maps/upper.hmap'
     """
-    return os.path.normpath(Path(file).parent / connector.to)
+    return os.path.normpath(pathlib.Path(file).parent / connector.to)
 
 
 def _is_same(one: Connector, other: Connector) -> bool:
