@@ -113,7 +113,8 @@ def test_a_goal_in_a_wall_is_refused_unless_the_tolerance_reaches_beyond(client,
         ((math.nan, 0), (1, 1), 0, "the pose must be finite"),
         ((1, 1), (30, 1), 0, "the goal (30.00, 1.00) is off the grid"),
         ((1, 1), (30, 1), 2, "the goal (30.00, 1.00) is off the grid"),
-        ((1, 1), (2, 2), -1, "the tolerance must not be negative"),
+        ((1, 1), (2, 2), -1, "the tolerance must be 0 or more meters, got -1.0"),
+        ((1, 1), (2, 2), math.inf, "the tolerance must be 0 or more meters, got inf"),
     ],
 )
 def test_what_is_no_plan_is_an_error_that_the_caller_can_read(

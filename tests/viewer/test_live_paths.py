@@ -6,10 +6,12 @@ import math
 import shlex
 
 import pytest
+import shapely
 
 from hypermap.cli.main import main
 from hypermap.core.semantic import SemanticLayer, SemanticObject
 from hypermap.formats import save_map
+from hypermap.rooms import Door, Room, Rooms, with_rooms
 from hypermap.testing import square
 
 from .live_tools import Window, serving
@@ -64,6 +66,25 @@ def test_a_path_leads_over_the_map_as_it_is_now(window):
     window.edit(rename)
     after = window.get("/api/path", **asked)["rooms"]
     assert [room["name"] for room in before + after] == ["kitchen", "scullery"]
+
+
+def test_rooms_that_are_merged_keep_their_doors_to_others_and_that_is_undone(tmp_path):
+    boxes = [shapely.box(x, 0, x + 4, 4) for x in (0, 4, 8)]
+    rooms = [Room(number, str(number), box) for number, box in enumerate(boxes)]
+    doors = [
+        Door((i, i + 1), shapely.LineString([(x, 1), (x, 2)]), 1.0) for i, x in ((0, 4), (1, 8))
+    ]
+    hypermap = with_rooms(flat(), Rooms("map", tuple(rooms), tuple(doors)))
+    save_map(hypermap, tmp_path / "three.hmap")
+    with serving(tmp_path / "three.hmap") as client:
+        window = Window(client)
+        for kept, gone, left in ((0, 1, [0, 2]), (2, 1, [0, 2])):
+            window.edit({"op": "merge", "layer": "rooms", "id": kept, "others": [gone]})
+            (door,) = window.get("/api/map")["doors"]
+            assert door["rooms"] == left
+            window.go("/api/undo")
+            doors = [door["rooms"] for door in window.get("/api/map")["doors"]]
+            assert doors == [[0, 1], [1, 2]]
 
 
 def test_the_map_tells_its_doors_or_why_it_cannot(window, tmp_path):

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from hypermap.cli.mask_options import KEEPOUT_HELP, KEEPOUT_METAVAR
-from hypermap.cli.options import AsJson, MapPath, PointsAsPlaces, RobotRadius
+from hypermap.cli.negative_points import PointsCommand
+from hypermap.cli.options import AsJson, MapPath, RobotRadius
 from hypermap.cli.terminal import out, say, say_json, table
 from hypermap.core.errors import HypermapError
 from hypermap.text import printable
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
     from hypermap.core.frames import Pose2D
     from hypermap.exploration import Frontier, NextView
 
-COMMAND_CLASS = PointsAsPlaces
+COMMAND_CLASS = PointsCommand
 
 
 def command(

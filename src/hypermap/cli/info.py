@@ -169,7 +169,14 @@ def show_map(content: dict[str, Any], with_settings: bool) -> None:
     for frame in content["frames"]:
         x, y, yaw = frame["pose"]
         say(f"frame {frame['child']} is in {frame['parent']} at x {x:g}, y {y:g}, yaw {yaw:g}")
-    made_with = content["metadata"]
+    made_with = dict(content["metadata"])
+    if "floor" in made_with:
+        say(f"floor: {printable(made_with.pop('floor'))}")
+    connectors = made_with.pop("connectors", ())
+    for entry in connectors if isinstance(connectors, list) else ():
+        if isinstance(entry, dict):
+            name = entry.get("name") or entry.get("kind") or "lift"
+            say(f"{printable(name)} leads to {printable(entry.get('to'))}")
     if made_with:
         # Settings come in groups, one for each stage.
         short = {key: value for key, value in made_with.items() if not _has_groups(value)}

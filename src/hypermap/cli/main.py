@@ -41,6 +41,7 @@ _MODULES = {
     "rooms": "rooms",
     "values": "values",
     "path": "path",
+    "connect": "connect",
     "frontiers": "frontiers",
     "evaluate": "evaluate",
     "convert": "convert",

@@ -6,10 +6,9 @@ import os
 import re
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
-from typer.core import TyperCommand
 
 from hypermap.cli.terminal import INTERRUPTED, visible
 from hypermap.core.errors import HypermapError
@@ -154,13 +153,3 @@ def check_picture(path: Path) -> None:
         text = beside.read_bytes()[:_YAML_HEAD].decode(errors="replace")
         if names_it.search(text):
             raise HypermapError(f"{path}: this is the picture of the grid {beside.name}; it stays")
-
-
-class PointsAsPlaces(TyperCommand):
-    """A command that takes points as -1,2 for places, not for options."""
-
-    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Read the arguments; what is behind a blank is no option."""
-        return super().parse_args(
-            ctx, [f" {word}" if re.match(r"-[\d.]+,", word) else word for word in args]
-        )

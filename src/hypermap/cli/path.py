@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
+import os
+from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from hypermap.cli.mask_options import KEEPOUT_HELP, KEEPOUT_METAVAR
-from hypermap.cli.options import (
-    AsJson,
-    InflationRadius,
-    MapPath,
-    PointsAsPlaces,
-    RobotRadius,
-    path_settings,
-)
+from hypermap.cli.negative_points import PointsCommand
+from hypermap.cli.options import AsJson, InflationRadius, MapPath, RobotRadius, path_settings
 from hypermap.cli.terminal import say, say_json
 from hypermap.paths.settings import STAND_OFF
 
-COMMAND_CLASS = PointsAsPlaces
+COMMAND_CLASS = PointsCommand
 
 
 def command(
@@ -58,6 +54,15 @@ def command(
             "--occupancy", metavar="NAME", show_default="the only one", help="The occupancy layer."
         ),
     ] = None,
+    goal_map: Annotated[
+        Path | None,
+        typer.Option(
+            "--goal-map",
+            metavar="FILE",
+            show_default=False,
+            help="The map that TO is on, if it is another floor: by lifts and stairs.",
+        ),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Find the shortest path for a robot, with the rooms and doors that it passes.
@@ -71,16 +76,38 @@ def command(
         hypermap path office.hmap kitchen "office 2" --robot-radius 0.3
         hypermap path office.hmap 1,1 4,-2 --robot-radius 0.2 --inflation-radius 0.55
         hypermap path office.hmap 1,1 printer --keepout "plant 0.3" --json
+        hypermap path ground.hmap kitchen "office 2" --goal-map upper.hmap
     """
-    from hypermap.console.paths import document, lines, plan
+    from hypermap.console.paths import (
+        document,
+        floor_document,
+        floor_lines,
+        lines,
+        parse_place,
+        plan,
+    )
     from hypermap.formats import open_map
-    from hypermap.paths import Planner
+    from hypermap.formats.floors import open_floors
+    from hypermap.paths import Building, Planner
     from hypermap.ros.server.zones import keepout_filter
 
     settings = path_settings(
         robot_radius or 0.0, inflation_radius or 0.0, cost_scaling, through_unknown
     )
     zones = keepout_filter(keepout or ()).zones
+    if goal_map is not None:
+        maps = open_floors(path)
+        building = Building(maps, settings, keepout=zones, occupancy=occupancy)
+        begin, end = parse_place(start, "FROM"), parse_place(goal, "TO")
+        files = [os.path.normpath(file.absolute()) for file in (path, goal_map)]
+        way = building.path((files[0], begin), (files[1], end), distance)
+        if as_json:
+            frames = {file: hypermap.base_frame for file, hypermap in maps.items()}
+            say_json(floor_document(way, frames))
+            return
+        for line in floor_lines(way):
+            say(line)
+        return
     hypermap = open_map(path)
     planner = Planner(hypermap, settings, keepout=zones, occupancy=occupancy)
     planned = plan(planner, start, goal, distance)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
@@ -90,7 +91,8 @@ class Plans:
                 self._keepout = zones
             if "path_layer" in values:
                 self._layer = str(values["path_layer"]) or None
-            self._planner = None
+            if own or {"keepout", "path_layer"} & values.keys():
+                self._planner = None
 
     def show(self, hypermap: Hypermap, changed: Iterable[str] | None = None) -> None:
         """Take a map: there is nothing to show."""
@@ -132,8 +134,8 @@ def _points(planner: Planner, start: Pose2D, goal: Pose2D, tolerance: float) -> 
     Raises:
         HypermapError: If no path leads there.
     """
-    if not tolerance >= 0:
-        raise HypermapError(f"the tolerance must not be negative, got {tolerance}")
+    if not 0 <= tolerance < math.inf:
+        raise HypermapError(f"the tolerance must be 0 or more meters, got {tolerance}")
     begin, end = (start.x, start.y), (goal.x, goal.y)
     try:
         return planner.path(begin, end).points_xy
