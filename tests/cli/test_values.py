@@ -149,6 +149,7 @@ def test_answers_are_tables_of_few_lines(hypermap, warm):
     ("question", "said"),
     [
         (["--above", "20", "--name", "desk"], "give --measured LAYER, too"),
+        (["--above", "20", "--within", "2"], "give --measured LAYER, too"),
         (["--above", "20", "--layer", "things"], "which holds no measured values"),
         (["--measured", "temperature"], "there is no query"),
         (["--name", "desk", "--measured", "warmth"], "there is no layer 'warmth'"),
