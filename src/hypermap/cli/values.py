@@ -34,7 +34,7 @@ def command(
     source: Annotated[
         Path | None,
         typer.Argument(
-            metavar="[SOURCE]",
+            metavar="SOURCE",
             readable=False,
             show_default=False,
             help="A table of samples (.csv); a ROS bag with their topic; a bag, or a trajectory "
@@ -282,7 +282,7 @@ def command(
     )
     assert layer.samples is not None
     off = len(samples) - len(layer.samples)
-    left_out = {**measured.left_out, **({"that lie off the map": off} if off else {})}
+    left_out = {**measured.left_out, **({"off the map": off} if off else {})}
     save_map(_with_layer(hypermap, layer), output)
     if as_json:
         say_json(_describe(layer, left_out))
