@@ -11,21 +11,34 @@ import shapely
 from PIL import Image
 
 from hypermap import (
+    FrameTree,
     GridGeometry,
     Hypermap,
     OccupancyLayer,
+    Pose2D,
     SemanticLayer,
     SemanticObject,
+    Transform,
     ValueLayer,
     open_map,
     save_map,
 )
+from hypermap.values import Samples
 from hypermap.viewer.picture import compose
 
 from ..recordings.test_samples import START, BagBuilder, add_drive, add_temperature
 from .conftest import assert_one_error
 
 SETTINGS = ("--length", "3", "--deviation", "4", "--sensor-noise", "0.2")
+
+
+def assert_last_error(result, said):
+    """Assert that a command ended with one error, after it had told what it was at."""
+    assert result.code == 2
+    assert result.out == ""
+    last = result.err.splitlines()[-1]
+    assert last.startswith("hypermap: error: ")
+    assert said in last
 
 
 @pytest.fixture(scope="module")
@@ -136,6 +149,7 @@ def test_answers_are_tables_of_few_lines(hypermap, warm):
     ("question", "said"),
     [
         (["--above", "20", "--name", "desk"], "give --measured LAYER, too"),
+        (["--above", "20", "--within", "2"], "give --measured LAYER, too"),
         (["--above", "20", "--layer", "things"], "which holds no measured values"),
         (["--measured", "temperature"], "there is no query"),
         (["--name", "desk", "--measured", "warmth"], "there is no layer 'warmth'"),
@@ -228,6 +242,32 @@ def test_samples_of_a_bag_become_a_layer(hypermap, flat, tmp_path):
     assert layer.value_at([2.5, 1])[0] == pytest.approx(310 + 273.15, abs=1.5)
 
 
+def test_a_map_frame_of_another_name_in_tf_is_that_of_the_map(hypermap, flat, tmp_path):
+    with BagBuilder(tmp_path, "mcap") as bag:
+        for second in range(4):
+            bag.add_tf("/tf", START + second * 10**9, "world", "sensor", (second, 1, 0))
+        for second in range(3):
+            add_temperature(bag, second, 20 + second)
+    out = tmp_path / "out.hmap"
+    ways = (bag.path, "--topic", "/warmth", "--onto", flat, "-o", out, "--method", "nearest")
+    assert_last_error(hypermap("values", *ways), "tf has no frame 'map'; it has world, sensor")
+    assert hypermap("values", *ways, "--map-frame", "world").code == 0
+    assert open_map(out)["temperature"].frame_id == "map"
+    assert open_map(out).value_at("temperature", [[2, 1]]).tolist() == [22]
+
+
+def test_kept_samples_in_another_frame_are_brought_to_that_of_the_walls(hypermap, tmp_path):
+    samples = Samples.of([[1, 0.5]], [7.0])
+    layer = ValueLayer("noise", "lab", GridGeometry(4, 4, 1.0), np.ones((4, 4)), samples=samples)
+    walls = OccupancyLayer("occupancy", "map", GridGeometry(20, 20, 1.0), np.zeros((20, 20), int))
+    frames = FrameTree([Transform("map", "lab", Pose2D(x=10))])
+    save_map(Hypermap([walls, layer], frames), tmp_path / "in.hmap")
+    out = tmp_path / "out.hmap"
+    assert hypermap("values", tmp_path / "in.hmap", "-o", out, "--method", "nearest").code == 0
+    assert open_map(out)["noise"].frame_id == "map"
+    assert open_map(out).value_at("noise", [[11, 0.5]]).tolist() == [7]
+
+
 def test_a_bag_places_the_samples_of_a_table(hypermap, flat, tmp_path):
     with BagBuilder(tmp_path, "mcap") as bag:
         add_drive(bag)
@@ -269,6 +309,7 @@ def test_what_was_not_heard_is_told(hypermap, flat, tmp_path):
         ("x,y,value\n1,1,20\n", [], "1 sample with a value does not tell how the quantity varies"),
         ("x,y,value\n1,1,-99\n", ["--censored-below", "-95"], "none of the 1 samples has a value"),
         ("x,y,value\n99,1,20\n", [], "all 1 samples lie off the map, which reaches from"),
+        ("x,y,value\n1,1,20\n", ["--resolution", "0", "--method", "nearest"], "resolution must be"),
         ("x,y,value\n1,1,nan\n", [], "there is no sample left: 1 sample without a number"),
         ("x,y,value\n1,1,20\n", ["--method", "krig"], "expected one of gmrf, kernel, nearest"),
         ("x,y,value\n1,1,20\n", ["--length", "3"], "takes --length, --deviation, --sensor-noise"),
@@ -282,10 +323,7 @@ def test_bad_input_is_one_error_and_saves_nothing(hypermap, flat, tmp_path, text
     (tmp_path / "samples.csv").write_text(text)
     out = tmp_path / "out.hmap"
     files = (tmp_path / "samples.csv", "--onto", flat, "-o", out)
-    result = hypermap("values", *files, *options)
-    assert result.code == 2
-    assert result.err.splitlines()[-1].startswith("hypermap: error: ")
-    assert said in result.err
+    assert_last_error(hypermap("values", *files, *options), said)
     assert not out.exists()
 
 

@@ -21,6 +21,7 @@ from hypermap.core.hypermap import Hypermap
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.opaque import OpaqueLayer
 from hypermap.core.semantic import SemanticLayer, SemanticObject
+from hypermap.core.value_layer import ValueLayer
 from hypermap.formats import open_map, save_map
 from hypermap.ros.rviz.config import RvizView, configuration, map_configuration, view_of
 from hypermap.ros.rviz.window import LayerDisplays
@@ -80,6 +81,15 @@ def test_the_servers_masks_have_displays_that_can_be_switched_on(ros2: bool) -> 
         assert display["Alpha"] < 1, "what is below stays visible"
         if ros2:
             assert display["Topic"]["Durability Policy"] == "Transient Local"
+
+
+def test_measured_values_are_a_map_through_which_the_floor_is_seen() -> None:
+    hypermap = building()
+    hypermap.add(ValueLayer("warmth", "map"))
+    display = displays(map_configuration(hypermap))["warmth"]
+    assert display["Class"] == "rviz/Map"
+    assert 0 < display["Alpha"] < 1
+    assert display["Topic"].endswith("/warmth_values")
 
 
 def test_a_layer_that_no_topic_shows_has_no_display() -> None:

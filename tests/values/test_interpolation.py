@@ -145,6 +145,28 @@ def test_too_few_samples_are_refused_with_a_remedy(count, below, said):
         interpolate(Samples.of(points, np.arange(count), np.arange(count) < below))
 
 
+@pytest.mark.parametrize("method", ["gmrf", "kernel", "nearest"])
+@pytest.mark.parametrize(
+    ("places", "values", "said"),
+    [
+        ([1.0, 2e5], [1.0, 2.0], r"reach from \(1, 0\) to \(200000, 0\); are their places in"),
+        ([1e12, 1e12], [1.0, 2.0], "are their places in meters"),
+        ([-1.7e308, 1.7e308], [1.0, 2.0], "are their places in meters"),
+        ([1.0, 2.0], [1.0, -1e308], "a sample has a value of 1e.308, too large"),
+    ],
+)
+def test_absurd_samples_are_refused(method, places, values, said):
+    points = np.column_stack([places * 3, np.zeros(6)])
+    with pytest.raises(HypermapError, match=said):
+        interpolate(Samples.of(points, values * 3), method=method)
+
+
+@pytest.mark.parametrize("resolution", [0, -1, float("nan"), float("inf"), 1e9])
+def test_what_is_no_side_of_a_cell_is_refused(resolution):
+    with pytest.raises(HypermapError, match="resolution must be from"):
+        interpolate(warm_and_cold(), resolution=resolution)
+
+
 def test_a_resolution_that_is_too_fine_is_refused():
     with pytest.raises(HypermapError, match="take a coarser one"):
         interpolate(warm_and_cold(), resolution=0.005)

@@ -13,7 +13,6 @@ from hypermap.core.errors import HypermapError
 if TYPE_CHECKING:
     from hypermap.core.hypermap import Hypermap
     from hypermap.core.moving_frames import Motion
-    from hypermap.core.samples import Samples
     from hypermap.core.value_layer import ValueLayer
     from hypermap.recordings.samples import Measured
 
@@ -89,54 +88,35 @@ def _motion(source: Path, frame: str, sensor_frame: str | None) -> Motion:
     return motion_in_bag(source, frame, sensor_frame)
 
 
-def kept(
-    hypermap: Hypermap,
-    name: str | None,
-    frame: str,
-    source: Path,
-    censored_below: float | None,
-) -> tuple[Measured, ValueLayer]:
-    """Return the samples that a layer of a map keeps, and the layer."""
-    from hypermap.recordings.samples import Measured
-    from hypermap.values import value_layer_called
-
-    layer = value_layer_called(hypermap, name)
-    if layer.samples is None:
-        raise HypermapError(f"{source}: layer {layer.name!r} has kept no samples")
-    _check_frame(layer, frame)
-    samples = layer.samples
-    if censored_below is not None:
-        samples = samples.censored(censored_below)
-    return Measured(samples, layer.unit, layer.name), layer
-
-
-def layer_to_join(hypermap: Hypermap, name: str, frame: str, add: bool) -> ValueLayer:
+def layer_to_join(hypermap: Hypermap, name: str, add: bool) -> ValueLayer:
     """Return the layer that there is already, if samples are to be added to it."""
     from hypermap.values import value_layer_called
 
+    if name not in hypermap:
+        raise HypermapError(f"--add: the map has no layer {name!r} yet")
     if not add:
         raise HypermapError(
             f"the map has a layer {name!r} already; give --add to join the samples with its own, "
             "or another name with --quantity"
         )
-    layer = value_layer_called(hypermap, name)
-    _check_frame(layer, frame)
-    return layer
+    return value_layer_called(hypermap, name)
 
 
-def _check_frame(layer: ValueLayer, frame: str) -> None:
+def kept(
+    hypermap: Hypermap, layer: ValueLayer, frame: str, censored_below: float | None = None
+) -> Measured:
+    """Return the samples that a layer of a map has kept, in a frame of that map."""
+    from hypermap.recordings.samples import Measured
+
+    samples = layer.samples
+    if samples is None:
+        raise HypermapError(f"layer {layer.name!r} has kept no samples")
     if layer.frame_id != frame:
-        raise HypermapError(
-            f"layer {layer.name!r} is in frame {layer.frame_id!r}, not in {frame!r}; name that of "
-            "the layer with --map-frame"
-        )
-
-
-def joined(layer: ValueLayer, samples: Samples) -> Samples:
-    """Return the samples that a layer has kept, and others."""
-    if layer.samples is None:
-        raise HypermapError(f"--add: layer {layer.name!r} has kept no samples to join with")
-    return layer.samples.joined(samples)
+        pose = hypermap.frames.lookup(frame, layer.frame_id)
+        samples = replace(samples, points_xy=pose.apply(samples.points_xy))
+    if censored_below is not None:
+        samples = samples.censored(censored_below)
+    return Measured(samples, layer.unit, layer.name)
 
 
 def in_unit(measured: Measured, of_samples: str | None, wanted: str | None) -> Measured:

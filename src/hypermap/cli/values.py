@@ -12,7 +12,6 @@ from hypermap.cli.terminal import note, say, say_json
 from hypermap.cli.value_sources import (
     check_sources,
     in_unit,
-    joined,
     kept,
     layer_to_join,
     read,
@@ -35,7 +34,7 @@ def command(
     source: Annotated[
         Path | None,
         typer.Argument(
-            metavar="[SOURCE]",
+            metavar="SOURCE",
             readable=False,
             show_default=False,
             help="A table of samples (.csv); a ROS bag with their topic; a bag, or a trajectory "
@@ -226,12 +225,14 @@ def command(
     """
     from hypermap.core.hypermap import Hypermap
     from hypermap.formats import open_map, save_map
-    from hypermap.values import METHODS, value_layer_of
+    from hypermap.values import METHODS, value_layer_called, value_layer_of
 
     if source is not None and table is None and source.suffix.lower() == ".csv":
         source, table = None, source
     is_again = source is not None and table is None and source.suffix.lower() == ".hmap"
     check_sources(source, table, topic, is_again)
+    if add and is_again:
+        raise HypermapError(f"--add: {source} has no new samples; give a table or a bag")
     if method not in METHODS:
         raise HypermapError(f"--method {method!r}: expected one of {', '.join(METHODS)}")
     if output is None:
@@ -245,23 +246,26 @@ def command(
     onto = source if onto is None and is_again else onto
     hypermap = Hypermap() if onto is None else open_map(onto)
     walls = _walls(hypermap, occupancy)
-    frame = map_frame or (hypermap.base_frame if walls is None else walls.frame_id)
+    frame = _frame(hypermap, walls, map_frame)
 
     older: ValueLayer | None = None
     if is_again:
         assert source is not None
-        measured, older = kept(open_map(source), quantity, frame, source, censored_below)
+        again = open_map(source)
+        older = value_layer_called(again, quantity)
+        measured = kept(again, older, frame, censored_below)
     else:
-        measured = read(source, table, topic, field, frame, sensor_frame, censored_below)
+        tf_frame = map_frame or frame
+        measured = read(source, table, topic, field, tf_frame, sensor_frame, censored_below)
     name = quantity or measured.quantity or "value"
-    if not is_again and name in hypermap:
-        older = layer_to_join(hypermap, name, frame, add)
-    measured = in_unit(measured, sample_unit, unit or (older.unit if older is not None else None))
+    if not is_again and (name in hypermap or add):
+        older = layer_to_join(hypermap, name, add)
+    of_older = None if older is None else older.unit
+    measured = in_unit(measured, sample_unit, unit or of_older)
     samples = measured.samples
-    if add and not is_again:
-        if older is None:
-            raise HypermapError(f"--add: the map has no layer {name!r} yet")
-        samples = joined(older, samples)
+    if add and older is not None:
+        before = in_unit(kept(hypermap, older, frame), None, measured.unit)
+        samples = before.samples.joined(samples)
     if not len(samples):
         raise HypermapError(f"there is no sample left: {_told(measured.left_out)}")
     note(f"{method}: {counted(len(samples), 'sample')} ...")
@@ -278,7 +282,7 @@ def command(
     )
     assert layer.samples is not None
     off = len(samples) - len(layer.samples)
-    left_out = {**measured.left_out, **({"that lie off the map": off} if off else {})}
+    left_out = {**measured.left_out, **({"off the map": off} if off else {})}
     save_map(_with_layer(hypermap, layer), output)
     if as_json:
         say_json(_describe(layer, left_out))
@@ -316,6 +320,13 @@ def _walls(hypermap: Hypermap, name: str | None) -> OccupancyLayer | None:
         note("the map has no occupancy, so no walls are known")
         return None
     return hypermap.occupancy(name)
+
+
+def _frame(hypermap: Hypermap, walls: OccupancyLayer | None, named: str | None) -> str:
+    """Return the frame of the layer; a map without any layer takes the one that is named."""
+    if walls is not None:
+        return walls.frame_id
+    return hypermap.base_frame if len(hypermap.layers) else named or hypermap.base_frame
 
 
 def _with_layer(hypermap: Hypermap, layer: ValueLayer) -> Hypermap:

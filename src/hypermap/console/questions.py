@@ -214,7 +214,8 @@ def _check(question: Question) -> None:
 
 
 def _check_places(question: Question) -> None:
-    if question.what or any((question.near, question.inside, question.having, question.by_path)):
+    of_objects = (question.near, question.within, question.inside, question.having)
+    if question.what or question.by_path or any(part is not None for part in of_objects):
         raise HypermapError(
             "--above and --below ask where a quantity is so; to ask which objects are there, give "
             "--measured LAYER, too"

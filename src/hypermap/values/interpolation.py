@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 from threadpoolctl import threadpool_limits
 
 from hypermap.core.errors import HypermapError
-from hypermap.core.grid import GridGeometry
+from hypermap.core.grid import GridGeometry, check_resolution
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.samples import Samples
 from hypermap.values.fitting import LEAST_SAMPLES, fitted, with_limits
@@ -29,6 +29,9 @@ _NODES = 20_000  # at most, where nobody asks for more
 _MOST_NODES = 100_000  # a gigabyte of blocks, where the floor is square
 _NODES_TO_FIT = 2_500
 _UNEXPLAINED = 0.5  # of the variance, above which there is no value
+_FARTHEST = 1e9  # meters from the origin
+_WIDEST = 1e5  # meters from one sample to another
+_LARGEST = 1e30  # value, whose square is a number yet
 _UNSURE = 0.5  # confidence of the kernel, below which there is no value
 
 
@@ -80,10 +83,12 @@ def interpolate(
         resolution: side of a cell [m]; without it 0.25 m, or more on a large floor.
 
     Raises:
-        HypermapError: If there are too few samples with a value, or the resolution is too fine.
+        HypermapError: If there are too few samples with a value, they lie too far apart, a value is
+            absurdly large, or the resolution is too fine or none.
     """
     if method not in METHODS:
         raise HypermapError(f"method must be one of {', '.join(METHODS)}, got {method!r}")
+    _check(samples)
     heard = int(np.count_nonzero(~samples.is_below))
     if heard == 0:
         raise HypermapError(
@@ -102,6 +107,21 @@ def interpolate(
         return _by_kernel(grid, samples, occupancy, settings)
     with threadpool_limits(1, "blas"):  # threads wait for each other at each small block
         return _by_field(grid, samples, occupancy, settings)
+
+
+def _check(samples: Samples) -> None:
+    if not len(samples):
+        return
+    farthest = float(np.abs(samples.points_xy).max())
+    if farthest > _FARTHEST or np.ptp(samples.points_xy, axis=0).max() > _WIDEST:
+        (x0, y0), (x1, y1) = samples.points_xy.min(axis=0), samples.points_xy.max(axis=0)
+        raise HypermapError(
+            f"the samples reach from ({x0:g}, {y0:g}) to ({x1:g}, {y1:g}); are their places in "
+            "meters?"
+        )
+    largest = float(np.abs(samples.values).max())
+    if largest > _LARGEST:
+        raise HypermapError(f"a sample has a value of {largest:g}, too large to compute with")
 
 
 def _by_field(
@@ -187,6 +207,10 @@ def _observed(lattice: Lattice, samples: Samples) -> Observations:
 
 
 def _grid(samples: Samples, resolution: float | None) -> GridGeometry:
+    try:
+        check_resolution(_RESOLUTION if resolution is None else resolution)
+    except ValueError as error:
+        raise HypermapError(str(error)) from None
     if resolution is None:
         return _at_most(grid_around(samples.points_xy, _MARGIN, _RESOLUTION), _NODES)
     grid = grid_around(samples.points_xy, _MARGIN, resolution)

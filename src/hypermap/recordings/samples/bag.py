@@ -80,7 +80,7 @@ def read_bag(
     except HypermapError as error:
         raise FormatError(str(error), path=path, key=topic) from None
     if log.damaged:
-        measured.left_out["that are damaged"] = log.damaged
+        measured.left_out["in damaged messages"] = log.damaged
     return measured
 
 
