@@ -10,12 +10,12 @@ from shapely.geometry.base import BaseGeometry
 from hypermap.perception.config import PerceptionConfig
 from hypermap.perception.depth_view import DepthView
 from hypermap.perception.detections import Detections
+from hypermap.perception.footprints import footprint
 from hypermap.perception.frame import RgbdFrame
 from hypermap.perception.observation import Observation, ObservedObject
 from hypermap.perception.outline import outer_points
 from hypermap.perception.projection import transform
 from hypermap.perception.segmentation import segment, valid_pixels
-from hypermap.perception.footprints import footprint
 
 PIECE_WEIGHT = 0.5  # of the score of what its box cut out of a surface that runs on
 
