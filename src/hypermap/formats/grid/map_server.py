@@ -40,7 +40,7 @@ _Fraction = Annotated[float, Field(ge=0, le=1)]
 
 
 class MapYaml(Checked):
-    """What a map_server YAML file says about its picture."""
+    """The content of a map_server YAML file: how to read its image."""
 
     image: Text
     resolution: Annotated[Finite, Field(ge=RESOLUTIONS[0], le=RESOLUTIONS[1])]
@@ -63,7 +63,7 @@ class MapYaml(Checked):
 
 
 class OccupancyFiles:
-    """How occupancy layers are kept: `file` NAME means NAME.yaml and the picture it names."""
+    """The files of occupancy layers: `file` NAME means NAME.yaml and the image it names."""
 
     def empty(self, name: str, frame_id: str, settings: Mapping[str, Any]) -> OccupancyLayer:
         """Return a layer without cells."""
@@ -130,7 +130,7 @@ def load_occupancy(
 
 
 def parse_map_yaml(content: bytes, path: str) -> MapYaml:
-    """Return what a map_server YAML file says.
+    """Return the content of a map_server YAML file.
 
     Raises:
         FormatError: Naming the key that is wrong or missing.
