@@ -70,8 +70,8 @@ def _records(message: Any) -> NDArray[Any]:
     height, width = message.height, message.width
     if height < 2 or width < 2:
         raise FormatError(
-            f"the cloud is not organised: it has {height} x {width} points, and its neighbors "
-            "are unknown; record the camera's organised cloud or its depth image"
+            f"the cloud is not organized: it has {height} x {width} points, and its neighbors "
+            "are unknown; record the camera's organized cloud or its depth image"
         )
     names, formats, offsets = _point_fields(message)
     ends = [at + np.dtype(kind).itemsize for at, kind in zip(offsets, formats, strict=True)]
