@@ -7,12 +7,12 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
 from hypermap.core.errors import HypermapError
-from hypermap.evaluation.significance import signed_rank
+from hypermap.evaluation.significance import effect_of, signed_rank
 
 
 def p_by_counting(ranks: list[float], positive: list[bool]) -> float:
@@ -164,3 +164,36 @@ def test_both_directions_together_are_sure(sample: list[int]) -> None:
     forth, back = signed_rank(sample), signed_rank([-x for x in sample])
     assert forth.p + back.p >= 1
     assert forth.statistic + back.statistic == pytest.approx(forth.used * (forth.used + 1) / 2)
+
+
+def test_an_effect_has_a_mean_an_interval_and_a_correlation() -> None:
+    # Ranks 1 .. 4, of which 2 belongs to the negative one: (8 - 2) / 10.
+    effect = effect_of([0.1, -0.2, 0.3, 0.4])
+    assert effect.pairs == 4
+    assert effect.mean == pytest.approx(0.15)
+    assert effect.rank_biserial == pytest.approx(0.6)
+    assert effect_of([0.0, 0.0]).rank_biserial == 0.0
+    # The interval of a mean of many normal deviates is known: 1.96 standard errors to each side.
+    many = effect_of(np.random.default_rng(3).normal(1.0, 2.0, 400))
+    half = 1.96 * 2.0 / 20
+    assert [many.mean - many.low, many.high - many.mean] == pytest.approx([half, half], rel=0.1)
+
+
+@settings(deadline=None, max_examples=20)
+@given(st.lists(st.floats(-5, 5), min_size=1, max_size=30))
+def test_the_interval_holds_the_mean_and_turns_with_the_signs(differences: list[float]) -> None:
+    effect, turned = effect_of(differences), effect_of([-one for one in differences])
+    assert effect == effect_of(differences)
+    assert effect.low - 1e-9 <= effect.mean <= effect.high + 1e-9
+    assert min(differences) - 1e-9 <= effect.low <= effect.high <= max(differences) + 1e-9
+    assert (turned.mean, turned.low, turned.high) == pytest.approx(
+        (-effect.mean, -effect.high, -effect.low)
+    )
+    assert turned.rank_biserial == pytest.approx(-effect.rank_biserial)
+    assert -1 <= effect.rank_biserial <= 1
+
+
+@pytest.mark.parametrize("differences", [[], [[0.1]], [float("nan")]])
+def test_an_effect_needs_differences(differences: list[float]) -> None:
+    with pytest.raises(ValueError, match="difference"):
+        effect_of(differences)

@@ -137,8 +137,11 @@ def test_figures_are_means_over_all_true_objects_of_all_drives() -> None:
     assert result.shape(OURS, "cup") == (None, None)
     data = to_data([result])["worlds"][0]["methods"]
     assert data[OURS]["at"][0]["recall"] == 0.5  # the cup is missing
-    # Two pairs, both better: one of four patterns of signs.
-    assert data["best shape, overlap"]["p_iou"] == signed_rank([0.5, 0.5]).p == 0.25
+    # One table on two drives is one pair: one of two signs.
+    assert data["best shape, overlap"]["p_iou"] == signed_rank([0.5]).p == 0.5
+    gain = data["best shape, overlap"]["gain_iou"]
+    assert (gain["pairs"], gain["rank_biserial"]) == (1, 1.0)
+    assert [gain[key] for key in ("mean", "low", "high")] == pytest.approx([0.5] * 3)
     assert np.isclose(data["best shape, overlap"]["distance"], 0.5)
 
 

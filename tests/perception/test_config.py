@@ -13,6 +13,7 @@ def test_the_thesis_profile_takes_all_detections_and_depths_and_grows_regions() 
     assert thesis == PerceptionConfig(
         method="organised",
         min_support=0,
+        min_top=0.0,
         visible_step=1,
         normal_neighbors=50,
         region_neighbors=30,

@@ -61,6 +61,20 @@ def test_a_box_on_a_table_is_seen_from_above_as_it_is(method: Method) -> None:
     np.testing.assert_array_equal(observation.map_T_camera, LOOKING_DOWN)
 
 
+@pytest.mark.parametrize(
+    ("top", "is_seen"),
+    [(0.08, True), (0.03, False), (-0.03, False), (-2.0, True)],
+)
+def test_a_piece_of_the_floor_is_no_object(top: float, is_seen: bool) -> None:
+    """Where all lies far below z = 0, the map has its floor elsewhere, and nothing is left out."""
+    lowered = LOOKING_DOWN.copy()
+    lowered[2, 3] += top - TOP
+    seen = observe(frame_of(box_on_table(), lowered), SEEN, PerceptionConfig())
+    assert len(seen.objects) == is_seen
+    kept = observe(frame_of(box_on_table(), lowered), SEEN, PerceptionConfig(min_top=0))
+    assert len(kept.objects) == 1
+
+
 @settings(deadline=None, max_examples=15)
 @given(st.floats(-20, 20), st.floats(-20, 20), st.floats(-np.pi, np.pi))
 def test_a_motion_of_the_camera_moves_what_it_sees(x: float, y: float, yaw: float) -> None:

@@ -21,9 +21,10 @@ from hypermap.simulation import (
     MapNoise,
     PoseNoise,
     SimulatedRecording,
+    built_in_world,
     errors_of_level,
 )
-from hypermap.simulation.laser_map import outlines_at
+from hypermap.simulation.laser_map import _registered, outlines_at
 from hypermap.simulation.people import Walker, draw_walkers, walkers_at
 from hypermap.simulation.scene import wall_parts
 from hypermap.simulation.trajectory import Drive
@@ -145,6 +146,30 @@ def test_a_laser_maps_walls_and_legs_and_leaves_unknown_what_it_did_not_see() ->
     assert laser.value_at([[6.4, 4.4]]).tolist() == [UNKNOWN]
     again = MapNoise("laser").make(ROOM, np.random.default_rng(0))
     assert np.array_equal(laser.cells, again.cells)
+
+
+@given(st.floats(-3, 3), st.floats(-10, 10), st.floats(-10, 10))
+def test_a_laser_map_is_turned_and_moved_onto_the_true_drive(
+    turn: float, x: float, y: float
+) -> None:
+    true = np.array([[0.5, 2, 0], [1.5, 2, 0.3], [1.5, 2, 2], [1, 3, 7]])
+    cosine, sine = math.cos(turn), math.sin(turn)
+    moved = true @ [[cosine, sine, 0], [-sine, cosine, 0], [0, 0, 1]] + [x, y, turn]
+    registered = _registered(moved, true)
+    assert registered[:, :2] == pytest.approx(true[:, :2], abs=1e-9)
+    assert np.exp(1j * registered[:, 2]) == pytest.approx(np.exp(1j * true[:, 2]), abs=1e-9)
+
+
+def test_what_a_bend_lays_over_itself_is_mapped_once() -> None:
+    floor = built_in_world("floor")
+    exact = true_occupancy(floor)
+    bent = MapNoise(bend=0.04).make(floor, np.random.default_rng(0))
+    free, occupied = (
+        np.count_nonzero(bent.cells == value) / np.count_nonzero(exact.cells == value)
+        for value in (FREE, OCCUPIED)
+    )
+    assert free == pytest.approx(1, rel=0.1)
+    assert 1 <= occupied < 1.3  # a wall that is not straight touches more cells
 
 
 def test_a_bent_map_is_off_by_as_much_as_asked() -> None:

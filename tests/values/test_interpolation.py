@@ -53,6 +53,18 @@ def test_warmth_does_not_leak_through_a_wall(mapped):
     assert mapped.settings["through_walls"] == 0
 
 
+@pytest.mark.parametrize("resolution", [0.3, 0.5])
+def test_a_sample_counts_on_its_own_side_of_a_wall(two_rooms, resolution):
+    # Samples 5 cm off the wall, in cells whose centers lie on its other side.
+    points = [[x, y] for y in np.arange(0.3, 3.8, 0.1) for x in (3.85, 4.15)]
+    warmth = [24.0, 16.0] * (len(points) // 2)
+    settings = FieldSettings(length=2.0, deviation=4.0, noise=0.2)
+    result = interpolate(
+        Samples.of(points, warmth), two_rooms, settings=settings, resolution=resolution
+    )
+    np.testing.assert_allclose(at(result, [[3.4, 2.0], [4.6, 2.0]]), [24, 16], atol=0.5)
+
+
 def test_values_are_where_the_floor_is_and_samples_say_something(two_rooms, mapped):
     centers = mapped.grid.centers(*np.nonzero(~np.isnan(mapped.values)))
     assert set(two_rooms.label_at(centers)) == {"Free"}
@@ -136,15 +148,6 @@ def test_too_few_samples_are_refused_with_a_remedy(count, below, said):
 def test_a_resolution_that_is_too_fine_is_refused():
     with pytest.raises(HypermapError, match="take a coarser one"):
         interpolate(warm_and_cold(), resolution=0.005)
-
-
-@pytest.mark.parametrize(
-    ("values", "said"),
-    [([1.0, np.nan], r"values\[1\] is not finite"), ([1.0], r"values must have shape \(2,\)")],
-)
-def test_samples_are_checked(values, said):
-    with pytest.raises(ValueError, match=said):
-        Samples.of([[0, 0], [1, 1]], values)
 
 
 # Two surveys of WiFi signal strength; the figures of other methods are in their README.

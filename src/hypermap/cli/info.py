@@ -97,6 +97,7 @@ def describe_map(hypermap: Hypermap) -> dict[str, Any]:
 def _describe_layer(layer: Layer) -> dict[str, Any]:
     from hypermap.core.occupancy import OccupancyLayer
     from hypermap.core.semantic import SemanticLayer
+    from hypermap.core.value_layer import ValueLayer
 
     extent = layer.extent()
     content: dict[str, Any] = {
@@ -118,6 +119,14 @@ def _describe_layer(layer: Layer) -> dict[str, Any]:
         content["resolution"] = grid.resolution
         content["origin"] = [grid.origin.x, grid.origin.y, grid.origin.yaw]
         content["cells"] = layer.counts()
+    elif isinstance(layer, ValueLayer) and layer.grid is not None:
+        found = layer.summary_in(layer.extent())
+        samples = layer.samples
+        content["quantity"], content["unit"] = layer.quantity, layer.unit
+        content["min"], content["mean"], content["max"] = found.least, found.mean, found.most
+        content["samples"] = None if samples is None else len(samples)
+        content["made_by"] = layer.made_by
+        content["summary"] = layer.summary()
     return content
 
 
@@ -191,7 +200,7 @@ def _content(layer: dict[str, Any]) -> str:
     if "cells" in layer:
         cells = ", ".join(f"{label} {count}" for label, count in layer["cells"].items())
         return f"{layer['width']} x {layer['height']} cells of {layer['resolution']:g} m: {cells}"
-    return ""
+    return printable(layer.get("summary", ""), 200)
 
 
 def _flat(values: dict[str, Any], prefix: str = "") -> list[tuple[str, str]]:

@@ -2,30 +2,23 @@
 
 from __future__ import annotations
 
-import re
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
-from typer.core import TyperCommand
 
 from hypermap.cli.mask_options import KEEPOUT_HELP, KEEPOUT_METAVAR
-from hypermap.cli.options import AsJson, MapPath, RobotRadius
+from hypermap.cli.options import (
+    AsJson,
+    InflationRadius,
+    MapPath,
+    PointsAsPlaces,
+    RobotRadius,
+    path_settings,
+)
 from hypermap.cli.terminal import say, say_json
-from hypermap.core.errors import HypermapError
 from hypermap.paths.settings import STAND_OFF
 
-
-class _PathCommand(TyperCommand):
-    """Takes points as -1,2 for places, not for options."""
-
-    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Read the arguments; what is behind a blank is no option."""
-        return super().parse_args(
-            ctx, [f" {word}" if re.match(r"-[\d.]+,", word) else word for word in args]
-        )
-
-
-COMMAND_CLASS = _PathCommand
+COMMAND_CLASS = PointsAsPlaces
 
 
 def command(
@@ -42,14 +35,7 @@ def command(
         str, typer.Argument(metavar="TO", show_default=False, help="The same, to where.")
     ],
     robot_radius: RobotRadius = None,
-    inflation_radius: Annotated[
-        float,
-        typer.Option(
-            "--inflation-radius",
-            metavar="METERS",
-            help="Keep so far from walls where it costs little, as Nav2 does; 0: the shortest.",
-        ),
-    ] = 0.0,
+    inflation_radius: InflationRadius = None,
     cost_scaling: Annotated[
         float,
         typer.Option(
@@ -88,16 +74,12 @@ def command(
     """
     from hypermap.console.paths import document, lines, plan
     from hypermap.formats import open_map
-    from hypermap.paths import PathSettings, Planner
+    from hypermap.paths import Planner
     from hypermap.ros.server.zones import keepout_filter
 
-    try:
-        settings = PathSettings(
-            robot_radius or 0.0, inflation_radius, cost_scaling, through_unknown
-        )
-    except ValueError as error:
-        name, _, rest = str(error).partition(" ")
-        raise HypermapError(f"--{name.replace('_', '-')} {rest}") from None
+    settings = path_settings(
+        robot_radius or 0.0, inflation_radius or 0.0, cost_scaling, through_unknown
+    )
     zones = keepout_filter(keepout or ()).zones
     hypermap = open_map(path)
     planner = Planner(hypermap, settings, keepout=zones, occupancy=occupancy)

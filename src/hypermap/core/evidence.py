@@ -15,6 +15,8 @@ _FAR = 1e9  # meters; as far as objects may lie
 _DECIMALS = 4  # of meters
 _SCORE_DECIMALS = 6
 _POSE_DECIMALS = 9
+_NEAR = 0.1  # meters; a camera so near has no direction
+_ONE_SIDED = 0.75  # length of the mean direction of view: 1 from one place, 0 from all around
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,6 +122,28 @@ class EvidenceTable:
             poses=np.round(self.poses, _POSE_DECIMALS),
             areas=_rounded(self.areas),
         )
+
+
+def mean_view(
+    center_xy: NDArray[np.float64], cameras_xy: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the mean of the directions from which a place was seen, of length 1 each, shape (2,).
+
+    Args:
+        center_xy: the place [m], shape (2,).
+        cameras_xy: from where it was seen [m], shape (N, 2).
+    """
+    views = center_xy - cameras_xy
+    lengths = np.hypot(*views.T)
+    is_far = lengths > _NEAR
+    if not is_far.any():
+        return np.zeros(2)
+    return np.asarray((views[is_far] / lengths[is_far, np.newaxis]).mean(axis=0))
+
+
+def is_one_sided(center_xy: NDArray[np.float64], cameras_xy: NDArray[np.float64]) -> bool:
+    """Return whether a place was seen from one side alone; arguments as for `mean_view`."""
+    return bool(np.hypot(*mean_view(center_xy, cameras_xy)) >= _ONE_SIDED)
 
 
 def _rounded(shapes: ObjectArray) -> ObjectArray:

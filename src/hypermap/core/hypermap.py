@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any, TypeVar
 
 import numpy as np
@@ -42,6 +42,8 @@ class Hypermap(OutsideMethods):
     Attributes:
         frames: the transforms between the frames of the layers.
         metadata: saved with the map, such as the configuration that made it.
+        mapper_state: what mapping needs to go on with the map, which it alone understands: the
+            bytes, or a function that makes them; None for a map that mapping cannot go on with.
 
     Raises:
         HypermapError: If two layers have the same name.
@@ -55,13 +57,18 @@ class Hypermap(OutsideMethods):
     ) -> None:
         self.frames = FrameTree() if frames is None else frames
         self.metadata: dict[str, Any] = dict(metadata or {})
+        self.mapper_state: bytes | Callable[[], bytes] | None = None
         self._layers: dict[str, Layer] = {}
         self._warned: set[str] = set()
         for layer in layers:
             self.add(layer)
 
     def __copy__(self) -> Hypermap:
-        return Hypermap(self._layers.values(), self.frames, self.metadata)
+        return self.with_layers(self._layers.values())
+
+    def __getstate__(self) -> dict[str, Any]:
+        kept = self.mapper_state  # a function may not travel to another process
+        return vars(self) | {"mapper_state": kept() if callable(kept) else kept}
 
     def __repr__(self) -> str:
         rows = [(layer.name, type(layer).__name__, self._summary(layer)) for layer in self]
@@ -174,8 +181,17 @@ class Hypermap(OutsideMethods):
             LayerNotFound: If there is none of that name.
         """
         old = self[layer.name]
-        layers = [layer if place is old else place for place in self._layers.values()]
-        return Hypermap(layers, self.frames, self.metadata)
+        return self.with_layers(layer if place is old else place for place in self._layers.values())
+
+    def with_layers(self, layers: Iterable[Layer]) -> Hypermap:
+        """Return a map of other layers, with the frames and all else that this one has.
+
+        Raises:
+            HypermapError: If two layers have the same name.
+        """
+        other = Hypermap(layers, self.frames, self.metadata)
+        other.mapper_state = self.mapper_state
+        return other
 
     # Queries to one layer
 

@@ -83,13 +83,15 @@ class SemanticLayer(Layer):
         settings: Mapping[str, Any] | None = None,
         rejected: Iterable[Rejected] = (),
         evidence: EvidenceTable | Callable[[], EvidenceTable] | None = None,
+        next_id: int = 0,
     ) -> SemanticLayer:
         """Return a layer from a table of objects, which is much faster.
 
-        The table must pass its `check`.
+        The table must pass its `check`. New objects get ids from `next_id` on, or larger ones.
         """
         layer = cls(name, frame_id, (), settings, rejected, evidence)
-        layer._now = ObjectStore.of(table, next_id=int(table.ids.max(initial=-1)) + 1)
+        free = max(next_id, int(table.ids.max(initial=-1)) + 1)
+        layer._now = ObjectStore.of(table, next_id=free)
         return layer
 
     def copy(self) -> SemanticLayer:
@@ -131,6 +133,11 @@ class SemanticLayer(Layer):
         """The objects' ids in the order in which they were added, shape (N,)."""
         now = self._now
         return now.column("ids", now.rows)
+
+    @property
+    def next_id(self) -> int:
+        """The least id that no object of this layer has had so far."""
+        return self._now.next_id
 
     @property
     def names(self) -> ObjectArray:

@@ -5,12 +5,13 @@ from hypermap.evaluation.comparison import Comparison, compare
 from hypermap.evaluation.maps import MapObjects, map_objects
 from hypermap.evaluation.matching import Match, find_duplicates, iou_matrix, match_objects
 from hypermap.evaluation.metrics import Detection, Evaluation, Finds, Score, evaluate
-from hypermap.evaluation.significance import SignedRank, signed_rank
+from hypermap.evaluation.significance import Effect, SignedRank, effect_of, signed_rank
 
 __all__ = [
     "ClosestShape",
     "Comparison",
     "Detection",
+    "Effect",
     "Evaluation",
     "Finds",
     "MapObjects",
@@ -19,6 +20,7 @@ __all__ = [
     "SignedRank",
     "closest_shapes",
     "compare",
+    "effect_of",
     "evaluate",
     "find_duplicates",
     "iou_matrix",

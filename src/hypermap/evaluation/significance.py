@@ -15,6 +15,7 @@ Method: TypeAlias = Literal["exact", "normal"]
 
 TIE = 1e-9  # differences within this are equal, or zero
 MOST_EXACT = 15  # differences up to which the exact distribution is the default
+_RESAMPLES = 10_000  # of the bootstrap
 _MOST = 1000  # differences up to which it is possible; beyond, float64 underflows
 
 
@@ -39,6 +40,26 @@ class SignedRank:
     method: Method
 
 
+@dataclass(frozen=True)
+class Effect:
+    """How large paired differences are, beside whether chance alone makes them.
+
+    Attributes:
+        pairs: number of differences.
+        mean: of the differences.
+        low: lower end of the interval that holds their mean with a confidence of 95 %.
+        high: its upper end.
+        rank_biserial: matched-pairs rank-biserial correlation: 1 where all differences are above
+            zero, 0 where as much is below, -1 where all are; 0 if all are zero.
+    """
+
+    pairs: int
+    mean: float
+    low: float
+    high: float
+    rank_biserial: float
+
+
 def signed_rank(differences: ArrayLike, exact: bool = False) -> SignedRank:
     """Return the probability that chance alone makes paired differences so much larger than zero.
 
@@ -59,11 +80,7 @@ def signed_rank(differences: ArrayLike, exact: bool = False) -> SignedRank:
     >>> signed_rank([0.3, 0.1, 0.2, 0.0]).p  # one of eight patterns has all signs positive
     0.125
     """
-    given = np.asarray(differences, dtype=np.float64)
-    if given.ndim != 1:
-        raise ValueError(f"differences must have shape (N,), got {given.shape}")
-    if not np.isfinite(given).all():
-        raise ValueError("differences must be finite; there is a NaN or infinite one")
+    given = _checked(differences)
     used = given[np.abs(given) > TIE]
     ranks = _ranks(np.abs(used))
     statistic = float(ranks[used > 0].sum())
@@ -73,6 +90,46 @@ def signed_rank(differences: ArrayLike, exact: bool = False) -> SignedRank:
     z = _z(ranks, statistic)
     p = 0.5 * math.erfc(z / math.sqrt(2))
     return SignedRank(len(given), len(used), statistic, z, p, "normal")
+
+
+def effect_of(differences: ArrayLike) -> Effect:
+    """Return how large paired differences are.
+
+    The interval is the percentile bootstrap's: the mean of as many differences, drawn from them
+    with replacement, 10,000 times. The same differences give the same interval.
+
+    Args:
+        differences: one per pair, at least one, shape (N,).
+
+    Raises:
+        ValueError: If the shape is another, there is none, or a difference is not finite.
+
+    Source: Efron, Tibshirani, An Introduction to the Bootstrap, 1993, section 13.3; Kerby, "The
+    simple difference formula", Comprehensive Psychology 3, 2014.
+
+    >>> effect_of([0.1, 0.2, -0.1]).rank_biserial  # ranks 1.5 and 3 against 1.5
+    0.5
+    """
+    given = _checked(differences)
+    if (count := len(given)) == 0:
+        raise ValueError("there must be at least one difference")
+    rng = np.random.default_rng(0)
+    means = np.array([given[rng.integers(count, size=count)].mean() for _ in range(_RESAMPLES)])
+    low, high = np.percentile(means, [2.5, 97.5]).tolist()
+    used = given[np.abs(given) > TIE]
+    ranks = _ranks(np.abs(used))
+    total = float(ranks.sum())
+    biserial = float((np.sign(used) * ranks).sum()) / total if total else 0.0
+    return Effect(count, float(given.mean()), low, high, biserial)
+
+
+def _checked(differences: ArrayLike) -> NDArray[np.float64]:
+    given = np.asarray(differences, dtype=np.float64)
+    if given.ndim != 1:
+        raise ValueError(f"differences must have shape (N,), got {given.shape}")
+    if not np.isfinite(given).all():
+        raise ValueError("differences must be finite; there is a NaN or infinite one")
+    return given
 
 
 def _ranks(sizes: NDArray[np.float64]) -> NDArray[np.float64]:

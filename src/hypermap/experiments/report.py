@@ -82,8 +82,9 @@ corrects poses by it; the thesis' methods take them as they are.</p>"""
 
 def _overall(world: Data) -> str:
     head = (
-        "method", "IoU", "off by [m]", "thesis' IoU", "thesis' [m]", f"p: {OURS} has a better IoU",
-        "p: is nearer", "objects", "precision", "recall", "F1 at 0.25", "F1 at 0.5",
+        "method", "IoU", "off by [m]", "thesis' IoU", "thesis' [m]",
+        f"{OURS} gains in IoU (95 %)", "p", "is nearer by [m] (95 %)", "p",
+        "objects", "precision", "recall", "F1 at 0.25", "F1 at 0.5",
     )  # fmt: skip
     rows = []
     for name, method in world["methods"].items():
@@ -95,7 +96,9 @@ def _overall(world: Data) -> str:
             number(method["distance"]),
             number(published.get("iou")),
             number(published.get("distance")),
+            _gain(method.get("gain_iou")),
             probability(method.get("p_iou")),
+            _gain(method.get("gain_distance")),
             probability(method.get("p_distance")),
             number(method["objects"], 1),
             *(number(quarter[key]) for key in ("precision", "recall", "f1")),
@@ -149,6 +152,13 @@ def _table(head: Iterable[str], rows: Iterable[tuple[list[str], bool]]) -> str:
         for cells, is_ours in rows
     )
     return f"<table><thead><tr>{columns}</tr></thead><tbody>{body}</tbody></table>"
+
+
+def _gain(effect: Data | None) -> str:
+    """Return a mean gain with its interval as text; a dash where there is none."""
+    if effect is None:
+        return number(None)
+    return f"{effect['mean']:.2f} ({effect['low']:.2f} to {effect['high']:.2f})"
 
 
 def _bar(share: float | None) -> str:

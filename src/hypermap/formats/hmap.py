@@ -6,6 +6,7 @@ The specification is docs/formats/hmap.md.
 from __future__ import annotations
 
 import contextlib
+import itertools
 import logging
 import re
 from collections.abc import Iterator, Mapping
@@ -37,6 +38,9 @@ logger = logging.getLogger(__name__)
 
 OTHER_KEYS = "other_keys"
 """The key of a map's metadata for keys of other programs in the configuration."""
+
+MAPPER_STATE = "mapper_state"
+"""The configuration's key that names the file of what mapping needs to go on."""
 
 _YAML_ENDINGS = (".yaml", ".yml")
 
@@ -122,6 +126,7 @@ def _read_map(store: MemoryStore | FolderStore, config_name: str) -> Hypermap:
     config = parse_config(claims.read(config_name), store.path_of(config_name))
     # Files that no known layer reads belong to the unknown ones.
     layers = [_read_layer(entry, claims) for entry in config.layers]
+    mapper_state = _read_mapper_state(config.others.pop(MAPPER_STATE, None), claims)
     opaque = [layer for layer in layers if isinstance(layer, OpaqueLayer)]
     for layer in opaque:
         if (file := layer.settings.get("file")) is not None:
@@ -136,7 +141,20 @@ def _read_map(store: MemoryStore | FolderStore, config_name: str) -> Hypermap:
     metadata = dict(config.metadata)
     if config.others:
         metadata[OTHER_KEYS] = config.others
-    return Hypermap(layers, config.frames, metadata)
+    hypermap = Hypermap(layers, config.frames, metadata)
+    hypermap.mapper_state = mapper_state
+    return hypermap
+
+
+def _read_mapper_state(name: Any, store: Store) -> bytes | None:
+    """Return what mapping needs to go on, which older programs leave out; this is logged."""
+    if not isinstance(name, str):
+        return None
+    try:
+        return store.read(name)
+    except FormatError as error:
+        logger.warning("mapping cannot go on with this map: %s", error)
+        return None
 
 
 def _read_layer(entry: LayerEntry, store: Store) -> Layer:
@@ -203,7 +221,12 @@ def _write_map(hypermap: Hypermap, config_name: str, semantic: SemanticForm) -> 
         files.update(written)
         taken.update(written)
     metadata = dict(hypermap.metadata)
-    others = metadata.pop(OTHER_KEYS, {})
+    others = dict(metadata.pop(OTHER_KEYS, {}))
+    if (state := hypermap.mapper_state) is not None:
+        numbered = (f"{MAPPER_STATE}_{number}" for number in itertools.count(2))
+        names = itertools.chain([MAPPER_STATE], numbered)
+        others[MAPPER_STATE] = next(name for name in names if name not in taken)
+        files[others[MAPPER_STATE]] = state() if callable(state) else state
     files[config_name] = dump_config(MapConfig(entries, hypermap.frames, metadata, others))
     return files
 

@@ -19,6 +19,7 @@ ENTRY_POINT_GROUP = "hypermap.layers"
 _OURS = {
     "OccupancyGridLayer": "hypermap.formats.grid.map_server:PLUGIN",
     "SemanticLayer": "hypermap.formats.semantic.yaml_files:PLUGIN",
+    "ValueLayer": "hypermap.formats.grid.value_files:PLUGIN",
 }
 
 

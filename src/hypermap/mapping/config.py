@@ -112,6 +112,7 @@ _PROFILES: Mapping[str, MappingConfig] = {
     "thesis": MappingConfig(
         perception=PerceptionConfig.thesis(),
         evidence=EvidenceConfig(
+            class_sizes="any",
             association="jaccard",
             combine="matches",
             fusion="best_shape",

@@ -62,6 +62,8 @@ class EvidenceConfig:
     """How observed shapes become objects; see `EvidenceMap`.
 
     Attributes:
+        class_sizes: "usual" leaves out what is smaller or larger than things of its class are;
+            "any" does not.
         association: how to find the tracks that an observed shape belongs to: "overlap", "jaccard"
             or "radius".
         min_overlap: shared area over the smaller one's area, for "overlap".
@@ -108,6 +110,7 @@ class EvidenceConfig:
         forget_below: tracks with less existence than this are pruned.
     """
 
+    class_sizes: Literal["usual", "any"] = "usual"
     association: Literal["overlap", "jaccard", "radius"] = "overlap"
     min_overlap: float = 0.35
     slack: float = 0.05

@@ -8,6 +8,7 @@ if TYPE_CHECKING:
     from hypermap.paths.find import Distances, NoPath, distances, find_path
     from hypermap.paths.free_space import FreeSpace
     from hypermap.paths.planner import Approach, Path, Planner
+    from hypermap.paths.routes import RouteGraph, route_graph
     from hypermap.paths.settings import PathSettings
 
 _HOMES = {
@@ -18,8 +19,10 @@ _HOMES = {
     "Path": "hypermap.paths.planner",
     "PathSettings": "hypermap.paths.settings",
     "Planner": "hypermap.paths.planner",
+    "RouteGraph": "hypermap.paths.routes",
     "distances": "hypermap.paths.find",
     "find_path": "hypermap.paths.find",
+    "route_graph": "hypermap.paths.routes",
 }
 
 __all__ = [
@@ -30,8 +33,10 @@ __all__ = [
     "Path",
     "PathSettings",
     "Planner",
+    "RouteGraph",
     "distances",
     "find_path",
+    "route_graph",
 ]
 
 

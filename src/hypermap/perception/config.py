@@ -31,6 +31,8 @@ class PerceptionConfig:
             object out of it, if the box encloses none, for "enclosed"; 0 cuts nothing out.
         min_support: of the eight neighbors of a pixel between a nearer and a farther one, how many
             must be at its depth, for it not to be a flying pixel; 0 keeps all.
+        min_top: an object whose top is within this of the floor, z = 0, is a piece of the floor and
+            dropped, as where a detector takes a shadow for an object [m]; 0 keeps it.
         smoothing: pixels to each side over which the depth of an object's surfaces is averaged, for
             "enclosed"; 0 leaves the points as measured.
         normal_neighbors: nearest points that a surface normal is fitted to, including the point.
@@ -57,6 +59,7 @@ class PerceptionConfig:
     max_offset: float = 0.4
     max_cut: float = 0.5
     min_support: int = 4
+    min_top: float = 0.05
     smoothing: int = 2
     normal_neighbors: int = 50
     region_neighbors: int = 30
@@ -82,6 +85,7 @@ class PerceptionConfig:
         _check("max_offset", self.max_offset, 0, math.inf)
         _check("max_cut", self.max_cut, 0, 1)
         _check("min_support", self.min_support, 0, 8)
+        _check("min_top", self.min_top, 0, math.inf)
         _check("smoothing", self.smoothing, 0, 20)
         _check("normal_neighbors", self.normal_neighbors, 3, 1000)
         _check("region_neighbors", self.region_neighbors, 2, self.normal_neighbors)
@@ -103,7 +107,12 @@ class PerceptionConfig:
         `method="unorganised"` is exactly its method.
         """
         return cls(
-            method="organised", min_support=0, visible_step=1, min_score=0.0, max_depth=math.inf
+            method="organised",
+            min_support=0,
+            min_top=0.0,
+            visible_step=1,
+            min_score=0.0,
+            max_depth=math.inf,
         )
 
 

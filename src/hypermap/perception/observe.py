@@ -29,7 +29,7 @@ def observe(
     """Return the objects of a frame as shapes on the floor, and the visible area.
 
     A detection gives no object if the camera saw too few points, if no smooth region is
-    large enough, or if all its points are above one line on the floor.
+    large enough, if all its points are above one line on the floor, or if they are the floor.
 
     Args:
         frame: depth, intrinsics and pose.
@@ -61,14 +61,17 @@ def observe(
         shape = on_floor(points_near)
         if shape.is_empty:
             continue
+        z_min, z_max = float(points_near[:, 2].min()), float(points_near[:, 2].max())
+        if abs(z_max) < config.min_top:  # far below z = 0 is no floor: this map has it elsewhere
+            continue
         objects.append(
             ObservedObject(
                 name=str(detections.names[found.detection]),
                 score=float(detections.scores[found.detection])
                 * (PIECE_WEIGHT if found.is_piece else 1.0),
                 footprint=shape,
-                z_min=float(points_near[:, 2].min()),
-                z_max=float(points_near[:, 2].max()),
+                z_min=z_min,
+                z_max=z_max,
                 segment=found if keep_segments else None,
             )
         )

@@ -8,6 +8,7 @@ scalable SLAM system with full 3D motion estimation", SSRR 2011, section IV.B.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Iterable
 
@@ -56,11 +57,14 @@ def laser_map(world: World, rng: np.random.Generator, bend: Bend | None = None) 
     floor = shapely.union_all([shapely.box(*area) for area in world.floor.all_rectangles])
     grid = _HitMap(grid_around(floor, RESOLUTION))
     _, true = planar_poses(world.drive, _RATE)
-    pose = true[0]
-    for i, here in enumerate(true):
-        points = _scan(here, lines, rng)
-        if i:
-            pose = grid.matched(points, _moved(pose, true[i - 1], here, rng))
+    scans, poses = [_scan(true[0], lines, rng)], [true[0]]
+    grid.add(scans[0], poses[0])
+    for before, here in itertools.pairwise(true):
+        scans.append(_scan(here, lines, rng))
+        poses.append(grid.matched(scans[-1], _moved(poses[-1], before, here, rng)))
+        grid.add(scans[-1], poses[-1])
+    grid = _HitMap(grid.grid)
+    for points, pose in zip(scans, _registered(np.array(poses), true), strict=True):
         grid.add(points, pose)
     return grid.layer()
 
@@ -124,6 +128,21 @@ def _moved(
     turned = turn + (_TURN_SLIP * abs(turn) + _TURN_PER_METER * distance) * errors[2]
     steps = [length * math.cos(heading), length * math.sin(heading), turned]
     return np.asarray(pose + np.array(steps))
+
+
+def _registered(poses: NDArray[np.float64], true: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return poses, all turned and moved alike, so that they lie on the true ones.
+
+    The frame of a map that scan matching makes is arbitrary, and a robot localizes itself in it.
+
+    Source: Horn, "Closed-form solution of absolute orientation using unit quaternions", 1987; in
+    the plane, and of headings, too, as a robot may have turned on the spot.
+    """
+    turn = np.angle(np.exp(1j * (true[:, 2] - poses[:, 2])).mean())
+    rotation = _rotation(turn)
+    xy = poses[:, :2] @ rotation.T
+    xy += (true[:, :2] - xy).mean(axis=0)
+    return np.column_stack([xy, poses[:, 2] + turn])
 
 
 class _HitMap:

@@ -62,10 +62,7 @@ def true_occupancy(
     parts += [part for thing in world.objects for part in placed(thing)]
     obstacles = footprint(part for part in parts if _blocks(part))
     if bend is not None:
-        floor, obstacles = (
-            shapely.transform(shapely.segmentize(area, _STRAIGHT), bend)
-            for area in (floor, obstacles)
-        )
+        floor, obstacles = (_bent(area, bend) for area in (floor, obstacles))
 
     grid = grid_around(shapely.union(floor, obstacles), resolution)
     cells = np.full(grid.shape, UNKNOWN, dtype=np.int8)
@@ -96,6 +93,14 @@ def grid_around(area: BaseGeometry, resolution: float) -> GridGeometry:
     right, top = (math.ceil((high + _MARGIN) / resolution) for high in (x1, y1))
     origin = Pose2D(along(left, resolution), along(bottom, resolution))
     return GridGeometry(right - left, top - bottom, resolution, origin)
+
+
+def _bent(
+    area: BaseGeometry, bend: Callable[[NDArray[np.float64]], NDArray[np.float64]]
+) -> BaseGeometry:
+    """Return an area whose points were moved; what then covers itself counts once."""
+    moved = shapely.transform(shapely.segmentize(area, _STRAIGHT), bend)
+    return shapely.union_all(shapely.buffer(shapely.get_parts(moved), 0))
 
 
 def _touched(grid: GridGeometry, area: BaseGeometry) -> tuple[NDArray[np.intp], NDArray[np.intp]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import itertools
 import threading
 import time
@@ -16,6 +17,7 @@ from hypermap.core.hypermap import Hypermap
 from hypermap.core.semantic import SemanticLayer
 from hypermap.formats import open_map, save_map
 from hypermap.formats.backup import EDITED_WITH, keep_backup
+from hypermap.mapping.going_on import with_marks
 from hypermap.viewer.live.changes import AnyChange, Change, Draft, applied, undoing
 from hypermap.viewer.live.map_file import MapFile
 from hypermap.viewer.live.request_errors import Refused
@@ -162,8 +164,8 @@ class MapDocument:
             keep_backup(file.path)
             hypermap = self._current.hypermap
             if self._content != _OPENED:
-                metadata = {**hypermap.metadata, EDITED_WITH: _EDITOR}
-                hypermap = Hypermap(hypermap, hypermap.frames, metadata)
+                hypermap = copy.copy(with_marks(hypermap))
+                hypermap.metadata[EDITED_WITH] = _EDITOR
             save_map(hypermap, file.path)
             self.file = MapFile.of(file.path, hypermap)
             self._saved_content = self._content
@@ -249,4 +251,4 @@ def _with_objects(hypermap: Hypermap) -> Hypermap:
     others = (f"semantic_{number}" for number in itertools.count(2))
     name = next(name for name in itertools.chain(["semantic"], others) if name not in hypermap)
     added = SemanticLayer(name, hypermap.base_frame)
-    return Hypermap([*hypermap, added], hypermap.frames, hypermap.metadata)
+    return hypermap.with_layers([*hypermap, added])
