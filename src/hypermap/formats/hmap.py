@@ -1,4 +1,4 @@
-"""Maps from files and back: the `.hmap` archive, a configuration in a folder, a map_server map.
+"""Reads and writes maps: the `.hmap` archive, a configuration in a folder, a map_server map.
 
 The specification is docs/formats/hmap.md.
 """
@@ -37,7 +37,7 @@ from hypermap.formats.yaml_text import read_yaml
 logger = logging.getLogger(__name__)
 
 OTHER_KEYS = "other_keys"
-"""Where a map's metadata hold the configuration's keys of other programs."""
+"""The key of a map's metadata for keys of other programs in the configuration."""
 
 MAPPER_STATE = "mapper_state"
 """The configuration's key that names the file of what mapping needs to go on."""
@@ -97,14 +97,14 @@ def save_map(hypermap: Hypermap, path: str | Path, semantic: SemanticForm = "aut
     if path.suffix.lower() in _YAML_ENDINGS:
         files = _write_map(hypermap, path.name, semantic)
         config = files.pop(path.name)
-        # The configuration comes last, by which readers know that the files are another save's.
+        # The configuration comes last: it tells readers that the files are from another save.
         write_files(path.parent, {**files, path.name: config})
     else:
         write_archive(path, _write_map(hypermap, CONFIG_NAME, semantic))
 
 
 def _open_yaml(path: Path) -> Hypermap:
-    """Open a configuration or a map_server map, whichever the keys say."""
+    """Open a configuration or a map_server map, depending on the keys."""
     return read_as_saved(path, lambda: _read_yaml_map(path))
 
 
@@ -124,7 +124,7 @@ def _read_yaml_map(path: Path) -> Hypermap:
 def _read_map(store: MemoryStore | FolderStore, config_name: str) -> Hypermap:
     claims = _Claims(store)
     config = parse_config(claims.read(config_name), store.path_of(config_name))
-    # What the layers that can be read leave belongs to the others.
+    # Files that no known layer reads belong to the unknown ones.
     layers = [_read_layer(entry, claims) for entry in config.layers]
     mapper_state = _read_mapper_state(config.others.pop(MAPPER_STATE, None), claims)
     opaque = [layer for layer in layers if isinstance(layer, OpaqueLayer)]

@@ -1,4 +1,4 @@
-"""From points to their shape on the floor."""
+"""From points to their footprint on the floor."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ DENSE = 16  # cells per point up to which a whole grid is faster than sorting th
 
 
 def footprint(points_xyz: FloatArray, voxel_size: float) -> Polygon:
-    """Return the convex hull of points on the floor, once thinned to one point per cell.
+    """Return the convex hull of points on the floor, thinned to one point per cell.
 
     Args:
         points_xyz: finite points in the map frame [m], shape (N, 3).
         voxel_size: side of the floor's square cells [m].
 
     Returns:
-        Polygon in the map frame [m]; empty if the points lie on one line.
+        Polygon in the map frame [m]; empty if the points are on one line.
 
     Source: PCL 1.13, `VoxelGrid` and `ConvexHull` of the points projected to the floor.
 
@@ -71,13 +71,13 @@ def voxel_centroids(points_xy: FloatArray, voxel_size: float) -> NDArray[np.floa
 def _number_cells(
     points_xy: FloatArray, per_meter: np.floating[Any], columns: IntArray, rows: IntArray
 ) -> int:
-    """Fill in, as columns, the number of each point's cell, column by column.
+    """Fill `columns` with the number of each point's cell, column by column.
 
     Args:
         points_xy: as in `voxel_centroids`.
         per_meter: cells.
-        columns: to become these numbers, shape (N,).
-        rows: room for the rows, shape (N,).
+        columns: receives these numbers, shape (N,).
+        rows: buffer for the rows, shape (N,).
 
     Returns:
         How many cells there are.
@@ -112,7 +112,7 @@ def _average_cells(
         cell: number of each point's cell, shape (N,).
         slots: zeros, as many as cells.
         points: zeros, at least as many as occupied cells.
-        centroids: as many zeros, twice.
+        centroids: zeros, shape (M, 2) for as many points.
 
     Returns:
         How many cells are occupied.

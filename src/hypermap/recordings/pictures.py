@@ -36,7 +36,7 @@ def read_file(path: Path) -> bytes:
 
     Raises:
         FileMissing: If there is no such file.
-        FormatError: If it is a device, which a list may name, too, or too large.
+        FormatError: If it is a device, or too large.
         HypermapError: If it cannot be read.
     """
     if is_folder(path):
@@ -91,7 +91,7 @@ def depth_in_meters(integers: NDArray[np.uint16], units_per_meter: float) -> NDA
 
 @contextmanager
 def _opened(content: bytes) -> Iterator[Image.Image]:
-    """Give a picture whose size is bounded; any damage becomes a FormatError."""
+    """Yield an image of limited size; any damage becomes a FormatError."""
     try:
         with Image.open(io.BytesIO(content)) as image:
             if image.width * image.height > MAX_PIXELS:

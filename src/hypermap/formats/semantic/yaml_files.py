@@ -46,7 +46,7 @@ _TEXT = {("*", "name"), ("*", "shape"), ("*", "tags", "*")}
 
 @dataclass(frozen=True)
 class SemanticFiles:
-    """How semantic layers are kept: `file` NAME means the YAML file NAME or NAME.parquet.
+    """The files of semantic layers: `file` NAME means the YAML file NAME or NAME.parquet.
 
     The evidence for the objects is next to it, in the file that the key `evidence` names.
 
@@ -169,7 +169,7 @@ def parse_objects(content: bytes, path: str) -> tuple[list[SemanticObject], list
 
 
 def parse_table(content: bytes, path: str) -> tuple[ObjectTable, list[Rejected]]:
-    """Return what `parse_objects` does, the objects as columns; most files take far less time.
+    """Return the same as `parse_objects`, but as columns; much faster for most files.
 
     Raises:
         FormatError: If the file is no list in YAML.
@@ -202,7 +202,7 @@ def _object(entry: Any) -> SemanticObject:
 
 
 def _rejected(position: int, entry: Any, reason: str, taken: Container[int]) -> Rejected:
-    """Return an entry as it is kept; an id that it alone claims is told by its position."""
+    """Return a rejected entry; an id that no other object has becomes its position."""
     name = str(entry.get("name", "")) if isinstance(entry, Mapping) else ""
     claimed = _claimed_id(entry)
     if claimed is not None and claimed not in taken:

@@ -1,4 +1,4 @@
-"""A bag's image and cloud messages become the arrays of a frame."""
+"""Decodes a bag's image and cloud messages into the arrays of a frame."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from hypermap.recordings.messages.images import (
 
 @dataclass(frozen=True, eq=False)
 class Geometry:
-    """What a depth image or a cloud says; for the fields see `RgbdFrame`."""
+    """The content of a depth image or a cloud; for the fields, see `RgbdFrame`."""
 
     depth: NDArray[np.float32]
     cloud: NDArray[np.float32] | None = None
@@ -34,10 +34,10 @@ class Geometry:
 
 
 def decode_geometry(topic: Topic, message: Any, units_per_meter: float) -> Geometry:
-    """Return the depth in a message of whatever kind.
+    """Return the depth in a message of any kind.
 
     Raises:
-        FormatError: If the message holds no depth, or is damaged.
+        FormatError: If the message has no depth, or is damaged.
     """
     if topic.type == CLOUD:
         points, color = points_of_cloud(message)
@@ -51,6 +51,6 @@ def decode_color(topic: Topic, message: Any) -> NDArray[np.uint8]:
     """Return the color image in a message, RGB, uint8, shape (H, W, 3).
 
     Raises:
-        FormatError: If the message holds no color that can be read, or is damaged.
+        FormatError: If the message has no color that can be read, or is damaged.
     """
     return color_of_compressed(message) if topic.type == COMPRESSED else color_of_image(message)
