@@ -185,6 +185,8 @@ class Consistency:
         apart = np.linalg.norm(poses[:, np.newaxis, :3, 3] - poses[:, :3, 3], axis=2)
         turned = poses[:, :3, 2] @ poses[:, :3, 2].T  # less than 1 if the directions differ
         pairs = _pairs(self._views, lambda i, j: apart[i, j] - _LEVER * turned[i, j])
+        if len(pairs[0]) < _FEWEST_PAIRS:
+            return 0
         compare = _Comparison(self._views, *pairs)
         quarter = np.array([[0.0, -1, 0, 0], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
         turns = [np.linalg.matrix_power(quarter, k) for k in range(4)]
@@ -270,7 +272,7 @@ class _Comparison:
 
     def __init__(self, views: list[_View], i: IntArray, j: IntArray) -> None:
         self._i, self._j = i, j
-        self._points = np.array([views[k].points for k in i]).reshape(len(i), -1, 3)
+        self._points = np.array([views[k].points for k in i]).reshape(len(i), _POINTS, 3)
         self._depths = np.array([view.depth for view in views])
         self._K = views[0].camera.K
 
