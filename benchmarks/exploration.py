@@ -27,7 +27,7 @@ def drive(way: str, world: World, seed: int, every: float, most_meters: float) -
     """Return what is known on a way through a world."""
     if way == SCRIPTED:
         return list(milestones(world, CONFIG, every=every, radius=RADIUS, seed=seed))
-    robot = Robot.of_radius(RADIUS, most_meters=most_meters, looks_at_objects=way == OBJECTS)
+    robot = Robot(RADIUS, most_meters=most_meters, looks_at_objects=way == OBJECTS)
     return list(explore(world, robot, CONFIG, every=every, seed=seed).milestones)
 
 

@@ -36,7 +36,7 @@ def world(tmp_path_factory):
 
 
 def test_a_robot_finds_the_other_room_and_what_stands_in_it(world):
-    robot = Robot.of_radius(0.2, most_meters=25.0)
+    robot = Robot(0.2, most_meters=25.0)
     explored = explore(world, robot, profile("default"), every=2.0, camera=CAMERA)
     first, *_, last = explored.milestones
     assert last.area > 0.9
@@ -60,7 +60,7 @@ def test_a_robot_finds_the_other_room_and_what_stands_in_it(world):
 
 
 def test_a_robot_stops_where_it_is_told_to(world):
-    robot = Robot.of_radius(0.2, most_meters=0.5, looks_at_objects=False)
+    robot = Robot(0.2, most_meters=0.5, looks_at_objects=False)
     explored = explore(world, robot, profile("default"), camera=CAMERA)
     (only,) = explored.milestones
     assert 0.5 <= only.meters < 6
@@ -70,4 +70,4 @@ def test_a_robot_stops_where_it_is_told_to(world):
 
 def test_without_a_drive_there_is_no_start(world):
     with pytest.raises(ValueError, match="has no drive, so there is no start"):
-        explore(replace(world, drive=None), Robot.of_radius(0.2), profile("default"))
+        explore(replace(world, drive=None), Robot(0.2), profile("default"))

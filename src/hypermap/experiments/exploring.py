@@ -25,6 +25,7 @@ from hypermap.simulation import SimulatedRecording, World, ground_truth
 from hypermap.simulation.render import DEFAULT_CAMERA
 from hypermap.simulation.trajectory import Drive, poses_at
 
+_OFF_WALLS = 0.3  # meters more than its radius
 _LONGEST_LEG = 3.0  # meters after which the robot chooses again, as it has seen more
 _ON_THE_WAY = 3.0  # meters up to which it first looks at an unsure object
 _FOUND = 0.25  # IoU of an object that is found
@@ -40,19 +41,19 @@ class Robot:
     """A robot that explores, and how long.
 
     Attributes:
-        settings: where it can be.
+        radius: of the robot [m].
         most_meters: it stops after so long a way, if nothing is left earlier [m].
         looks_at_objects: whether it also drives to where unsure objects are seen.
     """
 
-    settings: PathSettings
+    radius: float
     most_meters: float = 500.0
     looks_at_objects: bool = True
 
-    @classmethod
-    def of_radius(cls, radius: float = 0.2, **options: float | bool) -> Robot:
-        """Return a robot of a radius [m] that keeps off walls where it can; options as above."""
-        return cls(PathSettings(radius, inflation_radius=radius + 0.3), **options)  # type: ignore[arg-type]
+    @property
+    def settings(self) -> PathSettings:
+        """Where it can be; it keeps off walls where it can."""
+        return PathSettings(self.radius, inflation_radius=self.radius + _OFF_WALLS)
 
 
 @dataclass(frozen=True)
@@ -180,7 +181,7 @@ class _Exploring:
         self._mapper = Mapper(config, detections_from_recording())
         self._pose = Pose2D(x, y, math.radians(self.waypoints[0][2]))
         self._meters, self._seconds = 0.0, 0.0
-        self._judge = _Judge(world, robot.settings.robot_radius)
+        self._judge = _Judge(world, robot.radius)
         self._every = every
         self.milestones: list[Milestone] = []
         self._seen: list[Pose2D] = []  # where it has looked at frontiers
