@@ -180,6 +180,7 @@ def command(
         if backup is not None:
             note(f"the previous map is kept as {backup}" + _anew(output, onto))
         _summarize(hypermap, output)
+        _note_unseen(hypermap, settings)
         notes.remind()
         part = (
             "" if is_whole else f"the map of a part of the recording: stopped early by {stop.name}"
@@ -280,6 +281,20 @@ def _note_frames(
         note(told(corrections))
     if settings.alignment.enabled and hypermap.metadata["poses"] == "as recorded":
         note("poses were used as recorded: without an occupancy map (--map) they are not corrected")
+
+
+def _note_unseen(hypermap: Hypermap, settings: MappingConfig) -> None:
+    """Say which objects that people have edited mapping would have taken out."""
+    from hypermap.mapping.by_hand import BY_HAND
+    from hypermap.mapping.going_on import layer_of_objects
+
+    for item in layer_of_objects(hypermap) or ():
+        is_there = item.existence is None or item.existence > settings.evidence.publish_above
+        if BY_HAND in item.attributes and not is_there:
+            note(
+                f"object {item.id} ({printable(item.name)}) was edited by hand and stays, though "
+                "it was not found where it should be"
+            )
 
 
 def _forget_evidence(hypermap: Hypermap) -> None:

@@ -13,6 +13,9 @@ from hypermap.formats.hmap import open_map, save_map
 EDITED_WITH = "edited_with"
 """Where a map's metadata name the program in which people have changed it."""
 
+MAP_ID, MAP_VERSION = "map_id", "map_version"
+"""Where a map's metadata hold its id, and a number that counts up with its changes."""
+
 _OF_MAPPING = {"frames", "config"}  # what mapping writes into a map's metadata
 _YAML_ENDINGS = (".yaml", ".yml")
 
