@@ -171,14 +171,15 @@ def command(
                 onto,
             )
             if counts.used == 0 and is_same_file(output, onto):
-                note(f"{name} is in {output} already: there is nothing new, and the map stays")
+                known = f"{name} is in {output} already" if is_whole else f"stopped by {stop.name}"
+                note(f"{known}: there is nothing new, and the map stays")
                 raise typer.Exit(0 if is_whole else stop.exit_code)
             if not evidence:
                 _forget_evidence(hypermap)
             backup = keep_backup(output, spare_edited=True)
             save_map(hypermap, output)
         if backup is not None:
-            note(f"the previous map is kept as {backup}" + _anew(output, onto))
+            note(f"the previous map is kept as {backup}" + _anew(backup, output, onto))
         _summarize(hypermap, output)
         _note_unseen(hypermap, settings)
         notes.remind()
@@ -250,9 +251,11 @@ def _make_map(
     return hypermap, counts, not stoppable.ended_early
 
 
-def _anew(output: Path, onto: Path | None) -> str:
+def _anew(backup: Path, output: Path, onto: Path | None) -> str:
     """Return what to say of a map that was replaced by one that knows nothing of it."""
-    if is_same_file(output, onto):
+    from hypermap.formats.backup import may_go_on
+
+    if is_same_file(output, onto) or not may_go_on(backup):
         return ""
     return f"; this one begins anew (--onto {shlex.quote(str(output))} would go on with it)"
 

@@ -285,9 +285,10 @@ class Mapper:
             "drives": [drive.described() for drive in self._drives()],
             **self._identity(),
         }
-        made = Hypermap(replaced(self._base, layers), self._base.frames, metadata)
+        metadata.pop(BY_HAND, None)
         if edits := told(self.evidence.hand_edits()):
-            made.metadata[BY_HAND] = edits
+            metadata[BY_HAND] = edits
+        made = Hypermap(replaced(self._base, layers), self._base.frames, metadata)
         made.mapper_state = cache(partial(dump_state, self._state(published)))
         return made
 
