@@ -185,6 +185,8 @@ class Mapper:
         mapper._keyframes.go_on_from(state.keyframe)
         if state.log_odds is not None:
             mapper._occupancy.go_on_with(state.first_cell, state.log_odds)
+        if mapper._aligner is not None and state.alignment is not None:
+            mapper._aligner.go_on_with(*state.alignment)
         mapper._earlier = EarlierDrives(tuple(state.drives))
         mapper._counts_before = state.counts
         mapper._base = hypermap
@@ -303,6 +305,7 @@ class Mapper:
             drives=self._drives(),
             counts=self._counts_before + self.counts,
             published=published,
+            alignment=None if self._aligner is None else self._aligner.learned,
         )
 
     def _identity(self) -> dict[str, Any]:
