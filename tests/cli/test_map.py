@@ -554,3 +554,12 @@ def test_mapping_goes_on_with_no_map_that_it_has_not_made(hypermap, drive, room_
     arguments = ["map", drive, "--intrinsics", INTRINSICS, "-o", dropped, "--drop-evidence"]
     assert hypermap(*arguments).code == 0
     assert_one_error(hypermap(*common, dropped), str(dropped), "as after --drop-evidence")
+
+
+def test_info_lists_the_drives_of_a_map(hypermap, drive, tmp_path):
+    out = tmp_path / "out.hmap"
+    assert hypermap("map", drive, "--intrinsics", INTRINSICS, "-o", out).code == 0
+    told = hypermap("info", out)
+    (listed,) = (line for line in told.out.splitlines() if line.startswith("drive "))
+    assert re.fullmatch(r"drive drive( from \S+Z to \S+Z)?: 6 frames", listed)
+    assert "map_version" in told.out

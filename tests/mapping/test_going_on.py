@@ -85,6 +85,26 @@ def test_a_drive_that_is_cut_anywhere_gives_the_map_of_one_go_byte_for_byte(
     assert parts.metadata["frames"] == whole.metadata["frames"]
 
 
+def test_with_a_known_occupancy_map_the_objects_are_the_same() -> None:
+    recording = SimulatedRecording.with_errors(
+        demo_world(), errors_of_level("robot"), camera=SMALL, rate=1.0
+    )
+    whole = Mapper(CONFIG, SOURCE, recording.occupancy())
+    parts = Mapper(CONFIG, SOURCE, recording.occupancy())
+    for i, each in enumerate(recording.frames()):
+        if i == 13:
+            parts = Mapper.onto(parts.hypermap(), SOURCE)
+        whole.add(each)
+        parts.add(each)
+    expected = {item.id: item for item in whole.hypermap().semantic()}
+    found = {item.id: item for item in parts.hypermap().semantic()}
+    assert expected.keys() == found.keys()
+    for number, item in expected.items():
+        one, other = item.footprint, found[number].footprint
+        assert (item.name, item.existence) == (found[number].name, found[number].existence)
+        assert one.intersection(other).area >= 0.98 * one.union(other).area
+
+
 def test_the_drive_of_this_test_is_longer_than_its_cuts_and_leaves_unpublished_tracks() -> None:
     mapper = Mapper(profile("default"), SOURCE)
     for each in drive():

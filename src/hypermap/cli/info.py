@@ -177,6 +177,8 @@ def show_map(content: dict[str, Any], with_settings: bool) -> None:
         if isinstance(entry, dict):
             name = entry.get("name") or entry.get("kind") or "lift"
             say(f"{printable(name)} leads to {printable(entry.get('to'))}")
+    for drive in made_with.pop("drives", ()):
+        say(_drive(drive))
     if made_with:
         # Settings come in groups, one for each stage.
         short = {key: value for key, value in made_with.items() if not _has_groups(value)}
@@ -185,6 +187,14 @@ def show_map(content: dict[str, Any], with_settings: bool) -> None:
         if len(short) < len(made_with) and not with_settings:
             hidden = len(_flat(made_with)) - len(_flat(short))
             note(f"and {counted(hidden, 'line')} of settings; show them with -v")
+
+
+def _drive(drive: Any) -> str:
+    if not isinstance(drive, dict):
+        return f"drive {printable(drive)}"
+    times = [printable(drive[key]) for key in ("began", "ended") if key in drive]
+    when = f" from {' to '.join(times)}" if times else ""
+    return f"drive {printable(drive.get('name'))}{when}: {printable(drive.get('frames'))} frames"
 
 
 def _has_groups(value: Any) -> bool:

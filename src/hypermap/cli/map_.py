@@ -171,15 +171,17 @@ def command(
                 onto,
             )
             if counts.used == 0 and is_same_file(output, onto):
-                note(f"{name} is in {output} already: there is nothing new, and the map stays")
+                known = f"{name} is in {output} already" if is_whole else f"stopped by {stop.name}"
+                note(f"{known}: there is nothing new, and the map stays")
                 raise typer.Exit(0 if is_whole else stop.exit_code)
             if not evidence:
                 _forget_evidence(hypermap)
             backup = keep_backup(output, spare_edited=True)
             save_map(hypermap, output)
         if backup is not None:
-            note(f"the previous map is kept as {backup}" + _anew(output, onto))
+            note(f"the previous map is kept as {backup}" + _anew(backup, output, onto))
         _summarize(hypermap, output)
+        _note_unseen(hypermap, settings)
         notes.remind()
         part = (
             "" if is_whole else f"the map of a part of the recording: stopped early by {stop.name}"
@@ -249,9 +251,11 @@ def _make_map(
     return hypermap, counts, not stoppable.ended_early
 
 
-def _anew(output: Path, onto: Path | None) -> str:
+def _anew(backup: Path, output: Path, onto: Path | None) -> str:
     """Return what to say of a map that was replaced by one that knows nothing of it."""
-    if is_same_file(output, onto):
+    from hypermap.formats.backup import may_go_on
+
+    if is_same_file(output, onto) or not may_go_on(backup):
         return ""
     return f"; this one begins anew (--onto {shlex.quote(str(output))} would go on with it)"
 
@@ -280,6 +284,20 @@ def _note_frames(
         note(told(corrections))
     if settings.alignment.enabled and hypermap.metadata["poses"] == "as recorded":
         note("poses were used as recorded: without an occupancy map (--map) they are not corrected")
+
+
+def _note_unseen(hypermap: Hypermap, settings: MappingConfig) -> None:
+    """Say which objects that people have edited mapping would have taken out."""
+    from hypermap.mapping.by_hand import BY_HAND
+    from hypermap.mapping.going_on import layer_of_objects
+
+    for item in layer_of_objects(hypermap) or ():
+        is_there = item.existence is None or item.existence > settings.evidence.publish_above
+        if BY_HAND in item.attributes and not is_there:
+            note(
+                f"object {item.id} ({printable(item.name)}) was edited by hand and stays, though "
+                "it was not found where it should be"
+            )
 
 
 def _forget_evidence(hypermap: Hypermap) -> None:

@@ -8,10 +8,13 @@ from hypermap.core.errors import FileMissing, HypermapError
 from hypermap.formats.archive import read_archive
 from hypermap.formats.atomic import write_file
 from hypermap.formats.config import CONFIG_NAME, parse_config
-from hypermap.formats.hmap import open_map, save_map
+from hypermap.formats.hmap import MAPPER_STATE, open_map, save_map
 
 EDITED_WITH = "edited_with"
 """The key of a map's metadata for the program in which people edited it."""
+
+MAP_ID, MAP_VERSION = "map_id", "map_version"
+"""Where a map's metadata hold its id, and a number that counts up with its changes."""
 
 _OF_MAPPING = {"frames", "config"}  # what mapping writes into a map's metadata
 _YAML_ENDINGS = (".yaml", ".yml")
@@ -52,6 +55,14 @@ def keep_backup(path: Path, *, spare_edited: bool = False) -> Path | None:
     except (OSError, HypermapError) as error:
         raise HypermapError(f"cannot keep a backup, so nothing is saved: {error}") from error
     return backup
+
+
+def may_go_on(archive: Path) -> bool:
+    """Return whether an archive holds what mapping needs to go on."""
+    try:
+        return MAPPER_STATE in read_archive(archive).files
+    except (HypermapError, OSError):
+        return False
 
 
 def why_precious(archive: Path) -> str | None:

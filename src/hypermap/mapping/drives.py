@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import hashlib
+import json
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime, timezone
 from typing import Any
@@ -80,6 +82,13 @@ def wall_clock(stamp: float) -> str:
         return datetime.fromtimestamp(stamp, timezone.utc).strftime("%Y-%m-%dT%H:%M:%SZ")
     except (ValueError, OverflowError, OSError):  # beyond the year 9999
         return f"{stamp:.0f} s"
+
+
+def map_id(drives: Sequence[Drive], config: Mapping[str, Any]) -> str:
+    """Return the id of a new map, by what it is made of: 16 hexadecimal digits."""
+    first = [(drive.name, drive.first, drive.keys[0]) for drive in drives[:1]]
+    said = json.dumps([first, config], sort_keys=True)
+    return hashlib.blake2b(said.encode(), digest_size=8).hexdigest()
 
 
 def packed(drives: list[Drive]) -> tuple[list[dict[str, Any]], NDArray[np.uint32]]:

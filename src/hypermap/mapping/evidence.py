@@ -250,7 +250,8 @@ class EvidenceMap:
                 matches = [one for one in matches if self._may_merge(track, objects[one])]
             if self._edited:
                 matches = self._mergeable(matches)
-            if len(matches) <= 1 or row not in matches:  # it matches itself
+                matches = matches if row in matches else []
+            if len(matches) <= 1:  # it matches itself
                 return row
             row = self._merge(matches)
             self._refresh_shape(row)

@@ -79,7 +79,9 @@ def with_marks(hypermap: Hypermap) -> Hypermap:
     published, before = parse_published(kept() if callable(kept) else kept)
     edits = hand_edits(published, layer, before)
     other = hypermap.with_layer(marked(layer, edits))
-    other.metadata |= {BY_HAND: told(edits)} if edits else {}
+    other.metadata.pop(BY_HAND, None)
+    if edits:
+        other.metadata[BY_HAND] = told(edits)
     return other
 
 

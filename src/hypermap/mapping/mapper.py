@@ -18,13 +18,14 @@ from hypermap.core.hypermap import Hypermap
 from hypermap.core.layer import Layer
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.semantic import SemanticObject
+from hypermap.formats.backup import MAP_ID, MAP_VERSION
 from hypermap.mapping.alignment import Aligner
 from hypermap.mapping.by_hand import BY_HAND, HandEdit, hand_edits, told
 from hypermap.mapping.completion import free_share
 from hypermap.mapping.config import MappingConfig, to_dict
 from hypermap.mapping.counts import Counts
 from hypermap.mapping.depth_check import why_implausible
-from hypermap.mapping.drives import Drive, EarlierDrives
+from hypermap.mapping.drives import Drive, EarlierDrives, map_id
 from hypermap.mapping.evidence import EvidenceMap
 from hypermap.mapping.going_on import CannotGoOn, config_to_go_on_with, layer_of_objects, replaced
 from hypermap.mapping.keyframes import KeyframeSelector
@@ -184,6 +185,8 @@ class Mapper:
         mapper._keyframes.go_on_from(state.keyframe)
         if state.log_odds is not None:
             mapper._occupancy.go_on_with(state.first_cell, state.log_odds)
+        if mapper._aligner is not None and state.alignment is not None:
+            mapper._aligner.go_on_with(*state.alignment)
         mapper._earlier = EarlierDrives(tuple(state.drives))
         mapper._counts_before = state.counts
         mapper._base = hypermap
@@ -282,10 +285,12 @@ class Mapper:
             **self._pose_corrections(),
             "config": to_dict(self.config),
             "drives": [drive.described() for drive in self._drives()],
+            **self._identity(),
         }
-        made = Hypermap(replaced(self._base, layers), self._base.frames, metadata)
+        metadata.pop(BY_HAND, None)
         if edits := told(self.evidence.hand_edits()):
-            made.metadata[BY_HAND] = edits
+            metadata[BY_HAND] = edits
+        made = Hypermap(replaced(self._base, layers), self._base.frames, metadata)
         made.mapper_state = cache(partial(dump_state, self._state(published)))
         return made
 
@@ -300,7 +305,20 @@ class Mapper:
             drives=self._drives(),
             counts=self._counts_before + self.counts,
             published=published,
+            alignment=None if self._aligner is None else self._aligner.learned,
         )
+
+    def _identity(self) -> dict[str, Any]:
+        """Return the id of the map, which it keeps, and its version, which counts up.
+
+        The same first frame and configuration give the same id, and so the same bytes.
+        """
+        before = self._base.metadata
+        known = before.get(MAP_VERSION)
+        return {
+            MAP_ID: before.get(MAP_ID) or map_id(self._drives(), to_dict(self.config)),
+            MAP_VERSION: 1 + (known if type(known) is int else 0),
+        }
 
     def _drives(self) -> list[Drive]:
         """Return copies of all drives of which something is in the map."""

@@ -61,6 +61,7 @@ class MapperState:
         drives: what was mapped so far.
         counts: what became of all frames.
         published: the objects as they were put into the map.
+        alignment: what the corrections of poses have taught; None if none are corrected.
     """
 
     tracks: TrackTable
@@ -70,11 +71,12 @@ class MapperState:
     drives: Sequence[Drive]
     counts: Counts
     published: Sequence[SemanticObject]
+    alignment: tuple[float, float, bool] | None = None
 
 
 def dump_state(state: MapperState) -> bytes:
     """Return the file; `parse_state` gives the same state again, to the last bit."""
-    facts: dict[str, Any] = {"counts": asdict(state.counts)}
+    facts: dict[str, Any] = {"counts": asdict(state.counts), "alignment": state.alignment}
     facts["drives"], keys = drives.packed(list(state.drives))
     arrays: dict[str, NDArray[Any]] = {"frame_keys": keys}
     if state.keyframe is not None:
@@ -120,6 +122,7 @@ def parse_state(content: bytes, config: EvidenceConfig, path: str = "mapper_stat
         return MapperState(
             tracks=tracks,
             published=published,
+            alignment=_alignment(facts["alignment"]),
             keyframe=None if keyframe is None else keyframe.reshape(4, 4),
             first_cell=first_cell,
             log_odds=log_odds,
@@ -151,6 +154,13 @@ def _published(arrays: _Arrays, path: str) -> tuple[list[SemanticObject], dict[i
         raise ValueError(f"an object that was published: {rejected[0].reason}")
     records = read_yaml(arrays["by_hand"].tobytes(), path) or {}
     return objects, {int(key): by_hand.from_record(record) for key, record in records.items()}
+
+
+def _alignment(learned: Any) -> tuple[float, float, bool] | None:
+    if learned is None:
+        return None
+    size, expected, is_worse = learned
+    return float(size), float(expected), bool(is_worse)
 
 
 def _packed(tracks: TrackTable) -> dict[str, NDArray[Any]]:
