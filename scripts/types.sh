@@ -9,4 +9,4 @@ if ! "$bin/python" -c 'import sys; sys.exit(sys.version_info[:2] != (3, 11))'; t
   exit 0
 fi
 "$bin/mypy"
-"$bin/mypy" --strict examples/value_layer/src examples/*.py
+"$bin/mypy" --strict examples/flow_layer/src examples/*.py

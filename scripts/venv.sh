@@ -29,4 +29,4 @@ done
 # The package itself goes where its build backend is required.
 grep -q '^setuptools' "$@" || exit 0
 "$venv/bin/python" -m pip install --quiet --disable-pip-version-check \
-  --no-deps --no-build-isolation -e . -e examples/value_layer
+  --no-deps --no-build-isolation -e . -e examples/flow_layer

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import subprocess
 import sys
@@ -12,11 +11,12 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-# No deadlines: machines are noisy, and numba compiles on the first call. CI draws the same
-# examples each time, so that it is red only for a reason that can be repeated.
-settings.register_profile("local", deadline=None)
-settings.register_profile("ci", deadline=None, derandomize=True)
-settings.load_profile("ci" if os.environ.get("CI") else "local")
+# No deadlines: machines are noisy, and numba compiles on the first call. The same examples are
+# drawn each time, so that a run is red for what was changed; `pytest --hypothesis-profile=explore`
+# draws others, ten times as many where a test does not say how many.
+settings.register_profile("repeatable", deadline=None, derandomize=True)
+settings.register_profile("explore", deadline=None, max_examples=1000)
+settings.load_profile("repeatable")
 
 SHARED_DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
 

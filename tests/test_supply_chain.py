@@ -12,8 +12,6 @@ from types import ModuleType
 from typing import Any
 
 import pytest
-from cyclonedx.schema import SchemaVersion
-from cyclonedx.validation.json import JsonStrictValidator
 
 ROOT = Path(__file__).resolve().parents[1]
 LOCKS = sorted((ROOT / "requirements").glob("*.txt"))
@@ -123,6 +121,9 @@ def test_a_package_that_comes_in_needs_a_license_that_is_allowed(
 
 
 def test_the_bill_of_materials_lists_what_is_locked(tmp_path: Path, script: Any) -> None:
+    from cyclonedx.schema import SchemaVersion
+    from cyclonedx.validation.json import JsonStrictValidator  # takes seconds to import
+
     files = tmp_path / "one.json", tmp_path / "another.json"
     for file in files:
         command = [sys.executable, "-W", "error", str(ROOT / "scripts" / "sbom.py"), str(HYPERMAP)]

@@ -1,4 +1,4 @@
-"""Paths and distances over free cells: how long, how fast, and beside scikit-image and networkx.
+"""Paths, distances and frontiers: how long, how fast, and beside scikit-image and networkx.
 
 The known questions are those of the folder `paths` of the real data, whose README tells where they
 come from.
@@ -14,15 +14,17 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
+from scipy import ndimage
 
-from hypermap import GridGeometry, OccupancyLayer
+from hypermap import GridGeometry, Hypermap, OccupancyLayer
 from hypermap.core.arrays import BoolArray
-from hypermap.paths import FreeSpace, distances, find_path
+from hypermap.exploration import Explorer
+from hypermap.paths import FreeSpace, PathSettings, distances, find_path
 from hypermap.paths.find import length_of
 from suite.race import Disagreement, Figure, Race, Row, Settings, library, race, seconds_of
 
 _LONG = 20.0  # cells; shorter questions say little of a percentage
-_SECONDS = {"path": 0.3, "sweep": 1.0}  # asked for 4000 x 4000 cells
+_SECONDS = {"path": 0.3, "sweep": 1.0, "frontiers": 5.0}  # asked for 4000 x 4000 cells
 _PEERS = {"MCP_Geometric": 3.0, "networkx": 50.0}  # how many times faster we mean to be
 _DIAGONAL = 1.09  # by how much eight directions are longer than straight lines, at most
 
@@ -33,6 +35,7 @@ def rows(settings: Settings) -> Iterator[Row]:
     for side in (200,) if settings.quick else (500, 4000):
         for name, free in (("free", np.ones((side, side), bool)), ("boxes", _boxes(side))):
             yield from _times(f"{side} x {side} cells, {name}", free, side, settings)
+        yield _frontiers(side, settings)
 
 
 def _lengths(settings: Settings) -> Iterator[Row]:
@@ -74,6 +77,29 @@ def _times(what: str, free: BoolArray, side: int, settings: Settings) -> Iterato
             if peer == "networkx" and side > 500:
                 continue  # a node per cell takes all memory
             yield _raced(f"a {name}, {what}", peer, ours, theirs, settings, side > 500)
+
+
+def _frontiers(side: int, settings: Settings) -> Figure:
+    """Return how long it takes to find the frontiers of a map of boxes, two fifths unknown."""
+    patches = np.random.default_rng(2).normal(size=(side // 8, side // 8))
+    smooth = np.kron(ndimage.gaussian_filter(patches, 4), np.ones((8, 8)))
+    cells = np.where(_boxes(side), 0, 100)
+    cells[smooth > np.quantile(smooth, 0.6)] = -1
+    grid = GridGeometry(side, side, 0.05)
+    hypermap = Hypermap([OccupancyLayer("occupancy", "map", grid, cells)])
+    robot = PathSettings(robot_radius=0.2)
+    far = ndimage.distance_transform_edt(cells == 0)
+    row, col = np.unravel_index(np.argmax(far), far.shape)
+    start = grid.centers([row], [col])[0]
+    found = Explorer(hypermap, start, robot).frontiers()
+
+    def look() -> int:
+        return len(Explorer(hypermap, start, robot).frontiers())
+
+    note = f"{len(found)} frontiers for a robot of 0.2 m, from the map on"
+    seconds = _timed(look, settings.repeat)
+    asked = _SECONDS["frontiers"] if side == 4000 else None
+    return Figure(f"frontiers, {side} x {side} cells, boxes", seconds, "s", asked, True, note)
 
 
 def _peers(

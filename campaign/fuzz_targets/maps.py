@@ -33,7 +33,10 @@ from hypermap import (
     to_geojson,
 )
 from hypermap.console.places import parse_area, parse_point
+from hypermap.core.grid import GridGeometry
 from hypermap.core.hypermap import Hypermap
+from hypermap.core.samples import Samples
+from hypermap.core.value_layer import ValueLayer
 from hypermap.formats.any_file import open_any
 from hypermap.formats.columns.footprints import footprint_from_wkt
 from hypermap.formats.config import CONFIG_NAME
@@ -186,6 +189,24 @@ def evidence(folder: Path) -> Target:
         _open_and_ask(path, data, saves=True)
 
     return Target(ask, [packed], _mutate_packed)
+
+
+def values(folder: Path) -> Target:
+    """A layer of measured values: its arrays, and what is said of them."""
+    layer = ValueLayer(
+        "warmth",
+        "map",
+        GridGeometry(3, 2, 0.5),
+        [[19.5, 20, 21], [22, np.nan, 18]],
+        "°C",
+        deviations=np.ones((2, 3)),
+        stamps=np.full((2, 3), 1e9),
+        samples=Samples.of([[0.2, 0.3], [1, 0.5]], [19.6, 22], [False, True], [1e9, np.nan]),
+        made_by={"method": "gmrf", "length": 2.5},
+    )
+    save_map(Hypermap([layer]), folder / "map.yaml")
+    parts = {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
+    return target_of_files(parts, _ask_of_folder, folder)
 
 
 def _mutate_packed(data: bytes, draw: random.Random) -> bytes:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from campaign.fuzz_targets.target import Target, of_tests, target_of_files
-from campaign.mutation import mutate_bytes
+from campaign.mutation import mutate_bytes, mutate_text
 from hypermap import HypermapError
 from hypermap.recordings.messages.camera import camera_of_info
 from hypermap.recordings.messages.clouds import fit_camera, points_of_cloud
@@ -26,6 +26,7 @@ from hypermap.recordings.messages.occupancy import occupancy_of_grid
 from hypermap.recordings.messages.transforms import TransformLog
 from hypermap.recordings.open import open_recording
 from hypermap.recordings.options import RecordingOptions
+from hypermap.recordings.samples import read_table
 from hypermap.ros import typestore
 
 
@@ -39,6 +40,19 @@ def _read(path: Path, _: bytes = b"") -> None:
     for frame in itertools.islice(recording.frames(lambda _, e: problems.append(e)), 3):
         with contextlib.suppress(HypermapError):
             frame.color  # noqa: B018 - is decoded when it is asked for
+
+
+def samples(folder: Path) -> Target:
+    """A table of measured values, with places and with a limit."""
+    path = folder / "samples.csv"
+
+    def ask(data: bytes) -> None:
+        path.write_bytes(data)
+        for limit in (None, -95.0):
+            read_table(path, censored_below=limit)
+
+    rows = b"x,y,value,stamp\n0.5,1,-60,12.5\n1,2,,13\n3,4,nan,\n"
+    return Target(ask, [rows], mutate_text)
 
 
 def tum(folder: Path) -> Target:

@@ -33,6 +33,7 @@ _QUERIES: dict[str, dict[str, str]] = {
     "/api/area.csv": {"polygon": "0,0,4,0,4,4"},
     "/api/area.geojson": {"polygon": "0,0,4,0,4,4"},
     "/api/find": {"name": "cup", "near": "chair", "within": "2", "limit": "3"},
+    "/api/path": {"from": "1,1", "to": "2,2", "radius": "0.2"},
     "/api/objects/semantic/1/evidence": {},
     "/api/objects/semantic/1": {"if_there": "1"},
 }

@@ -3,16 +3,18 @@
 import { complain, el, icon, saveFile } from "./dom";
 import { count, meters, plural, squareMeters, stamp, trim } from "./format";
 import { swatch } from "./layers";
-import type {
-  AreaAnswer,
-  AreaRow,
-  Download,
-  FindAnswer,
-  FoundRow,
-  MapInfo,
-  ObjectAt,
-  PointAnswer,
-  ObjectQuery,
+import {
+  Refused,
+  type AreaAnswer,
+  type AreaRow,
+  type Download,
+  type FindAnswer,
+  type FoundRow,
+  type MapInfo,
+  type ObjectAt,
+  type PathAnswer,
+  type PointAnswer,
+  type ObjectQuery,
 } from "./source";
 import type { Column } from "./sorting";
 import { table } from "./table";
@@ -82,6 +84,52 @@ export function pointContent(
         : null,
     );
   });
+}
+
+/** @param change - takes another radius of the robot [m]. */
+export function pathContent(
+  answer: PathAnswer | Refused,
+  radius: number,
+  change: (radius: number) => void,
+): (HTMLElement | null)[] {
+  const input = el("input", { type: "number", id: "robot-radius", value: String(radius) });
+  Object.assign(input, { min: "0", step: "0.05" });
+  input.onchange = () => {
+    if (input.checkValidity() && input.value) change(Number(input.value));
+  };
+  const field = el(
+    "p",
+    { class: "said" },
+    el("label", { for: "robot-radius", text: "Radius of the robot [m]" }),
+    input,
+  );
+  if (answer instanceof Refused) {
+    const { message } = answer;
+    return [el("p", { text: `${message[0]?.toUpperCase() ?? ""}${message.slice(1)}.` }), field];
+  }
+  const { rooms, doors } = answer;
+  const list = (title: string, lines: string[]) =>
+    lines.length === 0
+      ? null
+      : el(
+          "section",
+          { class: "at" },
+          el("h3", { text: title }),
+          el("ol", { class: "passed" }, ...lines.map((text) => el("li", { text }))),
+        );
+  return [
+    field,
+    list(
+      "Rooms",
+      rooms.map(({ name }) => name),
+    ),
+    list(
+      "Doors",
+      doors.map(
+        ({ place: [x, y], width }) => `${meters(x)}, ${meters(y)}: ${meters(width)} m wide`,
+      ),
+    ),
+  ];
 }
 
 export function areaSummary({ rows, total }: AreaAnswer): string {

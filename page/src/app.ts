@@ -11,6 +11,7 @@ import { LayersPanel } from "./layers";
 import { insets, NARROW, toggleSidebar } from "./layout";
 import { drawnLayer, isVisible, MapView } from "./mapview";
 import { Panel } from "./panel";
+import { PathTool } from "./pathtool";
 import { placeFromHash, placeToHash } from "./place";
 import { Search } from "./search";
 import { loadSettings } from "./settings";
@@ -28,6 +29,7 @@ export class App {
   private readonly panel: Panel;
   private readonly ask: Ask;
   private readonly drawing: Drawing;
+  private readonly paths: PathTool;
   private readonly search: Search;
   private readonly conditions: Conditions;
   private readonly layers: LayersPanel;
@@ -52,6 +54,15 @@ export class App {
     );
     this.ask = new Ask(this.view, source, this.panel, this.context);
     this.drawing = new Drawing(this.view.map);
+    this.paths = new PathTool({
+      mark: (start) => {
+        this.panel.close();
+        this.ask.forget();
+        this.view.markPlace(start);
+      },
+      find: (start, goal) => this.ask.path(start, goal),
+      hint: (text) => this.hint(text),
+    });
     this.search = new Search(() => this.find());
     this.conditions = new Conditions((kind, done) => this.drawToFind(kind, done));
     this.ask.sought = (sought) => {
@@ -108,6 +119,8 @@ export class App {
     const { frame_id } = this.context.frame;
     this.context.frame = info.frames.find((one) => one.frame_id === frame_id) ?? baseFrame(info);
     this.view.setInfo(info);
+    const hasGrid = info.layers.some(({ class_name }) => class_name === "OccupancyGridLayer");
+    this.toolbar.offerPath(hasGrid && this.source.path !== undefined);
     this.search.setInfo(info);
     this.conditions.setInfo(info);
     this.layers.draw();
@@ -165,14 +178,17 @@ export class App {
     this.hint(null);
     this.isSearching = false;
     if (NARROW.matches) toggleSidebar(false);
-    if (this.editor?.active) void this.editor.pick(place).catch(complain);
+    if (this.paths.active) this.paths.click(place);
+    else if (this.editor?.active) void this.editor.pick(place).catch(complain);
     else this.ask.point(place);
   }
 
   private choose(tool: Tool): void {
     this.editor?.stop();
     this.drawing.stop();
+    this.paths.stop();
     this.toolbar.showTool(tool);
+    if (tool === "path") return this.paths.begin();
     if (tool === "point") {
       this.hint("Click the map to query a point");
       return;
@@ -199,6 +215,7 @@ export class App {
 
   private drawToFind(kind: Kind, done: (ring: Ring) => void): void {
     this.editor?.stop();
+    this.stopPaths();
     this.hint(kind === "rectangle" ? "Drag a rectangle to search in" : CORNERS);
     if (NARROW.matches) toggleSidebar(false);
     this.drawing.start(kind, (ring) => {
@@ -211,11 +228,16 @@ export class App {
   private toggleEdit(): void {
     if (!this.editor) return;
     this.drawing.stop();
-    this.toolbar.showTool("point");
+    this.stopPaths();
     if (this.editor.active) return this.editor.stop();
     this.panel.close();
     this.ask.forget();
     this.editor.start();
+  }
+
+  private stopPaths(): void {
+    this.paths.stop();
+    this.toolbar.showTool("point");
   }
 
   private escape(): void {
@@ -229,6 +251,10 @@ export class App {
       const goesBack = this.isSearching && byId("panel").contains(document.activeElement);
       this.panel.close();
       if (goesBack) this.search.focus();
+    } else if (this.paths.active) {
+      this.stopPaths();
+      this.ask.forget();
+      this.hint(null);
     } else if (this.editor?.active) this.editor.stop();
     else {
       this.hint(null);

@@ -4,6 +4,7 @@ import {
   areaContent,
   areaSummary,
   findContent,
+  pathContent,
   pointContent,
   unknownContent,
   wantedInWords,
@@ -15,15 +16,16 @@ import { meters, plural, rounded } from "./format";
 import { fromBase } from "./frames";
 import type { MapView } from "./mapview";
 import type { Panel } from "./panel";
-import type {
-  DataSource,
-  FindAnswer,
-  Frame,
-  MapInfo,
-  ObjectDetails,
-  Point,
-  Ring,
-  ObjectQuery,
+import {
+  Refused,
+  type DataSource,
+  type FindAnswer,
+  type Frame,
+  type MapInfo,
+  type ObjectDetails,
+  type Point,
+  type Ring,
+  type ObjectQuery,
 } from "./source";
 
 const MOST_FOUND = 100;
@@ -44,6 +46,8 @@ export class Ask {
   actions: (object: ObjectDetails) => HTMLElement | null = () => null;
   /** Called with what was looked for instead of what was typed. */
   sought: (sought: Sought) => void = () => {};
+  /** Of the robot that paths are for [m]. */
+  private robotRadius = 0;
   private last: (() => Promise<void>) | null = null;
   private turn = 0;
   private readonly evidence: EvidenceSection;
@@ -104,6 +108,30 @@ export class Ask {
           (kind) => this.source.download(kind, asked, frame.frame_id),
         ),
         snippets: answer,
+      });
+    });
+  }
+
+  /** The shortest path; where there is none, the panel says why. */
+  path(start: Point, goal: Point): void {
+    this.run(async (isCurrent) => {
+      const [from, to] = [rounded(start), rounded(goal)];
+      const answer = await this.source
+        .path?.(from, to, this.robotRadius)
+        .catch((error: unknown) => refusal(error));
+      if (!isCurrent() || !answer) return;
+      this.clear();
+      this.view.markPlace(start);
+      const isThere = !(answer instanceof Refused);
+      if (isThere) this.view.markPath(answer.points);
+      this.panel.show({
+        title: isThere ? `${meters(answer.length)} m` : "No path",
+        summary: `From ${where(from)} to ${where(to)} m in ${this.context.info.base_frame}`,
+        content: pathContent(answer, this.robotRadius, (radius) => {
+          this.robotRadius = radius;
+          this.path(start, goal);
+        }),
+        snippets: isThere ? answer : undefined,
       });
     });
   }
@@ -249,3 +277,9 @@ function backButton(onclick: () => void): HTMLElement {
 }
 
 const where = ([x, y]: Point): string => `${meters(x)}, ${meters(y)}`;
+
+/** What the map says against a question; anything else is thrown again. */
+function refusal(error: unknown): Refused {
+  if (error instanceof Refused && error.status) return error;
+  throw error;
+}

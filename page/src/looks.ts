@@ -38,11 +38,21 @@ export function shortened(name: string, longest = LONGEST_LABEL): string {
     : `${letters.slice(0, longest - 1).join("")}…`;
 }
 
+/** The layer whose objects are rooms. */
+export const ROOMS = "rooms";
+/** Of the fill of a room, under which walls and furniture can be seen. */
+const ROOM_ALPHA = 0.45;
+
 /** A class of objects: its shape in the color of the legend, and its name with a halo. */
-export function classLook(name: string, color: string, labelSize: number | null): ClassLook {
+export function classLook(
+  name: string,
+  color: string,
+  labelSize: number | null,
+  isRoom = false,
+): ClassLook {
   const edge = mixed(color, cssColor("--edge"), 0.45);
   const shape = new Style({
-    fill: new Fill({ color }),
+    fill: new Fill({ color: isRoom ? withAlpha(color, ROOM_ALPHA) : color }),
     stroke: new Stroke({ color: edge, width: 1.5 }),
   });
   if (labelSize === null) return { shape, size: null, labels: null };
@@ -111,6 +121,31 @@ export function placeLook(): Style[] {
     ring(9, accent, 2.5),
     new Style({ image: new CircleStyle({ radius: 2.5, fill: new Fill({ color: accent }) }) }),
   ];
+}
+
+/** The path between two places, with a point at its end. */
+export function pathLook(): Style[] {
+  const accent = cssColor("--accent");
+  return [
+    new Style({ stroke: new Stroke({ color: cssColor("--halo"), width: 7 }) }),
+    new Style({ stroke: new Stroke({ color: accent, width: 3.5 }) }),
+    new Style({
+      geometry: (feature) =>
+        new PointGeometry(((feature as Feature).getGeometry() as LineString).getLastCoordinate()),
+      image: new CircleStyle({
+        radius: 6,
+        fill: new Fill({ color: accent }),
+        stroke: new Stroke({ color: cssColor("--halo"), width: 2.5 }),
+      }),
+    }),
+  ];
+}
+
+/** A door: a white line with dark borders, as in pictures. */
+export function doorLook(): Style[] {
+  const line = (color: string, width: number) =>
+    new Style({ stroke: new Stroke({ color, width, lineCap: "butt" }) });
+  return [line("#1d2530", 6), line("#ffffff", 3)];
 }
 
 /** The asked area. */

@@ -5,6 +5,7 @@ import OpenLayersMap from "ol/Map.js";
 import type View from "ol/View.js";
 import { easeOut } from "ol/easing.js";
 import { boundingExtent } from "ol/extent.js";
+import LineString from "ol/geom/LineString.js";
 import MultiPolygon from "ol/geom/MultiPolygon.js";
 import PointGeometry from "ol/geom/Point.js";
 import { defaults as defaultInteractions } from "ol/interaction/defaults.js";
@@ -12,7 +13,7 @@ import type TileLayer from "ol/layer/Tile.js";
 import type ImageTile from "ol/source/ImageTile.js";
 import { EvidenceLayer, type ShownEvidence } from "./evidencelayer";
 import { GridLines } from "./gridlines";
-import { areaLook, chosenLook, matchLook, placeLook } from "./looks";
+import { areaLook, chosenLook, doorLook, matchLook, pathLook, placeLook, ROOMS } from "./looks";
 import type { Place } from "./place";
 import { calm, featureLayer, fitView, planeView, setFeatures, type Insets } from "./plane";
 import type { Settings } from "./settings";
@@ -47,7 +48,9 @@ export class MapView {
   readonly grid: GridLines;
   private readonly evidence: EvidenceLayer;
   readonly frames = new FramesLayer();
+  private readonly doors = featureLayer(50);
   private readonly marks = {
+    path: featureLayer(79),
     area: featureLayer(80),
     chosen: featureLayer(81),
     matches: featureLayer(82),
@@ -77,7 +80,7 @@ export class MapView {
       view: this.view,
       controls: [],
       interactions: defaultInteractions({ altShiftDragRotate: false, pinchRotate: false }),
-      layers: [this.grid, this.frames.layer, ...Object.values(this.marks)],
+      layers: [this.doors, this.grid, this.frames.layer, ...Object.values(this.marks)],
       keyboardEventTarget: target,
     });
     this.evidence = new EvidenceLayer(this.map);
@@ -96,13 +99,17 @@ export class MapView {
     }
     info.layers.forEach((layer, order) => this.setLayer(layer, order, info));
     this.frames.setFrames(info.frames);
+    const doors = (info.doors ?? []).map(({ line }) => new Feature(new LineString(line)));
+    setFeatures(this.doors, doors);
+    this.showDoors();
     this.later();
   }
 
   private setLayer(info: LayerInfo, order: number, map: MapInfo): void {
     const version = info.version ?? map.version;
     const shown = this.layers.get(info.name) ?? this.addLayer(info);
-    drawnLayer(shown)?.setZIndex(order + (info.kind === "shapes" ? 20 : 0));
+    const isRooms = info.name === ROOMS; // which hold all others, so they lie below them
+    drawnLayer(shown)?.setZIndex(isRooms ? 19 : order + (info.kind === "shapes" ? 20 : 0));
     shown.info = info;
     if (shown.version === version) return;
     shown.version = version;
@@ -120,7 +127,14 @@ export class MapView {
       this.map.addLayer(shown.shapes.layer);
     }
     this.layers.set(info.name, shown);
+    if (info.name === ROOMS) drawnLayer(shown)?.on("change:visible", () => this.showDoors());
     return shown;
+  }
+
+  /** Doors are there while the rooms are. */
+  private showDoors(): void {
+    const rooms = this.layers.get(ROOMS);
+    this.doors.setVisible(rooms !== undefined && isVisible(rooms));
   }
 
   /** Asks for shapes soon; many calls are one. */
@@ -262,6 +276,8 @@ export class MapView {
     this.frames.layer.setVisible(settings.frames);
     this.frames.restyle();
     this.evidence.restyle();
+    this.doors.setStyle(doorLook());
+    this.marks.path.setStyle(pathLook());
     this.marks.place.setStyle(placeLook());
     this.marks.area.setStyle(areaLook());
     this.marks.chosen.setStyle(chosenLook());
@@ -277,6 +293,10 @@ export class MapView {
 
   markPlace(point: Point | null): void {
     setFeatures(this.marks.place, point ? [new Feature(new PointGeometry(point))] : []);
+  }
+
+  markPath(points: Point[] | null): void {
+    setFeatures(this.marks.path, points ? [new Feature(new LineString(points))] : []);
   }
 
   markArea(ring: Ring | null): void {

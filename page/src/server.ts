@@ -12,6 +12,7 @@ import {
   type FindAnswer,
   type MapInfo,
   type ObjectDetails,
+  type PathAnswer,
   type Operation,
   type Point,
   type PointAnswer,
@@ -99,6 +100,10 @@ export class ServerSource implements DataSource, Editing {
 
   evidence(layer: string, id: number): Promise<Evidence> {
     return this.get(`/api/objects/${encodeURIComponent(layer)}/${id}/evidence`, {});
+  }
+
+  path(start: Point, goal: Point, radius: number): Promise<PathAnswer> {
+    return this.get("/api/path", { from: start.join(","), to: goal.join(","), radius });
   }
 
   edit(version: number, operations: Operation[]): Promise<Change> {

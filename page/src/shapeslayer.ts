@@ -8,7 +8,7 @@ import VectorImageLayer from "ol/layer/VectorImage.js";
 import VectorSource from "ol/source/Vector.js";
 import type Style from "ol/style/Style.js";
 import { complain } from "./dom";
-import { classLook, type ClassLook } from "./looks";
+import { classLook, ROOMS, type ClassLook } from "./looks";
 import { NameSides } from "./namesides";
 import type { DataSource, Extent, LayerInfo, Point, Ring, Shape, Shapes } from "./source";
 
@@ -160,7 +160,7 @@ export class ShapesLayer {
     let look = this.looks.get(name);
     if (!look) {
       const color = this.info.classes.find((one) => one.name === name)?.color ?? "#808080";
-      look = classLook(name, color, this.labelSize);
+      look = classLook(name, color, this.labelSize, this.info.name === ROOMS);
       this.looks.set(name, look);
     }
     return look;

@@ -54,6 +54,16 @@ export interface EditState {
   opened?: number;
 }
 
+/** A passage between two rooms. */
+export interface Door {
+  /** Ids of both. */
+  rooms: number[];
+  /** Where one room becomes the other. */
+  line: Point[];
+  /** Of the widest disc that passes [m]. */
+  width: number;
+}
+
 export interface MapInfo extends EditState {
   name: string;
   /** The file's name, for the commands that are shown. */
@@ -63,6 +73,7 @@ export interface MapInfo extends EditState {
   editable: boolean;
   frames: Frame[];
   layers: LayerInfo[];
+  doors?: Door[];
   token?: string;
   /** What the reader should know of this map. */
   notes?: string[];
@@ -182,6 +193,15 @@ export interface ObjectDetails {
   attributes: Record<string, unknown>;
 }
 
+/** The shortest way between two places. */
+export interface PathAnswer extends Snippets {
+  /** Meters. */
+  length: number;
+  points: Point[];
+  rooms: { id: number; name: string }[];
+  doors: { place: Point; width: number }[];
+}
+
 /** One look at an object. */
 export interface Seen {
   /** Seconds. */
@@ -290,6 +310,8 @@ export interface Questions {
   find(wanted: ObjectQuery, limit: number): Promise<FindAnswer>;
   object(layer: string, id: number): Promise<ObjectDetails>;
   evidence(layer: string, id: number): Promise<Evidence>;
+  /** For a robot of a radius [m]. Absent where nobody plans. */
+  path?(start: Point, goal: Point, radius: number): Promise<PathAnswer>;
 }
 
 export interface Editing {

@@ -2,7 +2,7 @@
 
 import { byId, el, icon, iconButton, type ICONS } from "./dom";
 
-export type Tool = "point" | "rectangle" | "polygon";
+export type Tool = "point" | "rectangle" | "polygon" | "path";
 
 export interface ToolVerbs {
   menu: () => void;
@@ -15,6 +15,7 @@ const TOOLS: { tool: Tool; label: string; title: string }[] = [
   { tool: "point", label: "Point", title: "Query a point: click the map" },
   { tool: "rectangle", label: "Rectangle", title: "Query a rectangle: drag it" },
   { tool: "polygon", label: "Polygon", title: "Query an area: click its corners" },
+  { tool: "path", label: "Path", title: "Find the shortest path: click its start and its goal" },
 ];
 
 export class Toolbar {
@@ -44,6 +45,11 @@ export class Toolbar {
 
   offerEdit(offered: boolean): void {
     this.edit.hidden = !offered;
+  }
+
+  offerPath(offered: boolean): void {
+    const button = this.tools.get("path");
+    if (button) button.hidden = !offered;
   }
 
   showTool(chosen: Tool): void {

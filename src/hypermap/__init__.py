@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from hypermap.core.occupancy import OccupancyLayer
     from hypermap.core.opaque import OpaqueLayer
     from hypermap.core.semantic import SemanticLayer, SemanticObject
+    from hypermap.core.value_layer import ValueLayer
     from hypermap.formats.grid.map_server import load_occupancy
     from hypermap.formats.hmap import open_map, save_map
     from hypermap.formats.semantic.geojson import from_geojson, to_geojson
@@ -50,6 +51,7 @@ _HOMES = {
         "hypermap.core.occupancy": "OccupancyLayer",
         "hypermap.core.opaque": "OpaqueLayer",
         "hypermap.core.semantic": "SemanticLayer SemanticObject",
+        "hypermap.core.value_layer": "ValueLayer",
         "hypermap.formats.semantic.geojson": "from_geojson to_geojson",
         "hypermap.formats.semantic.geopandas_bridge": "from_geodataframe to_geodataframe",
         "hypermap.formats.hmap": "open_map save_map",
@@ -78,6 +80,7 @@ __all__ = [
     "SemanticLayer",
     "SemanticObject",
     "Transform",
+    "ValueLayer",
     "__version__",
     "from_geodataframe",
     "from_geojson",

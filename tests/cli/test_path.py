@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import json
 import math
 
 import numpy as np
@@ -85,3 +86,35 @@ def test_the_shell_tells_paths_and_whether_a_room_is_reachable(hypermap, flat):
     assert "no path leads from" in result.err
     assert "usage: path FROM TO [RADIUS]" in result.err
     assert result.code == 2
+
+
+def test_the_ways_between_rooms_become_a_file_for_nav2(hypermap, flat, tmp_path):
+    out = tmp_path / "routes.geojson"
+    result = hypermap("convert", flat, out, "--route-graph", "--robot-radius", "0.2")
+    assert (result.code, result.out) == (0, "")
+    assert "routes.geojson: " in result.err
+    assert result.err.endswith(f"between 3 nodes; the frame is 'map'\nsaved {out}\n")
+    features = json.loads(out.read_text())["features"]
+    assert [feature["properties"]["metadata"]["type"] for feature in features[:3]] == [
+        "door",
+        "room",
+        "room",
+    ]
+    around = (out, "--route-graph", "--keepout", "refrigerator 2.5", "--force")
+    assert hypermap("convert", flat, *around).code == 0
+    assert json.loads(out.read_text())["features"] != features
+
+
+@pytest.mark.parametrize(
+    ("target", "arguments", "reason"),
+    [
+        ("r.geojson", ["--robot-radius", "0.2"], "--robot-radius and --inflation-radius are about"),
+        ("r.yaml", ["--route-graph"], "r.yaml: a route graph is saved as .geojson"),
+        ("r.geojson", ["--route-graph", "--robot-radius", "3"], "no way between rooms and doors"),
+        ("r.geojson", ["--route-graph", "--speed", "cup 1 9%"], "one file holds either"),
+        ("r.geojson", ["--route-graph", "--keepout", "cup"], "keepout: 'cup' is not a zone"),
+    ],
+)
+def test_what_is_no_route_graph_is_one_error(hypermap, flat, tmp_path, target, arguments, reason):
+    assert_one_error(hypermap("convert", flat, tmp_path / target, *arguments), reason)
+    assert not (tmp_path / target).exists()

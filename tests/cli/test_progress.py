@@ -5,7 +5,8 @@ import io
 from rich.console import Console
 
 from hypermap.cli import progress
-from hypermap.mapping.mapper import Counts, Progress
+from hypermap.mapping.counts import Counts
+from hypermap.mapping.mapper import Progress
 
 
 def test_a_terminal_shows_a_bar_with_rate_objects_and_time_left(monkeypatch):

@@ -2,9 +2,18 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import shapely
 from PIL import Image
 
-from hypermap import GridGeometry, Hypermap, OccupancyLayer, open_map, save_map
+from hypermap import (
+    GridGeometry,
+    Hypermap,
+    OccupancyLayer,
+    SemanticLayer,
+    SemanticObject,
+    open_map,
+    save_map,
+)
 
 from .conftest import assert_one_error
 
@@ -53,6 +62,26 @@ def test_rooms_are_drawn(hypermap, flat, tmp_path):
     hypermap("render", flat, "-o", plain, "--size", "400")
     with Image.open(out) as image, Image.open(plain) as other:
         assert len(image.getcolors(1 << 20)) > len(other.getcolors(1 << 20))
+
+
+def test_doors_are_drawn_where_rooms_meet(hypermap, flat, tmp_path):
+    drawn = []
+    for name, doors in (
+        ("with", ({"to": 1, "line": [[4.5, 2], [4.5, 3]], "width": 1},)),
+        ("no", ()),
+    ):
+        rooms = SemanticLayer("rooms", "map")
+        boxes = shapely.box(0.4, 0.5, 4.5, 4.5), shapely.box(4.5, 0.5, 8.6, 4.5)
+        rooms.add([SemanticObject("a", boxes[0], 0, attributes={"doors": list(doors)})])
+        rooms.add([SemanticObject("b", boxes[1], 1)])
+        save_map(Hypermap([open_map(flat)["occupancy"], rooms]), tmp_path / f"{name}.hmap")
+        out = tmp_path / f"{name}.png"
+        assert hypermap("render", tmp_path / f"{name}.hmap", "-o", out, "--title", "").code == 0
+        with Image.open(out) as image:
+            drawn.append(np.asarray(image.convert("L"), dtype=int))
+    rows, cols = np.nonzero(drawn[0] != drawn[1])
+    assert np.ptp(cols) < 20 < 100 < np.ptp(rows)  # an upright line ...
+    assert drawn[0][rows, cols].max() > 250 > 100 > drawn[0][rows, cols].min()  # white and dark
 
 
 @pytest.mark.parametrize(

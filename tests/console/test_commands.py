@@ -125,6 +125,11 @@ def test_json_says_where_the_map_comes_from(lab, tmp_path):
     assert json.loads(lab.run(asked)) == {"map": None, "frame_id": "map", "answers": []}
 
 
+def test_automap_is_what_the_owner_of_the_console_makes_of_it():
+    assert Console(automap=lambda: "waiting").run("automap") == "waiting"
+    assert Console().run("automap") == "automap is for the console of `hypermap serve`"
+
+
 def test_republish_is_what_the_owner_of_the_console_makes_of_it():
     assert Console(republish=lambda: "sent").run("republish") == "sent"
 

@@ -1,11 +1,15 @@
 from __future__ import annotations
 
+import numpy as np
 import pytest
 import shapely
 
 from hypermap.core.frames import Pose2D
+from hypermap.core.grid import GridGeometry
 from hypermap.core.layer import Layer
+from hypermap.core.samples import Samples
 from hypermap.core.semantic import SemanticLayer, SemanticObject
+from hypermap.core.value_layer import ValueLayer
 from hypermap.testing import occupancy_from_text, square
 from hypermap.testing.contract import LayerContract
 
@@ -42,3 +46,32 @@ class TestSemanticLayer(LayerContract):
                 SemanticObject("table", bow_tie),
             ],
         )
+
+
+class TestValueLayer(LayerContract):
+    class_name = "ValueLayer"
+
+    @pytest.fixture
+    def layer(self) -> Layer:
+        nan = np.nan
+        return ValueLayer(
+            "warmth",
+            "map",
+            GridGeometry(3, 2, 0.5, Pose2D(2.0, -1.0, 0.3)),
+            [[19.1, 20.7, 21.3], [21.3, 22.0, nan]],
+            "°C",
+            2,
+            quantity="temperature",
+            deviations=[[0.5, 0.25, 0.5], [0.5, 1.0, nan]],
+            stamps=[[1e9, nan, nan], [nan, 1.5e9, nan]],
+            samples=Samples.of([[2.1, -0.9], [2.9, 0.1]], [19.0, 22.1], [False, True], [1e9, nan]),
+            made_by={"method": "gmrf", "length": 2.5},
+        )
+
+
+class TestValueLayerOfNumbersAlone(LayerContract):
+    class_name = "ValueLayer"
+
+    @pytest.fixture
+    def layer(self) -> Layer:
+        return ValueLayer("warmth", "map", GridGeometry(3, 1, 2.0), [[19, 20, np.nan]])

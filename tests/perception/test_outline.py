@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from hypermap.core.trajectory import pose_from_rpy, transform_points
+from hypermap.perception.footprints import footprint
 from hypermap.perception.frame import Camera, RgbdFrame
 from hypermap.perception.outline import outer_points
-from hypermap.perception.shapes import footprint
 
 CAMERA = Camera.from_intrinsics(100, 100, 79.5, 59.5, 160, 120)
 POSE = pose_from_rpy(0.3, -0.2, 1.2, -2.0, 0.1, 0.7)  # looks ahead and down

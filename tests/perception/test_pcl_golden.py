@@ -15,10 +15,10 @@ from PIL import Image
 from hypermap.core.trajectory import transform_points
 from hypermap.perception.config import Method, PerceptionConfig
 from hypermap.perception.detections import Detections
+from hypermap.perception.footprints import footprint
 from hypermap.perception.frame import Camera, RgbdFrame
 from hypermap.perception.observe import observe
 from hypermap.perception.segmentation import segment, valid_pixels
-from hypermap.perception.shapes import footprint
 
 pytestmark = pytest.mark.xdist_group("golden")  # they share what takes long to make
 

@@ -96,8 +96,8 @@ BYTES = "the cloud's {} bytes do not hold 2 rows of {} bytes with 3 points of {}
     [
         (
             cloud(XYZ, height=1, width=6),
-            "the cloud is not organised: it has 1 x 6 points, and its neighbors are unknown; "
-            "record the camera's organised cloud or its depth image",
+            "the cloud is not organized: it has 1 x 6 points, and its neighbors are unknown; "
+            "record the camera's organized cloud or its depth image",
         ),
         (cloud(XYZ[:2]), "the cloud needs the fields x, y, z; found x, y"),
         (cloud([]), "the cloud needs the fields x, y, z; found none"),

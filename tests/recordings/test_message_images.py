@@ -140,7 +140,7 @@ def test_bayer_mosaics_are_interpolated_from_the_nearest_pixels(
     np.testing.assert_array_equal(deep, color)
 
 
-def test_grey_of_16_bits_keeps_its_upper_byte() -> None:
+def test_gray_of_16_bits_keeps_its_upper_byte() -> None:
     color = color_of_image(message(np.array([[0x1234, 0xFFFF]], np.uint16), "mono16"))
     assert color.tolist() == [[[0x12] * 3, [0xFF] * 3]]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -102,3 +103,41 @@ def test_the_command_maps_a_played_bag_and_saves_on_ctrl_c(
     score = evaluate(saved["semantic"].objects(), mapped(frames)).overall
     assert score.detection[0].recall == 1, counts  # at an IoU of 0.25
     assert "occupancy" in saved
+
+
+def test_a_killed_mapper_goes_on_with_what_it_has_saved(
+    rospy: Any, sim_time: None, start: Callable[..., Any], shared_data: Path, tmp_path: Path
+) -> None:
+    rosbag = pytest.importorskip("rosbag")
+    bag, output = tmp_path / "desk.bag", tmp_path / "desk.hmap"
+    frames = desk_bag(rosbag, shared_data / "desk", bag, 16)
+    topics = ["--depth-topic", camera.DEPTH, "--detections-topic", camera.DARKNET]
+    own = ["--param", "slop=0.05", "--param", "tf_timeout=1.0", "--save-every", "0.2"]
+    command = ["hypermap", "live", "--ros1", *topics, *own, "--onto", output, "-o", output]
+    options = ["--clock", "--wait-for-subscribers", "--delay=1", "--rate=0.5"]
+
+    def used() -> int:
+        return open_map(output).metadata["frames"]["used"] if output.exists() else 0
+
+    first = start(*command, "__name:=killed")
+    first.expect("begins anew")
+    first.expect("waiting for")
+    player = start("rosbag", "play", *options, bag)
+    wait_for(lambda: used() > 4, "a map of some frames")
+    os.killpg(first.popen.pid, signal.SIGKILL)
+    first.popen.wait(60)
+    saved = open_map(output)
+    before = saved.metadata["frames"]["used"]
+    player.stop(signal.SIGINT)
+
+    second = start(*command, "__name:=goes_on")
+    second.expect(f"goes on with {output}, which has {len(saved['semantic'])} objects")
+    second.expect("waiting for")
+    start("rosbag", "play", *options, bag).popen.wait(240)
+    wait_for(lambda: used() > before, "more frames than were saved")
+    assert second.stop(signal.SIGINT) == 0, second.output
+    whole = open_map(output)
+    assert [drive["name"] for drive in whole.metadata["drives"]] == ["live", "live"]
+    counts = whole.metadata["frames"]
+    assert before < counts["used"] <= len(frames), counts  # none counts twice
+    assert counts["repeated"] > 0, counts

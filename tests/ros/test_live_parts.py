@@ -317,6 +317,8 @@ def test_depth_is_registered_to_color_and_frames_are_turned_where_that_is_set() 
     [
         ({"register": True}, "give color_topic"),
         ({"rotate": 45}, "rotate must be 0, 90, 180 or 270 degrees, got 45"),
+        ({"frontiers": True, "occupancy": False}, "frontiers need an occupancy map"),
+        ({"sensor_min_range": 4.0}, "sensor_min_range must be below sensor_range, got 4 and 4"),
     ],
 )
 def test_settings_that_do_not_go_together_are_told(values: dict[str, Any], words: str) -> None:

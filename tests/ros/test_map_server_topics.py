@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import sys
 import threading
@@ -12,9 +13,11 @@ from typing import Any
 import pytest
 
 from hypermap.core.frames import FrameTree
+from hypermap.core.grid import GridGeometry
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.semantic import SemanticLayer
+from hypermap.core.value_layer import ValueLayer
 from hypermap.testing import occupancy_from_text, square
 
 from .conftest import Process, wait_for
@@ -120,6 +123,20 @@ def test_late_subscribers_hear_of_every_layer_and_of_the_map(serve):
     assert client.heard("semantic_markers", "visualization_msgs/MarkerArray").markers
     for service in ("occupancy_static_map", "/static_map"):
         assert client.call(service, "nav_msgs/GetMap").map.info.height == 2
+
+
+def test_measured_values_are_a_grid_whose_scale_is_told(serve):
+    hypermap = building()
+    values = ValueLayer("warmth", "lab", GridGeometry(3, 1, 1.0), [[20, math.nan, 30]], "°C")
+    values.settings["publish_global_topics"] = True
+    hypermap.add(values)
+    client, log = serve(hypermap)
+    message = client.heard("warmth_values", "nav_msgs/OccupancyGrid")
+    assert list(message.data) == [0, -1, 100]
+    assert message.header.frame_id == "lab"
+    scale = json.loads(client.heard("warmth_values_scale", "std_msgs/String").data)
+    assert scale == {"quantity": "warmth", "unit": "°C", "at_0": 20, "at_100": 30}
+    log.expect("there is no global topic for layers of class ValueLayer")
 
 
 def test_late_listeners_of_tf_know_where_the_layers_frames_lie(serve):

@@ -106,6 +106,33 @@ def test_its_map_is_latched_and_its_inputs_take_what_comes(
         assert subscription.qos.durability == DurabilityPolicy.VOLATILE
 
 
+def test_where_to_look_next_is_published_for_the_caller_to_decide(
+    graph: Graph, make_port: Callable[..., Any], frames: list[RgbdFrame]
+) -> None:
+    _, node = started(
+        make_port,
+        "frontiers:=true",
+        "frontiers_every:=0.1",
+        "base_frame:=camera_optical_frame",
+        "through_unknown:=true",
+    )
+    topic = f"{NODE}/frontier_poses"
+    (publisher,) = graph.publishers(topic)
+    assert publisher.qos.durability == DurabilityPolicy.TRANSIENT_LOCAL
+    with other_node(graph) as other:
+        pose_array = graph.types.message("geometry_msgs/PoseArray")
+        other.create_subscription(pose_array, topic, lambda _: None, QoSProfile(depth=1))
+        robot = robot_of(graph, other)
+        robot.show(frames[0])
+        wait_for(lambda: totals(node).get(Fate.MAPPED) == 1, "a frame")
+        wait_for(lambda: topic in graph.kept, "poses")
+    poses = graph.latest(topic)
+    assert poses.poses
+    assert poses.header.frame_id == "map"
+    markers = graph.latest(f"{NODE}/frontiers").markers
+    assert len([m for m in markers if m.ns == "stands"]) == len(poses.poses)
+
+
 def test_it_is_cleared_on_request(
     graph: Graph, make_port: Callable[..., Any], frames: list[RgbdFrame]
 ) -> None:

@@ -21,6 +21,7 @@ from hypermap.core.hypermap import Hypermap
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.opaque import OpaqueLayer
 from hypermap.core.semantic import SemanticLayer, SemanticObject
+from hypermap.core.value_layer import ValueLayer
 from hypermap.formats import open_map, save_map
 from hypermap.ros.rviz.config import RvizView, configuration, map_configuration, view_of
 from hypermap.ros.rviz.window import LayerDisplays
@@ -82,10 +83,19 @@ def test_the_servers_masks_have_displays_that_can_be_switched_on(ros2: bool) -> 
             assert display["Topic"]["Durability Policy"] == "Transient Local"
 
 
+def test_measured_values_are_a_map_through_which_the_floor_is_seen() -> None:
+    hypermap = building()
+    hypermap.add(ValueLayer("warmth", "map"))
+    display = displays(map_configuration(hypermap))["warmth"]
+    assert display["Class"] == "rviz/Map"
+    assert 0 < display["Alpha"] < 1
+    assert display["Topic"].endswith("/warmth_values")
+
+
 def test_a_layer_that_no_topic_shows_has_no_display() -> None:
     hypermap = building()
-    hypermap.add(OpaqueLayer("ValueLayer", "values", "map"))
-    assert "values" not in displays(map_configuration(hypermap))
+    hypermap.add(OpaqueLayer("FlowLayer", "people", "map"))
+    assert "people" not in displays(map_configuration(hypermap))
 
 
 def test_the_view_shows_all_that_is_known() -> None:
@@ -200,7 +210,7 @@ def test_displays_come_and_go_with_the_layers() -> None:
     assert told.metadata(GRID, THINGS) == [("put", "grid"), ("put", "things")]
     assert told.orders[-1][1]["open"] == ["Namespaces"]
     assert told.metadata(GRID, THINGS) == []  # so what the user has set there stays
-    assert told.metadata(THINGS, ("ValueLayer", "values", "map")) == [("remove", "grid")]
+    assert told.metadata(THINGS, ("FlowLayer", "people", "map")) == [("remove", "grid")]
     assert told.metadata(("OccupancyGridLayer", "things", "map")) == [("put", "things")]
     assert told.orders[-1][1]["class"] == "rviz/Map"
     assert told.metadata() == [("remove", "things")]
@@ -306,6 +316,16 @@ def test_a_mask_is_shown_from_its_first_message_on() -> None:
     assert (shown["Class"], shown["Topic"]) == ("rviz/Map", "/server/keepout_mask")
     assert shown["Enabled"]
     assert told.metadata() == [("remove", "things")], "it is no layer"
+
+
+def test_doors_and_the_graph_have_a_display_where_the_map_has_rooms() -> None:
+    rooms = SemanticLayer("rooms", "map", [square("office", 0, 0)])
+    shown = displays(map_configuration(Hypermap([rooms]), "/server"))["Doors and graph"]
+    assert (shown["Class"], shown["Marker Topic"]) == ("rviz/MarkerArray", "/server/room_graph")
+    told: Any = Told()
+    LayerDisplays(told, told, "/server", RvizView())
+    told.heard["/server/room_graph"](SimpleNamespace())
+    assert [order["name"] for do, order in told.orders if do == "put"] == ["Doors and graph"]
 
 
 # The package of launch files

@@ -21,6 +21,7 @@ from hypermap.core.hypermap import Hypermap
 from hypermap.core.objects import SemanticObject
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.semantic import SemanticLayer
+from hypermap.core.value_layer import ValueLayer
 from hypermap.recordings.messages.header import nanoseconds
 from hypermap.recordings.messages.occupancy import occupancy_of_grid
 from hypermap.ros.messages.geometry_messages import numbers, outline, outlines
@@ -34,6 +35,8 @@ from hypermap.ros.messages.to_messages import (
     occupancy_grid,
     polygon_stamped,
     semantic_map,
+    value_grid,
+    value_scale,
 )
 from hypermap.testing.builders import occupancy_from_text, square
 from hypermap.testing.strategies import areas, occupancy_layers, semantic_layers
@@ -91,6 +94,29 @@ def test_meta_data_hold_the_geometry(types: Any) -> None:
     assert (got.origin.position.x, got.origin.position.y) == (1, 2)
     assert got.origin.orientation.z == pytest.approx(math.sqrt(0.5))
     assert got.origin.orientation.w == pytest.approx(math.sqrt(0.5))
+
+
+# Measured values
+
+
+def test_values_are_scaled_to_the_range_of_a_grid_and_the_scale_is_told(types: Any) -> None:
+    cells = [[20.0, 22.5, math.nan], [30.0, 20.04, 25.0]]
+    grid = GridGeometry(3, 2, 0.5, Pose2D(1, 2))
+    layer = ValueLayer("warmth", "map", grid, cells, "°C", quantity="temperature")
+    got = types.sent(value_grid(layer, types, STAMP))
+    assert np.asarray(got.data, np.int8).tolist() == [0, 25, -1, 100, 0, 50]
+    assert (got.info.width, got.info.height, got.info.origin.position.x) == (3, 2, 1)
+    told = json.loads(types.sent(value_scale(layer, types, STAMP)).data)
+    assert told == {"quantity": "temperature", "unit": "°C", "at_0": 20, "at_100": 30}
+
+
+@pytest.mark.parametrize(("cells", "data"), [([[7, 7]], [0, 0]), ([[math.nan] * 2], [-1, -1])])
+def test_a_quantity_that_is_the_same_or_unknown_all_over_has_a_grid(
+    types: Any, cells: Any, data: Any
+) -> None:
+    layer = ValueLayer("warmth", "map", GridGeometry(2, 1, 0.5), cells)
+    got = types.sent(value_grid(layer, types, STAMP))
+    assert np.asarray(got.data, np.int8).tolist() == data
 
 
 # Objects

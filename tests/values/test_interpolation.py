@@ -53,6 +53,18 @@ def test_warmth_does_not_leak_through_a_wall(mapped):
     assert mapped.settings["through_walls"] == 0
 
 
+@pytest.mark.parametrize("resolution", [0.3, 0.5])
+def test_a_sample_counts_on_its_own_side_of_a_wall(two_rooms, resolution):
+    # Samples 5 cm off the wall, in cells whose centers lie on its other side.
+    points = [[x, y] for y in np.arange(0.3, 3.8, 0.1) for x in (3.85, 4.15)]
+    warmth = [24.0, 16.0] * (len(points) // 2)
+    settings = FieldSettings(length=2.0, deviation=4.0, noise=0.2)
+    result = interpolate(
+        Samples.of(points, warmth), two_rooms, settings=settings, resolution=resolution
+    )
+    np.testing.assert_allclose(at(result, [[3.4, 2.0], [4.6, 2.0]]), [24, 16], atol=0.5)
+
+
 def test_values_are_where_the_floor_is_and_samples_say_something(two_rooms, mapped):
     centers = mapped.grid.centers(*np.nonzero(~np.isnan(mapped.values)))
     assert set(two_rooms.label_at(centers)) == {"Free"}
@@ -133,18 +145,31 @@ def test_too_few_samples_are_refused_with_a_remedy(count, below, said):
         interpolate(Samples.of(points, np.arange(count), np.arange(count) < below))
 
 
+@pytest.mark.parametrize("method", ["gmrf", "kernel", "nearest"])
+@pytest.mark.parametrize(
+    ("places", "values", "said"),
+    [
+        ([1.0, 2e5], [1.0, 2.0], r"reach from \(1, 0\) to \(200000, 0\); are their places in"),
+        ([1e12, 1e12], [1.0, 2.0], "are their places in meters"),
+        ([-1.7e308, 1.7e308], [1.0, 2.0], "are their places in meters"),
+        ([1.0, 2.0], [1.0, -1e308], "a sample has a value of 1e.308, too large"),
+    ],
+)
+def test_absurd_samples_are_refused(method, places, values, said):
+    points = np.column_stack([places * 3, np.zeros(6)])
+    with pytest.raises(HypermapError, match=said):
+        interpolate(Samples.of(points, values * 3), method=method)
+
+
+@pytest.mark.parametrize("resolution", [0, -1, float("nan"), float("inf"), 1e9])
+def test_what_is_no_side_of_a_cell_is_refused(resolution):
+    with pytest.raises(HypermapError, match="resolution must be from"):
+        interpolate(warm_and_cold(), resolution=resolution)
+
+
 def test_a_resolution_that_is_too_fine_is_refused():
     with pytest.raises(HypermapError, match="take a coarser one"):
         interpolate(warm_and_cold(), resolution=0.005)
-
-
-@pytest.mark.parametrize(
-    ("values", "said"),
-    [([1.0, np.nan], r"values\[1\] is not finite"), ([1.0], r"values must have shape \(2,\)")],
-)
-def test_samples_are_checked(values, said):
-    with pytest.raises(ValueError, match=said):
-        Samples.of([[0, 0], [1, 1]], values)
 
 
 # Two surveys of WiFi signal strength; the figures of other methods are in their README.

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated, TypeVar
 import typer
 
 from hypermap.cli.mask_options import Keepout, MaskResolution, Speed, save_mask
-from hypermap.cli.options import Force, check_output
+from hypermap.cli.options import Force, InflationRadius, RobotRadius, check_output
+from hypermap.cli.route_options import AsRouteGraph, save_route_graph
 from hypermap.cli.terminal import note
 from hypermap.core.errors import HypermapError
 from hypermap.text import counted
@@ -77,15 +78,19 @@ def command(
     keepout: Keepout = None,
     speed: Speed = None,
     mask_resolution: MaskResolution = None,
+    route_graph: AsRouteGraph = False,
+    robot_radius: RobotRadius = None,
+    inflation_radius: InflationRadius = None,
     force: Force = False,
 ) -> None:
     """Convert a map, or one of its layers, to another format, chosen by the extension of OUT.
 
     .hmap and a folder (a name without an extension) store whole maps. .geojson, .parquet, .gpkg and
-    .csv store the objects of one layer, in meters. .yaml stores one layer: a map_server map with
-    its picture, or a list of objects. .pgm stores a grid like map_saver, for old programs: free,
-    occupied or unknown, with a YAML file; .tif stores it as GeoTIFF. .rrd is a log for Rerun, .mcap
-    for Foxglove and Lichtblick. The command lists on standard error what OUT cannot store.
+    .csv store the objects of one layer, in meters; .csv also stores measured values, with --layer.
+    .yaml stores one layer: a map_server map with its picture, or a list of objects. .pgm stores a
+    grid like map_saver, for old programs: free, occupied or unknown, with a YAML file; .tif stores
+    it as GeoTIFF. .rrd is a log for Rerun, .mcap for Foxglove and Lichtblick. The command lists on
+    standard error what OUT cannot store.
 
     Examples:
         hypermap convert lab.hmap lab
@@ -94,7 +99,9 @@ def command(
         hypermap convert lab.hmap map.yaml --layer occupancy
         hypermap convert lab.hmap map.pgm
         hypermap convert lab.hmap objects.csv
+        hypermap convert lab.hmap warmth.csv --layer temperature
         hypermap convert lab.hmap keepout.yaml --keepout "table 0.3" --keepout "chair 0.2"
+        hypermap convert rooms.hmap routes.geojson --route-graph --robot-radius 0.3
         hypermap convert lab.hmap faster.hmap --semantic parquet
         hypermap convert objects.geojson objects.hmap --frame map
         hypermap convert lab.hmap lab.rrd
@@ -103,11 +110,20 @@ def command(
     from hypermap.formats.any_file import open_any
 
     hypermap = _chosen(open_any(source, frame_id), layers)
-    if keepout or speed or mask_resolution is not None:
+    if route_graph or robot_radius is not None or inflation_radius is not None:
+        if not route_graph or speed or mask_resolution is not None:
+            raise HypermapError(
+                "--robot-radius and --inflation-radius are about --route-graph, and --speed and "
+                "--mask-resolution about a mask; one file holds either"
+            )
+        save_route_graph(hypermap, target, robot_radius, inflation_radius, keepout or [], force)
+    elif keepout or speed or mask_resolution is not None:
         save_mask(hypermap, target, keepout or [], speed or [], mask_resolution, force)
     elif target.suffix.lower() == ".hmap":
         check_output(target, force)
         save_map(hypermap, target, semantic.value)
+    elif target.suffix.lower() == ".csv" and _has_values_alone(hypermap):
+        _save_values(hypermap, target, force)
     elif target.suffix.lower() in _OBJECTS:
         _save_objects(hypermap, target, force)
     elif target.suffix.lower() == ".pgm":
@@ -130,12 +146,10 @@ def command(
 
 def _chosen(hypermap: Hypermap, names: list[str] | None) -> Hypermap:
     """Return the map with only the layers of these names; None for all."""
-    from hypermap.core.hypermap import Hypermap
-
     if not names:
         return hypermap
     layers = [hypermap[name] for name in dict.fromkeys(names)]
-    return Hypermap(layers, hypermap.frames, hypermap.metadata)
+    return hypermap.with_layers(layers)
 
 
 def _save_folder(hypermap: Hypermap, target: Path, semantic: SemanticForm, force: bool) -> None:
@@ -152,6 +166,26 @@ def _save_folder(hypermap: Hypermap, target: Path, semantic: SemanticForm, force
         with contextlib.suppress(OSError):  # it was there before, and holds something
             target.rmdir()
         raise
+
+
+def _has_values_alone(hypermap: Hypermap) -> bool:
+    """Return whether a map has measured values and no objects."""
+    from hypermap.core.semantic import SemanticLayer
+    from hypermap.core.value_layer import ValueLayer
+
+    kinds = [type(layer) for layer in hypermap]
+    return ValueLayer in kinds and SemanticLayer not in kinds
+
+
+def _save_values(hypermap: Hypermap, target: Path, force: bool) -> None:
+    from hypermap.core.value_layer import ValueLayer
+    from hypermap.formats.atomic import write_file
+    from hypermap.formats.grid.value_table import to_csv
+
+    check_output(target, force)
+    layer = _only_one(hypermap, (ValueLayer,), f"{target} can hold the values of one layer")
+    write_file(target, to_csv(layer).encode())
+    _say_what_is_lost(hypermap, layer)
 
 
 def _save_objects(hypermap: Hypermap, target: Path, force: bool) -> None:

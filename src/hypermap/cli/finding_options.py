@@ -38,7 +38,19 @@ Detections = Annotated[
     typer.Option(metavar="FILE", readable=False, help="Read detections from this JSON file."),
 ]
 Profile = Annotated[
-    ProfileName, typer.Option(help="thesis: the method of 2019. default: the best one we know.")
+    ProfileName | None,
+    typer.Option(
+        show_default="default", help="thesis: the method of 2019. default: the best one we know."
+    ),
+]
+Onto = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="MAP",
+        readable=False,
+        help="Go on with this map, which `map` or `live` has made. Frames that are in it already "
+        "do not count twice.",
+    ),
 ]
 Config = Annotated[
     Path | None,

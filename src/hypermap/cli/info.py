@@ -97,6 +97,7 @@ def describe_map(hypermap: Hypermap) -> dict[str, Any]:
 def _describe_layer(layer: Layer) -> dict[str, Any]:
     from hypermap.core.occupancy import OccupancyLayer
     from hypermap.core.semantic import SemanticLayer
+    from hypermap.core.value_layer import ValueLayer
 
     extent = layer.extent()
     content: dict[str, Any] = {
@@ -118,6 +119,14 @@ def _describe_layer(layer: Layer) -> dict[str, Any]:
         content["resolution"] = grid.resolution
         content["origin"] = [grid.origin.x, grid.origin.y, grid.origin.yaw]
         content["cells"] = layer.counts()
+    elif isinstance(layer, ValueLayer) and layer.grid is not None:
+        found = layer.summary_in(layer.extent())
+        samples = layer.samples
+        content["quantity"], content["unit"] = layer.quantity, layer.unit
+        content["min"], content["mean"], content["max"] = found.least, found.mean, found.most
+        content["samples"] = None if samples is None else len(samples)
+        content["made_by"] = layer.made_by
+        content["summary"] = layer.summary()
     return content
 
 
@@ -160,7 +169,16 @@ def show_map(content: dict[str, Any], with_settings: bool) -> None:
     for frame in content["frames"]:
         x, y, yaw = frame["pose"]
         say(f"frame {frame['child']} is in {frame['parent']} at x {x:g}, y {y:g}, yaw {yaw:g}")
-    made_with = content["metadata"]
+    made_with = dict(content["metadata"])
+    if "floor" in made_with:
+        say(f"floor: {printable(made_with.pop('floor'))}")
+    connectors = made_with.pop("connectors", ())
+    for entry in connectors if isinstance(connectors, list) else ():
+        if isinstance(entry, dict):
+            name = entry.get("name") or entry.get("kind") or "lift"
+            say(f"{printable(name)} leads to {printable(entry.get('to'))}")
+    for drive in made_with.pop("drives", ()):
+        say(_drive(drive))
     if made_with:
         # Settings come in groups, one for each stage.
         short = {key: value for key, value in made_with.items() if not _has_groups(value)}
@@ -169,6 +187,14 @@ def show_map(content: dict[str, Any], with_settings: bool) -> None:
         if len(short) < len(made_with) and not with_settings:
             hidden = len(_flat(made_with)) - len(_flat(short))
             note(f"and {counted(hidden, 'line')} of settings; show them with -v")
+
+
+def _drive(drive: Any) -> str:
+    if not isinstance(drive, dict):
+        return f"drive {printable(drive)}"
+    times = [printable(drive[key]) for key in ("began", "ended") if key in drive]
+    when = f" from {' to '.join(times)}" if times else ""
+    return f"drive {printable(drive.get('name'))}{when}: {printable(drive.get('frames'))} frames"
 
 
 def _has_groups(value: Any) -> bool:
@@ -191,7 +217,7 @@ def _content(layer: dict[str, Any]) -> str:
     if "cells" in layer:
         cells = ", ".join(f"{label} {count}" for label, count in layer["cells"].items())
         return f"{layer['width']} x {layer['height']} cells of {layer['resolution']:g} m: {cells}"
-    return ""
+    return printable(layer.get("summary", ""), 200)
 
 
 def _flat(values: dict[str, Any], prefix: str = "") -> list[tuple[str, str]]:

@@ -13,8 +13,8 @@ from hypermap.cli.finding_options import (
     Detections,
     Detector,
     Labels,
+    Onto,
     Profile,
-    ProfileName,
     Score,
 )
 from hypermap.cli.live_status import status_line
@@ -27,6 +27,7 @@ from hypermap.cli.node_options import (
     parse_params,
     ros_arguments,
 )
+from hypermap.cli.onto import is_same_file
 from hypermap.cli.options import ForceMap, check_map_output
 from hypermap.cli.recording_options import OPTIONS
 
@@ -107,7 +108,8 @@ def command(
             help=f"{OPTIONS['map_frame'].help.partition(':')[0]}.",
         ),
     ] = None,
-    profile: Profile = ProfileName.default,
+    onto: Onto = None,
+    profile: Profile = None,
     config: Config = None,
     ros1: Ros1 = False,
     ros2: Ros2 = False,
@@ -118,14 +120,16 @@ def command(
     The node subscribes to depth images or organized point clouds and tf. Detections come from
     --detector, --detections-topic or --detections. It publishes /semantic_map and saves the file -o
     every --save-every seconds and at the end. The service save_map saves it at once. If the machine
-    is too slow, frames are dropped, not queued. --param sets parameters of the node. ROS arguments
+    is too slow, frames are dropped, not queued. --onto goes on with a map of an earlier run, also
+    after a crash; if it is the file of -o, it need not exist at the first start. --param sets
+    parameters of the node. ROS arguments
     (NAME:=VALUE, --ros-args ...) are passed to ROS.
 
     Examples:
         hypermap live --depth-topic /camera/aligned_depth_to_color/image_raw --color-topic
             /camera/color/image_raw --detector yolox-nano -o office.hmap
         hypermap live --cloud-topic /camera/depth_registered/points --detections-topic
-            /darknet_ros/bounding_boxes -o office.hmap
+            /darknet_ros/bounding_boxes --onto office.hmap -o office.hmap
     """
     values: dict[str, Value | None] = {
         "depth_topic": depth_topic,
@@ -140,14 +144,15 @@ def command(
         "score": score,
         "detections_file": _absolute(detections),
         "map_frame": map_frame,
-        "profile": profile.value,
+        "onto": _absolute(onto),
+        "profile": None if profile is None else profile.value,
         "config": _absolute(config),
         "save_to": _absolute(output),
         "save_every": save_every,
     }
     given = {name: value for name, value in values.items() if value is not None}
     if output is not None:
-        check_map_output(output, force)
+        check_map_output(output, force or is_same_file(output, onto))
     middleware = chosen_middleware(ros1, ros2, False)
     arguments = ros_arguments(context)
 

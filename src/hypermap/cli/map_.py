@@ -17,11 +17,12 @@ from hypermap.cli.finding_options import (
     Detections,
     Detector,
     Labels,
+    Onto,
     Profile,
-    ProfileName,
     Score,
 )
 from hypermap.cli.logs import Log, logging_to
+from hypermap.cli.onto import is_same_file, map_to_go_on_with, named, settings_of
 from hypermap.cli.options import ForceMap, check_map_output
 from hypermap.cli.preflight_notes import PreflightNotes
 from hypermap.cli.recording_options import RecordingRequest, takes_recording_options
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
     from hypermap.core.hypermap import Hypermap
     from hypermap.core.occupancy import OccupancyLayer
     from hypermap.mapping.config import MappingConfig
+    from hypermap.mapping.counts import Counts
     from hypermap.mapping.mapper import MappedFrame, Mapper, Progress
     from hypermap.mapping.preflight import Preflight
     from hypermap.perception.frame import DetectionSource
@@ -77,7 +79,8 @@ def command(
             help="Occupancy map (map_server YAML), instead of one made from depth.",
         ),
     ] = None,
-    profile: Profile = ProfileName.default,
+    onto: Onto = None,
+    profile: Profile = None,
     config: Config = None,
     evidence: Annotated[
         bool,
@@ -117,12 +120,16 @@ def command(
     the unit of depth, whether depth is registered to color, the clocks of poses and images, and
     whether the images are upright. What is wrong is told with the option that mends it.
 
+    --onto goes on with a map of earlier drives, as if mapping had never stopped, and with its
+    settings. Other layers stay as they are. Frames that are in the map already count once.
+
     Ctrl-C or SIGTERM stops early and saves the map so far, with the exit code 130 or 143. With
     --view the page stays open afterward, until Ctrl-C.
 
     Examples:
         hypermap map desk --detector yolox-nano -o desk.hmap
         hypermap map drive.bag --map map.yaml -o office.hmap --view
+        hypermap map tuesday.bag --onto office.hmap -o office.hmap
         hypermap map desk --log desk.rrd -o desk.hmap
         hypermap map heads --level auto -o heads.hmap
     """
@@ -130,12 +137,12 @@ def command(
     from hypermap.formats import save_map
     from hypermap.formats.backup import keep_backup
     from hypermap.formats.grid.map_server import load_occupancy
-    from hypermap.mapping.config import chosen_config
     from hypermap.mapping.preflight import Preflight
 
-    check_map_output(output, force)
+    check_map_output(output, force or is_same_file(output, onto))
+    base = map_to_go_on_with(onto, map_file)
     recording, options = request.open(path)
-    settings = chosen_config(profile.value, config, score, has_network=detector is not None)
+    settings = settings_of(base, onto, profile, config, score, has_network=detector is not None)
     occupancy = None
     if map_file is not None:
         occupancy = load_occupancy(map_file, frame_id=recording.frame_id)
@@ -149,7 +156,7 @@ def command(
     with watching(view, name, output, frames, port, browser) as watched:
         with stop_on_signal() as stop, logging_to(log, name, recording.frame_id) as logged:
             watchers = [watch for watch in (watched.frame, logged) if watch is not None]
-            hypermap, is_whole = _make_map(
+            hypermap, counts, is_whole = _make_map(
                 recording,
                 source,
                 settings,
@@ -160,14 +167,21 @@ def command(
                 watchers,
                 preflight,
                 0.0 if strict else max_bad,
+                base,
+                onto,
             )
+            if counts.used == 0 and is_same_file(output, onto):
+                known = f"{name} is in {output} already" if is_whole else f"stopped by {stop.name}"
+                note(f"{known}: there is nothing new, and the map stays")
+                raise typer.Exit(0 if is_whole else stop.exit_code)
             if not evidence:
                 _forget_evidence(hypermap)
             backup = keep_backup(output, spare_edited=True)
             save_map(hypermap, output)
         if backup is not None:
-            note(f"the previous map is kept as {backup}")
+            note(f"the previous map is kept as {backup}" + _anew(backup, output, onto))
         _summarize(hypermap, output)
+        _note_unseen(hypermap, settings)
         notes.remind()
         part = (
             "" if is_whole else f"the map of a part of the recording: stopped early by {stop.name}"
@@ -191,13 +205,17 @@ def _make_map(
     watchers: list[Callable[[MappedFrame, Mapper], None]],
     preflight: Preflight,
     max_bad: float,
-) -> tuple[Hypermap, bool]:
-    """Return the map, and whether it is that of the whole recording."""
+    base: Hypermap | None,
+    onto: Path | None,
+) -> tuple[Hypermap, Counts, bool]:
+    """Return the map, what became of the frames, and whether it is that of the whole recording."""
     from hypermap.cli.progress import Pace, mapping_progress
     from hypermap.cli.stopping import StoppableRecording
+    from hypermap.mapping.counts import Counts
     from hypermap.mapping.mapper import map_recording
 
     started, pace, rate = time.monotonic(), Pace(), 0.0
+    counts = Counts()
     with mapping_progress(frames) as report:
         stoppable = StoppableRecording(recording, stop)
 
@@ -206,44 +224,56 @@ def _make_map(
                 watcher(mapped, mapper)
 
         def tell(progress: Progress) -> None:
-            nonlocal rate
+            nonlocal rate, counts
+            counts = progress.counts
             rate = pace.after(progress.done)
             report(progress)
 
         try:
-            hypermap = map_recording(
-                stoppable,
-                source,
-                settings,
-                occupancy,
-                watched.beside(tell),
-                watch if watchers else None,
-                preflight,
-                max_bad,
-            )
+            with named(onto):
+                hypermap = map_recording(
+                    stoppable,
+                    source,
+                    settings,
+                    occupancy,
+                    watched.beside(tell),
+                    watch if watchers else None,
+                    preflight,
+                    max_bad,
+                    base,
+                )
         except HypermapError:
             if stoppable.ended_early:
                 note("no frame was mapped so far, so nothing is saved")
                 raise typer.Exit(stop.exit_code) from None
             raise
-    _note_frames(hypermap, settings, time.monotonic() - started, rate)
-    return hypermap, not stoppable.ended_early
+    _note_frames(hypermap, counts, settings, time.monotonic() - started, rate)
+    return hypermap, counts, not stoppable.ended_early
+
+
+def _anew(backup: Path, output: Path, onto: Path | None) -> str:
+    """Return what to say of a map that was replaced by one that knows nothing of it."""
+    from hypermap.formats.backup import may_go_on
+
+    if is_same_file(output, onto) or not may_go_on(backup):
+        return ""
+    return f"; this one begins anew (--onto {shlex.quote(str(output))} would go on with it)"
 
 
 def _note_frames(
-    hypermap: Hypermap, settings: MappingConfig, seconds: float, rate: float | None
+    hypermap: Hypermap, counts: Counts, settings: MappingConfig, seconds: float, rate: float | None
 ) -> None:
     """Say what became of the frames; `rate` is their number per second once code is loaded."""
     from hypermap.mapping.corrections import told
 
-    counts = hypermap.metadata["frames"]
-    total = sum(counts.values())
     pace = f" ({rate:.1f}/s after the first, which loads compiled code)" if rate else ""
     note(
-        f"{total} frames in {seconds:.1f} s{pace}: {counts['used']} used, "
-        f"{counts['skipped']} skipped because the camera had hardly moved, "
-        f"{counts['unusable']} unusable"
+        f"{counts.frames} frames in {seconds:.1f} s{pace}: {counts.used} used, "
+        f"{counts.skipped} skipped because the camera had hardly moved, "
+        f"{counts.unusable} unusable"
     )
+    if counts.repeated:
+        note(f"{counted(counts.repeated, 'frame')} in the map already, which count once")
     if surplus := hypermap.metadata.get("surplus_detections"):
         note(
             f"{counted(surplus, 'detection')} left out: only the best "
@@ -256,9 +286,24 @@ def _note_frames(
         note("poses were used as recorded: without an occupancy map (--map) they are not corrected")
 
 
+def _note_unseen(hypermap: Hypermap, settings: MappingConfig) -> None:
+    """Say which objects that people have edited mapping would have taken out."""
+    from hypermap.mapping.by_hand import BY_HAND
+    from hypermap.mapping.going_on import layer_of_objects
+
+    for item in layer_of_objects(hypermap) or ():
+        is_there = item.existence is None or item.existence > settings.evidence.publish_above
+        if BY_HAND in item.attributes and not is_there:
+            note(
+                f"object {item.id} ({printable(item.name)}) was edited by hand and stays, though "
+                "it was not found where it should be"
+            )
+
+
 def _forget_evidence(hypermap: Hypermap) -> None:
     from hypermap.core.semantic import SemanticLayer
 
+    hypermap.mapper_state = None
     for layer in hypermap:
         if isinstance(layer, SemanticLayer):
             layer.kept_evidence = None

@@ -6,12 +6,15 @@ import os
 import re
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from hypermap.cli.terminal import INTERRUPTED, visible
 from hypermap.core.errors import HypermapError
+
+if TYPE_CHECKING:
+    from hypermap.paths.settings import PathSettings
 
 MapPath = Annotated[
     Path,
@@ -35,12 +38,36 @@ RobotRadius = Annotated[
         help="Radius of the robot: which doors it fits through.",
     ),
 ]
+InflationRadius = Annotated[
+    float | None,
+    typer.Option(
+        "--inflation-radius",
+        metavar="METERS",
+        show_default=False,
+        help="Keep so far from walls where it costs little, as Nav2 does; 0: the shortest.",
+    ),
+]
 Force = Annotated[bool, typer.Option("--force", "-f", help="Replace an existing OUT.")]
 
 ForceMap = Annotated[
     bool,
     typer.Option("--force", "-f", help="Replace an existing OUT: even if it was edited by hand."),
 ]
+
+
+def path_settings(*values: float) -> PathSettings:
+    """Return settings of paths out of options.
+
+    Raises:
+        HypermapError: If one is negative or not finite; it names the option.
+    """
+    from hypermap.paths.settings import PathSettings
+
+    try:
+        return PathSettings(*values)  # type: ignore[arg-type]
+    except ValueError as error:
+        name, _, rest = str(error).partition(" ")
+        raise HypermapError(f"--{name.replace('_', '-')} {rest}") from None
 
 
 def check_output(path: Path, replace: bool) -> None:

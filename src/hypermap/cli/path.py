@@ -2,30 +2,19 @@
 
 from __future__ import annotations
 
-import re
-from typing import Annotated, Any
+import os
+from pathlib import Path
+from typing import Annotated
 
 import typer
-from typer.core import TyperCommand
 
 from hypermap.cli.mask_options import KEEPOUT_HELP, KEEPOUT_METAVAR
-from hypermap.cli.options import AsJson, MapPath, RobotRadius
+from hypermap.cli.negative_points import PointsCommand
+from hypermap.cli.options import AsJson, InflationRadius, MapPath, RobotRadius, path_settings
 from hypermap.cli.terminal import say, say_json
-from hypermap.core.errors import HypermapError
 from hypermap.paths.settings import STAND_OFF
 
-
-class _PathCommand(TyperCommand):
-    """Takes points as -1,2 for places, not for options."""
-
-    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Read the arguments; what is behind a blank is no option."""
-        return super().parse_args(
-            ctx, [f" {word}" if re.match(r"-[\d.]+,", word) else word for word in args]
-        )
-
-
-COMMAND_CLASS = _PathCommand
+COMMAND_CLASS = PointsCommand
 
 
 def command(
@@ -42,14 +31,7 @@ def command(
         str, typer.Argument(metavar="TO", show_default=False, help="The same, to where.")
     ],
     robot_radius: RobotRadius = None,
-    inflation_radius: Annotated[
-        float,
-        typer.Option(
-            "--inflation-radius",
-            metavar="METERS",
-            help="Keep so far from walls where it costs little, as Nav2 does; 0: the shortest.",
-        ),
-    ] = 0.0,
+    inflation_radius: InflationRadius = None,
     cost_scaling: Annotated[
         float,
         typer.Option(
@@ -72,6 +54,15 @@ def command(
             "--occupancy", metavar="NAME", show_default="the only one", help="The occupancy layer."
         ),
     ] = None,
+    goal_map: Annotated[
+        Path | None,
+        typer.Option(
+            "--goal-map",
+            metavar="FILE",
+            show_default=False,
+            help="The map that TO is on, if it is another floor: by lifts and stairs.",
+        ),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Find the shortest path for a robot, with the rooms and doors that it passes.
@@ -85,20 +76,38 @@ def command(
         hypermap path office.hmap kitchen "office 2" --robot-radius 0.3
         hypermap path office.hmap 1,1 4,-2 --robot-radius 0.2 --inflation-radius 0.55
         hypermap path office.hmap 1,1 printer --keepout "plant 0.3" --json
+        hypermap path ground.hmap kitchen "office 2" --goal-map upper.hmap
     """
-    from hypermap.console.paths import document, lines, plan
+    from hypermap.console.paths import (
+        document,
+        floor_document,
+        floor_lines,
+        lines,
+        parse_place,
+        plan,
+    )
     from hypermap.formats import open_map
-    from hypermap.paths import PathSettings, Planner
+    from hypermap.formats.floors import open_floors
+    from hypermap.paths import Building, Planner
     from hypermap.ros.server.zones import keepout_filter
 
-    try:
-        settings = PathSettings(
-            robot_radius or 0.0, inflation_radius, cost_scaling, through_unknown
-        )
-    except ValueError as error:
-        name, _, rest = str(error).partition(" ")
-        raise HypermapError(f"--{name.replace('_', '-')} {rest}") from None
+    settings = path_settings(
+        robot_radius or 0.0, inflation_radius or 0.0, cost_scaling, through_unknown
+    )
     zones = keepout_filter(keepout or ()).zones
+    if goal_map is not None:
+        maps = open_floors(path)
+        building = Building(maps, settings, keepout=zones, occupancy=occupancy)
+        begin, end = parse_place(start, "FROM"), parse_place(goal, "TO")
+        files = [os.path.normpath(file.absolute()) for file in (path, goal_map)]
+        way = building.path((files[0], begin), (files[1], end), distance)
+        if as_json:
+            frames = {file: hypermap.base_frame for file, hypermap in maps.items()}
+            say_json(floor_document(way, frames))
+            return
+        for line in floor_lines(way):
+            say(line)
+        return
     hypermap = open_map(path)
     planner = Planner(hypermap, settings, keepout=zones, occupancy=occupancy)
     planned = plan(planner, start, goal, distance)

@@ -48,6 +48,9 @@ def command(
     within: Annotated[float | None, _option("--within", _WHERE)] = None,
     inside: Annotated[str | None, _option("--inside", _WHERE)] = None,
     having: Annotated[str | None, _option("--with", _WHAT)] = None,
+    above: Annotated[float | None, _option("--above", _WHAT)] = None,
+    below: Annotated[float | None, _option("--below", _WHAT)] = None,
+    measured: Annotated[str | None, _option("--measured", _WHAT)] = None,
     evidence: Annotated[bool, _option("--evidence", _WHAT)] = False,
     layer: Annotated[list[str] | None, _option("--layer")] = None,
     frame_id: Annotated[str | None, _option("--frame", None, "the map's base frame")] = None,
@@ -69,6 +72,10 @@ def command(
         hypermap query lab.hmap --name chair --near sink --within 2
         hypermap query lab.hmap --name chair --in "1,2 2,2 2,3 1,3" --json
         hypermap query lab.hmap --id 7 --evidence
+        hypermap query lab.hmap --layer temperature --above 25
+        hypermap query lab.hmap --layer noise --below 40 --nearest --from 1,1
+        hypermap query lab.hmap --layer rooms --measured temperature
+        hypermap query lab.hmap --name desk --measured wifi --below -75
     """
     from hypermap.console.answer import document, shown
     from hypermap.console.questions import Question, answers, remarks
@@ -88,6 +95,9 @@ def command(
         "--within": within,
         "--inside": inside,
         "--with": having,
+        "--above": above,
+        "--below": below,
+        "--measured": measured,
         "--layer": layer,
         "--frame": frame_id,
     }

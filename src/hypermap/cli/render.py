@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hypermap.cli.options import MapPath, check_picture
+from hypermap.cli.options import MapPath, RobotRadius, check_picture
 from hypermap.cli.terminal import note
 from hypermap.console.options import AN_AREA
+
+if TYPE_CHECKING:
+    from hypermap.exploration import Frontier
 
 
 def command(
@@ -37,6 +40,16 @@ def command(
     rooms: Annotated[
         bool, typer.Option("--rooms", help="Find the rooms, where the map has none yet.")
     ] = False,
+    start: Annotated[
+        str | None,
+        typer.Option(
+            "--frontiers",
+            metavar="FROM",
+            show_default=False,
+            help="Show the frontiers that a robot can reach from here: X,Y, a room or an object.",
+        ),
+    ] = None,
+    robot_radius: RobotRadius = None,
     full: Annotated[
         bool, typer.Option("--full", help="Show the whole grid, including unknown borders.")
     ] = False,
@@ -63,6 +76,7 @@ def command(
         hypermap render floor.hmap -o corner.png --in 18,-4,30,4
         hypermap render lab.hmap -o rooms.png --rooms
         hypermap render lab.hmap -o kitchen.png --rooms --in kitchen
+        hypermap render lab.hmap -o next.png --frontiers 1,1 --robot-radius 0.3
     """
     from hypermap.console.places import names_rooms, parse_area
     from hypermap.formats import open_map
@@ -83,12 +97,21 @@ def command(
         from hypermap.rooms import rooms_asked
 
         shown = union_all([room.outline for room in rooms_asked(hypermap, area)])
+    frontiers: list[Frontier] = []
+    if start is not None:
+        from hypermap.console.paths import parse_place
+        from hypermap.exploration import Explorer
+        from hypermap.paths import PathSettings
+
+        robot = PathSettings(robot_radius or 0.0)
+        frontiers = Explorer(hypermap, parse_place(start, "--frontiers"), robot).frontiers()
     render(
         hypermap,
         output,
         layers=layers,
         names=names,
         area=shown,
+        frontiers=frontiers,
         full=full,
         labels=labels,
         title=path.stem if title is None else title,

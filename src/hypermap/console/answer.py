@@ -9,7 +9,7 @@ from typing import Any
 
 from hypermap.console.questions import Question, Row
 from hypermap.core.hypermap import Hypermap
-from hypermap.text import printable
+from hypermap.text import counted, printable
 
 _MOST_ROWS = 50
 
@@ -38,20 +38,39 @@ def shown(question: Question, rows: Sequence[Row]) -> Shown:
     if not rows:
         return Shown()
     # Of an area alone, a grid would show every cell.
-    cells_are_counted = not question.what and question.at is None
+    is_listed = question.what or question.at is not None or question.is_about_places
+    cells_are_counted = not is_listed
     listed = [row for row in rows if "object" in row] if cells_are_counted else rows
-    numbers = ["value", "x", "y", *(["distance"] if "distance" in rows[0] else [])]
-    cells = Counter(
-        (row["layer"], row["label"]) for row in rows if cells_are_counted and "object" not in row
-    )
-    names = ("layer", "label", *(["room"] if any("room" in row for row in listed) else []))
+    of_cells = [row for row in rows if cells_are_counted and "object" not in row]
+    cells = Counter((row["layer"], row["label"]) for row in of_cells if "unit" not in row)
+    told = ("deviation", "distance", "area")
+    numbers = ["value", "x", "y", *(key for key in told if any(key in row for row in listed))]
+    also = (key for key in ("room", "measured") if any(key in row for row in listed))
+    names = ("layer", "label", *also)
     texts = [
-        [*(_text(row.get(key)) for key in names), *(_number(row[key]) for key in numbers)]
+        [*(_text(row.get(key)) for key in names), *(_number(row.get(key)) for key in numbers)]
         for row in listed[:_MOST_ROWS]
     ]
     counts = [f"{printable(on)}: {count} {printable(what)}" for (on, what), count in cells.items()]
+    counts += _ranges([row for row in of_cells if "unit" in row])
     more = max(0, len(listed) - _MOST_ROWS)
     return Shown([*names, *numbers], texts, counts, more, len(names))
+
+
+def _ranges(rows: Sequence[Row]) -> list[str]:
+    """Return a line for each layer of measured values: mean, smallest and largest."""
+    lines = []
+    for layer in dict.fromkeys(row["layer"] for row in rows):
+        known = [row for row in rows if row["layer"] == layer and row["value"] is not None]
+        if not known:
+            lines.append(f"{printable(layer)}: no value")
+            continue
+        known.sort(key=lambda row: float(row["value"]))
+        mean = sum(row["value"] for row in known) / len(known)
+        least, most = printable(known[0]["label"]), printable(known[-1]["label"])
+        cells = counted(len(known), "cell")
+        lines.append(f"{printable(layer)}: {mean:.5g} on average, {least} to {most}, in {cells}")
+    return lines
 
 
 def plain(answer: Shown) -> str:
@@ -80,8 +99,10 @@ def document(source: str | None, hypermap: Hypermap, rows: Sequence[Row]) -> dic
 
 
 def _text(value: Any) -> str:
-    """Return a text, the name of a room, or nothing."""
-    return "" if value is None else printable(value["name"] if isinstance(value, dict) else value)
+    """Return a text, the name of a room, a measured value, or nothing."""
+    if isinstance(value, dict):
+        value = value["name"] if "name" in value else value["label"]
+    return "" if value is None else printable(value)
 
 
 def _number(value: object) -> str:

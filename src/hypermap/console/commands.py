@@ -73,6 +73,7 @@ class Console:
         republish: called when the user asks to publish everything again; returns the answer.
         source: where the map was loaded from, as JSON tells it; None if nowhere.
         describe_evidence: returns the evidence for an object; None where there is none to ask for.
+        automap: called when the user asks to show what a camera covers; returns the answer.
     """
 
     def __init__(
@@ -81,11 +82,13 @@ class Console:
         republish: Callable[[], str] = lambda: "nothing is published here",
         source: str | None = None,
         describe_evidence: DescribeEvidence | None = None,
+        automap: Callable[[], str] = lambda: "automap is for the console of `hypermap serve`",
     ) -> None:
         self.hypermap = Hypermap() if hypermap is None else hypermap
         self.republish = republish
         self.source = source
         self.describe_evidence = describe_evidence
+        self.automap = automap
 
     def run(self, line: str) -> str:
         """Carry out one line and return the answer; empty for an empty line.
@@ -174,6 +177,9 @@ class Console:
     def _republish(self, _: list[str]) -> str:
         return self.republish()
 
+    def _automap(self, _: list[str]) -> str:
+        return self.automap()
+
     def _clear(self, _: list[str]) -> str:
         self.hypermap, self.source = Hypermap(), None
         return "the map is empty now"
@@ -205,6 +211,9 @@ COMMANDS = {
         Console._path,
     ),
     "republish": Command("", "publish all layers again", Console._republish),
+    "automap": Command(
+        "", "wait for an area on /polygon, and show what a camera covers of it", Console._automap
+    ),
     "clear": Command("", "forget this map", Console._clear),
     "getLayerCount": Command("", "how many layers there are", Console._get_layer_count),
     "exit": Command("", "leave", Console._exit),

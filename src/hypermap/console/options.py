@@ -51,6 +51,17 @@ OPTIONS = {
     "--within": Option("METERS", "Largest distance of --near.", float, least=0),
     "--inside": Option("NAME|AREA", "Only objects whose center is inside this one."),
     "--with": Option("NAME", "Only rooms in which there is an object of this name."),
+    "--above": Option(
+        "N", "Where a measured value is above this; with --measured, what has such a mean.", float
+    ),
+    "--below": Option(
+        "N", "Where a measured value is below this; with --measured, what has such a mean.", float
+    ),
+    "--measured": Option(
+        "LAYER",
+        "The mean of these measured values in each room, or within half a meter of each other "
+        "object: the lowest first.",
+    ),
     "--evidence": Option("", "Show the evidence for the objects.", bool),
     "--layer": Option("NAME", "Only this layer: may be repeated.", repeats=True),
     "--frame": Option("FRAME", "Frame of the coordinates: of points and areas in the query."),

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
+import pathlib
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from hypermap.console.places import parse_point
 from hypermap.paths import Approach, Path, Planner
+from hypermap.paths.floors import FloorPart, FloorPath
 from hypermap.paths.places import Place, title
 from hypermap.text import printable
 
@@ -76,6 +78,53 @@ def lines(planned: Planned) -> Iterator[str]:
             f"stand at {pose.x:.2f},{pose.y:.2f}, turned to {math.degrees(pose.yaw):.0f} degrees: "
             f"{printable(title(approach.object))} is {approach.distance:.2f} m ahead"
         )
+
+
+def floor_lines(way: FloorPath) -> Iterator[str]:
+    """Yield what people read of a path over floors."""
+    yield f"{way.length:.2f} m"
+    for number, part in enumerate(way.parts):
+        if number:
+            connector = way.connectors[number - 1]
+            counts = f", counts for {connector.length:g} m" if connector.length else ""
+            yield f"-- {printable(connector.title)}{counts} --"
+        yield f"{printable(_floor(part))}:"
+        for line in lines(_planned(way, number)):
+            yield f"  {line}"
+
+
+def floor_document(way: FloorPath, frames: Mapping[str, str]) -> dict[str, Any]:
+    """Return what programs read of a path over floors.
+
+    Args:
+        way: the path.
+        frames: base frame of each map, by its file.
+    """
+    return {
+        "length": way.length,
+        "parts": [
+            {
+                "map": part.map,
+                "floor": part.floor,
+                **document(_planned(way, number), frames[part.map]),
+            }
+            for number, part in enumerate(way.parts)
+        ],
+        "connectors": [
+            {"kind": each.kind, "name": each.name, "length": each.length} for each in way.connectors
+        ],
+    }
+
+
+def _floor(part: FloorPart) -> str:
+    name = pathlib.Path(part.map).name
+    return f"{part.floor} ({name})" if part.floor else name
+
+
+def _planned(way: FloorPath, number: int) -> Planned:
+    """Return a part; the last one has the place in front of an object."""
+    is_last = number == len(way.parts) - 1
+    return Planned(way.parts[number].path, way.approach if is_last else None)
 
 
 def document(planned: Planned, frame_id: str) -> dict[str, Any]:

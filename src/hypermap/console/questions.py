@@ -13,12 +13,20 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
+from hypermap.console.measured import (
+    Limits,
+    rows_nearest,
+    rows_where,
+    value_row,
+    with_values,
+)
 from hypermap.console.places import names_rooms, parse_area, parse_point
 from hypermap.core.errors import HypermapError, did_you_mean
 from hypermap.core.hypermap import ROOMS, FoundObject, Hypermap
 from hypermap.core.layer import Layer
 from hypermap.core.opaque import OpaqueLayer
 from hypermap.core.semantic import SemanticLayer
+from hypermap.core.value_layer import ValueLayer
 from hypermap.rooms.questions import rooms_asked, rooms_at, rooms_with, stand_in_rooms
 from hypermap.rooms.rooms import rooms_on
 
@@ -43,6 +51,9 @@ class Question:
         near: a name or a point.
         within: distance to `near` [m].
         inside: a name or an area.
+        above: a measured value is larger; without `measured`, places are asked for.
+        below: a measured value is smaller.
+        measured: the layer whose values around objects are asked for.
         layers: those that are asked; none for all.
         frame_id: of points and areas.
     """
@@ -60,6 +71,9 @@ class Question:
     near: str | None = None
     within: float | None = None
     inside: str | None = None
+    above: float | None = None
+    below: float | None = None
+    measured: str | None = None
     layers: Sequence[str] = ()
     frame_id: str | None = None
 
@@ -89,6 +103,9 @@ class Question:
             near=given.get("--near"),
             within=given.get("--within"),
             inside=given.get("--inside"),
+            above=given.get("--above"),
+            below=given.get("--below"),
+            measured=given.get("--measured"),
             layers=given.get("--layer") or (),
             frame_id=given.get("--frame"),
         )
@@ -99,9 +116,19 @@ class Question:
         return [*self.names, *([] if self.number is None else [self.number])]
 
     @property
+    def limits(self) -> Limits:
+        """Above which and below which a measured value is to be."""
+        return self.above, self.below
+
+    @property
+    def is_about_places(self) -> bool:
+        """Whether only places can be an answer, those of a quantity within limits."""
+        return self.limits != (None, None) and self.measured is None
+
+    @property
     def is_about_objects(self) -> bool:
         """Whether only objects can be an answer."""
-        others = (self.near, self.inside, self.rooms, self.having)
+        others = (self.near, self.inside, self.rooms, self.having, self.measured)
         return self.by_path or any(part is not None for part in others)
 
 
@@ -112,14 +139,25 @@ def answers(hypermap: Hypermap, question: Question) -> list[Row]:
         HypermapError: If the question has no meaning, or names an unknown layer or frame.
     """
     _check(question)
-    if question.area is not None and names_rooms(question.area):
+    if question.is_about_places:
+        return _rows_of_places(hypermap, question)
+    if (
+        question.area is not None
+        and names_rooms(question.area)
+        and not _asks_values(hypermap, question)
+    ):
         rooms_asked(hypermap, question.area)
         question = replace(question, area=None, rooms=question.area)
     layers = _asked_layers(hypermap, question)
     if question.at is not None:
         return [row for layer in layers for row in _rows_at(hypermap, layer, question)]
     semantic = {layer.name for layer in layers if isinstance(layer, SemanticLayer)}
-    rows = [_row_of_object(found) for found in _objects(hypermap, question, semantic)]
+    found = _objects(hypermap, question, semantic)
+    if question.measured is None:
+        rows = [_row_of_object(item) for item in found]
+    else:
+        told = with_values(hypermap, question.measured, question.limits, found)
+        rows = [_row_of_object(item) | {"measured": measured} for item, measured in told]
     _tell_rooms(hypermap, rows)
     if not question.is_about_objects:
         for layer in layers:
@@ -152,11 +190,16 @@ def _hints(hypermap: Hypermap, question: Question) -> Iterator[str]:
 
 def _check(question: Question) -> None:
     asked = (question.what or None, question.area, question.near, question.inside, question.having)
-    if question.at is not None and any(part is not None for part in (*asked, question.most)):
+    others = (*asked, question.most, question.measured, *question.limits)
+    if question.at is not None and any(part is not None for part in others):
         raise HypermapError(
             "--at asks what is at a point; combine it only with --layer and --frame"
         )
-    if question.at is None and all(part is None for part in asked):
+    if question.is_about_places:
+        _check_places(question)
+        return
+    is_of_layer = question.measured is not None and question.layers
+    if question.at is None and all(part is None for part in asked) and not is_of_layer:
         raise HypermapError("there is no query; give --at X,Y, --in AREA or --name NAME")
     if question.most is not None and not question.what:
         raise HypermapError("the nearest what? give --name NAME")
@@ -168,6 +211,37 @@ def _check(question: Question) -> None:
         raise HypermapError("--robot-radius needs --by path")
     if question.within is not None and question.near is None:
         raise HypermapError("--within needs --near: a distance from what?")
+
+
+def _check_places(question: Question) -> None:
+    of_objects = (question.near, question.within, question.inside, question.having)
+    if question.what or question.by_path or any(part is not None for part in of_objects):
+        raise HypermapError(
+            "--above and --below ask where a quantity is so; to ask which objects are there, give "
+            "--measured LAYER, too"
+        )
+    if len(question.layers) > 1:
+        raise HypermapError("--above and --below ask one layer; give --layer once")
+
+
+def _asks_values(hypermap: Hypermap, question: Question) -> bool:
+    """Return whether all layers that are asked hold measured values."""
+    return bool(question.layers) and all(
+        isinstance(hypermap[name], ValueLayer) for name in question.layers
+    )
+
+
+def _rows_of_places(hypermap: Hypermap, question: Question) -> list[Row]:
+    """Return the places at which a quantity is within limits."""
+    layer = question.layers[0] if question.layers else None
+    area, frame_id = _area(hypermap, question)
+    if question.most is None:
+        return rows_where(hypermap, layer, question.limits, area, frame_id)
+    if area is not None and frame_id != question.frame_id:  # that of rooms, which is the base
+        start = tuple(_in_base_frame(hypermap, _start(question), question.frame_id).tolist())
+    else:
+        start = _start(question)
+    return rows_nearest(hypermap, layer, question.limits, start, question.most, area, frame_id)
 
 
 def _asked_layers(hypermap: Hypermap, question: Question) -> list[Layer]:
@@ -199,7 +273,11 @@ def _rows_at(hypermap: Hypermap, layer: Layer, question: Question) -> list[Row]:
             return [_row(layer.name, item.name, item.id, x, y) for item in found if item]
     label = hypermap.label_at(layer.name, point, frame_id)[0]
     value = hypermap.value_at(layer.name, point, frame_id)[0]
-    return [_row(layer.name, label, value, x, y)]
+    row = _row(layer.name, label, value, x, y)
+    if isinstance(layer, ValueLayer):
+        layer_T_base = hypermap.frames.lookup(layer.frame_id, hypermap.base_frame)
+        row |= value_row(layer, layer_T_base.apply((x, y)))
+    return [row]
 
 
 def _objects(hypermap: Hypermap, question: Question, layers: set[str]) -> list[FoundObject]:
@@ -219,7 +297,7 @@ def _objects(hypermap: Hypermap, question: Question, layers: set[str]) -> list[F
         near=near,
         within=question.within,
         inside=inside,
-        area=_area(question),
+        area=_area(hypermap, question)[0],
         layer=next(iter(layers)) if len(layers) == 1 else None,
         frame_id=question.frame_id,
     )
@@ -266,21 +344,23 @@ def _tell_rooms(hypermap: Hypermap, rows: list[Row]) -> None:
 
 def _rows_of_layer(hypermap: Hypermap, layer: Layer, question: Question) -> list[Row]:
     """Return the rows of a layer that has no objects."""
-    area = _area(question)
+    area, frame_id = _area(hypermap, question)
     if question.what:
-        frame_id = question.frame_id
         each = [hypermap.find(layer.name, what, area, frame_id) for what in question.what]
         places = np.concatenate(each)
         labels = hypermap.label_at(layer.name, places)
         values = hypermap.value_at(layer.name, places)
     elif area is not None:
-        found = hypermap.labels_in(layer.name, area, question.frame_id)
+        found = hypermap.labels_in(layer.name, area, frame_id)
         labels, places = found.values, found.points_xy
-        values = hypermap.values_in(layer.name, area, question.frame_id).values
+        values = hypermap.values_in(layer.name, area, frame_id).values
     else:
         return []
     hits = zip(labels, values, places, strict=True)
     rows = [_row(layer.name, label, value, x, y) for label, value, (x, y) in hits]
+    if isinstance(layer, ValueLayer):
+        for row in rows:
+            row["unit"] = layer.unit
     if question.most is not None:
         start = _in_base_frame(hypermap, _start(question), question.frame_id)
         for row, distance in zip(rows, np.hypot(*(places - start).T), strict=True):
@@ -292,8 +372,13 @@ def _start(question: Question) -> tuple[float, float]:
     return question.start or (0.0, 0.0)
 
 
-def _area(question: Question) -> BaseGeometry | None:
-    return None if question.area is None else parse_area(question.area, "--in")
+def _area(hypermap: Hypermap, question: Question) -> tuple[BaseGeometry | None, str | None]:
+    """Return the area of a question, or the rooms that it names, and its frame."""
+    if question.area is None or not names_rooms(question.area):
+        area = None if question.area is None else parse_area(question.area, "--in")
+        return area, question.frame_id
+    rooms = rooms_asked(hypermap, question.area)
+    return shapely.union_all([room.outline for room in rooms]), hypermap.base_frame
 
 
 def _is_place(hypermap: Hypermap, text: str) -> bool:

@@ -1,1 +1,1 @@
-"""The map itself: layers, frames and questions. Knows numpy and shapely alone."""
+"""The map itself: layers, frames and queries. Imports only numpy and shapely."""

@@ -16,21 +16,21 @@ BoolArray: TypeAlias = NDArray[np.bool_]
 ObjectArray: TypeAlias = NDArray[np.object_]
 
 PointsLike: TypeAlias = ArrayLike | shapely.Point | shapely.MultiPoint | Sequence[shapely.Point]
-"""Points [m]: numbers of shape (N, 2) or (2,), or what shapely has, also an array of its points."""
+"""Points [m]: numbers of shape (N, 2) or (2,), a shapely (Multi)Point, or an array of Points."""
 
 _SEQUENCES = list, tuple
 
 
 def _keep_memory() -> None:
-    """Let the C library keep the memory of one question, or one frame, for the next.
+    """Let the C library keep the memory of one query, or one frame, for the next.
 
-    On Linux it gives large blocks back when they are freed, and would get them page by page again
-    each time, a tenth of the time of a frame or of a question with many answers. Once a block of
-    32 MB was freed it keeps as much.
+    On Linux it returns large blocks to the system when they are freed. Getting them again page by
+    page takes a tenth of the time of a frame, or of a query with many answers. Once a block of
+    32 MB has been freed, it keeps that much.
 
     Source: mallopt(3), M_MMAP_THRESHOLD, which "is dynamic by default".
     """
-    np.empty(2**25 - 2**13, np.uint8)  # never written to, so it takes no memory itself
+    np.empty(2**25 - 2**13, np.uint8)  # never written to, so it takes no memory
 
 
 _keep_memory()
@@ -40,8 +40,8 @@ def as_points_xy(points: PointsLike) -> NDArray[np.float64]:
     """Return points as a float64 array of shape (N, 2); a single point becomes (1, 2).
 
     Raises:
-        ValueError: If the shape is another or a coordinate is not finite.
-        TypeError: If they are neither numbers nor shapely's points.
+        ValueError: If the shape is wrong or a coordinate is not finite.
+        TypeError: If they are neither numbers nor shapely points.
 
     >>> as_points_xy([1, 2]).shape
     (1, 2)
@@ -53,7 +53,7 @@ def as_points_xy(points: PointsLike) -> NDArray[np.float64]:
     array = given.reshape(-1, 2) if given.shape in ((0,), (2,)) else given
     if array.ndim != 2 or array.shape[1] != 2:
         raise ValueError(f"points must have shape (N, 2), got {given.shape}")
-    # A single point is asked for so often that numpy's calls would show.
+    # Queries for a single point are so frequent that numpy's calls would cost noticeable time.
     few = array[0].tolist() if len(array) == 1 else []
     is_finite = all(map(isfinite, few)) if few else np.isfinite(array).all()
     if not is_finite:
@@ -62,7 +62,7 @@ def as_points_xy(points: PointsLike) -> NDArray[np.float64]:
 
 
 def _coordinates(points: Any) -> NDArray[np.float64]:
-    """Return the coordinates of shapely's points, shape (N, 2)."""
+    """Return the coordinates of shapely points, shape (N, 2)."""
     parts = points.geoms if isinstance(points, shapely.MultiPoint) else points
     shapes = np.asarray(parts, dtype=object)
     for item in shapes.flat:
@@ -88,9 +88,9 @@ def as_point_xy(point: PointsLike) -> NDArray[np.float64]:
 
 
 def single_xy(points: PointsLike) -> tuple[float, float] | None:
-    """Return x and y if points are a single good one, in a part of the time of `as_points_xy`.
+    """Return x and y if this is a single valid point, faster than `as_points_xy`.
 
-    Only for what is asked most, two floats or an array of them; None says nothing.
+    Only for the most frequent kinds, two floats or an array of them; otherwise None.
 
     >>> single_xy([1.0, 2.0])
     (1.0, 2.0)
@@ -107,7 +107,7 @@ def single_xy(points: PointsLike) -> tuple[float, float] | None:
 
 
 def as_objects(items: Iterable[Any]) -> ObjectArray:
-    """Return Python objects as an array of shape (N,), also where they are sequences themselves.
+    """Return Python objects as an array of shape (N,), even if they are sequences.
 
     >>> as_objects([(1, 2), (3, 4)]).shape
     (2,)
@@ -116,17 +116,17 @@ def as_objects(items: Iterable[Any]) -> ObjectArray:
 
 
 def of_rows(table: NDArray[Any], rows: IntArray) -> NDArray[Any]:
-    """Return `table[rows]`; for a table of columns in a tenth of the time."""
+    """Return `table[rows]`; ten times as fast for a table of columns."""
     return table[rows] if table.ndim == 1 else table.take(rows, axis=0)
 
 
 def as_view(array: NDArray[Any]) -> memoryview[Any]:
-    """Return numbers, shape (N,), so that single ones are read several times faster."""
+    """Return a view of numbers, shape (N,); single ones are read from it several times faster."""
     return memoryview(np.ascontiguousarray(array))  # type: ignore[arg-type]  # numpy's stubs
 
 
 def true_in(flat: BoolArray) -> IntArray:
-    """Return what `numpy.flatnonzero` does; of masks with little in them, in half the time.
+    """Return the same as `numpy.flatnonzero`; twice as fast for sparse masks.
 
     Args:
         flat: shape (N,).

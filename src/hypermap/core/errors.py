@@ -9,11 +9,11 @@ from typing import Any
 
 
 class HypermapError(Exception):
-    """Root of every error that a user can cause and repair."""
+    """Base class of every error that a user can cause and fix."""
 
 
 class FormatError(HypermapError):
-    """A file does not hold what its format promises.
+    """A file does not have the content that its format requires.
 
     Attributes:
         path: the file (or ``archive.hmap/member``) that is wrong, if known.
@@ -30,7 +30,7 @@ class FormatError(HypermapError):
 
 
 class FileMissing(HypermapError, FileNotFoundError):
-    """A file or folder that was asked for does not exist."""
+    """The requested file or folder does not exist."""
 
 
 class LayerNotFound(HypermapError, KeyError):
@@ -59,11 +59,11 @@ class FrameError(HypermapError):
 
 
 class AreaError(HypermapError, ValueError):
-    """An area has an outline that no question can be asked about."""
+    """An area has an outline that cannot be used in a query."""
 
 
 class MissingExtra(HypermapError, ImportError):
-    """An optional library is not installed; the message says which extra brings it."""
+    """An optional library is not installed; the message says which extra installs it."""
 
     def __init__(self, purpose: str, extra: str) -> None:
         self._given = purpose, extra
@@ -74,7 +74,7 @@ class MissingExtra(HypermapError, ImportError):
 
 
 def did_you_mean(name: str, available: Iterable[str]) -> str:
-    """Return a hint that names the closest known name, or else all known names.
+    """Return a hint: the closest known name, or else all known names.
 
     >>> did_you_mean("ocupancy", ["occupancy", "semantic"])
     "did you mean 'occupancy'?"

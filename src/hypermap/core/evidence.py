@@ -15,14 +15,16 @@ _FAR = 1e9  # meters; as far as objects may lie
 _DECIMALS = 4  # of meters
 _SCORE_DECIMALS = 6
 _POSE_DECIMALS = 9
+_NEAR = 0.1  # meters; a camera so near has no direction
+_ONE_SIDED = 0.75  # length of the mean direction of view: 1 from one place, 0 from all around
 
 
 @dataclass(frozen=True, eq=False)
 class EvidenceTable:
     """Observations of objects as columns, and the views in which they were made.
 
-    One view may show several objects. Its pose stays with it, so that a corrected trajectory can
-    move what was seen. All coordinates are in the layer's frame.
+    One view may show several objects. It keeps its pose, so that a corrected trajectory can
+    move the observations. All coordinates are in the layer's frame.
 
     Attributes:
         object_ids: which object each observation is evidence of, int64, shape (N,).
@@ -32,10 +34,10 @@ class EvidenceTable:
         heights: lowest and highest point [m], shape (N, 2).
         stamps: time of each view [s], shape (V,).
         poses: map_T_camera of each view's optical frame, shape (V, 4, 4).
-        areas: the ground that each view has seen, polygons [m], may be empty, shape (V,).
+        areas: the visible area of each view, polygons [m], may be empty, shape (V,).
 
     Raises:
-        ValueError: If the columns do not fit each other, a number is not finite or absurdly large,
+        ValueError: If the columns do not match, a number is not finite or absurdly large,
             or a footprint has no points.
     """
 
@@ -67,7 +69,7 @@ class EvidenceTable:
             if column.dtype.kind == "f" and not np.isfinite(column).all():
                 raise ValueError(f"{name} must be finite")
             if name in ("scores", "heights", "poses") and np.abs(column).max(initial=0) > _FAR:
-                raise ValueError(f"{name} must be within {_FAR:g}")  # else none could be rounded
+                raise ValueError(f"{name} must be within {_FAR:g}")  # more cannot be rounded
         if count and not (self.views.min() >= 0 and self.views.max() < view_count):
             raise ValueError(f"views must be rows of the {view_count} views")
         if shapely.is_empty(self.footprints).any():
@@ -90,9 +92,9 @@ class EvidenceTable:
         return len(self.object_ids)
 
     def of(self, object_ids: Iterable[int]) -> EvidenceTable:
-        """Return the observations of some objects, with the views in which they were made.
+        """Return the observations of some objects, with their views.
 
-        Their geometries are copies, so that each thread may prepare its own.
+        The geometries are copies, so that each thread can prepare its own.
         """
         wanted = np.fromiter(object_ids, dtype=np.int64)
         rows = np.flatnonzero(np.isin(self.object_ids, wanted))
@@ -109,7 +111,7 @@ class EvidenceTable:
         )
 
     def rounded(self) -> EvidenceTable:
-        """Return a table as files keep it: lengths to 0.1 mm, scores to 1e-6, poses to 1e-9."""
+        """Return a table rounded as in files: lengths to 0.1 mm, scores to 1e-6, poses to 1e-9."""
         return EvidenceTable(
             object_ids=self.object_ids,
             views=self.views,
@@ -120,6 +122,28 @@ class EvidenceTable:
             poses=np.round(self.poses, _POSE_DECIMALS),
             areas=_rounded(self.areas),
         )
+
+
+def mean_view(
+    center_xy: NDArray[np.float64], cameras_xy: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the mean of the directions from which a place was seen, of length 1 each, shape (2,).
+
+    Args:
+        center_xy: the place [m], shape (2,).
+        cameras_xy: from where it was seen [m], shape (N, 2).
+    """
+    views = center_xy - cameras_xy
+    lengths = np.hypot(*views.T)
+    is_far = lengths > _NEAR
+    if not is_far.any():
+        return np.zeros(2)
+    return np.asarray((views[is_far] / lengths[is_far, np.newaxis]).mean(axis=0))
+
+
+def is_one_sided(center_xy: NDArray[np.float64], cameras_xy: NDArray[np.float64]) -> bool:
+    """Return whether a place was seen from one side alone; arguments as for `mean_view`."""
+    return bool(np.hypot(*mean_view(center_xy, cameras_xy)) >= _ONE_SIDED)
 
 
 def _rounded(shapes: ObjectArray) -> ObjectArray:

@@ -12,13 +12,13 @@ from hypermap.core.objects import SemanticObject
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """Something that a question across layers has found.
+    """One result of a query across layers.
 
     Attributes:
         layer: name of the layer that holds it.
         point_xy: its location in the base frame [m], shape (2,); an object's centroid.
-        distance: meters to what the question named; None where it named nothing to be near to.
-        object: the object, its footprint in the base frame; None in layers without objects.
+        distance: meters to the point or object in the query; None if the query has none.
+        object: the object, with its footprint in the base frame; None in layers without objects.
     """
 
     layer: str
@@ -29,6 +29,6 @@ class Found:
 
 @dataclass(frozen=True, eq=False)
 class FoundObject(Found):
-    """An object that a question has found; as `Found`, but there always is one."""
+    """An object in the result of a query; as `Found`, but `object` is never None."""
 
     object: SemanticObject = field(kw_only=True)

@@ -49,7 +49,7 @@ class Pose2D:
             return points.copy()
         if self.yaw == 0:
             return np.add(points, [self.x, self.y], dtype=np.float64)
-        # Written out: a matrix product may round a point differently alone and among others.
+        # Written out: a matrix product may round a point differently depending on the other points.
         x, y = points.T
         c, s = math.cos(self.yaw), math.sin(self.yaw)
         return np.column_stack([c * x - s * y + self.x, s * x + c * y + self.y])
@@ -89,7 +89,7 @@ class Transform:
 
 
 class FrameTree:
-    """The frames of a map: every frame has at most one parent, and there is no loop.
+    """The frames of a map: every frame has at most one parent, and there are no loops.
 
     >>> tree = FrameTree([Transform("map", "lab", Pose2D(x=2.0))])
     >>> tree.lookup("map", "lab").apply([1.0, 0.0])
@@ -102,10 +102,10 @@ class FrameTree:
             self.add(transform)
 
     def add(self, transform: Transform) -> None:
-        """Add one frame below its parent, or the pose of a frame whose parent was known alone.
+        """Add a transform; parents may come before or after their children.
 
         Raises:
-            FrameError: If the child has a parent already, or the two would form a loop.
+            FrameError: If the child already has a parent, or the two would form a loop.
         """
         if transform.child in self._by_child:
             parent = self._by_child[transform.child].parent
@@ -126,7 +126,7 @@ class FrameTree:
 
     @property
     def frames(self) -> list[str]:
-        """Every frame that the transforms name, parents first where they were added first."""
+        """All frames of the transforms; parents come first if they were added first."""
         names = (name for t in self for name in (t.parent, t.child))
         return list(dict.fromkeys(names))
 
@@ -149,7 +149,7 @@ class FrameTree:
         raise FrameError(f"no transform connects the frame {source!r} with the frame {target!r}")
 
     def _to_root(self, frame: str) -> list[tuple[str, Pose2D]]:
-        """Return the frame and all above it, each with the pose of `frame` in it."""
+        """Return the frame and its ancestors, each with the pose of `frame` in it."""
         path = [(frame, Pose2D())]
         while (transform := self._by_child.get(path[-1][0])) is not None:
             path.append((transform.parent, transform.pose @ path[-1][1]))

@@ -1,4 +1,4 @@
-"""Grid geometry: the one place that turns meters into cells and back."""
+"""Grid geometry: the only place that converts meters to cells and back."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ RESOLUTIONS = (1e-6, 1e6)
 """The smallest and the largest side of a cell [m]."""
 
 AT_ONCE = 1 << 19
-"""Cells that are looked at together, so that they stay in the processor's cache."""
+"""Cells processed together, so that they stay in the CPU cache."""
 
 
 @dataclass(frozen=True)
@@ -41,8 +41,8 @@ class GridGeometry:
 
     Raises:
         ValueError: If a side has no cells, the resolution is not within `RESOLUTIONS`, or a cell
-            may lie more than 1e12 m from where the layer's frame is.
-        TypeError: If a side is no integer.
+            may be more than 1e12 m from the origin of the layer's frame.
+        TypeError: If a side is not an integer.
 
     >>> grid = GridGeometry(width=4, height=3, resolution=0.5, origin=Pose2D(x=1.0))
     >>> grid.cells_at([[1.1, 0.9]])
@@ -57,7 +57,7 @@ class GridGeometry:
     origin: Pose2D = field(default_factory=Pose2D)
 
     def __post_init__(self) -> None:
-        sides = operator.index(self.width) + operator.index(self.height)  # a TypeError for others
+        sides = operator.index(self.width) + operator.index(self.height)  # or a TypeError
         if self.width < 1 or self.height < 1:
             raise ValueError(f"a grid needs at least one cell, got {self.width} x {self.height}")
         check_resolution(self.resolution)
@@ -71,20 +71,20 @@ class GridGeometry:
         return self.height, self.width
 
     def cells_at(self, points_xy: PointsLike) -> IntArray:
-        """Return (row, col) of each point, int64, shape (N, 2); they may lie off the grid."""
+        """Return (row, col) of each point, int64, shape (N, 2); they may be off the grid."""
         return np.floor(self.positions_at(points_xy)).astype(np.int64)
 
     def positions_at(self, points_xy: PointsLike) -> NDArray[np.float64]:
-        """Return what `cells_at` rounds down, shape (N, 2); a cell's center is at (0.5, 0.5)."""
+        """Return (row, col) before `cells_at` rounds down, shape (N, 2); centers are at 0.5."""
         near = np.clip(as_points_xy(points_xy), -_FAR, _FAR)
         return self.origin.inverse().apply(near)[:, ::-1] / self.resolution
 
     def to_cells_matrix(self) -> NDArray[np.float64]:
-        """Return what `positions_at` does, but as (col, row), as a matrix for compiled loops.
+        """Return the matrix of `positions_at` for compiled loops, but with (col, row).
 
         Returns:
             Shape (3, 3); takes (x, y, 1) in the layer's frame [m] to (col, row, 1), where cell
-            (row, col) reaches from its index to the next.
+            (row, col) extends from its index to the next.
 
         >>> grid = GridGeometry(width=4, height=3, resolution=0.5, origin=Pose2D(x=1.0))
         >>> grid.to_cells_matrix() @ [1.25, 0.5, 1.0]
@@ -117,20 +117,20 @@ class GridGeometry:
     def cells_in(self, area: BaseGeometry) -> tuple[IntArray, IntArray]:
         """Return rows and columns of the cells whose center the area covers, in row-major order.
 
-        A center on the area's boundary counts; lengths below a millionth of a cell do not.
+        A center on the area's boundary counts. Lengths below a millionth of a cell are ignored.
 
         Args:
-            area: any geometry in the layer's frame; of a line or point, the centers on it count.
+            area: any geometry in the layer's frame; a line or point covers the centers on it.
 
         Raises:
-            TypeError, ValueError: If it is no geometry, or not finite.
+            TypeError, ValueError: If it is not a geometry, or not finite.
         """
         return self.window_in(area).cells()
 
     def window_in(self, area: BaseGeometry) -> Window:
-        """Return the cells that `cells_in` returns, as a mask over the part around them."""
+        """Return the cells of `cells_in` as a mask over the window around them."""
         # In units of cells, shifted so that the center of cell (row, col) is the point (col, row).
-        # Rounding puts corners that are meant to lie on a center exactly there.
+        # Rounding puts corners that are meant to be on a center exactly there.
         to_cells = self.origin.inverse()
         local = []
         for part in outlines(as_area(area)):
@@ -148,10 +148,10 @@ class GridGeometry:
         return Window(row, col, shape, covered(local, shape, row, col))
 
     def windows_in(self, area: BaseGeometry | None) -> Iterator[Window]:
-        """Yield what `window_in` returns in parts of some `AT_ONCE` cells each, by rows.
+        """Yield the result of `window_in` in parts of about `AT_ONCE` cells each, row by row.
 
         Args:
-            area: as there; None for all of the grid.
+            area: as in `window_in`; None for the whole grid.
         """
         if area is not None:
             yield from self.window_in(area).parts()
@@ -162,7 +162,7 @@ class GridGeometry:
 
 
 def along(cells: float, resolution: float) -> float:
-    """Return how far some cells reach [m], as the shortest number that is right.
+    """Return the length of a number of cells [m], as the shortest decimal number.
 
     >>> along(-3, 0.05), -3 * 0.05
     (-0.15, -0.15000000000000002)
@@ -171,28 +171,28 @@ def along(cells: float, resolution: float) -> float:
 
 
 def check_resolution(resolution: float) -> None:
-    """Raise a ValueError if a length [m] is no side of a cell."""
+    """Raise a ValueError if a length [m] cannot be the side of a cell."""
     smallest, largest = RESOLUTIONS
     if not smallest <= resolution <= largest:
         raise ValueError(f"resolution must be from {smallest:g} to {largest:g} m, got {resolution}")
 
 
 def _bands(height: int, width: int) -> Iterator[tuple[int, int]]:
-    """Yield the first row, and the one after the last, of bands of some `AT_ONCE` cells."""
+    """Yield the first row, and the one after the last, of bands of about `AT_ONCE` cells."""
     step = max(1, AT_ONCE // max(1, width))
     return ((first, min(first + step, height)) for first in range(0, height, step))
 
 
 @dataclass(frozen=True, eq=False)
 class Window:
-    """A part of a grid, and which of its cells lie in an area.
+    """A part of a grid, and which of its cells are in an area.
 
     Attributes:
         row: first row.
         col: first column.
         shape: rows and columns of the part.
-        spans: where runs of cells that lie in the area begin and end, in turns and never
-            descending, as positions in the flattened part; no run is in two rows.
+        spans: begin and end of each run of cells in the area, alternating and never
+            descending, as positions in the flattened part; each run is within one row.
     """
 
     row: int
@@ -202,20 +202,20 @@ class Window:
 
     @property
     def slices(self) -> tuple[slice, slice]:
-        """What cuts the part out of an array of the whole grid."""
+        """The slices that select the part of an array of the whole grid."""
         rows, cols = self.shape
         return slice(self.row, self.row + rows), slice(self.col, self.col + cols)
 
     @property
     def inside(self) -> BoolArray:
-        """Whether each cell of the part is in the area, in its shape; created on each access."""
+        """Whether each cell of the part is in the area, shape `shape`; created on each access."""
         return filled(self.spans, math.prod(self.shape)).reshape(self.shape)
 
     def positions(self, chosen: BoolArray | None = None) -> IntArray:
-        """Return which cells lie in the area, as positions in the flattened part, shape (N,).
+        """Return the cells in the area, as positions in the flattened part, shape (N,).
 
         Args:
-            chosen: which cells of the part are wanted, of its shape; None for all.
+            chosen: which cells of the part to return, of shape `shape`; None for all.
         """
         counts = self.spans[1::2] - self.spans[::2]
         if chosen is None:
@@ -223,23 +223,23 @@ class Window:
             return positions + np.arange(len(positions))
         if 2 * counts.sum() < chosen.size:
             return true_in((self.inside & chosen).ravel())
-        # Most often there are far fewer cells chosen than cells, and so it is them that we sift.
+        # Usually few of the cells are chosen, so we filter these.
         found = true_in(chosen.ravel())
         ends = np.searchsorted(found, self.spans)
         return found[slice(*ends)] if len(ends) == 2 else found[filled(ends, len(found))]
 
     def cells(self, positions: IntArray | None = None) -> tuple[IntArray, IntArray]:
-        """Return rows and columns, in the grid, of cells.
+        """Return rows and columns of cells in the grid.
 
         Args:
-            positions: as `positions` returns them; None for those of all that lie in the area.
+            positions: as `positions` returns them; None for all cells in the area.
         """
         chosen = self.positions() if positions is None else positions
         rows = chosen // max(1, self.shape[1])
         return rows + self.row, chosen - rows * self.shape[1] + self.col
 
     def parts(self) -> Iterator[Window]:
-        """Yield the cells that lie in the area as windows of some `AT_ONCE` cells each, by rows."""
+        """Yield the cells in the area as windows of about `AT_ONCE` cells each, row by row."""
         begins, ends = self.spans[::2], self.spans[1::2]
         height, width = self.shape
         if height * width <= AT_ONCE:

@@ -1,9 +1,9 @@
-"""The hypermap: layers on top of each other, their frames, and queries across them."""
+"""The hypermap: ordered layers, their frames, and queries across them."""
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any, TypeVar
 
 import numpy as np
@@ -17,7 +17,7 @@ from hypermap.core.found import Found, FoundObject
 from hypermap.core.frames import FrameTree, Pose2D
 from hypermap.core.layer import Hits, Layer, check_count
 from hypermap.core.occupancy import OccupancyLayer
-from hypermap.core.outside import Outward
+from hypermap.core.outside import OutsideMethods
 from hypermap.core.semantic import SemanticLayer
 from hypermap.core.shapes import as_area
 from hypermap.core.store import Matches, Placed, PlacedLayer, PlacedLayers
@@ -33,8 +33,8 @@ ROOMS = "rooms"
 AnyLayer = TypeVar("AnyLayer", bound=Layer)
 
 
-class Hypermap(Outward):
-    """Ordered layers, and the tree of their frames.
+class Hypermap(OutsideMethods):
+    """Ordered layers and the tree of their frames.
 
     A query may use any frame of the map, by `frame_id`; None is the base frame. Answers are always
     in the base frame, which is the frame of the first layer.
@@ -42,6 +42,8 @@ class Hypermap(Outward):
     Attributes:
         frames: the transforms between the frames of the layers.
         metadata: saved with the map, such as the configuration that made it.
+        mapper_state: what mapping needs to go on with the map, which it alone understands: the
+            bytes, or a function that makes them; None for a map that mapping cannot go on with.
 
     Raises:
         HypermapError: If two layers have the same name.
@@ -55,13 +57,18 @@ class Hypermap(Outward):
     ) -> None:
         self.frames = FrameTree() if frames is None else frames
         self.metadata: dict[str, Any] = dict(metadata or {})
+        self.mapper_state: bytes | Callable[[], bytes] | None = None
         self._layers: dict[str, Layer] = {}
-        self._told: set[str] = set()
+        self._warned: set[str] = set()
         for layer in layers:
             self.add(layer)
 
     def __copy__(self) -> Hypermap:
-        return Hypermap(self._layers.values(), self.frames, self.metadata)
+        return self.with_layers(self._layers.values())
+
+    def __getstate__(self) -> dict[str, Any]:
+        kept = self.mapper_state  # a function may not travel to another process
+        return vars(self) | {"mapper_state": kept() if callable(kept) else kept}
 
     def __repr__(self) -> str:
         rows = [(layer.name, type(layer).__name__, self._summary(layer)) for layer in self]
@@ -79,12 +86,12 @@ class Hypermap(Outward):
 
     @property
     def layers(self) -> list[Layer]:
-        """The layers in their order; to change it, use `add` and `remove`."""
+        """The layers in order; use `add` and `remove` to change them."""
         return list(self._layers.values())
 
     @property
     def base_frame(self) -> str:
-        """The frame of the first layer; "map" while there is none."""
+        """The frame of the first layer; "map" if there is no layer."""
         return next((layer.frame_id for layer in self._layers.values()), DEFAULT_FRAME)
 
     def __getitem__(self, name: str) -> Layer:
@@ -98,7 +105,7 @@ class Hypermap(Outward):
         return self._layers[name]
 
     def layer(self, name: str, kind: type[AnyLayer]) -> AnyLayer:
-        """Return a layer by its name, with the type of its kind for type checkers.
+        """Return a layer by its name, typed for type checkers.
 
         Raises:
             LayerNotFound: If there is none of that name.
@@ -111,11 +118,11 @@ class Hypermap(Outward):
         return layer
 
     def semantic(self, name: str | None = None) -> SemanticLayer:
-        """Return the semantic layer with a name, or the only one; raises like `layer`."""
+        """Return the semantic layer with this name, or the only one; raises like `layer`."""
         return self.layer(self._only(SemanticLayer) if name is None else name, SemanticLayer)
 
     def occupancy(self, name: str | None = None) -> OccupancyLayer:
-        """Return the occupancy layer with a name, or the only one; raises like `layer`."""
+        """Return the occupancy layer with this name, or the only one; raises like `layer`."""
         return self.layer(self._only(OccupancyLayer) if name is None else name, OccupancyLayer)
 
     def _only(self, kind: type[Layer]) -> str:
@@ -174,15 +181,24 @@ class Hypermap(Outward):
             LayerNotFound: If there is none of that name.
         """
         old = self[layer.name]
-        layers = [layer if place is old else place for place in self._layers.values()]
-        return Hypermap(layers, self.frames, self.metadata)
+        return self.with_layers(layer if place is old else place for place in self._layers.values())
 
-    # Questions to one layer
+    def with_layers(self, layers: Iterable[Layer]) -> Hypermap:
+        """Return a map of other layers, with the frames and all else that this one has.
+
+        Raises:
+            HypermapError: If two layers have the same name.
+        """
+        other = Hypermap(layers, self.frames, self.metadata)
+        other.mapper_state = self.mapper_state
+        return other
+
+    # Queries to one layer
 
     def label_at(
         self, layer_name: str, points_xy: PointsLike, frame_id: str | None = None
     ) -> ObjectArray:
-        """Return a layer's string representation at each point, shape (N,).
+        """Return a layer's label at each point, shape (N,).
 
         Raises:
             LayerNotFound, FrameError: If the layer or the frame is unknown.
@@ -193,17 +209,17 @@ class Hypermap(Outward):
     def value_at(
         self, layer_name: str, points_xy: PointsLike, frame_id: str | None = None
     ) -> NDArray[Any]:
-        """Return a layer's number at each point, shape (N,); raises like `label_at`."""
+        """Return a layer's value at each point, shape (N,); raises like `label_at`."""
         layer = self[layer_name]
         return layer.value_at(self._points(points_xy, layer, frame_id))
 
     def labels_in(self, layer_name: str, area: BaseGeometry, frame_id: str | None = None) -> Hits:
-        """Return every hit of a layer in an area, as strings; raises like `label_at`."""
+        """Return every hit of a layer in an area, as labels; raises like `label_at`."""
         layer = self[layer_name]
         return self._in_base_frame(layer, layer.labels_in(self._area(area, layer, frame_id)))
 
     def values_in(self, layer_name: str, area: BaseGeometry, frame_id: str | None = None) -> Hits:
-        """Return every hit of a layer in an area, as numbers; raises like `label_at`."""
+        """Return every hit of a layer in an area, as values; raises like `label_at`."""
         layer = self[layer_name]
         return self._in_base_frame(layer, layer.values_in(self._area(area, layer, frame_id)))
 
@@ -214,7 +230,7 @@ class Hypermap(Outward):
         area: BaseGeometry | None = None,
         frame_id: str | None = None,
     ) -> NDArray[np.float64]:
-        """Return where a string or number occurs in a layer, or in an area of it, shape (M, 2).
+        """Return where a label or value occurs in a layer, or in an area of it, shape (M, 2).
 
         Raises:
             LayerNotFound, FrameError: If the layer or the area's frame is unknown.
@@ -228,15 +244,15 @@ class Hypermap(Outward):
     ) -> ObjectArray:
         """Return all labels of a layer at one point, shape (M,); raises like `label_at`.
 
-        The first is the label of `label_at`: of stacked objects, the smallest.
+        The first is the label of `label_at`: the smallest of stacked objects.
         """
         layer = self[layer_name]
         return layer.labels_at(self._points(point_xy, layer, frame_id))
 
-    # Questions across layers
+    # Queries across layers
 
     def placed_layers(self) -> list[Layer]:
-        """Return the layers that are connected to the base frame; others are logged."""
+        """Return the layers whose frames are connected to the base frame; others are logged."""
         return [layer for layer in self._layers.values() if self._has_place(layer)]
 
     def objects_at(
@@ -245,13 +261,13 @@ class Hypermap(Outward):
         """Return all objects at a point, layer by layer, smallest first.
 
         Args:
-            point_xy: where, in the frame `frame_id` [m].
-            layer: the one that holds them; None for all semantic layers that have a place.
+            point_xy: in the frame `frame_id` [m].
+            layer: only in this layer; None for all semantic layers connected to the base frame.
             frame_id: frame of the point; None for the base frame.
 
         Raises:
             LayerNotFound, FrameError: If the layer or the frame is unknown.
-            HypermapError: If the layer has no objects.
+            HypermapError: If the layer cannot have objects.
         """
         asked = self._lookup(self.base_frame, frame_id).apply(as_point_xy(point_xy))[0]
         return [found for place in self._with_objects(layer) for found in place.at(asked)]
@@ -265,26 +281,26 @@ class Hypermap(Outward):
         frame_id: str | None = None,
         by: str = "air",
     ) -> list[Found]:
-        """Return the k nearest occurrences of a string or number, nearest first.
+        """Return the k nearest occurrences of a label or value, nearest first.
 
         The distance to an object is the distance to its shape, 0 inside. By path, it is the length
         of the shortest path of a point over free cells to where the object is in sight and at most
-        a meter away, and from there to its shape; objects that no path leads to are left out.
+        a meter away, and from there to its shape; objects that no path reaches are left out.
         `hypermap.paths.Planner` does the same for a robot with a radius.
 
         Args:
             what: what to look for, as in `find`.
             point_xy: from where, in the frame `frame_id` [m].
             k: how many at most.
-            layer: where to look; None for all semantic layers that have a place.
+            layer: only in this layer; None for all semantic layers connected to the base frame.
             frame_id: frame of the point; None for the base frame.
             by: "air" or "path".
 
         Raises:
             LayerNotFound, FrameError: If the layer or the frame is unknown.
-            HypermapError: By path, if the layer holds no objects, the map has not one occupancy
-                layer, or the point is in a wall.
-            ValueError: If `k` is below 1, or `by` is another word.
+            HypermapError: By path, if the layer cannot have objects, the map does not have exactly
+                one occupancy layer, or the point is in a wall.
+            ValueError: If `k` is below 1, or `by` is neither.
         """
         check_count(k)
         asked = self._lookup(self.base_frame, frame_id).apply(as_point_xy(point_xy))[0]
@@ -320,27 +336,27 @@ class Hypermap(Outward):
         """Return the objects of semantic layers that meet all conditions.
 
         Args:
-            name: their name, or several of which they have one; None for any.
-            near: a name, a geometry or a point, from which the distance is measured; with a
-                name, to the nearest other object that has it.
+            name: their name, or several names, any of which matches; None for any.
+            near: a name, a geometry or a point to measure the distance to; for a name, the
+                distance to the nearest other object with it.
             within: the largest distance between the shapes [m]; None for any.
-            inside: a name or a geometry that contains their centroid; with a name, any other
-                object that has it, or a room of that kind, as "kitchen". What is in a room may lie
-                in its wall.
+            inside: a name or a geometry that contains their centroid; a name means any other
+                object with it, or a room of that kind, such as "kitchen". What is in a room may
+                be in its wall.
             area: an area that their shape intersects.
-            tags: tags that they all have.
-            layer: the one that holds them; None for all semantic layers that have a place. What
-                `near` and `inside` name may be in any.
+            tags: tags that each object has.
+            layer: only objects of this layer; None for all semantic layers connected to the base
+                frame. Objects named by `near` and `inside` may be in any.
             limit: return at most this many; None for all.
             frame_id: frame of the geometries and the point; None for the base frame.
 
         Returns:
-            The nearest first where `near` is given, of equally near ones that with the nearer
-            centroid first; otherwise in the order of the layers.
+            With `near`, sorted by distance, ties by the distance of the centroid; otherwise
+            in the order of the layers.
 
         Raises:
             LayerNotFound, FrameError: If the layer or the frame is unknown.
-            HypermapError: If the layer has no objects.
+            HypermapError: If the layer cannot have objects.
             ValueError: If `within` is given without `near`, or is negative, or `limit` is below 1.
 
         >>> import shapely
@@ -369,7 +385,7 @@ class Hypermap(Outward):
         layer: str | None = None,
         frame_id: str | None = None,
     ) -> Matches:
-        """Find what `objects` returns, without creating the objects, which takes time for many.
+        """Find the same as `objects` without creating the objects, which is slow for many.
 
         Takes the same arguments except `limit`, and raises the same errors.
         """
@@ -388,7 +404,7 @@ class Hypermap(Outward):
         if wanted := set(tags):
             chosen = chosen.take(layers.have_tags(chosen.keys, wanted))
         if inside is not None:
-            chosen = chosen.take(self._stand_in(layers, chosen, inside, frame_id))
+            chosen = chosen.take(self._are_inside(layers, chosen, inside, frame_id))
         if near is None:
             return Matches(layers, chosen.keys)
         others = self._anchors(layers, near, frame_id)
@@ -401,11 +417,11 @@ class Hypermap(Outward):
     def _with_objects(
         self, layer: str | None = None, *, and_others: bool = False
     ) -> list[PlacedLayer]:
-        """Return the semantic layers that have a place.
+        """Return the semantic layers that are connected to the base frame.
 
         Args:
-            layer: this one, which must have a place and hold objects; None for all.
-            and_others: all, though one is named.
+            layer: only this one, which must be such a layer; None for all.
+            and_others: return all even if `layer` is given.
         """
         only = None if layer is None else self[layer]
         if only is not None:
@@ -426,31 +442,31 @@ class Hypermap(Outward):
         try:
             self._pose_of(layer)
         except FrameError as error:
-            if layer.name not in self._told:
-                self._told.add(layer.name)
+            if layer.name not in self._warned:
+                self._warned.add(layer.name)
                 _log.warning("layer %r is left out: %s", layer.name, error)
             return False
         return True
 
-    def _stand_in(
+    def _are_inside(
         self,
         layers: PlacedLayers,
         chosen: Placed,
         inside: str | BaseGeometry,
         frame_id: str | None,
     ) -> BoolArray:
-        """Return which objects stand in what a question names, or in such rooms."""
-        standing = chosen.stand_in(self._anchors(layers, inside, frame_id))
+        """Return which objects are inside a geometry, or inside objects or rooms of a name."""
+        is_inside = chosen.are_inside(self._anchors(layers, inside, frame_id))
         if isinstance(inside, str) and ROOMS in self:
             in_rooms = self.stand_in_rooms(inside, chosen.centroids)
             if in_rooms is not None:
-                standing = (standing | in_rooms) & ~layers.are_of(ROOMS, chosen.keys)
-        return standing
+                is_inside = (is_inside | in_rooms) & ~layers.are_of(ROOMS, chosen.keys)
+        return is_inside
 
     def _anchors(
         self, layers: PlacedLayers, what: str | BaseGeometry | PointsLike, frame_id: str | None
     ) -> Placed:
-        """Return what a question names as a place: objects of a name, a geometry or a point."""
+        """Return what `near` or `inside` refers to: objects of a name, a geometry or a point."""
         base_T_asked = self._lookup(self.base_frame, frame_id)
         if isinstance(what, str):
             return layers.named([what])
@@ -464,11 +480,11 @@ class Hypermap(Outward):
         return self._lookup(self.base_frame, layer.frame_id)
 
     def _area(self, area: BaseGeometry, layer: Layer, frame_id: str | None) -> BaseGeometry:
-        """Return an area given in a frame in the layer's frame."""
+        """Transform an area from a frame into the layer's frame."""
         return self._lookup(layer.frame_id, frame_id).apply_geometry(as_area(area))
 
     def _points(self, points_xy: PointsLike, layer: Layer, frame_id: str | None) -> PointsLike:
-        """Return points given in a frame in the layer's frame."""
+        """Transform points from a frame into the layer's frame."""
         if frame_id is None and layer.frame_id == self.base_frame:
             return points_xy
         return self._lookup(layer.frame_id, frame_id).apply(points_xy)

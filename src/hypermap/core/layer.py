@@ -64,7 +64,7 @@ class RasterPicture:
     Attributes:
         grid: the geometry of the pixels; row 0 is at the origin, as in the layer.
         rgba: uint8, shape (height, width, 4).
-        legend: text for single colors, or empty: label -> (r, g, b), 0..255.
+        legend: label -> (r, g, b), 0..255; may be empty.
     """
 
     grid: GridGeometry
@@ -96,7 +96,7 @@ class Layer(ABC):
         name: unique within the map.
         frame_id: the frame of the layer's coordinates.
         settings: keys of the layer's configuration that the core does not interpret; they are
-            written back as they were read.
+            written back unchanged.
     """
 
     class_name: ClassVar[str]
@@ -121,7 +121,7 @@ class Layer(ABC):
 
     @abstractmethod
     def label_at(self, points_xy: PointsLike) -> ObjectArray:
-        """Return the string representation at each point, shape (N,)."""
+        """Return the label at each point, shape (N,)."""
 
     def labels_at(self, point_xy: PointsLike) -> ObjectArray:
         """Return all labels at one point, that of `label_at` first, shape (M,)."""
@@ -129,28 +129,28 @@ class Layer(ABC):
 
     @abstractmethod
     def value_at(self, points_xy: PointsLike) -> NDArray[Any]:
-        """Return the number at each point, shape (N,)."""
+        """Return the value at each point, shape (N,)."""
 
     @abstractmethod
     def labels_in(self, area: BaseGeometry) -> Hits:
-        """Return every hit in a polygon, as strings."""
+        """Return every hit in an area, as labels."""
 
     @abstractmethod
     def values_in(self, area: BaseGeometry) -> Hits:
-        """Return every hit in a polygon, as numbers."""
+        """Return every hit in an area, as values."""
 
     @abstractmethod
     def find(self, what: str | float, area: BaseGeometry | None = None) -> NDArray[np.float64]:
-        """Return where a string or number occurs, in the whole layer or in an area, shape (M, 2).
+        """Return where a label or value occurs, in the whole layer or in an area, shape (M, 2).
 
-        The answer is the same as that of `labels_in` (for a string) or `values_in` (for a
-        number), reduced to the hits that are equal to `what`.
+        The answer is that of `labels_in` (for a label) or `values_in` (for a value), reduced to
+        the hits that are equal to `what`.
         """
 
     def nearest(
         self, what: str | float, point_xy: PointsLike, k: int = 1
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the k occurrences of a string or number that are nearest to a point.
+        """Return the k occurrences of a label or value that are nearest to a point.
 
         Returns:
             Locations (K, 2) and distances (K,) [m], nearest first; K is at most `k`.
@@ -167,10 +167,10 @@ class Layer(ABC):
 
     @abstractmethod
     def extent(self) -> BaseGeometry:
-        """Return an area that covers all of the layer; empty if the layer is empty."""
+        """Return an area that covers the whole layer; empty if the layer is empty."""
 
     def picture(self) -> RasterPicture | ShapesPicture | None:
-        """Return how a picture of the map shows this layer; None for not at all."""
+        """Return how pictures of the map show this layer; None if they do not."""
         return None
 
 

@@ -19,27 +19,27 @@ from hypermap.core.occupancy import OCCUPIED, UNKNOWN, OccupancyLayer
 from hypermap.core.semantic import SemanticLayer
 
 DEFAULT_RESOLUTION = 0.05
-"""Side of a cell [m] where the map has no occupancy layer to take it from."""
+"""Side of a cell [m] if the map has no occupancy layer."""
 
 MAX_CELLS = 1 << 28
-MAX_MARGIN = 1e9  # meters; as far as objects may lie
+MAX_MARGIN = 1e9  # meters; objects are not farther out
 
-_EXACT = 1e-6  # of a cell; shorter lengths do not count, as in GridGeometry
-_ARC = 64  # corners of a quarter circle: it lies at most 0.01 % of the margin within the true one
+_EXACT = 1e-6  # of a cell; shorter lengths are ignored, as in GridGeometry
+_ARC = 64  # corners of a quarter circle: at most 0.01 % of the margin inside the true one
 
 
 @dataclass(frozen=True)
 class Zone:
-    """The surroundings of all objects of a class.
+    """The area around all objects of a class.
 
     Attributes:
-        name: the objects' name, as "desk".
-        margin: how far the zone reaches beyond the objects' footprints [m].
-        value: what its cells hold, 0 .. 100.
+        name: the objects' name, such as "desk".
+        margin: how far the zone extends beyond the objects' footprints [m].
+        value: the value of its cells, 0 .. 100.
 
     Raises:
-        ValueError: If the margin is negative or above 1e9 m, or the value out of range.
-        TypeError: If the value is no integer.
+        ValueError: If the margin is negative or above 1e9 m, or the value is out of range.
+        TypeError: If the value is not an integer.
     """
 
     name: str
@@ -63,25 +63,25 @@ def draw_mask(
 ) -> OccupancyLayer:
     """Return a layer in which the cells of zones are marked.
 
-    A cell is marked if its center lies within the margin of an object of the zone's name, in any
+    A cell is marked if its center is within the margin of an object with the zone's name, in any
     semantic layer. Where zones overlap, the last one counts.
 
     The grid is that of the first occupancy layer that has cells, so that a costmap need not be
-    resized. Where that is rotated, which costmaps ignore, the mask's is the upright one around it.
+    resized. If it is rotated, which costmaps ignore, the mask has the upright grid around it.
 
     Args:
         hypermap: the map; it is not changed.
         zones: what to mark.
-        outside: value of all other cells, 0 .. 100; -1 leaves a costmap as it is there.
-        resolution: side of a cell [m] of a grid of its own over the zones; None for the grid of
-            the occupancy layer, and, where there is none, for 0.05 m.
+        outside: value of all other cells, 0 .. 100; -1 leaves a costmap unchanged there.
+        resolution: side of a cell [m] of a separate grid over the zones; None for the grid of
+            the occupancy layer or, if there is none, for 0.05 m.
         name: name of the returned layer.
 
     Raises:
-        FrameError: If a layer with such objects is not connected with the occupancy layer.
+        FrameError: If a layer with such objects is not connected to the occupancy layer.
         HypermapError: If the mask would have more than 2^28 cells.
-        ValueError: If the resolution is not within `RESOLUTIONS`, or `outside` out of range.
-        TypeError: If `outside` is no integer.
+        ValueError: If the resolution is not within `RESOLUTIONS`, or `outside` is out of range.
+        TypeError: If `outside` is not an integer.
 
     >>> from hypermap.core.semantic import SemanticObject
     >>> desk = SemanticObject("desk", shapely.box(1, 1, 2, 2))
@@ -131,13 +131,13 @@ def _shapes(hypermap: Hypermap, name: str, frame_id: str) -> ObjectArray:
 
 
 def _within_margin(shapes: ObjectArray, margin: float, least: float) -> ObjectArray:
-    """Return the areas that the margins of shapes, (N,), reach; those below the least count not."""
-    # Buffering takes away what has no area, and by next to nothing it may fill holes.
+    """Return shapes, (N,), extended by a margin; a margin below `least` is ignored."""
+    # Buffering drops shapes without area, and a tiny buffer may fill holes.
     return shapes if margin < least else shapely.buffer(shapes, margin, quad_segs=_ARC)
 
 
 def _upright(grid: GridGeometry) -> GridGeometry:
-    """Return the grid, or, if it is rotated, the one around it whose axes are the frame's."""
+    """Return the grid or, if it is rotated, the axis-aligned one around it."""
     if grid.origin.yaw == 0:
         return grid
     return _grid_over(grid.corners().min(axis=0), grid.corners().max(axis=0), grid.resolution)
@@ -146,7 +146,7 @@ def _upright(grid: GridGeometry) -> GridGeometry:
 def _grid_around(
     zones: Sequence[Zone], shapes: Sequence[ObjectArray], resolution: float
 ) -> GridGeometry:
-    """Return a grid that covers all zones; of one cell if there are none."""
+    """Return a grid that covers all zones; one cell if there are none."""
     bounds = [
         shapely.total_bounds(of_zone) + np.array([-1, -1, 1, 1]) * zone.margin
         for zone, of_zone in zip(zones, shapes, strict=True)
@@ -159,7 +159,7 @@ def _grid_around(
 def _grid_over(
     lowest: NDArray[np.float64], highest: NDArray[np.float64], resolution: float
 ) -> GridGeometry:
-    """Return a grid over a rectangle, whose lines lie at multiples of the resolution."""
+    """Return a grid over a rectangle, aligned to multiples of the resolution."""
     first = np.floor(lowest / resolution + _EXACT)
     count = np.maximum(np.ceil(highest / resolution - _EXACT) - first, 1)
     pose = Pose2D(along(first[0], resolution), along(first[1], resolution))

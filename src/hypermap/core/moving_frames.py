@@ -1,4 +1,4 @@
-"""A tree of frames that move against each other, as a robot's do."""
+"""A tree of frames that move relative to each other, as on a robot."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class FixedPose:
 
 @dataclass(frozen=True, eq=False)
 class Inverse:
-    """A motion seen from the other of its two frames."""
+    """The inverse of a motion."""
 
     motion: Motion
 
@@ -61,7 +61,7 @@ class Inverse:
 
 @dataclass(frozen=True, eq=False)
 class Chain:
-    """Motions one after the other: `a_T_b`, `b_T_c`, ... read as `a_T_z`."""
+    """A chain of motions: `a_T_b`, `b_T_c`, ... composed to `a_T_z`."""
 
     links: tuple[Motion, ...]
 
@@ -79,7 +79,7 @@ class Chain:
 
 
 class MovingFrames:
-    """A tree of frames: every frame but the roots moves in one parent.
+    """A tree of frames: every frame except the roots moves in one parent.
 
     >>> pose = np.eye(4)
     >>> pose[0, 3] = 2.0
@@ -88,7 +88,7 @@ class MovingFrames:
     np.float64(4.0)
 
     Args:
-        edges: for each child frame its parent and its motion in it, `parent_T_child`.
+        edges: for each child frame, its parent and its motion in the parent, `parent_T_child`.
 
     Raises:
         FrameError: If the frames form a loop.
@@ -101,7 +101,7 @@ class MovingFrames:
 
     @property
     def frames(self) -> list[str]:
-        """All frames, parents first where they were named first."""
+        """All frames; parents come first if they were given first."""
         names = (name for child, (parent, _) in self._edges.items() for name in (parent, child))
         return list(dict.fromkeys(names))
 
@@ -115,7 +115,7 @@ class MovingFrames:
         return list(self._to_root(frame))[-1]
 
     def moves(self, frame: str) -> bool:
-        """Return whether a frame moves against its root."""
+        """Return whether a frame moves relative to its root."""
         links = self._to_root(frame)[self.root_of(frame)]
         return not all(isinstance(link, FixedPose) for link in links)
 
@@ -138,7 +138,7 @@ class MovingFrames:
         return Chain((Inverse(Chain(up[shared])), Chain(down[shared])))
 
     def _to_root(self, frame: str) -> dict[str, tuple[Motion, ...]]:
-        """Return the frame and all above it, each with the links that lead down to `frame`."""
+        """Return the frame and its ancestors, each with the links down to `frame`."""
         path: dict[str, tuple[Motion, ...]] = {frame: ()}
         at = frame
         while at in self._edges:

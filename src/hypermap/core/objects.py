@@ -17,7 +17,7 @@ from shapely.geometry.base import BaseGeometry
 from hypermap.core.arrays import IntArray, ObjectArray, as_objects, as_view, of_rows
 from hypermap.core.shapes import can_be_footprints, check_footprint, valid_copies
 
-MAX_ID = 2**31 - 1  # what messages can carry
+MAX_ID = 2**31 - 1  # the largest in a message
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,21 +25,21 @@ class SemanticObject:
     """One object of a semantic layer, as a value.
 
     Attributes:
-        name: its class, as "cup".
+        name: its class, such as "cup".
         footprint: shapely Polygon or MultiPolygon on the floor, in the layer's frame [m]. Its
             outline may cross itself, as in some old files.
-        id: stable identifier, 0 .. 2147483647; None lets the layer choose the next free one.
+        id: stable identifier, 0 .. 2147483647; None lets the layer assign the next free one.
         tags: other names for it, most likely first.
         confidence: one number per tag.
-        existence: evidence that it is there (the log-odds of the mapping half), if known.
+        existence: how surely it exists (the log-odds from mapping), if known.
         first_seen: stamp [s], if known.
         last_seen: stamp [s], if known.
-        attributes: free, of what YAML can hold.
+        attributes: any others, of types that YAML has.
 
     Raises:
         ValueError: If the footprint has no points, a third or a non-finite coordinate, the id is
             out of range, or a number is not finite.
-        TypeError: If the name is no text, the footprint no polygon, or the id no integer.
+        TypeError: If the name is no string, the footprint no polygon, or the id no integer.
     """
 
     name: str
@@ -79,7 +79,7 @@ class SemanticObject:
         return f"<SemanticObject{number} {self.name!r} {where}{tags}>"
 
     def with_id(self, number: int) -> SemanticObject:
-        """Return the same with an id.
+        """Return the same object with an id.
 
         Raises:
             ValueError: If the id is out of range.
@@ -90,16 +90,16 @@ class SemanticObject:
         return _unchecked(vars(self), id=number)
 
     def copy(self) -> SemanticObject:
-        """Return the same with a footprint of its own, which another thread cannot prepare."""
+        """Return the same object with a copy of its footprint, which no other thread prepares."""
         return _unchecked(vars(self), footprint=shapely.force_2d(self.footprint))
 
 
 @dataclass(frozen=True)
 class Rejected:
-    """An entry of a layer's file that could not be read; it is written back as it was.
+    """An entry of a layer's file that could not be read; it is written back unchanged.
 
     Attributes:
-        position: its place in the file, from 0, which is the id that it would have had.
+        position: its position in the file, from 0, which would have been its id.
         name: its name, if it has one.
         reason: what is wrong with it.
         entry: the entry itself, as parsed.
@@ -113,22 +113,22 @@ class Rejected:
 
 @dataclass(frozen=True, eq=False)
 class ObjectTable:
-    """Semantic objects as parallel columns, one row per object; never changed once made.
+    """Semantic objects as parallel columns, one row per object; immutable.
 
-    Whoever has the table has the same geometries: before `shapely.prepare` or a function as
-    `shapely.contains_xy`, which prepares, take copies with `shapely.force_2d`.
+    All users of the table share its geometries: before `shapely.prepare` or a function that
+    prepares, such as `shapely.contains_xy`, make copies with `shapely.force_2d`.
 
     Attributes:
         ids: int64, shape (N,), unique.
-        codes: each name's place in the vocabulary, int32, shape (N,).
+        codes: the index of each name in the vocabulary, int32, shape (N,).
         footprints: geometries as they were given, shape (N,).
         tags: tuples, shape (N,).
         confidence: tuples, shape (N,).
-        existence: shape (N,); NaN where not known, as in the next two.
+        existence: shape (N,); NaN if unknown, as in the next two.
         first_seen: stamps [s], shape (N,).
         last_seen: stamps [s], shape (N,).
         attributes: mappings, shape (N,).
-        vocabulary: name -> code; names of objects that are gone may stay.
+        vocabulary: name -> code; may include names of removed objects.
     """
 
     ids: NDArray[np.int64]
@@ -146,7 +146,7 @@ class ObjectTable:
     def of(
         cls, objects: Sequence[SemanticObject], vocabulary: Mapping[str, int] | None = None
     ) -> ObjectTable:
-        """Return objects, all of which have ids, as a table; its vocabulary may extend another."""
+        """Return objects, all with ids, as a table; its vocabulary may extend another."""
         known = dict(vocabulary or {})
         codes = [known.setdefault(item.name, len(known)) for item in objects]
         return cls(
@@ -163,14 +163,14 @@ class ObjectTable:
         )
 
     def check(self, *, footprints: bool = True) -> None:
-        """Make sure that columns that were filled from outside are those of objects with ids.
+        """Check that columns from elsewhere are valid objects with ids.
 
         Args:
-            footprints: whether to look at these too, which takes most of the time.
+            footprints: whether to check these too, which takes most of the time.
 
         Raises:
-            ValueError: If an id is out of range or there twice, a footprint is none, or a number
-                is infinite. Names, tags, confidence and attributes are not looked at.
+            ValueError: If an id is out of range or a duplicate, a footprint is invalid, or a number
+                is infinite. Names, tags, confidence and attributes are not checked.
         """
         ordered = np.sort(self.ids)
         if len(ordered) and not (ordered[0] >= 0 and ordered[-1] <= MAX_ID):
@@ -188,11 +188,11 @@ class ObjectTable:
     def __len__(self) -> int:
         return len(self.ids)
 
-    # What is computed from the footprints, when it is first asked for.
+    # Computed from the footprints on first access
 
     @cached_property
     def shapes(self) -> ObjectArray:
-        """The footprints, repaired where they are not valid: what questions are answered by."""
+        """The footprints for queries, repaired where they are not valid."""
         return valid_copies(self.footprints)
 
     @cached_property
@@ -223,13 +223,13 @@ class ObjectTable:
         return as_objects(self.vocabulary)
 
     def rows_of(self, what: str | float) -> IntArray:
-        """Return the rows of the objects with a name or, for a number, with an id."""
+        """Return the rows of the objects with a name or, for a number, an id."""
         if isinstance(what, str):
             return np.flatnonzero(self.codes == self.vocabulary.get(what, -1))
         return np.flatnonzero(self.ids == what)
 
     def object(self, row: int) -> SemanticObject:
-        """Return one row as an object, with a footprint of its own."""
+        """Return one row as an object, with a copy of the footprint."""
         return _unchecked(
             name=str(self._known_names[self.codes[row]]),
             footprint=shapely.force_2d(self.footprints[row]),
@@ -247,7 +247,7 @@ class ObjectTable:
         return self._changed(lambda name: of_rows(getattr(self, name), rows), self.vocabulary)
 
     def row_of_id(self, object_id: int) -> int:
-        """Return the row of an id; -1 where there is none."""
+        """Return the row of an id; -1 if there is none."""
         ids, order = self._sorted_ids
         at = bisect.bisect_left(ids, object_id)
         if at == len(ids) or ids[at] != object_id:
@@ -256,18 +256,18 @@ class ObjectTable:
 
     @cached_property
     def _sorted_ids(self) -> tuple[memoryview[int], IntArray | None]:
-        """The ids in ascending order, and the row of each; None where that is the same."""
+        """The ids in ascending order, and the row of each; None if the rows are in this order."""
         if (self.ids[1:] > self.ids[:-1]).all():
             return as_view(self.ids), None
         order = np.argsort(self.ids, kind="stable")
         return as_view(self.ids[order]), order
 
     def take_with(self, rows: IntArray, other: ObjectTable) -> ObjectTable:
-        """Return some of the rows and, where there are none, those of another table.
+        """Return some rows of this table, with all rows of another table among them.
 
         Args:
-            rows: from `len(self)` on, they stand for the other table's rows, one after the other.
-            other: of a vocabulary that extends this one's.
+            rows: each number from `len(self)` on stands for the next row of the other table.
+            other: its vocabulary extends this one's.
         """
         mine, others = np.flatnonzero(rows < len(self)), np.flatnonzero(rows >= len(self))
 
@@ -283,7 +283,7 @@ class ObjectTable:
     def _changed(
         self, column: Callable[[str], NDArray[Any]], vocabulary: Mapping[str, int]
     ) -> ObjectTable:
-        """Return a table of other columns; what was computed is changed, not computed again."""
+        """Return a table of other columns; computed columns are updated, not computed again."""
         columns: dict[str, Any] = {name: column(name) for name in _COLUMNS}
         table = ObjectTable(**columns, vocabulary=vocabulary)
         vars(table).update({name: column(name) for name in _COMPUTED if name in vars(self)})
@@ -295,7 +295,7 @@ _COMPUTED = ("shapes", "centroids", "areas", "boxes")
 
 
 def _unchecked(*values: Mapping[str, Any], **others: Any) -> SemanticObject:
-    """Return an object of attributes that were checked before."""
+    """Return an object from attributes that were checked before."""
     item = object.__new__(SemanticObject)
     vars(item).update(*values, **others)
     return item

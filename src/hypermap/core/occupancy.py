@@ -1,4 +1,4 @@
-"""The occupancy layer: how likely each cell of a grid is to be blocked."""
+"""The occupancy layer: how likely each cell of a grid is to be occupied."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ UNKNOWN, FREE, OCCUPIED = -1, 0, 100
 LABELS = ("Free", "Occupied", "Unknown")
 
 _MEANING = f"{UNKNOWN} unknown, {FREE} free .. {OCCUPIED} occupied"
-_LARGEST = 255  # of a raw map, which holds the picture's gray values
+_LARGEST = 255  # in a raw map, whose values are gray values of an image
 COLORS = {"Free": (255, 255, 255), "Occupied": (104, 112, 126), "Unknown": (229, 232, 236)}
 
 
@@ -26,7 +26,7 @@ class OccupancyLayer(Layer):
     """Occupancy on a grid; row 0 is at the origin, and rows increase along y.
 
     A cell's label is "Free" for the value 0, "Occupied" for 100, and "Unknown" for every other
-    value and off the grid. A layer without a grid is empty.
+    value and outside the grid. A layer without a grid is empty.
 
     Attributes:
         grid: the geometry of the cells; None while the layer is empty.
@@ -69,7 +69,7 @@ class OccupancyLayer(Layer):
     def __setstate__(self, state: dict[str, Any]) -> None:
         vars(self).update(state)
         if self.cells is not None:
-            self.cells.flags.writeable = False  # which copies and pickles of arrays forget
+            self.cells.flags.writeable = False  # copies and pickles of arrays lose the flag
 
     def summary(self) -> str:
         """Return the size of the grid."""
@@ -84,7 +84,7 @@ class OccupancyLayer(Layer):
         return _labels(self.value_at(points_xy))
 
     def value_at(self, points_xy: PointsLike) -> NDArray[np.int32]:
-        """Return the cell under each point, shape (N,); -1 where unknown or off the grid."""
+        """Return the cell at each point, shape (N,); -1 where unknown or outside the grid."""
         points = as_points_xy(points_xy)
         values = np.full(len(points), UNKNOWN, dtype=np.int32)
         if self.grid is not None and self.cells is not None:
@@ -94,12 +94,12 @@ class OccupancyLayer(Layer):
         return values
 
     def labels_in(self, area: BaseGeometry) -> Hits:
-        """Return the label and center of each cell whose center the area covers, by rows."""
+        """Return the label and center of each cell whose center the area covers, row by row."""
         hits = self.values_in(area)
         return Hits(_labels(hits.values), hits.points_xy)
 
     def values_in(self, area: BaseGeometry) -> Hits:
-        """Return the value and center of each cell whose center the area covers, by rows."""
+        """Return the value and center of each cell whose center the area covers, row by row."""
         if self.grid is None or self.cells is None:
             return Hits(np.empty(0, np.int32), np.empty((0, 2)))
         values, found = [np.empty(0, np.int32)], []
@@ -109,7 +109,7 @@ class OccupancyLayer(Layer):
         return Hits(np.concatenate(values), _centers(self.grid, found))
 
     def find(self, what: str | float, area: BaseGeometry | None = None) -> NDArray[np.float64]:
-        """Return the centers of the cells with a label or value, shape (M, 2), by rows."""
+        """Return the centers of the cells with a label or value, shape (M, 2), row by row."""
         if self.grid is None or self.cells is None:
             return np.empty((0, 2))
         found = [
@@ -119,7 +119,7 @@ class OccupancyLayer(Layer):
         return _centers(self.grid, found)
 
     def counts(self) -> dict[str, int]:
-        """Return how many cells have each label; nothing for an empty layer."""
+        """Return how many cells have each label; an empty dict for an empty layer."""
         if self.cells is None:
             return {}
         return {label: int(np.count_nonzero(_matches(self.cells, label))) for label in LABELS}
@@ -129,7 +129,7 @@ class OccupancyLayer(Layer):
         return shapely.Polygon() if self.grid is None else self.grid.outline()
 
     def picture(self) -> RasterPicture | None:
-        """Return free cells light, occupied ones dark, unknown ones transparent."""
+        """Return an image: free cells light, occupied cells dark, unknown cells transparent."""
         if self.grid is None or self.cells is None:
             return None
         return RasterPicture(self.grid, cell_colors()[self.cells], COLORS)
@@ -185,9 +185,9 @@ def _matches(cells: IntArray, what: str | float) -> BoolArray:
 
 
 def cell_colors() -> NDArray[np.uint8]:
-    """Return the color of each value, shape (257, 4); the last one, at index -1, is unknown's.
+    """Return the color of each value, shape (257, 4); the last, at index -1, is for unknown.
 
-    Red, green, blue and opacity, 0..255; unknown cells are transparent.
+    Red, green, blue and alpha, 0..255; unknown cells are transparent.
     """
     palette = np.full((_LARGEST + 2, 4), 255, dtype=np.uint8)
     share = np.minimum(np.arange(_LARGEST + 1) / OCCUPIED, 1)[:, np.newaxis]

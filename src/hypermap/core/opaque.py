@@ -1,6 +1,6 @@
 """A layer whose plug-in is not installed: its files are kept unchanged."""
 
-# ruff: noqa: ARG002  # whatever is asked, there is no answer
+# ruff: noqa: ARG002  # every query raises, whatever its arguments
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from hypermap.core.layer import Hits, Layer
 
 
 class OpaqueLayer(Layer):
-    """The files of a layer that nobody here can read; every question to it is an error.
+    """The files of a layer of an unknown kind; every query raises an error.
 
     Attributes:
         files: content by name, written back byte for byte.
-        load_file: whether the configuration wants them loaded.
+        load_file: whether the configuration says to load them.
     """
 
     def __init__(
@@ -34,12 +34,12 @@ class OpaqueLayer(Layer):
         settings: Mapping[str, Any] | None = None,
     ) -> None:
         super().__init__(name, frame_id, settings)
-        self.class_name = class_name  # type: ignore[misc]  # here alone it differs by layer
+        self.class_name = class_name  # type: ignore[misc]  # only here, it differs by layer
         self.files = dict(files or {})
         self.load_file = load_file
 
     def summary(self) -> str:
-        """Return of which unknown class it is."""
+        """Return the name of the unknown class."""
         return f"of class {self.class_name!r}, whose plug-in is not installed"
 
     def label_at(self, points_xy: PointsLike) -> ObjectArray:
@@ -63,7 +63,7 @@ class OpaqueLayer(Layer):
         self._refuse()
 
     def extent(self) -> BaseGeometry:
-        """Return an empty area, since nothing is known of what the layer holds."""
+        """Return an empty area, since the content is unknown."""
         return shapely.Polygon()
 
     def _refuse(self) -> NoReturn:

@@ -1,7 +1,7 @@
-"""Functions that the core gets from other packages: save, draw, show in a notebook, write a file.
+"""Functions from packages above the core: save, plot, show in a notebook, write a file.
 
-Files and pictures are no business of the core, which knows neither. So the package that joins them,
-`hypermap`, hands in a way to its functions, and here they are called by their names there.
+The core must not import these packages. So the package `hypermap` registers a lookup (`offer`), and
+the functions here call theirs by name.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ _offered: Callable[[str], Callable[..., Any]] | None = None
 
 
 def offer(function_named: Callable[[str], Callable[..., Any]]) -> None:
-    """Hand in what returns a function outside of the core by its name, as "save_map"."""
+    """Register a lookup that returns a function outside the core by its name, e.g. "save_map"."""
     global _offered
     _offered = function_named
 
 
 def _outside(name: str) -> Callable[..., Any]:
-    assert _offered is not None  # by `hypermap`, which is imported before what is in it
+    assert _offered is not None  # `hypermap` calls `offer` when it is imported
     return _offered(name)
 
 
@@ -38,39 +38,39 @@ def write_file(path: str | Path, content: bytes) -> None:
     _outside("write_file")(path, content)
 
 
-class Outward:
-    """The part of a map that leads out of the core."""
+class OutsideMethods:
+    """The methods of a map that are implemented outside the core."""
 
     def save(self, path: str | Path) -> None:
-        """Save the map so that `open_map` returns the same; the same as `hypermap.save_map`.
+        """Save the map so that `open_map` returns an equal one; the same as `hypermap.save_map`.
 
         Args:
-            path: of the file, as "office.hmap".
+            path: of the file, such as "office.hmap".
 
         Raises:
-            HypermapError: If it cannot be written; the old file remains then.
+            HypermapError: If it cannot be written; the old file then remains.
         """
         _outside("save_map")(self, path)
 
     def plot(self, axes: Any = None, **options: Any) -> Any:
-        """Draw the map into matplotlib's axes and return them; the same as `hypermap.plot`.
+        """Draw the map into matplotlib axes and return them; the same as `hypermap.plot`.
 
         Args:
-            axes: where to draw; None for a figure of its own.
-            options: as `layers`, `names`, `area`, `labels`, `legend`.
+            axes: where to draw; None for a new figure.
+            options: such as `layers`, `names`, `area`, `labels`, `legend`.
         """
         return _outside("plot")(self, axes, **options)
 
     def nearest_by_path(
         self, what: str | float, point_xy: PointsLike, k: int = 1, layer: str | None = None
     ) -> list[Found]:
-        """Return the k objects with the shortest paths to them, as `nearest` with `by="path"`.
+        """Return the k objects with the shortest paths to them, like `nearest` with `by="path"`.
 
         Args:
             what: a name or an id.
             point_xy: from where, in the base frame [m].
             k: how many at most.
-            layer: the one that holds them; None for all.
+            layer: only objects of this layer; None for all.
         """
         found: list[Found] = _outside("nearest_by_path")(self, what, point_xy, k, layer)
         return found
@@ -85,7 +85,7 @@ class Outward:
         standing: BoolArray | None = _outside("stand_in_rooms")(self, what, points_xy)
         return standing
 
-    # For notebooks, which ask for these
+    # Called by notebooks
 
     def _repr_html_(self) -> str:
         text: str = _outside("map_as_html")(self)

@@ -23,19 +23,19 @@ from hypermap.core.store import ObjectStore
 
 __all__ = ["EMPTY", "Rejected", "SemanticLayer", "SemanticObject"]
 
-EMPTY = "Empty"  # the label of a place without an object
-NO_OBJECT = -1  # the value of such a place
-_NAMED = 4  # names of which a summary tells
+EMPTY = "Empty"  # the label where there is no object
+NO_OBJECT = -1  # the value there
+_NAMED = 4  # names in a summary
 
 
 class SemanticLayer(Layer):
     """Objects with names and shapes, kept as columns.
 
-    An object keeps its id as long as it is in the layer. The id is not reused while the layer
+    An object keeps its id while it is in the layer. The id is not reused while the layer
     exists. If an outline crosses itself, queries use a repaired copy.
 
     A change makes a new snapshot and keeps the old one, so each query, also from another thread,
-    sees the layer either before a change or after it. A change of one object takes some
+    sees the layer either before or after a change. Changing one object takes a few
     microseconds on average, however many there are. `table` and `names` are created again after
     each change, so get them once and not in a loop of changes.
 
@@ -83,13 +83,15 @@ class SemanticLayer(Layer):
         settings: Mapping[str, Any] | None = None,
         rejected: Iterable[Rejected] = (),
         evidence: EvidenceTable | Callable[[], EvidenceTable] | None = None,
+        next_id: int = 0,
     ) -> SemanticLayer:
-        """Return a layer from objects in columns, which is much faster.
+        """Return a layer from a table of objects, which is much faster.
 
-        The table must pass its `check`.
+        The table must pass its `check`. New objects get ids from `next_id` on, or larger ones.
         """
         layer = cls(name, frame_id, (), settings, rejected, evidence)
-        layer._now = ObjectStore.of(table, next_id=int(table.ids.max(initial=-1)) + 1)
+        free = max(next_id, int(table.ids.max(initial=-1)) + 1)
+        layer._now = ObjectStore.of(table, next_id=free)
         return layer
 
     def copy(self) -> SemanticLayer:
@@ -102,7 +104,7 @@ class SemanticLayer(Layer):
     __copy__ = copy
 
     def __getstate__(self) -> dict[str, Any]:
-        kept = self.kept_evidence  # a function may not travel to another process
+        kept = self.kept_evidence  # a function may not be picklable
         return vars(self) | {"_writing": None, "kept_evidence": kept() if callable(kept) else kept}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -114,7 +116,7 @@ class SemanticLayer(Layer):
         return len(self._now)
 
     def __iter__(self) -> Iterator[SemanticObject]:
-        """Yield the objects that are there when it begins, in the order of `objects`."""
+        """Yield the objects that exist when iteration begins, in the order of `objects`."""
         return iter(self.objects())
 
     def __getitem__(self, object_id: int) -> SemanticObject:
@@ -133,6 +135,11 @@ class SemanticLayer(Layer):
         return now.column("ids", now.rows)
 
     @property
+    def next_id(self) -> int:
+        """The least id that no object of this layer has had so far."""
+        return self._now.next_id
+
+    @property
     def names(self) -> ObjectArray:
         """The objects' names in the order of `ids`, shape (N,)."""
         now = self._now
@@ -142,18 +149,18 @@ class SemanticLayer(Layer):
     def geometries(self) -> ObjectArray:
         """Copies of the objects' footprints as they were given, in the order of `ids`, shape (N,).
 
-        Created on each access, so that each thread may prepare its own.
+        Created on each access, so that each thread can prepare its own.
         """
         return np.asarray(shapely.force_2d(self._now.table.footprints))
 
     @property
     def table(self) -> ObjectTable:
-        """All objects as columns; later changes of the layer do not affect it."""
+        """All objects as columns; later changes to the layer do not affect it."""
         return self._now.table
 
     @property
     def snapshot(self) -> ObjectStore:
-        """The current contents of the layer; later changes of the layer do not affect it."""
+        """The current contents of the layer; later changes to the layer do not affect it."""
         return self._now
 
     def objects(self) -> list[SemanticObject]:
@@ -172,13 +179,13 @@ class SemanticLayer(Layer):
         (row,) = self._rows_there(now, [object_id]).values()
         return now.object(row)
 
-    # The evidence behind them
+    # Their evidence
 
     def evidence(self) -> EvidenceTable | None:
         """Return the evidence for the current objects; None if there is none.
 
         Raises:
-            FormatError: If it is kept in a file that cannot be read.
+            FormatError: If it is in a file that cannot be read.
         """
         kept = self.kept_evidence() if callable(self.kept_evidence) else self.kept_evidence
         return None if kept is None else kept.of(self.ids)
@@ -188,7 +195,7 @@ class SemanticLayer(Layer):
 
         Raises:
             ObjectNotFound: If there is no such object.
-            FormatError: If the evidence is kept in a file that cannot be read.
+            FormatError: If the evidence is in a file that cannot be read.
         """
         self._rows_there(self._now, [object_id])
         kept = self.kept_evidence() if callable(self.kept_evidence) else self.kept_evidence
@@ -209,7 +216,7 @@ class SemanticLayer(Layer):
             The id of one object, or those of several.
 
         Raises:
-            ValueError: If an id is in use already, or there are no more; nothing is added then.
+            ValueError: If an id is already in use, or no id is left; then nothing is added.
         """
         if isinstance(objects, SemanticObject):
             return self.add([objects])[0]
@@ -238,11 +245,11 @@ class SemanticLayer(Layer):
         self.update_many({object_id: item})
 
     def update_many(self, changes: Mapping[int, SemanticObject]) -> None:
-        """Replace the objects with these ids, as one change; the new ones keep the ids.
+        """Replace the objects with these ids in one change; the new ones keep the ids.
 
         Raises:
-            ObjectNotFound: If one is not there; nothing is changed then.
-            ValueError: If a new object has another id; nothing is changed then.
+            ObjectNotFound: If one does not exist; then nothing is changed.
+            ValueError: If a new object has another id; then nothing is changed.
         """
         for object_id, item in changes.items():
             if item.id is not None and item.id != object_id:
@@ -254,11 +261,11 @@ class SemanticLayer(Layer):
             self._now = now.changed(gone, new, now.next_id)
 
     def rename(self, ids: int | Iterable[int], name: str) -> None:
-        """Give one object or several another name; they keep their ids, shapes and tags.
+        """Rename one object or several; they keep their ids, shapes and tags.
 
         Raises:
-            ObjectNotFound: If one is not there; nothing is changed then.
-            TypeError: If an id is no integer, or the name no text; nothing is changed then.
+            ObjectNotFound: If one does not exist; then nothing is changed.
+            TypeError: If an id is no integer, or the name no string; then nothing is changed.
         """
         self.update_many({number: replace(self[number], name=name) for number in _as_ids(ids)})
 
@@ -266,14 +273,14 @@ class SemanticLayer(Layer):
         """Remove one object or several; the others keep their ids.
 
         Raises:
-            ObjectNotFound: If one is not there; nothing is removed then.
-            TypeError: If one is no integer; nothing is removed then.
+            ObjectNotFound: If one does not exist; then nothing is removed.
+            TypeError: If one is not an integer; then nothing is removed.
         """
         with self._writing:
             now = self._now
             self._now = now.changed(self._rows_there(now, _as_ids(ids)), [], now.next_id)
 
-    # Questions
+    # Queries
 
     def label_at(self, points_xy: PointsLike) -> ObjectArray:
         """Return the name of the smallest object at each point, shape (N,), or "Empty"."""
@@ -296,7 +303,7 @@ class SemanticLayer(Layer):
     def objects_at(self, point_xy: PointsLike) -> list[SemanticObject]:
         """Return all objects at a point, smallest first: a cup before its table.
 
-        Of equally large ones, the one added first comes first. So the first of all is the object of
+        Of objects of equal size, the one added first comes first. So the first is the object of
         `label_at` and `value_at`.
         """
         now = self._now
@@ -338,7 +345,7 @@ class SemanticLayer(Layer):
 
         Returns:
             Centroids (K, 2), and distances (K,) [m] from the point to the shapes, 0 inside;
-            nearest first, and of equally near ones that with the nearer centroid first.
+            nearest first, ties by the distance to the centroid.
 
         Raises:
             ValueError: If `k` is below 1.
@@ -382,7 +389,7 @@ class SemanticLayer(Layer):
         return ShapesPicture(table.names, np.asarray(shapely.force_2d(table.footprints)))
 
     def _rows_there(self, now: ObjectStore, ids: Iterable[int]) -> dict[int, int]:
-        """Return the row of each id, by ascending ids.
+        """Return the row of each id, in ascending order of ids.
 
         Raises:
             ObjectNotFound: If there is no object with one of them.
@@ -401,7 +408,7 @@ def _as_ids(ids: int | Iterable[int]) -> Iterable[int]:
 
 
 def _check_unused(ids: list[int], now: ObjectStore, layer: str) -> None:
-    """Raise a ValueError if an id is given twice, or to an object of a layer that has it."""
+    """Raise a ValueError if an id occurs twice, or the layer already has it."""
     counts = Counter(ids)
     for number in sorted(counts):
         if counts[number] > 1 or now.row_of_id(number) >= 0:

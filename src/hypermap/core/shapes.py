@@ -13,15 +13,15 @@ from hypermap.core.arrays import BoolArray, ObjectArray, as_objects
 from hypermap.core.errors import AreaError
 from hypermap.core.tangles import are_untangled, check_tangle, is_sound
 
-_FAR = 1e9  # meters; what of an area lies beyond is cut off
+_FAR = 1e9  # meters; areas are clipped there
 _FARTHEST = 1e100  # meters; products of two such lengths do not overflow
-_NANOMETRES = 9  # decimals
+_NANOMETERS = 9  # decimals
 
 
 def box_of(area: Any) -> tuple[float, float, float, float] | None:
-    """Return x0, y0, x1, y1 of an area that is a box along the axes; None where it is no such.
+    """Return x0, y0, x1, y1 of an area that is an axis-aligned box; None if it is not.
 
-    In a part of the time of `as_area`, which such an area needs not.
+    Faster than `as_area`, which such an area does not need.
     """
     if not isinstance(area, shapely.Polygon):
         return None
@@ -38,14 +38,14 @@ def box_of(area: Any) -> tuple[float, float, float, float] | None:
 
 
 def as_area(area: Any) -> BaseGeometry:
-    """Return a shapely geometry that questions can be asked about; an empty one holds nothing.
+    """Return a valid copy of an area for queries; an empty area contains nothing.
 
-    It is a copy that nobody else has. A caller may have prepared the area, as
-    `shapely.contains_xy` does, too, and threads that ask with one prepared area end the program.
+    A copy, because the caller may have prepared the area (`shapely.contains_xy` prepares, too), and
+    threads that share a prepared geometry crash the program.
 
     Raises:
-        TypeError: If it is no shapely geometry.
-        AreaError: If a coordinate is not finite, or its outline cannot be followed or mended.
+        TypeError: If it is not a shapely geometry.
+        AreaError: If a coordinate is not finite, or GEOS cannot read or repair its outline.
     """
     if not isinstance(area, BaseGeometry):
         raise TypeError(f"an area must be a shapely geometry, got {type(area).__name__}")
@@ -58,7 +58,7 @@ def as_area(area: Any) -> BaseGeometry:
             own = shapely.transform(own, lambda xy: np.clip(xy, -_FARTHEST, _FARTHEST))
         _check_tangle(own)
         if farthest > _FAR:
-            # `clip_by_rect` is quicker, but wrong or lost where corners lie very far outside.
+            # `clip_by_rect` is faster, but wrong or empty if corners are very far outside.
             own = shapely.intersection(_valid(own), shapely.box(-_FAR, -_FAR, _FAR, _FAR))
         return _valid(own)
     except shapely.GEOSException as error:
@@ -81,11 +81,11 @@ def _valid(area: BaseGeometry) -> BaseGeometry:
 
 
 def repaired(shape: Any) -> Any:
-    """Return a valid geometry for one whose outline crosses itself; also for an array of them.
+    """Repair a geometry whose outline crosses itself; also for an array of them.
 
-    Whatever the outline winds around belongs to it: both halves of a bow tie, and what it winds
-    around twice. A polygon without area becomes the line or point that it is. Where lengths are so
-    small that GEOS cannot compute with them, those below a nanometer do not count.
+    Whatever the outline winds around is inside: both halves of a bow tie, and what it winds
+    around twice. A polygon without area becomes the line or point that it is. If lengths are so
+    small that GEOS cannot compute with them, those below a nanometer are ignored.
     """
     with np.errstate(all="ignore"):  # GEOS divides by the lengths of edges without length
         try:
@@ -93,7 +93,7 @@ def repaired(shape: Any) -> Any:
         except shapely.GEOSException:
             if not isinstance(shape, BaseGeometry):
                 return as_objects(repaired(one) for one in shape)
-            coarse = shapely.transform(shape, lambda xy: np.round(xy, _NANOMETRES))
+            coarse = shapely.transform(shape, lambda xy: np.round(xy, _NANOMETERS))
             return shapely.make_valid(coarse, method="structure", keep_collapsed=True)
 
 
@@ -104,26 +104,26 @@ def valid_copies(shapes: ObjectArray) -> ObjectArray:
         return shapes
     valid = shapes.copy()
     valid[bad] = repaired(shapes[bad])
-    # A hole as large as its outline leaves nothing; what it has then is the outline.
+    # A hole as large as its shell leaves nothing; keep the outline.
     nothing = shapely.is_empty(valid)
     valid[nothing] = shapely.boundary(shapes[nothing])
     return valid
 
 
 def have_points(shapes: ObjectArray, points_xy: NDArray[np.float64]) -> BoolArray:
-    """Return whether shapes, (N,), have the points, (N, 2), one of each; so do their outlines.
+    """Return whether each shape, (N,), covers its point, (N, 2), boundary included.
 
-    The points come first, since GEOS asks with what is prepared of the first geometry. Whoever
-    has one of the shapes may have prepared it, and threads must not share what is prepared.
+    The points come first because GEOS uses the first geometry's preparation. Users may have
+    prepared a shape, and threads must not share a prepared geometry.
     """
     return np.asarray(shapely.intersects(shapely.points(points_xy), shapes))
 
 
 def check_footprint(footprint: Any) -> None:
-    """Make sure that an object can have this shape; its outline may cross itself.
+    """Check that an object can have this shape; its outline may cross itself.
 
     Raises:
-        TypeError: If it is no shapely polygon or multipolygon.
+        TypeError: If it is not a shapely polygon or multipolygon.
         ValueError: If it has no points, or a third, non-finite or absurdly large coordinate, or
             its outline is so tangled that it cannot be repaired.
     """
@@ -142,13 +142,13 @@ def check_footprint(footprint: Any) -> None:
 
 
 def can_be_corners(points: NDArray[np.float64]) -> bool:
-    """Return whether all points, shape (N, 2), are such as a footprint may have."""
-    # A NaN is no less than another number.
+    """Return whether a footprint may have all these points, shape (N, 2)."""
+    # False for NaN, too
     return bool(points.min(initial=0) >= -_FAR and points.max(initial=0) <= _FAR)
 
 
 def can_be_footprints(shapes: ObjectArray) -> BoolArray:
-    """Return which geometries, shape (N,), `check_footprint` would let pass."""
+    """Return which geometries, shape (N,), `check_footprint` would accept."""
     kinds = shapely.get_type_id(shapes)
     good = (kinds == shapely.GeometryType.POLYGON) | (kinds == shapely.GeometryType.MULTIPOLYGON)
     good &= ~shapely.is_empty(shapes) & ~shapely.has_z(shapes)

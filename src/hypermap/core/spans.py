@@ -1,7 +1,7 @@
-"""The integer cells that an area covers, row by row, as spans.
+"""The integer cells that an area covers, as spans in rows.
 
 Source: the scan-line polygon fill of Foley et al., "Computer Graphics: Principles and Practice",
-2nd edition, section 3.6, with the boundary counted in on every side.
+2nd edition, section 3.6, with the boundary included on every side.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.arrays import BoolArray, FloatArray, IntArray
 
-_DECIMALS = 6  # lengths shorter than that of the last one do not count
+_DECIMALS = 6  # of a cell; smaller lengths are ignored
 _NOTHING: IntArray = np.empty(0, dtype=np.int32)
-_AT_ONCE = 1 << 20  # crossings of edges and rows that are held in memory together
+_AT_ONCE = 1 << 20  # crossings of edges and rows held in memory at a time
 
 
 @dataclass(frozen=True)
 class _Window:
-    """Rows and columns, and where they lie; element (r, c) is about (x, y) = (col + c, row + r)."""
+    """A window of rows and columns; element (r, c) is at (x, y) = (col + c, row + r)."""
 
     height: int
     width: int
@@ -30,10 +30,9 @@ class _Window:
     col: int
 
     def positions(self, rows: FloatArray, x: FloatArray) -> IntArray:
-        """Return the elements at whole-numbered places, as positions in the flattened window.
+        """Return the elements at integer coordinates, as positions in the flattened window.
 
-        In rows of the window, but before its first column or after its last one, which may be far,
-        a place is taken for that where the row begins or ends.
+        Points left or right of the window, however far, count as the begin or end of their row.
         """
         places = x - self.col
         np.minimum(np.maximum(places, 0, out=places), self.width, out=places)
@@ -49,8 +48,8 @@ class Outline:
 
     Attributes:
         points: their corners, x and y, shape (N, 2).
-        is_edge: whether a line goes on from each corner to the next, shape (N - 1,).
-        has_inside: whether what the lines go around belongs to the area.
+        is_edge: whether an edge connects each corner to the next, shape (N - 1,).
+        has_inside: whether the inside of the lines belongs to the area.
     """
 
     points: FloatArray
@@ -59,7 +58,7 @@ class Outline:
 
 
 def outlines(area: BaseGeometry) -> list[Outline]:
-    """Return the outlines of the parts of an area; none of an empty one."""
+    """Return the outlines of the parts of an area; none if it is empty."""
     if isinstance(area, shapely.GeometryCollection) and area.geom_type == "GeometryCollection":
         return [outline for part in area.geoms for outline in outlines(part)]
     lines = area if isinstance(area, shapely.Polygon) else shapely.get_parts(area)
@@ -71,18 +70,18 @@ def outlines(area: BaseGeometry) -> list[Outline]:
 
 
 def covered(area: Sequence[Outline], shape: tuple[int, int], row: int, col: int) -> IntArray:
-    """Return which whole-numbered places an area covers, as spans; its boundary counts.
+    """Return which integer points an area covers, as spans; its boundary counts.
 
     Args:
         area: the outlines of a valid geometry of any type.
-        shape: rows and columns of a window; its element (r, c) is about the place (x, y) =
+        shape: rows and columns of a window; its element (r, c) is at (x, y) =
             (col + c, row + r).
         row: of the first element.
         col: of the first element.
 
     Returns:
-        Where spans of covered elements begin and end, in turns and never descending, as positions
-        in the flattened window. Spans may be empty, and none is in two rows.
+        Begin and end of each span of covered elements, alternating and never descending, as
+        positions in the flattened window. Spans may be empty; each is within one row.
     """
     window = _Window(*shape, row, col)
     each = [spans for outline in area for spans in _spans(outline, window) if len(spans)]
@@ -90,7 +89,7 @@ def covered(area: Sequence[Outline], shape: tuple[int, int], row: int, col: int)
 
 
 def filled(spans: IntArray, count: int) -> BoolArray:
-    """Return whether each position from 0 to before `count` lies in a span.
+    """Return whether each position from 0 up to, not including, `count` is in a span.
 
     Args:
         spans: as `covered` returns them.
@@ -108,7 +107,7 @@ def filled(spans: IntArray, count: int) -> BoolArray:
 def _joined(spans: IntArray) -> IntArray:
     """Return the same spans without overlaps, sorted."""
     begins, ends = np.sort(spans[::2]), np.sort(spans[1::2])
-    # All spans that began have ended where the next one begins only after as many ends.
+    # A merged span ends where as many spans have ended as have begun.
     is_apart = begins[1:] >= ends[:-1]
     starts = np.concatenate([begins[:1], begins[1:][is_apart]])
     stops = np.concatenate([ends[:-1][is_apart], ends[-1:]])
@@ -116,7 +115,7 @@ def _joined(spans: IntArray) -> IntArray:
 
 
 def _spans(outline: Outline, window: _Window) -> Iterator[IntArray]:
-    """Yield spans that together are those of a part of an area, each as `covered` returns them."""
+    """Yield spans that together cover a part of an area, each as `covered` returns them."""
     ends = outline.points[:-1], outline.points[1:]
     edges = np.concatenate([points[outline.is_edge] for points in ends], axis=1)
     rows_of_window = window.row, window.row + window.height
@@ -139,7 +138,7 @@ def _spans(outline: Outline, window: _Window) -> Iterator[IntArray]:
 
 
 def _crossings(edges: FloatArray, low: int, high: int) -> Iterator[tuple[FloatArray, FloatArray]]:
-    """Yield rows from `low` to before `high` and where edges cross them, not at upper ends."""
+    """Yield rows from `low` to before `high` and where edges cross them, upper ends excluded."""
     x0, y0, x1, y1 = edges.T
     first, past = np.clip(np.ceil([np.minimum(y0, y1), np.maximum(y0, y1)]), low, high)
     crossing = np.flatnonzero(first < past)
@@ -160,7 +159,7 @@ def _crossings(edges: FloatArray, low: int, high: int) -> Iterator[tuple[FloatAr
 
 
 def _level(points: FloatArray, edges: FloatArray, low: int, high: int) -> FloatArray:
-    """Return what crossings leave out: level edges, and corners, on rows.
+    """Return what crossings miss: level edges, and corners, on rows.
 
     Returns:
         Row, least x and greatest x, shape (N, 3).

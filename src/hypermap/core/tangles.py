@@ -1,7 +1,7 @@
 """Limits on self-intersections, so that no small file or request keeps the program busy.
 
-GEOS takes time for the square of the corners, and more, where edges lie across each other. What
-exceeds these bounds is no outline of a thing: it is refused before GEOS begins.
+Where edges cross each other, GEOS needs time quadratic in the number of corners, or more. Real
+objects do not exceed these limits; other outlines are refused before GEOS begins.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from shapely.geometry.base import BaseGeometry
 from hypermap.core.arrays import BoolArray, IntArray, ObjectArray
 
 MOST_CORNERS = 100_000
-"""Corners of a shape."""
+"""Largest number of corners of a shape."""
 
-_FEW = 32  # corners, with which any tangle is mended in a millisecond
-_MANY = 1_000  # corners, up to which any tangle is found in a millisecond
-_CROSSINGS = 4  # for each edge, beside the first ones, of an outline that can be mended
+_FEW = 32  # corners; any tangle of so few is repaired in a millisecond
+_MANY = 1_000  # corners; any tangle of so few is found in a millisecond
+_CROSSINGS = 4  # per edge, besides `_FIRST`, of an outline that can be repaired
 _FIRST = 1_000
 _NEAR = 1_000_000  # pairs of edges whose boxes meet, each counted twice
 
@@ -27,9 +27,9 @@ _NEAR = 1_000_000  # pairs of edges whose boxes meet, each counted twice
 def is_sound(shape: Any) -> Any:
     """Return whether a geometry is valid; also for an array of them.
 
-    One whose outline GEOS cannot follow, as that of lengths below 1e-100 m, is not.
+    If GEOS cannot compute with it, as with lengths below 1e-100 m, it is not.
     """
-    is_single = isinstance(shape, BaseGeometry)  # whose property is several times faster
+    is_single = isinstance(shape, BaseGeometry)  # its property is several times faster
     try:
         return shape.is_valid if is_single else shapely.is_valid(shape)
     except shapely.GEOSException:
@@ -37,7 +37,7 @@ def is_sound(shape: Any) -> Any:
 
 
 def check_tangle(shape: BaseGeometry) -> None:
-    """Make sure that a geometry of finite coordinates can be looked at, and mended, in no time.
+    """Check that a geometry of finite coordinates can be validated and repaired quickly.
 
     Raises:
         ValueError: If it has too many corners, or its edges cross or touch each other too often.
@@ -65,7 +65,7 @@ def check_tangle(shape: BaseGeometry) -> None:
 
 
 def are_untangled(shapes: ObjectArray) -> BoolArray:
-    """Return which of some geometries, shape (N,), `check_tangle` would let pass."""
+    """Return which geometries, shape (N,), `check_tangle` would accept."""
     good = np.ones(len(shapes), dtype=bool)
     corners = shapely.get_num_coordinates(shapes)
     some = np.flatnonzero((corners > _FEW) & (corners <= _MANY))
@@ -84,7 +84,7 @@ def _is_untangled(shape: BaseGeometry) -> bool:
 
 
 def _edges(shape: BaseGeometry) -> ObjectArray:
-    """Return the edges of a geometry's polygons; what else it holds is never mended."""
+    """Return the edges of a geometry's polygons; its other parts are never repaired."""
     parts = shapely.get_parts(shape)
     while (shapely.get_type_id(parts) == shapely.GeometryType.GEOMETRYCOLLECTION).any():
         parts = shapely.get_parts(parts)
@@ -94,7 +94,7 @@ def _edges(shape: BaseGeometry) -> ObjectArray:
 
 
 def _near(edges: ObjectArray) -> IntArray | None:
-    """Return the pairs of edges whose boxes meet, each once, (2, P); None if they are too many."""
+    """Return the pairs of edges whose boxes meet, each once, (2, P); None if there are too many."""
     if not len(edges):
         return np.empty((2, 0), dtype=np.int64)
     tree, found, count = shapely.STRtree(edges), [], 0

@@ -44,7 +44,7 @@ def pose_matrix(position: ArrayLike, quat_xyzw: ArrayLike) -> NDArray[np.float64
 def pose_from_rpy(
     x: float, y: float, z: float, roll: float, pitch: float, yaw: float
 ) -> NDArray[np.float64]:
-    """Return a rigid transform from a position [m] and turns about the fixed x, y and z axis [rad].
+    """Return a rigid transform from a position [m] and rotations about fixed x, y and z axes [rad].
 
     Returns:
         Shape (4, 4).
@@ -69,7 +69,7 @@ def pose_from_rpy(
 def rpy_from_pose(pose: NDArray[np.float64]) -> tuple[float, float, float, float, float, float]:
     """Return x, y, z [m], roll, pitch and yaw [rad] of a rigid transform, shape (4, 4).
 
-    Where roll and yaw turn about one axis, at a pitch of 90 degrees, yaw is 0.
+    At a pitch of 90 degrees, where roll and yaw rotate about the same axis, yaw is 0.
 
     >>> [round(number, 3) for number in rpy_from_pose(pose_from_rpy(1, 2, 3, 0.1, -0.2, 3))]
     [1.0, 2.0, 3.0, 0.1, -0.2, 3.0]
@@ -87,7 +87,7 @@ def quats_of(rotations: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return unit quaternions x, y, z, w, shape (N, 4), of rotation matrices, shape (N, 3, 3).
 
     Source: Bar-Itzhack, "New method for extracting the quaternion from a rotation matrix", 2000:
-    of an eigenvector to the largest eigenvalue, so that no angle is special.
+    the eigenvector of the largest eigenvalue, so that no angle is special.
     """
     R = np.asarray(rotations, dtype=np.float64)
     K = np.zeros((len(R), 4, 4))
@@ -123,8 +123,8 @@ def transform_points(
     a_T_b: NDArray[np.float64], points_xyz: NDArray[np.float32]
 ) -> NDArray[np.float32]:
     """Return points given in frame b, float32, shape (..., 3), as points in frame a."""
-    # A matrix product would go to BLAS, whose threads cost more than they save on three columns,
-    # and einsum is slower than columns that lie together.
+    # A matrix product would go to BLAS, whose threads cost more than they save on three columns;
+    # einsum is slower than contiguous columns.
     rotation, translation = a_T_b[:3, :3].astype(np.float32), a_T_b[:3, 3].astype(np.float32)
     x, y, z = (np.ascontiguousarray(points_xyz[..., axis]) for axis in range(3))
     moved = np.empty(points_xyz.shape, np.float32)
@@ -144,7 +144,7 @@ class Trajectory:
         max_gap: seconds between two poses above which nothing is interpolated.
 
     Raises:
-        ValueError: If there is no pose, the shapes do not fit, a number is not finite, a
+        ValueError: If there is no pose, the shapes do not match, a number is not finite, a
             quaternion is zero, or the stamps do not increase.
     """
 
@@ -185,7 +185,7 @@ class Trajectory:
         """Return the poses at stamps of shape (M,), as matrices of shape (M, 4, 4).
 
         Raises:
-            FrameError: If a stamp lies outside the trajectory or in a gap longer than `max_gap`.
+            FrameError: If a stamp is outside the trajectory or in a gap longer than `max_gap`.
         """
         t = np.atleast_1d(np.asarray(stamps, dtype=np.float64))
         missing = ~self.covers(t)
@@ -206,7 +206,7 @@ class Trajectory:
 def trajectory_of(
     stamps: NDArray[np.float64], poses: NDArray[np.float64], max_gap: float = np.inf
 ) -> Trajectory:
-    """Return the trajectory through rigid transforms, shape (N, 4, 4); raises as its class."""
+    """Return the trajectory through rigid transforms, shape (N, 4, 4); raises like its class."""
     return Trajectory(stamps, poses[:, :3, 3], quats_of(poses[:, :3, :3]), max_gap)
 
 

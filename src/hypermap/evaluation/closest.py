@@ -1,4 +1,4 @@
-"""How well the shape of each true object was mapped, by the measure of the 2019 thesis."""
+"""How well the shape of each true object was mapped: the measure of the 2019 thesis."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ class ClosestShape:
     """A true object next to the nearest estimated object of its class.
 
     Attributes:
-        ground_truth: its place among the true objects.
-        estimate: place of the one whose centroid is the nearest.
+        ground_truth: its index in the true objects.
+        estimate: index of the one whose centroid is the nearest.
         distance: between the centroids [m].
-        iou: Jaccard index of the shapes, moved so that the centroids coincide.
+        iou: IoU of the shapes, moved so that the centroids coincide.
     """
 
     ground_truth: int
@@ -36,11 +36,11 @@ class ClosestShape:
 def closest_shapes(
     estimate: Sequence[SemanticObject], ground_truth: Sequence[SemanticObject]
 ) -> tuple[ClosestShape, ...]:
-    """Return for every true object how well the nearest estimated one of its class has its shape.
+    """Return how well the shape of the nearest estimated object of its class fits each true object.
 
-    The nearest is the one with the nearest centroid; it is moved so that the centroids coincide,
-    and the Jaccard index of the shapes is taken. One estimated object may be the nearest of
-    several. True objects whose class does not occur in the estimate are left out.
+    The nearest has the nearest centroid; it is moved so that the centroids coincide, and then
+    the IoU of the shapes is computed. One estimated object may be the nearest to
+    several. True objects whose class does not occur in the estimate are skipped.
 
     Source: the measure of the 2019 thesis.
     """

@@ -16,13 +16,13 @@ class Comparison:
     """Whether an estimate is better than another by one measure, over the same true objects.
 
     Attributes:
-        rule: by which objects were compared with the truth: "closest" or "matched".
+        rule: how objects were compared with the truth: "closest" or "matched".
         measure: "iou" or "distance".
         estimate: mean of the measure over the pairs; None if there are no pairs.
         other: the same for the other estimate.
         better: true objects for which the estimate is better.
         worse: true objects for which it is worse.
-        test: of whether it is better by more than chance.
+        test: whether it is better by more than chance.
     """
 
     rule: str
@@ -35,15 +35,15 @@ class Comparison:
 
 
 def compare(estimate: Evaluation, other: Evaluation, exact: bool = False) -> tuple[Comparison, ...]:
-    """Return how much better an estimate is than another one of the same truth.
+    """Return how much better an estimate is than another with the same ground truth.
 
     The thesis' measures are compared over the true objects whose class occurs in both estimates;
     the IoU of the one-to-one matching over all true objects.
 
     Args:
-        estimate: of which it is asked whether it is better.
+        estimate: the one that may be better.
         other: evaluated against the same true objects.
-        exact: whether the exact distribution is used however many pairs there are.
+        exact: whether to use the exact distribution, however many pairs there are.
 
     Raises:
         ValueError: If the two were evaluated against different numbers of true objects.

@@ -16,12 +16,12 @@ class MapObjects:
     """The objects of all semantic layers of a map.
 
     Attributes:
-        name: how messages and results call the map, as its path.
-        frame_id: in which the footprints are.
+        name: the map's name in messages and results, such as its path.
+        frame_id: the frame of the footprints.
         objects: in the order of the layers.
         layers: name of the layer of each object.
         repaired: number of outlines that cross themselves; they count as what they wind around.
-        unread: number of entries of the map's files that could not be read, and so are missing.
+        unread: number of entries in the map's files that could not be read, and so are missing.
     """
 
     name: str
@@ -35,18 +35,18 @@ class MapObjects:
 def map_objects(
     hypermap: Hypermap, name: str, ground_truth: Hypermap | None = None, truth_name: str = ""
 ) -> MapObjects:
-    """Return all objects of a map in the base frame of the truth that it is compared with.
+    """Return all objects of a map in the base frame of the true map.
 
     Args:
         hypermap: the map.
-        name: how messages call it.
-        ground_truth: the true map; None if this is the true map itself.
-        truth_name: how messages call the true map.
+        name: its name in messages.
+        ground_truth: the true map; None if this is the true map.
+        truth_name: name of the true map in messages.
 
     Raises:
         HypermapError: If the map has no semantic layer, or the true map no objects.
-        FrameError: If neither map knows how the two base frames lie to each other, or the map
-            does not know how a layer's frame lies to its own.
+        FrameError: If neither map has a transform between the two base frames, or the map has
+            none between a layer's frame and its own.
     """
     layers = [layer for layer in hypermap.layers if isinstance(layer, SemanticLayer)]
     if not layers:
@@ -82,7 +82,7 @@ def _pose_in_base(hypermap: Hypermap, name: str, layer: SemanticLayer) -> Pose2D
 def _pose_in_truth(
     hypermap: Hypermap, name: str, ground_truth: Hypermap, truth_name: str
 ) -> Pose2D:
-    """Return the pose of a map's base frame in that of the truth, as either of the two knows it."""
+    """Return the pose of a map's base frame in that of the true map, from either map."""
     target, source = ground_truth.base_frame, hypermap.base_frame
     for frames in (ground_truth.frames, hypermap.frames):
         with contextlib.suppress(FrameError):

@@ -15,17 +15,17 @@ from hypermap.core.arrays import as_objects
 from hypermap.core.semantic import SemanticObject
 from hypermap.core.shapes import valid_copies
 
-DUPLICATE_SHARE = 0.5  # of the smaller area, which a duplicate shares with an object found already
-_PER_PAIR = 1e-9  # what a pair is worth besides its IoU; enough to decide between equal sums
+DUPLICATE_SHARE = 0.5  # of the smaller area, shared by a duplicate and an object that was found
+_PER_PAIR = 1e-9  # added to the IoU of a pair; enough to decide between equal sums
 
 
 @dataclass(frozen=True)
 class Match:
-    """An estimated object and the object of the truth that it stands for.
+    """An estimated object and the true object that it represents.
 
     Attributes:
-        estimate: its place among the estimated objects.
-        ground_truth: its place among the true objects.
+        estimate: its index in the estimated objects.
+        ground_truth: its index in the true objects.
         iou: of the two footprints, above 0 up to 1.
     """
 
@@ -41,12 +41,12 @@ def match_objects(
 ) -> tuple[Match, ...]:
     """Return the one-to-one matching of objects of the same name with the largest sum of IoU.
 
-    Of matchings with the same sum it is one with the most pairs.
+    Of matchings with the same sum, it is one with the most pairs.
 
     Args:
         estimate: objects of the estimated map.
         ground_truth: objects of the truth, in the same frame.
-        min_iou: pairs with less than this do not match; nor do pairs that share no area.
+        min_iou: pairs with less do not match; nor do pairs that share no area.
 
     Returns:
         Matches in the order of the true objects.
@@ -74,10 +74,10 @@ def find_duplicates(
     matches: Sequence[Match],
     min_share: float = DUPLICATE_SHARE,
 ) -> tuple[int, ...]:
-    """Return the places of the estimated objects that show a matched true object once more.
+    """Return the indices of the estimated objects that show a matched true object once more.
 
-    These have no match of their own, but share at least `min_share` of the smaller one's area with
-    a true object of their name that has one. So a piece of an object is a duplicate, too.
+    They have no match, but share at least `min_share` of the smaller one's area with a true
+    object of their name that has one. So a piece of an object is a duplicate, too.
     """
     taken = {match.estimate for match in matches}
     found: list[int] = []
@@ -98,7 +98,7 @@ def iou_matrix(
 ) -> NDArray[np.float64]:
     """Return the intersection over union of every shape with every other, shape (N, M).
 
-    It is 0 where neither of the two has an area. An outline that crosses itself counts as what it
+    0 if neither of the two has an area. An outline that crosses itself counts as what it
     winds around.
     """
     return _overlap(shapes, others).of_both()
@@ -106,18 +106,18 @@ def iou_matrix(
 
 @dataclass(frozen=True, eq=False)
 class _Overlap:
-    """Areas [m^2]: shared by each of N shapes with each of M others, and of each by itself."""
+    """Areas [m^2]: shared by each of N shapes and each of M others, and of each shape."""
 
     shared: NDArray[np.float64]
     areas: NDArray[np.float64]
     others: NDArray[np.float64]
 
     def of_both(self) -> NDArray[np.float64]:
-        """Return the share of what the two cover together, shape (N, M)."""
+        """Return the shared area over that of the union, shape (N, M)."""
         return self._over(self.areas[:, None] + self.others - self.shared)
 
     def of_smaller(self) -> NDArray[np.float64]:
-        """Return the share of the smaller of the two, shape (N, M)."""
+        """Return the shared area over that of the smaller of the two, shape (N, M)."""
         return self._over(np.minimum(self.areas[:, None], self.others))
 
     def _over(self, whole: NDArray[np.float64]) -> NDArray[np.float64]:

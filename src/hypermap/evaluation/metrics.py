@@ -1,4 +1,4 @@
-"""Metrics of an estimated semantic layer; a class without ground truth is not defined."""
+"""Metrics of an estimated semantic layer; undefined for a class without ground truth."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ THRESHOLDS = (0.25, 0.5)
 
 @dataclass(frozen=True)
 class Detection:
-    """How many objects were found, where a find needs some intersection over union.
+    """How many objects were found, given the smallest IoU of a find.
 
     Attributes:
-        min_iou: the least IoU of a find.
+        min_iou: the smallest IoU of a find.
         found: true objects that were found.
         missed: true objects that were not.
         duplicates: estimated objects that show a found one once more.
-        false: all other estimated objects that are no find.
+        false: all other estimated objects that are not finds.
         found_iou: mean IoU of the finds; None if there are none.
     """
 
@@ -61,8 +61,8 @@ class Detection:
     def panoptic_quality(self) -> float | None:
         """Mean IoU of the finds, times F1; None if there are no true objects.
 
-        Source: Kirillov et al., "Panoptic Segmentation", 2019, equation 1, with `min_iou` in
-        place of their 0.5.
+        Source: Kirillov et al., "Panoptic Segmentation", 2019, equation 1, with `min_iou`
+        instead of their 0.5.
         """
         return None if self.f1 is None else self.f1 * (self.found_iou or 0.0)
 
@@ -82,7 +82,7 @@ class Score:
             are no true objects.
         centroid_distance: mean over the matched objects of the distance between the centroids
             [m]; None if nothing matched, as in the next two.
-        area_error: mean over the matched objects of how much the area is off, either way, as a
+        area_error: mean over the matched objects of the absolute area error, as a
             share of the true area.
         area_bias: the same with a sign: above 0 where areas are too large.
         compared: number of true objects that the thesis' measure compares, see `closest_shapes`.
@@ -105,12 +105,12 @@ class Score:
 
 @dataclass(frozen=True)
 class Finds:
-    """Which estimated objects are finds at a threshold, and which show one of these once more.
+    """Which estimated objects are finds at a threshold, and which are duplicates of them.
 
     Attributes:
-        min_iou: the least IoU of a find.
+        min_iou: the smallest IoU of a find.
         matches: the finds.
-        duplicates: places among the estimated objects.
+        duplicates: indices in the estimated objects.
     """
 
     min_iou: float
@@ -139,9 +139,9 @@ class Evaluation:
     finds: tuple[Finds, ...]
 
     def class_mean_quality(self) -> list[float | None]:
-        """Return for each threshold the panoptic quality, as its authors take the mean.
+        """Return the panoptic quality for each threshold, averaged as in the paper.
 
-        That is over the classes that have true objects, each class counting the same.
+        The mean is over the classes that have true objects, with equal weights.
         """
         by_class = [
             [d.panoptic_quality for d in score.detection] for score in self.classes.values()
@@ -157,8 +157,8 @@ def evaluate(
 ) -> Evaluation:
     """Return how well estimated objects agree with the true ones, both in the same frame.
 
-    Precision and recall at a threshold use the matching that is best among the pairs that reach
-    it; IoU, distance and area that of all pairs that overlap.
+    Precision and recall at a threshold use the best matching among the pairs that reach it;
+    IoU, distance and area use the best matching of all pairs that overlap.
 
     >>> table = SemanticObject("table", shapely.box(0, 0, 2, 1))
     >>> half = SemanticObject("table", shapely.box(0, 0, 1, 1))
@@ -192,7 +192,7 @@ def _finds(
 
 
 class _Scoring:
-    """All that is known about two maps, from which the score of any classes is taken."""
+    """Everything about two maps that the score of any classes is computed from."""
 
     def __init__(
         self,

@@ -62,7 +62,7 @@ def report(
     against: EvaluationRun | None = None,
     comparisons: Sequence[Comparison] = (),
 ) -> Data:
-    """Return all figures as what JSON knows; None where one is not defined.
+    """Return all figures as JSON values; None if undefined.
 
     Args:
         ground_truth: the true objects.
@@ -83,7 +83,7 @@ def report(
 
 
 def csv_text(data: Data) -> str:
-    """Return a report as CSV, a row for each figure; the value is empty where not defined."""
+    """Return a report as CSV, a row for each figure; the value is empty if undefined."""
     text = io.StringIO()
     rows = csv.DictWriter(text, COLUMNS, restval="", lineterminator="\n")
     rows.writeheader()
@@ -148,7 +148,7 @@ def _score(score: Score) -> Data:
 
 
 def _objects(ground_truth: MapObjects, run: EvaluationRun) -> list[Data]:
-    """Return the true objects, each with the estimated ones next to which it was measured."""
+    """Return the true objects, each with the estimated ones that it was compared with."""
     ids = [thing.id for thing in run.objects.objects]
     closest = {c.ground_truth: c for c in run.evaluation.closest}
     matches = {m.ground_truth: m for m in run.evaluation.matches}

@@ -13,10 +13,10 @@ from hypermap.core.errors import HypermapError
 
 Method: TypeAlias = Literal["exact", "normal"]
 
-TIE = 1e-9  # differences are equal, or zero, up to this much rounding
-MOST_EXACT = 15  # differences for which the exact distribution is taken without asking
+TIE = 1e-9  # differences within this are equal, or zero
+MOST_EXACT = 15  # differences up to which the exact distribution is the default
 _RESAMPLES = 10_000  # of the bootstrap
-_MOST = 1000  # for which it can be had: beyond, its smallest probability is no float64
+_MOST = 1000  # differences up to which it is possible; beyond, float64 underflows
 
 
 @dataclass(frozen=True)
@@ -28,8 +28,8 @@ class SignedRank:
         used: number of those that are not zero.
         statistic: sum of the ranks of the differences above zero.
         z: the statistic in standard deviations from its mean; None if the method is exact.
-        p: probability of such a statistic or a larger one if signs were up to chance.
-        method: how `p` was found.
+        p: probability of this statistic or a larger one if the signs were random.
+        method: how `p` was computed.
     """
 
     pairs: int
@@ -61,21 +61,21 @@ class Effect:
 
 
 def signed_rank(differences: ArrayLike, exact: bool = False) -> SignedRank:
-    """Return how likely chance alone makes paired differences so much larger than zero.
+    """Return the probability that chance alone makes paired differences so much larger than zero.
 
-    Zero differences are dropped. Equal ones share the mean of their ranks. Up to 15 differences,
-    or if `exact`, all patterns of signs are counted; otherwise the statistic is taken as normal,
+    Zero differences are dropped. Ties get their mean rank. Up to 15 differences,
+    or if `exact`, the distribution is exact; otherwise normal,
     with corrections for ties and for continuity.
 
     Args:
         differences: one per pair, shape (N,).
-        exact: whether to count, however many there are.
+        exact: whether to use the exact distribution, however many there are.
 
     Raises:
-        ValueError: If the shape is another or a difference is not finite.
-        HypermapError: If there are too many to count.
+        ValueError: If the shape is wrong or a difference is not finite.
+        HypermapError: If there are too many for the exact distribution.
 
-    Source: Wilcoxon 1945; in its choices MATLAB's `signrank(x, y, 'tail', 'right')`.
+    Source: Wilcoxon 1945; choices as in MATLAB's `signrank(x, y, 'tail', 'right')`.
 
     >>> signed_rank([0.3, 0.1, 0.2, 0.0]).p  # one of eight patterns has all signs positive
     0.125
@@ -152,7 +152,7 @@ def _exact_p(ranks: NDArray[np.float64], statistic: float) -> float:
             f"{len(ranks)}; leave the exact test out, the normal one is as good for so many"
         )
     doubled = np.rint(2 * ranks).astype(np.int64)  # mean ranks are halves
-    share = np.ones(1)  # of the patterns so far, by twice their sum
+    share = np.ones(1)  # of the patterns so far, indexed by twice their sum
     for rank in doubled:
         share = 0.5 * (np.pad(share, (0, rank)) + np.pad(share, (rank, 0)))
     return min(1.0, float(share[round(2 * statistic) :].sum()))

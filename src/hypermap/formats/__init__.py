@@ -1,4 +1,4 @@
-"""Files become maps and maps become files."""
+"""Reads and writes maps."""
 
 from typing import TYPE_CHECKING, Any
 

@@ -25,14 +25,14 @@ def open_any(path: Path, frame_id: str | None = None) -> Hypermap:
     """Return the map in a file of any kind; a file of one layer becomes a map of one layer.
 
     Args:
-        path: what `open_map` opens, a YAML list of objects, GeoJSON or GeoParquet.
-        frame_id: the frame of a file of one layer; None takes its own, or, in YAML, `map`.
+        path: a file for `open_map`, a YAML list of objects, GeoJSON or GeoParquet.
+        frame_id: the frame of a file of one layer; None takes that in the file, or `map` for YAML.
 
     Raises:
         FileMissing: If there is no such file.
         FormatError: If it is damaged, or does not say its frame.
         MissingExtra: If it is GeoParquet, and pyarrow is not installed.
-        HypermapError: If a frame is given for a whole map, which says its frames itself.
+        HypermapError: If a frame is given for a whole map, which has its own.
     """
     content = _ZIP if is_folder(path) else read_file(path)
     if content.startswith(MAGIC):

@@ -1,4 +1,4 @@
-"""The zip archive: its members become a store in memory, and a store becomes an archive."""
+"""Zip archives: reads the members into a store in memory, and writes a store."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def read_archive(path: str | Path) -> MemoryStore:
 
     Raises:
         FileMissing: If there is no such file.
-        FormatError: If it is no intact zip archive, goes beyond the limits, or holds a name that
+        FormatError: If it is not an intact zip archive, exceeds the limits, or has a name that
             leads out of it.
     """
     path = Path(path)
@@ -64,8 +64,8 @@ def write_archive(path: str | Path, files: Mapping[str, bytes]) -> None:
 
     Raises:
         FileMissing: If the folder does not exist.
-        HypermapError: If it cannot be written or would be too large to be read again; what was
-            there before is untouched then.
+        HypermapError: If it cannot be written or would be too large to read again; the old
+            file then remains.
     """
     total = sum(map(len, files.values()))
     largest = max(map(len, files.values()), default=0)
@@ -76,12 +76,12 @@ def write_archive(path: str | Path, files: Mapping[str, bytes]) -> None:
     stored = {name for name, content in files.items() if content.startswith(_COMPRESSED_ALREADY)}
     packed, members = _pack(files, stored)
     bombs = {info.filename for info in members if _is_bomb(info)}
-    if bombs:  # as reading would take them for
+    if bombs:  # reading would take them for bombs
         packed, _ = _pack(files, stored | bombs)
     write_file(path, packed)
 
 
-# What zipfile and zlib raise for damaged archives, found by damaging some.
+# Errors of zipfile and zlib for damaged archives, found by experiment
 _BROKEN = (
     zipfile.BadZipFile,
     zlib.error,
@@ -96,7 +96,7 @@ _BROKEN = (
 
 
 def _check_member_count(file: BinaryIO) -> None:
-    """Bound the directory before zipfile makes an object of each of its entries."""
+    """Check the size of the directory before zipfile creates an object for each entry."""
     file.seek(max(0, file.seek(0, os.SEEK_END) - _LONGEST_END))
     packed = file.read()
     end = packed.rfind(_END_OF_DIRECTORY)
@@ -113,7 +113,7 @@ def _check_member_count(file: BinaryIO) -> None:
 
 
 def _check_members(members: list[zipfile.ZipInfo]) -> None:
-    """Refuse what is encrypted, ambiguous, packed in an unusual way, or too large unpacked."""
+    """Refuse members that are encrypted, ambiguous, compressed unusually, or too large."""
     if len(members) > limits.MAX_MEMBERS:
         raise FormatError(f"has more than {limits.MAX_MEMBERS} members")
     seen: set[str] = set()
@@ -144,7 +144,7 @@ def _check_members(members: list[zipfile.ZipInfo]) -> None:
 
 
 def _unpacked(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> bytes:
-    """Return a member's content, piece by piece: `ZipFile.read` would hold it twice meanwhile."""
+    """Return a member's content, read in pieces: `ZipFile.read` would hold it twice."""
     content = io.BytesIO()
     with archive.open(info) as member:
         shutil.copyfileobj(member, content, _PIECE)
@@ -169,7 +169,7 @@ def _pack(
 
 
 def _is_bomb(info: zipfile.ZipInfo) -> bool:
-    """Return whether a member unpacks to so much that reading refuses it."""
+    """Return whether a member is so large unpacked that reading refuses it."""
     return (
         info.file_size > limits.SMALL_FILE_BYTES
         and info.file_size > limits.MAX_COMPRESSION * info.compress_size

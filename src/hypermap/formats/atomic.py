@@ -30,19 +30,18 @@ def write_file(path: str | Path, content: bytes) -> None:
 
     Raises:
         FileMissing: If the folder does not exist.
-        HypermapError: If it cannot be written; the old file is untouched then.
+        HypermapError: If it cannot be written; the old file then remains.
     """
     target = Path(path)
     write_files(target.parent, {target.name: content})
 
 
 def write_files(folder: str | Path, files: Mapping[str, bytes]) -> None:
-    """Write several files of a folder: all are replaced, in their order, or none.
+    """Write several files of a folder: replace all, in order, or none.
 
-    All contents are on the disk before the first file is replaced, so that a full disk leaves
-    everything as it was. Where the program is killed in between, whoever reads the files by
-    `read_as_saved`, or writes in the folder, replaces the rest first. What killed programs have
-    left of files that were not yet written is removed.
+    All contents are on the disk before the first file is replaced, so a full disk changes
+    nothing. If the program is killed in between, the next reader (by `read_as_saved`) or writer
+    in the folder first replaces the rest. Unfinished files of killed programs are removed.
 
     Args:
         folder: an existing folder.
@@ -66,7 +65,7 @@ def write_files(folder: str | Path, files: Mapping[str, bytes]) -> None:
             final_of(target).parent.mkdir(parents=True, exist_ok=True)
         _save(Journal(root, list(files)), list(files.values()))
     except OSError as error:
-        where = getattr(error, "filename2", None) or target  # where a rename was to lead
+        where = getattr(error, "filename2", None) or target  # the target of a rename
         raise HypermapError(f"{where}: cannot be saved: {error.strerror}") from error
     except ValueError:  # a NUL character, or half of a character
         raise HypermapError(
@@ -76,29 +75,29 @@ def write_files(folder: str | Path, files: Mapping[str, bytes]) -> None:
 
 @contextmanager
 def file_beside(path: str | Path) -> Iterator[Path]:
-    """Yield where another library may write a file, which replaces the old one in the end.
+    """Yield a path where another library can write a file, which then replaces the old one.
 
-    What killed programs have left of such files is removed.
+    Such files that killed programs left are removed.
 
     Raises:
         FileMissing: If the folder does not exist.
-        HypermapError: If the file cannot be written; the old one is untouched then.
+        HypermapError: If the file cannot be written; the old one then remains.
     """
     target = Path(path)
     if not is_folder(target.parent):
         raise FileMissing(f"{target.parent}: there is no such folder to save in")
     final = final_of(target)
-    # With its ending, by which a library may know what to write.
+    # With its extension, from which a library may choose the format
     temporary = final.with_name(f".hypermap-{secrets.token_hex(8)}.part{final.suffix}")
     _sweep_parts(final.parent)
     try:
         with contextlib.ExitStack() as open_file:
             file = open_file.enter_context(os.fdopen(_created(temporary), "wb"))
-            lock_file(file.fileno())  # so that nobody sweeps it away meanwhile
+            lock_file(file.fileno())  # so that no other program removes it
             yield temporary
             _look_like(final, file.fileno())
             os.fsync(file.fileno())
-            if not HAS_LOCKS:  # on Windows, where no file that is open gets another name
+            if not HAS_LOCKS:  # on Windows, which does not rename open files
                 file.close()
             temporary.replace(final)
         flush_folder(final.parent)
@@ -113,7 +112,7 @@ def file_beside(path: str | Path) -> Iterator[Path]:
 
 
 def is_folder(path: Path) -> bool:
-    """Return whether it is a folder; what cannot be looked at, as a name too long, is none."""
+    """Return whether it is a folder; False if that is unknown, as for a name that is too long."""
     try:
         return path.is_dir()
     except OSError:
@@ -121,7 +120,7 @@ def is_folder(path: Path) -> bool:
 
 
 def is_write_protected(path: Path) -> bool:
-    """Return whether a file is there that nobody is to write; to replace it needs no permission."""
+    """Return whether a file is read-only; replacing it would need no permission."""
     try:
         return not path.stat().st_mode & (stat.S_IWUSR | stat.S_IWGRP | stat.S_IWOTH)
     except OSError:
@@ -135,7 +134,7 @@ def _save(journal: Journal, contents: Sequence[bytes]) -> None:
     with turn_to_save(folders) as turn:
         if turn == "busy" and not is_one:
             raise HypermapError(f"{root}: another program is saving here; try again")
-        # A file alone does not care what else is left to be done here.
+        # A single file does not depend on unfinished saves here.
         with contextlib.suppress(*([HypermapError] if is_one else [])):
             complete_saves(root)
         if turn == "alone":
@@ -188,7 +187,7 @@ def _look_like(final: Path, handle: int) -> None:
 
 
 def _sweep(folders: Iterable[Path]) -> None:
-    """Remove what killed programs have left; nobody else saves in these folders now."""
+    """Remove leftovers of killed programs; nobody else saves in these folders now."""
     for folder in folders:
         absolute = folder.absolute()
         if any((place / JOURNAL_NAME).exists() for place in (absolute, *absolute.parents)):
@@ -200,7 +199,7 @@ def _sweep(folders: Iterable[Path]) -> None:
 
 
 def _sweep_parts(folder: Path) -> None:
-    """Remove what killed programs have left of files that other libraries write."""
+    """Remove unfinished files of other libraries, left by killed programs."""
     with contextlib.suppress(OSError), os.scandir(folder) as entries:
         parts = [folder / entry.name for entry in entries if _PART.fullmatch(entry.name)]
         _remove(part for part in parts if not is_locked(part))

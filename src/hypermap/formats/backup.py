@@ -1,4 +1,4 @@
-"""What a save replaces: whether people have edited it, and a backup next to it."""
+"""Backups of maps that a save replaces, and whether people have edited them."""
 
 from __future__ import annotations
 
@@ -8,17 +8,20 @@ from hypermap.core.errors import FileMissing, HypermapError
 from hypermap.formats.archive import read_archive
 from hypermap.formats.atomic import write_file
 from hypermap.formats.config import CONFIG_NAME, parse_config
-from hypermap.formats.hmap import open_map, save_map
+from hypermap.formats.hmap import MAPPER_STATE, open_map, save_map
 
 EDITED_WITH = "edited_with"
-"""Where a map's metadata name the program in which people have changed it."""
+"""The key of a map's metadata for the program in which people edited it."""
+
+MAP_ID, MAP_VERSION = "map_id", "map_version"
+"""Where a map's metadata hold its id, and a number that counts up with its changes."""
 
 _OF_MAPPING = {"frames", "config"}  # what mapping writes into a map's metadata
 _YAML_ENDINGS = (".yaml", ".yml")
 
 
 def backup_of(path: Path) -> Path:
-    """Return where the copy of a map's file lies: NAME.bak; of a folder NAME.bak.hmap."""
+    """Return the path of the copy of a map's file: NAME.bak, or NAME.bak.hmap for a folder."""
     is_folder = path.suffix.lower() in _YAML_ENDINGS
     return path.with_name(path.name + (".bak.hmap" if is_folder else ".bak"))
 
@@ -28,11 +31,11 @@ def keep_backup(path: Path, *, spare_edited: bool = False) -> Path | None:
 
     Args:
         path: of a map.
-        spare_edited: whether a copy that could not be made again stays, where the file itself
-            could.
+        spare_edited: whether to keep an existing copy that mapping could not make again, if it
+            could make the file again.
 
     Returns:
-        The copy; None where there was nothing to keep.
+        The copy; None if there was nothing to keep.
 
     Raises:
         HypermapError: If that is not possible; then the file should not be replaced.
@@ -54,8 +57,16 @@ def keep_backup(path: Path, *, spare_edited: bool = False) -> Path | None:
     return backup
 
 
+def may_go_on(archive: Path) -> bool:
+    """Return whether an archive holds what mapping needs to go on."""
+    try:
+        return MAPPER_STATE in read_archive(archive).files
+    except (HypermapError, OSError):
+        return False
+
+
 def why_precious(archive: Path) -> str | None:
-    """Return why mapping could not make an archive again; None if it could, or it is no map."""
+    """Return why mapping could not make an archive again; None if it could, or it is not a map."""
     try:
         files = read_archive(archive).files
         metadata = parse_config(files[CONFIG_NAME], str(archive)).metadata

@@ -1,4 +1,4 @@
-"""Checks the contents of files with pydantic: a valid model, or one clear error."""
+"""Validates the contents of files with pydantic: a valid model, or one clear error."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def place_of(keys: tuple[int | str, ...]) -> str:
 
 
 def found(value: Any) -> str:
-    """Return what a message says about a value in place of the expected one.
+    """Describe an unexpected value for a message.
 
     >>> found([1, 2]), found(None), found("x" * 100)
     ('a list', 'nothing', "'xxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxx...")

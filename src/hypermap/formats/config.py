@@ -1,4 +1,4 @@
-"""The configuration of a map, `hmap_config.yaml`: its layers in order, and how their frames lie."""
+"""The configuration of a map, `hmap_config.yaml`: its layers in order, and their frames."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ BINARY_FILE = "binary_file"
 is false then, so that they start with an empty layer."""
 
 FLAGS = {"subscribe_mode": False, "enable_update": True, "publish_global_topics": False}
-"""Settings that every layer has, and what holds where a file does not say."""
+"""Settings of every layer, and their defaults."""
 
 _TEXT = {("layers", "*", key) for key in ("class", "name", "frame_id", "file", BINARY_FILE)} | {
     ("transforms", "*", key) for key in ("frame_id", "child_frame_id")
@@ -48,7 +48,7 @@ class LayerEntry:
 
 @dataclass(frozen=True)
 class MapConfig:
-    """What a configuration says.
+    """The content of a configuration.
 
     Attributes:
         layers: in order; the first one's frame is the base frame.
@@ -88,14 +88,14 @@ class _Config(Checked):
 
 
 def parse_config(content: bytes, path: str) -> MapConfig:
-    """Return what a configuration file says.
+    """Return the content of a configuration file.
 
     Args:
         content: the file.
-        path: how messages name it.
+        path: its name in messages.
 
     Raises:
-        FormatError: Naming the place that is wrong, as "layers[1].frame_id".
+        FormatError: With the position of the error, such as "layers[1].frame_id".
     """
     raw = read_yaml(content, path, _TEXT)
     config = check(_Config, raw, path)

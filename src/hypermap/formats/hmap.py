@@ -1,4 +1,4 @@
-"""Maps from files and back: the `.hmap` archive, a configuration in a folder, a map_server map.
+"""Reads and writes maps: the `.hmap` archive, a configuration in a folder, a map_server map.
 
 The specification is docs/formats/hmap.md.
 """
@@ -6,6 +6,7 @@ The specification is docs/formats/hmap.md.
 from __future__ import annotations
 
 import contextlib
+import itertools
 import logging
 import re
 from collections.abc import Iterator, Mapping
@@ -36,7 +37,10 @@ from hypermap.formats.yaml_text import read_yaml
 logger = logging.getLogger(__name__)
 
 OTHER_KEYS = "other_keys"
-"""Where a map's metadata hold the configuration's keys of other programs."""
+"""The key of a map's metadata for keys of other programs in the configuration."""
+
+MAPPER_STATE = "mapper_state"
+"""The configuration's key that names the file of what mapping needs to go on."""
 
 _YAML_ENDINGS = (".yaml", ".yml")
 
@@ -93,14 +97,14 @@ def save_map(hypermap: Hypermap, path: str | Path, semantic: SemanticForm = "aut
     if path.suffix.lower() in _YAML_ENDINGS:
         files = _write_map(hypermap, path.name, semantic)
         config = files.pop(path.name)
-        # The configuration comes last, by which readers know that the files are another save's.
+        # The configuration comes last: it tells readers that the files are from another save.
         write_files(path.parent, {**files, path.name: config})
     else:
         write_archive(path, _write_map(hypermap, CONFIG_NAME, semantic))
 
 
 def _open_yaml(path: Path) -> Hypermap:
-    """Open a configuration or a map_server map, whichever the keys say."""
+    """Open a configuration or a map_server map, depending on the keys."""
     return read_as_saved(path, lambda: _read_yaml_map(path))
 
 
@@ -120,8 +124,9 @@ def _read_yaml_map(path: Path) -> Hypermap:
 def _read_map(store: MemoryStore | FolderStore, config_name: str) -> Hypermap:
     claims = _Claims(store)
     config = parse_config(claims.read(config_name), store.path_of(config_name))
-    # What the layers that can be read leave belongs to the others.
+    # Files that no known layer reads belong to the unknown ones.
     layers = [_read_layer(entry, claims) for entry in config.layers]
+    mapper_state = _read_mapper_state(config.others.pop(MAPPER_STATE, None), claims)
     opaque = [layer for layer in layers if isinstance(layer, OpaqueLayer)]
     for layer in opaque:
         if (file := layer.settings.get("file")) is not None:
@@ -136,7 +141,20 @@ def _read_map(store: MemoryStore | FolderStore, config_name: str) -> Hypermap:
     metadata = dict(config.metadata)
     if config.others:
         metadata[OTHER_KEYS] = config.others
-    return Hypermap(layers, config.frames, metadata)
+    hypermap = Hypermap(layers, config.frames, metadata)
+    hypermap.mapper_state = mapper_state
+    return hypermap
+
+
+def _read_mapper_state(name: Any, store: Store) -> bytes | None:
+    """Return what mapping needs to go on, which older programs leave out; this is logged."""
+    if not isinstance(name, str):
+        return None
+    try:
+        return store.read(name)
+    except FormatError as error:
+        logger.warning("mapping cannot go on with this map: %s", error)
+        return None
 
 
 def _read_layer(entry: LayerEntry, store: Store) -> Layer:
@@ -203,7 +221,12 @@ def _write_map(hypermap: Hypermap, config_name: str, semantic: SemanticForm) -> 
         files.update(written)
         taken.update(written)
     metadata = dict(hypermap.metadata)
-    others = metadata.pop(OTHER_KEYS, {})
+    others = dict(metadata.pop(OTHER_KEYS, {}))
+    if (state := hypermap.mapper_state) is not None:
+        numbered = (f"{MAPPER_STATE}_{number}" for number in itertools.count(2))
+        names = itertools.chain([MAPPER_STATE], numbered)
+        others[MAPPER_STATE] = next(name for name in names if name not in taken)
+        files[others[MAPPER_STATE]] = state() if callable(state) else state
     files[config_name] = dump_config(MapConfig(entries, hypermap.frames, metadata, others))
     return files
 

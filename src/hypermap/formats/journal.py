@@ -1,7 +1,7 @@
 """Saves several files as one: the next reader or writer completes a save that was killed.
 
-Before the first of the files is replaced, all new files are next to the old ones, and a journal
-lists them. From then on the save is valid: whoever finds the journal puts the rest in place. A
+Before the first file is replaced, all new files are next to the old ones, and a journal
+lists them. From then on the save is valid: whoever finds the journal replaces the rest. A
 save without a journal has not happened.
 """
 
@@ -33,9 +33,9 @@ class Journal:
     """Files of a folder that are replaced together.
 
     Attributes:
-        folder: where they lie.
+        folder: their folder.
         names: of the files, in the order in which they are replaced.
-        token: in the names of what is to replace them.
+        token: part of the names of the new files.
     """
 
     folder: Path
@@ -44,7 +44,7 @@ class Journal:
 
     @property
     def path(self) -> Path:
-        """Where the journal lies."""
+        """The path of the journal."""
         return self.folder / JOURNAL_NAME
 
     def moves(self) -> list[tuple[Path, Path]]:
@@ -56,7 +56,7 @@ class Journal:
         ]
 
     def write(self) -> None:
-        """Make the save stand: from now on it will be completed."""
+        """Commit the save: from now on it will be completed."""
         temporary = self.folder / f".hypermap-{self.token}.tmp"
         try:
             with temporary.open("xb") as file:
@@ -69,10 +69,10 @@ class Journal:
         flush_folder(self.folder)
 
     def put_in_place(self, *, is_first: bool = False) -> None:
-        """Replace all files that are not replaced yet; another may do the same meanwhile.
+        """Replace all files not yet replaced; another program may do the same at the same time.
 
         Args:
-            is_first: whether nobody else has begun: what is to replace a file must be there then.
+            is_first: whether nobody else has begun: then the new files must exist.
 
         Raises:
             OSError: If one cannot be replaced.
@@ -87,7 +87,7 @@ class Journal:
 
 
 def final_of(target: Path) -> Path:
-    """Return what is replaced: a link keeps pointing at the file, which is what changes."""
+    """Return the file to replace: a link stays, and the file that it points at changes."""
     return Path(os.path.realpath(target)) if target.is_symlink() else target
 
 
@@ -111,7 +111,7 @@ def complete_saves(folder: Path) -> None:
 
 
 def read_as_saved(path: Path, read: Callable[[], T]) -> T:
-    """Return what is read from several files, all of the same save.
+    """Read several files, all of the same save.
 
     Args:
         path: one of the files, which each save replaces.
@@ -174,7 +174,7 @@ def _is_within(name: str) -> bool:
 
 
 def _look_at(path: Path) -> tuple[int, int, int] | None:
-    """Return what tells a file from what replaces it."""
+    """Return what distinguishes a file from its replacement."""
     try:
         found = path.stat()
     except (OSError, ValueError):  # whoever reads it says why

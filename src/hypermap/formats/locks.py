@@ -18,17 +18,16 @@ else:
     HAS_LOCKS = True
 
 Turn = Literal["alone", "busy", "unknown"]
-"""Whether nobody else saves in a folder, someone still does after a while, or nobody can say."""
+"""Nobody else saves in a folder, somebody still does after a while, or it is unknown."""
 
 _PATIENCE, _PAUSE = 10.0, 0.02  # seconds
 
 
 @contextmanager
 def turn_to_save(folders: Iterable[Path]) -> Iterator[Turn]:
-    """Wait until nobody else saves in some folders, and keep others waiting meanwhile.
+    """Wait until nobody else saves in some folders, then lock them.
 
-    The wait has an end: everybody who may look into a folder can lock it, and for as long as they
-    like.
+    The wait is limited: anyone who can read a folder can lock it, for any time.
     """
     until = time.monotonic() + _PATIENCE
     with contextlib.ExitStack() as held:
@@ -44,7 +43,7 @@ def lock_file(handle: int) -> None:
 
 
 def is_locked(path: Path) -> bool:
-    """Return whether a file may be in use; also where nobody can say."""
+    """Return whether a file may be in use; True if that is unknown."""
     if not HAS_LOCKS:
         return True
     try:

@@ -19,27 +19,28 @@ ENTRY_POINT_GROUP = "hypermap.layers"
 _OURS = {
     "OccupancyGridLayer": "hypermap.formats.grid.map_server:PLUGIN",
     "SemanticLayer": "hypermap.formats.semantic.yaml_files:PLUGIN",
+    "ValueLayer": "hypermap.formats.grid.value_files:PLUGIN",
 }
 
 
 class LayerPlugin(Protocol):
-    """One kind of layer and how it is kept in files.
+    """One kind of layer and its files.
 
     A package offers one by an entry point in the group `hypermap.layers`, whose name is the
     class name in configuration files and whose value is an object (or module) with these members.
     """
 
     def empty(self, name: str, frame_id: str, settings: Mapping[str, Any]) -> Layer:
-        """Return a layer that holds nothing yet."""
+        """Return an empty layer."""
         ...
 
     def load(
         self, store: Store, file: str, name: str, frame_id: str, settings: Mapping[str, Any]
     ) -> Layer:
-        """Return the layer kept under `file`, the value of that key in the configuration.
+        """Return the layer in `file`, the value of that key in the configuration.
 
         Raises:
-            FormatError: If the files do not hold such a layer.
+            FormatError: If the files do not contain such a layer.
         """
         ...
 
@@ -48,20 +49,20 @@ class LayerPlugin(Protocol):
 
         It may return keys for the layer's configuration, which `load` gets in `settings`.
 
-        A layer that holds nothing may write nothing: it is saved with `load_file: false` then,
-        and opened again by `empty`. Other names than `file`, `file.*` and `file/*` are not safe
-        from other layers.
+        An empty layer may write nothing: then it is saved with `load_file: false`,
+        and opened by `empty`. Other layers may overwrite names other than `file`, `file.*` and
+        `file/*`.
         """
         ...
 
 
 def plugin_for(class_name: str) -> LayerPlugin | None:
-    """Return the plug-in for a kind of layer; None where none is installed.
+    """Return the plug-in for a kind of layer; None if none is installed.
 
     Raises:
         HypermapError: If the plug-in is installed, but does not work.
     """
-    if class_name in _OURS:  # nobody can replace ours, so nobody else need be looked for
+    if class_name in _OURS:  # nobody can replace ours, so no search is needed
         return _ours(class_name)
     entry_point = _theirs().get(class_name)
     return None if entry_point is None else _load(entry_point)
@@ -69,7 +70,7 @@ def plugin_for(class_name: str) -> LayerPlugin | None:
 
 @contextlib.contextmanager
 def blamed_on_plugin(class_name: str, work: str) -> Iterator[None]:
-    """Attribute whatever another package raises to that package.
+    """Attribute exceptions of another package to that package.
 
     Args:
         class_name: the kind of layer.
@@ -102,7 +103,7 @@ def _ours(class_name: str) -> LayerPlugin:
 
 
 def _theirs() -> dict[str, EntryPoint]:
-    """Return where the kinds of layers of other packages lie."""
+    """Return the entry points of the layers of other packages."""
     from importlib.metadata import entry_points  # looks into all packages, which takes a while
 
     found: dict[str, EntryPoint] = {}
@@ -118,7 +119,7 @@ def _load(entry_point: EntryPoint) -> LayerPlugin:
         plugin = entry_point.load()
     except MemoryError:
         raise
-    except Exception as error:  # whatever another package does when it is imported
+    except Exception as error:  # importing another package may raise anything
         raise HypermapError(
             f"the plug-in for layers of class {name!r} ({value}) cannot be imported: "
             f"{type(error).__name__}: {error}"

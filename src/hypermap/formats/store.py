@@ -18,10 +18,10 @@ _UNSAFE = re.compile(r"[\x00-\x1f\\]|^/|^[A-Za-z]:")
 
 
 class MemoryStore:
-    """Files held in memory, as those of an archive that was read or will be written.
+    """Files in memory: those of an archive that was read or will be written.
 
     Attributes:
-        where: how messages name the whole, as "office.hmap"; may be empty.
+        where: name of the whole in messages, such as "office.hmap"; may be empty.
         files: content by name, in the order of writing.
 
     >>> store = MemoryStore(where="office.hmap")
@@ -70,7 +70,7 @@ class FolderStore:
         """Return the content of a file.
 
         Raises:
-            FormatError: If there is no such file, or it is too large or lies elsewhere.
+            FormatError: If there is no such file, or it is too large or outside the folder.
         """
         path = self.folder / safe_name(name, str(self.folder))
         if not Path(os.path.realpath(path)).is_relative_to(os.path.realpath(self.folder)):
@@ -81,7 +81,7 @@ class FolderStore:
             raise FormatError("there is no such file", path=path) from None
 
     def write(self, name: str, content: bytes) -> None:
-        """Write a file as a whole, or leave what was there."""
+        """Write a file completely, or keep the old one."""
         write_files(self.folder, {safe_name(name, str(self.folder)): content})
 
     def path_of(self, name: str) -> str:
@@ -142,7 +142,7 @@ def open_file(path: Path, max_bytes: int) -> BinaryIO:
 
 
 def safe_name(name: str, where: str = "") -> str:
-    """Return a file's name in its plainest form, or refuse one that leads out of the map.
+    """Return a file's name in normal form, or refuse one that leads out of the map.
 
     Raises:
         FormatError: If it is empty, absolute, or has `..`, a backslash or a control character.
@@ -160,7 +160,7 @@ def safe_name(name: str, where: str = "") -> str:
 
 
 def place_for(folder: Path, name: str) -> Path:
-    """Return where a file lies that someone else names, within a folder.
+    """Return the path of a file in a folder, by an untrusted name.
 
     Raises:
         FormatError: If the name leads out of the folder, as `safe_name` says.

@@ -38,7 +38,7 @@ _PLAIN_COLLECTIONS = (None, "!", f"{_TAG}seq", f"{_TAG}map")
 
 
 def read_yaml(content: bytes, path: str, text_at: Collection[tuple[str, ...]] = ()) -> Any:
-    """Return what a YAML file holds, of dict, list, str, int, float, bool, None, bytes and dates.
+    """Return the content of a YAML file: dict, list, str, int, float, bool, None, bytes and dates.
 
     Args:
         content: the file.

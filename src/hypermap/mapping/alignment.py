@@ -73,6 +73,20 @@ class Aligner:
         """Correct by another map of the same place from now on."""
         self._occupancy, self._borders = occupancy, None
 
+    @property
+    def learned(self) -> tuple[float, float, bool]:
+        """What corrections so far have taught, for `go_on_with`."""
+        return *self._shrinkage.learned, self._agreement.is_worse
+
+    def go_on_with(self, size: float, expected: float, is_worse: bool) -> None:
+        """Take over what another aligner has learned.
+
+        The depth images by which it judged are not there any more; until there are enough new ones,
+        its last verdict holds.
+        """
+        self._shrinkage.go_on_with((size, expected))
+        self._agreement.is_worse = is_worse
+
     def align(self, frame: RgbdFrame) -> RgbdFrame:
         """Return the frame with a pose that fits the map better.
 

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from shapely import affinity
 from shapely.geometry.base import BaseGeometry
 
+from hypermap.core.evidence import is_one_sided, mean_view
 from hypermap.core.occupancy import FREE, OccupancyLayer
 
 FreeShare = Callable[[BaseGeometry], float]
@@ -50,11 +51,9 @@ CLASS_DEPTHS: Mapping[str, float] = MappingProxyType(
         "wardrobe": 0.6,
     }
 )
-_ONE_SIDED = 0.75  # length of the mean direction of view: 1 from one place, 0 from all around
 _STEP = 0.05  # meters
 _MOST_FREE = 0.5  # of a step that may be known to be free
 _WORTH = 0.02  # meters that a shape must lack
-_NEAR = 0.1  # meters; a camera so near has no direction
 
 
 def completed(
@@ -74,10 +73,10 @@ def completed(
     depth = CLASS_DEPTHS.get(name.replace(" ", "").lower())
     if depth is None or shape.geom_type != "Polygon" or shape.is_empty:
         return shape
-    view = _mean_view(shape, cameras_xy)
-    if np.hypot(*view) < _ONE_SIDED:
+    center = shapely.get_coordinates(shapely.centroid(shape))[0]
+    if not is_one_sided(center, cameras_xy):
         return shape
-    away, extent = _along(shape, view)
+    away, extent = _along(shape, mean_view(center, cameras_xy))
     more = depth - extent
     if more < _WORTH:
         return shape
@@ -90,17 +89,6 @@ def free_share(occupancy: OccupancyLayer, area: BaseGeometry) -> float:
     """Return how much of an area a map knows to be free, 0..1."""
     values = occupancy.values_in(area).values
     return float(np.mean(values == FREE)) if len(values) else 0.0
-
-
-def _mean_view(shape: BaseGeometry, cameras_xy: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the mean of the directions from which it was seen, of length 1 each, shape (2,)."""
-    center = shapely.get_coordinates(shapely.centroid(shape))
-    views = center - cameras_xy
-    lengths = np.hypot(*views.T)
-    is_far = lengths > _NEAR
-    if not is_far.any():
-        return np.zeros(2)
-    return np.asarray((views[is_far] / lengths[is_far, np.newaxis]).mean(axis=0))
 
 
 def _along(shape: BaseGeometry, view: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:

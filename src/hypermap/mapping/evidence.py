@@ -7,12 +7,14 @@ both profiles.
 from __future__ import annotations
 
 import logging
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 
 import numpy as np
 
+from hypermap.core.objects import ObjectTable
 from hypermap.core.semantic import SemanticLayer, SemanticObject
 from hypermap.mapping.association import ASSOCIATIONS
+from hypermap.mapping.by_hand import HandEdit
 from hypermap.mapping.class_sizes import has_usual_size
 from hypermap.mapping.completion import FreeShare, completed
 from hypermap.mapping.evidence_buffer import Evidence, evidence_from
@@ -20,6 +22,7 @@ from hypermap.mapping.evidence_table import lazy_evidence_table
 from hypermap.mapping.footprint_iou import footprint_ious
 from hypermap.mapping.fusion import FUSIONS
 from hypermap.mapping.missed_detections import penalize_missed, prune
+from hypermap.mapping.protection import protected
 from hypermap.mapping.stages import EvidenceConfig
 from hypermap.mapping.track_shapes import Rows
 from hypermap.mapping.tracks import Track, TrackTable
@@ -55,10 +58,11 @@ class EvidenceMap:
         self._touched: dict[int, tuple[Track, Track]] = {}  # with copies from before the frame
         self._classes: dict[str, int] = {}
         self._tracks = TrackTable(config.max_existence)
+        self._edited = False  # whether people have edited anything
 
     def __len__(self) -> int:
         """Return how many objects are published."""
-        return int(np.count_nonzero(self._tracks.existence > self.config.publish_above))
+        return len(self._published_rows())
 
     def update(self, observation: Observation) -> None:
         """Add one frame. If that fails, the map stays as it was.
@@ -95,6 +99,27 @@ class EvidenceMap:
         for track in prune(self._tracks, self.config.forget_below):
             self._forget_co_occurrences(track)
 
+    def tracks(self) -> TrackTable:
+        """Return all tracks as they are now; later frames do not change them."""
+        return self._tracks.snapshot()
+
+    def go_on_with(self, tracks: TrackTable, by_hand: Mapping[int, HandEdit] | None = None) -> None:
+        """Take over the tracks of an evidence map with the same configuration.
+
+        Args:
+            tracks: of that map; they become those of this one.
+            by_hand: what people have done to its objects, by their ids.
+        """
+        self._tracks = protected(tracks, by_hand or {}, self.config)
+        self._edited = any(track.by_hand is not None for track in self._tracks.objects)
+        for row, track in enumerate(self._tracks.objects):
+            class_ = self._classes.setdefault(track.name, len(self._classes))
+            self._tracks.shapes.classes[row] = class_
+
+    def hand_edits(self) -> dict[int, HandEdit]:
+        """Return what people have done to objects, by their ids."""
+        return {t.id: t.by_hand for t in self._tracks.objects if t.by_hand is not None}
+
     def objects(self, ids: Collection[int] | None = None) -> list[SemanticObject]:
         """Return the objects with enough existence, in the order of their ids.
 
@@ -126,7 +151,9 @@ class EvidenceMap:
         objects = self.objects()
         ids = {item.id for item in objects}
         kept = {o.id: tuple(o.buffer.items) for o in self._tracks.objects if o.id in ids}
-        return SemanticLayer(name, frame_id, objects, evidence=lazy_evidence_table(kept))
+        table, evidence = ObjectTable.of(objects), lazy_evidence_table(kept)
+        next_id = self._tracks.next_id
+        return SemanticLayer.of_table(name, frame_id, table, evidence=evidence, next_id=next_id)
 
     def evidence(self, object_id: int) -> tuple[Evidence, ...]:
         """Return the evidence that is kept for an object, oldest first.
@@ -151,7 +178,7 @@ class EvidenceMap:
             if shapes.classes[row] == class_:
                 if iou >= self.config.slip / 2:
                     return None
-            elif objects[row].buffer.count >= _CONFIRMED and iou > best:
+            elif objects[row].buffer.count >= _CONFIRMED and iou > best and self._may_be(row):
                 actual, best = objects[row].id, iou
         return actual if best >= self.config.slip else None
 
@@ -161,6 +188,10 @@ class EvidenceMap:
         matches = self._associate(evidence.prepared, class_, self._tracks.shapes, self.config)
         if self.config.exclusive:
             matches = self._tracks.excluding(matches, self._observed)
+        there = [row for row in matches if self._may_be(row)]
+        if matches and not there:  # what people have deleted does not come back
+            return self._tracks.objects[matches[0]].id
+        matches = there
         if len(matches) == 0:
             row = self._tracks.append(name, class_, evidence, self.config.max_evidence)
         elif self.config.combine == "matches":
@@ -181,7 +212,7 @@ class EvidenceMap:
 
     def _merge(self, rows: Rows) -> int:
         """Merge tracks into the oldest of them and return its row."""
-        row, *others = sorted(rows)
+        row, *others = self._mergeable(rows)
         if others:
             track = self._touch(row)
             track.buffer.merge(self._tracks.objects[other].buffer for other in others)
@@ -190,7 +221,23 @@ class EvidenceMap:
                 self._transfer_co_occurrences(self._tracks.objects[other], track)
             self._tracks.change_existence(row, float(self._tracks.existence[others].sum()))
             self._tracks.remove(others)
+            (row,) = self._tracks.rows_of([track.id])
         return row
+
+    def _may_be(self, row: int) -> bool:
+        """Return whether a track may be there: not if people have deleted it."""
+        return not (self._edited and self._tracks.objects[row].is_deleted)
+
+    def _mergeable(self, rows: Rows) -> Rows:
+        """Return the rows that may become one track, first that which stays: the oldest.
+
+        One that people have edited stays before others, and no two of them become one.
+        """
+        rows = sorted(row for row in rows if self._may_be(row))
+        if not self._edited:
+            return rows
+        edited = [row for row in rows if self._tracks.objects[row].by_hand is not None]
+        return [*edited[:1], *(row for row in rows if row not in edited)]
 
     def _merge_overlapping(self, row: int) -> int:
         """Merge a track with those that its own shape matches, until there are none."""
@@ -201,6 +248,9 @@ class EvidenceMap:
             if self.config.exclusive:
                 objects = self._tracks.objects
                 matches = [one for one in matches if self._may_merge(track, objects[one])]
+            if self._edited:
+                matches = self._mergeable(matches)
+                matches = matches if row in matches else []
             if len(matches) <= 1:  # it matches itself
                 return row
             row = self._merge(matches)
@@ -237,7 +287,8 @@ class EvidenceMap:
     def _refresh_shape(self, row: int) -> None:
         """Fuse a track's shape from its evidence."""
         track = self._touch(row)
-        self._tracks.shapes.replace(row, self._fuse(track.buffer, self.config))
+        if track.by_hand is None or track.by_hand.shape is None:
+            self._tracks.shapes.replace(row, self._fuse(track.buffer, self.config))
         if self.config.sight == "rays" or self.config.contested > 0:
             self._tracks.shapes.heights[row] = track.buffer.heights()
         track.pending = 0
@@ -250,15 +301,20 @@ class EvidenceMap:
         return track
 
     def _published_rows(self) -> list[int]:
-        rows: list[int] = np.flatnonzero(
-            self._tracks.existence > self.config.publish_above
-        ).tolist()
+        is_published = self._tracks.existence > self.config.publish_above
+        if self._edited:
+            edits = [track.by_hand for track in self._tracks.objects]
+            is_published |= [edit is not None for edit in edits]
+            is_published &= [edit is None or not edit.is_deleted for edit in edits]
+        rows: list[int] = np.flatnonzero(is_published).tolist()
         return rows
 
     def _published(self, row: int) -> SemanticObject:
         """Return a track as users of the map see it."""
         track = self._tracks.objects[row]
-        buffer = track.buffer
+        buffer, edit = track.buffer, track.by_hand
+        if edit is not None and edit.drawn is not None:
+            return edit.drawn
         # The stale shape stays: a question must not change the map.
         is_stale = track.pending > 0
         shape = self._fuse(buffer, self.config) if is_stale else self._tracks.shapes.polygons[row]
@@ -267,7 +323,7 @@ class EvidenceMap:
             cameras_xy = np.array([item.map_T_camera[:2, 3] for item in buffer.items])
             footprint = completed(footprint, track.name, cameras_xy, self.is_free)
         z_min, z_max = buffer.heights()
-        return SemanticObject(
+        found = SemanticObject(
             name=track.name,
             footprint=footprint,
             id=track.id,
@@ -278,3 +334,4 @@ class EvidenceMap:
             last_seen=buffer.last_seen,
             attributes={"evidence": buffer.count, "z_min": z_min, "z_max": z_max},
         )
+        return found if edit is None else edit.applied_to(found)

@@ -127,6 +127,24 @@ class EvidenceBuffer:
         self.first_seen = np.inf
         self.last_seen = -np.inf
 
+    @classmethod
+    def of(
+        cls,
+        items: list[Evidence],
+        limit: int,
+        count: int,
+        score_sum: float,
+        first_seen: float,
+        last_seen: float,
+    ) -> EvidenceBuffer:
+        """Return a buffer as it was, from its attributes."""
+        buffer = cls(limit)
+        for item in items:
+            buffer.add(item)
+        buffer.count, buffer.score_sum = count, score_sum
+        buffer.first_seen, buffer.last_seen = first_seen, last_seen
+        return buffer
+
     def __len__(self) -> int:
         return len(self.items)
 

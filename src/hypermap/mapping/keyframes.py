@@ -35,6 +35,15 @@ class KeyframeSelector:
         self._before, self._last = self._last, map_T_camera
         return True
 
+    @property
+    def last(self) -> NDArray[np.float64] | None:
+        """The last accepted pose, shape (4, 4); None if there is none."""
+        return self._last
+
+    def go_on_from(self, map_T_camera: NDArray[np.float64] | None) -> None:
+        """Compare the next pose with this one."""
+        self._before = self._last = map_T_camera
+
     def undo(self) -> None:
         """Drop the last accepted pose, whose frame could not be processed."""
         self._last = self._before

@@ -6,23 +6,30 @@ import logging
 import re
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
-from functools import partial
+from dataclasses import dataclass, replace
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
 
 from hypermap._version import __version__
-from hypermap.core.errors import HypermapError
+from hypermap.core.errors import FormatError, HypermapError
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.layer import Layer
 from hypermap.core.occupancy import OccupancyLayer
+from hypermap.core.semantic import SemanticObject
+from hypermap.formats.backup import MAP_ID, MAP_VERSION
 from hypermap.mapping.alignment import Aligner
+from hypermap.mapping.by_hand import BY_HAND, HandEdit, hand_edits, told
 from hypermap.mapping.completion import free_share
 from hypermap.mapping.config import MappingConfig, to_dict
+from hypermap.mapping.counts import Counts
 from hypermap.mapping.depth_check import why_implausible
+from hypermap.mapping.drives import Drive, EarlierDrives, map_id
 from hypermap.mapping.evidence import EvidenceMap
+from hypermap.mapping.going_on import CannotGoOn, config_to_go_on_with, layer_of_objects, replaced
 from hypermap.mapping.keyframes import KeyframeSelector
+from hypermap.mapping.mapper_state import MapperState, dump_state, parse_state
 from hypermap.mapping.occupancy import OccupancyMapper
 from hypermap.mapping.preflight import Preflight
 from hypermap.perception.detections import Detections
@@ -38,32 +45,12 @@ MAX_BAD = 0.5
 """Share of a recording's frames that may fail before mapping gives up."""
 _MAX_FAILED_FIRST = 100  # frames that may fail before the first usable one
 
+_OCCUPANCY = "occupancy"
 _FARTHEST = 1e9  # meters; beyond, geometry on the floor loses its precision
 
 
 class BadFrame(HypermapError):
     """A frame cannot be mapped, while others may be."""
-
-
-@dataclass(frozen=True)
-class Counts:
-    """What became of the frames so far.
-
-    Attributes:
-        used: mapped frames.
-        skipped: frames that are no keyframes, because the camera had hardly moved.
-        unusable: frames that cannot be read, have no depth or no valid pose, or for which the
-            source of detections failed.
-    """
-
-    used: int = 0
-    skipped: int = 0
-    unusable: int = 0
-
-    @property
-    def frames(self) -> int:
-        """All frames so far."""
-        return self.used + self.skipped + self.unusable
 
 
 @dataclass(frozen=True)
@@ -104,7 +91,7 @@ class Mapper:
 
     Attributes:
         config: how it is done.
-        counts: what became of the frames so far.
+        counts: what became of the frames so far, without those of earlier drives.
         evidence: the objects and the evidence for them.
         first_reason: why the first frame was skipped as unusable; empty if none was.
         surplus: detections dropped so far, because their frames had too many.
@@ -117,8 +104,9 @@ class Mapper:
         source: DetectionSource | None,
         occupancy: OccupancyLayer | None = None,
         frame_id: str = "map",
+        drive: str = "",
     ) -> None:
-        """Prepare an empty map.
+        """Prepare an empty map; `onto` goes on with one.
 
         Args:
             config: how it is done.
@@ -128,6 +116,7 @@ class Mapper:
                 by what it shows.
             frame_id: frame of the frames' poses, and so of the layers; not used if `occupancy`
                 is given.
+            drive: name of what the frames come from.
         """
         self.config = config
         self.counts = Counts()
@@ -137,13 +126,71 @@ class Mapper:
         self.surplus = 0
         self.watch: Callable[[MappedFrame, Mapper], None] | None = None
         self._source = source or _no_detections
-        self._has_objects = source is not None
+        self._has_objects = self._looks_for_objects = source is not None
         self._keyframes = KeyframeSelector(config.keyframes)
         self._given_occupancy = occupancy
         self._aligner = None if occupancy is None else Aligner(occupancy, config.alignment)
         self._frame_id = frame_id
         self._occupancy = OccupancyMapper(config.occupancy)
         self._left_out: Counter[str] = Counter()  # by what the reasons have in common
+        self._drive = Drive(drive)
+        self._earlier = EarlierDrives()
+        self._counts_before = Counts()
+        self._base = Hypermap()  # with which the map began
+
+    @classmethod
+    def onto(
+        cls,
+        hypermap: Hypermap,
+        source: DetectionSource | None,
+        config: MappingConfig | None = None,
+        drive: str = "",
+        frame_id: str | None = None,
+    ) -> Mapper:
+        """Go on with a map, exactly as if mapping had never stopped.
+
+        The frames' poses must be in the map's frame. Frames that are in the map already are left
+        out. Other layers of the map, its transforms and its metadata stay.
+
+        Args:
+            hypermap: a map that mapping has made; it stays as it is.
+            source: says what a frame shows; None leaves the objects as they are.
+            config: must be that of the map; None takes it from there.
+            drive: name of what the frames come from.
+            frame_id: frame of the frames' poses, if it is known.
+
+        Raises:
+            CannotGoOn: If it was made otherwise, with another configuration or in another frame, or
+                the state of the mapper is not in it.
+        """
+        own_config = config_to_go_on_with(hypermap, config)
+        if frame_id is not None and frame_id != hypermap.base_frame:
+            raise CannotGoOn(
+                f"the poses are in the frame {frame_id!r}, and the map in {hypermap.base_frame!r}; "
+                "mapping goes on with a map in its own frame only"
+            )
+        kept = hypermap.mapper_state
+        content = kept() if callable(kept) else kept or b""
+        try:
+            state = parse_state(content, own_config.evidence)
+        except FormatError as error:
+            raise CannotGoOn(f"{error}; map all recordings again") from error
+        occupancy = None
+        if state.log_odds is None:
+            grids = (layer for layer in hypermap if isinstance(layer, OccupancyLayer))
+            occupancy = next(grids, OccupancyLayer(_OCCUPANCY, hypermap.base_frame))
+        mapper = cls(own_config, source, occupancy, hypermap.base_frame, drive)
+        mapper._has_objects = mapper._has_objects or layer_of_objects(hypermap) is not None
+        mapper.evidence.go_on_with(state.tracks, _edits_of(hypermap, state))
+        mapper._keyframes.go_on_from(state.keyframe)
+        if state.log_odds is not None:
+            mapper._occupancy.go_on_with(state.first_cell, state.log_odds)
+        if mapper._aligner is not None and state.alignment is not None:
+            mapper._aligner.go_on_with(*state.alignment)
+        mapper._earlier = EarlierDrives(tuple(state.drives))
+        mapper._counts_before = state.counts
+        mapper._base = hypermap
+        return mapper
 
     def add(self, frame: RgbdFrame) -> Observation | None:
         """Map one frame.
@@ -159,9 +206,14 @@ class Mapper:
         if (reason := why_unusable(frame)) is not None:
             self.leave_out(frame.stamp, reason)
             return None
+        if self._earlier.with_frame(frame) is not None:
+            self._keyframes.go_on_from(frame.map_T_camera)
+            self._count(repeated=1)
+            return None
         if not self._keyframes.accept(frame.map_T_camera):
             self._count(skipped=1)
             return None
+        recorded = frame
         if self._aligner is not None:
             frame = self._aligner.align(frame)
         is_watched = self.watch is not None
@@ -182,9 +234,11 @@ class Mapper:
                 self._keyframes.undo()
                 self.leave_out(frame.stamp, str(error))
                 return None
-        self.evidence.update(observation)
+        if self._looks_for_objects:  # otherwise nothing that is not found would be missing
+            self.evidence.update(observation)
         if change is not None:  # last, as nothing can stop it
             change()
+        self._drive.add(recorded)
         self._count(used=1)
         if self.watch is not None:
             self.watch(MappedFrame(frame, detections, observation), self)
@@ -206,23 +260,70 @@ class Mapper:
         """Whether there is a map by which poses are corrected, where that makes them better."""
         return self._aligner is not None and self.config.alignment.enabled
 
+    @property
+    def makes_occupancy(self) -> bool:
+        """Whether the first layer is made from depth."""
+        return self._given_occupancy is None
+
     def hypermap(self) -> Hypermap:
         """Return the map so far: the layers "occupancy" and "semantic", in one frame.
 
-        Without a source of detections there is no layer "semantic".
+        Without a source of detections there is no layer "semantic". A map with which mapping went
+        on keeps its other layers.
         """
         layers: list[Layer] = [self.occupancy()]
+        published: list[SemanticObject] = []
         if self._has_objects:
-            layers.append(self.evidence.layer(frame_id=layers[0].frame_id))
-        metadata = {
+            layer = self.evidence.layer(frame_id=layers[0].frame_id)
+            layers.append(layer)
+            published = layer.objects()
+        metadata = self._base.metadata | {
             "hypermap_version": __version__,
-            "frames": asdict(self.counts),
+            "frames": (self._counts_before + self.counts).told(),
             **({"surplus_detections": self.surplus} if self.surplus else {}),
             "poses": "corrected by the occupancy map" if self.corrects_poses else "as recorded",
             **self._pose_corrections(),
             "config": to_dict(self.config),
+            "drives": [drive.described() for drive in self._drives()],
+            **self._identity(),
         }
-        return Hypermap(layers, metadata=metadata)
+        metadata.pop(BY_HAND, None)
+        if edits := told(self.evidence.hand_edits()):
+            metadata[BY_HAND] = edits
+        made = Hypermap(replaced(self._base, layers), self._base.frames, metadata)
+        made.mapper_state = cache(partial(dump_state, self._state(published)))
+        return made
+
+    def _state(self, published: list[SemanticObject]) -> MapperState:
+        """Return what is needed to go on; later frames do not change it."""
+        first_cell, log_odds = self._occupancy.log_odds()
+        return MapperState(
+            tracks=self.evidence.tracks(),
+            keyframe=self._keyframes.last,
+            first_cell=first_cell,
+            log_odds=None if self._given_occupancy is not None else log_odds,
+            drives=self._drives(),
+            counts=self._counts_before + self.counts,
+            published=published,
+            alignment=None if self._aligner is None else self._aligner.learned,
+        )
+
+    def _identity(self) -> dict[str, Any]:
+        """Return the id of the map, which it keeps, and its version, which counts up.
+
+        The same first frame and configuration give the same id, and so the same bytes.
+        """
+        before = self._base.metadata
+        known = before.get(MAP_VERSION)
+        return {
+            MAP_ID: before.get(MAP_ID) or map_id(self._drives(), to_dict(self.config)),
+            MAP_VERSION: 1 + (known if type(known) is int else 0),
+        }
+
+    def _drives(self) -> list[Drive]:
+        """Return copies of all drives of which something is in the map."""
+        now = replace(self._drive, keys=list(self._drive.keys))
+        return [*self._earlier.drives, *([now] if now.keys else [])]
 
     def _pose_corrections(self) -> dict[str, Any]:
         """Return what became of the poses, for the metadata, if any could be corrected."""
@@ -273,11 +374,8 @@ class Mapper:
             self.surplus += int(surplus)
         return usable
 
-    def _count(self, used: int = 0, skipped: int = 0, unusable: int = 0) -> None:
-        before = self.counts
-        self.counts = Counts(
-            before.used + used, before.skipped + skipped, before.unusable + unusable
-        )
+    def _count(self, **fates: int) -> None:
+        self.counts += Counts(**fates)
 
 
 def map_recording(
@@ -289,6 +387,7 @@ def map_recording(
     watch: Callable[[MappedFrame, Mapper], None] | None = None,
     preflight: Preflight | None = None,
     max_bad: float = MAX_BAD,
+    onto: Hypermap | None = None,
 ) -> Hypermap:
     """Return the map of a recording.
 
@@ -310,13 +409,21 @@ def map_recording(
             level at z = 0; by default what is wrong is logged.
         max_bad: share of the recording's frames that may be skipped like this; 0 stops at the
             first.
+        onto: a map to go on with, as `Mapper.onto` does; its occupancy layer goes on, too, and
+            that of the recording is left out.
 
     Raises:
-        HypermapError: If the recording or the source fails too often, or no frame is usable.
+        HypermapError: If the recording or the source fails too often, no frame is usable, or
+            mapping cannot go on with the map.
+        ValueError: If both `occupancy` and `onto` are given.
     """
-    if occupancy is None:
-        occupancy = recording.occupancy()
-    mapper = Mapper(config, source, occupancy, recording.frame_id)
+    if onto is not None:
+        if occupancy is not None:
+            raise ValueError("a map to go on with has an occupancy layer already")
+        mapper = Mapper.onto(onto, source, config, recording.path.name, recording.frame_id)
+    else:
+        occupancy = recording.occupancy() if occupancy is None else occupancy
+        mapper = Mapper(config, source, occupancy, recording.frame_id, recording.path.name)
     mapper.watch = watch
     preflight = preflight or Preflight(max_depth=config.perception.max_depth)
     bad = _BadFrames(mapper, recording, max_bad)
@@ -375,13 +482,28 @@ class _BadFrames:
             HypermapError: If nothing was.
         """
         counts = self._mapper.counts
-        if counts.used == 0:
+        if counts.used == counts.repeated == 0:
             reason = self._mapper.first_reason
             why = f"; the first one: {reason}" if reason else ""
             raise HypermapError(
                 f"{self._recording.path}: nothing to map: none of {counts.frames} frames "
                 f"can be used{why}"
             )
+
+
+def _edits_of(hypermap: Hypermap, state: MapperState) -> dict[int, HandEdit]:
+    """Return what people have done to a map since it was begun, by the objects' ids.
+
+    Raises:
+        CannotGoOn: If the layer of the objects is not there.
+    """
+    layer = layer_of_objects(hypermap)
+    if layer is not None:
+        before = {track.id: track.by_hand for track in state.tracks.objects if track.by_hand}
+        return hand_edits(state.published, layer, before)
+    if state.published:
+        raise CannotGoOn("its layer 'semantic' of objects is gone; was it renamed or removed?")
+    return {}
 
 
 def _no_detections(_frame: RgbdFrame) -> Detections:

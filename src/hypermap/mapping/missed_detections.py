@@ -40,8 +40,13 @@ def penalize_missed(
 
 
 def prune(tracks: TrackTable, below: float) -> list[Track]:
-    """Remove the tracks with less existence than a limit, and return them."""
+    """Remove the tracks with less existence than a limit, and return them.
+
+    Those that people have edited stay, at the limit.
+    """
     rows = np.flatnonzero(tracks.existence < below).tolist()
+    tracks.existence[[row for row in rows if tracks.objects[row].by_hand is not None]] = below
+    rows = [row for row in rows if tracks.objects[row].by_hand is None]
     pruned = [tracks.objects[row] for row in rows]
     if rows:
         tracks.remove(rows)

@@ -96,18 +96,34 @@ class OccupancyMapper:
         Cells are -1 unknown, 0 free, 100 occupied, or the likelihood in percent between the
         thresholds. The layer is empty if nothing was seen.
         """
-        known = ~np.isnan(self._log_odds)
-        if not known.any():
+        first, seen = self.log_odds()
+        if seen.size == 0:
             return OccupancyLayer(name, frame_id)
-        rows, cols = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))
-        seen = self._log_odds[rows[0] : rows[-1] + 1, cols[0] : cols[-1] + 1]
-        grid = self._grid(np.add(self._first, [rows[0], cols[0]]), np.array(seen.shape))
+        grid = self._grid(first, np.array(seen.shape))
         likelihood = 1 / (1 + np.exp(-np.nan_to_num(seen.astype(np.float64))))
         cells = np.round(100 * likelihood).astype(np.int8)
         cells[likelihood < self.config.free_thresh] = FREE
         cells[likelihood >= self.config.occupied_thresh] = OCCUPIED
         cells[np.isnan(seen)] = UNKNOWN
         return OccupancyLayer(name, frame_id, grid, cells)
+
+    def log_odds(self) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
+        """Return the evidence so far, for `go_on_with`.
+
+        Returns:
+            Which cell of the world is the first, row and column counted from the frame's origin;
+            and the log-odds from there on, NaN for never seen, shape (H, W).
+        """
+        known = ~np.isnan(self._log_odds)
+        rows, cols = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))
+        if len(rows) == 0:
+            return np.zeros(2, np.int64), np.empty((0, 0), np.float32)
+        seen = self._log_odds[rows[0] : rows[-1] + 1, cols[0] : cols[-1] + 1]
+        return np.add(self._first, [rows[0], cols[0]]), seen.copy()
+
+    def go_on_with(self, first: NDArray[np.int64], log_odds: NDArray[np.float32]) -> None:
+        """Take over the evidence of a mapper with the same configuration; see `log_odds`."""
+        self._first, self._log_odds = first, log_odds
 
     def _change_by(self, rays: Rays, min_points: int) -> Callable[[], None]:
         bounds = rays.bounds()

@@ -22,6 +22,15 @@ class Shrinkage:
     def __init__(self) -> None:
         self._size = self._expected = _FEW * 3
 
+    @property
+    def learned(self) -> tuple[float, float]:
+        """The mean sizes of corrections and of their errors so far."""
+        return self._size, self._expected
+
+    def go_on_with(self, learned: tuple[float, float]) -> None:
+        """Take over what another one has learned."""
+        self._size, self._expected = learned
+
     def share_of(self, size: float, expected: float) -> float:
         """Learn from the size of a correction and return which share of it to apply, 0..1.
 

@@ -12,8 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hypermap.core.arrays import BoolArray
+from hypermap.mapping.by_hand import HandEdit
 from hypermap.mapping.columns import Column
 from hypermap.mapping.evidence_buffer import Evidence, EvidenceBuffer
+from hypermap.mapping.prepared_polygon import PreparedPolygon
 from hypermap.mapping.track_shapes import Rows, TrackShapes
 
 
@@ -27,6 +29,7 @@ class Track:
         buffer: the evidence for it.
         co_occurrences: how many frames also showed another track of its class, by that track's id.
         pending: pieces of evidence that are not in its shape yet.
+        by_hand: what people have done to it; None for nothing.
     """
 
     id: int
@@ -34,12 +37,18 @@ class Track:
     buffer: EvidenceBuffer
     co_occurrences: Counter[int] = dataclasses.field(default_factory=Counter)
     pending: int = 0
+    by_hand: HandEdit | None = None
 
     def copy(self) -> Track:
         """Return an independent copy."""
-        return Track(
-            self.id, self.name, self.buffer.copy(), self.co_occurrences.copy(), self.pending
+        return dataclasses.replace(
+            self, buffer=self.buffer.copy(), co_occurrences=self.co_occurrences.copy()
         )
+
+    @property
+    def is_deleted(self) -> bool:
+        """Whether people have deleted it, so that it is to stay away."""
+        return self.by_hand is not None and self.by_hand.is_deleted
 
     def become(self, other: Track) -> None:
         """Take over the state of another track."""
@@ -52,6 +61,7 @@ class TrackTable:
     Attributes:
         objects: one track per row.
         shapes: the shapes, classes and heights of the tracks.
+        next_id: of the next new track.
     """
 
     def __init__(self, max_existence: float) -> None:
@@ -60,7 +70,7 @@ class TrackTable:
         self.shapes = TrackShapes()
         self._existence = Column(np.empty(0))
         self._max_existence = max_existence
-        self._next_id = 0
+        self.next_id = 0
 
     def copy(self) -> TrackTable:
         """Return another table of the same track objects; the columns are copied."""
@@ -68,7 +78,13 @@ class TrackTable:
         other.objects = list(self.objects)
         other.shapes = self.shapes.copy()
         other._existence = self._existence.copy()
-        other._next_id = self._next_id
+        other.next_id = self.next_id
+        return other
+
+    def snapshot(self) -> TrackTable:
+        """Return an independent copy."""
+        other = self.copy()
+        other.objects = [track.copy() for track in self.objects]
         return other
 
     @property
@@ -78,10 +94,22 @@ class TrackTable:
 
     def append(self, name: str, class_: int, evidence: Evidence, max_evidence: int) -> int:
         """Add a track where some evidence lies, but without evidence; return its row."""
-        self.objects.append(Track(self._next_id, name, EvidenceBuffer(max_evidence)))
-        self._existence.append(0.0)
-        self._next_id += 1
-        return self.shapes.append(class_, evidence.prepared, (evidence.z_min, evidence.z_max))
+        track = Track(self.next_id, name, EvidenceBuffer(max_evidence))
+        return self.add(track, class_, evidence.prepared, (evidence.z_min, evidence.z_max), 0.0)
+
+    def add(
+        self,
+        track: Track,
+        class_: int,
+        shape: PreparedPolygon,
+        heights: tuple[float, float],
+        existence: float,
+    ) -> int:
+        """Add a track whose id is larger than those of all others; return its row."""
+        self.objects.append(track)
+        self._existence.append(existence)
+        self.next_id = max(self.next_id, track.id + 1)
+        return self.shapes.append(class_, shape, heights)
 
     def remove(self, rows: Sequence[int]) -> None:
         """Remove tracks; the rows after them move up."""

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from hypermap.core.arrays import PointsLike, as_point_xy
 from hypermap.core.errors import HypermapError
+from hypermap.paths.cones import SOURCE, Reached
 from hypermap.paths.free_space import FreeSpace
-from hypermap.paths.geodesic import SOURCE, Reached, reach
+from hypermap.paths.geodesic import reach
 from hypermap.paths.segments import line_cost
 from hypermap.paths.weighted import cheapest_cells, straightened
 

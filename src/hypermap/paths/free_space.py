@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 from scipy import ndimage
 from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.arrays import BoolArray, PointsLike, as_point_xy
 from hypermap.core.errors import HypermapError
+from hypermap.core.frames import Pose2D
 from hypermap.core.grid import GridGeometry
 from hypermap.core.occupancy import OCCUPIED, OccupancyLayer
 from hypermap.paths.settings import PathSettings
@@ -116,6 +118,68 @@ class FreeSpace:
                 if 0 <= row < height and 0 <= col < width and self.free[row, col]:
                     return (x, y), row * width + col
         raise HypermapError(self._refusal(point, int(np.floor(y)), int(np.floor(x)), what))
+
+    def nearest_place(self, point_xy: PointsLike, within: float) -> NDArray[np.float64] | None:
+        """Return the nearest center of a free cell [m], shape (2,); None if none is so near [m]."""
+        point = as_point_xy(point_xy)
+        around = self.grid.window_in(shapely.Point(point).buffer(within))
+        rows, cols = around.cells(around.positions(self.free[around.slices]))
+        if not len(rows):
+            return None
+        centers = self.grid.centers(rows, cols)
+        nearest: NDArray[np.float64] = centers[np.argmin(np.hypot(*(centers - point).T))]
+        return nearest
+
+    def middle_of(
+        self,
+        area: BaseGeometry,
+        middle_xy: PointsLike | None = None,
+        preferred: BoolArray | None = None,
+    ) -> NDArray[np.float64] | None:
+        """Return the free cell of an area that is nearest to its middle.
+
+        Args:
+            area: in the frame of the grid.
+            middle_xy: its middle [m]; None for where its outline is farthest.
+            preferred: cells that are taken if one of them is free, of the grid's shape.
+
+        Returns:
+            Its center [m], shape (2,); None if no cell of the area is free.
+        """
+        rows, cols = self.grid.window_in(area).cells()
+        chosen = self.free[rows, cols]
+        if preferred is not None and (better := chosen & preferred[rows, cols]).any():
+            chosen = better
+        if not chosen.any():
+            return None
+        if middle_xy is None:
+            circle = np.asarray(shapely.maximum_inscribed_circle([area], 0.1))
+            middle_xy = shapely.get_coordinates(circle)[0]
+        centers = self.grid.centers(rows[chosen], cols[chosen])
+        far = np.hypot(*(centers - as_point_xy(middle_xy)).T)
+        nearest: NDArray[np.float64] = centers[int(np.argmin(far))]
+        return nearest
+
+    def within(self, area: BaseGeometry) -> FreeSpace | None:
+        """Return the part of it that an area covers, on a grid of its own; None if no cell is free.
+
+        Args:
+            area: in the frame of the grid.
+        """
+        window = self.grid.window_in(area)
+        cost = np.where(window.inside, self.cost[window.slices], np.float32(np.inf))
+        if not np.isfinite(cost).any():
+            return None
+        height, width = window.shape
+        corner = Pose2D(*(self.grid.resolution * np.array([window.col, window.row])).tolist())
+        return replace(
+            self,
+            grid=GridGeometry(width, height, self.grid.resolution, self.grid.origin @ corner),
+            cost=cost,
+            occupied=self.occupied[window.slices],
+            unknown=self.unknown[window.slices],
+            kept_out=None if self.kept_out is None else self.kept_out[window.slices],
+        )
 
     def _refusal(self, point: NDArray[np.float64], row: int, col: int, what: str) -> str:
         says = f"{what} ({point[0]:.2f}, {point[1]:.2f}) {self._reason(row, col)}"

@@ -79,6 +79,7 @@ class Planner:
     Attributes:
         space: where the robot can be, in the base frame.
         places: the rooms and objects of the map.
+        sight: what can be seen, as soon as it is asked for.
 
     Args:
         hypermap: the map, which must not change meanwhile.
@@ -175,9 +176,9 @@ class Planner:
         meters = self.distances(start).meters.ravel()
         found = []
         for item in objects:
-            cells, gaps = self._sight.around(item.object.footprint, 0.0, REACH)
+            cells, gaps = self.sight.around(item.object.footprint, 0.0, REACH)
             far = meters[cells] + gaps
-            chosen = self._sight.first_that_sees(item.object.footprint, cells, far)
+            chosen = self.sight.first_that_sees(item.object.footprint, cells, far)
             if chosen is not None:
                 found.append(replace(item, distance=float(far[chosen])))
         return sorted(found, key=lambda item: item.distance or 0.0)
@@ -205,19 +206,19 @@ class Planner:
         item = self.places.object(what)
         shape = item.object.footprint
         half = 0.75 * self.space.grid.resolution
-        cells, gaps = self._sight.around(shape, max(0.0, distance - half), distance + half)
+        cells, gaps = self.sight.around(shape, max(0.0, distance - half), distance + half)
         why = f"{title(item)} cannot be reached, because"
         if not len(cells):
             at = f"{distance:g} m from it" if distance else "at it"
             raise NoPath(f"{why} no place {at} is free for a radius of {radius:g} m")
         begin = None if start is None else self.point_of(start)
         order = -self._clearance(cells) if begin is None else self._lengths(begin, cells)
-        chosen = self._sight.first_that_sees(shape, cells, order)
+        chosen = self.sight.first_that_sees(shape, cells, order)
         if chosen is not None:
             pose = self._facing(int(cells[chosen]), item)
             way = None if begin is None else self._path(begin, np.array([pose.x, pose.y]))
             return Approach(pose, float(gaps[chosen]), item, way)
-        if self._sight.first_that_sees(shape, cells, gaps) is None:
+        if self.sight.first_that_sees(shape, cells, gaps) is None:
             raise NoPath(f"{why} it is not in sight from any free place {distance:g} m from it")
         raise NoPath(f"{why} no path leads there for a radius of {radius:g} m")
 
@@ -243,31 +244,27 @@ class Planner:
         if room is not None:
             return self._middle(room)
         item = self.places.object(place)
-        cells, gaps = self._sight.around(item.object.footprint, 0.0, REACH)
-        chosen = self._sight.first_that_sees(item.object.footprint, cells, gaps)
+        cells, gaps = self.sight.around(item.object.footprint, 0.0, REACH)
+        chosen = self.sight.first_that_sees(item.object.footprint, cells, gaps)
         if chosen is None:
             why = f"it is not in sight from any free place within {REACH:g} m"
             raise NoPath(f"{title(item)} cannot be reached, because {why}")
         return self._center(int(cells[chosen]))
 
-    # Over the grid
-
     @functools.cached_property
-    def _sight(self) -> Sight:
+    def sight(self) -> Sight:
+        """Lines of sight over the grid, past mapped objects."""
         return Sight(self.space, (item.object.footprint for item in self.places.objects()))
+
+    # Over the grid
 
     def _middle(self, room: Room) -> NDArray[np.float64]:
         """Return the free cell of a room that is nearest to its middle, shape (2,)."""
-        rows, cols = self.space.grid.window_in(room.outline).cells()
-        free = self.space.free[rows, cols]
-        if not free.any():
+        middle = self.space.middle_of(room.outline)
+        if middle is None:
             radius = self.space.settings.robot_radius
             raise NoPath(f"room {room.name!r} has no free place for a radius of {radius:g} m")
-        centers = self.space.grid.centers(rows[free], cols[free])
-        circles = np.asarray(shapely.maximum_inscribed_circle([room.outline], 0.1))
-        inner = shapely.get_coordinates(circles)[0]
-        nearest: NDArray[np.float64] = centers[int(np.argmin(np.hypot(*(centers - inner).T)))]
-        return nearest
+        return middle
 
     def _center(self, cell: int) -> NDArray[np.float64]:
         row, col = divmod(cell, self.space.grid.width)

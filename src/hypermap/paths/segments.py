@@ -39,6 +39,7 @@ def line_cost(cost: NDArray[np.float32], x0: float, y0: float, x1: float, y1: fl
     next_x = np.floor(x0) + 1 if dx > 0 else np.ceil(x0) - 1
     next_y = np.floor(y0) + 1 if dy > 0 else np.ceil(y0) - 1
     at, total = 0.0, 0.0
+    one_open = other_open = True  # beside a line on the border of two cells, up to here
     while at < 1:
         to_x = (next_x - x0) / dx if dx != 0 else np.inf
         to_y = (next_y - y0) / dy if dy != 0 else np.inf
@@ -47,10 +48,15 @@ def line_cost(cost: NDArray[np.float32], x0: float, y0: float, x1: float, y1: fl
             middle = 0.5 * (at + to)
             x, y = x0 + middle * dx, y0 + middle * dy
             here = _cost_at(cost, int(np.floor(y)), int(np.floor(x)), height, width)
-            if dx == 0 and x == np.floor(x):
-                here = min(here, _cost_at(cost, int(np.floor(y)), int(x) - 1, height, width))
-            if dy == 0 and y == np.floor(y):
-                here = min(here, _cost_at(cost, int(y) - 1, int(np.floor(x)), height, width))
+            if (dx == 0 and x == np.floor(x)) or (dy == 0 and y == np.floor(y)):
+                back_row, back_col = (0, 1) if dx == 0 else (1, 0)
+                row, col = int(np.floor(y)) - back_row, int(np.floor(x)) - back_col
+                other = _cost_at(cost, row, col, height, width)
+                one_open_here, other_open_here = here < np.inf, other < np.inf
+                if not ((one_open and one_open_here) or (other_open and other_open_here)):
+                    return np.inf
+                one_open, other_open = one_open_here, other_open_here
+                here = min(here, other)
             if here == np.inf:
                 return np.inf
             total += (to - at) * here

@@ -9,7 +9,7 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from hypermap.core.arrays import FloatArray, IntArray
+from hypermap.core.arrays import BoolArray, FloatArray, IntArray
 from hypermap.paths.free_space import FreeSpace
 from hypermap.paths.segments import line_cost
 
@@ -30,6 +30,11 @@ class Sight:
         for shape in shapes:
             window = space.grid.window_in(shapely.buffer(shape, space.grid.resolution))
             self._cost[window.slices][window.inside] = 1
+
+    @property
+    def clear(self) -> BoolArray:
+        """Which cells do not block a line of sight, shape (height, width)."""
+        return np.isfinite(self._cost)
 
     def around(
         self, shape: BaseGeometry, least: float, most: float

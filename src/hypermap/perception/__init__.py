@@ -1,1 +1,1 @@
-"""From one RGB-D frame to the objects in it: detect, cut out, project to the floor."""
+"""From one RGB-D frame to the objects in it: detect, segment, project to the floor."""

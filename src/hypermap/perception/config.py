@@ -1,4 +1,4 @@
-"""How one frame is turned into an observation."""
+"""Settings for turning one frame into an observation."""
 
 from __future__ import annotations
 
@@ -15,40 +15,40 @@ class PerceptionConfig:
 
     Attributes:
         method: "enclosed" takes the surfaces that end within the box; "organised" takes the largest
-            smooth region, with neighbors looked up in the image; "unorganised" is the slow
-            reference for it, which looks for them in a k-d tree of all points as PCL does.
+            smooth region, with neighbors looked up in the image; "unorganised" is its slow
+            reference, which finds neighbors in a k-d tree of all points as PCL does.
         depth_noise: standard deviation of the depth divided by its square, for "enclosed" [1/m];
             a Kinect's is 0.0015 to 0.002.
-        max_gap: jump in depth between neighboring pixels, noise apart, at which one thing ends
-            and another begins, for "enclosed" [m].
+        max_gap: jump in depth between neighboring pixels, in addition to noise, at which one
+            object ends and another begins, for "enclosed" [m].
         min_inside: share of a surface that must be within the box for it to belong to the object,
-            for "enclosed"; boxes are seldom quite large enough.
-        min_own_border: share of a surface's jumps in depth at which it must be the nearer side, for
-            "enclosed"; what ends only behind other things is background.
+            for "enclosed"; boxes are often a little too small.
+        min_own_border: share of a surface's depth edges at which it must be the nearer side, for
+            "enclosed"; a surface that ends only behind others is background.
         max_offset: how much nearer or farther an object's parts may be than its main part, as a
-            multiple of the box's larger side, for "enclosed": things are about as deep as wide.
-        max_cut: share of its outline at which a surface may run on past the box that cuts the
+            multiple of the box's larger side, for "enclosed": objects are about as deep as wide.
+        max_cut: share of its outline at which a surface may continue past the box that cuts the
             object out of it, if the box encloses none, for "enclosed"; 0 cuts nothing out.
-        min_support: neighbors in the image, of eight, that must be as far away as a pixel between a
-            nearer and a farther one, for it not to be a flying pixel; 0 keeps all.
-        min_top: what does not rise above the floor, z = 0, by more than this is a piece of the
-            floor, as where a detector takes a shadow for a thing [m]; 0 keeps it.
+        min_support: of the eight neighbors of a pixel between a nearer and a farther one, how many
+            must be at its depth, for it not to be a flying pixel; 0 keeps all.
+        min_top: an object whose top is within this of the floor, z = 0, is a piece of the floor and
+            dropped, as where a detector takes a shadow for an object [m]; 0 keeps it.
         smoothing: pixels to each side over which the depth of an object's surfaces is averaged, for
-            "enclosed"; 0 leaves the points as they were measured.
-        normal_neighbors: nearest points that a surface normal is fitted to, the point included.
+            "enclosed"; 0 leaves the points as measured.
+        normal_neighbors: nearest points that a surface normal is fitted to, including the point.
         region_neighbors: nearest points of the same object to which a region may grow from a
-            point, the point included; up to `normal_neighbors`.
-        smoothness_deg: largest angle between the normals of what joins: two points, or two planes
+            point, including the point; up to `normal_neighbors`.
+        smoothness_deg: largest angle between the normals of two points that join, or of two planes
             for "enclosed" [degrees].
-        curvature_threshold: a region does not grow on from a point above it, 0 flat .. 1/3.
-        min_cluster: points below which a region is noise.
-        max_cluster: points above which a region is no object.
-        voxel_size: side of the floor's cells whose centroids make up a footprint [m].
-        visible_step: every n-th row and column of the image makes up the visible area.
-        min_score: detections below it are left out, 0..1.
-        max_detections: detections of a frame; of more, those with the best scores count.
-        min_depth: points nearer than this take no part [m].
-        max_depth: points farther than this take no part, in the visible area neither [m].
+        curvature_threshold: a region does not grow from a point above it, 0 flat .. 1/3.
+        min_cluster: fewer points are noise.
+        max_cluster: more points are not an object.
+        voxel_size: side of the cells on the floor whose centroids form a footprint [m].
+        visible_step: every n-th row and column of the image counts for the visible area.
+        min_score: detections with a lower score are dropped, 0..1.
+        max_detections: of more detections in a frame, only those with the best scores are used.
+        min_depth: nearer points are ignored [m].
+        max_depth: farther points are ignored, also for the visible area [m].
     """
 
     method: Method = "enclosed"
@@ -102,9 +102,9 @@ class PerceptionConfig:
 
     @classmethod
     def thesis(cls) -> PerceptionConfig:
-        """Return the settings of the first Hypermap program, with the fast form of its method.
+        """Return the settings of the first Hypermap program, with the fast version of its method.
 
-        `method="unorganised"` is its method to the letter.
+        `method="unorganised"` is exactly its method.
         """
         return cls(
             method="organised",

@@ -1,7 +1,7 @@
-"""Points of an object with less noise: each is averaged with those next to it on the same surface.
+"""Smooths an object's points: averages each with its neighbors on the same surface.
 
-The hull of noisy points is too large, the more so the farther away the thing is: of a thousand
-points some lie three standard deviations off.
+The hull of noisy points is too large, and more so for distant objects: of a thousand
+points, some are three standard deviations off.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from hypermap._loops import inner_loop, loop
 from hypermap.core.arrays import IntArray
 from hypermap.perception.config import PerceptionConfig
 
-SAME = 4.0  # standard deviations of the noise by which points of one surface differ at most
+SAME = 4.0  # standard deviations of noise between points of one surface, at most
 
 
 def smoothed(
@@ -22,8 +22,8 @@ def smoothed(
 ) -> NDArray[np.float32]:
     """Return an object's points, moved along their rays to the mean disparity of their neighbors.
 
-    Neighbors are those of the same object, up to `config.smoothing` pixels away to each side,
-    whose disparity differs by no more than noise does.
+    Neighbors are points of the same object, up to `config.smoothing` pixels to each side,
+    whose disparity differs by no more than noise.
 
     Args:
         points_xyz: the object's points in the optical frame [m], shape (N, 3).
@@ -53,20 +53,20 @@ def smoothed(
 
 @loop()
 def _smooth(points_xyz, rows, columns, across, tolerance, disparity, means, totals, counts, moved):  # type: ignore[no-untyped-def]
-    """Do what `smoothed` says, row by row of the part of the image that holds the object.
+    """Do the work of `smoothed`, row by row of the part of the image that contains the object.
 
     Args:
-        points_xyz: as there.
+        points_xyz: as in `smoothed`.
         rows: of these points in the part of the image, shape (N,).
         columns: likewise.
-        across: as many items as pixels of a row are averaged; loops over a tuple, whose length is
-            known, are unrolled.
-        tolerance: by which disparities of one surface differ at most [1/m].
+        across: has as many items as pixels of a row are averaged; the compiler unrolls loops over
+            a tuple, since it knows the length.
+        tolerance: largest difference between disparities of one surface [1/m].
         disparity: zeros, the size of the part of the image, shape (h, w).
-        means: room for the mean disparities, shape (h, w).
-        totals: room for those of a row, shape (w,).
-        counts: room for how many they are of, shape (w,).
-        moved: to become the points, shape (N, 3).
+        means: buffer for the mean disparities, shape (h, w).
+        totals: buffer for the sums of a row, shape (w,).
+        counts: buffer for the number of terms of each sum, shape (w,).
+        moved: receives the points, shape (N, 3).
     """
     radius = len(across) // 2
     for i in range(len(rows)):
@@ -81,7 +81,7 @@ def _smooth(points_xyz, rows, columns, across, tolerance, disparity, means, tota
 
 @inner_loop()
 def _average(disparity, means, row, across, tolerance, totals, counts):  # type: ignore[no-untyped-def]
-    """Fill a row with the means about its pixels of what differs by no more than the tolerance."""
+    """Fill a row with the means around its pixels, of values within the tolerance."""
     width, radius = disparity.shape[1], len(across) // 2
     begin, end, middle = uint64(radius), uint64(width - radius), uint64(row)
     most, none, one = np.float32(tolerance), np.float32(0), np.float32(1)

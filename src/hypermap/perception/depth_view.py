@@ -1,4 +1,4 @@
-"""Where a frame's rays ended: what it could see of a place, and of the ground."""
+"""Where a frame's rays ended: how much of a place, and of the ground, it could see."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from hypermap.perception.frame import Camera, RgbdFrame
 
 _STEP = 4  # every n-th row and column of the depth image
 _STEEP = 0.87  # sine of 60 degrees
-_SAME_WAY = 1e-9  # angle between columns that then all look the same way [rad]
-_NEAREST = 0.05  # points nearer to the camera's plane than this are off to its side [m]
+_SAME_WAY = 1e-9  # columns within this angle all look the same way [rad]
+_NEAREST = 0.05  # nearer points are beside the camera, not in front of it [m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +29,7 @@ class DepthView:
         map_T_camera: pose of the camera's optical frame in the map, shape (4, 4).
         reach: horizontal distance from the camera to where each ray ended [m], float32, NaN for
             no return, shape (H, W).
-        max_range: rays that end farther away than this do not count for `ground` [m].
+        max_range: rays that end farther away are ignored in `ground` [m].
     """
 
     camera: Camera
@@ -39,7 +39,7 @@ class DepthView:
 
     @classmethod
     def of(cls, frame: RgbdFrame, max_range: float = np.inf) -> DepthView:
-        """Return what a frame could see."""
+        """Return the view of a frame."""
         some = (slice(None, None, _STEP),) * 2
         z = frame.depth[some]
         camera = frame.camera.every(_STEP)
@@ -49,11 +49,11 @@ class DepthView:
 
     @property
     def position(self) -> NDArray[np.float64]:
-        """The camera's place in the map [m], shape (3,)."""
+        """The camera's position in the map [m], shape (3,)."""
         return self.map_T_camera[:3, 3]
 
     def reach_towards(self, points_xyz: FloatArray) -> NDArray[np.float64]:
-        """Return how far the rays through some points reached.
+        """Return how far the rays through some points went.
 
         Args:
             points_xyz: points in the map frame [m], shape (N, 3).
@@ -75,16 +75,16 @@ class DepthView:
 
     @property
     def is_level(self) -> bool:
-        """Whether the camera looks ahead rather than up or down, so that `ground` has a meaning."""
+        """Whether the camera looks ahead rather than up or down, so that `ground` is meaningful."""
         return bool(abs(self.map_T_camera[2, 2]) < _STEEP)
 
     @cached_property
     def ground(self) -> BaseGeometry:
-        """The ground over which the rays passed, as far as the farthest of each image column.
+        """The ground that the rays passed over, up to the farthest ray of each image column.
 
         A polygon or multipolygon in the map frame [m]; empty if no ray returned. Unlike the hull of
-        the points seen, it does not reach behind walls. It begins where the nearest ray of all
-        ended, and in columns without any return it is what lies before.
+        the points, it does not extend behind walls. It begins where the nearest of all rays ended;
+        in columns without any return, it is the area nearer than that.
         """
         is_return = (self.reach > 0) & (self.reach <= self.max_range) & (self.reach < np.inf)
         reach = np.where(is_return, self.reach, 0.0)
@@ -104,21 +104,21 @@ def _ground(
     nearest: float,
     position: NDArray[np.float64],
 ) -> BaseGeometry:
-    """Return what lies between a circle and the ends of rays, for `DepthView.ground`.
+    """Return the area between a circle and the ends of rays, for `DepthView.ground`.
 
     Args:
-        directions: of the image's columns over the floor, of length 1, shape (W, 2).
-        farthest: how far each reached [m], 0 for no return, shape (W,).
+        directions: unit vectors of the image's columns on the floor, shape (W, 2).
+        farthest: how far each went [m], 0 for no return, shape (W,).
         nearest: radius of the circle [m].
-        position: its middle, in the map frame [m], shape (2,).
+        position: its center, in the map frame [m], shape (2,).
     """
     turns = _cross(directions[:-1], directions[1:])
     if np.abs(turns).min() < _SAME_WAY:
         return shapely.Polygon()
     ends = position + farthest[:, np.newaxis] * directions
     begins = position + nearest * directions
-    # Pieces begin and end where columns without a return do, and where there is nothing between
-    # the circle and the end.
+    # Pieces begin and end at columns without a return, and at those with nothing between the
+    # circle and the end.
     is_seen = (farthest[:-1] > 0) & (farthest[1:] > 0)
     is_end = (is_seen[1:] != is_seen[:-1]) | (farthest[1:-1] == nearest)
     bounds = [0, *(np.flatnonzero(is_end) + 1).tolist(), len(farthest) - 1]

@@ -1,4 +1,4 @@
-"""What a detector says of one image."""
+"""The detections in one image, and the protocol of detectors."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from hypermap.core.arrays import BoolArray, ObjectArray
 
 @dataclass(frozen=True, eq=False)
 class Detections:
-    """Detected objects of one image, as parallel arrays; indexed by a mask it gives detections.
+    """Detected objects of one image, as parallel arrays; index it to select some of them.
 
     Attributes:
-        xyxy: boxes (xmin, ymin, xmax, ymax) in pixels, float32, shape (N, 4). A box holds the
-            pixels with ymin <= v < ymax and xmin <= u < xmax; it may reach past the image.
+        xyxy: boxes (xmin, ymin, xmax, ymax) in pixels, float32, shape (N, 4). A box contains the
+            pixels with ymin <= v < ymax and xmin <= u < xmax; it may extend past the image.
         names: class names, str objects, shape (N,).
         scores: 0..1, float32, shape (N,).
-        masks: the pixels of each object, bool, shape (N, H, W); None if boxes are all there is.
+        masks: the pixels of each object, bool, shape (N, H, W); None if there are only boxes.
     """
 
     xyxy: NDArray[np.float32]
@@ -72,5 +72,5 @@ class Detector(Protocol):
     """Anything that finds objects in a color image."""
 
     def detect(self, color: NDArray[np.uint8]) -> Detections:
-        """Return the objects in an RGB image, uint8, shape (H, W, 3), the most certain first."""
+        """Return the objects in an RGB image, uint8, shape (H, W, 3), by descending score."""
         ...

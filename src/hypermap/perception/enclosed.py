@@ -1,7 +1,7 @@
 """Which surfaces belong to a detected object: those that its box encloses.
 
-An object ends where its box ends, and the background runs on past it. What is enclosed by several
-boxes belongs to the smallest: the cup in its own box, not the table that it stands on. A box that
+An object ends where its box ends, and the background continues past it. A surface in several boxes
+belongs to the smallest: the cup to its own box, not to that of the table below it. A box that
 encloses nothing may still cut its object out of a larger surface.
 """
 
@@ -19,8 +19,8 @@ from hypermap.perception.frame import Camera
 from hypermap.perception.pieces import cut_piece
 from hypermap.perception.surfaces import Surfaces, find_surfaces
 
-SPECK = 8  # surfaces of fewer pixels are noise at the edges of others
-FLAT_SHARE = 0.8  # of a box that shows nothing but one plane
+SPECK = 8  # smaller surfaces, in pixels, are noise at the edges of others
+FLAT_SHARE = 0.8  # of a box that shows only one plane
 
 
 def cut_out(
@@ -31,19 +31,19 @@ def cut_out(
     boxes: NDArray[np.float32],
     config: PerceptionConfig,
 ) -> tuple[list[IntArray], BoolArray]:
-    """Return the pixels of each detected object, without those that only share its box.
+    """Return the pixels of each detected object, without the background in its box.
 
     Args:
         depth: along the optical axis [m], shape (H, W).
-        valid: which of its pixels hold a point, shape (H, W).
+        valid: which of its pixels have a point, shape (H, W).
         camera: intrinsics.
         objects: row-major indices of the valid pixels in each detection's box or mask.
         boxes: xmin, ymin, xmax, ymax of the same detections [pixels], shape (N, 4).
         config: noise and thresholds.
 
     Returns:
-        For each detection, increasing row-major indices out of its own; empty if none is left.
-        And whether these are a piece of a surface that runs on past the box, shape (N,).
+        For each detection, increasing row-major indices, a subset of its own; may be empty.
+        And whether these are a piece of a surface that continues past the box, shape (N,).
     """
     surfaces = find_surfaces(depth, valid, camera, config)
     inside = [_Inside(surfaces, pixels) for pixels in objects]
@@ -54,7 +54,7 @@ def cut_out(
     owner = np.full(len(surfaces.sizes), -1)
     by_size = sorted(range(len(objects)), key=lambda number: -len(objects[number]))
     for number in by_size:
-        owner[is_enclosed[number]] = number  # the smaller ones come later
+        owner[is_enclosed[number]] = number  # smaller ones come later
     cut = []
     for number, (pixels, box) in enumerate(zip(objects, boxes, strict=True)):
         own = np.flatnonzero(owner == number)
@@ -84,12 +84,12 @@ def cut_out(
 
 
 class _Inside:
-    """What a box shows of each surface.
+    """The part of each surface in a box.
 
     Attributes:
         sizes: pixels of each, shape (N,).
         extents: xmin, ymin, xmax, ymax of these [pixels], shape (N, 4).
-        depths: the depth in the middle of their disparities [m], infinite for none, shape (N,).
+        depths: the depth of their mean disparity [m], infinite for none, shape (N,).
     """
 
     def __init__(self, surfaces: Surfaces, pixels: IntArray) -> None:
@@ -109,7 +109,7 @@ def _together(
     camera: Camera,
     config: PerceptionConfig,
 ) -> IntArray:
-    """Return the surface that fits the box best, and the others that are about as far away."""
+    """Return the surface that fits the box best, and the others at about the same depth."""
     main = own[np.argmax(_iou(inside.extents[own], box))]
     depth = inside.depths[main]
     width, height = (box[2] - box[0]) / camera.K[0, 0], (box[3] - box[1]) / camera.K[1, 1]
@@ -120,8 +120,8 @@ def _together(
 def _flat(inside: _Inside, planes: int) -> IntArray:
     """Return the one plane that fills the box, if there is one.
 
-    A book is too flat to stand out from its table, and a poster from its wall: what the box cuts
-    out of the plane is the object.
+    A book is too flat to stand out from its table, and a poster from its wall: the part of the
+    plane in the box is the object.
     """
     largest = int(np.argmax(inside.sizes))
     fills = inside.sizes[largest] >= FLAT_SHARE * inside.sizes.sum()
@@ -140,7 +140,7 @@ def _iou(extents: IntArray, box: NDArray[np.float32]) -> NDArray[np.float64]:
 def _choose(
     labels: NDArray[np.int32], pixels: IntArray, is_chosen: BoolArray, found: IntArray
 ) -> int:
-    """Find those of some pixels that are on a chosen surface; return how many."""
+    """Find the pixels that are on a chosen surface; return how many there are."""
     count = 0
     for pixel in pixels:
         found[count] = pixel
@@ -158,8 +158,8 @@ def _measure(
     extents: IntArray,
     sums: NDArray[np.float64],
 ) -> None:
-    """Fill in size, extent and sum of disparities, zeros, of each surface among some pixels."""
-    row, end = -1, 0  # of the image's row that the pixels have reached
+    """Fill in size, extent and sum of disparities of each surface among some pixels."""
+    row, end = -1, 0  # the current row of the image
     i = 0
     while i < len(pixels):
         first, label, total = i, flat_labels[pixels[i]], 0.0

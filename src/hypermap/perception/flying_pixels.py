@@ -1,11 +1,11 @@
 """Flying pixels: depths between two surfaces, which time of flight and stereo mix at edges.
 
-They lie on rays between a thing and what is behind it, and so make shapes on the floor longer.
-Structured light has hardly any, and there what lies between two surfaces is mostly a thin thing or
-a table's top seen from a little above it. So pixels are left out only where a frame has many such.
+They are on rays between an object and the background, and so make shapes on the floor longer.
+Structured light has hardly any; there, pixels between two surfaces mostly show a thin object or
+a table top seen from a little above it. So they are removed only if a frame has many of them.
 
 Source: flying pixels: Sarbolandi, Lefloch, Kolb, "Kinect range sensing: structured-light versus
-time-of-flight Kinect", CVIU 139, 2015. To test support is the idea of PCL's radius outlier filter.
+time-of-flight Kinect", CVIU 139, 2015. Counting support is the idea of PCL's radius outlier filter.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from hypermap._loops import inner_loop, loop
 from hypermap.core.arrays import BoolArray, IntArray
 
-SAME = 4.0  # standard deviations of the noise by which depths of one surface differ at most
-CLOSEST = 0.02  # meters by which they may differ in any case
-MANY = 0.06  # share of the pixels beside a jump in depth that fly, from which on they are left out
+SAME = 4.0  # standard deviations of noise between depths of one surface, at most
+CLOSEST = 0.02  # meters by which they may always differ
+MANY = 0.06  # remove them if this share of the pixels at depth edges flies
 
 
 def without_flying(
@@ -31,13 +31,13 @@ def without_flying(
     """Return the valid pixels without those in some boxes that fly between two surfaces.
 
     A pixel flies if it has both a nearer and a farther neighbor, of the eight around it, and fewer
-    than `support` that are as far away. If few of the pixels beside a jump in depth do,
-    not counting those on planes that are seen from their edge, all stay.
+    than `support` at its depth. All stay if few of the pixels at depth edges fly, not counting
+    those on planes seen edge-on.
 
     Args:
         depth: along the optical axis [m], shape (H, W).
-        valid: which pixels hold a point, shape (H, W).
-        boxes: xmin, ymin, xmax, ymax [pixels], shape (N, 4); they may reach past the image.
+        valid: which pixels have a point, shape (H, W).
+        boxes: xmin, ymin, xmax, ymax [pixels], shape (N, 4); they may extend past the image.
         noise: standard deviation of the depth divided by its square [1/m].
         support: neighbors that a pixel needs; 0 keeps all pixels.
 
@@ -71,15 +71,15 @@ def _drop_flying(
     kept: BoolArray,
     counts: IntArray,
 ) -> None:
-    """Set the pixels of a box of `kept` to False that fly; it leaves out the image's outermost.
+    """Set the flying pixels of a box in `kept` to False, except on the image's border.
 
-    Adds to `counts` how many valid pixels lie beside a jump, and how many of these fly for sure.
+    Adds to `counts` how many valid pixels are at depth edges, and how many of these surely fly.
     """
     for row in range(top, bottom):
         for col in range(left, right):
             z = depth[row, col]
             tolerance = max(slope * z * z, closest)
-            # Most pixels have no jump beside them. Comparisons with NaN are false.
+            # Most pixels are not at an edge. Comparisons with NaN are false.
             jumps = abs(depth[row, col - 1] - z) > tolerance
             jumps |= abs(depth[row, col + 1] - z) > tolerance
             jumps |= abs(depth[row - 1, col] - z) > tolerance
@@ -100,9 +100,9 @@ def _flies(
     tolerance: np.float32,
     support: int,
 ) -> bool:
-    """Return whether a pixel lies between two surfaces, and on none."""
+    """Return whether a pixel is between two surfaces, and on neither."""
     z = depth[row, col]
-    same, nearer, farther = -1, False, False  # the pixel itself is as far away as it is
+    same, nearer, farther = -1, False, False  # -1, since the pixel counts itself
     for dy in range(-1, 2):
         for dx in range(-1, 2):
             if valid[row + dy, col + dx]:
@@ -115,9 +115,9 @@ def _flies(
 
 @inner_loop()
 def _is_on_plane(depth: NDArray[np.float32], row: int, col: int, tolerance: np.float32) -> bool:
-    """Return whether a pixel lies on a plane with two opposite neighbors, as on a table's top.
+    """Return whether a pixel is on a plane with two opposite neighbors, as on a table top.
 
-    Seen from a little above it, its rows lie far apart; but on a plane, disparity is linear.
+    Seen from a little above, its rows are far apart; but on a plane, disparity is linear.
     """
     z = depth[row, col]
     across = 1 / depth[row, col - 1] + 1 / depth[row, col + 1] - 2 / z

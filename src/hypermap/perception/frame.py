@@ -15,7 +15,7 @@ from hypermap.core.arrays import IntArray
 from hypermap.perception.detections import Detections
 from hypermap.perception.on_demand import OnDemand
 
-_FLOATS = (np.dtype(np.float32), np.dtype(np.float64))  # which compiled loops can read
+_FLOATS = (np.dtype(np.float32), np.dtype(np.float64))  # that compiled loops can read
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,22 +55,22 @@ class Camera:
 
 @dataclass(frozen=True, eq=False)
 class RgbdFrame:
-    """A depth image, where the camera stood, and what came with it.
+    """A depth image with the camera's pose and, where recorded, color and detections.
 
     Attributes:
         stamp: time of the depth image [s].
         depth: meters along the optical axis, float32, NaN for no return, shape (H, W).
         camera: intrinsics of the depth image.
         map_T_camera: pose of the camera's optical frame (x right, y down, z forward) in the map,
-            z of the map up, shape (4, 4).
+            whose z is up, shape (4, 4).
         color: RGB, uint8, registered to the depth, shape (H, W, 3); None if not recorded. May be
-            given as a function that returns it, and checks its shape: it is called when the color
-            is first read, as mapping with recorded detections never does.
-        color_stamp: time of the color image [s], which may differ from the depth image's a little;
+            given as a function that returns it and checks its shape: it is called when the color
+            is first read, which mapping with recorded detections never does.
+        color_stamp: time of the color image [s], which may differ slightly from the depth image's;
             None if there is no color image.
-        detections: detections recorded with the frame; None if there are none recorded.
-        cloud: organised points in the optical frame [m], float32, shape (H, W, 3), where the
-            recording holds points that differ from the pinhole projection of `depth`.
+        detections: detections recorded with the frame; None if there are none.
+        cloud: organized points in the optical frame [m], float32, shape (H, W, 3), if the
+            recording has points that differ from the pinhole projection of `depth`.
     """
 
     stamp: float
@@ -86,11 +86,11 @@ class RgbdFrame:
         shape = (self.camera.height, self.camera.width)
         if self.depth.shape != shape:
             raise ValueError(f"depth must have shape {shape}, got {self.depth.shape}")
-        if self.depth.dtype not in _FLOATS:  # integers are hardly meters
+        if self.depth.dtype not in _FLOATS:  # integers are unlikely to be meters
             raise ValueError(f"depth must be meters as float32, got {self.depth.dtype}")
         if self.map_T_camera.shape != (4, 4):
             raise ValueError(f"map_T_camera must be 4 x 4, got {self.map_T_camera.shape}")
-        color = vars(self)["color"]  # as it was given: reading it would decode it
+        color = vars(self)["color"]  # without decoding it
         if isinstance(color, np.ndarray) and color.shape != (*shape, 3):
             raise ValueError(f"color must have shape {(*shape, 3)}, got {color.shape}")
         if self.cloud is not None and self.cloud.shape != (*shape, 3):
@@ -105,20 +105,20 @@ class RgbdFrame:
         return moved
 
     def points(self, step: int = 1) -> NDArray[np.float32]:
-        """Return the organised cloud in the optical frame, float32, shape (H, W, 3).
+        """Return the organized cloud in the optical frame, float32, shape (H, W, 3).
 
-        It is made once, and not to be written to.
+        It is computed once and read-only.
 
         Args:
             step: every n-th row and column of the image is in it.
         """
         if self.cloud is not None:
-            # As below, so that loops are compiled for one kind of array.
+            # The same kind of array as below, so that loops are compiled only once.
             every = np.ascontiguousarray(self.cloud[::step, ::step]).view()
             every.flags.writeable = False
             return every
         if step not in self._points:
-            # Imported here, as numba takes longer to load than frames need without their points.
+            # Imported here: numba is slow to load, and not all users of frames need points.
             from hypermap.perception.projection import project
 
             points = project(self.depth, self.camera.K, step)
@@ -128,11 +128,11 @@ class RgbdFrame:
 
     @property
     def z(self) -> NDArray[np.float32]:
-        """How far along the optical axis the points are [m], shape (H, W)."""
+        """Depth of the points along the optical axis [m], shape (H, W)."""
         return self.depth if self.cloud is None else np.ascontiguousarray(self.cloud[..., 2])
 
     def points_of(self, pixels: IntArray) -> NDArray[np.float32]:
-        """Return the points of some pixels, as they are in `points`, float32, shape (N, 3).
+        """Return the points of some pixels, the same as in `points`, float32, shape (N, 3).
 
         Args:
             pixels: row-major indices, shape (N,).
@@ -149,4 +149,4 @@ class RgbdFrame:
 
 
 DetectionSource: TypeAlias = Callable[[RgbdFrame], Detections]
-"""Whatever says what is in a frame: a detector, a file, or the recording itself."""
+"""Returns the detections of a frame: by a detector, from a file, or from the recording."""

@@ -1,4 +1,4 @@
-"""What one frame says about the floor: the shapes seen, and the area that could be seen."""
+"""The observation of one frame: objects as shapes on the floor, and the visible area."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from hypermap.perception.segments import Segment
 
 @dataclass(frozen=True, eq=False)
 class ObservedObject:
-    """One detected object, cut out and projected to the floor.
+    """One detected object, segmented and projected to the floor.
 
     Attributes:
         name: its class.
@@ -23,7 +23,7 @@ class ObservedObject:
         footprint: polygon in the map frame [m].
         z_min: height of its lowest point in the map frame [m].
         z_max: height of its highest point in the map frame [m].
-        segment: its points, and which of the detections it is; None unless they were asked for.
+        segment: its points and its detection; None unless requested.
     """
 
     name: str
@@ -36,14 +36,14 @@ class ObservedObject:
 
 @dataclass(frozen=True, eq=False)
 class Observation:
-    """All that the evidence map needs to know of one frame.
+    """Everything that the evidence map needs from one frame.
 
     Attributes:
         stamp: time [s].
         map_T_camera: pose of the camera's optical frame in the map, shape (4, 4).
         objects: what was detected.
         visible_area: polygon in the map frame [m] that this frame could have seen; may be empty.
-            It is the hull of the points seen, and so reaches behind things.
+            It is the hull of the points seen, and so extends behind objects.
         view: where the frame's rays ended; None if only the area is known.
 
     Raises:

@@ -1,4 +1,4 @@
-"""One frame, from its points and detections to what it says about the floor."""
+"""From the points and detections of one frame to its observation."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from shapely.geometry.base import BaseGeometry
 from hypermap.perception.config import PerceptionConfig
 from hypermap.perception.depth_view import DepthView
 from hypermap.perception.detections import Detections
+from hypermap.perception.footprints import footprint
 from hypermap.perception.frame import RgbdFrame
 from hypermap.perception.observation import Observation, ObservedObject
 from hypermap.perception.outline import outer_points
 from hypermap.perception.projection import transform
 from hypermap.perception.segmentation import segment, valid_pixels
-from hypermap.perception.shapes import footprint
 
-PIECE_WEIGHT = 0.5  # of the score of what its box cut out of a surface that runs on
+PIECE_WEIGHT = 0.5  # times the score of an object that its box cut out of a larger surface
 
 
 def observe(
@@ -26,27 +26,27 @@ def observe(
     config: PerceptionConfig,
     keep_segments: bool = False,
 ) -> Observation:
-    """Return the objects of a frame as shapes on the floor, and the area that it could see.
+    """Return the objects of a frame as shapes on the floor, and the visible area.
 
-    A detection gives no object where the camera saw too few points, where no smooth region is
-    large enough, where all its points lie above one line of the floor, or where they are the floor.
+    A detection gives no object if the camera saw too few points, if no smooth region is
+    large enough, if all its points are above one line on the floor, or if they are the floor.
 
     Args:
         frame: depth, intrinsics and pose.
-        detections: boxes or masks in the frame's image; boxes may reach past it.
+        detections: boxes or masks in the frame's image; boxes may extend past it.
         config: method and thresholds.
-        keep_segments: whether the objects carry the points that they were made of.
+        keep_segments: whether the objects keep their points.
 
     Raises:
-        ValueError: If the detections' masks are not of the frame's size.
+        ValueError: If the detections' masks do not have the frame's size.
 
     Source: section 3.4 of the thesis behind the first Hypermap program.
     """
     valid = valid_pixels(frame, config)
     detections = usable_detections(detections, config)
 
-    # In float32 a millimeter counts only near the origin, so shapes far from it are made as if the
-    # camera stood there, and then moved back.
+    # float32 resolves a millimeter only near the origin, so shapes are made with the camera near
+    # the origin and then moved back.
     offset = np.round(frame.map_T_camera[:2, 3], -2)
     near_T_camera = frame.map_T_camera.copy()
     near_T_camera[:2, 3] -= offset
@@ -82,7 +82,7 @@ def observe(
 
 
 def usable_detections(detections: Detections, config: PerceptionConfig) -> Detections:
-    """Return the detections that are sure enough, and of very many of them the best, in order."""
+    """Return the detections with enough score, and only the best of very many, in order."""
     sure = detections[detections.scores >= config.min_score]
     if len(sure) <= config.max_detections:
         return sure

@@ -11,7 +11,7 @@ T = TypeVar("T")
 class OnDemand(Generic[T]):
     """A field of a dataclass, given as a value or as a function that returns it.
 
-    Such a function is called when the field is first read; the field then keeps what it returned.
+    The function is called when the field is first read; the field then keeps the result.
     A field that is not given is None.
 
     >>> from dataclasses import dataclass
@@ -33,7 +33,7 @@ class OnDemand(Generic[T]):
 
     def __get__(self, instance: object | None, owner: type) -> T | None:
         if instance is None:
-            return None  # which a dataclass takes for the default
+            return None  # the default, for a dataclass
         value: T | Callable[[], T] = vars(instance)[self._name]
         if callable(value):
             value = vars(instance)[self._name] = value()

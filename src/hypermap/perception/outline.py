@@ -1,4 +1,4 @@
-"""Compiled search for the few of many points that can lie on their outline, seen from above."""
+"""Compiled search for the few of many points that can be on their outline, seen from above."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from hypermap.core.arrays import BoolArray
 from hypermap.perception.frame import RgbdFrame
 from hypermap.perception.projection import Rows, fill_row, rows_of
 
-DIRECTIONS = 16  # in which the farthest of some points are looked for
-SOME = 1000  # of the points are looked at for these
-ROUNDING = 1e-3  # more than what float32 may be off, at a camera's distances [m]
+DIRECTIONS = 16  # in which we search for the farthest points
+SOME = 1000  # points to search
+ROUNDING = 1e-3  # more than the error of float32 at a camera's distances [m]
 
 _Array: TypeAlias = NDArray[np.float32]
 
@@ -31,14 +31,14 @@ def outer_points(
     voxel_size: float,
     step: int = 1,
 ) -> NDArray[np.float32]:
-    """Return the points of a frame that can make a difference to their footprint.
+    """Return the points of a frame that can affect their footprint.
 
-    Left out is what lies so deep within a polygon of points that its whole cell of the floor's grid
-    lies within the hull of the other cells' centroids.
+    Omitted are points so deep inside a polygon of points that their whole cell of the floor's grid
+    is within the hull of the other cells' centroids.
 
     Args:
         frame: depth or points, and intrinsics.
-        valid: which of its pixels hold a point, shape (H, W).
+        valid: which of its pixels have a point, shape (H, W).
         map_T_camera: pose of the optical frame, shape (4, 4).
         voxel_size: side of the footprint's cells [m].
         step: every n-th row and column of the image counts.
@@ -49,8 +49,8 @@ def outer_points(
     rows = rows_of(frame.depth, frame.camera.K, frame.cloud, step)
     some = np.ascontiguousarray(valid[::step, ::step])
     to_floor = map_T_camera[:2, :3].astype(np.float32)
-    # A centroid may lie a diagonal from a point of its cell: once for the polygon's corner, once
-    # for the point in question.
+    # A centroid may be a diagonal away from a point of its cell: once for the polygon's corner,
+    # once for the point in question.
     edges = _edges(*_sample(rows, some, to_floor), 2 * math.sqrt(2) * voxel_size + ROUNDING)
     width, outer = some.shape[1], np.empty((some.size, 3), np.float32)
     count = _find_outside(
@@ -69,7 +69,7 @@ def outer_points(
 
 def outer_xy(points_xy: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the points in the plane that can be corners of their hull [m], shape (M, 2)."""
-    # From the first one on, so that float32 tells them apart anywhere.
+    # Relative to the first one, so that float32 is precise anywhere.
     x, y = np.ascontiguousarray((points_xy - points_xy[:1]).T, np.float32)
     distances = np.empty_like(x)
     _measure(x, y, _edges(x, y, ROUNDING), distances)
@@ -77,16 +77,16 @@ def outer_xy(points_xy: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _edges(x: _Array, y: _Array, margin: float) -> _Array:
-    """Return the edges of a polygon of those points that are the farthest in some directions.
+    """Return the edges of the polygon of the points that are the farthest in some directions.
 
     Args:
         x: of the points, shape (N,).
         y: of the points, shape (N,).
-        margin: by how much each edge is moved inwards [m].
+        margin: how far each edge is moved inward [m].
 
     Returns:
-        a, b, c of a x + b y + c, which is the distance outwards from each edge [m], shape (K, 3);
-        such that nothing lies within if there is no polygon.
+        a, b, c of a x + b y + c, the outward distance from each edge [m], shape (K, 3);
+        if there is no polygon, such that no point is inside.
     """
     edges = np.zeros((DIRECTIONS, 3), np.float32)
     farthest, most = np.zeros(DIRECTIONS, np.int64), np.full(DIRECTIONS, -np.inf, np.float32)
@@ -97,7 +97,7 @@ def _edges(x: _Array, y: _Array, margin: float) -> _Array:
 
 @loop()
 def _fill_edges(x, y, along, across, margin, most, farthest, edges):  # type: ignore[no-untyped-def]
-    """Fill in the edges, and which points they begin at; return how many have a length."""
+    """Fill in the edges and the points that they begin at; return how many have a length."""
     for i in range(len(x)):
         for k in range(DIRECTIONS):
             distance = along[k] * x[i] + across[k] * y[i]
@@ -109,7 +109,7 @@ def _fill_edges(x, y, along, across, margin, most, farthest, edges):  # type: ig
         at_x, at_y = np.float64(x[i]), np.float64(y[i])
         dx, dy = np.float64(x[j]) - at_x, np.float64(y[j]) - at_y
         length = math.sqrt(dx * dx + dy * dy)
-        edges[k, 2] = -np.inf  # any other is farther out
+        edges[k, 2] = -np.inf  # less than any real distance
         if length > 0:
             a, b = dy / length, -dx / length
             edges[k, 0], edges[k, 1], edges[k, 2] = a, b, margin - a * at_x - b * at_y
@@ -133,18 +133,18 @@ def _sample(rows: Rows, valid: BoolArray, to_floor: _Array) -> tuple[_Array, _Ar
 
 @loop()
 def _find_outside(rows, valid, to_floor, edges, points, x, y, distances, outer):  # type: ignore[no-untyped-def]
-    """Find the points that do not lie within all edges, and return how many.
+    """Find the points that are not inside all edges, and return how many there are.
 
     Args:
         rows: as `rows_of` returns it.
-        valid: which pixels hold a point, shape (H, W).
-        to_floor: turns points so that x and y lie on the floor, shape (2, 3).
+        valid: which pixels have a point, shape (H, W).
+        to_floor: rotates points so that x and y are on the floor, shape (2, 3).
         edges: as `_edges` returns them.
-        points: room for a row, shape (3, W).
+        points: buffer for a row, shape (3, W).
         x: likewise, shape (W,).
         y: likewise, shape (W,).
         distances: likewise, shape (W,).
-        outer: to become the points, shape (H * W, 3).
+        outer: receives the points, shape (H * W, 3).
     """
     count = 0
     for row in range(valid.shape[0]):
@@ -170,7 +170,7 @@ def _put_on_floor(points, to_floor, x, y):  # type: ignore[no-untyped-def]
 
 @loop(fastmath={"contract"})
 def _measure(x, y, edges, distances):  # type: ignore[no-untyped-def]
-    """Fill in how far points are outside of the edge that they are farthest from, shape (N,)."""
+    """Fill in how far points are outside the edge that they are farthest from, shape (N,)."""
     for i in range(uint64(len(x))):
         farthest = edges[0, 0] * x[i] + edges[0, 1] * y[i] + edges[0, 2]
         for k in range(1, DIRECTIONS):

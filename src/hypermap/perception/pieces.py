@@ -1,7 +1,7 @@
-"""What a box cuts out of a surface that runs on past it: cups that touch, a mouse at a chair.
+"""Cuts an object out of a surface that continues past its box: cups that touch, a mouse at a chair.
 
-What lies on no plane is held together by small jumps in depth, and the noise hides those between
-neighbors. Small things so become part of one large surface that no box encloses.
+Surfaces other than planes end at jumps in depth, and noise hides small jumps between
+neighbors. So small objects become part of one large surface that no box encloses.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from hypermap.perception.frame import Camera
 from hypermap.perception.surfaces import Surfaces
 
 MIN_FIT = 0.7  # intersection over union of a piece's extent and its box
-FILLED = 0.8  # share of the points in a box that lie on one surface, which then is the object
+FILLED = 0.8  # a surface with this share of the points in a box is the object
 SAME_DEPTH = 4.0  # standard deviations of the depth beyond `max_offset`
 
 
@@ -28,10 +28,10 @@ def cut_piece(
     camera: Camera,
     config: PerceptionConfig,
 ) -> IntArray:
-    """Return the part of a surface that a box cuts out, if that can be the detected object.
+    """Return the part of a surface that a box cuts out, if it can be the detected object.
 
-    It can if it fits the box and ends there for the most part, or if the box shows hardly
-    anything else. Of background that is seen past an object neither is true.
+    It can if it fits the box and mostly ends there, or if the box shows hardly
+    anything else. Neither is true of background seen past an object.
 
     Args:
         surfaces: those of the image.
@@ -43,7 +43,7 @@ def cut_piece(
         config: noise and thresholds.
 
     Returns:
-        Increasing indices out of `pixels`, all at about the same depth; empty if it cannot be.
+        Increasing indices from `pixels`, all at about the same depth; empty if it cannot.
     """
     piece = pixels[surfaces.labels.ravel()[pixels] == label]
     if len(piece) < FILLED * len(pixels):
@@ -59,9 +59,9 @@ def cut_piece(
 
 
 def _cut_edges(labels: NDArray[np.int32], piece: IntArray, pixels: IntArray) -> tuple[int, int]:
-    """Return at how many edges of its pixels a piece was cut off, and how long its outline is.
+    """Return the number of pixel edges where a piece was cut off, and the length of its outline.
 
-    It was cut off where the same surface goes on outside. The outline is that of its extent.
+    It was cut off where the same surface continues outside. The outline is that of its extent.
 
     Args:
         labels: the surface of each pixel, shape (H, W).
@@ -71,7 +71,7 @@ def _cut_edges(labels: NDArray[np.int32], piece: IntArray, pixels: IntArray) -> 
     width = labels.shape[1]
     rows, cols = np.divmod(piece, width)
     top, bottom, left, right = rows.min(), rows.max(), cols.min(), cols.max()
-    # With what is around it, where the same surface may go on.
+    # Include the border, where the same surface may continue.
     goes_on = labels == labels[rows[0], cols[0]]
     goes_on.ravel()[pixels] = False
     around = np.zeros((bottom - top + 3, right - left + 3), dtype=bool)

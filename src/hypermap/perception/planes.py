@@ -1,6 +1,6 @@
-"""The planes of an image: blocks of pixels that join, and the pixels that lie on them.
+"""The planes of an image: joined blocks of pixels, and the pixels on these planes.
 
-A plane is d = a u + b v + c of the disparity d, with u and v counted from the principal point.
+A plane is d = a u + b v + c of the disparity d, with u and v relative to the principal point.
 Sums over pixels have ten entries: n, u, v, uu, uv, vv, d, ud, vd, dd.
 
 Source: Feng, Taguchi, Kamat, "Fast plane extraction in organized point clouds using agglomerative
@@ -21,13 +21,13 @@ from hypermap.perception.config import PerceptionConfig
 from hypermap.perception.frame import Camera
 
 BLOCK = 0.03  # side of a block as a share of the focal length: 8 pixels of a 320 x 240 Kinect
-MIN_FILL = 0.6  # share of a block's pixels that must hold a point
-MIN_BLOCKS = 3  # fewer are no plane, but part of something round or small
+MIN_FILL = 0.6  # share of a block's pixels that must have a point
+MIN_BLOCKS = 3  # fewer are part of something round or small
 
 # How far from a plane, in standard deviations of the noise:
-FLAT = 1.5  # the pixels of a block may lie from its own plane, in the mean square
-LEVEL = 2.0  # the mean of a block may lie from the plane that it joins
-ON_PLANE = 3.0  # a pixel may lie from the plane that it joins
+FLAT = 1.5  # root mean square of a block's pixels from its own plane
+LEVEL = 2.0  # mean of a block from the plane that it joins
+ON_PLANE = 3.0  # a pixel from the plane that it joins
 
 UNFIT = -1
 
@@ -43,7 +43,7 @@ def find_planes(
         config: noise and thresholds.
 
     Returns:
-        Numbers of planes, -1 for pixels on none, shape (H, W); and their number.
+        The plane of each pixel, -1 for none, shape (H, W); and the number of planes.
     """
     K, noise = camera.K, config.depth_noise
     center, focal = (K[0, 2], K[1, 2]), (K[0, 0], K[1, 1])
@@ -77,9 +77,9 @@ def _sum_blocks(
     columns: NDArray[np.float64],
     sums: NDArray[np.float64],
 ) -> None:
-    """Fill in the sums, zeros, over each block of pixels, shape (h, w, 10).
+    """Add up the sums, initially zero, over each block of pixels, shape (h, w, 10).
 
-    The sums n, v, vv, d, vd, dd over each column of a row of blocks need room, shape (6, w * side).
+    The sums n, v, vv, d, vd, dd over each column of a row of blocks need a buffer, (6, w * side).
     """
     h, w = sums.shape[:2]
     for row in range(h):
@@ -131,9 +131,9 @@ def _fit_blocks(
     Args:
         sums: of the blocks, shape (h, w, 10).
         fewest: points of a block.
-        tolerance: greatest root mean square distance from the plane.
-        planes: zeros, to become the blocks' a, b, c, shape (h, w, 3).
-        flatness: infinite, to become these distances where there is a plane, shape (h, w).
+        tolerance: largest root mean square distance from the plane.
+        planes: zeros; receives the blocks' a, b, c, shape (h, w, 3).
+        flatness: infinite; receives these distances where there is a plane, shape (h, w).
     """
     h, w = sums.shape[:2]
     for row in range(h):
@@ -185,20 +185,20 @@ def _join_blocks(
     plane_of: IntArray,
     found: NDArray[np.float64],
 ) -> int:
-    """Grow planes over neighboring blocks, from the flattest on; each block refines its plane.
+    """Grow planes over neighboring blocks, flattest first; each block refines its plane.
 
     Args:
         sums: of the blocks, shape (h, w, 10).
         planes: of the blocks, shape (h, w, 3).
         seeds: all blocks by flatness, shape (h * w,).
         focal: focal lengths [pixels].
-        cosine: least one between the normals of what joins.
-        tolerance: by which the mean of what joins lies off at most.
-        is_free: which blocks are a plane; changed, shape (h, w).
-        queue: room for all blocks, shape (h * w,).
-        total: room for sums, shape (10,).
-        plane_of: -1, to become the plane of each block, shape (h, w).
-        found: to become these planes, shape (h * w, 3).
+        cosine: smallest cosine between the normals of a block and the plane that it joins.
+        tolerance: largest distance of the block's mean from that plane.
+        is_free: which blocks are a plane and not yet joined; changed, shape (h, w).
+        queue: buffer for all blocks, shape (h * w,).
+        total: buffer for sums, shape (10,).
+        plane_of: -1; receives the plane of each block, shape (h, w).
+        found: receives these planes, shape (h * w, 3).
 
     Returns:
         How many planes there are.
@@ -255,10 +255,10 @@ def _spread(
     queue: NDArray[np.int32],
     labels: NDArray[np.int32],
 ) -> None:
-    """Label with its plane, else -1, each pixel of its blocks and on from there all that touch.
+    """Label with its plane, else -1, each pixel of its blocks and all connected ones.
 
-    Borders tell of each block whether those to its left and right, above and below are of another
-    plane, shape (h, w, 4). The queue has room for row and column of all pixels, shape (H * W, 2).
+    Borders say whether the blocks to the left and right, above and below are of another
+    plane, shape (h, w, 4). The queue is a buffer for row and column of all pixels, (H * W, 2).
     """
     height, width = disparity.shape
     _label_blocks(disparity, blocks, planes, center, side, tolerance, labels)
@@ -268,7 +268,7 @@ def _spread(
             k = blocks[row, col]
             if k == UNFIT:
                 continue
-            # Inside of its blocks a plane has been everywhere already.
+            # The pixels inside its blocks are already labeled.
             left, right = borders[row, col, 0], borders[row, col, 1]
             above, below = borders[row, col, 2], borders[row, col, 3]
             for y in range(side):
@@ -296,7 +296,7 @@ def _spread(
 
 @inner_loop()
 def _label_blocks(disparity, blocks, planes, center, side, tolerance, labels):  # type: ignore[no-untyped-def]
-    """Label each pixel that lies on the plane of its block."""
+    """Label each pixel that is on the plane of its block."""
     unfit = np.int32(UNFIT)
     for y in range(blocks.shape[0] * side):
         v = y - center[1]

@@ -1,4 +1,4 @@
-"""The points of a depth image, and where they are."""
+"""The points of a depth image, and transforms of points."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from hypermap.core.arrays import IntArray
 
 _Array: TypeAlias = NDArray[np.float32]
 
-# By how much columns and rows are off the axis [pixels], and per focal length in both directions.
+# Columns and rows relative to the principal point [pixels], and per focal length in each direction.
 _Rays: TypeAlias = tuple[_Array, _Array, np.float32, np.float32]
 
 # What `fill_row` needs to know of a frame: the cloud, empty unless recorded, depth and rays.
@@ -23,7 +23,7 @@ Rows: TypeAlias = tuple[_Array, _Array, _Array, _Array, np.float32, np.float32]
 def project(
     depth: NDArray[np.float32], K: NDArray[np.float64], step: int = 1
 ) -> NDArray[np.float32]:
-    """Return the organised cloud of a depth image in the camera's optical frame.
+    """Return the organized cloud of a depth image in the camera's optical frame.
 
     Args:
         depth: meters along the optical axis, float32, shape (H, W).
@@ -31,10 +31,10 @@ def project(
         step: every n-th row and column is projected.
 
     Returns:
-        Points [m], float32, shape (H, W, 3), or of fewer rows and columns.
+        Points [m], float32, shape (H, W, 3), or fewer rows and columns.
 
     Source: depth_image_proc's order of operations, so that the points are the same to the last
-    bit; neighbors at equal distance, common on flat surfaces, then rank alike.
+    bit; then neighbors at equal distance, common on flat surfaces, rank the same.
     """
     rays = _rays(K, np.arange(0, depth.shape[0], step), np.arange(0, depth.shape[1], step))
     some = np.ascontiguousarray(depth[::step, ::step])
@@ -65,12 +65,12 @@ def project_pixels(
 def rows_of(
     depth: _Array, K: NDArray[np.float64], cloud: _Array | None = None, step: int = 1
 ) -> Rows:
-    """Return what `fill_row` needs to give a frame's points row by row.
+    """Return the arguments of `fill_row`, which computes a frame's points row by row.
 
     Args:
         depth: meters along the optical axis, shape (H, W).
         K: intrinsic matrix [pixels], shape (3, 3).
-        cloud: recorded points [m], shape (H, W, 3), in place of what depth says; None for none.
+        cloud: recorded points [m], shape (H, W, 3), instead of those from depth; None for none.
         step: every n-th row and column of the image counts.
     """
     some = depth[::step, ::step]
@@ -82,12 +82,12 @@ def rows_of(
 
 @inner_loop()
 def fill_row(rows: Rows, row: int, points: NDArray[np.float32]) -> None:
-    """Write the points of a row of the image, the same as in the cloud of the whole one.
+    """Write the points of a row of the image, the same as in the cloud of the whole image.
 
     Args:
         rows: as `rows_of` returns it.
-        row: of those that count.
-        points: where x, y and z are written to, shape (3, W).
+        row: among every `step`-th row.
+        points: receives x, y and z, shape (3, W).
     """
     cloud, depth, right_of_axis, below_axis, per_fx, per_fy = rows
     if len(cloud) > 0:
@@ -106,9 +106,9 @@ def fill_row(rows: Rows, row: int, points: NDArray[np.float32]) -> None:
 def transform(a_T_b: NDArray[np.float64], points: NDArray[np.float32]) -> NDArray[np.float32]:
     """Return points given in frame b, shape (N, 3), as points in frame a.
 
-    They are the same as those of `transform_points` to the last bit; many of them are faster.
+    The same as `transform_points` to the last bit, but faster for many points.
     """
-    moved = np.empty((3, len(points)), np.float32)  # so that each axis is read fast
+    moved = np.empty((3, len(points)), np.float32)  # each axis is contiguous
     _transform(a_T_b.astype(np.float32), points, moved)
     return moved.T
 
@@ -151,7 +151,7 @@ def _project_pixels(
     row = first = 0
     for i in range(len(pixels)):
         pixel = pixels[i]
-        if not 0 <= pixel - first < width:  # seldom: pixels come row by row
+        if not 0 <= pixel - first < width:  # rare: pixels come row by row
             row = pixel // width
             first = row * width
         column = pixel - first

@@ -1,4 +1,4 @@
-"""What every recording offers, whatever its format."""
+"""The protocol of recordings of any format."""
 
 from __future__ import annotations
 
@@ -36,17 +36,17 @@ class Stream:
 
 @dataclass(frozen=True)
 class RecordingInfo:
-    """What is inside a recording, and what is missing for mapping.
+    """What is in a recording, and what is missing for mapping.
 
     Attributes:
         path: file or folder.
-        format: a word such as "TUM RGB-D" or "ROS 1 bag".
+        format: such as "TUM RGB-D" or "ROS 1 bag".
         duration: seconds from the first to the last frame.
         frames: number of frames that mapping would use.
         image_size: columns and rows of the depth images; None if there are none.
-        streams: all that is inside.
-        missing: sentences that say what mapping lacks and what to do about it; empty if nothing.
-        notes: sentences on what was left out or assumed.
+        streams: everything in the recording.
+        missing: sentences on what mapping needs and how to provide it; empty if nothing is missing.
+        notes: sentences on what was skipped or assumed.
     """
 
     path: Path
@@ -64,26 +64,26 @@ class Recording(Protocol):
 
     @property
     def path(self) -> Path:
-        """Where it lies."""
+        """File or folder of the recording."""
         ...
 
     @property
     def frame_id(self) -> str:
-        """The fixed frame of its poses, in which a map of it is made."""
+        """The fixed frame of its poses, which is also the frame of the map."""
         ...
 
     def __len__(self) -> int:
-        """Return how many frames `frames` will yield at most."""
+        """Return the largest number of frames that `frames` can yield."""
         ...
 
     def frames(self, on_bad: OnBadFrame | None = None) -> Iterator[RgbdFrame]:
         """Yield the frames in order of time.
 
         Args:
-            on_bad: called for each frame that cannot be read, and the frame is left out.
+            on_bad: called for each frame that cannot be read; then the frame is skipped.
 
         Raises:
-            FormatError: If something that mapping needs is missing or broken; of a single frame
+            FormatError: If something that mapping needs is missing or broken; for a single frame,
                 only without `on_bad`.
         """
         ...
@@ -101,7 +101,7 @@ def or_report(read: Callable[[], _Part], stamp: float, on_bad: OnBadFrame | None
     """Return a part of a frame; None if it cannot be read and `on_bad` was called.
 
     Raises:
-        HypermapError: As `read` does, if there is no `on_bad`.
+        HypermapError: If `read` raises it and there is no `on_bad`.
     """
     try:
         return read()

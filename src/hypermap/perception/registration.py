@@ -1,7 +1,7 @@
 """Depth registration: a depth image as the color camera would have measured it.
 
-Boxes are found in the color image. Where depth comes from another camera beside it, the same pixel
-of both shows another place, and what a box cuts out of the depth is not what it was drawn around.
+Boxes are found in the color image. If depth comes from another camera, the same pixel of both shows
+different places, and a box cuts the wrong points out of the depth.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from hypermap.core.trajectory import compose, invert
 from hypermap.perception.frame import Camera
 from hypermap.perception.projection import project
 
-_MORE = 0.25  # pixels by which a point covers more to each side, so that slopes leave no cracks
+_MORE = 0.25  # pixels by which to enlarge a point on each side, so that slopes have no gaps
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,17 +40,17 @@ class Registration:
     ) -> NDArray[np.float32]:
         """Return the depth in each pixel of the color image.
 
-        Each point covers the pixels that its own pixel covers from the color camera; of several
-        points in a pixel the nearest counts.
+        Each point covers the area of its pixel as seen from the color camera; of several
+        points in a pixel, the nearest counts.
 
         Args:
             depth: as the depth camera measured it [m], float32, NaN for no return, shape (H, W).
             camera: intrinsics of the depth camera.
-            cloud: its points [m], shape (H, W, 3), where they differ from what `depth` says.
+            cloud: its points [m], shape (H, W, 3), if they differ from those of `depth`.
 
         Returns:
             Meters along the color camera's optical axis, float32, NaN where it sees none of the
-            points, of the color image's shape.
+            points, in the color image's shape.
 
         Source: `register.cpp` of ROS's depth_image_proc, with `fill_upsampling_holes`.
         """
@@ -68,7 +68,7 @@ class Registration:
         return registered
 
     def pose(self, map_T_depth: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the pose of the color camera, shape (4, 4), from that of the depth camera."""
+        """Return the pose of the color camera, shape (4, 4), given that of the depth camera."""
         return compose(map_T_depth, invert(self.color_T_depth))
 
 
@@ -92,7 +92,7 @@ def _splat(
         if not depth > 0:
             continue
         left, right, top, bottom = math.inf, -math.inf, math.inf, -math.inf
-        for corner in range(4):  # of what the point's pixel covers at its depth
+        for corner in range(4):  # of the area of the point's pixel at its depth
             at_x = x + (half_x if corner & 1 else -half_x) * z
             at_y = y + (half_y if corner & 2 else -half_y) * z
             there = T[2, 0] * at_x + T[2, 1] * at_y + T[2, 2] * z + T[2, 3]

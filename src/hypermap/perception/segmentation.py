@@ -19,11 +19,11 @@ from hypermap.perception.frame import RgbdFrame
 from hypermap.perception.region_growing import largest_regions
 from hypermap.perception.segments import Segment
 
-FARTHEST = 1e4  # what is farther away than any camera sees is a broken number [m]
+FARTHEST = 1e4  # farther than any camera sees: an invalid number [m]
 
 
 def valid_pixels(frame: RgbdFrame, config: PerceptionConfig) -> BoolArray:
-    """Return which pixels hold a point within the depths of the configuration, shape (H, W)."""
+    """Return which pixels have a point within the configured depths, shape (H, W)."""
     valid = frame.z > np.float32(config.min_depth)
     valid &= frame.z <= np.float32(min(config.max_depth, FARTHEST))
     if frame.cloud is not None:
@@ -38,16 +38,16 @@ def segment(
 
     Args:
         frame: depth or points, and intrinsics.
-        valid: which of its pixels hold a point, shape (H, W).
-        detections: what was found in the image.
+        valid: which of its pixels have a point, shape (H, W).
+        detections: in the image.
         config: method and thresholds.
 
     Returns:
-        Segments in the order of the detections; those of which too few or too many points are left
+        Segments in the order of the detections; detections with too few or too many points left
         have none.
 
     Raises:
-        ValueError: If the masks are not of the image's size.
+        ValueError: If the masks do not have the image's size.
     """
     noise, support = config.depth_noise, config.min_support
     valid = without_flying(frame.z, valid, detections.xyxy, noise, support)
@@ -80,7 +80,7 @@ def segment(
 def _points_of(
     frame: RgbdFrame, objects: Sequence[IntArray], config: PerceptionConfig
 ) -> list[NDArray[np.float32]]:
-    """Return the points of each object, looked up for all of them at once."""
+    """Return the points of each object, computed for all at once."""
     if not objects:
         return []
     ends = np.cumsum([len(pixels) for pixels in objects])
@@ -104,7 +104,7 @@ def _pixels_of(detections: Detections, number: int, valid: BoolArray) -> IntArra
     box = detections.xyxy[number]
     if np.isnan(box).any():
         return np.empty(0, np.int64)
-    # The box holds the pixels from xmin up to, but without, xmax.
+    # The box contains the pixels from xmin up to, not including, xmax.
     height, width = valid.shape
     left, top, right, bottom = (
         math.ceil(min(max(end, 0), size))
@@ -118,9 +118,9 @@ def _pixels_of(detections: Detections, number: int, valid: BoolArray) -> IntArra
 def _find_valid(
     valid: BoolArray, left: int, top: int, right: int, bottom: int, found: IntArray
 ) -> int:
-    """Find the valid pixels of a box, which lies in the image, and return how many.
+    """Find the valid pixels of a box in the image, and return how many there are.
 
-    They become row-major indices, for which there must be room, and for one more.
+    `found` receives their row-major indices; it needs room for one more.
     """
     width = valid.shape[1]
     count = 0

@@ -1,4 +1,4 @@
-"""The points of an object, cut out of a frame."""
+"""The segment of an object: its points in a frame."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ class Segment:
         pixels: row-major indices of its pixels, increasing, shape (N,).
         points_xyz: its points in the camera's optical frame [m], shape (N, 3); smoothed by the
             method "enclosed".
-        is_piece: whether its box cut it out of a surface that runs on, so that its border is known
-            less well.
+        is_piece: whether its box cut it out of a larger surface, so that its border is less
+            certain.
     """
 
     detection: int

@@ -1,7 +1,7 @@
-"""An image cut into surfaces: planes first, then whatever else hangs together.
+"""An image cut into surfaces: planes first, then other connected parts.
 
-All is done in disparity, 1 / depth [1/m], because there a plane is an affine function of the pixel
-and the noise of a depth camera, which grows with the square of the depth, is the same everywhere.
+All in disparity, 1 / depth [1/m], because there a plane is an affine function of the pixel, and
+the noise of a depth camera, which grows with the square of the depth, is constant.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from hypermap.perception.frame import Camera
 from hypermap.perception.planes import UNFIT, find_planes
 
 SAME = 4.0  # standard deviations of the noise by which two pixels may differ beyond `max_gap`
-REACH = 2  # pixels of one surface may be so many rows and columns apart, as edges often lose one
+REACH = 2  # rows and columns between pixels of one surface, as edges often lose a pixel
 LOST = 4  # pixels without depth across which two regions still border on each other
 
 
@@ -30,9 +30,9 @@ class Surfaces:
         labels: the surface of each pixel, -1 where there is no point, int32, shape (H, W).
         disparity: 1 / depth [1/m], 0 where there is no point, float32, shape (H, W).
         sizes: pixels of each surface, shape (N,).
-        own_border: the share of each surface's border at a jump in depth where it is the nearer
-            side, 1 if there is no such border, shape (N,). A wall seen between the legs of a
-            chair ends only where something stands before it, and so has 0.
+        own_border: the share of each surface's depth edges where it is the nearer
+            side, 1 if there are none, shape (N,). A wall seen between the legs of a
+            chair ends only where something is in front of it, and so has 0.
         planes: how many of them are planes.
     """
 
@@ -50,7 +50,7 @@ def find_surfaces(
 
     Args:
         depth: along the optical axis [m], shape (H, W).
-        valid: which of its pixels hold a point, shape (H, W).
+        valid: which of its pixels have a point, shape (H, W).
         camera: intrinsics.
         config: noise and thresholds.
     """
@@ -71,7 +71,7 @@ def find_surfaces(
         roots=np.empty(disparity.size, np.int32),
         first_of_row=np.zeros(height + 1, np.int64),
     )
-    # The last one is what is no surface, -1; its ends are not counted.
+    # The last one, index -1, is for pixels on no surface; its ends are not counted.
     sizes, near, far = np.zeros(count + 1, np.int64), np.zeros(count), np.zeros(count)
     above = np.full(width, -1 - LOST, np.int32)
     _measure(disparity, labels, above, sizes, near, far, config.max_gap, tolerance)
@@ -96,7 +96,7 @@ def _invert(depth: NDArray[np.float32], valid: BoolArray, disparity: NDArray[np.
 
 @inner_loop()
 def _is_near(one: float, other: float, max_gap: float, tolerance: float) -> bool:
-    """Return whether two depths, given as disparities, differ by less than gap and noise."""
+    """Return whether two depths, given as disparities, differ by less than gap plus noise."""
     return abs(one - other) < max_gap * one * other + tolerance
 
 
@@ -113,11 +113,11 @@ def _label_rest(
     roots: NDArray[np.int32],
     first_of_row: NDArray[np.int64],
 ) -> int:
-    """Label what lies on no plane by what hangs together, from `first` on; return the next label.
+    """Label the connected components off the planes, from `first` on; return the next label.
 
-    Pixels of a row that follow each other and are near make a run. Runs that hang together get one
+    Adjacent pixels of a row that are near each other form a run. Connected runs get one
     root, the first of them. Starts, ends and roots have room for as many runs as there are pixels;
-    the first run of each row is 0 before.
+    the first run of each row is initially 0.
     """
     height = len(pixels) // width
     count = 0
@@ -141,7 +141,7 @@ def _label_rest(
                     if starts[other] + above >= ends[run] + REACH:
                         break
                     one_root, other_root = _root(roots, run), _root(roots, other)
-                    if one_root != other_root and _hang_together(
+                    if one_root != other_root and _are_connected(
                         pixels,
                         (starts[run], ends[run]),
                         (starts[other], ends[other]),
@@ -156,7 +156,7 @@ def _label_rest(
             roots[run] = label
             label += 1
         else:
-            roots[run] = roots[roots[run]]  # which has its label already
+            roots[run] = roots[roots[run]]  # the root already has its label
         for pixel in range(starts[run], ends[run]):
             flat_labels[pixel] = roots[run]
     return label
@@ -164,7 +164,7 @@ def _label_rest(
 
 @inner_loop()
 def _root(roots: NDArray[np.int32], run: int) -> int:
-    """Return the root of a run, and shorten the way there."""
+    """Return the root of a run, with path halving."""
     while roots[run] != run:
         roots[run] = roots[roots[run]]
         run = roots[run]
@@ -172,7 +172,7 @@ def _root(roots: NDArray[np.int32], run: int) -> int:
 
 
 @inner_loop()
-def _hang_together(
+def _are_connected(
     pixels: NDArray[np.float32],
     run: tuple[int, int],
     other: tuple[int, int],
@@ -211,16 +211,16 @@ def _measure(
     max_gap: float,
     tolerance: float,
 ) -> None:
-    """Count the pixels of each surface, and how often it ends before and behind another one.
+    """Count the pixels of each surface, and how often it ends in front of and behind another one.
 
-    Where there is no depth for more than `LOST` pixels, things are too far away to be measured.
+    Where there is no depth for more than `LOST` pixels, the scene is too far away to be measured.
 
     Args:
         disparity: as in `Surfaces`.
         labels: as there.
-        above: for use here, `-1 - LOST` in each of W columns: the last row that holds a point.
-        sizes: zeros, shape (N + 1,); the last one counts what is no surface.
-        near: zeros, shape (N,): ends before something farther.
+        above: a buffer, `-1 - LOST` in each of W columns: the last row that has a point.
+        sizes: zeros, shape (N + 1,); the last one counts pixels on no surface.
+        near: zeros, shape (N,): ends in front of something farther.
         far: zeros, shape (N,): ends behind something nearer.
         max_gap: as in the configuration [m].
         tolerance: what is noise [1/m].
@@ -265,7 +265,7 @@ def _end(
     max_gap: float,
     tolerance: float,
 ) -> None:
-    """Count which surface ends before and which behind the other, if they do between two pixels."""
+    """Count which surface ends in front of the other and which behind, if both end here."""
     if label != other_label and not _is_near(d, other_d, max_gap, tolerance):
         near[label if d > other_d else other_label] += 1
         far[other_label if d > other_d else label] += 1

@@ -1,7 +1,7 @@
-"""Frames turned about the optical axis, as of a camera that is mounted upside down or on its side.
+"""Frames rotated about the optical axis, for a camera mounted upside down or on its side.
 
-Detectors know things as they stand. The turned frame is that of a camera that is turned, too, so
-that all its points stay where they are in the map.
+Detectors expect objects to be upright. The camera of the rotated frame is rotated, too, so that all
+points stay where they are in the map.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from hypermap.core.trajectory import compose
 from hypermap.perception.detections import Detections
 from hypermap.perception.frame import Camera, RgbdFrame
 
-# Takes points of the camera to those of one whose image is turned clockwise by 90 degrees.
+# From the camera's frame to that of a camera whose image is rotated clockwise by 90 degrees.
 _OLD_T_NEW = np.array(
     [[0.0, 1.0, 0.0, 0.0], [-1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
 )
@@ -24,9 +24,9 @@ _SIGNS = np.array([-1.0, 1.0, 1.0], np.float32)  # x is minus what y was
 
 
 def turned(frame: RgbdFrame, degrees: int) -> RgbdFrame:
-    """Return a frame with its images turned clockwise by a multiple of 90 degrees.
+    """Return a frame with its images rotated clockwise by a multiple of 90 degrees.
 
-    Detections recorded with the frame are turned, too.
+    Detections recorded with the frame are rotated, too.
     """
     for _ in range(degrees // 90 % 4):
         frame = _turned_once(frame)

@@ -1,4 +1,4 @@
-"""Recordings on disk become RGB-D frames: image folders and ROS bags."""
+"""Reads RGB-D frames from recordings on disk: image folders and ROS bags."""
 
 from hypermap.recordings.open import open_recording
 from hypermap.recordings.options import RecordingOptions

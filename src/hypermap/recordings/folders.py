@@ -1,4 +1,4 @@
-"""What all folders of depth and color images share."""
+"""The common base of recordings that are folders of depth and color images."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from hypermap.recordings.options import RecordingOptions
 from hypermap.recordings.pictures import (
     decode_color,
     decode_integers,
-    depth_in_metres,
+    depth_in_meters,
     picture_size,
     read_file,
 )
@@ -31,19 +31,19 @@ from hypermap.recordings.pictures import (
 if TYPE_CHECKING:
     from hypermap.perception.registration import Registration
 
-_FIRST = 5  # frames that tell the size of all; of these, one may be odd or two broken
+_FIRST = 5  # frames used to find the size; one may be odd or two broken
 
 _log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, eq=False)
 class Shot:
-    """One frame of a folder, of which nothing is read yet.
+    """One frame of a folder, not yet read.
 
     Attributes:
         stamp: of the depth image [s].
         depth: its file.
-        color: that of the color image; None where there is none.
+        color: that of the color image; None if there is none.
         color_stamp: the same [s].
         pose: returns `map_T_camera`, shape (4, 4), or raises a FormatError.
     """
@@ -75,17 +75,17 @@ class ImageFolder(ABC):
 
     @property
     def frame_id(self) -> str:
-        """The name given to the map's frame; "map" by default."""
+        """The name of the map's frame; "map" by default."""
         return self._options.map_frame or "map"
 
     def frames(self, on_bad: OnBadFrame | None = None) -> Iterator[RgbdFrame]:
         """Yield the frames in order of time; see `Recording.frames`.
 
-        What of the folder makes no frame is logged.
+        Files that give no frame are logged.
 
         Raises:
             FormatError: If a list, an image, a pose or the intrinsics are broken.
-            FileMissing: If one of them is not there.
+            FileMissing: If one of them is missing.
         """
         shots, depth_camera, registration = self._shots(), self._camera, self._registration
         camera = depth_camera if registration is None else registration.camera
@@ -127,10 +127,10 @@ class ImageFolder(ABC):
 
     @cached_property
     def _registration(self) -> Registration | None:
-        """How depth gets into the color camera; None if it is there already.
+        """The registration of depth to color; None if depth is already registered.
 
         Raises:
-            FormatError: If the color camera is not known.
+            FormatError: If the color camera is unknown.
         """
         if not self._options.register:
             return None
@@ -143,15 +143,15 @@ class ImageFolder(ABC):
                 "(--register); give --color-intrinsics and --depth-transform",
                 path=self._path,
             )
-        # Imported here, as numba takes longer to load than folders need without it.
+        # Imported here: numba is slow to load.
         from hypermap.perception.registration import Registration
 
         return Registration(camera, self._options.depth_pose())
 
     def _depth_size(self, pictures: Sequence[tuple[Path, Path | None]]) -> tuple[int, int]:
-        """Return columns and rows of the depth images; raises as `usual_size` does.
+        """Return columns and rows of the depth images; raises like `usual_size`.
 
-        Color has the same, unless depth is yet to be registered.
+        Color has the same size, unless depth has yet to be registered.
         """
         if self._options.register:
             pictures = [(depth, None) for depth, _ in pictures]
@@ -160,19 +160,19 @@ class ImageFolder(ABC):
     @property
     @abstractmethod
     def _left_out(self) -> Sequence[str]:
-        """Sentences on what makes no frame."""
+        """Sentences on files that give no frame."""
 
     @abstractmethod
     def _shots(self) -> Sequence[Shot]:
         """Return the frames in order of time."""
 
 
-def load_depth(path: Path, camera: Camera, units_per_metre: float) -> NDArray[np.float32]:
+def load_depth(path: Path, camera: Camera, units_per_meter: float) -> NDArray[np.float32]:
     """Return a depth image in meters with NaN for no return, shape (H, W).
 
     Raises:
         FileMissing: If there is no such file.
-        FormatError: If it is no 16 bit picture of the camera's size.
+        FormatError: If it is not a 16-bit image of the camera's size.
     """
     content = read_file(path)
     try:
@@ -180,7 +180,7 @@ def load_depth(path: Path, camera: Camera, units_per_metre: float) -> NDArray[np
     except FormatError as error:
         raise FormatError(str(error), path=path) from None
     _check_size(path, integers.shape, camera, "the first depth image")
-    return depth_in_metres(integers, units_per_metre)
+    return depth_in_meters(integers, units_per_meter)
 
 
 def load_color(path: Path, camera: Camera) -> NDArray[np.uint8]:
@@ -188,7 +188,7 @@ def load_color(path: Path, camera: Camera) -> NDArray[np.uint8]:
 
     Raises:
         FileMissing: If there is no such file.
-        FormatError: If it is no color picture, or not of the depth image's size.
+        FormatError: If it is not a color image, or not of the depth image's size.
     """
     content = read_file(path)
     try:
@@ -200,14 +200,14 @@ def load_color(path: Path, camera: Camera) -> NDArray[np.uint8]:
 
 
 def usual_size(pictures: Sequence[tuple[Path, Path | None]]) -> tuple[int, int]:
-    """Return columns and rows of a recording's frames: those of most of its first good ones.
+    """Return columns and rows of a recording's frames: the most common of its first good ones.
 
     Args:
         pictures: depth and color of each frame, at least one.
 
     Raises:
-        FileMissing: If there is no depth image; names the first, like the following.
-        FormatError: If none is a picture, or the color of each that is one has another size.
+        FileMissing: If there is no depth image; names the first, as the next error does.
+        FormatError: If none is an image, or each one's color has another size.
     """
     sizes: list[tuple[int, int]] = []
     first: HypermapError | None = None
@@ -245,7 +245,7 @@ def _size_of(path: Path) -> tuple[int, int]:
 
 
 def absence_of(paths: Sequence[Path], kind: str, source: Path) -> list[str]:
-    """Return a sentence on files that a recording names, but that are not there, if there are any.
+    """Return a sentence on missing files that a recording lists, if there are any.
 
     Raises:
         FileMissing: If all of them are.
@@ -262,7 +262,7 @@ def absence_of(paths: Sequence[Path], kind: str, source: Path) -> list[str]:
 def _is_there(path: Path) -> bool:
     try:
         return path.is_file()
-    except OSError:  # a list may name anything, as what is too long for a name
+    except OSError:  # a list may name anything, such as names that are too long
         return False
 
 

@@ -47,9 +47,9 @@ def read_image_list(path: Path) -> ImageList:
 
 
 def read_associations(path: Path) -> tuple[ImageList, ImageList]:
-    """Return the depth and the color images that a list of pairs names.
+    """Return the depth and the color images in a list of pairs.
 
-    Which image of a pair is the depth, its name tells: some tools write it first, others second.
+    The name says which image of a pair is the depth: some tools write it first, others second.
 
     Raises:
         FormatError: If a line is not two stamps with a file each, one called depth, or there is

@@ -1,4 +1,4 @@
-"""What a user can say about a recording that the recording does not say itself."""
+"""Options for what a recording does not say itself."""
 
 from __future__ import annotations
 
@@ -28,22 +28,22 @@ class RecordingOptions:
             where tf has no such frame, the root of tf above the camera.
         camera_frame: the optical frame of a bag's camera; None takes it from the depth messages.
         depth_topic: topic of the depth images; None finds one, as for all topics below.
-        cloud_topic: topic of organised clouds; when given, they are used in place of depth images.
+        cloud_topic: topic of organized clouds; if given, they are used instead of depth images.
         color_topic: topic of the color images.
         camera_info_topic: topic of the intrinsics.
         detections_topic: topic of recorded detections.
         map_topic: topic of an occupancy map.
         depth_scale: units of integer depth per meter; None is the format's own (5000 for TUM,
             1000 otherwise).
-        register: whether depth is to be registered to color: moved into the color camera.
+        register: whether to register depth to color, that is, move it into the color camera.
         color_intrinsics: fx, fy, cx, cy of the color images [pixels], for `register`; None takes
             them from a bag's camera info.
         color_T_depth: pose of the depth camera in the color camera, as `map_T_world` is given, for
             `register`; None takes it from a bag's tf, and in folders both cameras for one place.
         time_offset: seconds by which the clock of the poses is ahead of that of the images: the
             image of time t was taken from the pose of time t + `time_offset`.
-        rotate: degrees by which the images are turned clockwise: 0, 90, 180 or 270; as of a camera
-            that is mounted upside down, which the poses know.
+        rotate: degrees by which to rotate the images clockwise: 0, 90, 180 or 270; for a camera
+            that is mounted upside down and whose poses say so.
         max_time_difference: seconds by which the stamps of a depth image and of the color image
             or detections that go with it may differ, at most 1.
         max_pose_gap: seconds between two poses across which none is interpolated.
@@ -109,19 +109,19 @@ class RecordingOptions:
         return _matrix("color_T_depth", self.color_T_depth)
 
     def camera(self, width: int, height: int) -> Camera | None:
-        """Return the camera that the user described, if so."""
+        """Return the camera from the user, if given."""
         if self.intrinsics is None:
             return None
         return Camera.from_intrinsics(*self.intrinsics, width=width, height=height)
 
     def color_camera(self, width: int, height: int) -> Camera | None:
-        """Return the color camera that the user described, if so."""
+        """Return the color camera from the user, if given."""
         if self.color_intrinsics is None:
             return None
         return Camera.from_intrinsics(*self.color_intrinsics, width=width, height=height)
 
     def turned_size(self, camera: Camera) -> tuple[int, int]:
-        """Return columns and rows of a camera's images, as they are once they are turned."""
+        """Return columns and rows of a camera's images after rotation."""
         size = camera.width, camera.height
         return size if self.rotate % 180 == 0 else size[::-1]
 
@@ -135,14 +135,14 @@ class RecordingOptions:
     def _check_pose(self, name: str) -> None:
         if getattr(self, name) is not None:
             numbers = _row_by_row(name, getattr(self, name))
-            object.__setattr__(self, name, numbers)  # as a tuple, options can be compared, too
+            object.__setattr__(self, name, numbers)  # as tuples, options can be compared
             meanings = {6: "x, y, z, roll, pitch, yaw", 16: "the rows of a 4 x 4 matrix"}
             _check_numbers(name, numbers, meanings)
             _matrix(name, numbers)
 
 
 def nearest_rigid(pose: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the rotation and translation that a 4 x 4 matrix of rounded numbers stands for.
+    """Return the rigid transform nearest to a 4 x 4 matrix of rounded numbers.
 
     Raises:
         ValueError: If it stretches by more than 1 %, mirrors, or has another last row.

@@ -12,18 +12,18 @@ from hypermap.core.errors import FormatError
 from hypermap.core.moving_frames import Chain, FixedPose, Motion
 from hypermap.recordings.options import RecordingOptions
 
-_ROUNDING = 1e-6  # s; what is left of a difference between stamps that count seconds since 1970
+_ROUNDING = 1e-6  # s; rounding error of a difference between stamps in seconds since 1970
 
 
 @dataclass(frozen=True, eq=False)
 class FramePlan:
-    """The frames that a recording gives, in order of time.
+    """The frames of a recording, in order of time.
 
     Attributes:
         depth: index of each frame's depth image, shape (N,).
         color: index of its color image, shape (N,); -1 for none.
         map_T_camera: its pose, shape (N, 4, 4).
-        notes: sentences on what was left out.
+        notes: sentences on what was skipped.
     """
 
     depth: IntArray
@@ -46,10 +46,9 @@ def plan_frames(
 
     Args:
         depth_stamps: times of the depth images [s], shape (N,).
-        color_stamps: times of the color images [s], shape (M,); None if there is no color at all,
-            and frames shall do without.
-        world_T_camera: where the camera was.
-        pose_span: times of the first and last pose [s], for what is said when none fits.
+        color_stamps: times of the color images [s], shape (M,); None for frames without color.
+        world_T_camera: the motion of the camera.
+        pose_span: times of the first and last pose [s], for the error if none fits.
         options: time difference, world and step.
 
     Raises:
@@ -125,7 +124,7 @@ def associate(
     reach = max_difference + _ROUNDING
     first = np.searchsorted(others[order], stamps - reach)
     count = np.searchsorted(others[order], stamps + reach, side="right") - first
-    # All pairs within reach: for each stamp a run of neighbors in the sorted others.
+    # All candidate pairs: for each stamp, a run of neighbors in the sorted others.
     a = np.repeat(np.arange(len(stamps)), count)
     run_start = np.repeat(np.cumsum(count) - count, count)
     b = order[np.repeat(first, count) + np.arange(len(a)) - run_start]

@@ -36,7 +36,7 @@ def read_file(path: Path) -> bytes:
 
     Raises:
         FileMissing: If there is no such file.
-        FormatError: If it is a device, which a list may name, too, or too large.
+        FormatError: If it is a device, or too large.
         HypermapError: If it cannot be read.
     """
     if is_folder(path):
@@ -81,9 +81,9 @@ def decode_integers(content: bytes) -> NDArray[np.uint16]:
         return np.asarray(image).astype(np.uint16)
 
 
-def depth_in_metres(integers: NDArray[np.uint16], units_per_metre: float) -> NDArray[np.float32]:
+def depth_in_meters(integers: NDArray[np.uint16], units_per_meter: float) -> NDArray[np.float32]:
     """Return integer depth as meters, float32; 0 and the largest number are no return, NaN."""
-    depth = np.divide(integers, np.float32(units_per_metre), dtype=np.float32)
+    depth = np.divide(integers, np.float32(units_per_meter), dtype=np.float32)
     for value in (0, np.iinfo(np.uint16).max):
         np.copyto(depth, np.nan, where=integers == value)
     return depth
@@ -91,7 +91,7 @@ def depth_in_metres(integers: NDArray[np.uint16], units_per_metre: float) -> NDA
 
 @contextmanager
 def _opened(content: bytes) -> Iterator[Image.Image]:
-    """Give a picture whose size is bounded; any damage becomes a FormatError."""
+    """Yield an image of limited size; any damage becomes a FormatError."""
     try:
         with Image.open(io.BytesIO(content)) as image:
             if image.width * image.height > MAX_PIXELS:

@@ -6,11 +6,11 @@ from hypermap.core.errors import HypermapError
 
 
 def problems_of(recording: object, *needs: str) -> list[str]:
-    """Return why attributes of an object cannot be had, each reason once.
+    """Return why attributes of an object are not available, each reason once.
 
     Args:
         recording: an object whose properties raise a HypermapError if something is missing.
-        needs: names of such properties; later ones may rest upon earlier ones.
+        needs: names of such properties; later ones may depend on earlier ones.
 
     >>> problems_of("text", "isalpha")
     []

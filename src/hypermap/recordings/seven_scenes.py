@@ -26,7 +26,7 @@ _FILE = re.compile(r"frame-(\d+)\.(color\.jpg|color\.png|depth\.png|pose\.txt)")
 
 @dataclass(frozen=True, eq=False)
 class NumberedFrame:
-    """The files of one frame, and where its camera stood in the world, shape (4, 4), or why not."""
+    """The files of one frame, and its camera pose in the world, shape (4, 4), or why not."""
 
     number: int
     depth: Path
@@ -39,10 +39,10 @@ class NumberedFrame:
         return self.number / FRAME_RATE
 
     def pose_on(self, map_T_world: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return where the camera stood on the map, shape (4, 4).
+        """Return the camera's pose in the map, shape (4, 4).
 
         Raises:
-            FormatError: If its file does not say.
+            FormatError: If its file does not contain one.
         """
         if isinstance(self.world_T_camera, FormatError):
             raise self.world_T_camera
@@ -52,9 +52,9 @@ class NumberedFrame:
 class SevenScenesRecording(ImageFolder):
     """A folder with `frame-000000.color.jpg`, `.depth.png` and `.pose.txt`, and so on.
 
-    Depth is of 16 bits, in millimeters, 0 and 65535 for no return. A pose is a 4 x 4 matrix that
-    takes camera points to the world, whose axes need not be level (`map_T_world`). The 3 x 3
-    matrix of the intrinsics lies in `camera-intrinsics.txt`, next to the frames or one folder up.
+    Depth has 16 bits, in millimeters, 0 and 65535 for no return. A pose is a 4 x 4 matrix that
+    takes camera points to the world, which need not be level (`map_T_world`). The 3 x 3
+    matrix of the intrinsics is in `camera-intrinsics.txt`, next to the frames or one folder up.
 
     Source: Shotton et al., CVPR 2013, and the data set's page.
     """
@@ -79,7 +79,7 @@ class SevenScenesRecording(ImageFolder):
         ]
 
     def info(self) -> RecordingInfo:
-        """Say what is inside and what is missing."""
+        """Return what is in the folder and what is missing."""
         streams = tuple(
             Stream(f"frame-*.{ending}", kind, len(self._files[ending]), use)
             for ending, kind, use in (
@@ -138,9 +138,9 @@ class SevenScenesRecording(ImageFolder):
 
     @cached_property
     def _frames_and_notes(self) -> tuple[tuple[NumberedFrame, ...], tuple[str, ...]]:
-        """The frames that have all that a frame needs.
+        """The complete frames.
 
-        Color may be missing from all frames, but where most have it, the others are left out.
+        All frames may lack color, but if most have it, the others are skipped.
         """
         depths, poses = self._files["depth.png"], self._files["pose.txt"]
         colors = self._files["color.png"] | self._files["color.jpg"]
@@ -213,7 +213,7 @@ class SevenScenesRecording(ImageFolder):
 def moved_in_time(
     frames: list[NumberedFrame], offset: float, max_gap: float
 ) -> tuple[list[NumberedFrame], int]:
-    """Return frames with the poses of `offset` [s] later, and how many are left out without one."""
+    """Return frames with the poses `offset` [s] later, and how many are skipped without one."""
     posed = [frame for frame in frames if not isinstance(frame.world_T_camera, FormatError)]
     if not posed:
         return frames, 0

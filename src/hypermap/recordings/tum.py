@@ -27,9 +27,9 @@ from hypermap.recordings.textfiles import finite_numbers, read_lines
 class TumRecording(ImageFolder):
     """A folder with `rgb.txt`, `depth.txt` and `groundtruth.txt`.
 
-    `associations.txt` may stand in place of the two lists. Their stamps are associated one to one,
-    and poses interpolated between those of the ground truth. Depth is of 16 bits, 5000 to the
-    meter, 0 and 65535 for no return.
+    `associations.txt` may replace the two lists. Their stamps are associated one to one, and
+    poses are interpolated in the ground truth. Depth has 16 bits, 5000 to the meter, 0 and
+    65535 for no return.
 
     Source: the benchmark's page on file formats (Sturm et al., IROS 2012).
     """
@@ -59,7 +59,7 @@ class TumRecording(ImageFolder):
         ]
 
     def info(self) -> RecordingInfo:
-        """Say what is inside and what is missing."""
+        """Return what is in the folder and what is missing."""
         streams, missing, notes = [], [], []
         for name, kind, use in (
             ("depth.txt", "depth images", "geometry"),
@@ -115,7 +115,7 @@ class TumRecording(ImageFolder):
 
     @cached_property
     def _associations(self) -> tuple[ImageList, ImageList] | None:
-        """What stands in place of the two lists, where there is no `depth.txt`."""
+        """The list of pairs that replaces the two lists if there is no `depth.txt`."""
         path = self._path / "associations.txt"
         is_needed = path.is_file() and not (self._path / "depth.txt").is_file()
         return read_associations(path) if is_needed else None
@@ -136,7 +136,7 @@ class TumRecording(ImageFolder):
 
     @cached_property
     def _absence(self) -> list[str]:
-        """Sentences on images that are named and not there; if all are, it is an error."""
+        """Sentences on listed images that are missing; an error if all are."""
         depth, color, plan = self._depth.paths, self._color, self._plan
         absent = absence_of([depth[i] for i in plan.depth], "depth images", self._path)
         if color is not None:
@@ -159,7 +159,7 @@ def default_camera(width: int, height: int, path: Path) -> Camera:
     """Return the camera that the benchmark recommends, for images scaled from 640 x 480.
 
     Raises:
-        FormatError: If the sides are not as 4 to 3, as those of the benchmark's cameras.
+        FormatError: If the aspect ratio is not 4:3, as with the benchmark's cameras.
     """
     if 3 * width != 4 * height:
         raise FormatError(
@@ -208,7 +208,7 @@ def read_trajectory(path: Path, max_gap: float) -> tuple[Trajectory, tuple[str, 
 
 
 def _tolerant(path: Path) -> Iterator[tuple[str, str]]:
-    """Yield a list's lines up to where it stops being readable."""
+    """Yield a list's lines up to the first that cannot be read."""
     try:
         yield from read_lines(path)
     except HypermapError:

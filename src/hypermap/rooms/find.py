@@ -13,6 +13,7 @@ from scipy import ndimage
 from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.arrays import BoolArray, FloatArray, IntArray
+from hypermap.core.cell_outlines import cell_outlines
 from hypermap.core.errors import HypermapError
 from hypermap.core.grid import GridGeometry
 from hypermap.core.occupancy import OCCUPIED, OccupancyLayer
@@ -21,7 +22,6 @@ from hypermap.rooms.doors import doors_between
 from hypermap.rooms.kept import numbered
 from hypermap.rooms.kinds import Kinds, guess_kinds, load_kinds
 from hypermap.rooms.openings import openings
-from hypermap.rooms.outlines import outlines
 from hypermap.rooms.pieces import Pieces
 from hypermap.rooms.rooms import Room, Rooms
 from hypermap.rooms.settings import RoomSettings
@@ -150,7 +150,7 @@ def _cut(walls: BoolArray, side: float, settings: RoomSettings) -> NDArray[np.in
     count = int(parts.max())
     area = np.bincount(parts.ravel(), minlength=count + 1) * side**2
     perimeter = np.zeros(count + 1)
-    shapes, owners = outlines(parts)
+    shapes, owners = cell_outlines(parts)
     np.add.at(perimeter, owners, shapely.length(shapely.simplify(shapes, _STRAIGHT)) * side)
     clear = np.zeros(count + 1)
     np.maximum.at(clear, parts.ravel(), far.ravel())
@@ -170,7 +170,7 @@ def _cut(walls: BoolArray, side: float, settings: RoomSettings) -> NDArray[np.in
 
 def _lines(walls: BoolArray, side: float, settings: RoomSettings) -> NDArray[np.float64]:
     """Return the lines at which rooms may end, in units of cells, shape (N, 2, 2)."""
-    areas, _ = outlines((~walls).astype(np.int32))
+    areas, _ = cell_outlines((~walls).astype(np.int32))
     found = [
         openings(area, _NOISE / side, settings.widest_opening / side, _WALL / side)
         for area in areas
@@ -246,7 +246,7 @@ def _passages_between(
 
 def _outlines(labels: NDArray[np.int32], grid: GridGeometry) -> list[BaseGeometry]:
     """Return the outline of each room in the layer's frame; neighbors share their edges."""
-    faces, owners = outlines(labels)
+    faces, owners = cell_outlines(labels)
     if not len(faces):
         return []
     simple = shapely.coverage_simplify(faces, _STRAIGHT)

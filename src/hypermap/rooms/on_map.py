@@ -53,10 +53,9 @@ def with_rooms(hypermap: Hypermap, rooms: Rooms) -> Hypermap:
     previous = _previous(hypermap)
     layer = rooms.layer()
     if previous is None:
-        return Hypermap([*hypermap, layer], hypermap.frames, hypermap.metadata)
+        return hypermap.with_layers([*hypermap, layer])
     layer.settings.update(previous.settings)
-    layers = [layer if each is previous else each for each in hypermap]
-    return Hypermap(layers, hypermap.frames, hypermap.metadata)
+    return hypermap.with_layers(layer if each is previous else each for each in hypermap)
 
 
 def _previous(hypermap: Hypermap) -> SemanticLayer | None:

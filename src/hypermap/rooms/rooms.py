@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -20,7 +20,8 @@ from hypermap.core.semantic import SemanticLayer, SemanticObject
 
 LAYER = ROOMS
 _GIVEN = "automatic_name"  # which a room had from us; another name was given by hand
-_DOORS = "doors"
+DOORS = "doors"
+"""The attribute of a room that holds its doors."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,7 +141,7 @@ class Rooms:
             if door.rooms[0] == room.id
         ]
         if doors:
-            attributes[_DOORS] = doors
+            attributes[DOORS] = doors
         return SemanticObject(
             room.name,
             room.outline,
@@ -165,7 +166,7 @@ class Rooms:
             given = attributes.pop(_GIVEN, None)
             kind = item.tags[0] if item.tags else ""
             sure = item.confidence[0] if item.confidence else 0.0
-            kept = attributes.pop(_DOORS, [])
+            kept = attributes.pop(DOORS, [])
             assert item.id is not None
             is_named = given != item.name
             rooms.append(Room(item.id, item.name, item.footprint, kind, sure, is_named, attributes))
@@ -190,6 +191,23 @@ class Rooms:
             for door in self.doors
         ]
         return Rooms(frame_id, tuple(rooms), tuple(doors))
+
+    def joined(self, kept: int, others: Collection[int]) -> Rooms:
+        """Return what is left when rooms have become parts of another, without cells.
+
+        Their doors are those of the other room then; doors between them are gone. Outlines stay.
+
+        Args:
+            kept: id of the room that they are parts of.
+            others: ids of the rooms that are gone.
+        """
+        doors = []
+        for door in self.doors:
+            low, high = sorted(kept if number in others else number for number in door.rooms)
+            if low != high:
+                doors.append(replace(door, rooms=(low, high)))
+        rooms = tuple(room for room in self.rooms if room.id not in others)
+        return Rooms(self.frame_id, rooms, tuple(sorted(doors, key=_order)))
 
     def replaced(self, rooms: list[Room]) -> Rooms:
         """Return the same with other rooms in the places of these; doors go along.

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import re
 
+ROOM_GRAPH = "room_graph"
+"""Topic of the doors and the graph of rooms."""
+
 
 def topic_name(layer: str, suffix: str) -> str:
     """Return the name of a layer's topic or service, private to the node.

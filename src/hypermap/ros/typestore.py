@@ -33,6 +33,10 @@ _MESSAGES = {
 }
 _SERVICES = {
     "nav_msgs/GetMap": "---\nnav_msgs/OccupancyGrid map",
+    "nav_msgs/GetPlan": (
+        "geometry_msgs/PoseStamped start\ngeometry_msgs/PoseStamped goal\nfloat32 tolerance\n"
+        "---\nnav_msgs/Path plan"
+    ),
     "std_srvs/Empty": "---",
     "std_srvs/SetBool": "bool data\n---\nbool success\nstring message",
     "std_srvs/Trigger": "---\nbool success\nstring message",

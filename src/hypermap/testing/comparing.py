@@ -15,7 +15,9 @@ from hypermap.core.layer import Layer
 from hypermap.core.objects import SemanticObject
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.opaque import OpaqueLayer
+from hypermap.core.samples import Samples
 from hypermap.core.semantic import SemanticLayer
+from hypermap.core.value_layer import ValueLayer
 
 
 def assert_same_map(actual: Hypermap, expected: Hypermap) -> None:
@@ -42,6 +44,12 @@ def assert_same_layer(actual: Layer, expected: Layer) -> None:
         assert_same_objects(actual.objects(), expected.objects())
         _same(f"{where}: rejected", actual.rejected, expected.rejected)
         assert_same_evidence(actual.evidence(), expected.evidence())
+    elif isinstance(actual, ValueLayer) and isinstance(expected, ValueLayer):
+        for key in ("grid", "unit", "decimals", "quantity", "made_by"):
+            _same(f"{where}: {key}", getattr(actual, key), getattr(expected, key))
+        for key in ("cells", "deviations", "stamps"):
+            _same_arrays(f"{where}: the {key}", getattr(actual, key), getattr(expected, key))
+        _same_samples(f"{where}: the samples", actual.samples, expected.samples)
     elif isinstance(actual, OpaqueLayer) and isinstance(expected, OpaqueLayer):
         _same(f"{where}: the files", actual.files, expected.files)
     else:
@@ -87,6 +95,13 @@ def assert_same_answers(actual: Layer, expected: Layer) -> None:
         hits = [getattr(layer, question)(extents[1]) for layer in (actual, expected)]
         _same_arrays(f"{where}: {question}", hits[0].values, hits[1].values)
         _same_arrays(f"{where}: locations", hits[0].points_xy, hits[1].points_xy)
+
+
+def _same_samples(what: str, actual: Samples | None, expected: Samples | None) -> None:
+    _same(f"whether there are {what}", actual is not None, expected is not None)
+    if actual is not None and expected is not None:
+        for key in (field.name for field in dataclasses.fields(Samples)):
+            _same_arrays(f"{what}: {key}", getattr(actual, key), getattr(expected, key))
 
 
 def _same(what: str, actual: Any, expected: Any) -> None:

@@ -1,7 +1,55 @@
 """Measured values: from samples at places to a quantity all over the floor, which knows walls."""
 
-from hypermap.values.interpolation import METHODS, Interpolation, Method, interpolate
-from hypermap.values.random_field import FieldSettings
-from hypermap.values.samples import Samples
+from typing import TYPE_CHECKING, Any
 
-__all__ = ["METHODS", "FieldSettings", "Interpolation", "Method", "Samples", "interpolate"]
+from hypermap._lazy import attribute
+
+if TYPE_CHECKING:
+    from hypermap.core.samples import Samples
+    from hypermap.values.interpolation import METHODS, Interpolation, Method, interpolate
+    from hypermap.values.layers import value_layer_of
+    from hypermap.values.questions import (
+        nearest_where,
+        summaries_of,
+        summary_in,
+        value_layer_called,
+        where,
+    )
+    from hypermap.values.random_field import FieldSettings
+    from hypermap.values.units import converted
+
+_HOMES = {
+    "METHODS": "hypermap.values.interpolation",
+    "FieldSettings": "hypermap.values.random_field",
+    "Interpolation": "hypermap.values.interpolation",
+    "Method": "hypermap.values.interpolation",
+    "Samples": "hypermap.core.samples",
+    "converted": "hypermap.values.units",
+    "interpolate": "hypermap.values.interpolation",
+    "nearest_where": "hypermap.values.questions",
+    "summaries_of": "hypermap.values.questions",
+    "summary_in": "hypermap.values.questions",
+    "value_layer_called": "hypermap.values.questions",
+    "value_layer_of": "hypermap.values.layers",
+    "where": "hypermap.values.questions",
+}
+
+__all__ = [
+    "METHODS",
+    "FieldSettings",
+    "Interpolation",
+    "Method",
+    "Samples",
+    "converted",
+    "interpolate",
+    "nearest_where",
+    "summaries_of",
+    "summary_in",
+    "value_layer_called",
+    "value_layer_of",
+    "where",
+]
+
+
+def __getattr__(name: str) -> Any:
+    return attribute(__name__, name, _HOMES)

@@ -8,18 +8,19 @@ from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 from threadpoolctl import threadpool_limits
 
 from hypermap.core.errors import HypermapError
-from hypermap.core.grid import GridGeometry
+from hypermap.core.grid import GridGeometry, check_resolution
 from hypermap.core.occupancy import OccupancyLayer
+from hypermap.core.samples import Samples
 from hypermap.values.fitting import LEAST_SAMPLES, fitted, with_limits
 from hypermap.values.kernel import kernel_estimate
 from hypermap.values.lattice import Lattice, floor_cells, grid_around
 from hypermap.values.random_field import FieldSettings, Observations, Posterior, Prior
-from hypermap.values.samples import Samples
 
-Method = Literal["gmrf", "kernel"]
+Method = Literal["gmrf", "kernel", "nearest"]
 METHODS: tuple[str, ...] = get_args(Method)
 
 _MARGIN = 2.0  # meters around the samples
@@ -28,6 +29,9 @@ _NODES = 20_000  # at most, where nobody asks for more
 _MOST_NODES = 100_000  # a gigabyte of blocks, where the floor is square
 _NODES_TO_FIT = 2_500
 _UNEXPLAINED = 0.5  # of the variance, above which there is no value
+_FARTHEST = 1e9  # meters from the origin
+_WIDEST = 1e5  # meters from one sample to another
+_LARGEST = 1e30  # value, whose square is a number yet
 _UNSURE = 0.5  # confidence of the kernel, below which there is no value
 
 
@@ -41,8 +45,9 @@ class Interpolation:
             enough, or there is no free floor.
         deviations: standard deviation of each value, not of a sample there; of the same shape.
         noise: standard deviation of a sample at one place; a sample that is still to be taken lies
-            within two times hypot(deviation, noise) of the value in 95 of 100 cases.
-        method: "gmrf" or "kernel".
+            within two times hypot(deviation, noise) of the value in 95 of 100 cases. 0 where the
+            deviations have it already.
+        method: one of `METHODS`.
         settings: by which names and numbers the method found it, so that it can be repeated.
     """
 
@@ -66,7 +71,8 @@ def interpolate(
 
     "gmrf" is a Gaussian Markov random field, whose links walls cut (`random_field`); it takes
     limits for what they are, and its deviations are honest. "kernel" is quicker, knows no walls,
-    and takes limits for values (`kernel`).
+    and takes limits for values (`kernel`). "nearest" gives each cell the value of the nearest
+    sample, up to 2 m away: to compare with, and for few samples.
 
     Args:
         samples: in the frame of the occupancy layer.
@@ -77,25 +83,45 @@ def interpolate(
         resolution: side of a cell [m]; without it 0.25 m, or more on a large floor.
 
     Raises:
-        HypermapError: If there are too few samples with a value, or the resolution is too fine.
+        HypermapError: If there are too few samples with a value, they lie too far apart, a value is
+            absurdly large, or the resolution is too fine or none.
     """
     if method not in METHODS:
         raise HypermapError(f"method must be one of {', '.join(METHODS)}, got {method!r}")
+    _check(samples)
     heard = int(np.count_nonzero(~samples.is_below))
     if heard == 0:
         raise HypermapError(
             f"none of the {len(samples)} samples has a value; without one there is nothing to map"
         )
-    if settings is None and heard < LEAST_SAMPLES:
+    if settings is None and method != "nearest" and heard < LEAST_SAMPLES:
+        told = "1 sample with a value does" if heard == 1 else f"{heard} samples with a value do"
         raise HypermapError(
-            f"{heard} samples with a value do not tell how the quantity varies; give at least "
-            f"{LEAST_SAMPLES}, or say its length, deviation and noise"
+            f"{told} not tell how the quantity varies; give at least {LEAST_SAMPLES}, or say its "
+            "length, deviation and noise, or take the method nearest"
         )
     grid = _grid(samples, resolution)
+    if method == "nearest":
+        return _by_nearest(grid, samples, occupancy)
     if method == "kernel":
         return _by_kernel(grid, samples, occupancy, settings)
     with threadpool_limits(1, "blas"):  # threads wait for each other at each small block
         return _by_field(grid, samples, occupancy, settings)
+
+
+def _check(samples: Samples) -> None:
+    if not len(samples):
+        return
+    farthest = float(np.abs(samples.points_xy).max())
+    if farthest > _FARTHEST or np.ptp(samples.points_xy, axis=0).max() > _WIDEST:
+        (x0, y0), (x1, y1) = samples.points_xy.min(axis=0), samples.points_xy.max(axis=0)
+        raise HypermapError(
+            f"the samples reach from ({x0:g}, {y0:g}) to ({x1:g}, {y1:g}); are their places in "
+            "meters?"
+        )
+    largest = float(np.abs(samples.values).max())
+    if largest > _LARGEST:
+        raise HypermapError(f"a sample has a value of {largest:g}, too large to compute with")
 
 
 def _by_field(
@@ -153,12 +179,38 @@ def _by_kernel(
     )
 
 
+def _by_nearest(
+    grid: GridGeometry, samples: Samples, occupancy: OccupancyLayer | None
+) -> Interpolation:
+    tree = cKDTree(samples.points_xy)
+    centers = grid.centers(*np.divmod(np.arange(grid.width * grid.height), grid.width))
+    distances, owners = map(np.asarray, tree.query(centers))
+    nowhere = (distances.reshape(grid.shape) > _MARGIN) | ~floor_cells(grid, occupancy)
+    # How wrong each sample's neighbor is about it; of one sample, nobody knows.
+    error = math.nan
+    if len(samples) > 1:
+        others = np.asarray(tree.query(samples.points_xy, k=2)[1])[:, 1]
+        error = math.sqrt(np.mean((samples.values - samples.values[others]) ** 2))
+    return Interpolation(
+        grid,
+        np.where(nowhere, np.nan, samples.values[owners].reshape(grid.shape)),
+        np.where(nowhere, np.nan, error),
+        0.0,
+        "nearest",
+        {},
+    )
+
+
 def _observed(lattice: Lattice, samples: Samples) -> Observations:
     ones = np.ones(len(samples))
     return Observations(lattice.weights_at(samples.points_xy), samples.values, ones)
 
 
 def _grid(samples: Samples, resolution: float | None) -> GridGeometry:
+    try:
+        check_resolution(_RESOLUTION if resolution is None else resolution)
+    except ValueError as error:
+        raise HypermapError(str(error)) from None
     if resolution is None:
         return _at_most(grid_around(samples.points_xy, _MARGIN, _RESOLUTION), _NODES)
     grid = grid_around(samples.points_xy, _MARGIN, resolution)

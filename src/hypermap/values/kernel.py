@@ -14,7 +14,7 @@ from scipy.ndimage import gaussian_filter
 from scipy.optimize import minimize_scalar
 
 from hypermap.core.grid import GridGeometry
-from hypermap.values.samples import Samples
+from hypermap.core.samples import Samples
 
 _Cells = NDArray[np.float64]
 _REACH = 4.0  # standard deviations, beyond which a kernel is 0

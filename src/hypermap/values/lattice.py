@@ -25,12 +25,14 @@ class Lattice:
         links: pairs of neighboring nodes, shape (L, 2).
         is_open: whether the floor between the two is free all the way, shape (L,).
         is_floor: whether a node lies on free floor, shape (height, width).
+        occupancy: where the walls are; None for none.
     """
 
     grid: GridGeometry
     links: IntArray
     is_open: BoolArray
     is_floor: BoolArray
+    occupancy: OccupancyLayer | None = None
 
     @staticmethod
     def over(grid: GridGeometry, occupancy: OccupancyLayer | None = None) -> Lattice:
@@ -45,6 +47,7 @@ class Lattice:
             links,
             _all_free(occupancy, centers[links[:, 0]], centers[links[:, 1]]),
             floor_cells(grid, occupancy),
+            occupancy,
         )
 
     def laplacian(self, through_walls: float) -> csr_array:
@@ -74,7 +77,8 @@ class Lattice:
         """Return how much each node has to do with each point, shape (M, N); rows add up to 1.
 
         A point between four nodes that all see each other takes from all of them (bilinear
-        interpolation), another one from the node that is nearest, and one off the grid as well.
+        interpolation), another one from the nearest of them that it sees, so that a sample does not
+        count on the other side of a wall. Off the grid, the nearest node counts.
         """
         height, width = self.grid.shape
         places = self.grid.positions_at(points_xy) - 0.5
@@ -82,7 +86,7 @@ class Lattice:
         corner = np.minimum(np.floor(places), np.maximum([height - 2, width - 2], 0)).astype(int)
         share = places - corner
         is_parted = ~self._is_clear[corner[:, 0], corner[:, 1]]
-        share[is_parted] = np.round(share[is_parted])
+        share[is_parted] = self._seen(points_xy[is_parted], corner[is_parted], share[is_parted])
         rows, nodes, weights = [], [], []
         for down, right in ((0, 0), (0, 1), (1, 0), (1, 1)):
             weight = np.abs(1 - down - share[:, 0]) * np.abs(1 - right - share[:, 1])
@@ -94,6 +98,23 @@ class Lattice:
             (np.concatenate(weights), (np.concatenate(rows), np.concatenate(nodes))),
             shape=(len(points_xy), height * width),
         ).tocsr()
+
+    def _seen(
+        self, points_xy: NDArray[np.float64], corner: IntArray, share: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Return which of the four nodes around each point it takes from: 0 or 1, shape (M, 2)."""
+        best = np.round(share)
+        nearest = np.full(len(share), np.inf)
+        last = np.array(self.grid.shape) - 1
+        for step in ((0, 0), (0, 1), (1, 0), (1, 1)):
+            nodes = corner + step
+            distances = np.hypot(*(share - step).T)
+            nodes_xy = self.grid.centers(*nodes.T)
+            is_seen = (nodes <= last).all(axis=1) & _all_free(self.occupancy, points_xy, nodes_xy)
+            is_better = is_seen & (distances < nearest)
+            best[is_better] = step
+            nearest[is_better] = distances[is_better]
+        return best
 
     @cached_property
     def _is_clear(self) -> BoolArray:

@@ -118,6 +118,7 @@ def _draw_map(axes: Axes, drawing: Drawing, vector: bool) -> None:
     _style_axes(axes, drawing)
     _draw_rasters(axes, drawing, vector)
     _draw_shapes(axes, drawing)
+    _draw_doors(axes, drawing)
     _draw_links(axes, drawing)
 
 
@@ -145,7 +146,7 @@ def _write_titles(page: Axes, drawing: Drawing, top: float) -> None:
 
 
 def _draw_rasters(axes: Axes, drawing: Drawing, vector: bool) -> None:
-    for raster in drawing.rasters:
+    for raster in (*drawing.rasters, *drawing.walls):
         grid = raster.picture.grid
         width, height = grid.width * grid.resolution, grid.height * grid.resolution
         axes.imshow(
@@ -169,6 +170,13 @@ def _draw_shapes(axes: Axes, drawing: Drawing) -> None:
             # White in between keeps the color that of the legend where the ground is black.
             axes.add_patch(PathPatch(rings, facecolor=PAPER, alpha=_VEIL, linewidth=0))
             axes.add_patch(PathPatch(rings, **fill_style(color, SHAPE_ALPHA)))
+
+
+def _draw_doors(axes: Axes, drawing: Drawing) -> None:
+    """Draw each door as a white line with dark borders."""
+    for width, color in ((3.2, INK), (1.6, PAPER)):
+        for ends in drawing.doors:
+            axes.plot(*ends.T, color=color, linewidth=width, solid_capstyle="butt")
 
 
 def _draw_links(axes: Axes, drawing: Drawing) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,8 +16,10 @@ from hypermap.colors import Color, class_colors
 from hypermap.core.arrays import ObjectArray, as_objects
 from hypermap.core.errors import HypermapError, did_you_mean
 from hypermap.core.frames import Pose2D
+from hypermap.core.hypermap import ROOMS
 from hypermap.core.layer import RasterPicture, ShapesPicture
 from hypermap.core.shapes import valid_copies
+from hypermap.core.value_layer import ValueLayer
 from hypermap.formats.atomic import write_file
 from hypermap.text import counted
 
@@ -25,9 +27,10 @@ if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
 
     from hypermap.core.hypermap import Hypermap
+    from hypermap.exploration import Frontier
 
 SUFFIXES = (".png", ".svg")
-_BENEATH = "rooms"  # the layer whose objects hold all others
+_NONE = np.empty((0, 2, 2))  # lines
 _RAY = 2  # cells of a row through which a single ray of a sensor passes
 
 
@@ -71,7 +74,9 @@ class Drawing:
         title: in the first line; may be empty.
         subtitle: what the picture says about itself.
         labels: whether names are written at the shapes.
+        doors: from x, y to x, y of the lines at which rooms meet [m], shape (N, 2, 2).
         links: from x, y to x, y of lines between what belongs together [m], shape (N, 2, 2).
+        walls: what of the rasters is drawn once more, above the others.
     """
 
     rasters: tuple[Raster, ...]
@@ -81,7 +86,9 @@ class Drawing:
     title: str
     subtitle: str
     labels: bool
-    links: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 2, 2)))
+    doors: NDArray[np.float64] = field(default_factory=lambda: _NONE)
+    links: NDArray[np.float64] = field(default_factory=lambda: _NONE)
+    walls: tuple[Raster, ...] = ()
 
 
 def render(
@@ -91,6 +98,7 @@ def render(
     layers: Sequence[str] | None = None,
     names: Sequence[str] | None = None,
     area: BaseGeometry | None = None,
+    frontiers: Sequence[Frontier] = (),
     full: bool = False,
     labels: bool = True,
     title: str = "",
@@ -106,6 +114,7 @@ def render(
         layers: names of the layers to draw; None for all that can be drawn.
         names: classes of objects to draw; None for all.
         area: what to show, in the base frame [m]; None for all that is known.
+        frontiers: borders of the unknown, numbered as given, with where to stand.
         full: whether to show the grids as far as they reach, not only where something is known.
         labels: whether to write names at the shapes.
         title: first line of the picture.
@@ -118,7 +127,14 @@ def render(
     path = Path(path)
     check_suffix(path)
     drawing = compose(
-        hypermap, layers=layers, names=names, area=area, full=full, labels=labels, title=title
+        hypermap,
+        layers=layers,
+        names=names,
+        area=area,
+        frontiers=frontiers,
+        full=full,
+        labels=labels,
+        title=title,
     )
     from hypermap.viewer.drawing import draw  # loads matplotlib
 
@@ -137,6 +153,7 @@ def compose(
     layers: Sequence[str] | None = None,
     names: Sequence[str] | None = None,
     area: BaseGeometry | None = None,
+    frontiers: Sequence[Frontier] = (),
     full: bool = False,
     labels: bool = True,
     title: str = "",
@@ -154,15 +171,68 @@ def compose(
             rasters.append(Raster(layer.name, picture, base_T_layer @ picture.grid.origin))
         else:
             shapes.append(_in_base_frame(layer.name, picture, base_T_layer))
-    shapes.sort(key=lambda part: part.layer != _BENEATH)
-    colors = class_colors(name for part in shapes for name in part.names)
+    shapes.sort(key=lambda part: part.layer != ROOMS)  # rooms hold all others
+    walls: list[Raster] = []
+    if any(isinstance(layer, ValueLayer) for layer in shown):
+        # Values have larger cells than walls, which they would cover, and rooms would cover them.
+        walls = [_walls(raster) for raster in rasters if "Occupied" in raster.picture.legend]
+        shapes = [replace(part, are_outlines=part.layer == ROOMS) for part in shapes]
+    borders = _borders(frontiers)
+    colors = class_colors(name for part in [*shapes, borders] for name in part.names)
     if names is not None:
         shapes = [_only(part, names, colors) for part in shapes]
     view = _view(rasters, shapes, full) if area is None else area.bounds
     if not np.isfinite(view).all() or not (rasters or any(len(s.names) for s in shapes)):
         raise HypermapError("there is nothing to draw: the layers are empty or have no picture")
     subtitle = f"{_objects(shapes)}frame {hypermap.base_frame}"
-    return Drawing(tuple(rasters), tuple(shapes), _padded(view), colors, title, subtitle, labels)
+    if frontiers:
+        shapes.append(borders)
+    return Drawing(
+        tuple(rasters),
+        tuple(shapes),
+        _padded(view),
+        colors,
+        title,
+        subtitle,
+        labels,
+        _doors(hypermap) if names is None and ROOMS in {part.layer for part in shapes} else _NONE,
+        _links(frontiers),
+        tuple(walls),
+    )
+
+
+def _borders(frontiers: Sequence[Frontier]) -> Shapes:
+    """Return frontiers as shapes with their numbers."""
+    shapes = [
+        shapely.buffer(shapely.multipoints(each.points_xy), each.size / len(each.points_xy))
+        for each in frontiers
+    ]
+    numbers = [str(i) for i in range(1, len(shapes) + 1)]
+    names = as_objects(["frontier"] * len(shapes))
+    return Shapes("frontiers", names, as_objects(shapes), as_objects(numbers))
+
+
+def _links(frontiers: Sequence[Frontier]) -> NDArray[np.float64]:
+    """Return a line from each frontier to where a robot stands, shape (N, 2, 2)."""
+    ends = [[each.place_xy, [each.pose.x, each.pose.y]] for each in frontiers]
+    return np.array(ends, dtype=np.float64).reshape(-1, 2, 2)
+
+
+def _doors(hypermap: Hypermap) -> NDArray[np.float64]:
+    """Return the lines of the doors between rooms, in the base frame, shape (N, 2, 2)."""
+    from hypermap.rooms.rooms import rooms_on
+
+    rooms = rooms_on(hypermap)
+    lines = [] if rooms is None else [door.line.coords for door in rooms.doors]
+    return np.array([np.array(line)[[0, -1]] for line in lines]).reshape(-1, 2, 2)
+
+
+def _walls(raster: Raster) -> Raster:
+    """Return a grid whose occupied cells alone are drawn."""
+    rgba = raster.picture.rgba.copy()
+    is_wall = (rgba[:, :, :3] == raster.picture.legend["Occupied"]).all(axis=2)
+    rgba[~is_wall, 3] = 0
+    return replace(raster, picture=replace(raster.picture, rgba=rgba))
 
 
 def _in_base_frame(layer: str, picture: ShapesPicture, base_T_layer: Pose2D) -> Shapes:
@@ -177,7 +247,7 @@ def _only(part: Shapes, names: Sequence[str], known: Mapping[str, Any]) -> Shape
         if name not in known:
             raise HypermapError(f"no object is called {name!r}; {did_you_mean(name, known)}")
     wanted = np.isin(part.names.astype(str), list(names))
-    return Shapes(part.layer, part.names[wanted], part.shapes[wanted])
+    return replace(part, names=part.names[wanted], shapes=part.shapes[wanted])
 
 
 def _objects(shapes: Sequence[Shapes]) -> str:

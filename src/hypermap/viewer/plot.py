@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
 
     from hypermap.core.hypermap import Hypermap
+    from hypermap.exploration import Frontier
 
 
 def plot(
@@ -22,6 +23,7 @@ def plot(
     layers: Sequence[str] | None = None,
     names: Sequence[str] | None = None,
     area: BaseGeometry | None = None,
+    frontiers: Sequence[Frontier] = (),
     full: bool = False,
     labels: bool = True,
     legend: bool = False,
@@ -37,6 +39,7 @@ def plot(
         layers: names of the layers to draw; None for all that can be drawn.
         names: classes of objects to draw; None for all.
         area: what to show, in the base frame [m]; None for all that is known.
+        frontiers: borders of the unknown, numbered as given, with where to stand.
         full: whether to show the grids as far as they reach, not only where something is known.
         labels: whether to write names at the shapes.
         legend: whether to add a legend of the classes, to the right of the map.
@@ -45,7 +48,15 @@ def plot(
         HypermapError: If there is nothing to draw, or a name is unknown.
         LayerNotFound: If there is no such layer.
     """
-    drawing = compose(hypermap, layers=layers, names=names, area=area, full=full, labels=labels)
+    drawing = compose(
+        hypermap,
+        layers=layers,
+        names=names,
+        area=area,
+        frontiers=frontiers,
+        full=full,
+        labels=labels,
+    )
     from matplotlib.patches import Patch
 
     from hypermap.viewer.drawing import draw_into

@@ -75,7 +75,7 @@ TRINARY = [[100, 100, -1, -1, 0, 0]]
         (YAML.replace("0.65", "5.0e-1").replace("0.196", "1e-1"), [[100, 100, 100, -1, -1, 0]]),
     ],
 )
-def test_grey_values_become_cells_as_map_server_says(yaml: str, expected: list[list[int]]) -> None:
+def test_gray_values_become_cells_as_map_server_says(yaml: str, expected: list[list[int]]) -> None:
     assert cells(picture(GRAYS), yaml) == expected
 
 
@@ -96,10 +96,10 @@ def test_the_top_of_a_picture_is_the_far_end_of_the_map() -> None:
 
 @pytest.mark.parametrize("name", ["trinary", "scale", "raw"])
 def test_what_is_not_fully_opaque_is_unknown(name: str) -> None:
-    grey_alpha = np.array([[[0, 255], [0, 254], [0, 0], [255, 255]]])
+    gray_alpha = np.array([[[0, 255], [0, 254], [0, 0], [255, 255]]])
     free = 255 if name == "raw" else 0
     occupied = 0 if name == "raw" else 100
-    assert cells(picture(grey_alpha), mode(name)) == [[occupied, -1, -1, free]]
+    assert cells(picture(gray_alpha), mode(name)) == [[occupied, -1, -1, free]]
 
 
 def rgb(*colors: tuple[int, int, int]) -> list[list[tuple[int, int, int]]]:
@@ -130,7 +130,7 @@ def rgb(*colors: tuple[int, int, int]) -> list[list[tuple[int, int, int]]]:
         (b"P1\n2 1\n1 0\n", [[0, 255]]),
     ],
 )
-def test_pictures_of_every_kind_give_their_mean_grey(
+def test_pictures_of_every_kind_give_their_mean_gray(
     image: bytes, expected: list[list[int]]
 ) -> None:
     assert cells(image, mode("raw")) == expected

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from hypermap.formats.grid import png
-from hypermap.formats.grid.png import decode_grey_alpha, encode_grey_alpha, grey_alpha_size
+from hypermap.formats.grid.png import decode_gray_alpha, encode_gray_alpha, gray_alpha_size
 
 pictures = npst.arrays(np.uint8, st.tuples(st.integers(1, 9), st.integers(1, 5), st.just(2)))
 
@@ -23,13 +23,13 @@ pictures = npst.arrays(np.uint8, st.tuples(st.integers(1, 9), st.integers(1, 5),
 def in_bands(picture: NDArray[np.uint8], rows: int) -> bytes:
     height, width, _ = picture.shape
     bands = [picture[top : top + rows] for top in range(0, height, rows)]
-    return encode_grey_alpha(width, height, bands)
+    return encode_gray_alpha(width, height, bands)
 
 
 def decoded(content: bytes) -> NDArray[np.uint8]:
-    size = grey_alpha_size(content)
+    size = gray_alpha_size(content)
     assert size is not None
-    return np.concatenate(list(decode_grey_alpha(content, *size)))
+    return np.concatenate(list(decode_gray_alpha(content, *size)))
 
 
 @given(pictures, st.integers(1, 4))
@@ -85,8 +85,8 @@ def test_other_filters_are_left_to_pillow() -> None:
 def test_other_kinds_are_left_to_pillow(mode: str) -> None:
     file = io.BytesIO()
     Image.new(mode, (4, 4)).save(file, "PNG")
-    assert grey_alpha_size(file.getvalue()) is None
-    assert grey_alpha_size(b"BM" + bytes(100)) is None
+    assert gray_alpha_size(file.getvalue()) is None
+    assert gray_alpha_size(b"BM" + bytes(100)) is None
 
 
 INTACT = in_bands(np.random.default_rng(0).integers(0, 256, (9, 9, 2), dtype=np.uint8), 4)
@@ -98,7 +98,7 @@ def test_damage_is_one_of_two_errors(data: Any) -> None:
     for _ in range(data.draw(st.integers(1, 4))):
         content[data.draw(st.integers(0, len(content) - 1))] = data.draw(st.integers(0, 255))
     cut = bytes(content[: len(content) - data.draw(st.sampled_from([0, 1, 13, 60]))])
-    size = grey_alpha_size(cut)
+    size = gray_alpha_size(cut)
     if size is not None and size[0] * size[1] < 10_000:
         with contextlib.suppress(ValueError, zlib.error):
-            list(decode_grey_alpha(cut, *size))
+            list(decode_gray_alpha(cut, *size))

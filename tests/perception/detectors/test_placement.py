@@ -65,7 +65,7 @@ def test_boxes_are_cut_off_at_the_edges_of_the_image() -> None:
     assert boxes.tolist() == [[0, 0, 128, 96], [128, 96, 128, 96]]
 
 
-def test_around_the_image_there_is_grey() -> None:
+def test_around_the_image_there_is_gray() -> None:
     filled = centered((4, 2), (8, 8)).fill(np.full((2, 4, 3), 7, np.uint8))
     assert filled.dtype == np.float32
     assert (filled[2:6] == 7).all()

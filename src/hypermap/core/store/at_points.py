@@ -11,7 +11,7 @@ from hypermap.core.arrays import IntArray, of_rows
 from hypermap.core.shapes import have_points
 from hypermap.core.store.snapshot import NOWHERE, Snapshot
 
-_ONE_BY_ONE = 16  # points asked at once that are faster one by one
+_ONE_BY_ONE = 16  # up to so many points, one by one is faster
 
 
 def smallest_at(now: Snapshot, x: float, y: float) -> int:
@@ -28,7 +28,7 @@ def smallest_at(now: Snapshot, x: float, y: float) -> int:
 
 
 def _or_written_at(now: Snapshot, best: int, x: float, y: float) -> int:
-    """Return the row of the smallest object behind the table at a point, if below the best."""
+    """Return the smallest of `best` and the rows written after the table at a point."""
     log, written, first = now.log, now.log.written, now.log.first
     least = (math.inf, 0) if best < 0 else (log.table.areas[best], best)
     for at in written.index.at(x, y, now.count - first):
@@ -58,7 +58,7 @@ def smallest_at_each(now: Snapshot, points_xy: NDArray[np.float64]) -> IntArray:
     if now.changes:
         is_there = now.is_there(rows)
         places, rows = places[is_there], rows[is_there]
-    # The smallest of all comes last, and so is what stays.
+    # The smallest comes last, so it overwrites the others.
     order = np.lexsort((now.places(rows), now.column("areas", rows)))[::-1]
     smallest = np.full(len(points_xy), NOWHERE)
     smallest[places[order]] = rows[order]

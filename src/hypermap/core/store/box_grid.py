@@ -1,4 +1,4 @@
-"""Which of many boxes are where: grids of several cell sizes, each box in the one that fits it."""
+"""A spatial index of boxes: grids of several cell sizes, each box in the one that fits it."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from hypermap.core.arrays import IntArray, as_view, of_rows
 from hypermap.core.store.outlines import ranges
 
-_FINER = 4  # a grid's cells are so many times as wide as those of the next finer one
+_FINER = 4  # width of a grid's cells over that of the next finer grid
 _MOST_LEVELS = 32
-_AT_ONCE = 2**13  # points looked up in one go, so that they stay in the processor's cache
-_FEW_CELLS = 9  # that are looked at one by one
-_MOST_KEPT = 2**17  # boxes in the cells that are kept as lists
+_AT_ONCE = 2**13  # points looked up at a time, so that they stay in the CPU cache
+_FEW_CELLS = 9  # up to so many are searched one by one
+_MOST_KEPT = 2**17  # boxes in cached cells
 
 Near = tuple[float, float, float, float, int]  # a box, and its row
 
@@ -24,12 +24,12 @@ Near = tuple[float, float, float, float, int]  # a box, and its row
 class _Level:
     """A grid, and the boxes that meet each of its cells.
 
-    What lies off the grid counts to the nearest cell, so that one box far away costs nothing.
+    Boxes outside the grid belong to the nearest cell, so that one box far away costs nothing.
 
     Attributes:
         x: of the corner of cell (0, 0) [m].
         y: the same.
-        per_metre: cells per meter.
+        per_meter: cells per meter.
         width: cells along x.
         height: cells along y.
         starts: where each cell begins in `rows`, and the end of the last one.
@@ -39,7 +39,7 @@ class _Level:
 
     x: float
     y: float
-    per_metre: float
+    per_meter: float
     width: int
     height: int
     starts: IntArray
@@ -59,7 +59,7 @@ class _Level:
         columns = empty.columns_of(boxes[:, 0]), empty.columns_of(boxes[:, 2])
         lines = empty.lines_of(boxes[:, 1]), empty.lines_of(boxes[:, 3])
         across, up = columns[1] - columns[0] + 1, lines[1] - lines[0] + 1
-        # Each box takes so many lines of cells, and each of these so many cells.
+        # The rows of cells of each box, and the cells of each of these rows
         line_of, box_of = ranges(lines[0], up)
         cells, part_of = ranges(line_of * width + columns[0][box_of], across[box_of])
         owners = box_of[part_of[np.argsort(cells)]]
@@ -70,18 +70,18 @@ class _Level:
 
     def columns_of(self, x: NDArray[np.float64]) -> IntArray:
         """Return the cells of coordinates along x."""
-        return np.clip((x - self.x) * self.per_metre, 0, self.width - 1).astype(np.int64)
+        return np.clip((x - self.x) * self.per_meter, 0, self.width - 1).astype(np.int64)
 
     def lines_of(self, y: NDArray[np.float64]) -> IntArray:
         """Return the cells of coordinates along y."""
-        return np.clip((y - self.y) * self.per_metre, 0, self.height - 1).astype(np.int64)
+        return np.clip((y - self.y) * self.per_meter, 0, self.height - 1).astype(np.int64)
 
 
 class BoxGrid:
     """Finds boxes by points; made once and never changed.
 
-    A box lies in the finest grid whose cells are at least as wide as it, so in four cells at
-    most; all boxes of a map with millions of cups and some halls are found as fast.
+    A box is in the finest grid whose cells are at least as wide as the box, so in at most four
+    cells. This stays fast for a map with millions of cups and a few halls.
 
     Attributes:
         cell: width of the finest grid's cells [m].
@@ -92,7 +92,7 @@ class BoxGrid:
 
         Args:
             boxes: x0, y0, x1, y1 [m], shape (N, 4).
-            sizes: shape (N,); by which `near` sorts.
+            sizes: sort key for `near`, shape (N,).
         """
         self._all_boxes = as_view(boxes.ravel())
         self._all_sizes = as_view(sizes)
@@ -111,7 +111,7 @@ class BoxGrid:
         extent = _extent_of_most(boxes)
         span = max(extent[2] - extent[0], extent[3] - extent[1])
         spacing = math.sqrt((extent[2] - extent[0]) * (extent[3] - extent[1]) / len(boxes))
-        # The last bound keeps the grid small where all boxes lie in a line.
+        # The last bound keeps the grid small if all boxes are in a line.
         cell = self.cell = max(float(np.median(sizes)), spacing, span / len(boxes), 1e-6)
         fitting = np.ceil(np.log(np.maximum(sizes, cell) / cell) / math.log(_FINER))
         level_of = np.minimum(fitting, _MOST_LEVELS).astype(np.int64)
@@ -121,16 +121,16 @@ class BoxGrid:
             grid = _Level.of(of_rows(boxes, rows), rows, extent, cell * wider)
             self._levels.append(grid)
             self._for_one.append((wider, grid.width, as_view(grid.starts), as_view(grid.rows)))
-        finest = self._levels[0]  # at least half of the boxes are no larger than its cells
-        self._finest = finest.x, finest.y, finest.per_metre, finest.width, finest.height
+        finest = self._levels[0]  # at least half of the boxes fit its cells
+        self._finest = finest.x, finest.y, finest.per_meter, finest.width, finest.height
 
     def near(self, x: float, y: float) -> list[Near]:
-        """Return the boxes that may be at one point, smallest first; the same in a whole cell.
+        """Return the boxes that may be at one point, smallest first; the same for a whole cell.
 
-        The list is kept for the next question, and must not be changed.
+        The list is cached and must not be changed.
         """
-        west, south, per_metre, width, height = self._finest
-        column, line = (x - west) * per_metre, (y - south) * per_metre
+        west, south, per_meter, width, height = self._finest
+        column, line = (x - west) * per_meter, (y - south) * per_meter
         if not (0 <= column < width and 0 <= line < height):
             column, line = min(max(column, 0), width - 1), min(max(line, 0), height - 1)
         cell = int(line) * width + int(column)
@@ -143,11 +143,11 @@ class BoxGrid:
         """Return the rows of the boxes that meet a small box, in ascending order.
 
         Returns:
-            None where it is not small, or not on the grid.
+            None if the box is not small, or not on the grid.
         """
-        west, south, per_metre, width, height = self._finest
-        left, right = int((x0 - west) * per_metre), int((x1 - west) * per_metre)
-        low, high = int((y0 - south) * per_metre), int((y1 - south) * per_metre)
+        west, south, per_meter, width, height = self._finest
+        left, right = int((x0 - west) * per_meter), int((x1 - west) * per_meter)
+        low, high = int((y0 - south) * per_meter), int((y1 - south) * per_meter)
         if left < 0 or low < 0 or right >= width or high >= height:
             return None
         if (right - left + 1) * (high - low + 1) > _FEW_CELLS:
@@ -167,11 +167,11 @@ class BoxGrid:
             return self._look_up(cell)
 
     def _look_up(self, cell: int) -> list[Near]:
-        """Return the boxes near a cell of the finest grid, and keep them."""
+        """Return the boxes near a cell of the finest grid, and cache them."""
         line, column = divmod(cell, self._finest[3])
         found: list[int] = []
         for wider, width, starts, rows in self._for_one:
-            # All grids have one corner, and widths that differ by powers of two: none is rounded.
+            # All grids share a corner, and their widths differ by powers of two: no rounding.
             there = (line // wider) * width + column // wider
             found += rows[starts[there] : starts[there + 1]].tolist()
         found.sort()
@@ -188,7 +188,7 @@ class BoxGrid:
         return near
 
     def at_all(self, points_xy: NDArray[np.float64]) -> tuple[IntArray, IntArray]:
-        """Return which of the points, (N, 2), lies in which box: places among them, and rows."""
+        """Return which of the points, (N, 2), is in which box: indices of points, and rows."""
         found = [(np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64))]
         for start in range(0, len(points_xy), _AT_ONCE):
             x, y = np.ascontiguousarray(points_xy[start : start + _AT_ONCE].T)
@@ -209,13 +209,13 @@ class BoxGrid:
             here = coordinate[asked]
             inside = level.sides[axis][near] <= here
             inside &= here <= level.sides[axis + 2][near]
-            kept = np.flatnonzero(inside)  # several times faster than to index by what is true
+            kept = np.flatnonzero(inside)  # several times faster than a mask
             near, asked = near[kept], asked[kept]
         return asked, level.rows[near]
 
 
 def _extent_of_most(boxes: NDArray[np.float64]) -> tuple[float, ...]:
-    """Return a box around the middles of all boxes but those that lie apart."""
+    """Return a box around the centers of all boxes, outliers excluded."""
     middles = (boxes[:, :2] + boxes[:, 2:]) / 2
     low, high = np.quantile(middles, (0.01, 0.99), axis=0)
     margin = (high - low) * 0.05

@@ -14,11 +14,11 @@ from hypermap.core.store.snapshot import NOWHERE, Snapshot
 def written(
     now: Snapshot, gone: Mapping[int, int], new: Sequence[SemanticObject]
 ) -> tuple[ObjectLog, int, int]:
-    """Write a change to a log; return it, and how many of its rows and changes are seen then.
+    """Write a change to a log; return it, and the number of rows and changes of the new snapshot.
 
     Args:
-        now: what is there before, and stays as it is.
-        gone: id -> row, of objects that are there.
+        now: the snapshot before; it does not change.
+        gone: id -> row, of current objects.
         new: objects with ids. One with an id that is gone takes that object's place; the others
             come last.
     """
@@ -35,7 +35,7 @@ def written(
 
 
 def _merged(now: Snapshot, gone: Mapping[int, int], new: Sequence[SemanticObject]) -> ObjectLog:
-    """Return a new log of what is there after a change."""
+    """Return a new log with the objects after a change."""
     new_rows = {item.id or 0: now.count + i for i, item in enumerate(new)}
     place_of = np.empty(now.count, dtype=np.int64)
     place_of[now.rows] = np.arange(now.size)

@@ -13,20 +13,20 @@ from hypermap.core.store.snapshot import Snapshot
 
 Box = tuple[float, float, float, float]  # x0, y0, x1, y1
 
-_FEW = 12  # shapes that are not worth preparing an area for
-_MANY = 64  # shapes that are worth looking at their boxes first
+_FEW = 12  # fewer shapes are not worth preparing an area for
+_MANY = 64  # from so many shapes on, testing their boxes first is worth it
 
 
 def meeting(now: Snapshot, area: BaseGeometry, code: int | None = None) -> IntArray:
     """Return the rows of the objects that meet an area, in the order of the layer.
 
     Args:
-        now: what is there.
+        now: the objects.
         area: in the layer's frame.
         code: only objects with this name's code; None for all.
     """
     log, box = now.log, box_of(area)
-    # Of a box, the envelope is a copy, as `as_area` returns it, in a third of the time.
+    # For a box, the envelope is a copy like that of `as_area`, in a third of the time.
     asked = as_area(area) if box is None else area.envelope
     near = None if box is None else _near(now, box)
     if near is not None:
@@ -51,7 +51,7 @@ def all_at(now: Snapshot, point_xy: NDArray[np.float64]) -> IntArray:
 
 
 def _near(now: Snapshot, box: Box) -> list[int] | None:
-    """Return the ascending rows whose boxes meet a small one; None if it is not small."""
+    """Return the rows whose boxes meet a small box, ascending; None if it is not small."""
     log = now.log
     rows = log.grid.meeting(*box)
     if rows is not None and now.count > log.first:
@@ -61,7 +61,7 @@ def _near(now: Snapshot, box: Box) -> list[int] | None:
 
 
 def _few_meeting(now: Snapshot, area: BaseGeometry, rows: list[int], code: int | None) -> list[int]:
-    """Return which of some rows are there, have a name's code, and meet an area."""
+    """Return which of some rows exist, have a name's code, and meet an area."""
     log = now.log
     if now.changes:
         rows = [row for row in rows if log.all_ended[row] > now.changes]
@@ -71,10 +71,10 @@ def _few_meeting(now: Snapshot, area: BaseGeometry, rows: list[int], code: int |
 
 
 def _meet(now: Snapshot, area: BaseGeometry, box: Box | None, rows: IntArray) -> BoolArray:
-    """Return which rows' shapes meet an area, which their boxes do."""
+    """Return which rows' shapes meet an area; their boxes do."""
     if len(rows) < (_FEW if box is None else _MANY):
         return np.asarray(shapely.intersects(area, now.column("shapes", rows)))
-    shapely.prepare(area)  # which is a copy that no other thread has
+    shapely.prepare(area)  # a copy that no other thread has
     if box is not None:
         x0, y0, x1, y1 = now.column("boxes", rows).T
         left, low, right, high = box

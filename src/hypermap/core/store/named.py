@@ -13,9 +13,9 @@ from hypermap.core.arrays import IntArray
 from hypermap.core.store.in_areas import meeting
 from hypermap.core.store.snapshot import NOWHERE, Snapshot
 
-_NO_NAME = -1  # as a code
-_MANY = 64  # shapes that are worth looking at their boxes first
-_ROUNDING = 1 + 1e-9  # more than two distances can differ by rounding
+_NO_NAME = -1  # no row has this code
+_MANY = 64  # from more shapes on, testing their boxes first is worth it
+_ROUNDING = 1 + 1e-9  # more than rounding can change a distance
 
 
 def having_any(now: Snapshot, names: Iterable[str], area: BaseGeometry | None) -> IntArray:
@@ -51,7 +51,7 @@ def nearest(
 ) -> tuple[IntArray, NDArray[np.float64]]:
     """Return the k rows with a name or id that are nearest to a point, and their distances [m].
 
-    Nearest first; of equally near ones, that with the nearer centroid first.
+    Nearest first, ties by the distance to the centroid.
     """
     rows = having(now, what)
     if len(rows) > max(k, _MANY):
@@ -64,9 +64,9 @@ def nearest(
 
 
 def _candidates(now: Snapshot, rows: IntArray, point_xy: NDArray[np.float64], k: int) -> IntArray:
-    """Return those of more than k rows that may be among the k nearest.
+    """Return the rows, of more than k, that may be among the k nearest.
 
-    They are no farther than the k-th of those whose boxes are the nearest; nor are their boxes.
+    Their boxes are no farther than the farthest of the k shapes whose boxes are the nearest.
     """
     x, y = point_xy
     x0, y0, x1, y1 = now.column("boxes", rows).T

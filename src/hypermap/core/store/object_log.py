@@ -1,4 +1,4 @@
-"""A log of all objects that a semantic layer has ever had; nothing is removed from it.
+"""The change log of a semantic layer; nothing is removed from it.
 
 A log starts with a table. A change appends new rows and marks the rows that it ends. Nothing is
 copied, and readers of an earlier snapshot still see the same rows. The capacity of a log is
@@ -27,17 +27,17 @@ from hypermap.core.store.recent_boxes import RecentBoxes
 from hypermap.core.tangles import is_sound
 
 _FEWEST = 1024  # rows written or ended before a new log begins
-_SHARE = 8  # or this part of the table's rows, if that is more
+_SHARE = 8  # or one in so many of the table's rows, if that is more
 _NEVER = np.iinfo(np.int64).max
 
 
 @dataclass(frozen=True, eq=False)
 class Written:
-    """The rows behind a log's table as columns, with room for more.
+    """The rows after a log's table as columns, with room for more.
 
     Attributes:
         objects: as they were given.
-        places: in the order of the layer; an object that takes another's place has its number.
+        places: in the order of the layer; an object that replaces another has its number.
         ids, codes, shapes, centroids, areas, boxes: as in an `ObjectTable`.
         index: where the boxes are.
     """
@@ -54,7 +54,7 @@ class Written:
 
     @classmethod
     def room(cls, capacity: int, cell: float) -> Written:
-        """Return no rows, and room for some."""
+        """Return no rows, with room for `capacity`."""
         index = RecentBoxes(capacity, cell)
         return cls(
             [],
@@ -70,17 +70,17 @@ class Written:
 
 
 class ObjectLog:
-    """A table, and the rows that changes have written behind it.
+    """A table, and the rows that changes have appended to it.
 
-    Rows are counted through both. `write` alone changes a log, so that threads may look at its
-    first rows while it grows.
+    Row numbers continue from one to the other. Only `write` changes a log, and other threads may
+    read its first rows while it grows.
 
     Attributes:
         table: the objects with which the log began.
-        first: the first row behind it.
+        first: the first row after it.
         writing: held while the log is changed.
         count: rows so far.
-        changes: changes that were begun so far.
+        changes: changes begun so far.
     """
 
     def __init__(self, table: ObjectTable) -> None:
@@ -95,11 +95,11 @@ class ObjectLog:
         self._of_code: dict[int, IntArray] = {}
         self._of_id: dict[int, list[int]] = {}
 
-    # What costs something, and is only needed once something was asked or changed
+    # Expensive, so made for the first query or change that needs it
 
     @cached_property
     def grid(self) -> BoxGrid:
-        """Where the table's shapes are."""
+        """The spatial index of the table's shapes."""
         return BoxGrid(self.table.boxes, self.table.areas)
 
     @cached_property
@@ -119,20 +119,20 @@ class ObjectLog:
 
     @cached_property
     def written(self) -> Written:
-        """The rows behind the table."""
+        """The rows after the table."""
         return Written.room(self._capacity, self.grid.cell)
 
     @cached_property
     def ended(self) -> NDArray[np.int64]:
-        """Which change has ended each row, counted from 1; a very large number for none."""
+        """Which change ended each row, counted from 1; a very large number if none did."""
         return np.full(self.first + self._capacity, _NEVER)
 
     @cached_property
     def all_ended(self) -> memoryview[int]:
-        """The same for single rows, of which it tells several times faster."""
+        """The same, several times faster for single rows."""
         return as_view(self.ended)
 
-    # Questions
+    # Queries
 
     @property
     def codes(self) -> Mapping[str, int]:
@@ -142,7 +142,7 @@ class ObjectLog:
     @property
     def names(self) -> ObjectArray:
         """The names by their codes, shape (V,)."""
-        names = self._names  # another thread may put an older array there meanwhile
+        names = self._names  # another thread may set an older array at the same time
         if len(names) != len(self._codes):
             names = self._names = as_objects(list(self._codes))
         return names
@@ -154,7 +154,7 @@ class ObjectLog:
         return self._of_code[code]
 
     def written_rows_of(self, object_id: int) -> Sequence[int]:
-        """Return the rows behind the table that an object has had, the newest last."""
+        """Return the rows of an object after the table, the newest last."""
         return self._of_id.get(object_id, ())
 
     def shape(self, row: int) -> BaseGeometry:
@@ -171,7 +171,7 @@ class ObjectLog:
     # Changes
 
     def has_room(self, rows: int) -> bool:
-        """Return whether so many rows may be written or ended."""
+        """Return whether there is room to write or end so many rows."""
         return rows <= self._room
 
     def write(
@@ -179,16 +179,16 @@ class ObjectLog:
     ) -> None:
         """End rows and write others, as one change.
 
-        A change that is interrupted, as by Ctrl-C, leaves a log of which no snapshot is the newest:
-        what it has written is seen by none, and the next change begins a new log.
+        After a change that is interrupted, as by Ctrl-C, no snapshot is the newest of the log: none
+        sees what was written, and the next change begins a new log.
 
         Args:
-            ended: rows that are there.
+            ended: rows that exist.
             items: new objects, with ids.
             places: of each item in the order of the layer.
         """
-        shapes = [_valid(item.footprint) for item in items]  # should it fail, nothing is changed
-        all_ended = self.all_ended  # made before any reader needs it, so that there is one alone
+        shapes = [_valid(item.footprint) for item in items]  # if this fails, nothing is changed
+        all_ended = self.all_ended  # before any reader needs it, so that there is only one
         self.changes += 1  # first: from here on, no snapshot is the newest until one is made
         self._room -= len(ended) + len(items)
         for item, shape, place in zip(items, shapes, places, strict=True):
@@ -199,7 +199,7 @@ class ObjectLog:
 
     def _write(self, at: int, item: SemanticObject, shape: BaseGeometry, place: int) -> None:
         written = self.written
-        assert item.id is not None  # the layer has numbered it
+        assert item.id is not None  # the layer assigned it
         centroid = shape.centroid
         written.places[at] = place
         written.ids[at] = item.id
@@ -213,7 +213,7 @@ class ObjectLog:
 
 
 def _valid(footprint: BaseGeometry) -> BaseGeometry:
-    """Return what `valid_copies` does for one."""
+    """Return the same as `valid_copies`, for one."""
     if is_sound(footprint):
         return footprint
     shape: BaseGeometry = valid_copies(as_objects([footprint]))[0]

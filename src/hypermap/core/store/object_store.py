@@ -1,4 +1,4 @@
-"""The interface of the store: the objects of a layer at one moment, and all queries for them."""
+"""The interface of the store: the objects of a layer at one moment, and all queries to them."""
 
 from __future__ import annotations
 
@@ -19,37 +19,37 @@ from hypermap.core.store.snapshot import Snapshot
 
 @dataclass(frozen=True, eq=False)
 class ObjectStore(Snapshot):
-    """The objects of a semantic layer at one moment; never changes, a change makes another one.
+    """The objects of a semantic layer at one moment; immutable, a change makes a new one.
 
-    Questions answer with rows, -1 for none, which `column` and `object` turn into what is known of
-    them. Rows are of one store alone.
+    Queries return rows, -1 for none; `column` and `object` return what they contain. A row is valid
+    for one store only.
 
     Attributes:
-        next_id: above all ids given so far.
+        next_id: above all ids so far.
     """
 
     next_id: int
 
     @classmethod
     def of(cls, table: ObjectTable, next_id: int) -> ObjectStore:
-        """Return what a layer with these objects holds."""
+        """Return the store of a layer with these objects."""
         return cls(ObjectLog(table), len(table), 0, len(table), next_id)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return ObjectStore.of, (self.table, self.next_id)  # without what a log has computed
+        return ObjectStore.of, (self.table, self.next_id)  # without the indexes
 
-    # Questions
+    # Queries
 
-    at = at_points.smallest_at  # as it is, without one more call: this is asked most
+    at = at_points.smallest_at  # without one more call: the most frequent query
 
     def at_each(self, points_xy: NDArray[np.float64]) -> IntArray:
-        """Return the row of the smallest object at each point, (N, 2); -1 where there is none."""
+        """Return the row of the smallest object at each point, (N, 2); -1 if there is none."""
         return at_points.smallest_at_each(self, points_xy)
 
     def all_at(self, point_xy: NDArray[np.float64]) -> IntArray:
         """Return the rows of all objects at a point of shape (2,), the smallest first.
 
-        The first is that of `at`: of equally large ones, that which comes first in the layer.
+        The first is that of `at`; of objects of equal size, the first in the layer.
         """
         return in_areas.all_at(self, point_xy)
 
@@ -71,8 +71,8 @@ class ObjectStore(Snapshot):
         """Return the k rows with a name or id that are nearest to a point of shape (2,).
 
         Returns:
-            Rows and the distances to their shapes [m], both of shape (K,), nearest first; of
-            equally near ones, that with the nearer centroid first.
+            Rows and the distances to their shapes [m], both of shape (K,), nearest first, ties
+            by the distance to the centroid.
         """
         return named.nearest(self, what, point_xy, k)
 
@@ -81,13 +81,13 @@ class ObjectStore(Snapshot):
     def changed(
         self, gone: Mapping[int, int], new: Sequence[SemanticObject], next_id: int
     ) -> ObjectStore:
-        """Return what is there after a change; this store stays as it is.
+        """Return the store after a change; this one does not change.
 
         Args:
-            gone: id -> row, of objects that are there.
+            gone: id -> row, of objects that exist.
             new: objects with ids. One with an id that is gone takes that object's place;
                 the others come last.
-            next_id: as of the store afterwards.
+            next_id: of the new store.
         """
         if not (gone or new):
             return self

@@ -1,4 +1,4 @@
-"""Which points lie in which shapes, for many pairs at once and without errors of rounding."""
+"""Exact point-in-polygon tests, for single points and for many pairs at once."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from hypermap.core.shapes import have_points
 # sum of their sizes. Source: Shewchuk, Adaptive Precision Floating-Point Arithmetic and Fast Robust
 # Geometric Predicates, 1997, the first bound of orient2d.
 _UNSURE = 3.3306690738754716e-16
-_MOST_CORNERS = 64  # of an outline that is looked at edge by edge
-_PAIRS = 2**14  # looked at in one go, which bounds the memory
+_MOST_CORNERS = 64  # of an outline that is tested edge by edge
+_PAIRS = 2**14  # tested at a time, which limits the memory
 _MOST_KEPT = 2**12  # outlines in plain Python
 
 Ring = list[list[float]]  # the corners' x and y
@@ -38,8 +38,8 @@ def ranges(starts: IntArray, counts: IntArray) -> tuple[IntArray, IntArray]:
 class Outlines:
     """The corners of shapes as one array.
 
-    A polygon without holes is looked at edge by edge: a point is inside if a ray from it crosses
-    an odd number of edges. GEOS, which computes exactly, decides where rounding could, and for all
+    A polygon without holes is tested edge by edge: a point is inside if a ray from it crosses
+    an odd number of edges. GEOS, which is exact, decides where rounding errors matter, and for all
     other shapes. A point on an outline belongs to the shape.
     """
 
@@ -55,12 +55,12 @@ class Outlines:
         )
 
     def first_corners(self, rows: IntArray) -> NDArray[np.float64]:
-        """Return a point of each of some shapes, shape (M, 2)."""
+        """Return a corner of each of some shapes, shape (M, 2)."""
         first = self._starts[rows]
         return np.column_stack([self._x[first], self._y[first]])
 
     def cover(self, rows: IntArray, points_xy: NDArray[np.float64]) -> BoolArray:
-        """Return whether shapes, by their rows (M,), have the points, (M, 2), one of each."""
+        """Return whether each shape, by its row (M,), covers its point, (M, 2)."""
         covered = np.zeros(len(rows), dtype=bool)
         is_sure = self._is_plain[rows]
         plain = np.flatnonzero(is_sure)
@@ -75,7 +75,7 @@ class Outlines:
         first = self._starts[rows]
         counts = self._starts[rows + 1] - first - 1
         edges, pairs = ranges(first, counts)
-        # Only edges that reach the height of the point matter: from a to b, seen from the point.
+        # Only edges from a to b that reach the height of the point matter.
         height = points_xy[pairs, 1]
         a_is_above, b_is_above = self._y[edges] >= height, self._y[edges + 1] >= height
         b_is_level = self._y[edges + 1] == height
@@ -95,22 +95,22 @@ class Outlines:
 
 
 class Rings:
-    """The outlines of single shapes in plain Python, which is faster there than arrays are.
+    """The outlines of single shapes in plain Python, which is faster for these than arrays.
 
-    What was asked for is kept for the next question, up to a bound. Points are judged as in
-    `Outlines`. GEOS is asked about copies, one thread at a time: it prepares a shape for more
-    questions while it answers the first ones, and two threads that do so at once end the program.
+    They are cached, up to a limit, and tested as in `Outlines`. GEOS gets copies, one thread at a
+    time: it prepares a shape during the first queries, and two threads that do so at once
+    crash the program.
     """
 
     def __init__(self, shape_of: Callable[[int], BaseGeometry]) -> None:
-        """Take outlines from the shapes of rows."""
+        """Read outlines from the shapes of rows."""
         self._shape_of = shape_of
         self._kept: dict[int, Ring] = {}
         self._copies: dict[int, BaseGeometry] = {}
         self._asking = threading.Lock()
 
     def cover(self, row: int, x: float, y: float) -> bool:
-        """Return whether the shape of a row has a point."""
+        """Return whether the shape of a row covers a point."""
         try:
             ring = self._kept[row]
         except KeyError:
@@ -119,7 +119,7 @@ class Rings:
         return self._ask(row, x, y) if is_inside is None else is_inside
 
     def _ask(self, row: int, x: float, y: float) -> bool:
-        """Return what GEOS says."""
+        """Return the answer of GEOS."""
         with self._asking:
             if row not in self._copies:
                 if len(self._copies) >= _MOST_KEPT:
@@ -135,7 +135,7 @@ class Rings:
 
 
 def _plain_ring(shape: BaseGeometry) -> Ring:
-    """Return the corners, the first one twice; none if GEOS is to decide about a shape."""
+    """Return the corners, the first one twice; none if GEOS must decide about the shape."""
     corners: Ring = shapely.get_coordinates(shape).tolist()
     if not isinstance(shape, shapely.Polygon) or len(corners) > _MOST_CORNERS:
         return []
@@ -144,7 +144,7 @@ def _plain_ring(shape: BaseGeometry) -> Ring:
 
 
 def _is_around(ring: Ring, x: float, y: float) -> bool | None:
-    """Return whether a ring has a point; None where rounding could decide."""
+    """Return whether a ring covers a point; None if rounding errors matter."""
     inside = False
     ax, ay = ring[0]
     for bx, by in ring:

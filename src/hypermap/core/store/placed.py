@@ -1,4 +1,4 @@
-"""Objects of several layers side by side in one frame, and how they lie to each other."""
+"""Objects of several layers in one frame, and distances between them."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from hypermap.core.frames import Pose2D
 from hypermap.core.store.object_store import ObjectStore
 
 NO_OBJECT = -1
-_ROWS = 2**32  # keys count rows, and above them layers
+_ROWS = 2**32  # a key is layer * _ROWS + row
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +27,7 @@ class Placed:
     Attributes:
         shapes: valid geometries, shape (N,).
         centroids: of the shapes [m], shape (N, 2).
-        keys: a number for each object, int64, shape (N,); -1 for an asked geometry.
+        keys: a number for each object, int64, shape (N,); -1 for a geometry of the query.
     """
 
     shapes: ObjectArray
@@ -36,7 +36,7 @@ class Placed:
 
     @classmethod
     def geometry(cls, geometry: BaseGeometry) -> Placed:
-        """Return a geometry to ask about, which is no object; nothing for an empty one."""
+        """Return a geometry of a query, which is not an object; nothing if it is empty."""
         shapes = as_objects([] if geometry.is_empty else [geometry])
         centroids = shapely.get_coordinates(shapely.centroid(shapes))
         return cls(shapes, centroids, np.full(len(shapes), NO_OBJECT))
@@ -66,13 +66,13 @@ class Placed:
         nearest = np.full(len(self), np.inf)
         with np.errstate(all="ignore"):  # GEOS divides by the lengths of edges without length
             if np.isfinite(limit):
-                # Copies, of which none is prepared: threads must not share what is.
+                # Copies are not prepared: threads must not share prepared geometries.
                 shapes = shapely.force_2d(self.shapes)
                 pairs = tree.query(shapes, predicate="dwithin", distance=limit)
                 self._measure(nearest, others, *pairs)
                 return nearest
             self._measure(nearest, others, *tree.query_nearest(self.shapes))
-            # What meets nothing but itself is the only one with its shape.
+            # These found only themselves. No other has their shape, so exclude equal shapes.
             alone = np.flatnonzero(np.isinf(nearest))
             here, there = tree.query_nearest(self.shapes[alone], exclusive=True)
             self._measure(nearest, others, alone[here], there)
@@ -81,7 +81,7 @@ class Placed:
     def _measure(
         self, nearest: NDArray[np.float64], others: Placed, here: IntArray, there: IntArray
     ) -> None:
-        """Make distances, (N,), smaller where pairs of a shape and another, (M,), are nearer."""
+        """Reduce distances, (N,), where pairs of a shape and another, (M,), are nearer."""
         other = ~self._same(here, others, there)
         here, there = here[other], there[other]
         np.minimum.at(nearest, here, shapely.distance(self.shapes[here], others.shapes[there]))
@@ -89,14 +89,14 @@ class Placed:
     def centroid_distances_to(self, others: Placed) -> NDArray[np.float64]:
         """Return the distance from each centroid to the other shape, shape (N,).
 
-        Zeros if there is not exactly one other: it decides between shapes that are equally near.
+        Zeros if there is not exactly one other; used to break ties.
         """
         if len(others) != 1:
             return np.zeros(len(self))
         return np.asarray(shapely.distance(shapely.points(self.centroids), others.shapes[0]))
 
-    def stand_in(self, others: Placed) -> BoolArray:
-        """Return whether each shape's centroid lies in one of the others that is not itself."""
+    def are_inside(self, others: Placed) -> BoolArray:
+        """Return whether each shape's centroid is in one of the others that is not itself."""
         tree = shapely.STRtree(others.shapes)
         here, there = tree.query(shapely.points(self.centroids), predicate="intersects")
         inside = np.zeros(len(self), dtype=bool)
@@ -109,14 +109,14 @@ class Placed:
 
 @dataclass(frozen=True, eq=False)
 class PlacedLayer:
-    """The objects of a semantic layer at one moment, where they are, and where the layer lies."""
+    """The objects of a semantic layer at one moment, and the layer's pose in the base frame."""
 
     name: str
     store: ObjectStore
     base_T_layer: Pose2D
 
     def rows(self, names: Collection[str] | None, area: BaseGeometry | None) -> IntArray:
-        """Return the rows of objects with one of some names that meet an area of the base frame.
+        """Return the rows of objects with one of some names that meet an area in the base frame.
 
         Args:
             names: None for any.
@@ -128,7 +128,7 @@ class PlacedLayer:
         return self.store.rows if asked is None else self.store.in_area(asked)
 
     def found(self, rows: IntArray, distances: Sequence[float | None]) -> list[FoundObject]:
-        """Return some objects, brought into the base frame."""
+        """Return some objects, transformed into the base frame."""
         table = self.store.take(rows)
         points = self.base_T_layer.apply(table.centroids)
         table = replace(table, footprints=self.base_T_layer.apply_geometries(table.footprints))
@@ -139,7 +139,7 @@ class PlacedLayer:
         ]
 
     def at(self, point_xy: NDArray[np.float64]) -> list[FoundObject]:
-        """Return all objects at a point of the base frame, the smallest first."""
+        """Return all objects at a point in the base frame, the smallest first."""
         rows = self.store.all_at(self.base_T_layer.inverse().apply(point_xy)[0])
         return self.found(rows, [None] * len(rows))
 
@@ -164,12 +164,12 @@ class PlacedLayers:
         layer: str | None = None,
         area: BaseGeometry | None = None,
     ) -> Placed:
-        """Return the objects with one of some names, or all, of a layer, or all, in their order.
+        """Return the objects that meet all conditions, in order.
 
         Args:
-            names: None for any.
-            layer: the name of a layer; None for all.
-            area: what they meet, in the base frame; None for everywhere.
+            names: one of which they have; None for any.
+            layer: the name of their layer; None for all.
+            area: an area in the base frame that they meet; None for everywhere.
         """
         placed = [
             _placed(i, place, place.rows(names, area))
@@ -180,12 +180,12 @@ class PlacedLayers:
         return functools.reduce(Placed.followed_by, placed, nothing)
 
     def are_of(self, layer: str, keys: NDArray[np.int64]) -> BoolArray:
-        """Return whether the objects with these keys, shape (N,), are of a layer."""
+        """Return whether each of the objects with these keys, shape (N,), is in a layer."""
         numbers = [number for number, place in enumerate(self._layers) if place.name == layer]
         return np.isin(keys // _ROWS, numbers)
 
     def have_tags(self, keys: NDArray[np.int64], tags: set[str]) -> BoolArray:
-        """Return whether the objects with these keys, shape (N,), have all the tags."""
+        """Return whether each of the objects with these keys, shape (N,), has all the tags."""
         places = zip(*(part.tolist() for part in np.divmod(keys, _ROWS)), strict=True)
         own = (self._layers[number].store.object(row).tags for number, row in places)
         return np.fromiter((tags.issubset(texts) for texts in own), dtype=bool, count=len(keys))
@@ -193,11 +193,11 @@ class PlacedLayers:
     def found(
         self, keys: NDArray[np.int64], distances: NDArray[np.float64] | None = None
     ) -> list[FoundObject]:
-        """Return the objects with these keys, shape (N,), in their order.
+        """Return the objects with these keys, shape (N,), in this order.
 
         Args:
             keys: as in `Placed`.
-            distances: of each object, shape (N,) [m]; None where none was asked for.
+            distances: of each object, shape (N,) [m]; None if the query has no distance.
         """
         far = as_objects([None] * len(keys) if distances is None else distances.tolist())
         numbers, rows = np.divmod(keys, _ROWS)
@@ -210,12 +210,12 @@ class PlacedLayers:
 
 @dataclass(frozen=True, eq=False)
 class Matches:
-    """The objects that answer a question, in the order of the answer.
+    """The objects in the answer to a query, in order.
 
     Attributes:
-        layers: which hold them.
+        layers: their layers.
         keys: of each, as in `Placed`.
-        distances: of each [m]; None where none was asked for.
+        distances: of each [m]; None if the query has no distance.
     """
 
     layers: PlacedLayers
@@ -226,7 +226,7 @@ class Matches:
         return len(self.keys)
 
     def first(self, count: int | None = None) -> list[FoundObject]:
-        """Return the first so many objects; None for all."""
+        """Return the first `count` objects; None for all."""
         far = None if self.distances is None else self.distances[:count]
         return self.layers.found(self.keys[:count], far)
 

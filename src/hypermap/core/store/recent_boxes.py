@@ -1,4 +1,4 @@
-"""Which boxes are where, of those that came one by one: a sparse grid that only grows."""
+"""A spatial index of boxes added one by one: a sparse grid that only grows."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from hypermap.core.arrays import IntArray, as_view, of_rows
 from hypermap.core.store.box_grid import BoxGrid
 
 _FINER = 4  # as in a BoxGrid
-_FEW_CELLS = 9  # that are looked at one by one
-_FEWER = 6  # so many times fewer points than boxes are not worth a grid of all boxes
-_FAR = 1e12  # meters; what lies beyond is found there
+_FEW_CELLS = 9  # up to so many are searched one by one
+_FEWER = 6  # a grid of all boxes is worth it from one point per so many boxes on
+_FAR = 1e12  # meters; points beyond are moved there
 
 Cells = dict[tuple[int, int], list[int]]
 
 
 class RecentBoxes:
-    """Finds boxes among the first so many that were added.
+    """Finds boxes among the first `count` that were added.
 
-    One thread may add boxes while others ask for those that were there before.
+    One thread may add boxes while others search those added before.
 
     Attributes:
         boxes: x0, y0, x1, y1 of each [m], shape (capacity, 4).
@@ -37,19 +37,19 @@ class RecentBoxes:
         self._grid = 0, BoxGrid(self.boxes[:0], self.boxes[:0, 0])
 
     def put(self, position: int, box: tuple[float, float, float, float]) -> None:
-        """Add a box; positions are given from 0 on."""
+        """Add a box; positions count from 0."""
         x0, y0, x1, y1 = box
         for side, value in enumerate(box, 4 * position):
             self._all_boxes[side] = value
         size = max(x1 - x0, y1 - y0) / self._cell
         level = math.ceil(math.log(size, _FINER)) if size > 1 else 0
-        per_metre = 1 / (self._cell * _FINER**level)
+        per_meter = 1 / (self._cell * _FINER**level)
         if level not in self._level_of:
             self._level_of[level] = {}
-            self._levels.append((per_metre, self._level_of[level]))
+            self._levels.append((per_meter, self._level_of[level]))
         cells = self._level_of[level]
-        for column in range(math.floor(x0 * per_metre), math.floor(x1 * per_metre) + 1):
-            for line in range(math.floor(y0 * per_metre), math.floor(y1 * per_metre) + 1):
+        for column in range(math.floor(x0 * per_meter), math.floor(x1 * per_meter) + 1):
+            for line in range(math.floor(y0 * per_meter), math.floor(y1 * per_meter) + 1):
                 cells.setdefault((column, line), []).append(position)
 
     def at(self, x: float, y: float, count: int) -> list[int]:
@@ -57,8 +57,8 @@ class RecentBoxes:
         x, y = min(max(x, -_FAR), _FAR), min(max(y, -_FAR), _FAR)
         found = []
         boxes = self._all_boxes
-        for per_metre, cells in self._levels:
-            for position in cells.get((math.floor(x * per_metre), math.floor(y * per_metre)), ()):
+        for per_meter, cells in self._levels:
+            for position in cells.get((math.floor(x * per_meter), math.floor(y * per_meter)), ()):
                 if position < count:
                     k = 4 * position
                     if boxes[k] <= x <= boxes[k + 2] and boxes[k + 1] <= y <= boxes[k + 3]:
@@ -66,7 +66,7 @@ class RecentBoxes:
         return found
 
     def at_all(self, points_xy: NDArray[np.float64], count: int) -> tuple[IntArray, IntArray]:
-        """Return which of the points, (N, 2), lies in which box: places among them, positions."""
+        """Return which of the points, (N, 2), is in which box: indices of points, positions."""
         known, grid = self._grid
         if known < count:
             if _FEWER * len(points_xy) < count:
@@ -94,11 +94,11 @@ class RecentBoxes:
         return np.asarray(found[meets])
 
     def _cells(self, x0: float, y0: float, x1: float, y1: float) -> list[list[int]] | None:
-        """Return what is in the cells that meet a box; None if these are not few."""
+        """Return the boxes of the cells that meet a box; None if there are many cells."""
         found = []
-        for per_metre, cells in self._levels:
-            columns = range(math.floor(x0 * per_metre), math.floor(x1 * per_metre) + 1)
-            lines = range(math.floor(y0 * per_metre), math.floor(y1 * per_metre) + 1)
+        for per_meter, cells in self._levels:
+            columns = range(math.floor(x0 * per_meter), math.floor(x1 * per_meter) + 1)
+            lines = range(math.floor(y0 * per_meter), math.floor(y1 * per_meter) + 1)
             if len(columns) * len(lines) > _FEW_CELLS:
                 return None
             found += [cells.get((column, line), []) for column in columns for line in lines]

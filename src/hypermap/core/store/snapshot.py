@@ -1,4 +1,4 @@
-"""The state of a log at one moment: which rows existed, in which order, with which values."""
+"""The state of a log at one moment: which rows exist, in which order, with which values."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ NOWHERE = -1
 
 @dataclass(frozen=True, eq=False)
 class Snapshot:
-    """The first rows of a log, less those that its first changes have ended; never changes.
+    """The first rows of a log, without those that its first changes ended; immutable.
 
     Attributes:
         log: the log.
-        count: rows of the log that are seen.
-        changes: changes of the log that are seen.
-        size: objects that are there.
+        count: rows of the log that this snapshot sees.
+        changes: changes of the log that this snapshot sees.
+        size: number of objects.
     """
 
     log: ObjectLog
@@ -36,11 +36,11 @@ class Snapshot:
     def __len__(self) -> int:
         return self.size
 
-    # What the rows hold
+    # The content of rows
 
     @cached_property
     def rows(self) -> IntArray:
-        """The rows that are there, in the order of the layer, shape (N,)."""
+        """The rows that exist, in the order of the layer, shape (N,)."""
         return self.in_order(self.there(np.arange(self.count)))
 
     @cached_property
@@ -49,7 +49,7 @@ class Snapshot:
         return self.log.table if self.changes == 0 else self.take(self.rows)
 
     def take(self, rows: IntArray, more: Sequence[SemanticObject] = ()) -> ObjectTable:
-        """Return some rows as columns; from `count` on, they are those of more objects."""
+        """Return some rows as columns; rows from `count` on are those of `more`."""
         first = self.log.first
         behind = rows[rows >= first].tolist()
         if not behind:
@@ -61,7 +61,7 @@ class Snapshot:
         return self.log.table.take_with(rows, ObjectTable.of(objects, self.log.codes))
 
     def column(self, name: str, rows: IntArray) -> NDArray[Any]:
-        """Return one of the columns of an `ObjectTable` that questions need, for some rows."""
+        """Return a column of an `ObjectTable` or of `Written`, for some rows."""
         column: NDArray[Any] = getattr(self.log.table, name)
         first = self.log.first
         if self.count == first:
@@ -86,14 +86,14 @@ class Snapshot:
         return int(self.log.table.ids[row] if row < first else self.log.written.ids[row - first])
 
     def object(self, row: int) -> SemanticObject:
-        """Return one row as an object, with a footprint of its own."""
+        """Return one row as an object, with a copy of its footprint."""
         log = self.log
         if row < log.first:
             return log.table.object(row)
         return log.written.objects[row - log.first].copy()
 
     def row_of_id(self, object_id: int) -> int:
-        """Return the row of an object; -1 if it is not there."""
+        """Return the row of an object; -1 if it does not exist."""
         log = self.log
         for row in reversed(log.written_rows_of(object_id)):
             if row < self.count and log.all_ended[row] > self.changes:
@@ -102,7 +102,7 @@ class Snapshot:
         is_gone = row >= 0 and self.changes > 0 and log.all_ended[row] <= self.changes
         return NOWHERE if is_gone else row
 
-    # Which rows are there, and in which order
+    # Which rows exist, and in which order
 
     def is_there(self, rows: IntArray) -> BoolArray:
         """Return which of some rows no change has ended."""
@@ -111,7 +111,7 @@ class Snapshot:
         return np.asarray(self.log.ended[rows] > self.changes)
 
     def there(self, rows: IntArray) -> IntArray:
-        """Return those of some rows that no change has ended."""
+        """Return the rows, of some, that no change has ended."""
         return rows if self.changes == 0 else rows[self.is_there(rows)]
 
     def place(self, row: int) -> int:

@@ -1,4 +1,4 @@
-"""Columns of values, and the same as arrays of Arrow; the only module that imports pyarrow."""
+"""Columns of values, to and from Arrow arrays; the only module that imports pyarrow."""
 
 from __future__ import annotations
 
@@ -40,10 +40,10 @@ def pyarrow_and_parquet() -> tuple[Any, Any]:
 
 @dataclass(frozen=True, eq=False)
 class Words:
-    """Texts, of which many are the same.
+    """Texts with many duplicates.
 
     Attributes:
-        codes: each one's place in the vocabulary, int32, shape (N,); -1 where there is none.
+        codes: the index of each in the vocabulary, int32, shape (N,); -1 for none.
         vocabulary: the texts.
     """
 

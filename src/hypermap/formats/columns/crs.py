@@ -1,8 +1,8 @@
 """Coordinate reference systems in GIS files: meters in a frame of a map, or something else.
 
-Our files name an engineering system, which lies nowhere on the globe, after the frame. One rule
-holds for what other programs write: a system of another kind (degrees, or meters of a projection)
-is refused; where a file names none, the user has to say in which frame its meters are.
+Our files have an engineering system, with no position on the globe, named after the frame. For
+files of other programs, a system of another kind (degrees, or meters of a projection)
+is refused; if a file has none, the user must give the frame of its meters.
 
 Source: OGC 18-010r7, section 11 (engineering coordinate reference systems).
 """
@@ -47,8 +47,8 @@ class System:
         return cls(name, name if crs.get("type") == "EngineeringCRS" else None)
 
 
-def check_metres(system: System | None, path: str | None, key: str) -> None:
-    """Raise a FormatError if coordinates are not meters in a frame; None where nothing is said."""
+def check_meters(system: System | None, path: str | None, key: str) -> None:
+    """Raise a FormatError if coordinates are not meters in a frame; None means unspecified."""
     if system is not None and system.frame_id is None:
         raise FormatError(
             f"coordinates are in {system.name}, not in meters in a frame of the map; move them "
@@ -63,14 +63,14 @@ def frame_of(system: System | None, given: str | None, path: str | None, key: st
 
     Args:
         system: that the file names; None if it names none.
-        given: the frame that the user says, which counts.
-        path: how messages name the file.
-        key: where in the file the system is named.
+        given: the frame from the user, which takes precedence.
+        path: the file's name in messages.
+        key: the key of the system in the file.
 
     Raises:
         FormatError: If the system is of another kind, or there is no frame.
     """
-    check_metres(system, path, key)
+    check_meters(system, path, key)
     frame = given or (system.frame_id if system else None)
     if frame is None:
         raise FormatError(

@@ -1,7 +1,7 @@
 """Polygons of one ring, as nearly all footprints are: many at once, from text and from binary.
 
-What is not of this kind, however little of it, is left to the readers of all shapes, so that they
-alone say what is wrong with it.
+If even one shape is not of this kind, the general readers read them all, so that only they
+report errors.
 """
 
 from __future__ import annotations

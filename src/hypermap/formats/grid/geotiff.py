@@ -3,13 +3,15 @@
 The coordinates are meters in the layer's frame: an engineering system, which lies nowhere on the
 globe and has the frame's name, as in our other files for such programs.
 
-Sources: TIFF 6.0; OGC 19-008r4 (GeoTIFF 1.1); GDAL's GTiff driver for the tag of "no data".
+Sources: TIFF 6.0; OGC 19-008r4 (GeoTIFF 1.1); GDAL's GTiff driver for the tags of "no data" and of
+units.
 """
 
 from __future__ import annotations
 
 import io
 from typing import Any, Protocol, runtime_checkable
+from xml.sax.saxutils import escape
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,11 +21,12 @@ from PIL.TiffImagePlugin import ImageFileDirectory_v2
 from hypermap.core.errors import HypermapError
 from hypermap.core.grid import GridGeometry
 from hypermap.core.occupancy import UNKNOWN
+from hypermap.core.value_layer import ValueLayer
 
 # Tags
 _PIXEL_SCALE, _TIE_POINT, _TRANSFORMATION = 33550, 33922, 34264
 _KEYS, _TEXTS = 34735, 34737
-_NO_DATA = 42113
+_METADATA, _NO_DATA = 42112, 42113
 # Keys, and what they are here
 _MODEL_TYPE, _USER_DEFINED = 1024, 32767
 _RASTER_TYPE, _PIXEL_IS_AREA = 1025, 1
@@ -67,6 +70,8 @@ def to_geotiff(layer: GridLayer) -> bytes:
     _place(tags, grid)
     _name_frame(tags, layer.frame_id)
     _set(tags, _NO_DATA, TiffTags.ASCII, str(UNKNOWN) if is_whole else "nan")
+    if isinstance(layer, ValueLayer):
+        _set(tags, _METADATA, TiffTags.ASCII, _described(layer))
     file = io.BytesIO()
     picture.save(file, "TIFF", tiffinfo=tags, compression="tiff_adobe_deflate")
     return file.getvalue()
@@ -97,6 +102,19 @@ def _name_frame(tags: ImageFileDirectory_v2, frame_id: str) -> None:
     directory = [1, 1, 0, len(keys), *(number for key in keys for number in key)]
     _set(tags, _KEYS, TiffTags.SHORT, tuple(directory))
     _set(tags, _TEXTS, TiffTags.ASCII, text)
+
+
+def _described(layer: ValueLayer) -> str:
+    """Return what GDAL shows as the unit and the description of the band."""
+    items = "".join(
+        f'<Item name="{name}" sample="0" role="{role}">{escape(text)}</Item>'
+        for name, role, text in (
+            ("UNITTYPE", "unittype", layer.unit),
+            ("DESCRIPTION", "description", layer.quantity),
+        )
+        if text
+    )
+    return f"<GDALMetadata>{items}</GDALMetadata>".encode("ascii", "xmlcharrefreplace").decode()
 
 
 def _set(tags: ImageFileDirectory_v2, number: int, kind: int, value: Any) -> None:

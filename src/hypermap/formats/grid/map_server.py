@@ -24,23 +24,23 @@ from hypermap.formats import limits
 from hypermap.formats.checked import Checked, Finite, Pose, Text, check
 from hypermap.formats.grid.png import (
     band_rows,
-    decode_grey_alpha,
-    encode_grey_alpha,
-    grey_alpha_size,
+    decode_gray_alpha,
+    encode_gray_alpha,
+    gray_alpha_size,
 )
 from hypermap.formats.journal import read_as_saved
 from hypermap.formats.store import read_file
 from hypermap.formats.yaml_text import read_yaml, write_yaml
 
 if TYPE_CHECKING:
-    from hypermap.formats.grid.pictures import GreyPicture
+    from hypermap.formats.grid.pictures import GrayPicture
 
 Cells = NDArray[np.int8] | NDArray[np.int16]
 _Fraction = Annotated[float, Field(ge=0, le=1)]
 
 
 class MapYaml(Checked):
-    """What a map_server YAML file says about its picture."""
+    """The content of a map_server YAML file: how to read its image."""
 
     image: Text
     resolution: Annotated[Finite, Field(ge=RESOLUTIONS[0], le=RESOLUTIONS[1])]
@@ -63,7 +63,7 @@ class MapYaml(Checked):
 
 
 class OccupancyFiles:
-    """How occupancy layers are kept: `file` NAME means NAME.yaml and the picture it names."""
+    """The files of occupancy layers: `file` NAME means NAME.yaml and the image it names."""
 
     def empty(self, name: str, frame_id: str, settings: Mapping[str, Any]) -> OccupancyLayer:
         """Return a layer without cells."""
@@ -108,7 +108,7 @@ class OccupancyFiles:
         }
         store.write(f"{file}.yaml", write_yaml(described))
         height, width = layer.cells.shape
-        store.write(f"{file}.png", encode_grey_alpha(width, height, _bands(layer.cells, mode)))
+        store.write(f"{file}.png", encode_gray_alpha(width, height, _bands(layer.cells, mode)))
 
 
 PLUGIN = OccupancyFiles()
@@ -130,7 +130,7 @@ def load_occupancy(
 
 
 def parse_map_yaml(content: bytes, path: str) -> MapYaml:
-    """Return what a map_server YAML file says.
+    """Return the content of a map_server YAML file.
 
     Raises:
         FormatError: Naming the key that is wrong or missing.
@@ -161,18 +161,18 @@ def cells_from_file(content: bytes, path: str, described: MapYaml) -> Cells:
     Raises:
         FormatError: If it is no picture, is damaged, or has more pixels than are allowed.
     """
-    size = grey_alpha_size(content)
+    size = gray_alpha_size(content)
     if size is not None and size[0] * size[1] <= limits.MAX_PIXELS:
         try:
-            return _cells_from_bands(*size, decode_grey_alpha(content, *size), described)
+            return _cells_from_bands(*size, decode_gray_alpha(content, *size), described)
         except (ValueError, zlib.error):  # Pillow reads more, and says what is wrong
             pass
-    from hypermap.formats.grid.pictures import decode_grey  # with Pillow, which few maps need
+    from hypermap.formats.grid.pictures import decode_gray  # with Pillow, which few maps need
 
-    return cells_from_picture(decode_grey(content, path), described)
+    return cells_from_picture(decode_gray(content, path), described)
 
 
-def cells_from_picture(picture: GreyPicture, described: MapYaml) -> Cells:
+def cells_from_picture(picture: GrayPicture, described: MapYaml) -> Cells:
     """Return the cells, row 0 at the bottom; int16 where a raw picture has values above 100.
 
     Source: ROS' map_server, image_loader.cpp, with a range of 100 where that has 99.
@@ -186,10 +186,10 @@ def cells_from_picture(picture: GreyPicture, described: MapYaml) -> Cells:
 def _cells_from_bands(
     width: int, height: int, bands: Iterable[NDArray[np.uint8]], described: MapYaml
 ) -> Cells:
-    of_grey = _cell_of_value(255, described)
-    of_pair = np.full(1 << 16, UNKNOWN, of_grey.dtype)  # gray and above it alpha
-    of_pair[0xFF00:] = of_grey
-    cells: Cells = np.empty((height, width), of_grey.dtype)
+    of_gray = _cell_of_value(255, described)
+    of_pair = np.full(1 << 16, UNKNOWN, of_gray.dtype)  # gray and above it alpha
+    of_pair[0xFF00:] = of_gray
+    cells: Cells = np.empty((height, width), of_gray.dtype)
     top = height
     for band in bands:
         cells[top - len(band) : top] = of_pair[band.view("<u2")[::-1, :, 0]]

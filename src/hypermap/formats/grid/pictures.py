@@ -32,7 +32,7 @@ _KINDS = (
 
 
 @dataclass(frozen=True, eq=False)
-class GreyPicture:
+class GrayPicture:
     """A picture's brightness; row 0 is its top.
 
     Attributes:
@@ -46,7 +46,7 @@ class GreyPicture:
     opaque: NDArray[np.bool_] | None
 
 
-def decode_grey(content: bytes, path: str) -> GreyPicture:
+def decode_gray(content: bytes, path: str) -> GrayPicture:
     """Return a picture's gray values; those of colors are the mean of their channels.
 
     Args:
@@ -61,7 +61,7 @@ def decode_grey(content: bytes, path: str) -> GreyPicture:
             warnings.simplefilter("ignore")  # about size, which is checked below, and oddities
             with Image.open(io.BytesIO(content), formats=_KINDS) as image:
                 _check_size(image, path)
-                return _grey(image, path)
+                return _gray(image, path)
     except FormatError:
         raise
     except UnidentifiedImageError:
@@ -85,24 +85,24 @@ def _check_size(image: Image.Image, path: str) -> None:
         )
 
 
-def _grey(image: Image.Image, path: str) -> GreyPicture:
+def _gray(image: Image.Image, path: str) -> GrayPicture:
     if image.mode == "F":
         raise FormatError("is a picture of floating point numbers, not of gray values", path=path)
     if image.mode.startswith("I"):  # 16 bits
         values = np.asarray(image)
         if values.min() < 0 or values.max() > 0xFFFF:
             raise FormatError("is a picture of more than 16 bits", path=path)
-        return GreyPicture(values.astype(np.uint16, copy=False), 0xFFFF, None)
+        return GrayPicture(values.astype(np.uint16, copy=False), 0xFFFF, None)
     has_alpha = image.has_transparency_data
-    is_grey = image.mode in ("1", "L", "LA", "La")
-    mode = ("L" if is_grey else "RGB") + ("A" if has_alpha else "")
+    is_gray = image.mode in ("1", "L", "LA", "La")
+    mode = ("L" if is_gray else "RGB") + ("A" if has_alpha else "")
     pixels = np.asarray(image if image.mode == mode else image.convert(mode))
-    if is_grey and not has_alpha:
-        return GreyPicture(pixels, 255, None)
+    if is_gray and not has_alpha:
+        return GrayPicture(pixels, 255, None)
     opaque = pixels[..., -1] == 255 if has_alpha else None
-    if is_grey:
-        return GreyPicture(pixels[..., 0], 255, opaque)
+    if is_gray:
+        return GrayPicture(pixels[..., 0], 255, opaque)
     values = pixels[..., 0].astype(np.uint16)
     values += pixels[..., 1]
     values += pixels[..., 2]
-    return GreyPicture(values, 3 * 255, opaque)
+    return GrayPicture(values, 3 * 255, opaque)

@@ -18,14 +18,14 @@ from numpy.typing import NDArray
 
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _HEADER = struct.Struct(">IIBBBBB")  # width, height, depth, color type, three methods
-_GREY_ALPHA = (8, 4, 0, 0, 0)
+_GRAY_ALPHA = (8, 4, 0, 0, 0)
 _BAND_BYTES = 1 << 20
 _LEVEL = 6
 _WIDE = 1024  # bytes of a row
 _PLAIN, _UP = 0, 2  # filters
 
 
-def encode_grey_alpha(width: int, height: int, bands: Iterable[NDArray[np.uint8]]) -> bytes:
+def encode_gray_alpha(width: int, height: int, bands: Iterable[NDArray[np.uint8]]) -> bytes:
     """Return a PNG file.
 
     Args:
@@ -33,7 +33,7 @@ def encode_grey_alpha(width: int, height: int, bands: Iterable[NDArray[np.uint8]
         height: of the picture.
         bands: its rows from the top, in pieces of shape (rows, width, 2): gray and alpha.
     """
-    chunks = [SIGNATURE, _chunk(b"IHDR", _HEADER.pack(width, height, *_GREY_ALPHA))]
+    chunks = [SIGNATURE, _chunk(b"IHDR", _HEADER.pack(width, height, *_GRAY_ALPHA))]
     packer = zlib.compressobj(_LEVEL)
     above = np.zeros(2 * width, np.uint8)
     for band in bands:
@@ -49,13 +49,13 @@ def encode_grey_alpha(width: int, height: int, bands: Iterable[NDArray[np.uint8]
     return b"".join(chunks)
 
 
-def grey_alpha_size(content: bytes) -> tuple[int, int] | None:
+def gray_alpha_size(content: bytes) -> tuple[int, int] | None:
     """Return width and height of a picture of this kind; None for all others."""
     start = len(SIGNATURE) + 8
     if not content.startswith(SIGNATURE) or len(content) < start + _HEADER.size:
         return None
     width, height, *kind = _HEADER.unpack_from(content, start)
-    return (width, height) if tuple(kind) == _GREY_ALPHA and width and height else None
+    return (width, height) if tuple(kind) == _GRAY_ALPHA and width and height else None
 
 
 def band_rows(width: int) -> int:
@@ -63,13 +63,13 @@ def band_rows(width: int) -> int:
     return max(1, _BAND_BYTES // (2 * width))
 
 
-def decode_grey_alpha(content: bytes, width: int, height: int) -> Iterator[NDArray[np.uint8]]:
+def decode_gray_alpha(content: bytes, width: int, height: int) -> Iterator[NDArray[np.uint8]]:
     """Yield the rows of a picture from the top, in bands of shape (rows, width, 2).
 
     Args:
         content: the file.
-        width: what `grey_alpha_size` says.
-        height: what `grey_alpha_size` says.
+        width: what `gray_alpha_size` says.
+        height: what `gray_alpha_size` says.
 
     Raises:
         ValueError: If the picture is damaged, or has a filter that only Pillow knows.

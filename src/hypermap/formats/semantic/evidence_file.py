@@ -31,7 +31,7 @@ KEY = "evidence"
 FORMAT = "hypermap evidence"
 VERSION = 1
 
-_PER_METRE = 10_000  # the unit of coordinates is 0.1 mm
+_PER_METER = 10_000  # the unit of coordinates is 0.1 mm
 _WRONG = (KeyError, TypeError, ValueError, OverflowError, IndexError, shapely.GEOSException)
 
 
@@ -194,7 +194,7 @@ def _packed(shapes: ObjectArray) -> dict[str, list[int]]:
     xy, ring_of = shapely.get_coordinates(rings, return_index=True)
     is_last = np.append(ring_of[1:] != ring_of[:-1], True)[: len(ring_of)]
     xy, ring_of = xy[~is_last], ring_of[~is_last]  # which is the first again
-    units = np.rint(xy * _PER_METRE).astype(np.int64)
+    units = np.rint(xy * _PER_METER).astype(np.int64)
     return {
         "polygons": np.bincount(shape_of, minlength=len(shapes)).tolist(),
         "rings": np.bincount(part_of, minlength=len(parts)).tolist(),
@@ -213,7 +213,7 @@ def _unpacked(columns: Mapping[str, Any]) -> ObjectArray:
     steps = np.array(columns["steps"], dtype=np.float64).reshape(-1, 2)
     if points.sum() != len(steps):
         raise ValueError(f"{points.sum()} points are announced, and {len(steps)} there")
-    xy = np.cumsum(steps, axis=0) / _PER_METRE
+    xy = np.cumsum(steps, axis=0) / _PER_METER
     if not np.abs(xy).max(initial=0) <= limits.MAX_PLACE:
         raise ValueError(f"a point is farther away than {limits.MAX_PLACE:g} m")
     if len(xy) == 0:

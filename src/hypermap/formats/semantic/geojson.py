@@ -105,6 +105,8 @@ def from_geojson(
     if _HALF.search(text):
         for i, item in enumerate(collection.features):
             check_read(json.dumps(item, ensure_ascii=False), path, f"features[{i}]")
+    if any(_is_way(item) for item in collection.features):
+        raise FormatError("is a route graph of nav2, which holds no objects", path=path)
     frame = frame_of(_system(collection), frame_id or collection.frame_id, path, "crs")
     objects = [_object(item, path, i) for i, item in enumerate(collection.features)]
     ids = collections.Counter(item.id for item in objects if item.id is not None)
@@ -112,6 +114,12 @@ def from_geojson(
         if count > 1:
             raise FormatError(f"the id {number} appears twice", path=path, key="features")
     return SemanticLayer(name or collection.name or "semantic", frame, objects)
+
+
+def _is_way(feature: Any) -> bool:
+    """Return whether a feature is an edge of a route graph, as `formats/nav2_routes` writes it."""
+    properties = feature.get("properties") if isinstance(feature, dict) else None
+    return isinstance(properties, dict) and properties.keys() >= {"startid", "endid"}
 
 
 def _system(collection: _Collection) -> System | None:

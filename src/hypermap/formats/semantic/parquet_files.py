@@ -23,7 +23,7 @@ from hypermap.core.objects import ObjectTable
 from hypermap.core.semantic import Rejected, SemanticLayer
 from hypermap.formats.checked import Checked, check
 from hypermap.formats.columns.arrow import Column, Lists, Numbers, Words, kinds_of
-from hypermap.formats.columns.crs import check_metres, frame_of
+from hypermap.formats.columns.crs import check_meters, frame_of
 from hypermap.formats.columns.geoparquet import (
     GEOMETRY,
     GeoParquet,
@@ -88,7 +88,7 @@ def parse_parquet(content: bytes, path: str) -> tuple[ObjectTable, list[Rejected
             not meters in a frame.
     """
     file = read_geoparquet(content, path)
-    check_metres(system_of(file.notes), path, GEOMETRY)
+    check_meters(system_of(file.notes), path, GEOMETRY)
     return _objects(file, path)
 
 

@@ -1,10 +1,9 @@
 """Semantic YAML in its regular form, read straight into columns.
 
 Nearly all files have it, since both ours and the first program write it: objects with known keys in
-one order, a line for each, and plain words and numbers behind them. Read event by event, YAML
-takes some ten times as long. What is not of this form, however little of it, is left to the
-reader of all YAML, so that it alone says what YAML means; here stands only what cannot mean
-anything else.
+one order, a line for each, with plain words and numbers. Reading YAML event by event takes
+about ten times as long. If any part of a file is not in this form, the general reader reads it
+all, so that only one reader defines what YAML means; this one accepts only what is unambiguous.
 """
 
 from __future__ import annotations

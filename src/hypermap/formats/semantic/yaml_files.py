@@ -34,6 +34,9 @@ logger = logging.getLogger(__name__)
 
 SemanticForm: TypeAlias = Literal["auto", "yaml", "parquet"]
 
+NEXT_ID = "next_id"
+"""The key of a layer's configuration with the id of its next object, so that none is reused."""
+
 MANY_OBJECTS = 100_000
 """From how many objects on a layer is kept as GeoParquet, where nothing else is said; one that is
 too large for YAML is so with fewer objects, too."""
@@ -43,7 +46,7 @@ _TEXT = {("*", "name"), ("*", "shape"), ("*", "tags", "*")}
 
 @dataclass(frozen=True)
 class SemanticFiles:
-    """How semantic layers are kept: `file` NAME means the YAML file NAME or NAME.parquet.
+    """The files of semantic layers: `file` NAME means the YAML file NAME or NAME.parquet.
 
     The evidence for the objects is next to it, in the file that the key `evidence` names.
 
@@ -74,7 +77,11 @@ class SemanticFiles:
                 "%s: object %d %r is left out: %s", path, entry.position, entry.name, entry.reason
             )
         evidence = load_evidence(store, settings)
-        return SemanticLayer.of_table(name, frame_id, table, _own(settings), rejected, evidence)
+        next_id = settings.get(NEXT_ID)
+        free = next_id if type(next_id) is int and 0 <= next_id <= MAX_ID else 0
+        return SemanticLayer.of_table(
+            name, frame_id, table, _own(settings), rejected, evidence, free
+        )
 
     def save(self, layer: SemanticLayer, store: Store, file: str) -> Mapping[str, Any]:
         """Write the layer's files, and return which keys they need; an empty layer needs none.
@@ -90,21 +97,27 @@ class SemanticFiles:
         if self.form != "parquet" and not (may_be_parquet and len(layer) >= MANY_OBJECTS):
             try:
                 store.write(file, dump_table(layer.table, layer.rejected))
-                return save_evidence(layer, store, file)
+                return {**save_evidence(layer, store, file), **_ids_of(layer)}
             except TooLarge:
                 if not may_be_parquet:
                     raise
         binary = f"{file}.parquet"
         store.write(binary, dump_parquet(layer.table, layer.frame_id, layer.rejected))
-        return {BINARY_FILE: binary, **save_evidence(layer, store, file)}
+        return {BINARY_FILE: binary, **save_evidence(layer, store, file), **_ids_of(layer)}
 
 
 PLUGIN = SemanticFiles()
 
 
+def _ids_of(layer: SemanticLayer) -> dict[str, int]:
+    """Return what a configuration says of ids: only where those of removed objects are larger."""
+    largest = int(layer.ids.max(initial=-1))
+    return {NEXT_ID: layer.next_id} if layer.next_id > largest + 1 else {}
+
+
 def _own(settings: Mapping[str, Any]) -> dict[str, Any]:
     """Return the settings without those that name files, which saving sets again."""
-    return {k: v for k, v in without_evidence(settings).items() if k != BINARY_FILE}
+    return {k: v for k, v in without_evidence(settings).items() if k not in (BINARY_FILE, NEXT_ID)}
 
 
 def parse_content(content: bytes, path: str) -> tuple[ObjectTable, list[Rejected]]:
@@ -156,7 +169,7 @@ def parse_objects(content: bytes, path: str) -> tuple[list[SemanticObject], list
 
 
 def parse_table(content: bytes, path: str) -> tuple[ObjectTable, list[Rejected]]:
-    """Return what `parse_objects` does, the objects as columns; most files take far less time.
+    """Return the same as `parse_objects`, but as columns; much faster for most files.
 
     Raises:
         FormatError: If the file is no list in YAML.
@@ -189,7 +202,7 @@ def _object(entry: Any) -> SemanticObject:
 
 
 def _rejected(position: int, entry: Any, reason: str, taken: Container[int]) -> Rejected:
-    """Return an entry as it is kept; an id that it alone claims is told by its position."""
+    """Return a rejected entry; an id that no other object has becomes its position."""
     name = str(entry.get("name", "")) if isinstance(entry, Mapping) else ""
     claimed = _claimed_id(entry)
     if claimed is not None and claimed not in taken:

@@ -13,17 +13,17 @@ _YOLOX = "https://github.com/Megvii-BaseDetection/YOLOX/releases/download/0.1.1r
 
 @dataclass(frozen=True)
 class KnownNetwork:
-    """A network that its makers offer as an ONNX file.
+    """A network that its authors offer as an ONNX file.
 
     Attributes:
-        name: how `--detector` calls it.
+        name: its name for `--detector`.
         url: where its file comes from.
         sha256: of the file, in hexadecimal digits.
         size: of the file [bytes].
         license: SPDX identifier of the license of network and weights.
         classes: how many, and of which data set.
-        source: who made it.
-        note: what was seen of it here.
+        source: its authors.
+        note: our experience with it.
     """
 
     name: str
@@ -37,15 +37,15 @@ class KnownNetwork:
 
     @property
     def path(self) -> Path:
-        """Its path in the user's cache, whether it exists yet or not."""
+        """Its path in the user's cache, whether or not it exists."""
         return cache_folder() / self.url.rpartition("/")[2]
 
     def downloaded(self) -> Path:
         """Return its file.
 
         Raises:
-            FileMissing: If it was not downloaded yet.
-            FormatError: If there is something else at its path.
+            FileMissing: If it has not been downloaded.
+            FormatError: If another file is at its path.
         """
         if not self.path.is_file():
             raise FileMissing(
@@ -65,13 +65,13 @@ class KnownNetwork:
 def cache_folder() -> Path:
     """Return the folder of downloaded networks: `hypermap/detectors` in the user's cache."""
     caches = os.environ.get("XDG_CACHE_HOME", "")
-    # The XDG Base Directory Specification: what is no absolute path does not count.
+    # The XDG Base Directory Specification: relative paths are ignored.
     root = Path(caches) if Path(caches).is_absolute() else Path.home() / ".cache"
     return root / "hypermap" / "detectors"
 
 
-# Those that were tried. Size and hash are those that several projects which pin this file state
-# independently; the network that was measured is an export of 3.68 MB of the same weights.
+# Networks that we tried. Several projects that pin this file state the same size and hash; we
+# measured an export of the same weights, of 3.68 MB.
 NETWORKS = (
     KnownNetwork(
         name="yolox-nano",

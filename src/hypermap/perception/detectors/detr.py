@@ -1,7 +1,7 @@
 """The outputs of the DETR families: how to recognize them, and what they mean.
 
-They divide the whole image, stretched over their input, among some hundred queries; each proposes
-one box, and none twice.
+The whole image is stretched over their input. Each of some hundred queries proposes one box, and no
+two propose the same.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ COCO_COLUMNS = [number for number in range(91) if number not in _UNUSED]
 IMAGENET_MEAN, IMAGENET_STD = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
 
 
-# RT-DETR, D-FINE and DEIM, by their own scripts: corners in pixels, for they are given the size
+# RT-DETR, D-FINE and DEIM, by their own scripts: corners in pixels, since they are given the size
 
 
 def _is_rt_detr(outputs: Outputs) -> bool:

@@ -26,9 +26,9 @@ else:
 
 _CHUNK = 65536  # bytes
 _SILENCE = 30.0  # seconds without a byte after which a connection counts as broken
-_TRIES = 3  # in a row that bring not one byte
+_TRIES = 3  # in a row that receive no byte
 _OTHER = "name a mirror with --url, or get the file with a browser and give it as --detector FILE"
-_LENGTH = re.compile("[0-9]{1,18}")  # in a header; int takes other digits, too, but not any number
+_LENGTH = re.compile("[0-9]{1,18}")  # in a header; int accepts other digits, too
 _BROKEN = (OSError, http.client.HTTPException)
 
 Progress = Callable[[int], None]
@@ -39,7 +39,7 @@ class _BrokenOff(Exception):
 
 
 class _OtherFile(Exception):
-    """The server's file is of another length."""
+    """The server's file has another length."""
 
 
 def download(
@@ -47,13 +47,13 @@ def download(
 ) -> Path:
     """Put a network's file into the cache, if it is not there, and return it.
 
-    A part that is left from another time is gone on with. The file appears when it is complete
-    and has the right hash; another one that lies there is replaced then.
+    An interrupted download resumes. The file appears when it is complete
+    and has the right hash; then it replaces any other file there.
 
     Args:
         network: what to download.
-        url: where from, instead of the network's own address, as a mirror (http or https).
-        on_progress: called with the number of bytes that are there, now and then.
+        url: a mirror (http or https) to use instead of the network's own address.
+        on_progress: called with the number of bytes so far, from time to time.
 
     Raises:
         HypermapError: If it is not at the address, the connection fails, the file is another one,
@@ -73,7 +73,7 @@ def download(
             _fill(file, network, address, on_progress)
             file.flush()
             os.fsync(file.fileno())
-            if not _HAS_LOCKS:  # on Windows, where no file that is open gets another name
+            if not _HAS_LOCKS:  # on Windows, which does not rename open files
                 file.close()
             part.replace(target)
     except OSError as error:
@@ -85,7 +85,7 @@ def download(
 
 
 def _fill(file: IO[bytes], network: KnownNetwork, address: str, on_progress: Progress) -> None:
-    """Write the network to a file; a part of another file is detected and replaced."""
+    """Write the network to a file; detect and replace a part of another file."""
     had_part = file.seek(0, os.SEEK_END) > 0
     _receive(file, network, address, on_progress)
     found = _hash_of(file)
@@ -104,9 +104,9 @@ def _fill(file: IO[bytes], network: KnownNetwork, address: str, on_progress: Pro
 
 
 def _receive(file: IO[bytes], network: KnownNetwork, address: str, on_progress: Progress) -> None:
-    """Append what is missing, connecting again as long as that brings more.
+    """Append what is missing; reconnect while that brings more.
 
-    It ends early where the server has another file, as the hash will tell.
+    Return early if the server has another file; the hash will show that.
     """
     tries, have = 0, file.seek(0, os.SEEK_END)
     while have < network.size and tries < _TRIES:
@@ -125,7 +125,7 @@ def _receive(file: IO[bytes], network: KnownNetwork, address: str, on_progress: 
 
 
 def _append(file: IO[bytes], size: int, address: str, on_progress: Progress) -> None:
-    """Append what one connection brings.
+    """Append what one connection delivers.
 
     Raises:
         HypermapError: If the server refuses.
@@ -152,7 +152,7 @@ def _append(file: IO[bytes], size: int, address: str, on_progress: Progress) -> 
 
 @contextlib.contextmanager
 def _asked(address: str, start: int) -> Iterator[Any]:
-    """Give the server's answer to the wish for all bytes from one on."""
+    """Yield the server's response to a request for all bytes from one on."""
     headers = {"User-Agent": "hypermap", "Accept-Encoding": "identity"}
     if start:
         headers["Range"] = f"bytes={start}-"
@@ -175,7 +175,7 @@ def _asked(address: str, start: int) -> Iterator[Any]:
 
 
 def _goes_on(answer: Any, start: int) -> bool:
-    """Whether an answer is the rest from a byte on, rather than the whole."""
+    """Return whether a response is the rest from a byte on, not the whole file."""
     place: str = answer.headers.get("Content-Range", "")
     is_part = bool(answer.status == http.HTTPStatus.PARTIAL_CONTENT)
     return is_part and place.startswith(f"bytes {start}-")
@@ -190,7 +190,7 @@ def _read(answer: Any, most: int) -> bytes:
 
 @contextlib.contextmanager
 def _locked(file: IO[bytes], path: Path) -> Iterator[None]:
-    """Keep other processes off the part as long as the caller fills it, if there are locks."""
+    """Lock the partial file while the caller fills it, if the system has locks."""
     try:
         if _HAS_LOCKS:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -1,4 +1,4 @@
-"""Instance masks out of prototypes, as YOLOv5, v8, 11 and 26 mix them."""
+"""Instance masks from prototypes, as in YOLOv5, v8, 11 and 26."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ def mix_masks(
     """Return the pixels of each object.
 
     Args:
-        mixture: how much of each prototype makes the mask, shape (N, M).
-        prototypes: shape (M, h, w), laid over the whole input of the network.
-        boxes: xyxy in pixels of the image, shape (N, 4); a mask does not leave its box.
-        placement: where the image lies in the input.
+        mixture: weight of each prototype in the mask, shape (N, M).
+        prototypes: shape (M, h, w), over the whole input of the network.
+        boxes: xyxy in pixels of the image, shape (N, 4); a mask stays within its box.
+        placement: where the image is in the input.
 
     Returns:
         Bool, shape (N, H, W) with the image's rows and columns.

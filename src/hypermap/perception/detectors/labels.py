@@ -28,14 +28,14 @@ COCO = tuple(" ".join(name.split()) for name in _COCO.split(","))
 
 
 def read_labels(path: str | Path) -> tuple[str, ...]:
-    """Return the class names in a file; `coco` stands for the 80 of COCO.
+    """Return the class names in a file; `coco` means the 80 of COCO.
 
-    YAML and JSON (.yaml, .yml, .json) hold a list, a mapping from number to name, or one of both
+    YAML and JSON (.yaml, .yml, .json) contain a list, a mapping from number to name, or either
     under the key `names`, as in the data files of YOLO. Any other file has one name per line.
 
     Raises:
         FileMissing: If there is no such file.
-        FormatError: If it holds something else.
+        FormatError: If it contains something else.
     """
     if str(path) == "coco":
         return COCO
@@ -59,7 +59,7 @@ def parse_names(literal: str) -> tuple[str, ...]:
     """Return the names in the metadata of a model: a Python list, or mapping from number to name.
 
     Raises:
-        ValueError: If it holds something else.
+        ValueError: If it contains something else.
 
     >>> parse_names("{0: 'cup', 1: 'bowl'}")
     ('cup', 'bowl')
@@ -71,7 +71,7 @@ def parse_literal(text: str) -> Any:
     """Return the value of a Python literal; nothing is executed.
 
     Raises:
-        ValueError: If it is none, or too long.
+        ValueError: If it is not a literal, or too long.
     """
     if len(text) > MAX_BYTES:
         raise ValueError(f"longer than {MAX_BYTES} characters")

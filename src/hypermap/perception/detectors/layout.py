@@ -1,4 +1,4 @@
-"""What a layout is: the way from a network's outputs to the boxes that they stand for."""
+"""A layout: how to turn a network's outputs into boxes."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ NOTHING: NDArray[np.float32] = np.zeros((0, 0), np.float32)
 
 @dataclass(frozen=True, eq=False)
 class Outputs:
-    """What a network answers to one image.
+    """The outputs of a network for one image.
 
     Attributes:
-        arrays: everything, by name.
-        table: the boxes with what belongs to them, shape (A, B), of a network that answers with
-            one array (1, A, B); others have (0, 0).
-        prototypes: the masks from which all are mixed, shape (M, h, w); M = 0 if there are none.
+        arrays: all outputs, by name.
+        table: the boxes with their values, shape (A, B), if the network returns
+            one array (1, A, B); otherwise (0, 0).
+        prototypes: masks that all others are mixed from, shape (M, h, w); M = 0 if none.
         input_size: columns and rows of the network's input.
     """
 
@@ -34,7 +34,7 @@ class Outputs:
 
     @classmethod
     def of(cls, arrays: Mapping[str, NDArray[np.float32]], input_size: tuple[int, int]) -> Outputs:
-        """Return what is in the arrays; inner layers' (1, 3, h, w, ...) are left aside."""
+        """Return the outputs in the arrays, without those of inner layers, (1, 3, h, w, ...)."""
         single = [array[0] for array in arrays.values() if array.ndim > 2 and len(array) == 1]
         tables = [array for array in single if array.ndim == 2]
         prototypes = [array for array in single if array.ndim == 3]
@@ -49,7 +49,7 @@ class Outputs:
     def is_relative(self) -> bool:
         """Whether the table's boxes have coordinates from 0 to 1, not in pixels."""
         boxes = self.table[:, :4]
-        # Exports that do suppression themselves answer all zeros where they find nothing.
+        # Exports that include suppression return zeros if they find nothing.
         return bool(self.table.any() and (boxes >= 0).all() and (boxes <= 1).all())
 
     def shapes(self, *names: str) -> list[tuple[int, ...]] | None:
@@ -67,8 +67,8 @@ class Candidates:
         xyxy: in pixels of the network's input, shape (N, 4).
         scores: 0..1, shape (N,).
         class_ids: shape (N,).
-        mixture: how much of each prototype makes the mask, shape (N, M).
-        class_count: how many classes the network tells apart; None if its outputs do not say.
+        mixture: weight of each prototype in the mask, shape (N, M).
+        class_count: how many classes the network distinguishes; None if its outputs do not say.
     """
 
     xyxy: FloatArray
@@ -81,7 +81,7 @@ class Candidates:
     def best(
         cls, xyxy: FloatArray, class_scores: FloatArray, mixture: FloatArray | None = None
     ) -> Candidates:
-        """Return boxes of the best class of each, given the scores of all, shape (N, classes)."""
+        """Return boxes with the best class of each, given all scores, shape (N, classes)."""
         count, class_count = class_scores.shape
         class_ids = class_scores.argmax(axis=1)
         scores = class_scores[np.arange(count), class_ids]
@@ -105,13 +105,13 @@ class Layout:
     Attributes:
         name: of the family.
         shape: of its outputs, in words.
-        fits: whether outputs are of this family.
+        fits: returns whether outputs are of this family.
         decode: turns outputs into candidates.
         place: puts an image into the input.
-        is_bgr: channels in the order blue, green, red, instead of red, green, blue.
-        mean: subtracted from each channel, black being 0 and white 1.
-        std: by which the channels are divided then.
-        is_final: the candidates of one object have been reduced to one already.
+        is_bgr: channels are blue, green, red, instead of red, green, blue.
+        mean: subtracted from each channel, with black 0 and white 1.
+        std: then divides each channel.
+        is_final: the network already suppresses all but one candidate of an object.
     """
 
     name: str
@@ -125,7 +125,7 @@ class Layout:
     is_final: bool = False
 
     def scale(self, image: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return an image (H, W, 3), 0..255, in the values that the network was trained with."""
+        """Return an image (H, W, 3), 0..255, normalized as in the network's training."""
         mean, std = np.array(self.mean, np.float32), np.array(self.std, np.float32)
         return image * (1 / (255 * std)) - mean / std
 

@@ -13,10 +13,10 @@ LAYOUTS = (*yolo.LAYOUTS, *detr.LAYOUTS)
 
 
 def recognize(outputs: Outputs) -> Layout:
-    """Return the family whose outputs look like these.
+    """Return the family that has such outputs.
 
     Raises:
-        ValueError: If none is known.
+        ValueError: If there is none.
     """
     for layout in LAYOUTS:
         if layout.fits(outputs):

@@ -1,4 +1,4 @@
-"""Makes a detector from what a user writes: an ONNX file, or a plug-in's name."""
+"""Loads a detector from a user's argument: an ONNX file, or the name of a plug-in."""
 
 from __future__ import annotations
 
@@ -19,23 +19,23 @@ def load_detector(
     iou_threshold: float = 0.45,
     threads: int | None = None,
 ) -> Detector:
-    """Return the detector in an ONNX file, or one that another package brings.
+    """Return the detector in an ONNX file, or one of a plug-in.
 
     Args:
         path: an ONNX file; or the name of a network that was downloaded by `hypermap detectors
             get`; or ``name:argument``, where `name` is an entry point in the group
-            `hypermap.detectors` whose value makes a detector of the argument. Such a detector
-            has settings of its own: the other parameters are for ONNX files.
+            `hypermap.detectors` whose value makes a detector from the argument. Such a detector
+            has its own settings: the other parameters are for ONNX files.
         labels: file of the class names (see `read_labels`); by default those in the model, or
             COCO's if it has 80 classes and names none.
-        score_threshold: detections with a lower score are left out.
+        score_threshold: detections with a lower score are dropped.
         iou_threshold: of two boxes of a class that overlap more, the better one is kept; unused
-            by models that take care of it themselves.
+            for models that include suppression.
         threads: how many the network may use; by default all cores.
 
     Raises:
         FileMissing: If there is no such file.
-        FormatError: If the model or its labels cannot be read, or its outputs are not understood.
+        FormatError: If the model or its labels cannot be read, or its outputs are unknown.
         HypermapError: If no detector of that name is installed, or it cannot be made.
     """
     name, colon, argument = str(path).partition(":")

@@ -1,4 +1,4 @@
-"""A detector made of a network in an ONNX file."""
+"""A detector: a network in an ONNX file."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ from hypermap.perception.detectors.placement import BORDER
 
 logger = logging.getLogger(__name__)
 
-TASKS = ("detect", "segment")  # ultralytics' words
+TASKS = ("detect", "segment")  # the terms of ultralytics
 
 
 @dataclass(frozen=True)
 class OnnxDetector:
-    """Finds objects with a network whose outputs are of a known layout.
+    """Finds objects with a network whose outputs have a known layout.
 
     Attributes:
         model: the network.
         layout: what its outputs mean.
         names: of its classes.
-        score_threshold: detections with a lower score are left out.
+        score_threshold: detections with a lower score are dropped.
         iou_threshold: of two boxes of a class that overlap more, the better one is kept.
     """
 
@@ -58,8 +58,8 @@ class OnnxDetector:
     ) -> OnnxDetector:
         """Return the detector in a file; see `load_detector`.
 
-        What its outputs mean is seen by running it once, on a gray image, since the shapes in
-        the file may be left open.
+        It runs the network once, on a gray image, to recognize the layout, since the shapes in
+        the file may be open.
         """
         model = OnnxModel.load(path, threads)
         task = model.metadata.get("task", "detect")
@@ -73,12 +73,12 @@ class OnnxDetector:
         return cls(model, layout, names, score_threshold, iou_threshold)
 
     def detect(self, color: NDArray[np.uint8]) -> Detections:
-        """Return the objects in an RGB image, uint8, shape (H, W, 3), the most certain first.
+        """Return the objects in an RGB image, uint8, shape (H, W, 3), by descending score.
 
-        Boxes end at the edges of the image; masks are there if the network makes them.
+        Boxes end at the edges of the image; there are masks if the network makes them.
 
         Raises:
-            FormatError: If the network answers nonsense.
+            FormatError: If the outputs of the network make no sense.
         """
         if color.ndim != 3 or color.shape[2] != 3 or color.dtype != np.uint8 or not color.size:
             raise ValueError(f"expected uint8 (H, W, 3), got {color.dtype} {color.shape}")
@@ -97,7 +97,7 @@ class OnnxDetector:
         return Detections.of(boxes, [self._name(i) for i in found.class_ids], found.scores, masks)
 
     def _select(self, candidates: Candidates) -> Candidates:
-        """Return the certain ones, one for each object, the most certain first."""
+        """Return those with enough score, one for each object, by descending score."""
         certain = candidates[candidates.scores >= self.score_threshold]
         if self.layout.is_final:
             return certain[np.argsort(-certain.scores, kind="stable")]
@@ -116,7 +116,7 @@ class OnnxDetector:
 
 
 def _recognise(model: OnnxModel) -> tuple[Layout, Candidates]:
-    """Return the network's layout, and its answer to a gray image."""
+    """Return the network's layout, and its outputs for a gray image."""
     width, height = model.input_size
     arrays = model.run(np.full((height, width, 3), BORDER / 255, np.float32))
     outputs = Outputs.of(arrays, model.input_size)
@@ -147,7 +147,7 @@ def _decode(model: OnnxModel, layout: Layout, outputs: Outputs) -> Candidates:
 def _class_names(
     model: OnnxModel, labels: str | Path | None, class_count: int | None
 ) -> tuple[str, ...]:
-    """Return the names in the file of labels, else in the model, else COCO's if they may be."""
+    """Return the names in the label file, else in the model, else COCO's if they fit."""
     source: str | Path = model.path
     if labels is not None:
         names, source = read_labels(labels), labels

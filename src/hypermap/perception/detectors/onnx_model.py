@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from hypermap.core.errors import FileMissing, FormatError
 from hypermap.perception.detectors.labels import parse_literal
 
-DEFAULT_SIDE = 640  # of a network that takes any size and does not name one
+DEFAULT_SIDE = 640  # for a network that takes any size and does not name one
 MAX_SIDE = 8192
 INPUT_TYPES = {"tensor(float)": np.float32, "tensor(float16)": np.float16}
-SIZE_INPUT = "orig_target_sizes"  # of RT-DETR and D-FINE: columns and rows that boxes are to fill
+SIZE_INPUT = "orig_target_sizes"  # of RT-DETR and D-FINE: columns and rows that boxes refer to
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class OnnxModel:
 
     Attributes:
         path: its file.
-        metadata: what its maker wrote into it.
+        metadata: written by its author.
         input_size: columns and rows of the image that it takes.
     """
 
@@ -41,7 +41,7 @@ class OnnxModel:
 
         Raises:
             FileMissing: If there is no such file.
-            FormatError: If it holds no network, or one that takes something else than an image.
+            FormatError: If it is not a network, or the network takes something other than an image.
         """
         path = Path(path)
         if not path.exists():
@@ -59,7 +59,7 @@ class OnnxModel:
             image: in the network's own colors and size, shape (H, W, 3).
 
         Raises:
-            FormatError: If the network fails, or answers something else than finite numbers.
+            FormatError: If the network fails, or returns anything but finite numbers.
         """
         try:
             outputs = self._session.run(None, self._inputs(image))
@@ -92,14 +92,14 @@ class OnnxModel:
 
 
 def _open_session(path: Path, threads: int | None) -> Any:
-    # Some of its builds report to their maker whatever is loaded; no map leaves this machine so.
+    # Some builds report what is loaded to their vendor; turn that off.
     os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")
     import onnxruntime  # slow to import
 
     options = onnxruntime.SessionOptions()
-    options.log_severity_level = 4  # fatal alone: what goes wrong is raised
+    options.log_severity_level = 4  # only fatal messages: errors are raised
     options.intra_op_num_threads = threads or 0
-    # Threads that wait sleep: as fast, and the cores are free for the rest of the mapping.
+    # Waiting threads sleep: as fast, and the cores are free for the rest of the mapping.
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     try:
         return onnxruntime.InferenceSession(
@@ -112,7 +112,7 @@ def _open_session(path: Path, threads: int | None) -> Any:
 
 
 def _input_size(path: Path, inputs: list[Any], metadata: Mapping[str, str]) -> tuple[int, int]:
-    """Return columns and rows of the image, having checked that an image is what it takes."""
+    """Return columns and rows of the image; check that the network takes an image."""
     images = [entry for entry in inputs if not _is_size(entry)]
     if len(images) != 1 or not _is_image(images[0]):
         found = ", ".join(f"{entry.name} {entry.type} {entry.shape}" for entry in inputs)
@@ -141,7 +141,7 @@ def _is_size(entry: Any) -> bool:
 
 
 def _is_image(entry: Any) -> bool:
-    """Whether an input takes an image; sizes left open are names or None instead of numbers."""
+    """Return whether an input takes an image; open sizes are names or None, not numbers."""
     if entry.type not in INPUT_TYPES or len(entry.shape) != 4:
         return False
     return all(
@@ -163,5 +163,5 @@ def _size_in_metadata(path: Path, metadata: Mapping[str, str]) -> tuple[int, int
 
 
 def _reason(error: Exception) -> str:
-    """Return the part of ONNX Runtime's message that says something to a user."""
+    """Return the part of ONNX Runtime's message that helps a user."""
     return str(error).split("failed:")[-1].strip().partition("\n")[0]

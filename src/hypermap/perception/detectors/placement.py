@@ -1,4 +1,4 @@
-"""The position of an image in a network's input, and the conversions there and back."""
+"""The position of an image in a network's input, and conversions in both directions."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from hypermap.core.arrays import FloatArray
 
-BORDER = 114.0  # the gray around the image that these networks were trained with
+BORDER = 114.0  # gray around the image, as in the training of these networks
 
 
 @dataclass(frozen=True)
@@ -20,7 +20,7 @@ class Placement:
     Attributes:
         image_size: columns and rows of the image.
         input_size: columns and rows of the network's input.
-        size: columns and rows that the image takes there.
+        size: columns and rows of the image there.
         left: column where it begins.
         top: row where it begins.
     """
@@ -42,7 +42,7 @@ class Placement:
         return filled
 
     def to_image(self, xyxy: FloatArray) -> NDArray[np.float32]:
-        """Return boxes (N, 4) of the input as boxes of the image, cut off at its edges."""
+        """Return boxes (N, 4) of the input as boxes of the image, clipped at its edges."""
         scale = np.divide(self.size, self.image_size)
         corners = (xyxy.reshape(-1, 2, 2) - (self.left, self.top)) / scale
         return np.clip(corners, 0, self.image_size).reshape(-1, 4).astype(np.float32)
@@ -56,14 +56,14 @@ class Placement:
 
 
 def top_left(image_size: tuple[int, int], input_size: tuple[int, int]) -> Placement:
-    """Return the image as large as it fits, in the upper left corner."""
+    """Return the image as large as fits, in the upper left corner."""
     scale = min(input_size[0] / image_size[0], input_size[1] / image_size[1])
     width, height = (max(1, round(side * scale)) for side in image_size)
     return Placement(image_size, input_size, (width, height))
 
 
 def centered(image_size: tuple[int, int], input_size: tuple[int, int]) -> Placement:
-    """Return the image as large as it fits, in the middle.
+    """Return the image as large as fits, in the center.
 
     >>> centered((640, 480), (640, 640)).top
     80
@@ -74,7 +74,7 @@ def centered(image_size: tuple[int, int], input_size: tuple[int, int]) -> Placem
 
 
 def stretched(image_size: tuple[int, int], input_size: tuple[int, int]) -> Placement:
-    """Return the image over the whole input, whatever its proportions."""
+    """Return the image stretched over the whole input."""
     return Placement(image_size, input_size, input_size)
 
 
@@ -86,7 +86,7 @@ def sample_bilinear(image: NDArray[Any], rows: FloatArray, columns: FloatArray) 
 
     Args:
         image: shape (H, W) or (H, W, C); pixel centers have whole coordinates.
-        rows: shape (h,); what lies off the image takes its edge's value.
+        rows: shape (h,); positions outside the image get the value at its edge.
         columns: shape (w,).
 
     Returns:
@@ -108,7 +108,7 @@ def sample_bilinear(image: NDArray[Any], rows: FloatArray, columns: FloatArray) 
 def _neighbours(
     positions: FloatArray, count: int
 ) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.float32]]:
-    """Return the pixels on both sides of each position, and how near it is to the second."""
+    """Return the pixels on both sides of each position, and the weight of the second."""
     inside = np.clip(positions, 0, count - 1)
     first = inside.astype(np.intp)
     return first, np.minimum(first + 1, count - 1), (inside - first).astype(np.float32)

@@ -70,12 +70,12 @@ class _File(BaseModel, strict=True):
 
 
 class RecordedDetections:
-    """The detections of many images, found by the images' stamps.
+    """The detections of many images, looked up by the images' stamps.
 
     Attributes:
         image_size: columns and rows of the images; None if not known.
-        path: the file they come from; None if they come from none.
-        missed: how often a stamp was asked for of which nothing is known.
+        path: their file; None if they do not come from a file.
+        missed: number of lookups with an unknown stamp.
     """
 
     def __init__(
@@ -102,7 +102,7 @@ class RecordedDetections:
 
         Raises:
             FileMissing: If there is no such file.
-            FormatError: If it does not hold detections; names the frame and the object.
+            FormatError: If it does not contain detections; names the frame and the object.
         """
         path = Path(path)
         if not path.is_file():
@@ -126,15 +126,15 @@ class RecordedDetections:
         return recorded
 
     def add(self, stamp: float, detections: Detections) -> None:
-        """Keep the detections of an image.
+        """Add the detections of an image.
 
         Raises:
-            ValueError: If the stamp is known already, or a mask is not of the image's size.
+            ValueError: If the stamp is already known, or a mask does not have the image's size.
         """
         objects = []
         for i, name in enumerate(detections.names):
             mask = None if detections.masks is None else detections.masks[i]
-            # Through text, a float32 becomes the shortest number that stands for it.
+            # By way of text, a float32 becomes the shortest number for it.
             xmin, ymin, xmax, ymax, score = (
                 float(str(value)) for value in (*detections.xyxy[i], detections.scores[i])
             )
@@ -151,7 +151,7 @@ class RecordedDetections:
     def at(self, stamp: float) -> Detections:
         """Return the detections of the image nearest in time, within a millisecond.
 
-        Of a stamp without an image there are none; the first is logged, all are counted.
+        There are none for an unknown stamp; the first such stamp is logged, all are counted.
         """
         position = bisect_left(self._stamps, stamp)
         near = self._stamps[max(0, position - 1) : position + 1]
@@ -169,7 +169,7 @@ class RecordedDetections:
         return Detections.of([], [])
 
     def save(self, path: str | Path) -> None:
-        """Write what `load` reads; a file that is there already is replaced as a whole.
+        """Write what `load` reads; an existing file is replaced atomically.
 
         Raises:
             FileMissing: If the folder does not exist.
@@ -213,7 +213,7 @@ def _stamp_of(key: str) -> float:
 
 
 def _key_of(location: tuple[Any, ...]) -> str | None:
-    """Return where something is wrong, in words."""
+    """Return the place of an error, in words."""
     match location:
         case ("frames", stamp, int(number), *rest):
             return ": ".join([f"frame {stamp}", f"object {number}", *map(str, rest)])

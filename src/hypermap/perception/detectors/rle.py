@@ -8,7 +8,7 @@ from hypermap.core.arrays import BoolArray
 
 
 def encode(mask: BoolArray) -> list[int]:
-    """Return how many pixels are out, in, out, ... of a mask (H, W), column after column.
+    """Return the run lengths outside, inside, outside, ... a mask (H, W), column by column.
 
     Source: COCO's "counts"; see its mask API.
 
@@ -21,7 +21,7 @@ def encode(mask: BoolArray) -> list[int]:
 
 
 def decode(counts: list[int], height: int, width: int) -> BoolArray:
-    """Return the mask (H, W) of run lengths that add up to its pixels.
+    """Return the mask (H, W) of run lengths, which add up to its pixels.
 
     >>> decode([0, 2, 1, 1], 2, 2)
     array([[ True, False],

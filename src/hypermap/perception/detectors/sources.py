@@ -18,7 +18,7 @@ logger = logging.getLogger(__name__)
 def detections_from_detector(detector: Detector) -> DetectionSource:
     """Return a source that runs the detector on the color image of each frame.
 
-    It raises HypermapError for a frame without one, and names the detector where that fails.
+    It raises HypermapError for a frame without one; if the detector fails, the error names it.
     """
     kind = type(detector)
     name = f"detector {kind.__module__}.{kind.__qualname__}"
@@ -36,11 +36,11 @@ def detections_from_detector(detector: Detector) -> DetectionSource:
 
 
 def detections_of(name: str, look: Callable[[], Any]) -> Detections:
-    """Return what others' code sees in a frame.
+    """Return the detections that a plug-in's or user's function finds in a frame.
 
     Raises:
-        HypermapError: If it raises an exception, or returns something else; names that code, but
-            not where memory was full. The frame is lost then, and not those before.
+        HypermapError: If it raises an exception, or returns something else; names that code,
+            except when memory is full. Only this frame is lost.
     """
     try:
         found = look()
@@ -62,11 +62,11 @@ def detections_of(name: str, look: Callable[[], Any]) -> Detections:
 def detections_from_file(path: str | Path) -> DetectionSource:
     """Return a source that looks up each frame in a file (see `RecordedDetections`).
 
-    It raises FormatError for a frame whose size is not that of the images in the file.
+    It raises FormatError for a frame whose size differs from that of the images in the file.
 
     Raises:
         FileMissing: If there is no such file.
-        FormatError: If it does not hold detections.
+        FormatError: If it does not contain detections.
     """
     recorded = RecordedDetections.load(path)
 
@@ -95,7 +95,7 @@ def detections_from_file(path: str | Path) -> DetectionSource:
 def detections_from_recording() -> DetectionSource:
     """Return a source that takes the detections recorded with each frame.
 
-    A frame without any counts as one without objects; the first is logged.
+    A frame without recorded detections counts as one without objects; the first is logged.
     """
     is_warned = False
 

@@ -56,9 +56,9 @@ def _decode_yolov5(outputs: Outputs) -> Candidates:
     return Candidates.best(corners(rows[:, :4]), scores, rows[:, masks_at:])
 
 
-# YOLOX and YOLOv6 share a shape: (x, y, w, h, objectness, class scores). YOLOv6 knows no
+# YOLOX and YOLOv6 share a shape: (x, y, w, h, objectness, class scores). YOLOv6 has no
 # objectness and writes 1. YOLOX has (x, y, log w, log h) in units of the cell and from its corner,
-# unless its decoding was exported with it: then centers are near to their cells in pixels.
+# unless the export includes decoding: then centers are near their cells in pixels.
 
 
 def _is_yolov6(outputs: Outputs) -> bool:
@@ -113,7 +113,7 @@ def _decode_end_to_end(outputs: Outputs) -> Candidates:
     return Candidates(rows[:, :4], rows[:, 4], np.rint(rows[:, 5]).astype(int), rows[:, 6:], None)
 
 
-# YOLOv7 with its suppression: (image, xmin, ymin, xmax, ymax, class, score), without a batch
+# YOLOv7 with suppression: (image, xmin, ymin, xmax, ymax, class, score), without a batch
 
 
 def _is_final_yolov7(outputs: Outputs) -> bool:

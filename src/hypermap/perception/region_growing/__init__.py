@@ -1,7 +1,7 @@
-"""The thesis' way to cut an object out: the largest smooth region of the points in its box.
+"""The thesis' segmentation: the largest smooth region of the points in an object's box.
 
-`organised` looks for neighbors in the image and is fast; `unorganised` looks for them in a k-d
-tree of all points, as PCL does, and is the reference for it. Others know this front alone.
+`organised` looks up neighbors in the image and is fast; `unorganised` finds them in a k-d
+tree of all points, as PCL does, and is its reference. Other modules import only this package.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from hypermap.perception.region_growing import organised, unorganised
 def largest_regions(
     frame: RgbdFrame, valid: BoolArray, objects: Sequence[IntArray], config: PerceptionConfig
 ) -> list[IntArray]:
-    """Return the pixels of each object's largest region that may be one; none if there is none.
+    """Return the pixels of each object's largest region of valid size; empty if there is none.
 
     Args:
         frame: depth or points, and intrinsics.
-        valid: which of its pixels hold a point, shape (H, W).
+        valid: which of its pixels have a point, shape (H, W).
         objects: increasing row-major indices of the valid pixels of each object, none empty.
-        config: which of the two methods, neighbors and thresholds.
+        config: method, neighbors and thresholds.
     """
     if config.method == "organised":
         regions = organised.grow_regions(frame, valid, objects, config)
@@ -38,7 +38,7 @@ def largest_regions(
 
 
 def _largest(pixels: IntArray, region_of: IntArray, fewest: int, most: int) -> IntArray:
-    """Return the pixels of the largest region that may be an object; none if there is none."""
+    """Return the pixels of the largest region of valid size; empty if there is none."""
     sizes = np.bincount(region_of)
     sizes[(sizes < fewest) | (sizes > most)] = 0
     largest = sizes.argmax()

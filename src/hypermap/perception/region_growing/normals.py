@@ -1,7 +1,7 @@
 """Planes through about the k points nearest to each pixel of an image.
 
-Where the surface is smooth they come from `smooth_windows`; elsewhere the nearest points are looked
-for, in windows around the pixel.
+Where the surface is smooth, they come from `smooth_windows`; elsewhere, from the nearest points in
+a window around the pixel.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ UNREACHED2 = np.float32(1e10)  # less than the squared distance to `FAR`, more t
 # small [pixels], its rows in chunks of 5 and its columns in blocks of 16, half of them to the left.
 WINDOWS = np.array([[5, 2, 1], [8, 3, 1], [13, 5, 2], [16, 7, 2], [32, 13, 4]])
 
-# The radius around a point is good if about k points lie within.
+# The radius around a point is good if about k points are within it.
 TOO_FEW, TOO_MANY = np.float32(0.8), np.float32(1.25)  # times k
-TIE = np.float32(1e-5)  # squared radii that differ by a smaller part are one
+TIE = np.float32(1e-5)  # squared radii within this relative difference are equal
 MAX_STEPS = 16  # enough to reach any point of the largest window
 
 # What lets sums be computed in vector registers; NaN and infinity keep their meaning.
 _VECTORS = {"reassoc", "contract", "nsz", "arcp"}
-_ROWS, _COLUMNS = 5, 16  # of a window at a time, so that their sums stay in registers
+_ROWS, _COLUMNS = 5, 16  # of a window at a time, so that the sums stay in registers
 
 
 def fit_planes(
@@ -39,15 +39,15 @@ def fit_planes(
 
     Args:
         planes: the cloud with its margins, shape (3, H, W).
-        wanted: where there is a point whose normal is wanted, not in the margins, shape (H, W).
-        k: how many neighbors, the point itself included; a fifth fewer or a quarter more will do,
-            and where the surface is smooth the odd square number next to it.
+        wanted: pixels whose normal to compute, not in the margins, shape (H, W).
+        k: number of neighbors, including the point; a fifth fewer or a quarter more is fine,
+            and on smooth surfaces the nearest odd square number.
         focal: focal lengths along rows and columns [pixels].
 
     Returns:
         Unit normals of either sign, zero where the points are no plane, shape (3, H, W); curvatures
         from 0 (flat) to 1/3, shape (H, W); and squared radii around the points, shape (H, W). They
-        mean something where wanted only.
+        are valid only where wanted.
     """
     fx, fy = map(np.float32, focal)
     half = (0,) * max(round((math.sqrt(k) - 1) / 2), 1)
@@ -82,9 +82,9 @@ def _covariances(
     pitch: np.float32,
     radii2: NDArray[np.float32],
 ) -> NDArray[np.float32]:
-    """Return xx, xy, xz, yy, yz, zz of the points nearest to some, shape (6, N).
+    """Return xx, xy, xz, yy, yz, zz of the points nearest to each of some points, shape (6, N).
 
-    Their squared radii are written into `radii2`, shape (H, W). The pitch is the least distance
+    Writes their squared radii into `radii2`, shape (H, W). The pitch is the smallest distance
     between the rays of neighboring pixels, per meter of depth.
     """
     stride = planes.shape[2]
@@ -130,7 +130,7 @@ def _covariances(
 def _sums(x, y, z, stride, place, chunks, blocks, radius2):  # type: ignore[no-untyped-def]
     """Return the sums of 1, x, y, z, xx, xy, xz, yy, yz, zz over a window's points in a radius.
 
-    They are counted from the point at the place.
+    They are relative to the point at the place.
     """
     x0, y0, z0 = x[place], y[place], z[place]
     n = sx = sy = sz = sxx = sxy = sxz = syy = syz = szz = np.float32(0)

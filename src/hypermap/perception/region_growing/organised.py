@@ -16,8 +16,8 @@ from hypermap.perception.region_growing.normals import fit_planes
 from hypermap.perception.region_growing.padded import MARGIN, planes_of
 from hypermap.perception.region_growing.regions import NOTHING, join
 
-# In an image neighborhood is mutual, in PCL it is not: that loses about as many neighbors as a
-# third more brings in.
+# In the image, neighborhood is mutual; in PCL, it is not. Mutuality loses about as many
+# neighbors as a third more adds.
 MUTUAL = 4 / 3
 
 
@@ -26,14 +26,14 @@ def grow_regions(
 ) -> list[IntArray]:
     """Return the region of each pixel of each object.
 
-    Does about the same as `unorganised.grow_regions`, with a frame in place of its points. Two
+    Similar to `unorganised.grow_regions`, with a frame instead of its points. Two
     points join if each is among the other's neighbors and their normals agree, and regions are
-    what hangs together so. A point above the curvature threshold joins one region, but not two with
-    each other.
+    the connected components. A point above the curvature threshold joins one region, but does not
+    connect two.
 
     Args:
         frame: depth or points, and intrinsics.
-        valid: which of its pixels hold a point, shape (H, W).
+        valid: which of its pixels have a point, shape (H, W).
         objects: increasing row-major indices of the valid pixels of each object, none empty.
         config: neighbors and thresholds.
     """
@@ -48,7 +48,7 @@ def grow_regions(
         rows_of(frame.depth, frame.camera.K, frame.cloud), valid, top, left, bottom, right
     )
     size, stride = planes[0].size, planes.shape[2]
-    shift = (MARGIN - top) * stride + MARGIN - left  # where the image's first pixel would lie
+    shift = (MARGIN - top) * stride + MARGIN - left  # where the image's first pixel would be
     places = [_places(pixels, width, stride, shift) for pixels in objects]
     wanted = np.zeros(size, dtype=np.bool_)
     for own in places:
@@ -69,14 +69,14 @@ def grow_regions(
 
 
 def _row_starts(pixels: IntArray, width: int) -> IntArray:
-    """Return which of increasing pixels is the first of each row, and at last their number."""
+    """Return which of increasing pixels is the first of each row, and at the end their number."""
     rows = np.arange(pixels[0] // width, pixels[-1] // width + 2)
     return np.searchsorted(pixels, rows * width)
 
 
 @loop()
 def _part(pixels: IntArray, starts: IntArray, width: int) -> tuple[int, int, int, int]:
-    """Return the first row and column of some pixels, and those behind the last."""
+    """Return the first row and column of some pixels, and those after the last."""
     top = pixels[0] // width
     left, right = width, 0
     for i in range(len(starts) - 1):
@@ -87,7 +87,7 @@ def _part(pixels: IntArray, starts: IntArray, width: int) -> tuple[int, int, int
 
 
 def _places(pixels: IntArray, width: int, stride: int, shift: int) -> NDArray[np.int32]:
-    """Return where pixels lie in a plane with margins."""
+    """Return the places of pixels in a plane with margins."""
     return (pixels + pixels // width * (stride - width) + shift).astype(np.int32)
 
 
@@ -99,7 +99,7 @@ def _set_reach(
     share: np.float32,
     threshold: np.float32,
 ) -> None:
-    """Make squared radii the squared reach of the points: negative where they are bent or none."""
+    """Turn squared radii into squared reach: negative where there is no point or high curvature."""
     for place in range(len(wanted)):
         reach2 = radii2[place] * (-share if curvatures[place] > threshold else share)
         radii2[place] = reach2 if wanted[place] else np.float32(-1)

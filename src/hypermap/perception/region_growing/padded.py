@@ -1,7 +1,7 @@
-"""A part of an organised cloud as planes with margins, so that windows need no clipping.
+"""A part of an organized cloud as planes with margins, so that windows need no clipping.
 
-The planes are x, y and z; a place is an index into a plane, counted row by row. A pixel without a
-point, and every pixel outside the image, holds `FAR`, and so is near no other.
+The planes are x, y and z; a place is a row-major index into a plane. A pixel without a
+point, and every pixel outside the image, has the value `FAR`, and so is near no other.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ def planes_of(
 
     Args:
         rows: the image's points, as `rows_of` returns them.
-        valid: which of its pixels hold a point, shape (H, W).
+        valid: which of its pixels have a point, shape (H, W).
         top: first row.
         left: first column.
-        bottom: the row behind the last.
-        right: the column behind the last.
+        bottom: the row after the last.
+        right: the column after the last.
 
     Returns:
         Float32, shape (3, bottom - top + 64, right - left + 64).

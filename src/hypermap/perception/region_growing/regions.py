@@ -1,4 +1,4 @@
-"""Compiled search for what hangs together in an image of points with normals."""
+"""Compiled search for connected components in an image of points with normals."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 from hypermap._loops import loop
 from hypermap.core.arrays import BoolArray, IntArray
 
-# Neighbors are looked for in as many rows below a pixel, in twice as many columns around it.
+# Neighbors are searched in as many rows below a pixel, and in as many columns to each side.
 SEARCH = 4
 
-NOTHING = -1  # the label of a place that is not of the object
-TOGETHER = 8  # so many places of a row are looked at together
+NOTHING = -1  # the label of a place outside the object
+TOGETHER = 8  # places of a row tested at a time
 
 Planes = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]  # x, y, z
 
@@ -28,20 +28,20 @@ def join(
     cosine: np.float32,
     labels: NDArray[np.int32],
 ) -> NDArray[np.int32]:
-    """Return the region of each of some places: a number, the same for all that hang together.
+    """Return the region of each of some places: a number, the same for all connected ones.
 
-    Each place gets a label, and labels are linked to a tree for each region: a label has a parent
-    in the same region, and a root is its own parent. First what lies side by side joins, which is
-    nearly all; then, where labels meet, what lies farther apart.
+    Each place gets a label, and the labels of a region form a tree: a label has a parent
+    in the same region, and a root is its own parent. First, adjacent places join, which is
+    nearly all of them; then, where labels meet, places farther apart.
 
     Args:
         planes: the cloud with its margins, shape (3, H, W).
         places: of the object, increasing, shape (N,).
-        part: the first row and column of the object, and those behind the last, shape (4,).
+        part: the first row and column of the object, and those after the last, shape (4,).
         normals: of the points there, shape (3, H, W).
-        reach2: squared distances, negative where a point is bent or none, shape (H * W,).
-        cosine: least cosine of the angle between normals that agree.
-        labels: `NOTHING` everywhere, and left so, shape (H * W,).
+        reach2: squared distances, negative where there is no point or high curvature, (H * W,).
+        cosine: smallest cosine of the angle between normals that agree.
+        labels: `NOTHING` everywhere, also afterward, shape (H * W,).
     """
     stride = planes.shape[2]
     cloud = planes[0].ravel(), planes[1].ravel(), planes[2].ravel()
@@ -51,7 +51,7 @@ def join(
     parent = np.empty(len(places), np.int32)
     for place in places:
         labels[place] = 0
-    count = len(places) - len(places)  # 0, and no literal, for which numba compiles again
+    count = len(places) - len(places)  # 0, but not a literal, for which numba would compile again
     for row in range(first, last + 1, stride):
         with_left = _all_joins(cloud, axes, reach2, row, row - 1, width, cosine)
         with_above = _all_joins(cloud, axes, reach2, row, row - stride, width, cosine)
@@ -86,7 +86,7 @@ def _label_row(
     parent: NDArray[np.int32],
     count: int,
 ) -> int:
-    """Label a row's places of the object: what joins those on the left or above has their label.
+    """Label a row's places of the object: those that join the left or upper one get its label.
 
     Args:
         with_left: which of the places join those on their left, shape (width,).
@@ -98,7 +98,7 @@ def _label_row(
         count: how many labels there are.
 
     Returns:
-        How many labels there are then.
+        The new number of labels.
     """
     label = NOTHING
     for i in range(len(with_left)):
@@ -131,7 +131,7 @@ def _joins(
     other: np.uint64,
     cosine: np.float32,
 ) -> bool:
-    """Return whether two places of an object join: both are near, and their normals agree."""
+    """Return whether two places of an object join: they are near, and their normals agree."""
     (x, y, z), (nx, ny, nz) = cloud, axes
     dx, dy, dz = x[other] - x[one], y[other] - y[one], z[other] - z[one]
     distance2 = dx * dx + dy * dy + dz * dz
@@ -142,7 +142,7 @@ def _joins(
 
 @loop(allocates=True)
 def _all_joins(cloud, axes, reach2, start, other, width, cosine):  # type: ignore[no-untyped-def]
-    """Return which of the places of a row join those that another row holds, shape (width,)."""
+    """Return which of the places of a row join those in another row, shape (width,)."""
     joins = np.empty(width, np.bool_)
     for i in range(uint64(width)):
         joins[i] = _joins(cloud, axes, reach2, uint64(start) + i, uint64(other) + i, cosine)
@@ -152,7 +152,7 @@ def _all_joins(cloud, axes, reach2, start, other, width, cosine):  # type: ignor
 @loop()
 def _is_border(labels, place, stride):  # type: ignore[no-untyped-def]
     """Return whether there are several labels where some places of a row may join others."""
-    largest, smallest = np.int32(NOTHING), np.uint32(NOTHING)  # which is the largest of all
+    largest, smallest = np.int32(NOTHING), np.uint32(NOTHING)  # unsigned, the largest number
     for column in range(uint64(TOGETHER + 2 * SEARCH)):
         for row in range(uint64(SEARCH + 1)):
             label = labels[uint64(place - SEARCH) + row * uint64(stride) + column]
@@ -192,10 +192,9 @@ def _join_far(
 
 @loop()
 def _any_joins(cloud, axes, reach2, start, apart, cosine, labels):  # type: ignore[no-untyped-def]
-    """Return whether any of some places of a row joins the one so far away, with another label.
+    """Return whether any of some places of a row joins the one `apart` away, with another label.
 
-    It is the same question as in `_join_far`, without a branch, so that it is asked of all of them
-    at once.
+    The same test as in `_join_far`, without a branch, so that it is vectorized.
     """
     found = False
     for i in range(uint64(TOGETHER)):
@@ -216,9 +215,9 @@ def _home(
     cosine: np.float32,
     labels: NDArray[np.int32],
 ) -> int:
-    """Return which of the pixels around takes a place that is bent too much to join by itself.
+    """Return the neighboring pixel whose region takes a place of too high curvature.
 
-    It is the place itself if none does.
+    The place itself if there is none.
     """
     reach2[place] *= -1
     home = place
@@ -233,7 +232,7 @@ def _home(
 
 @loop()
 def _root(parent: NDArray[np.int32], label: np.int64) -> np.int64:
-    """Return the root of a label's region; the way there is half as long the next time."""
+    """Return the root of a label's region, with path halving."""
     while parent[label] != label:
         parent[label] = parent[parent[label]]
         label = np.int64(parent[label])
@@ -242,6 +241,6 @@ def _root(parent: NDArray[np.int32], label: np.int64) -> np.int64:
 
 @loop()
 def _link(parent: NDArray[np.int32], one: np.int64, other: np.int64) -> None:
-    """Make two regions one."""
+    """Merge two regions."""
     root, other_root = _root(parent, one), _root(parent, other)
     parent[max(root, other_root)] = min(root, other_root)

@@ -1,7 +1,7 @@
-"""Planes through small windows of an image: compiled, and good where a surface is smooth.
+"""Planes through small windows of an image: compiled, and accurate on smooth surfaces.
 
 There the k nearest points are about those of a square window, and depth is an affine function of
-the pixel but for what is far below the noise. So a few sums over the window give the plane.
+the pixel, up to errors far below the noise. So a few sums over the window give the plane.
 """
 
 from __future__ import annotations
@@ -12,16 +12,16 @@ from numba import uint64
 from hypermap._loops import loop
 from hypermap.perception.region_growing.padded import FAR, MARGIN
 
-# A window shows a smooth surface if its points lie from their plane by at most this part of the
-# radius of the k nearest, in the root mean square: then these are about the window's points.
+# A window shows a smooth surface if the root mean square distance of its points from their plane
+# is at most this part of the radius of the k nearest: then these are about the window's points.
 SMOOTH = 0.3
-FACING = 0.4  # least cosine between the plane's normal and the ray; else the window is too wide
+FACING = 0.4  # smallest cosine between the plane's normal and the ray; below, windows are too wide
 
 # Unsigned: numba then knows that an index is not from the end, and loops use vector registers.
-_BLOCK = uint64(64)  # pixels of a row that are done together
-_SIDE = uint64(16)  # pixels to each side of these that their windows may reach
+_BLOCK = uint64(64)  # pixels of a row processed at a time
+_SIDE = uint64(16)  # pixels to each side that their windows may extend
 _WIDTH = _BLOCK + 2 * _SIDE
-_STEP = uint64(16)  # pixels of a row in which the next block is looked for
+_STEP = uint64(16)  # pixels of a row searched at a time for the next block
 _TWO, _THREE, _FOUR = uint64(2), uint64(3), uint64(4)
 # NaN and infinity keep their meaning.
 _VECTORS = {"reassoc", "contract", "nsz", "arcp"}
@@ -29,19 +29,19 @@ _VECTORS = {"reassoc", "contract", "nsz", "arcp"}
 
 @loop(allocates=True)
 def fit_smooth(planes, wanted, k, half, fx, fy):  # type: ignore[no-untyped-def]
-    """Do what `normals.fit_planes` does, but only where the surface is smooth.
+    """Do the same as `normals.fit_planes`, but only where the surface is smooth.
 
     Args:
         planes: the cloud with its margins, shape (3, H, W).
-        wanted: where there is a point whose normal is wanted, not in the margins, shape (H, W).
-        k: how many points the radius is meant to hold.
-        half: as many items, up to 16, as windows have rows above their middle, and below, and
-            columns to each side; loops over a tuple, whose length is known, are unrolled.
+        wanted: pixels whose normal to compute, not in the margins, shape (H, W).
+        k: how many points the radius should contain.
+        half: as many items, up to 16, as windows have rows above and below their center, and
+            columns to each side; the compiler unrolls loops over a tuple, as it knows the length.
         fx: focal length along rows [pixels].
         fy: focal length along columns [pixels].
 
     Returns:
-        What `fit_planes` returns, without a meaning where the surface is not smooth, and the places
+        The result of `fit_planes`, not valid where the surface is not smooth, and the places
         where it is not, int32, increasing, shape (N,).
     """
     shape, stride = wanted.shape, wanted.shape[1]
@@ -81,7 +81,7 @@ def fit_smooth(planes, wanted, k, half, fx, fy):  # type: ignore[no-untyped-def]
 
 @loop()
 def _any(is_wanted, start):  # type: ignore[no-untyped-def]
-    """Return whether any of some pixels is wanted; `any` would not look at many at once."""
+    """Return whether any of some pixels is wanted; unlike `any`, vectorized."""
     found = False
     for i in range(_STEP):
         found |= is_wanted[start + i]
@@ -106,7 +106,7 @@ def _copy(found, out, start):  # type: ignore[no-untyped-def]
 
 @loop(fastmath=_VECTORS)
 def _sum_columns(z, middle, first, stride, half, columns):  # type: ignore[no-untyped-def]
-    """Sum up z, v z and zz over the columns of windows, with v and z counted from the middle.
+    """Sum up z, v z and zz over the columns of windows, with v and z relative to the middle.
 
     Args:
         z: of the cloud, with its margins.
@@ -165,11 +165,11 @@ def _fit_windows(x, y, z, start, k, half, fx, fy, middle, sums, found, is_rough)
         y: of the same.
         z: of the same.
         start: the first pixel's place.
-        k: how many points the radius is meant to hold.
+        k: how many points the radius should contain.
         half: as in `fit_smooth`.
         fx: focal length along rows [pixels].
         fy: focal length along columns [pixels].
-        middle: the depth that others are counted from.
+        middle: the depth that others are relative to.
         sums: of z, u z, v z and zz over the windows, shape (4 * _BLOCK,).
         found: receives normals, curvatures and squared radii, shape (5 * _BLOCK,).
         is_rough: receives whether the surface is not smooth, shape (_BLOCK,).
@@ -189,7 +189,7 @@ def _fit_windows(x, y, z, start, k, half, fx, fy, middle, sums, found, is_rough)
         scale = one / length
         radius2 = reach * depth * length
         across = depth * scale  # cosine between the normal and the ray
-        error = max(error, np.float32(0)) * across * across  # at right angles to the plane
+        error = max(error, np.float32(0)) * across * across  # perpendicular to the plane
         is_rough[i] = not (
             (error <= np.float32(SMOOTH**2) * radius2)
             & (across >= np.float32(FACING))

@@ -27,8 +27,8 @@ def grow_regions(
     object's points.
 
     Args:
-        points: organised cloud in the optical frame [m], shape (H, W, 3).
-        valid: which of its pixels hold a point, shape (H, W).
+        points: organized cloud in the optical frame [m], shape (H, W, 3).
+        valid: which of its pixels have a point, shape (H, W).
         objects: row-major indices of the valid pixels of each object.
         config: neighbors and thresholds.
 
@@ -57,11 +57,11 @@ def normals_of(
     Args:
         cloud: finite points, shape (N, 3).
         at: points whose normals are wanted, shape (M, 3).
-        k: how many neighbors, the point itself included if it belongs to the cloud.
+        k: number of neighbors, including the point itself if it belongs to the cloud.
 
     Returns:
-        Unit normals of either sign, shape (M, 3); and curvatures, the part of the neighbors'
-        variance that lies along the normal, from 0 (flat) to 1/3, shape (M,).
+        Unit normals of either sign, shape (M, 3); and curvatures, the share of the neighbors'
+        variance along the normal, from 0 (flat) to 1/3, shape (M,).
     """
     normals = np.empty((len(at), 3))
     curvatures = np.empty(len(at))
@@ -80,7 +80,7 @@ def normals_of(
 
 
 def _nearest(tree: KDTree, at: NDArray[np.float32], k: int) -> IntArray:
-    """Return the indices of the k nearest points of the tree, or of all if it holds fewer."""
+    """Return the indices of the k nearest points in the tree, or of all if there are fewer."""
     ranks = np.arange(1, min(k, tree.n) + 1)
     return np.asarray(tree.query(at, ranks)[1])
 
@@ -102,8 +102,8 @@ def _grow(
 def _flood(seeds: IntArray, neighbors: IntArray, joins: BoolArray, spreads: BoolArray) -> IntArray:
     """Grow one region after the other, from the flattest point that is still free.
 
-    A point may have a neighbor whose neighbor it is not, so the order matters: what an earlier
-    region cannot reach stays free for a later one.
+    Neighborhood is not mutual, so the order matters: points that an earlier
+    region cannot reach stay free for a later one.
     """
     region_of = np.full(len(seeds), -1)
     queue = np.empty(len(seeds), dtype=np.int64)

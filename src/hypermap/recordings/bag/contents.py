@@ -1,4 +1,4 @@
-"""What a first pass over a bag finds: times, transforms and detections, but no images."""
+"""The results of a first pass over a bag: times, transforms and detections, but no images."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from hypermap.recordings.messages.detections import detections_of
 from hypermap.recordings.messages.header import as_seconds, clean_frame, nanoseconds
 from hypermap.recordings.messages.transforms import TransformLog
 
-_FIRSTS = 5  # messages of a topic that tell of what size its images are
+_FIRSTS = 5  # messages of a topic used to find the size of its images
 
 
 @dataclass(eq=False)
@@ -24,9 +24,9 @@ class ImageStream:
     """The times of the images of a topic.
 
     Attributes:
-        firsts: its first messages, of which one may be damaged.
+        firsts: its first messages, one of which may be damaged.
         stamps: the messages' stamps [ns], each once, in the order of recording.
-        repeated: number of messages left out because their stamp had come before.
+        repeated: number of messages skipped because of a repeated stamp.
     """
 
     firsts: list[Any] = field(default_factory=list)
@@ -52,13 +52,13 @@ class ImageStream:
 
 @dataclass(eq=False)
 class Contents:
-    """What is known of a bag before its images are read.
+    """The contents of a bag, before its images are read.
 
     Attributes:
         geometry: depth images or clouds.
         color: color images.
         camera_info: the first message of the intrinsics.
-        color_info: the same of the color images, where depth is to be registered to them.
+        color_info: the same for the color images, if depth is to be registered to them.
         transforms: all of tf.
         detections: by the stamp of the image [ns].
         damaged: messages that cannot be decoded, by their times of recording [ns].
@@ -74,7 +74,7 @@ class Contents:
 
 
 def read_contents(bag: BagFile, topics: ChosenTopics) -> Contents:
-    """Return what a pass over the bag finds; images are looked at only for their stamps.
+    """Return what a pass over the bag finds; of images, it reads only the stamps.
 
     Raises:
         FormatError: If the bag cannot be read.
@@ -88,7 +88,7 @@ def read_contents(bag: BagFile, topics: ChosenTopics) -> Contents:
 
     def on_damaged(log_time: int, error: FormatError) -> None:
         damaged = FormatError(str(error), path=bag.path)
-        damaged.key = error.key  # which its text names already
+        damaged.key = error.key  # its text already names the old one
         contents.damaged.append((log_time, damaged))
 
     for name, log_time, message in bag.messages(names, on_damaged):
@@ -110,12 +110,12 @@ def read_contents(bag: BagFile, topics: ChosenTopics) -> Contents:
 
 
 def stamp_of(message: Any, log_time: int) -> int:
-    """Return a message's stamp [ns], or the time of recording where the stamp was left at zero."""
+    """Return a message's stamp [ns], or the time of recording if the stamp is zero."""
     return nanoseconds(message.header.stamp) or log_time
 
 
 def seconds(stamps: dict[int, Any]) -> NDArray[np.float64]:
-    """Return the keys of a dictionary by nanoseconds in seconds, shape (N,)."""
+    """Return the keys of a dictionary, given in nanoseconds, in seconds, shape (N,)."""
     return np.array([as_seconds(stamp) for stamp in stamps])
 
 

@@ -1,4 +1,4 @@
-"""A bag's image and cloud messages become the arrays of a frame."""
+"""Decodes a bag's image and cloud messages into the arrays of a frame."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from hypermap.recordings.messages.images import (
 
 @dataclass(frozen=True, eq=False)
 class Geometry:
-    """What a depth image or a cloud says; for the fields see `RgbdFrame`."""
+    """The content of a depth image or a cloud; for the fields, see `RgbdFrame`."""
 
     depth: NDArray[np.float32]
     cloud: NDArray[np.float32] | None = None
@@ -33,24 +33,24 @@ class Geometry:
         return self.depth.shape[1], self.depth.shape[0]
 
 
-def decode_geometry(topic: Topic, message: Any, units_per_metre: float) -> Geometry:
-    """Return the depth in a message of whatever kind.
+def decode_geometry(topic: Topic, message: Any, units_per_meter: float) -> Geometry:
+    """Return the depth in a message of any kind.
 
     Raises:
-        FormatError: If the message holds no depth, or is damaged.
+        FormatError: If the message has no depth, or is damaged.
     """
     if topic.type == CLOUD:
         points, color = points_of_cloud(message)
         return Geometry(points[..., 2].copy(), points, color)
     if topic.type == COMPRESSED:
-        return Geometry(depth_of_compressed(message, units_per_metre))
-    return Geometry(depth_of_image(message, units_per_metre))
+        return Geometry(depth_of_compressed(message, units_per_meter))
+    return Geometry(depth_of_image(message, units_per_meter))
 
 
 def decode_color(topic: Topic, message: Any) -> NDArray[np.uint8]:
     """Return the color image in a message, RGB, uint8, shape (H, W, 3).
 
     Raises:
-        FormatError: If the message holds no color that can be read, or is damaged.
+        FormatError: If the message has no color that can be read, or is damaged.
     """
     return color_of_compressed(message) if topic.type == COMPRESSED else color_of_image(message)

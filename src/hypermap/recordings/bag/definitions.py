@@ -1,4 +1,4 @@
-"""Message types for bags that do not carry their own, as ROS 2 bags before Iron.
+"""Message types for bags that do not contain them, such as ROS 2 bags before Iron.
 
 Source: vision_msgs 4 (ROS 2 Humble); the ROS 2 port of darknet_ros_msgs.
 """

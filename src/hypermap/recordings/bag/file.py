@@ -36,7 +36,7 @@ class Topic:
 
     Attributes:
         name: as recorded.
-        type: its message type in the spelling of ROS 2, as `sensor_msgs/msg/Image`.
+        type: its message type in ROS 2 spelling, such as `sensor_msgs/msg/Image`.
         count: number of messages.
     """
 
@@ -57,7 +57,7 @@ class BagFile:
 
     @property
     def format(self) -> str:
-        """What kind of bag it is."""
+        """The kind of bag."""
         is_ros1 = is_ros1_bag(self.path) or any(self.path.glob("*.bag"))
         return "ROS 1 bag" if is_ros1 else "ROS 2 bag"
 
@@ -85,8 +85,8 @@ class BagFile:
 
         Args:
             names: of the topics.
-            on_damaged: called for each damaged message, with its time of recording [ns]; it is left
-                out then.
+            on_damaged: called for each damaged message, with its time of recording [ns]; then the
+                message is skipped.
 
         Raises:
             FormatError: If the bag cannot be read, or, without `on_damaged`, a message.
@@ -128,7 +128,7 @@ class BagFile:
 
 @contextmanager
 def _open(path: Path) -> Iterator[rosbag1.Reader | rosbag2.Reader]:
-    """Give an open reader; whatever goes wrong inside is the bag's fault."""
+    """Yield an open reader; attribute any error inside to the bag."""
     reader: rosbag1.Reader | rosbag2.Reader
     try:
         reader = rosbag1.Reader(path) if is_ros1_bag(path) else rosbag2.Reader(path)
@@ -150,7 +150,7 @@ def _open(path: Path) -> Iterator[rosbag1.Reader | rosbag2.Reader]:
 def _types_of(connection: Connection) -> Typestore:
     """Return the types that a connection's messages need, its own definitions first.
 
-    Each connection has a store of its own: bags may define a type in two ways.
+    Each connection has its own store: bags may define a type in two ways.
 
     Raises:
         FormatError: If a type of ROS lacks a field there.
@@ -162,7 +162,7 @@ def _types_of(connection: Connection) -> Typestore:
     if connection.msgdef.format == MessageDefinitionFormat.MSG:
         store.register(get_types_from_msg(text, connection.msgtype))
     else:
-        # Several definitions stand one after the other, each under a line "IDL: name".
+        # Several definitions follow each other, each after a line "IDL: name".
         separator = "=" * 80 + "\nIDL: "
         for part in text.split(separator) if text.startswith(separator) else [text]:
             idl = part.partition("\n")[2] if text.startswith(separator) else part

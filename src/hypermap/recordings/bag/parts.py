@@ -13,7 +13,7 @@ _PART = re.compile(rf"(?P<name>.*?)(?:_?{_DATE})?_(?P<number>\d+)(?P<ending>(?:\
 
 
 def is_ros1_bag(path: Path) -> bool:
-    """Return whether a file is called as ROS 1 calls its bags."""
+    """Return whether a file has a name like the bags of ROS 1."""
     return path.suffix in (".bag", ".active")
 
 

@@ -34,9 +34,9 @@ _Image = TypeVar("_Image", Geometry, NDArray[np.uint8])
 
 
 class BagPlan:
-    """Brings together what the first pass over a bag has found.
+    """Combines the results of the first pass over a bag.
 
-    Every property raises a FormatError if what it needs is missing; `problems` tells them all.
+    Every property raises a FormatError if something that it needs is missing; `problems` lists all.
     """
 
     def __init__(self, topics: ChosenTopics, contents: Contents, options: RecordingOptions) -> None:
@@ -45,12 +45,12 @@ class BagPlan:
         self._options = options
 
     def problems(self) -> list[str]:
-        """Return a sentence for everything without which there are no frames."""
+        """Return a sentence for each missing thing without which there are no frames."""
         needs = ("geometry_topic", "camera", "motion", "frames", "color_topic", "registration")
         return problems_of(self, *needs)
 
     def notes(self) -> list[str]:
-        """Return sentences on what was left out, assumed or chosen, for a plan without problems."""
+        """Return sentences on what was skipped, assumed or chosen, for a plan without problems."""
         contents = self._contents
         notes = [*self._topics.notes, *self.map_frame_notes, *self.left_out()]
         if self.damaged:
@@ -74,7 +74,7 @@ class BagPlan:
         return notes
 
     def left_out(self) -> list[str]:
-        """Return sentences on what of the bag makes no frame, though it can be read."""
+        """Return sentences on parts of the bag that can be read, but give no frame."""
         notes = [*self._tree[1], *self.frames.notes]
         if repeated := self._contents.geometry.repeated + self._contents.color.repeated:
             notes.append(f"{repeated} images repeat a stamp and are left out")
@@ -105,7 +105,7 @@ class BagPlan:
         if self._topics.color is None or self._first.color is not None:
             return None
         topic = self._topics.color
-        if not self._contents.color.firsts:  # the bag counts some, but none can be read
+        if not self._contents.color.firsts:  # there are some, but none can be read
             for _, error in self.damaged:
                 if error.key == topic.name:
                     raise error
@@ -116,7 +116,7 @@ class BagPlan:
 
     @cached_property
     def _first_color(self) -> NDArray[np.uint8]:
-        """One of the first color images: one of the size that most of them have."""
+        """One of the first color images, of the most common size."""
         topic = self._topics.color
         if topic is None:
             raise FormatError("there are no color images")
@@ -135,7 +135,7 @@ class BagPlan:
 
     @cached_property
     def camera(self) -> Camera:
-        """The intrinsics: the user's, or those of the camera info, or those that a cloud shows."""
+        """The intrinsics: from the user, the camera info, or fitted to a cloud."""
         width, height = self._first.size
         given = self._options.camera(width, height)
         if given is not None:
@@ -156,7 +156,7 @@ class BagPlan:
 
     @cached_property
     def registration(self) -> Registration | None:
-        """How depth gets into the color camera; None unless that was asked for."""
+        """The registration of depth to color; None unless requested."""
         if not self._options.register:
             return None
         if self.color_topic is None:
@@ -195,7 +195,7 @@ class BagPlan:
 
     @cached_property
     def motion(self) -> Motion:
-        """Where the camera was in the map."""
+        """The motion of the camera in the map."""
         tree, _ = self._tree
         known = ", ".join(tree.frames)
         if not known:
@@ -231,9 +231,9 @@ class BagPlan:
 
     @cached_property
     def map_frame(self) -> str:
-        """The frame of the map: the user's, or `map`, or, without one, the root above the camera.
+        """The frame of the map: from the user, or `map`, or else the root above the camera.
 
-        Whether tf has the frame, `motion` checks.
+        `motion` checks whether tf has the frame.
         """
         if self._options.map_frame is not None:
             return clean_frame(self._options.map_frame)
@@ -244,7 +244,7 @@ class BagPlan:
 
     @property
     def map_frame_notes(self) -> list[str]:
-        """A sentence on the map's frame, where none was asked for and it is not the usual one."""
+        """A sentence on the map's frame, if the user gave none and it is not `map`."""
         if self._options.map_frame is not None or self.map_frame == MAP_FRAME:
             return []
         return [
@@ -254,7 +254,7 @@ class BagPlan:
 
     @cached_property
     def frames(self) -> FramePlan:
-        """Which images make a frame, and their poses."""
+        """Which images form a frame, and their poses."""
         color = self._contents.color.seconds() if self.color_topic else None
         return plan_frames(
             self._contents.geometry.seconds(),
@@ -308,9 +308,9 @@ class BagPlan:
 
     @cached_property
     def _first(self) -> Geometry:
-        """One of the first depth images or clouds: one of the size that most of them have."""
+        """One of the first depth images or clouds, of the most common size."""
         topic, scale = self.geometry_topic, self.depth_scale
-        read = partial(decode_geometry, topic, units_per_metre=scale)
+        read = partial(decode_geometry, topic, units_per_meter=scale)
         return _usual(_readable(read, self._contents.geometry.firsts), lambda found: found.size)
 
     @cached_property
@@ -339,10 +339,10 @@ class BagPlan:
 
 
 def _readable(read: Callable[[Any], _Image], messages: Sequence[Any]) -> list[_Image]:
-    """Return what some of the messages say, which are not damaged.
+    """Return the content of those messages that are not damaged.
 
     Raises:
-        FormatError: If all are, about the first.
+        FormatError: If all are damaged; describes the first.
     """
     good: list[_Image] = []
     first: FormatError | None = None
@@ -357,6 +357,6 @@ def _readable(read: Callable[[Any], _Image], messages: Sequence[Any]) -> list[_I
 
 
 def _usual(images: Sequence[_Image], size_of: Callable[[_Image], Any]) -> _Image:
-    """Return the first image of the size that most have."""
+    """Return the first image of the most common size."""
     (size, _), *_others = Counter(map(size_of, images)).most_common()
     return next(image for image in images if size_of(image) == size)

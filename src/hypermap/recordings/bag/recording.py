@@ -31,10 +31,10 @@ _log = logging.getLogger(__name__)
 
 
 class BagRecording:
-    """A ROS 1 or ROS 2 bag with depth images or organised clouds, and tf up to the map.
+    """A ROS 1 or ROS 2 bag with depth images or organized clouds, and tf up to the map.
 
-    A first pass over the bag reads times, tf and detections, and with them the frames are
-    planned. `frames` is a second pass, which holds no more than a few messages at a time.
+    A first pass over the bag reads times, tf and detections, and plans the frames. `frames` is
+    a second pass, which keeps only a few messages at a time.
     """
 
     def __init__(self, path: Path, options: RecordingOptions) -> None:
@@ -49,7 +49,7 @@ class BagRecording:
 
     @property
     def frame_id(self) -> str:
-        """The frame of tf in which the map is made."""
+        """The tf frame of the map."""
         return self._plan.map_frame
 
     def __len__(self) -> int:
@@ -103,7 +103,7 @@ class BagRecording:
             yield turned(frame, self._options.rotate)
 
     def info(self) -> RecordingInfo:
-        """Say what is inside and what is missing."""
+        """Return what is in the bag and what is missing."""
         missing: list[str] = []
         notes: list[str] = []
         streams: tuple[Stream, ...] = ()
@@ -168,7 +168,7 @@ class BagRecording:
 
     @contextmanager
     def _naming(self, topics: Sequence[Topic], stamp: int) -> Iterator[None]:
-        """Let an error say where in the bag the frame lies."""
+        """Add the position in the bag to an error."""
         try:
             yield
         except FormatError as error:

@@ -1,4 +1,4 @@
-"""The messages of planned frames, brought together while a bag streams by."""
+"""Collects the messages of planned frames while a bag streams by."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from hypermap.core.errors import FormatError
 from hypermap.recordings.bag.contents import stamp_of
 from hypermap.recordings.bag.file import BagFile
 
-MAX_WAITING = 300  # frames that wait for their other half, or for an earlier frame
+MAX_WAITING = 300  # frames waiting for another message, or for an earlier frame
 
 
 def stream_frames(
@@ -17,16 +17,16 @@ def stream_frames(
 ) -> Iterator[list[Any]]:
     """Yield the messages of each wanted frame, in the order of `wanted`.
 
-    A message is kept only until its frame is complete and has its turn.
+    A message is kept only until its frame is complete and next.
 
     Args:
-        bag: where they lie.
+        bag: contains the messages.
         topics: the topics from which a frame takes one message each.
         wanted: for each frame the stamps [ns] of its messages, one for each topic. Damaged messages
             have none: they were left out before.
 
     Raises:
-        FormatError: If the bag is damaged, or messages of a frame lie too far apart in it.
+        FormatError: If the bag is damaged, or messages of a frame are too far apart in it.
     """
     frame_of = [{stamps[k]: i for i, stamps in enumerate(wanted)} for k in range(len(topics))]
     waiting: dict[int, dict[int, Any]] = {}

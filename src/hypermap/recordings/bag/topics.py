@@ -26,14 +26,14 @@ _REGISTERED_WORDS = ("registered", "aligned")
 
 @dataclass(frozen=True)
 class ChosenTopics:
-    """The topics to read; None where a bag has none that fits.
+    """The topics to read; None if a bag has no suitable one.
 
     Attributes:
         depth: depth images; never together with `cloud`.
-        cloud: organised clouds.
+        cloud: organized clouds.
         color: color images.
         camera_info: intrinsics of the depth images.
-        color_info: intrinsics of the color images; only where depth is to be registered to them.
+        color_info: intrinsics of the color images; only if depth is to be registered to them.
         detections: recorded detections.
         occupancy: an occupancy map.
         transforms: all topics of tf.
@@ -70,10 +70,10 @@ class ChosenTopics:
 
 
 def choose_topics(topics: Sequence[Topic], options: RecordingOptions) -> ChosenTopics:
-    """Return the topics that fit best by type and name; those that the options name come first.
+    """Return the best topics by type and name; those in the options come first.
 
     Raises:
-        FormatError: If the options name a topic that is not there or of the wrong type.
+        FormatError: If a topic in the options is missing or of the wrong type.
     """
     choice = _Choice([topic for topic in topics if topic.count])
     depth = choice.pick("depth", options.depth_topic, _is_depth_type, _is_depth, _depth_rank)
@@ -137,7 +137,7 @@ class _Choice:
         is_likely: Callable[[Topic], bool],
         rank: Callable[[Topic], Any],
     ) -> Topic | None:
-        """Return the topic that the user named, or the likely one of the lowest rank."""
+        """Return the user's topic, or the candidate of the lowest rank."""
         if named is not None:
             return self._named(what, named, is_possible)
         likely = sorted(
@@ -234,7 +234,7 @@ def _has(name: str, words: Sequence[str]) -> bool:
 
 
 def _image_name(topic: str) -> str:
-    """Return the name of the image topic of which a compressed topic is the transport."""
+    """Return the name of the image topic that a compressed topic transports."""
     for transport in ("/compressedDepth", "/compressed"):
         topic = topic.removesuffix(transport)
     return topic

@@ -1,5 +1,5 @@
-"""ROS messages become our types.
+"""Converts ROS messages to our types.
 
-The functions read fields by name, so they take the messages of any ROS library, and ROS 1 and
-ROS 2 alike. They raise a FormatError that says what is wrong; the caller knows the topic and time.
+The functions read fields by name, so they accept the messages of any ROS library, of ROS 1 and
+ROS 2. They raise a FormatError that says what is wrong; the caller adds the topic and time.
 """

@@ -1,4 +1,4 @@
-"""Points and colors out of organised `sensor_msgs/PointCloud2`."""
+"""Points and colors from organized `sensor_msgs/PointCloud2`."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ _MAX_FIT_ERROR = 1.0  # pixels
 def points_of_cloud(
     message: Any,
 ) -> tuple[NDArray[np.float32], NDArray[np.uint8] | None]:
-    """Return the points of an organised cloud and, if it has any, their colors.
+    """Return the points of an organized cloud and, if it has any, their colors.
 
     Returns:
         Points in the cloud's frame [m], float32, NaN for no return, shape (H, W, 3), and RGB,
         uint8, of the same shape, from a packed field `rgb` or `rgba`.
 
     Raises:
-        FormatError: If the cloud is not organised, has no x, y, z, or its data is too short.
+        FormatError: If the cloud is not organized, has no x, y, z, or its data is too short.
     """
     pixels = _records(message)
     points = np.stack([pixels[name].astype(np.float32) for name in "xyz"], axis=-1)
@@ -38,10 +38,10 @@ def points_of_cloud(
 
 
 def fit_camera(points: NDArray[np.float32]) -> Camera:
-    """Return the pinhole camera that saw an organised cloud, shape (H, W, 3).
+    """Return the pinhole camera that saw an organized cloud, shape (H, W, 3).
 
-    Each point gives u = fx x/z + cx and v = fy y/z + cy; the four numbers are the least squares
-    answer.
+    Each point gives u = fx x/z + cx and v = fy y/z + cy; the four numbers are the least-squares
+    solution.
 
     Raises:
         FormatError: If the points do not come from a pinhole camera that looks along z.
@@ -70,8 +70,8 @@ def _records(message: Any) -> NDArray[Any]:
     height, width = message.height, message.width
     if height < 2 or width < 2:
         raise FormatError(
-            f"the cloud is not organised: it has {height} x {width} points, and its neighbors "
-            "are unknown; record the camera's organised cloud or its depth image"
+            f"the cloud is not organized: it has {height} x {width} points, and its neighbors "
+            "are unknown; record the camera's organized cloud or its depth image"
         )
     names, formats, offsets = _point_fields(message)
     ends = [at + np.dtype(kind).itemsize for at, kind in zip(offsets, formats, strict=True)]

@@ -15,18 +15,18 @@ from numpy.typing import NDArray
 
 from hypermap.core.errors import FormatError
 from hypermap.recordings.messages.images import without_invalid
-from hypermap.recordings.pictures import MAX_PIXELS, decode_integers, depth_in_metres
+from hypermap.recordings.pictures import MAX_PIXELS, decode_integers, depth_in_meters
 
 _HEADER = struct.Struct("<iff")
 _RVL_SIZE = struct.Struct("<II")
 
 
-def depth_of_compressed(message: Any, units_per_metre: float) -> NDArray[np.float32]:
+def depth_of_compressed(message: Any, units_per_meter: float) -> NDArray[np.float32]:
     """Return the depth in a `sensor_msgs/CompressedImage`, meters, NaN for no return.
 
     Args:
         message: an image of format "16UC1; compressedDepth ..." or "32FC1; compressedDepth ...".
-        units_per_metre: scale of 16UC1.
+        units_per_meter: scale of 16UC1.
 
     Returns:
         Shape (H, W).
@@ -47,7 +47,7 @@ def depth_of_compressed(message: Any, units_per_metre: float) -> NDArray[np.floa
     content = data[_HEADER.size :]
     integers = _decode_rvl(content) if "rvl" in transport.lower() else decode_integers(content)
     if encoding == "16UC1":
-        return depth_in_metres(integers, units_per_metre)
+        return depth_in_meters(integers, units_per_meter)
     quantized = np.where(integers == 0, np.float32("nan"), integers.astype(np.float32))
     with np.errstate(divide="ignore"):
         return without_invalid(np.float32(quant_a) / (quantized - np.float32(quant_b)))

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from hypermap.core.errors import FormatError
 from hypermap.recordings.messages.header import octets
 from hypermap.recordings.messages.raw_colors import color_of_yuv422, demosaic
-from hypermap.recordings.pictures import decode_color, depth_in_metres
+from hypermap.recordings.pictures import decode_color, depth_in_meters
 
 _INTEGER_DEPTH = ("16UC1", "mono16")
 _CHANNELS = {  # which channels are red, green and blue, and of how many
@@ -31,18 +31,18 @@ _PACKED = {"yuv422": "uyvy", "uyvy": "uyvy", "yuv422_yuy2": "yuyv", "yuyv": "yuy
 _BAYER = re.compile("bayer_(rggb|bggr|gbrg|grbg)(8|16)")
 
 
-def depth_of_image(message: Any, units_per_metre: float) -> NDArray[np.float32]:
+def depth_of_image(message: Any, units_per_meter: float) -> NDArray[np.float32]:
     """Return the depth in a `sensor_msgs/Image`, meters, NaN for no return, shape (H, W).
 
     Args:
         message: an image of encoding 16UC1, mono16 or 32FC1.
-        units_per_metre: scale of the integer encodings.
+        units_per_meter: scale of the integer encodings.
 
     Raises:
         FormatError: If the encoding is another or the data too short.
     """
     if message.encoding in _INTEGER_DEPTH:
-        return depth_in_metres(_pixels(message, np.uint16, 1)[..., 0], units_per_metre)
+        return depth_in_meters(_pixels(message, np.uint16, 1)[..., 0], units_per_meter)
     if message.encoding == "32FC1":
         return without_invalid(_pixels(message, np.float32, 1)[..., 0])
     raise FormatError(

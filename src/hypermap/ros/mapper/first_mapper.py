@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from hypermap.core.errors import HypermapError
+from hypermap.ros.mapper.outputs import PolygonTopics
 from hypermap.ros.mapper.semantic_mapper import SemanticMapper
 from hypermap.ros.mapper.settings import DARKNET
 from hypermap.ros.port import Parameter, Value
@@ -25,6 +26,10 @@ class FirstMapper(SemanticMapper):
     """
 
     NAME = "mapping"
+    POLYGONS = PolygonTopics(
+        shapes=("detected_shape", "detected_pg"),
+        areas=("observed_area", "camera_pg", "complete_area_pg"),
+    )
     PARAMETERS = (
         *(
             Parameter(

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import threading
+from pathlib import Path
 
 import numpy as np
 
+from hypermap.core.errors import HypermapError
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.semantic import SemanticLayer
+from hypermap.formats import open_map
 from hypermap.mapping.config import MappingConfig, chosen_config
+from hypermap.mapping.going_on import CannotGoOn, config_to_go_on_with, replaced
 from hypermap.mapping.mapper import Mapper, why_unusable
 from hypermap.perception.detections import Detections
 from hypermap.perception.detectors import load_detector, sources
@@ -17,6 +21,8 @@ from hypermap.perception.frame import Camera, DetectionSource, RgbdFrame
 from hypermap.perception.observation import Observation
 from hypermap.ros.mapper.settings import LiveSettings
 from hypermap.ros.mapper.statistics import Fate
+
+_DRIVE = "live"  # the name of what is mapped here
 
 
 class LiveMap:
@@ -31,16 +37,18 @@ class LiveMap:
         """Load what mapping needs.
 
         Raises:
-            HypermapError: If the configuration, the detector or the detections cannot be read.
+            HypermapError: If the configuration, the detector, the detections or the map to go on
+                with cannot be read, or mapping cannot go on with it.
         """
-        self.config = _config(settings)
+        onto = _map_to_go_on_with(settings)
+        self.config = _config(settings, onto)
         self.revision = 0
         self._frame_id = settings.map_frame.strip("/")
         self._source = self._beside_others(_source(settings, self.config))
         self._makes_occupancy = settings.occupancy and not settings.map_topic
         self._given: OccupancyLayer | None = None
         self._lock = threading.Lock()
-        self._mapper = self._new_mapper()
+        self._mapper = self._new_mapper() if onto is None else self._going_on(settings, onto)
 
     def warm_up(self) -> None:
         """Map something made up and forget it: the first frame then takes no longer than others.
@@ -77,6 +85,8 @@ class LiveMap:
                 return Fate.MAPPED, "", observation
             if mapper.counts.skipped > before.skipped:
                 return Fate.STILL, "", None
+            if mapper.counts.repeated > before.repeated:
+                return Fate.REPEATED, "", None
         return Fate.UNUSABLE, "it lies too far off", None
 
     def give_occupancy(self, layer: OccupancyLayer) -> None:
@@ -87,14 +97,14 @@ class LiveMap:
             self.revision += 1
 
     def clear(self) -> None:
-        """Forget all frames."""
+        """Forget all frames, and the map with which mapping went on."""
         with self._lock:
             self._mapper = self._new_mapper()
             self.revision += 1
 
     @property
     def frames(self) -> int:
-        """How many frames are in the map."""
+        """How many frames were mapped, without those of earlier runs."""
         return self._mapper.counts.used
 
     def __len__(self) -> int:
@@ -108,13 +118,18 @@ class LiveMap:
             return self._mapper.evidence.layer(frame_id=self._frame_id)
 
     def hypermap(self) -> Hypermap:
-        """Return the map so far: an occupancy layer, unless there is to be none, and objects."""
+        """Return the map so far: an occupancy layer, unless there is to be none, and objects.
+
+        A map with which mapping went on keeps its other layers.
+        """
         with self._lock:
-            whole = self._mapper.hypermap()
-            given = self._given
-        occupancy = whole["occupancy"] if self._makes_occupancy else given
-        layers = [whole["semantic"]] if occupancy is None else [occupancy, whole["semantic"]]
-        return Hypermap(layers, metadata=whole.metadata)
+            mapper, given = self._mapper, self._given
+            whole = mapper.hypermap()
+        if given is not None:
+            return whole.with_layers(replaced(whole, [given]))
+        if not mapper.makes_occupancy and mapper.occupancy().grid is None:
+            whole.remove(mapper.occupancy().name)
+        return whole
 
     def _beside_others(self, source: DetectionSource) -> DetectionSource:
         """Return a source that lets others at the map while it looks, which may take seconds."""
@@ -130,15 +145,47 @@ class LiveMap:
 
     def _new_mapper(self) -> Mapper:
         none = None if self._makes_occupancy else OccupancyLayer("occupancy", self._frame_id)
-        mapper = Mapper(self.config, self._source, none, self._frame_id)
+        mapper = Mapper(self.config, self._source, none, self._frame_id, _DRIVE)
         if self._given is not None:
             mapper.correct_poses_by(self._given)
         return mapper
 
+    def _going_on(self, settings: LiveSettings, onto: Hypermap) -> Mapper:
+        try:
+            mapper = Mapper.onto(onto, self._source, self.config, _DRIVE, self._frame_id)
+        except CannotGoOn as error:
+            raise HypermapError(f"onto: {settings.onto}: {error}") from error
+        if mapper.makes_occupancy and settings.map_topic:
+            raise HypermapError(
+                f"onto: {settings.onto}: its occupancy layer is made of depth; leave out map_topic"
+            )
+        self._makes_occupancy = mapper.makes_occupancy
+        return mapper
 
-def _config(settings: LiveSettings) -> MappingConfig:
+
+def _map_to_go_on_with(settings: LiveSettings) -> Hypermap | None:
+    """Return the map `onto`; None if none is given, or it is yet to be saved by this very node."""
+    if not settings.onto or (
+        settings.onto == settings.save_to and not Path(settings.onto).exists()
+    ):
+        return None
+    try:
+        return open_map(settings.onto)
+    except HypermapError as error:
+        raise HypermapError(f"onto: {error}") from error
+
+
+def _config(settings: LiveSettings, onto: Hypermap | None) -> MappingConfig:
     score = None if settings.score < 0 else settings.score
-    return chosen_config(settings.profile, settings.config or None, score, bool(settings.detector))
+    has_network = bool(settings.detector)
+    asked = chosen_config(settings.profile, settings.config or None, score, has_network)
+    if onto is None:
+        return asked
+    is_asked = not settings.origins.keys().isdisjoint(("profile", "config", "score"))
+    try:
+        return config_to_go_on_with(onto, asked if is_asked else None)
+    except CannotGoOn as error:
+        raise HypermapError(f"onto: {settings.onto}: {error}") from error
 
 
 def _source(settings: LiveSettings, config: MappingConfig) -> DetectionSource:

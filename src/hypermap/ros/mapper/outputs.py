@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import cast
+from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple, cast
 
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.occupancy import OccupancyLayer
@@ -23,12 +23,21 @@ from hypermap.ros.server.markers import LayerMarkers
 POLYGON = "geometry_msgs/PolygonStamped"
 
 
+class PolygonTopics(NamedTuple):
+    """On which topics detected shapes and observed areas are published."""
+
+    shapes: tuple[str, ...] = ("detected_shape",)
+    areas: tuple[str, ...] = ("observed_area",)
+
+
 class LiveOutputs:
     """The topics of a live map; what nobody listens to is not made, but for the map itself."""
 
     PARAMETERS = LayerMarkers.PARAMETERS
 
-    def __init__(self, port: Port, settings: LiveSettings, live_map: LiveMap) -> None:
+    def __init__(
+        self, port: Port, settings: LiveSettings, live_map: LiveMap, topics: PolygonTopics
+    ) -> None:
         self._port = port
         self._map = live_map
         self._frame_id = settings.map_frame.strip("/")
@@ -41,8 +50,8 @@ class LiveOutputs:
         if settings.occupancy and not settings.map_topic:
             self._grid = _OnDemand(port, "map", OCCUPANCY, self._occupancy)
         self._markers = LayerMarkers(port)
-        self._shapes = port.publisher("detected_shape", POLYGON)
-        self._area = port.publisher("observed_area", POLYGON)
+        self._shapes = _Polygons(port, topics.shapes)
+        self._area = _Polygons(port, topics.areas)
 
     def set(self, values: Mapping[str, Value]) -> None:
         """Take new values of parameters."""
@@ -86,6 +95,25 @@ class LiveOutputs:
     def _occupancy(self) -> Message:
         layer = cast("OccupancyLayer", self._map.hypermap()["occupancy"])
         return occupancy_grid(layer, self._port, self._port.now())
+
+
+class _Polygons:
+    """Topics that carry the same polygons."""
+
+    def __init__(self, port: Port, topics: Sequence[str]) -> None:
+        self._publishers = [port.publisher(topic, POLYGON, latched=True) for topic in topics]
+
+    @property
+    def listeners(self) -> int:
+        return sum(publisher.listeners for publisher in self._publishers)
+
+    def publish(self, message: Message) -> None:
+        for publisher in self._publishers:
+            publisher.publish(message)
+
+    def close(self) -> None:
+        for publisher in self._publishers:
+            publisher.close()
 
 
 class _OnDemand:

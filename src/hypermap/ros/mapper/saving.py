@@ -7,7 +7,7 @@ from pathlib import Path
 
 from hypermap.core.errors import HypermapError
 from hypermap.formats import save_map
-from hypermap.formats.backup import keep_backup
+from hypermap.formats.backup import MAP_VERSION, keep_backup
 from hypermap.ros.mapper.live_map import LiveMap
 from hypermap.ros.mapper.settings import LiveSettings
 from hypermap.ros.port import Level, Port
@@ -32,6 +32,7 @@ class Saving:
         self._directory = settings.map_directory
         self._every = settings.save_every
         self._saved_revision = live_map.revision
+        self._saves = 0
         self._own: set[Path] = set()  # files that this node has made
         self._lock = threading.Lock()
         self._ends = threading.Event()
@@ -98,6 +99,8 @@ class Saving:
                 self._port.log("warning", f"{path} was there before; it stays as {backup}")
             revision = self._map.revision
             hypermap = self._map.hypermap()
+            hypermap.metadata[MAP_VERSION] += self._saves
+            self._saves += 1
             save_map(hypermap, path)
             self._own.add(path)
             if path == self._path:

@@ -13,10 +13,11 @@ from hypermap.core.hypermap import Hypermap
 from hypermap.recordings.messages.header import clean_frame
 from hypermap.recordings.messages.occupancy import occupancy_of_grid
 from hypermap.ros.mapper import diagnostics
+from hypermap.ros.mapper.exploring import LiveExploration
 from hypermap.ros.mapper.frames import FrameMaker
 from hypermap.ros.mapper.inputs import LiveInputs
 from hypermap.ros.mapper.live_map import LiveMap
-from hypermap.ros.mapper.outputs import LiveOutputs
+from hypermap.ros.mapper.outputs import LiveOutputs, PolygonTopics
 from hypermap.ros.mapper.saving import Saving
 from hypermap.ros.mapper.settings import OCCUPANCY, PARAMETERS, LiveSettings
 from hypermap.ros.mapper.statistics import Report, State, Statistics
@@ -30,6 +31,7 @@ class SemanticMapper:
 
     NAME = "semantic_mapper"
     PARAMETERS = (*PARAMETERS, *LiveOutputs.PARAMETERS)
+    POLYGONS = PolygonTopics()
 
     def __init__(self, port: Port) -> None:
         self._port = port
@@ -52,13 +54,18 @@ class SemanticMapper:
             _check_folder(Path(settings.map_directory), "map_directory")
         live_map = LiveMap(settings)
         live_map.warm_up()
+        if settings.onto:
+            begins = f"goes on with {settings.onto}, which has {len(live_map)} objects"
+            if not Path(settings.onto).exists():
+                begins = f"begins anew: {settings.onto} is not there yet"
+            self._port.log("info", f"the map {begins}")
         self._settings, self._map = settings, live_map
 
     def activate(self) -> None:
         """Publish, serve and subscribe, and start to map."""
         if self._settings is None or self._map is None:
             raise HypermapError("the node is not configured")
-        self._life = _Life(self._port, self._settings, self._map, self._values)
+        self._life = _Life(self._port, self._settings, self._map, self._values, self.POLYGONS)
 
     def deactivate(self) -> None:
         """Stop to map and save the map, if `save_to` is given.
@@ -103,7 +110,12 @@ class _Life:
     """The node from its activation to its end."""
 
     def __init__(
-        self, port: Port, settings: LiveSettings, live_map: LiveMap, values: Mapping[str, Value]
+        self,
+        port: Port,
+        settings: LiveSettings,
+        live_map: LiveMap,
+        values: Mapping[str, Value],
+        topics: PolygonTopics,
     ) -> None:
         self._port = port
         self._settings = settings
@@ -113,7 +125,7 @@ class _Life:
         self._log = Throttle(port.log)
         self._frames = FrameMaker(settings)
         self._said = ""
-        self.outputs = LiveOutputs(port, settings, live_map)
+        self.outputs = LiveOutputs(port, settings, live_map, topics)
         self.outputs.set(values)
         self._diagnostics = port.publisher("/diagnostics", diagnostics.TYPE)
         self._worker = Worker(
@@ -121,6 +133,8 @@ class _Life:
         )
         self._saving = Saving(port, settings, live_map, self._log)
         self._others: list[Closable] = [port.timer(1.0, self._diagnose), *self._serve()]
+        if settings.frontiers:
+            self._others.append(LiveExploration(port, settings, live_map, self._log))
         # Before the images, for which a player of bags waits: a bag tells its map but once.
         if settings.map_topic:
             self._others.append(

@@ -96,6 +96,7 @@ class LiveSettings:
     max_rate: float = _setting(0.0, "Frames per second to take at most; 0 is any.", 0, 1000)
     publish_rate: float = _setting(1.0, "How often per second the map is published.", 0.01, 50)
     semantic_map_topic: str = _setting("/semantic_map", "Topic of the objects.")
+    onto: str = _setting("", "Map (.hmap) to go on with, as of an earlier run, with its settings.")
     save_to: str = _setting("", "File (.hmap) in which the map is saved at the end.", once=True)
     save_every: float = _setting(
         30.0, "Seconds after which it is saved there by itself; 0 is at the end alone.", 0, 86400
@@ -103,6 +104,20 @@ class LiveSettings:
     map_directory: str = _setting(
         "", "Directory in which the service save_map saves; by default that of save_to."
     )
+    frontiers: bool = _setting(
+        False, "Whether to publish where to look next: frontiers and unsure objects."
+    )
+    frontiers_every: float = _setting(
+        2.0, "Seconds from one look for frontiers to the next.", 0.1, 3600
+    )
+    base_frame: str = _setting("base_link", "The robot's frame, from which frontiers are reached.")
+    robot_radius: float = _setting(
+        0.3, "Radius of the robot that is to reach frontiers [m].", 0, 10
+    )
+    through_unknown: bool = _setting(False, "Whether the robot drives over unknown cells, too.")
+    sensor_range: float = _setting(4.0, "How far its sensor sees the floor [m].", 0.1, 100)
+    sensor_min_range: float = _setting(0.0, "From where on it sees the floor [m].", 0, 100)
+    sensor_fov: float = _setting(60.0, "How wide it sees [degrees].", 1, 360)
 
     def __post_init__(self) -> None:
         if bool(self.depth_topic) == bool(self.cloud_topic):
@@ -125,6 +140,13 @@ class LiveSettings:
             raise HypermapError(f"rotate must be 0, 90, 180 or 270 degrees, got {self.rotate}")
         if not self.map_frame.strip("/"):
             raise HypermapError("map_frame must be the name of a frame")
+        if self.frontiers and not (self.occupancy or self.map_topic):
+            raise HypermapError("frontiers need an occupancy map: set occupancy, or give map_topic")
+        if self.sensor_min_range >= self.sensor_range:
+            raise HypermapError(
+                f"sensor_min_range must be below sensor_range, got {self.sensor_min_range:g} and "
+                f"{self.sensor_range:g}"
+            )
         if self.save_to and not self.save_to.lower().endswith(".hmap"):
             raise HypermapError(f"save_to: {self.save_to}: a map is saved as .hmap")
 

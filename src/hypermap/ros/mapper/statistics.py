@@ -21,6 +21,7 @@ class Fate(str, enum.Enum):
     MAPPED = "mapped"
     STILL = "camera hardly moved"
     RATE = "above max_rate"
+    REPEATED = "in the map already"
     BUSY = "busy"
     NO_COLOR = "no color image"
     NO_DETECTIONS = "no detections"
@@ -31,7 +32,7 @@ class Fate(str, enum.Enum):
     UNUSABLE = "unusable"
 
 
-FINE = (Fate.MAPPED, Fate.STILL, Fate.RATE)
+FINE = (Fate.MAPPED, Fate.STILL, Fate.RATE, Fate.REPEATED)
 """Fates of frames that are as they should be."""
 
 

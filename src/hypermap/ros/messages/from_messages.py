@@ -15,6 +15,7 @@ import shapely
 from numpy.typing import NDArray
 
 from hypermap.core.errors import FormatError
+from hypermap.core.frames import Pose2D
 from hypermap.core.objects import SemanticObject
 from hypermap.core.occupancy import OCCUPIED, UNKNOWN, OccupancyLayer
 from hypermap.core.semantic import SemanticLayer
@@ -38,6 +39,21 @@ def point_of(message: Any) -> tuple[NDArray[np.float64], str | None]:
     if not np.isfinite(xy).all():
         raise FormatError(f"the point must be finite, got ({xy[0, 0]}, {xy[0, 1]})")
     return xy, _frame(message)
+
+
+def pose_of(message: Any) -> tuple[Pose2D, str | None]:
+    """Return a `geometry_msgs/PoseStamped` as seen from above, and its frame like `point_of`.
+
+    Raises:
+        FormatError: If a number is not finite.
+    """
+    at, q = message.pose.position, message.pose.orientation
+    # An orientation of zeros, as some programs leave it, turns nothing: atan2(0, 0) is 0.
+    yaw = math.atan2(2 * (q.w * q.z + q.x * q.y), q.w**2 + q.x**2 - q.y**2 - q.z**2)
+    try:
+        return Pose2D(float(at.x), float(at.y), yaw), _frame(message)
+    except ValueError:
+        raise FormatError(f"the pose must be finite, got ({at.x}, {at.y}), yaw {yaw}") from None
 
 
 def is_empty_area(message: Any) -> bool:

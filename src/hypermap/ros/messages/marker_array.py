@@ -10,24 +10,25 @@ from numpy.typing import NDArray
 
 from hypermap.colors import Color
 from hypermap.core.arrays import IntArray
+from hypermap.core.hypermap import ROOMS
 from hypermap.core.objects import ObjectTable
 from hypermap.core.semantic import SemanticLayer
-from hypermap.recordings.messages.header import clean_frame
 from hypermap.ros.messages.geometry_messages import Types
 from hypermap.ros.messages.label_places import places_apart
-from hypermap.ros.messages.points import is_ros1, many_points
+from hypermap.ros.messages.markers import (
+    INK,
+    LINE_LIST,
+    TEXT_VIEW_FACING,
+    TRIANGLE_LIST,
+    MarkerMaker,
+)
 from hypermap.ros.port import Message
-from hypermap.ros.ros1.arrays import writing_arrays
 from hypermap.triangles import Corners, label_points, ring_segments, triangles
-
-# visualization_msgs/Marker
-_LINE_LIST, _TEXT_VIEW_FACING, _TRIANGLE_LIST = 5, 9, 11
-_DELETE_ALL = 3
 
 _FILL, _OUTLINE, _FIRST_LABEL = 0, 1, 2  # ids within a class
 _STEP = 0.004  # m between fill and outline
-_SPREAD = 0.05  # m within which fills lie, the smallest object on top
-_INK = (0.08, 0.08, 0.08, 1.0)  # of labels
+_ABOVE_ROOMS = 0.01  # m from the fills of rooms to those of what stands in them
+_SPREAD = 0.05  # m from the same to the smallest object, which lies on top
 _TINT = 0.62  # of a class's color in its fill; the rest is white, so that names can be read
 
 
@@ -69,11 +70,13 @@ def marker_array(
         style: what is shown.
     """
     table = layer.table
-    make = _Maker(types, layer.frame_id)
+    make = MarkerMaker(types, layer.frame_id)
     markers = [make.delete_all()]
     shown = np.array([style.shows(str(name)) for name in table.vocabulary], dtype=bool)
     table = table.take(np.flatnonzero(shown[table.codes]))
-    heights = style.marker_height + _lifts(table)
+    # Rooms, which do not overlap, lie below all else.
+    heights = style.marker_height + (0.0 if layer.name == ROOMS else _lifts(table))
+    heights = np.broadcast_to(heights, len(table))
     fills = outlined = None
     if style.show_fill:
         fills = _Drawn(triangles(table.shapes), table, heights)
@@ -84,18 +87,16 @@ def marker_array(
     for name, code in sorted(table.vocabulary.items()):
         color = colors.get(name, (0.0, 0.0, 0.0))
         if fills is not None and len(points := fills.of(code)):
-            fill = make.marker(
-                name, _FILL, _TRIANGLE_LIST, color=(*tint(color), style.fill_opacity)
-            )
+            fill = make.marker(name, _FILL, TRIANGLE_LIST, color=(*tint(color), style.fill_opacity))
             make.draw(fill, points)
             make.unshade(fill)
             markers.append(fill)
         if outlined is not None and len(points := outlined.of(code)):
-            outline = make.marker(name, _OUTLINE, _LINE_LIST, color=(*color, 1.0))
+            outline = make.marker(name, _OUTLINE, LINE_LIST, color=(*color, 1.0))
             make.draw(outline, points, scale=style.outline_width)
             markers.append(outline)
         for number, (x, y) in enumerate(places[table.codes[labels] == code].tolist()):
-            text = make.marker(name, _FIRST_LABEL + number, _TEXT_VIEW_FACING, color=_INK)
+            text = make.marker(name, _FIRST_LABEL + number, TEXT_VIEW_FACING, color=INK)
             z = style.marker_height + _SPREAD + 2 * _STEP + style.label_height
             make.write(text, name, (x, y, z), style.label_height)
             markers.append(text)
@@ -113,14 +114,14 @@ def tint(color: Color) -> Color:
 
 def empty_marker_array(frame_id: str, types: Types) -> Message:
     """Return a `visualization_msgs/MarkerArray` that deletes all markers of its topic."""
-    make = _Maker(types, frame_id)
+    make = MarkerMaker(types, frame_id)
     return make.array([make.delete_all()])
 
 
 def _lifts(table: ObjectTable) -> NDArray[np.float64]:
     """Return how much higher each object is drawn [m], so that a small one is not hidden."""
     lifts = np.empty(len(table))
-    lifts[np.argsort(-table.areas, kind="stable")] = np.linspace(0, _SPREAD, len(table))
+    lifts[np.argsort(-table.areas, kind="stable")] = np.linspace(_ABOVE_ROOMS, _SPREAD, len(table))
     return lifts
 
 
@@ -158,65 +159,3 @@ class _Drawn:
         """Return the corners of a class, shape (N, 3)."""
         begin, end = np.searchsorted(self._codes, [code, code + 1])
         return self._points[begin:end]
-
-
-class _Maker:
-    """Makes markers in one frame."""
-
-    def __init__(self, types: Types, frame_id: str) -> None:
-        self._types = types
-        self._marker = writing_arrays(types.message("visualization_msgs/Marker"))
-        self._stamp = types.stamp(0)  # the latest transform
-        self._frame_id = frame_id
-
-    def marker(
-        self,
-        namespace: str,
-        number: int,
-        kind: int,
-        *,
-        color: tuple[float, float, float, float],
-    ) -> Message:
-        """Return a marker without content."""
-        marker = self._marker()
-        marker.header.frame_id = clean_frame(self._frame_id)
-        marker.header.stamp = self._stamp
-        marker.ns, marker.id, marker.type = namespace, number, kind
-        marker.pose.orientation.w = 1.0
-        marker.color.r, marker.color.g, marker.color.b, marker.color.a = color
-        marker.frame_locked = True
-        return marker
-
-    def delete_all(self) -> Message:
-        """Return the marker that deletes all others."""
-        marker = self.marker("", 0, _TRIANGLE_LIST, color=_INK)
-        marker.action = _DELETE_ALL
-        return marker
-
-    def array(self, markers: list[Message]) -> Message:
-        """Return markers as one message."""
-        array = writing_arrays(self._types.message("visualization_msgs/MarkerArray"))()
-        array.markers = markers
-        return array
-
-    def draw(self, marker: Message, points: NDArray[np.float64], scale: float = 1.0) -> None:
-        """Give a marker corners; in a list of lines, the scale is their width [m]."""
-        marker.scale.x = marker.scale.y = marker.scale.z = float(scale)
-        marker.points = many_points(points, self._types)
-
-    def unshade(self, marker: Message) -> None:
-        """Give each triangle the marker's color, which rviz then draws as it is, without light."""
-        count = len(marker.points) // 3
-        color = marker.color
-        if is_ros1(self._marker):
-            marker.colors = np.tile((color.r, color.g, color.b, color.a), (count, 1))
-        else:
-            marker.colors = [color] * count
-
-    def write(
-        self, marker: Message, text: str, at: tuple[float, float, float], height: float
-    ) -> None:
-        """Give a marker text, its place and the height of its letters [m]."""
-        marker.pose.position.x, marker.pose.position.y, marker.pose.position.z = at
-        marker.scale.z = float(height)
-        marker.text = text

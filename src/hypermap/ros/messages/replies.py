@@ -14,7 +14,15 @@ from numpy.typing import ArrayLike, NDArray
 from hypermap.core.found import Found
 from hypermap.core.layer import Hits
 from hypermap.core.occupancy import OccupancyLayer
-from hypermap.ros.messages.geometry_messages import Message, Types, numbers, points
+from hypermap.ros.messages.geometry_messages import (
+    Message,
+    Types,
+    header,
+    numbers,
+    point,
+    points,
+    quaternion,
+)
 from hypermap.ros.messages.to_messages import occupancy_grid, semantic_objects
 from hypermap.ros.ros1.arrays import takes_arrays, writing_arrays
 
@@ -95,6 +103,30 @@ def map_reply(types: ReplyTypes, layer: OccupancyLayer, stamp: int) -> Message:
     """Return the response of `nav_msgs/GetMap`."""
     response = writing_arrays(types.response("nav_msgs/GetMap"))
     return response(map=occupancy_grid(layer, types, stamp))
+
+
+def plan_reply(types: ReplyTypes, poses: NDArray[np.float64], frame_id: str, stamp: int) -> Message:
+    """Return the response of `nav_msgs/GetPlan`.
+
+    Args:
+        types: the middleware's classes.
+        poses: x, y and yaw in the frame [m, m, rad], shape (N, 3).
+        frame_id: the frame.
+        stamp: of the plan [ns].
+    """
+    posed, pose = types.message("geometry_msgs/PoseStamped"), types.message("geometry_msgs/Pose")
+    head = header(frame_id, types, stamp)
+    plan = types.message("nav_msgs/Path")(
+        header=head,
+        poses=[
+            posed(
+                header=head,
+                pose=pose(position=point(x, y, types), orientation=quaternion(yaw, types)),
+            )
+            for x, y, yaw in poses.tolist()
+        ],
+    )
+    return types.response("nav_msgs/GetPlan")(plan=plan)
 
 
 def as_int32(values: ArrayLike) -> NDArray[np.int32]:

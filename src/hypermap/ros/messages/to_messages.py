@@ -7,13 +7,16 @@ carries is rounded to float32 on its way: about 1 mm at 10 km from the origin.
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 
 from hypermap.core.errors import FrameError
 from hypermap.core.frames import Pose2D
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.layer import Layer
-from hypermap.core.occupancy import OccupancyLayer
+from hypermap.core.occupancy import OCCUPIED, UNKNOWN, OccupancyLayer
+from hypermap.core.value_layer import ValueLayer
 from hypermap.recordings.messages.header import clean_frame
 from hypermap.ros.messages.geometry_messages import (
     Message,
@@ -45,13 +48,15 @@ __all__ = [
     "polygon_stamped",
     "semantic_map",
     "semantic_objects",
+    "value_grid",
+    "value_scale",
 ]
 
 FLAGS = {"subscribe_mode": False, "enable_update": True, "publish_global_topics": False}
 """The settings of a layer that the map server heeds, and what holds where they are not given."""
 
 
-def map_meta_data(layer: OccupancyLayer, types: Types, stamp: int) -> Message:
+def map_meta_data(layer: OccupancyLayer | ValueLayer, types: Types, stamp: int) -> Message:
     """Return the `nav_msgs/MapMetaData` of a layer; a grid of 0 x 0 cells for an empty one."""
     grid = layer.grid
     origin = Pose2D() if grid is None else grid.origin
@@ -79,6 +84,43 @@ def occupancy_grid(layer: OccupancyLayer, types: Types, stamp: int) -> Message:
         info=map_meta_data(layer, types, stamp),
         data=numbers(grid_class, cells.astype(np.int8, copy=False).ravel()),
     )
+
+
+def value_grid(layer: ValueLayer, types: Types, stamp: int) -> Message:
+    """Return a value layer as `nav_msgs/OccupancyGrid`: 0 its smallest value, 100 its largest.
+
+    -1 is unknown; `value_scale` tells the two values.
+    """
+    grid_class = writing_arrays(types.message("nav_msgs/OccupancyGrid"))
+    cells = np.empty(0, np.int8)
+    if layer.cells is not None:
+        known = ~np.isnan(layer.cells)
+        least, most = _range(layer)
+        shares = (layer.cells - np.float64(least)) / ((most - least) or 1.0)
+        scaled = np.rint(OCCUPIED * np.where(known, shares, 0))
+        cells = np.where(known, scaled, UNKNOWN).astype(np.int8)
+    return grid_class(
+        header=header(layer.frame_id, types, stamp),
+        info=map_meta_data(layer, types, stamp),
+        data=numbers(grid_class, cells.ravel()),
+    )
+
+
+def value_scale(layer: ValueLayer, types: Types, _: int) -> Message:
+    """Return what the cells of `value_grid` mean, JSON in a `std_msgs/String`.
+
+    Its keys are `quantity`, `unit`, and `at_0` and `at_100`: the values of the cells 0 and 100.
+    """
+    least, most = _range(layer)
+    told = {"quantity": layer.quantity, "unit": layer.unit, "at_0": least, "at_100": most}
+    text = json.dumps(told, ensure_ascii=False)
+    return types.message("std_msgs/String")(data=text)
+
+
+def _range(layer: ValueLayer) -> tuple[float, float]:
+    """Return the smallest and the largest value; 0 for a layer without any."""
+    found = layer.summary_in(layer.extent())
+    return (found.least, found.most) if found.count else (0.0, 0.0)
 
 
 def hypermap_meta_data(hypermap: Hypermap, node_name: str, types: Types) -> Message:

@@ -12,15 +12,20 @@ import shapely
 import yaml
 from shapely.geometry.base import BaseGeometry
 
-from hypermap.core.hypermap import Hypermap
+from hypermap.core.hypermap import ROOMS, Hypermap
 from hypermap.core.layer import Layer
 from hypermap.core.occupancy import UNKNOWN, OccupancyLayer
 from hypermap.core.semantic import SemanticLayer
+from hypermap.core.value_layer import ValueLayer
 from hypermap.recordings.messages.header import clean_frame
-from hypermap.ros.topic_names import topic_name
+from hypermap.ros.topic_names import ROOM_GRAPH, topic_name
 
 DEFAULT_SERVER = "/hypermap_server"
-_SUFFIX = {OccupancyLayer.class_name: "map", SemanticLayer.class_name: "markers"}
+_SUFFIX = {
+    OccupancyLayer.class_name: "map",
+    SemanticLayer.class_name: "markers",
+    ValueLayer.class_name: "values",
+}
 GROUND = "Grid"
 MASKS = {"Keepout zones": "keepout_mask", "Speed limits": "speed_mask"}
 """Displays of the server's masks, and their topics."""
@@ -29,7 +34,7 @@ _WINDOW = (1280, 860)  # pixels
 _MAP_VIEW = (880, 700)  # what of the window is left for the map
 _MARGIN = 0.9  # how much of it the map fills
 _COARSE = 12  # pixels per meter, below which lines at whole meters are too many
-_MASK_ALPHA = 0.4
+_MASK_ALPHA, _VALUES_ALPHA = 0.4, 0.6
 _BACKGROUND = "226; 229; 233"
 
 
@@ -78,6 +83,8 @@ def map_configuration(
             if isinstance(layer, SemanticLayer):
                 shown["Namespaces"] = {str(name): True for name in sorted(set(layer.names))}
             displays.append(shown)
+    if ROOMS in hypermap and isinstance(hypermap[ROOMS], SemanticLayer):
+        displays.append(room_graph_display(server, ros2=ros2))
     # Switched off: rviz warns of what nobody publishes, and not every server has masks.
     displays += [mask_display(name, server, ros2=ros2, is_shown=False) for name in MASKS]
     return configuration(displays, clean_frame(hypermap.base_frame), view_of(hypermap), ros2=ros2)
@@ -103,16 +110,15 @@ def display(
     if class_name == OccupancyLayer.class_name:
         # Behind all else, as the floor is, also where markers lie on it.
         return _map(name, topic, ros2, {"Alpha": 1, "Color Scheme": "map", "Draw Behind": True})
-    shown = {
-        "Class": _class("MarkerArray", ros2),
-        "Name": name,
-        "Enabled": True,
-        "Value": True,
-        "Namespaces": {},
-    }
-    if ros2:
-        return {**shown, "Topic": _latched(topic)}
-    return {**shown, "Marker Topic": topic}
+    if class_name == ValueLayer.class_name:
+        colors = {"Alpha": _VALUES_ALPHA, "Color Scheme": "costmap", "Draw Behind": False}
+        return _map(name, topic, ros2, colors)
+    return _markers(name, topic, ros2)
+
+
+def room_graph_display(server: str = DEFAULT_SERVER, *, ros2: bool = False) -> dict[str, Any]:
+    """Return the display of the doors and the graph of rooms for a `.rviz` file; as `display`."""
+    return _markers("Doors and graph", f"{server}/{ROOM_GRAPH}", ros2)
 
 
 def mask_display(
@@ -129,6 +135,19 @@ def mask_display(
     own = {"Alpha": _MASK_ALPHA, "Color Scheme": "costmap", "Draw Behind": False}
     shown = _map(name, f"{server}/{MASKS[name]}", ros2, own)
     return {**shown, "Enabled": is_shown, "Value": is_shown}
+
+
+def _markers(name: str, topic: str, ros2: bool) -> dict[str, Any]:
+    shown = {
+        "Class": _class("MarkerArray", ros2),
+        "Name": name,
+        "Enabled": True,
+        "Value": True,
+        "Namespaces": {},
+    }
+    if ros2:
+        return {**shown, "Topic": _latched(topic)}
+    return {**shown, "Marker Topic": topic}
 
 
 def _map(name: str, topic: str, ros2: bool, own: dict[str, Any]) -> dict[str, Any]:

@@ -31,9 +31,10 @@ from hypermap.ros.rviz.config import (
     has_display,
     mask_display,
     opened,
+    room_graph_display,
     views,
 )
-from hypermap.ros.topic_names import topic_name
+from hypermap.ros.topic_names import ROOM_GRAPH, topic_name
 
 _SCRIPT = Path(__file__).with_name("bindings.py")
 _PYTHONS = ("/usr/bin/python3", sys.executable)
@@ -163,7 +164,7 @@ class LayerDisplays:
     ) -> None:
         self._port, self._window, self._server = port, window, server
         self._shown: dict[str, dict[str, Any]] = {}
-        self._masks: set[str] = set()
+        self._heard: set[str] = set()  # displays of topics that not every server has
         self._frame = "map"
         self._has_view = view is not None
         self._grid: Closable | None = None
@@ -177,8 +178,12 @@ class LayerDisplays:
             f"{server}/hypermap_metadata", "hypermap_msgs/HypermapMetaData", self.show, latched=True
         )
         for name, topic in MASKS.items():
-            show = partial(self.show_mask, name)
+            show = partial(self.show_heard, mask_display(name, server))
             port.subscribe(f"{server}/{topic}", "nav_msgs/OccupancyGrid", show, latched=True)
+        show = partial(self.show_heard, room_graph_display(server))
+        port.subscribe(
+            f"{server}/{ROOM_GRAPH}", "visualization_msgs/MarkerArray", show, latched=True
+        )
 
     def show(self, metadata: Message) -> None:
         """Show the layers that a `hypermap_msgs/HypermapMetaData` names, and no others."""
@@ -202,12 +207,12 @@ class LayerDisplays:
             self._listen_to_grid(layers)
             self._fit()
 
-    def show_mask(self, name: str, _: Message) -> None:
-        """Show a mask from its first message on; servers without zones publish none."""
+    def show_heard(self, config: dict[str, Any], _: Message) -> None:
+        """Show a display from the first message of its topic on; not every server has it."""
         with self._lock:
-            if name not in self._masks:
-                self._masks.add(name)
-                self._put(mask_display(name, self._server))
+            if config["Name"] not in self._heard:
+                self._heard.add(config["Name"])
+                self._put(config)
 
     def look_at(self, grid: Message) -> None:
         """Take note of where a grid lies, given as `nav_msgs/MapMetaData`."""

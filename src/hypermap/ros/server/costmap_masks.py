@@ -12,7 +12,7 @@ from hypermap.core.hypermap import Hypermap
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.ros.messages.to_messages import occupancy_grid
 from hypermap.ros.port import Parameter, Port, Publisher, Value
-from hypermap.ros.server.zones import Filter, draw, keepout_filter, speed_filter
+from hypermap.ros.server.zones import Filter, draw, entries_of, keepout_filter, speed_filter
 
 
 class CostmapMasks:
@@ -65,7 +65,7 @@ class CostmapMasks:
             HypermapError: If one is wrong; nothing is changed then.
         """
         filters = {
-            name: read(_texts(values[name]))
+            name: read(entries_of(values[name]))
             for name, read in (("keepout", keepout_filter), ("speed", speed_filter))
             if name in values
         }
@@ -154,7 +154,3 @@ def _same(mask: OccupancyLayer, other: OccupancyLayer | None) -> bool:
         and mask.grid == other.grid
         and np.array_equal(np.asarray(mask.cells), np.asarray(other.cells))
     )
-
-
-def _texts(value: Value) -> tuple[object, ...]:
-    return (value,) if isinstance(value, (str, bool, int, float)) else tuple(value)

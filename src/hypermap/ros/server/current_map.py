@@ -95,6 +95,23 @@ class CurrentMap:
             self._changed.add(name)
             self._writing.notify()
 
+    def put(self, make: Callable[[Hypermap], Layer]) -> None:
+        """Put a layer in the place of the one of its name, or behind all others.
+
+        Args:
+            make: takes the map and returns the layer; what it raises leaves the map as it is.
+        """
+        with self._showing:
+            with self._writing:
+                hypermap = self._hypermap
+                layer = make(hypermap)
+                if layer.name in hypermap:
+                    self._hypermap = hypermap.with_layer(layer)
+                else:
+                    layers = [*hypermap, layer]
+                    self._hypermap = Hypermap(layers, hypermap.frames, hypermap.metadata)
+            self.show_again()
+
     def show_on(self, parts: Sequence[MapPart]) -> None:
         """Show the map, and all that follow, on these parts and no others."""
         with self._showing:

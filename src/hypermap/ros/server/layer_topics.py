@@ -11,6 +11,7 @@ from hypermap.core.hypermap import Hypermap
 from hypermap.core.layer import Layer
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.semantic import SemanticLayer
+from hypermap.core.value_layer import ValueLayer
 from hypermap.ros.messages.to_messages import (
     FLAGS,
     Types,
@@ -19,6 +20,8 @@ from hypermap.ros.messages.to_messages import (
     map_meta_data,
     occupancy_grid,
     semantic_map,
+    value_grid,
+    value_scale,
 )
 from hypermap.ros.port import Message, Port, Publisher, Value
 from hypermap.ros.server.current_map import KeptOpen
@@ -33,7 +36,7 @@ class _Kind:
 
     Attributes:
         suffix: what follows the layer's name.
-        global_name: the topic for layers with `publish_global_topics`.
+        global_name: the topic for layers with `publish_global_topics`; empty where there is none.
         type_name: type of its messages.
         make: makes a message of the layer.
     """
@@ -50,6 +53,10 @@ _KINDS: Mapping[type[Layer], tuple[_Kind, ...]] = {
         _Kind("map_metadata", "/map_metadata", "nav_msgs/MapMetaData", map_meta_data),
     ),
     SemanticLayer: (_Kind("semmap", "/semantic_map", "hypermap_msgs/SemanticMap", semantic_map),),
+    ValueLayer: (
+        _Kind("values", "", "nav_msgs/OccupancyGrid", value_grid),
+        _Kind("values_scale", "", "std_msgs/String", value_scale),
+    ),
 }
 
 
@@ -134,7 +141,9 @@ def global_layers(
         if kind is None or not is_set(layer, "publish_global_topics"):
             continue
         topic = _KINDS[kind][0].global_name
-        if is_set(layer, "subscribe_mode"):
+        if not topic:
+            complain(f"there is no global topic for layers of class {layer.class_name}")
+        elif is_set(layer, "subscribe_mode"):
             complain(f"layer {layer.name!r} listens to {topic}, so it is not published there")
         elif kind in found:
             complain(
@@ -172,4 +181,4 @@ def _class_of(layer: Layer) -> type[Layer] | None:
 
 
 def _is_empty(layer: Layer) -> bool:
-    return isinstance(layer, OccupancyLayer) and layer.cells is None
+    return isinstance(layer, OccupancyLayer | ValueLayer) and layer.cells is None

@@ -9,6 +9,7 @@ from hypermap.core.errors import HypermapError
 from hypermap.core.hypermap import Hypermap
 from hypermap.formats import open_map
 from hypermap.ros.port import Level, Parameter, Port, Value
+from hypermap.ros.server.automap import AutoMap
 from hypermap.ros.server.costmap_masks import CostmapMasks
 from hypermap.ros.server.current_map import CurrentMap, MapPart
 from hypermap.ros.server.floor_frames import FloorFrames
@@ -16,7 +17,9 @@ from hypermap.ros.server.health import Health, Tally
 from hypermap.ros.server.layer_topics import LayerTopics
 from hypermap.ros.server.map_files import MAP_DIRECTORY, MapFiles
 from hypermap.ros.server.markers import LayerMarkers
+from hypermap.ros.server.plans import Plans
 from hypermap.ros.server.requests import Requests
+from hypermap.ros.server.room_graph import RoomGraph
 from hypermap.ros.server.save_at_end import SAVE_TO, announce_end, archive_to_save, save_at_end
 from hypermap.ros.server.services import Services
 from hypermap.ros.server.terminal_console import TerminalConsole
@@ -44,6 +47,8 @@ class MapServer:
         ),
         *LayerMarkers.PARAMETERS,
         *CostmapMasks.PARAMETERS,
+        *AutoMap.PARAMETERS,
+        *Plans.PARAMETERS,
     )
 
     def __init__(self, port: Port, file: str | Path | None = None) -> None:
@@ -77,17 +82,22 @@ class MapServer:
         files = MapFiles(port, current, self._announce)
         directory = str(self._values["map_directory"])
         files.directory = Path(directory).expanduser() if directory else None
-        tally = Tally()
+        tally, requests = Tally(), Requests(frames)
+        plans = Plans(port, current, requests)
+        automap = AutoMap(port, current, requests)
         parts: list[MapPart] = [
-            Services(port, current, Requests(frames), files, tally),
+            plans,
+            Services(port, current, requests, plans, files, tally),
             LayerTopics(port),
             LayerUpdates(port, current, frames),
             LayerMarkers(port),
+            RoomGraph(port),
             CostmapMasks(port),
+            automap,
             Health(port, current, tally, archive_to_save(self._values)),
         ]
         if self._values["console"]:
-            parts.append(TerminalConsole(port, current))
+            parts.append(TerminalConsole(port, current, automap.start))
         for part in parts:
             part.set(self._values)
         self._parts = tuple(parts)

@@ -6,9 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
+from hypermap.core.frames import Pose2D
 from hypermap.core.hypermap import Hypermap
 from hypermap.recordings.messages.header import nanoseconds
-from hypermap.ros.messages.from_messages import area_of, is_empty_area, point_of
+from hypermap.ros.messages.from_messages import area_of, is_empty_area, point_of, pose_of
 from hypermap.ros.port import Message
 from hypermap.ros.server.floor_frames import FloorFrames
 
@@ -29,6 +30,16 @@ class Requests:
         xy, frame_id = point_of(message)
         pose = self._frames.pose(hypermap, hypermap.base_frame, frame_id, _stamp(message))
         return pose.apply(xy)
+
+    def pose(self, hypermap: Hypermap, message: Message) -> Pose2D:
+        """Return a `geometry_msgs/PoseStamped` in the base frame, as seen from above.
+
+        Raises:
+            FormatError: If it is not finite.
+            FrameError: If its frame is unknown or tilted.
+        """
+        pose, frame_id = pose_of(message)
+        return self._frames.pose(hypermap, hypermap.base_frame, frame_id, _stamp(message)) @ pose
 
     def area(self, hypermap: Hypermap, message: Message) -> BaseGeometry:
         """Return a `geometry_msgs/PolygonStamped` in the base frame.

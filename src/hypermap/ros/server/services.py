@@ -14,6 +14,7 @@ from hypermap.ros.server.layer_topics import global_layers
 from hypermap.ros.server.map_files import MapFiles
 from hypermap.ros.server.nav2_loading import SERVICE, TYPE, Nav2Loading
 from hypermap.ros.server.object_queries import ObjectQueries
+from hypermap.ros.server.plans import Plans
 from hypermap.ros.server.queries import Queries
 from hypermap.ros.server.requests import Requests
 from hypermap.ros.topic_names import topic_name
@@ -26,7 +27,13 @@ class Services:
     """The part that offers all services; those of a layer come and go with it."""
 
     def __init__(
-        self, port: Port, current: CurrentMap, requests: Requests, files: MapFiles, tally: Tally
+        self,
+        port: Port,
+        current: CurrentMap,
+        requests: Requests,
+        plans: Plans,
+        files: MapFiles,
+        tally: Tally,
     ) -> None:
         self._port = port
         self._tally = tally
@@ -52,6 +59,7 @@ class Services:
             "get_layers_at_point": ("hypermap_msgs/GetLayersAtPoint", new.layers_at_point),
             "get_hits_in_areas": ("hypermap_msgs/GetHitsInAreas", new.hits_in_areas),
             "find_objects": ("hypermap_msgs/FindObjects", new.find_objects),
+            "make_plan": ("nav_msgs/GetPlan", plans.make_plan),
             "load_map": ("hypermap_msgs/LoadMap", files.load),
             "store_map": ("hypermap_msgs/StoreMap", files.store),
             "clear": ("std_srvs/Trigger", files.clear),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 import threading
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 
 from hypermap.console.commands import Console, Leave
 from hypermap.console.prompt import Prompt
@@ -24,9 +24,11 @@ class TerminalConsole:
     Ctrl-C end the node.
     """
 
-    def __init__(self, port: Port, current: CurrentMap) -> None:
+    def __init__(self, port: Port, current: CurrentMap, automap: Callable[[], str]) -> None:
+        """Prepare it; `automap` is what the command of that name calls."""
         self._port = port
         self._current = current
+        self._automap = automap
         self._completed = Console()  # what the Tab key looks at
         self._prompt: Prompt | None = None
         self._thread = threading.Thread(target=self._run, name="console", daemon=True)
@@ -69,7 +71,7 @@ class TerminalConsole:
             Leave: If the line is `exit` or `quit`.
         """
         before = self._current.hypermap
-        console = Console(before, self._republish)
+        console = Console(before, self._republish, automap=self._automap)
         try:
             answer = console.run(line)
         except (HypermapError, OSError) as error:

@@ -10,6 +10,7 @@ from hypermap.core.errors import HypermapError
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.masks import MAX_MARGIN, Zone, draw_mask
 from hypermap.core.occupancy import OccupancyLayer
+from hypermap.ros.port import Value
 
 KEEPOUT, SPEED_IN_PERCENT, SPEED_IN_METRES = 0, 1, 2
 """Types of nav2's costmap filters, as in nav2_msgs/CostmapFilterInfo."""
@@ -62,6 +63,11 @@ def draw(hypermap: Hypermap, wanted: Filter, resolution: float | None = None) ->
         resolution=resolution,
         name=f"{wanted.name}_mask",
     )
+
+
+def entries_of(value: Value) -> tuple[object, ...]:
+    """Return the entries in the value of a parameter, which may be a single one."""
+    return (value,) if isinstance(value, (str, bool, int, float)) else tuple(value)
 
 
 def keepout_filter(entries: Iterable[object]) -> Filter:

@@ -28,6 +28,7 @@ from hypermap.viewer.live.guard import Guard
 from hypermap.viewer.live.layers import LayerView, LayerViews
 from hypermap.viewer.live.object_evidence import describe_evidence
 from hypermap.viewer.live.page import page_file
+from hypermap.viewer.live.paths import Paths
 from hypermap.viewer.live.questions import Questions
 from hypermap.viewer.live.replies import (
     fail,
@@ -77,6 +78,7 @@ class MapApp:
         self.is_closing = False
         self._views = LayerViews()
         self._tiles = ByteCache(_CACHE)
+        self._paths = Paths()
         self.app = Starlette(
             routes=[
                 Route("/", self._page),
@@ -88,6 +90,7 @@ class MapApp:
                 Route("/api/area", self._area, methods=["POST"]),
                 Route("/api/area.{kind}", self._download),
                 Route("/api/find", self._find),
+                Route("/api/path", self._path),
                 Route("/api/objects/{layer:path}/{id}/evidence", self._evidence),
                 Route("/api/objects/{layer:path}/{id}", self._object),
                 Route("/api/edit", self._edit, methods=["POST"]),
@@ -195,6 +198,11 @@ class MapApp:
 
     def _find(self, request: Request) -> Response:
         return json_reply(self._questions().find(request.query_params))
+
+    def _path(self, request: Request) -> Response:
+        document = self.document
+        path, hypermap = str(document.file.path), document.current.hypermap
+        return json_reply(self._paths.answer(hypermap, path, request.query_params))
 
     def _object(self, request: Request) -> Response:
         number = whole_number_in(request.path_params, "id")

@@ -171,4 +171,4 @@ class Draft:
         return self._own[name]
 
     def _replace_layers(self, layers: Iterable[Layer]) -> None:
-        self.hypermap = Hypermap(layers, self.hypermap.frames, self.hypermap.metadata)
+        self.hypermap = self.hypermap.with_layers(layers)

@@ -10,12 +10,13 @@ import numpy as np
 import shapely
 
 from hypermap.colors import class_colors
-from hypermap.core.errors import FrameError
+from hypermap.core.errors import FrameError, HypermapError
 from hypermap.core.frames import Pose2D
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.layer import Layer
 from hypermap.core.occupancy import UNKNOWN, OccupancyLayer
 from hypermap.core.semantic import SemanticLayer
+from hypermap.rooms.rooms import rooms_on
 from hypermap.viewer.live.layers import LayerView, LayerViews
 from hypermap.viewer.picture import well_filled
 
@@ -57,6 +58,7 @@ def describe_map(hypermap: Hypermap, views: LayerViews, is_editable: bool) -> di
         "editable": any(layer["editable"] for layer in layers),
         "frames": _frames(hypermap),
         "layers": layers,
+        **_doors(hypermap),
     }
 
 
@@ -67,6 +69,25 @@ def hex_color(color: Iterable[float]) -> str:
     '#ff8000'
     """
     return "#" + "".join(f"{round(255 * part):02x}" for part in color)
+
+
+def _doors(hypermap: Hypermap) -> dict[str, Any]:
+    """Return the doors of a map with rooms, in the base frame, or a note why there are none."""
+    try:
+        rooms = rooms_on(hypermap)
+    except HypermapError as error:
+        return {"doors": [], "notes": [str(error)]}
+    doors = [] if rooms is None else rooms.doors
+    return {
+        "doors": [
+            {
+                "rooms": list(door.rooms),
+                "line": [list(map(float, point)) for point in door.line.coords],
+                "width": door.width,
+            }
+            for door in doors
+        ]
+    }
 
 
 def _kind(view: LayerView) -> dict[str, Any]:

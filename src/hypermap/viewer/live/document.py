@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import itertools
 import threading
 import time
@@ -15,7 +16,8 @@ from typing import Any
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.semantic import SemanticLayer
 from hypermap.formats import open_map, save_map
-from hypermap.formats.backup import EDITED_WITH, keep_backup
+from hypermap.formats.backup import EDITED_WITH, MAP_VERSION, keep_backup
+from hypermap.mapping.going_on import with_marks
 from hypermap.viewer.live.changes import AnyChange, Change, Draft, applied, undoing
 from hypermap.viewer.live.map_file import MapFile
 from hypermap.viewer.live.request_errors import Refused
@@ -162,13 +164,19 @@ class MapDocument:
             keep_backup(file.path)
             hypermap = self._current.hypermap
             if self._content != _OPENED:
-                metadata = {**hypermap.metadata, EDITED_WITH: _EDITOR}
-                hypermap = Hypermap(hypermap, hypermap.frames, metadata)
+                hypermap = copy.copy(with_marks(hypermap))
+                hypermap.metadata[EDITED_WITH] = _EDITOR
+                hypermap.metadata[MAP_VERSION] = self._next_map_version()
             save_map(hypermap, file.path)
             self.file = MapFile.of(file.path, hypermap)
             self._saved_content = self._content
             self.saves += 1
             self.event_count += 1
+
+    def _next_map_version(self) -> int:
+        known = self._current.hypermap.metadata.get(MAP_VERSION)
+        self._changed_saves += 1
+        return (known if type(known) is int else 0) + self._changed_saves
 
     def reload(self) -> None:
         """Reload the file; unsaved changes and the undo history are lost.
@@ -191,6 +199,7 @@ class MapDocument:
 
     def _open(self, hypermap: Hypermap, version: int) -> None:
         self._first_version = version
+        self._changed_saves = 0
         self._current = MapVersion(version, hypermap, {layer.name: version for layer in hypermap})
         self._touched: dict[tuple[str, int], int] = {}
         self._done: deque[_Step] = deque(maxlen=_MOST_STEPS)
@@ -249,4 +258,4 @@ def _with_objects(hypermap: Hypermap) -> Hypermap:
     others = (f"semantic_{number}" for number in itertools.count(2))
     name = next(name for name in itertools.chain(["semantic"], others) if name not in hypermap)
     added = SemanticLayer(name, hypermap.base_frame)
-    return Hypermap([*hypermap, added], hypermap.frames, hypermap.metadata)
+    return hypermap.with_layers([*hypermap, added])

@@ -9,8 +9,10 @@ from typing import Any
 import shapely
 
 from hypermap.core.arrays import as_objects
+from hypermap.core.hypermap import ROOMS
 from hypermap.core.objects import SemanticObject
 from hypermap.core.shapes import valid_copies
+from hypermap.rooms.rooms import DOORS, Rooms
 from hypermap.viewer.live.changes import Draft
 from hypermap.viewer.live.request_errors import Refused
 from hypermap.viewer.live.requests import footprint_in, text_in, whole_number_in
@@ -103,9 +105,24 @@ def _merge(draft: Draft, layer: str, number: int, others: Any) -> None:
         attributes=_merged_attributes([part.attributes for part in everything]),
     )
     tags = list(dict.fromkeys(tag for part in everything for tag in part.tags))
+    rooms = Rooms.of_layer(draft.layer(layer)) if layer == ROOMS else None
     for other in others:
         draft.remove(layer, other)
     draft.update(layer, number, _tagged(merged, tags))
+    if rooms is not None:
+        _set_doors(draft, rooms.joined(number, others))
+
+
+def _set_doors(draft: Draft, rooms: Rooms) -> None:
+    """Give the rooms of a map their doors, as they are kept in its layer."""
+    for wanted in rooms.layer():
+        assert wanted.id is not None
+        item = draft.get(ROOMS, wanted.id)
+        doors = wanted.attributes.get(DOORS)
+        if item.attributes.get(DOORS) != doors:
+            others = {key: value for key, value in item.attributes.items() if key != DOORS}
+            attributes = others if doors is None else {**others, DOORS: doors}
+            draft.update(ROOMS, wanted.id, replace(item, attributes=attributes))
 
 
 def _merged_attributes(attributes: Sequence[Mapping[str, Any]]) -> dict[str, Any]:

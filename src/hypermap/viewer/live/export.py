@@ -94,6 +94,7 @@ def _blob(
         notes += [note] if note else []
     described = describe_map(hypermap, views, is_editable=False)
     still = {"version": 0, "can_undo": False, "can_redo": False, "unsaved": False}
+    notes += described.get("notes", [])
     shown = {"name": map_path.name, "path": map_path.name, **still, **described, "notes": notes}
     parts = {"rasters": rasters, "shapes": shapes, "evidence": evidence}
     return {"version": 1, "map": shown, **parts}, tuple(notes)

@@ -74,6 +74,14 @@ def numbers_in(values: QueryParams, key: str) -> list[float]:
     return [_number(word, key) for word in words]
 
 
+def point_in(values: Mapping[str, Any], key: str) -> tuple[float, float]:
+    """Return a point "x,y"; raises like `number_in`."""
+    words = str(values.get(key, "")).split(",")
+    if len(words) != 2:
+        raise Refused(f"{key}: expected x,y, got {_shown(values.get(key))}")
+    return _number(words[0], key), _number(words[1], key)
+
+
 def box_in(values: QueryParams, key: str) -> tuple[float, float, float, float]:
     """Return a rectangle "xmin,ymin,xmax,ymax"; raises like `number_in`."""
     numbers = numbers_in(values, key)

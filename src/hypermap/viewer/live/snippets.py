@@ -86,13 +86,32 @@ def snippets_for_evidence(path: str, layer: str, number: int) -> Snippets:
     return _snippets(python, path, f"--id={number}", f"--layer={layer}", "--evidence", None)
 
 
+def snippets_for_path(path: str, start: Point, goal: Point, radius: float) -> Snippets:
+    """Return snippets for a path between two places, for a robot of a radius [m]."""
+    settings = f", PathSettings(robot_radius={_number(radius)})" if radius else ""
+    needed = "PathSettings, Planner" if radius else "Planner"
+    python = (
+        f"from hypermap import open_map\nfrom hypermap.paths import {needed}\n\n"
+        f"planner = Planner(open_map({path!r}){settings})\n"
+        f"path = planner.path({_pair(start)}, {_pair(goal)})\n"
+        "print(path.length, path.points_xy, [room.name for room in path.rooms])\n"
+    )
+    words = ["hypermap", "path", _file(path), _text(start), _text(goal)]
+    words += [f"--robot-radius={_number(radius)}"] if radius else []
+    return {"python": python, "command": shlex.join(words)}
+
+
+def _file(path: str) -> str:
+    return f"./{path}" if path.startswith("-") else path
+
+
 def _open_lines(path: str) -> str:
     return f"from hypermap import open_map\n\nhypermap = open_map({path!r})\n"
 
 
 def _snippets(python: str, path: str, *options: str | None) -> Snippets:
     *asked, frame = options
-    words = ["hypermap", "query", f"./{path}" if path.startswith("-") else path]
+    words = ["hypermap", "query", _file(path)]
     words += [option for option in asked if option is not None]
     if frame is not None:
         words.append(f"--frame={frame}")

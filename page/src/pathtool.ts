@@ -1,0 +1,46 @@
+/** Clicks that become paths: the first one is where it starts, the second one where it ends. */
+
+import type { Point } from "./source";
+
+export interface PathVerbs {
+  /** Marks where a path starts. */
+  mark: (start: Point) => void;
+  find: (start: Point, goal: Point) => void;
+  hint: (text: string | null) => void;
+}
+
+export class PathTool {
+  active = false;
+  private start: Point | null = null;
+
+  constructor(private readonly verbs: PathVerbs) {}
+
+  begin(): void {
+    this.active = true;
+    this.again();
+  }
+
+  /** Waits for a start. */
+  again(): void {
+    this.start = null;
+    this.verbs.hint("Click where the path starts");
+  }
+
+  click(place: Point): void {
+    const { start } = this;
+    if (start) {
+      this.again();
+      this.verbs.hint(null);
+      this.verbs.find(start, place);
+    } else {
+      this.verbs.mark(place);
+      this.start = place;
+      this.verbs.hint("Click where it leads");
+    }
+  }
+
+  stop(): void {
+    this.active = false;
+    this.start = null;
+  }
+}

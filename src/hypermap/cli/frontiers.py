@@ -1,0 +1,208 @@
+"""`hypermap frontiers`: where a robot should look next."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from hypermap.cli.mask_options import KEEPOUT_HELP, KEEPOUT_METAVAR
+from hypermap.cli.negative_points import PointsCommand
+from hypermap.cli.options import AsJson, MapPath, RobotRadius
+from hypermap.cli.terminal import out, say, say_json, table
+from hypermap.core.errors import HypermapError
+from hypermap.text import printable
+
+if TYPE_CHECKING:
+    from hypermap.core.frames import Pose2D
+    from hypermap.exploration import Frontier, NextView
+
+COMMAND_CLASS = PointsCommand
+
+
+def command(
+    path: MapPath,
+    start: Annotated[
+        str,
+        typer.Argument(
+            metavar="FROM",
+            show_default=False,
+            help='Where the robot is: a point X,Y, a room, or an object, as "cup 3".',
+        ),
+    ],
+    robot_radius: RobotRadius = None,
+    max_range: Annotated[
+        float, typer.Option("--max-range", metavar="METERS", help="How far the sensor sees.")
+    ] = 4.0,
+    min_range: Annotated[
+        float,
+        typer.Option(
+            "--min-range", metavar="METERS", help="From where on: a camera looks over the floor."
+        ),
+    ] = 0.0,
+    fov: Annotated[
+        float, typer.Option("--fov", metavar="DEGREES", help="How wide the sensor sees.")
+    ] = 60.0,
+    least_size: Annotated[
+        float,
+        typer.Option(
+            "--least-size", metavar="METERS", help="Leave out frontiers that are shorter."
+        ),
+    ] = 0.5,
+    least_gain: Annotated[
+        float,
+        typer.Option("--least-gain", metavar="M2", help="Leave out those that show less."),
+    ] = 0.2,
+    next_views: Annotated[
+        bool,
+        typer.Option("--next-views", help="Tell also from where to look at unsure objects."),
+    ] = False,
+    sure_from: Annotated[
+        float,
+        typer.Option(
+            "--sure-from", metavar="LOG_ODDS", help="Existence from which on an object is sure."
+        ),
+    ] = 5.0,
+    keepout: Annotated[
+        list[str] | None, typer.Option(metavar=KEEPOUT_METAVAR, help=KEEPOUT_HELP)
+    ] = None,
+    through_unknown: Annotated[
+        bool, typer.Option("--through-unknown", help="Unknown cells are free, too.")
+    ] = False,
+    occupancy: Annotated[
+        str | None,
+        typer.Option(
+            "--occupancy", metavar="NAME", show_default="the only one", help="The occupancy layer."
+        ),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Find where a robot should look next: borders of the unknown that it can reach.
+
+    Each is told with its length, the path to where the robot can stand and look at it, and how much
+    of the unknown it could see from there. The best comes first: much to see, and near. With
+    --next-views, also from where to look at objects that were seen seldom, or from one side alone.
+
+    Examples:
+        hypermap frontiers office.hmap 1,1 --robot-radius 0.3
+        hypermap frontiers office.hmap kitchen --max-range 8 --fov 360
+        hypermap frontiers office.hmap 1,1 --next-views --json
+    """
+    from hypermap.console.paths import parse_place
+    from hypermap.exploration import Explorer, Sensor
+    from hypermap.formats import open_map
+    from hypermap.paths import PathSettings
+    from hypermap.ros.server.zones import keepout_filter
+
+    try:
+        robot = PathSettings(robot_radius or 0.0, unknown_is_free=through_unknown)
+        sensor = Sensor(max_range, min_range, fov)
+    except ValueError as error:
+        name, _, rest = str(error).partition(" ")
+        option = name.removesuffix("_deg").replace("_", "-")
+        raise HypermapError(f"--{option} {rest}") from None
+    zones = keepout_filter(keepout or ()).zones
+    explorer = Explorer(
+        open_map(path),
+        parse_place(start, "FROM"),
+        robot,
+        sensor,
+        keepout=zones,
+        occupancy=occupancy,
+    )
+    frontiers = explorer.frontiers(least_size, least_gain)
+    views = explorer.next_views(sure_from) if next_views else None
+    if as_json:
+        frame_id = explorer.planner.space.frame_id
+        say_json({"map": str(path), **document(frontiers, views, frame_id)})
+        return
+    _show(frontiers)
+    if views is not None:
+        say()
+        _show_views(views)
+
+
+def document(
+    frontiers: Sequence[Frontier], views: Sequence[NextView] | None, frame_id: str
+) -> dict[str, Any]:
+    """Return what `--json` prints, but for the map's path."""
+    told: dict[str, Any] = {
+        "frame_id": frame_id,
+        "frontiers": [
+            {
+                "place": each.place_xy.tolist(),
+                "size": each.size,
+                "gain": each.gain,
+                "distance": each.distance,
+                "pose": _pose(each.pose),
+                "points": each.points_xy.tolist(),
+            }
+            for each in frontiers
+        ],
+    }
+    if views is not None:
+        told["next_views"] = [
+            {
+                "layer": each.item.layer,
+                "object": each.item.object.id,
+                "name": each.item.object.name,
+                "existence": each.item.object.existence,
+                "is_weak": each.is_weak,
+                "is_one_sided": each.is_one_sided,
+                "turn": each.turn,
+                "distance": each.distance,
+                "pose": _pose(each.pose),
+            }
+            for each in views
+        ]
+    return told
+
+
+def _pose(pose: Pose2D) -> dict[str, float]:
+    return {"x": pose.x, "y": pose.y, "yaw": pose.yaw}
+
+
+def _show(frontiers: Sequence[Frontier]) -> None:
+    if not frontiers:
+        say("no frontier can be reached")
+        return
+    numbers = ("x", "y", "size", "shows m2", "path", "stand at", "turned to")
+    shown = table("frontier", *numbers, right=("frontier", *numbers))
+    for i, each in enumerate(frontiers, 1):
+        x, y = each.place_xy
+        shown.add_row(
+            str(i),
+            f"{x:.2f}",
+            f"{y:.2f}",
+            f"{each.size:.1f}",
+            f"{each.gain:.1f}",
+            f"{each.distance:.1f}",
+            *_stand(each.pose),
+        )
+    out().print(shown)
+
+
+def _show_views(views: Sequence[NextView]) -> None:
+    if not views:
+        say("no unsure object can be seen from a new place")
+        return
+    shown = table(
+        "object",
+        "unsure because",
+        "path",
+        "stand at",
+        "turned to",
+        right=("path", "stand at", "turned to"),
+    )
+    for each in views:
+        one = each.item.object
+        reasons = ["seen seldom"] * each.is_weak + ["seen from one side"] * each.is_one_sided
+        name = printable(f"{one.name} {one.id}")
+        shown.add_row(name, ", ".join(reasons), f"{each.distance:.1f}", *_stand(each.pose))
+    out().print(shown)
+
+
+def _stand(pose: Pose2D) -> tuple[str, str]:
+    return f"{pose.x:.2f},{pose.y:.2f}", f"{math.degrees(pose.yaw):.0f}°"

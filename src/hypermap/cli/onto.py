@@ -1,0 +1,72 @@
+"""`--onto`: go on with a map of earlier drives."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from hypermap.core.errors import HypermapError
+
+if TYPE_CHECKING:
+    from hypermap.core.hypermap import Hypermap
+    from hypermap.mapping.config import MappingConfig
+
+
+def is_same_file(one: Path, other: Path | None) -> bool:
+    """Return whether two paths lead to the same file, which is there."""
+    return other is not None and one.exists() and other.exists() and one.samefile(other)
+
+
+def map_to_go_on_with(path: Path | None, map_file: Path | None) -> Hypermap | None:
+    """Return the map of `--onto`; None if it is not given.
+
+    Raises:
+        HypermapError: If it cannot be read, or `--map` is given, too.
+    """
+    from hypermap.formats import open_map
+
+    if path is None:
+        return None
+    if map_file is not None:
+        raise HypermapError(
+            f"--map: {path} has an occupancy layer already, with which mapping goes on; leave out "
+            "--map, or make a new map"
+        )
+    return open_map(path)
+
+
+def settings_of(
+    base: Hypermap | None,
+    onto: Path | None,
+    profile: str | None,
+    config: Path | None,
+    score: float | None,
+    has_network: bool,
+) -> MappingConfig:
+    """Return the configuration that a user asks for: where nothing is asked, that of the map.
+
+    Raises:
+        HypermapError: If it cannot be read, or mapping cannot go on with the map.
+    """
+    from hypermap.mapping.config import chosen_config
+    from hypermap.mapping.going_on import config_to_go_on_with
+
+    is_asked = any(given is not None for given in (profile, config, score))
+    asked = chosen_config(profile or "default", config, score, has_network)
+    if base is None:
+        return asked
+    with named(onto):
+        return config_to_go_on_with(base, asked if is_asked else None)
+
+
+@contextmanager
+def named(onto: Path | None) -> Iterator[None]:
+    """Let messages that mapping cannot go on with a map name its file."""
+    from hypermap.mapping.going_on import CannotGoOn
+
+    try:
+        yield
+    except CannotGoOn as error:
+        raise HypermapError(f"{onto}: {error}") from error

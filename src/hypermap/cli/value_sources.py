@@ -1,0 +1,134 @@
+"""Where `hypermap values` gets its samples from: a bag, a table, or what a layer has kept."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from hypermap.cli.progress import counting
+from hypermap.cli.terminal import note
+from hypermap.core.errors import HypermapError
+
+if TYPE_CHECKING:
+    from hypermap.core.hypermap import Hypermap
+    from hypermap.core.moving_frames import Motion
+    from hypermap.core.value_layer import ValueLayer
+    from hypermap.recordings.samples import Measured
+
+_BAGS = (".bag", ".active", ".db3", ".mcap")
+_TRAJECTORIES = (".txt", ".tum")
+_POSES = (*_BAGS, *_TRAJECTORIES)
+_SOURCES = (
+    "a table of samples (.csv), a bag (.bag, .mcap, .db3 or a folder) or a map (.hmap)",
+    "a bag (.bag, .mcap, .db3 or a folder) or a trajectory (.txt) with the poses",
+)
+
+
+def check_sources(
+    source: Path | None, table: Path | None, topic: str | None, is_again: bool
+) -> None:
+    """Raise a HypermapError unless it is clear where the samples are."""
+    if source is None and table is None:
+        raise HypermapError("where are the samples? give a table of them, or a bag and --topic")
+    if topic is not None and table is not None:
+        raise HypermapError("give either --topic or --samples, not both")
+    if topic is not None and (source is None or is_again):
+        raise HypermapError("--topic names a topic of a bag; give the bag, too")
+    if source is not None and not is_again:
+        endings = _POSES if table is not None else _BAGS
+        if source.is_file() and source.suffix.lower() not in endings:
+            raise HypermapError(f"{source}: expected {_SOURCES[table is not None]}")
+    if topic is None and table is None and not is_again:
+        raise HypermapError(f"which samples of {source}? give --topic TOPIC, or --samples FILE")
+
+
+def read(
+    source: Path | None,
+    table: Path | None,
+    topic: str | None,
+    field: str | None,
+    frame: str,
+    sensor_frame: str | None,
+    censored_below: float | None,
+) -> Measured:
+    """Return the samples of a table or a bag, in a frame of the map."""
+    from hypermap.recordings.samples import message_count, read_bag, read_table
+
+    if table is not None:
+        motion = None if source is None else _motion(source, frame, sensor_frame)
+        measured = read_table(table, field, motion, censored_below=censored_below)
+        return replace(measured, quantity=field or table.stem)
+    assert source is not None
+    assert topic is not None
+    with counting("reading", message_count(source, topic), "messages") as report:
+        measured = read_bag(
+            source,
+            topic,
+            field,
+            map_frame=frame,
+            sensor_frame=sensor_frame,
+            censored_below=censored_below,
+            on_message=report,
+        )
+    return replace(measured, quantity=measured.quantity or topic.strip("/").replace("/", "_"))
+
+
+def _motion(source: Path, frame: str, sensor_frame: str | None) -> Motion:
+    """Return where the sensor was, by a trajectory or a bag."""
+    from hypermap.recordings.samples import motion_in_bag
+    from hypermap.recordings.samples.bag import MAX_GAP
+    from hypermap.recordings.tum import read_trajectory
+
+    if source.suffix.lower() in _TRAJECTORIES:
+        trajectory, notes = read_trajectory(source, MAX_GAP)
+        for text in notes:
+            note(text)
+        return trajectory
+    return motion_in_bag(source, frame, sensor_frame)
+
+
+def layer_to_join(hypermap: Hypermap, name: str, add: bool) -> ValueLayer:
+    """Return the layer that there is already, if samples are to be added to it."""
+    from hypermap.values import value_layer_called
+
+    if name not in hypermap:
+        raise HypermapError(f"--add: the map has no layer {name!r} yet")
+    if not add:
+        raise HypermapError(
+            f"the map has a layer {name!r} already; give --add to join the samples with its own, "
+            "or another name with --quantity"
+        )
+    return value_layer_called(hypermap, name)
+
+
+def kept(
+    hypermap: Hypermap, layer: ValueLayer, frame: str, censored_below: float | None = None
+) -> Measured:
+    """Return the samples that a layer of a map has kept, in a frame of that map."""
+    from hypermap.recordings.samples import Measured
+
+    samples = layer.samples
+    if samples is None:
+        raise HypermapError(f"layer {layer.name!r} has kept no samples")
+    if layer.frame_id != frame:
+        pose = hypermap.frames.lookup(frame, layer.frame_id)
+        samples = replace(samples, points_xy=pose.apply(samples.points_xy))
+    if censored_below is not None:
+        samples = samples.censored(censored_below)
+    return Measured(samples, layer.unit, layer.name)
+
+
+def in_unit(measured: Measured, of_samples: str | None, wanted: str | None) -> Measured:
+    """Return the samples in the unit that the layer is to have."""
+    from hypermap.values.units import converted, unit_named
+
+    if of_samples is not None and measured.unit not in ("", unit_named(of_samples)):
+        raise HypermapError(
+            f"--sample-unit {of_samples}: the samples are in {measured.unit}, by the kind of "
+            "message; name the unit of the layer with --unit"
+        )
+    unit = unit_named(of_samples or measured.unit or wanted or "")
+    target = unit_named(wanted or unit)
+    values = converted(measured.samples.values, unit, target)
+    return replace(measured, samples=replace(measured.samples, values=values), unit=target)

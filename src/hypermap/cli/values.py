@@ -1,0 +1,381 @@
+"""`hypermap values`: from samples of a quantity to a layer of a map."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from hypermap.cli.options import AsJson, Force, check_output
+from hypermap.cli.terminal import note, say, say_json
+from hypermap.cli.value_sources import (
+    check_sources,
+    in_unit,
+    kept,
+    layer_to_join,
+    read,
+)
+from hypermap.core.errors import FileMissing, HypermapError
+from hypermap.text import counted, printable
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from hypermap.core.hypermap import Hypermap
+    from hypermap.core.occupancy import OccupancyLayer
+    from hypermap.core.value_layer import ValueLayer
+    from hypermap.values import FieldSettings
+
+_SAMPLES, _PLACE, _MAKING = "The samples", "Where they were taken", "How values are made of them"
+
+
+def command(
+    source: Annotated[
+        Path | None,
+        typer.Argument(
+            metavar="SOURCE",
+            readable=False,
+            show_default=False,
+            help="A table of samples (.csv); a ROS bag with their topic; a bag, or a trajectory "
+            "(.txt, TUM format), with the poses for --samples; or a map, whose samples are used "
+            "again.",
+        ),
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", metavar="OUT", show_default=False, help="Save here: .hmap."),
+    ] = None,
+    onto: Annotated[
+        Path | None,
+        typer.Option(
+            "--onto",
+            metavar="MAP",
+            show_default=False,
+            help="The map that gets the layer, with walls in its occupancy; without one, a new map "
+            "without walls.",
+        ),
+    ] = None,
+    quantity: Annotated[
+        str | None,
+        typer.Option(
+            "--quantity",
+            metavar="NAME",
+            show_default="as the samples say",
+            help="What was measured, such as temperature: the name of the layer.",
+        ),
+    ] = None,
+    unit: Annotated[
+        str | None,
+        typer.Option(
+            "--unit",
+            metavar="UNIT",
+            show_default="that of the samples",
+            help="Unit of the layer, such as degC, dBm or ppm.",
+        ),
+    ] = None,
+    topic: Annotated[
+        str | None,
+        typer.Option("--topic", metavar="TOPIC", help="Topic of a bag.", rich_help_panel=_SAMPLES),
+    ] = None,
+    table: Annotated[
+        Path | None,
+        typer.Option(
+            "--samples",
+            metavar="FILE",
+            help="A table of samples whose poses are in SOURCE: CSV with the columns stamp and "
+            "value.",
+            rich_help_panel=_SAMPLES,
+        ),
+    ] = None,
+    field: Annotated[
+        str | None,
+        typer.Option(
+            "--field",
+            metavar="PATH",
+            help="Which number of a message it is, such as rssi or signal.level or values[0]; of "
+            "diagnostics the key; of a table the column.",
+            rich_help_panel=_SAMPLES,
+        ),
+    ] = None,
+    sample_unit: Annotated[
+        str | None,
+        typer.Option(
+            "--sample-unit",
+            metavar="UNIT",
+            help="Unit of the samples, if the message does not say and it is not --unit.",
+            rich_help_panel=_SAMPLES,
+        ),
+    ] = None,
+    censored_below: Annotated[
+        float | None,
+        typer.Option(
+            "--censored-below",
+            metavar="N",
+            help="The sensor hears nothing below this, in the samples' unit: NaN, an empty cell "
+            "and smaller values all mean less than this.",
+            rich_help_panel=_SAMPLES,
+        ),
+    ] = None,
+    add: Annotated[
+        bool,
+        typer.Option(
+            "--add", help="Join the samples with those of the layer.", rich_help_panel=_SAMPLES
+        ),
+    ] = False,
+    sensor_frame: Annotated[
+        str | None,
+        typer.Option(
+            "--sensor-frame",
+            metavar="FRAME",
+            show_default="that of the messages, or base_link",
+            help="Frame of the sensor in tf.",
+            rich_help_panel=_PLACE,
+        ),
+    ] = None,
+    map_frame: Annotated[
+        str | None,
+        typer.Option(
+            "--map-frame",
+            metavar="FRAME",
+            show_default=False,
+            help="Fixed frame of the map, z up: by default that of the occupancy layer.",
+            rich_help_panel=_PLACE,
+        ),
+    ] = None,
+    occupancy: Annotated[
+        str | None,
+        typer.Option(
+            "--occupancy",
+            metavar="NAME",
+            show_default="the only one",
+            help="The occupancy layer.",
+            rich_help_panel=_PLACE,
+        ),
+    ] = None,
+    method: Annotated[
+        str,
+        typer.Option(
+            "--method",
+            metavar="gmrf|kernel|nearest",
+            help="gmrf: knows walls, and how sure a value is; kernel: quick; nearest: the nearest "
+            "sample.",
+            rich_help_panel=_MAKING,
+        ),
+    ] = "gmrf",
+    resolution: Annotated[
+        float | None,
+        typer.Option(
+            "--resolution",
+            metavar="METERS",
+            min=0,
+            show_default="0.25, or more on a large floor",
+            help="Side of a cell.",
+            rich_help_panel=_MAKING,
+        ),
+    ] = None,
+    length: Annotated[
+        float | None,
+        typer.Option(
+            "--length",
+            metavar="METERS",
+            show_default="found from the samples",
+            help="How far apart places are that have little to do with each other; of the kernel, "
+            "its width.",
+            rich_help_panel=_MAKING,
+        ),
+    ] = None,
+    deviation: Annotated[
+        float | None,
+        typer.Option(
+            "--deviation",
+            metavar="N",
+            show_default="found from the samples",
+            help="Standard deviation of the quantity over the floor.",
+            rich_help_panel=_MAKING,
+        ),
+    ] = None,
+    sensor_noise: Annotated[
+        float | None,
+        typer.Option(
+            "--sensor-noise",
+            metavar="N",
+            show_default="found from the samples",
+            help="Standard deviation of a sample at one place.",
+            rich_help_panel=_MAKING,
+        ),
+    ] = None,
+    as_json: AsJson = False,
+    force: Force = False,
+) -> None:
+    """Make a layer of a measured quantity: temperature, WiFi, gas, light.
+
+    Between the samples stand the most probable values, with their standard deviation; where no
+    sample says anything, there is no value. The layer keeps the samples, so that it can be made
+    again with other settings. The first line of a table names its columns: x, y and value, and
+    perhaps stamp.
+
+    Examples:
+        hypermap values samples.csv --onto office.hmap -o warm.hmap --unit degC
+        hypermap values drive.bag --topic /temperature --onto office.hmap -o warm.hmap
+        hypermap values drive.bag --topic /wifi --field rssi --onto office.hmap -o wifi.hmap
+        hypermap values wifi.csv --censored-below -95 --unit dBm --onto office.hmap -o wifi.hmap
+        hypermap values drive.bag --samples log.csv --field co2 --onto office.hmap -o co2.hmap
+        hypermap values warm.hmap --method kernel -o other.hmap
+    """
+    from hypermap.core.hypermap import Hypermap
+    from hypermap.formats import open_map, save_map
+    from hypermap.values import METHODS, value_layer_called, value_layer_of
+
+    if source is not None and table is None and source.suffix.lower() == ".csv":
+        source, table = None, source
+    is_again = source is not None and table is None and source.suffix.lower() == ".hmap"
+    check_sources(source, table, topic, is_again)
+    if add and is_again:
+        raise HypermapError(f"--add: {source} has no new samples; give a table or a bag")
+    if method not in METHODS:
+        raise HypermapError(f"--method {method!r}: expected one of {', '.join(METHODS)}")
+    if output is None:
+        raise HypermapError("where is the map to be saved? give -o OUT.hmap")
+    if output.suffix.lower() != ".hmap":
+        raise HypermapError(f"{output}: a map with measured values is saved as .hmap")
+    check_output(output, force)
+    if source is not None and not source.exists():
+        raise FileMissing(f"{source}: there is no such file or folder")
+    settings = _settings(method, length, deviation, sensor_noise)
+    onto = source if onto is None and is_again else onto
+    hypermap = Hypermap() if onto is None else open_map(onto)
+    walls = _walls(hypermap, occupancy)
+    frame = _frame(hypermap, walls, map_frame)
+
+    older: ValueLayer | None = None
+    if is_again:
+        assert source is not None
+        again = open_map(source)
+        older = value_layer_called(again, quantity)
+        measured = kept(again, older, frame, censored_below)
+    else:
+        tf_frame = map_frame or frame
+        measured = read(source, table, topic, field, tf_frame, sensor_frame, censored_below)
+    name = quantity or measured.quantity or "value"
+    if not is_again and (name in hypermap or add):
+        older = layer_to_join(hypermap, name, add)
+    of_older = None if older is None else older.unit
+    measured = in_unit(measured, sample_unit, unit or of_older)
+    samples = measured.samples
+    if add and older is not None:
+        before = in_unit(kept(hypermap, older, frame), None, measured.unit)
+        samples = before.samples.joined(samples)
+    if not len(samples):
+        raise HypermapError(f"there is no sample left: {_told(measured.left_out)}")
+    note(f"{method}: {counted(len(samples), 'sample')} ...")
+    layer = value_layer_of(
+        name,
+        samples,
+        walls,
+        frame_id=frame,
+        quantity=name,
+        unit=measured.unit,
+        method=method,  # type: ignore[arg-type]  # one of METHODS, as checked above
+        settings=settings,
+        resolution=resolution,
+    )
+    assert layer.samples is not None
+    off = len(samples) - len(layer.samples)
+    left_out = {**measured.left_out, **({"off the map": off} if off else {})}
+    save_map(_with_layer(hypermap, layer), output)
+    if as_json:
+        say_json(_describe(layer, left_out))
+    else:
+        _show(layer, left_out)
+    note(f"saved {output}")
+
+
+def _settings(
+    method: str, length: float | None, deviation: float | None, noise: float | None
+) -> FieldSettings | None:
+    """Return what the user said of the field; None for nothing."""
+    from hypermap.values import FieldSettings
+
+    given = {"--length": length, "--deviation": deviation, "--sensor-noise": noise}
+    said = [name for name, number in given.items() if number is not None]
+    if not said:
+        return None
+    if method == "nearest":
+        raise HypermapError(f"{said[0]} means nothing for the method nearest")
+    needed = ["--length"] if method == "kernel" else list(given)
+    if said != needed:
+        raise HypermapError(f"the method {method} takes {', '.join(needed)} together, or none")
+    try:
+        return FieldSettings(length or 0.0, deviation or 1.0, noise or 1.0)
+    except ValueError as error:
+        raise HypermapError(f"--{error}") from None
+
+
+def _walls(hypermap: Hypermap, name: str | None) -> OccupancyLayer | None:
+    """Return the occupancy layer; None for a map that has none."""
+    from hypermap.core.occupancy import OccupancyLayer
+
+    if name is None and not any(isinstance(layer, OccupancyLayer) for layer in hypermap):
+        note("the map has no occupancy, so no walls are known")
+        return None
+    return hypermap.occupancy(name)
+
+
+def _frame(hypermap: Hypermap, walls: OccupancyLayer | None, named: str | None) -> str:
+    """Return the frame of the layer; a map without any layer takes the one that is named."""
+    if walls is not None:
+        return walls.frame_id
+    return hypermap.base_frame if len(hypermap.layers) else named or hypermap.base_frame
+
+
+def _with_layer(hypermap: Hypermap, layer: ValueLayer) -> Hypermap:
+    """Return the map with the layer, in the place of an older one of that name."""
+    from hypermap.core.hypermap import Hypermap
+
+    layers: Sequence[Any] = list(hypermap)
+    if layer.name in hypermap:
+        older = hypermap[layer.name]
+        layer.settings.update(older.settings)
+        layers = [layer if each is older else each for each in layers]
+    else:
+        layers = [*layers, layer]
+    return Hypermap(layers, hypermap.frames, hypermap.metadata)
+
+
+def _describe(layer: ValueLayer, left_out: dict[str, int]) -> dict[str, Any]:
+    """Return what `--json` prints."""
+    assert layer.samples is not None
+    found = layer.summary_in(layer.extent())
+    return {
+        "layer": layer.name,
+        "frame_id": layer.frame_id,
+        "unit": layer.unit,
+        "samples": len(layer.samples),
+        "not_heard": int(layer.samples.is_below.sum()),
+        "left_out": left_out,
+        "cells": found.count,
+        "mean": found.mean,
+        "min": found.least,
+        "max": found.most,
+        "made_by": layer.made_by,
+    }
+
+
+def _show(layer: ValueLayer, left_out: dict[str, int]) -> None:
+    assert layer.samples is not None
+    say(printable(layer.summary(), 200))
+    not_heard = int(layer.samples.is_below.sum())
+    if not_heard:
+        say(f"not heard: {counted(not_heard, 'sample')}")
+    made_by = [
+        f"{name} {number:.3g}" if isinstance(number, float) else f"{name} {number}"
+        for name, number in layer.made_by.items()
+    ]
+    say(printable(f"made by: {', '.join(made_by)}", 200))
+    if left_out:
+        note(f"left out: {_told(left_out)}")
+
+
+def _told(left_out: dict[str, int]) -> str:
+    return ", ".join(f"{counted(count, 'sample')} {why}" for why, count in left_out.items())

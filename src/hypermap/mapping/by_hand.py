@@ -1,0 +1,169 @@
+"""What people have done to a map: mapping goes on around it, and never undoes it.
+
+It is found by comparing the objects of a map with those that mapping has put there. So it does not
+matter who has changed them: the page, a program, or an editor of text.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from hypermap.core.objects import SemanticObject
+from hypermap.core.semantic import SemanticLayer
+from hypermap.formats.semantic.records import object_from_record, record_from_object
+
+BY_HAND = "by_hand"
+"""The attribute of an object, and the key of a map's metadata, that says what people have done."""
+
+_MEASURED = {"evidence", "z_min", "z_max"}  # attributes that mapping writes
+_TOLERANCE = 1e-6  # meters between points that are the same
+
+
+@dataclass(frozen=True, eq=False)
+class HandEdit:
+    """What people have done to one object; what is None is as mapping has it.
+
+    Attributes:
+        is_deleted: whether it is to stay away.
+        drawn: the object, if people have drawn it.
+        name: its name.
+        footprint: its shape [m].
+        tags: other names for it.
+        attributes: those that mapping does not write.
+    """
+
+    is_deleted: bool = False
+    drawn: SemanticObject | None = None
+    name: str | None = None
+    footprint: BaseGeometry | None = None
+    tags: tuple[str, ...] | None = None
+    attributes: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def shape(self) -> BaseGeometry | None:
+        """The shape that people have given it; None if they have not."""
+        return self.footprint if self.drawn is None else self.drawn.footprint
+
+    @property
+    def words(self) -> list[str]:
+        """What was done, as files say it."""
+        if self.is_deleted:
+            return ["deleted"]
+        if self.drawn is not None:
+            return ["drawn"]
+        words = {"name": self.name, "shape": self.footprint, "tags": self.tags}
+        changed = [word for word, value in words.items() if value is not None]
+        return [*changed, *(["attributes"] if self.attributes else [])]
+
+    def applied_to(self, found: SemanticObject) -> SemanticObject:
+        """Return what mapping has found, as people want it."""
+        changes = {"name": self.name, "footprint": self.footprint, "tags": self.tags}
+        attributes = {**found.attributes, **self.attributes, BY_HAND: self.words}
+        known = {key: value for key, value in changes.items() if value is not None}
+        if self.tags is not None:  # nobody has said how sure these are
+            known["confidence"] = ()
+        return replace(found, **known, attributes=attributes)  # type: ignore[arg-type]
+
+
+def hand_edits(
+    published: Iterable[SemanticObject],
+    layer: SemanticLayer,
+    before: Mapping[int, HandEdit] | None = None,
+) -> dict[int, HandEdit]:
+    """Return what people have done to a layer, by the objects' ids.
+
+    Args:
+        published: what mapping has put there.
+        layer: as it is now.
+        before: what people had done by then, which is in `published`.
+    """
+    edits = dict(before or {})
+    unreadable = {entry.position for entry in layer.rejected}
+    now = {item.id: item for item in layer if item.id is not None}
+    known = set()
+    for item in published:
+        assert item.id is not None  # as each object of a layer has one
+        known.add(item.id)
+        edit = edits.pop(item.id, HandEdit())
+        if item.id in now:
+            edit = _compared(item, now[item.id], edit)
+        elif item.id not in unreadable:  # what people have drawn and deleted is as if never there
+            edit = HandEdit(is_deleted=edit.drawn is None)
+        if edit.words:
+            edits[item.id] = edit
+    for number in now.keys() - known:
+        edits[number] = HandEdit(drawn=_marked(now[number], ["drawn"]))
+    return edits
+
+
+def marked(layer: SemanticLayer, edits: Mapping[int, HandEdit]) -> SemanticLayer:
+    """Return a layer whose objects say what people have done to them."""
+    other = layer.copy()
+    there = {number: edit.words for number, edit in edits.items() if number in layer}
+    other.update_many({n: _marked(layer.get(n), words) for n, words in there.items()})
+    return other
+
+
+def told(edits: Mapping[int, HandEdit]) -> dict[str, list[int]]:
+    """Return the ids of the objects that people have drawn, changed and deleted."""
+    found: dict[str, list[int]] = {}
+    for number, edit in sorted(edits.items()):
+        word = edit.words[0] if edit.is_deleted or edit.drawn is not None else "changed"
+        found.setdefault(word, []).append(number)
+    return found
+
+
+def as_record(edit: HandEdit) -> dict[str, Any]:
+    """Return an edit as plain values."""
+    record: dict[str, Any] = {"words": edit.words}
+    if edit.drawn is not None:
+        record["drawn"] = {"id": edit.drawn.id, **record_from_object(edit.drawn)}
+    if edit.shape is not None:
+        record["shape"] = shapely.to_wkb(edit.shape, hex=True)
+    if edit.drawn is None:
+        record |= {"name": edit.name, "tags": edit.tags and list(edit.tags)}
+        record["attributes"] = dict(edit.attributes)
+    return record
+
+
+def from_record(record: Mapping[str, Any]) -> HandEdit:
+    """Return the edit of `as_record`; raises KeyError, TypeError or ValueError for others."""
+    if "deleted" in record["words"]:
+        return HandEdit(is_deleted=True)
+    shape = shapely.from_wkb(record["shape"]) if record.get("shape") else None
+    if "drawn" in record:
+        if shape is None:
+            raise ValueError("what was drawn has no shape")
+        return HandEdit(drawn=object_from_record(record["drawn"], shape))
+    tags = record["tags"]
+    edit = HandEdit(
+        name=record["name"],
+        footprint=shape,
+        tags=None if tags is None else tuple(tags),
+        attributes=dict(record["attributes"]),
+    )
+    edit.applied_to(SemanticObject("any", shapely.box(0, 0, 1, 1)))  # which checks the values
+    return edit
+
+
+def _compared(item: SemanticObject, now: SemanticObject, before: HandEdit) -> HandEdit:
+    """Return an earlier edit and what was changed since then."""
+    others = {k: v for k, v in now.attributes.items() if k not in _MEASURED and k != BY_HAND}
+    is_same_shape = shapely.equals_exact(item.footprint, now.footprint, _TOLERANCE)
+    if before.drawn is not None:
+        return HandEdit(drawn=_marked(now, ["drawn"]))
+    return HandEdit(
+        name=before.name if now.name == item.name else now.name,
+        footprint=before.footprint if is_same_shape else now.footprint,
+        tags=before.tags if now.tags == item.tags else now.tags,
+        attributes=others,
+    )
+
+
+def _marked(item: SemanticObject, words: list[str]) -> SemanticObject:
+    return replace(item, attributes={**item.attributes, BY_HAND: words})

@@ -1,0 +1,112 @@
+"""Drives: which recordings a map was made of, so that none counts twice."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from datetime import datetime, timezone
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hypermap.perception.frame import RgbdFrame
+
+_EVERY = 8  # rows and columns of a depth image that tell it from others
+_NO_CLOCK = 1e8  # seconds; smaller stamps count from the start of something, not from 1970
+
+
+def frame_key(frame: RgbdFrame) -> int:
+    """Return a number that tells a frame from others, by its stamp and depth; 32 bits.
+
+    The pose does not count: the same recording with other poses is the same recording.
+    """
+    digest = hashlib.blake2b(np.float64(frame.stamp).tobytes(), digest_size=4)
+    digest.update(np.ascontiguousarray(frame.depth[::_EVERY, ::_EVERY]).tobytes())
+    return int.from_bytes(digest.digest(), "little")
+
+
+@dataclass
+class Drive:
+    """What was mapped of one recording.
+
+    Attributes:
+        name: of the recording.
+        first: the oldest stamp of a mapped frame [s]; infinite if there is none.
+        last: the newest one [s].
+        keys: of its mapped frames, see `frame_key`.
+    """
+
+    name: str
+    first: float = np.inf
+    last: float = -np.inf
+    keys: list[int] = field(default_factory=list)
+
+    def add(self, frame: RgbdFrame) -> None:
+        """Take a mapped frame."""
+        self.first, self.last = min(self.first, frame.stamp), max(self.last, frame.stamp)
+        self.keys.append(frame_key(frame))
+
+    def described(self) -> dict[str, Any]:
+        """Return what a map's metadata say of it: times in UTC, where stamps tell them."""
+        told: dict[str, Any] = {"name": self.name, "frames": len(self.keys)}
+        if self.keys and self.first > _NO_CLOCK:
+            told |= {"began": wall_clock(self.first), "ended": wall_clock(self.last)}
+        return told
+
+
+class EarlierDrives:
+    """The drives of a map with which mapping goes on; they do not change."""
+
+    def __init__(self, drives: tuple[Drive, ...] = ()) -> None:
+        self.drives = drives
+        self._keys = [frozenset(drive.keys) for drive in drives]
+
+    def with_frame(self, frame: RgbdFrame) -> Drive | None:
+        """Return the drive that a frame belongs to; None for a new frame."""
+        for drive, keys in zip(self.drives, self._keys, strict=True):
+            if drive.first <= frame.stamp <= drive.last and frame_key(frame) in keys:
+                return drive
+        return None
+
+
+def wall_clock(stamp: float) -> str:
+    """Return a stamp as a time of day in UTC, in the form of ISO 8601.
+
+    >>> wall_clock(1_700_000_000.4)
+    '2023-11-14T22:13:20Z'
+    """
+    try:
+        return datetime.fromtimestamp(stamp, timezone.utc).strftime("%Y-%m-%dT%H:%M:%SZ")
+    except (ValueError, OverflowError, OSError):  # beyond the year 9999
+        return f"{stamp:.0f} s"
+
+
+def map_id(drives: Sequence[Drive], config: Mapping[str, Any]) -> str:
+    """Return the id of a new map, by what it is made of: 16 hexadecimal digits."""
+    first = [(drive.name, drive.first, drive.keys[0]) for drive in drives[:1]]
+    said = json.dumps([first, config], sort_keys=True)
+    return hashlib.blake2b(said.encode(), digest_size=8).hexdigest()
+
+
+def packed(drives: list[Drive]) -> tuple[list[dict[str, Any]], NDArray[np.uint32]]:
+    """Return drives as facts for JSON, and their keys, one drive behind the other."""
+    known = [drive for drive in drives if drive.keys]
+    facts = [
+        {"name": d.name, "first": d.first, "last": d.last, "frames": len(d.keys)} for d in known
+    ]
+    return facts, np.array([key for drive in known for key in drive.keys], np.uint32)
+
+
+def unpacked(facts: list[dict[str, Any]], keys: NDArray[np.uint32]) -> tuple[Drive, ...]:
+    """Return the drives of `packed`; raises KeyError or ValueError for anything else."""
+    counts = [int(one["frames"]) for one in facts]
+    if min(counts, default=0) < 0 or sum(counts) != len(keys):
+        raise ValueError("the keys of the frames do not fit the drives")
+    ends = np.cumsum([0, *counts])
+    return tuple(
+        Drive(str(one["name"]), float(one["first"]), float(one["last"]), keys[a:b].tolist())
+        for one, a, b in zip(facts, ends[:-1], ends[1:], strict=True)
+    )

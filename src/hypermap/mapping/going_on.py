@@ -1,0 +1,102 @@
+"""Going on with a map: whether it can be done, and what stays of the map."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from hypermap.core.errors import FormatError, HypermapError
+from hypermap.core.hypermap import Hypermap
+from hypermap.core.layer import Layer
+from hypermap.core.semantic import SemanticLayer
+from hypermap.mapping.by_hand import BY_HAND, hand_edits, marked, told
+from hypermap.mapping.config import MappingConfig, to_dict
+from hypermap.mapping.mapper_state import parse_published
+from hypermap.mapping.overrides import override
+
+SEMANTIC = "semantic"
+"""Name of the layer of objects that mapping makes."""
+
+
+class CannotGoOn(HypermapError):
+    """Mapping cannot go on with a map."""
+
+
+def config_to_go_on_with(hypermap: Hypermap, asked: MappingConfig | None = None) -> MappingConfig:
+    """Return the configuration of a map, after a look whether mapping can go on with it.
+
+    Args:
+        hypermap: the map.
+        asked: the configuration that a user asks for, if any; must be that of the map.
+
+    Raises:
+        CannotGoOn: If it cannot.
+    """
+    values = hypermap.metadata.get("config")
+    if not isinstance(values, Mapping):
+        raise CannotGoOn("mapping did not make this map, and can only go on with its own")
+    try:
+        config = override(MappingConfig(), values)
+    except FormatError as error:
+        raise CannotGoOn(f"another version has made this map: config: {error}") from error
+    _check_same(config, asked or config)
+    if hypermap.mapper_state is None:
+        raise CannotGoOn(
+            "the state of the mapper is not in the map, as after --drop-evidence; map all "
+            "recordings again"
+        )
+    return config
+
+
+def _check_same(config: MappingConfig, asked: MappingConfig) -> None:
+    before, now = to_dict(config), to_dict(asked)
+    for stage, values in before.items():
+        for key, value in values.items():
+            if now[stage][key] != value:
+                raise CannotGoOn(
+                    f"the map was made with {stage}: {key}: {value}, not {now[stage][key]}; "
+                    "mapping goes on with the map's own configuration: give no other one "
+                    "(--profile, --config, --score), or make a new map"
+                )
+
+
+def layer_of_objects(hypermap: Hypermap) -> SemanticLayer | None:
+    """Return the layer of objects that mapping has made; None if there is none."""
+    named = (layer for layer in hypermap if layer.name == SEMANTIC)
+    return next((layer for layer in named if isinstance(layer, SemanticLayer)), None)
+
+
+def with_marks(hypermap: Hypermap) -> Hypermap:
+    """Return a map that says what people have done to what mapping has made; see `by_hand`.
+
+    Raises:
+        FormatError: If the state of the mapper in it cannot be read.
+    """
+    kept = hypermap.mapper_state
+    layer = layer_of_objects(hypermap)
+    if kept is None or layer is None:
+        return hypermap
+    published, before = parse_published(kept() if callable(kept) else kept)
+    edits = hand_edits(published, layer, before)
+    other = hypermap.with_layer(marked(layer, edits))
+    other.metadata.pop(BY_HAND, None)
+    if edits:
+        other.metadata[BY_HAND] = told(edits)
+    return other
+
+
+def replaced(base: Hypermap, layers: Iterable[Layer]) -> list[Layer]:
+    """Return the layers of a map, in which some replace those of their names or come first.
+
+    What is said of a layer in the configuration stays, and so do entries that cannot be read.
+    """
+    new: dict[str, Any] = {layer.name: layer for layer in layers}
+    found: list[Layer] = []
+    for old in base:
+        layer = new.pop(old.name, old)
+        if layer is not old:
+            layer.settings = old.settings
+            if isinstance(layer, SemanticLayer) and isinstance(old, SemanticLayer):
+                layer.rejected = old.rejected
+        found.append(layer)
+    return [*new.values(), *found]

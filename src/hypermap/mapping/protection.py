@@ -1,0 +1,70 @@
+"""Tracks for what people have drawn, renamed, reshaped or deleted, so that mapping respects it."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+
+import shapely
+
+from hypermap.core.objects import SemanticObject
+from hypermap.mapping.by_hand import HandEdit
+from hypermap.mapping.evidence_buffer import EvidenceBuffer
+from hypermap.mapping.prepared_polygon import PreparedPolygon
+from hypermap.mapping.stages import EvidenceConfig
+from hypermap.mapping.tracks import Track, TrackTable
+
+
+def protected(
+    tracks: TrackTable, edits: Mapping[int, HandEdit], config: EvidenceConfig
+) -> TrackTable:
+    """Return tracks that know what people have done to them, in the order of their ids.
+
+    What people have drawn gets a track of its own, so that evidence for it makes no other object
+    there. Its id may be that of another track: one that was not published begins anew, and one that
+    people have deleted gets another id, unless this is what was drawn again.
+
+    Args:
+        tracks: of mapping.
+        edits: by the objects' ids.
+        config: as that of the tracks.
+    """
+    if not edits and all(track.by_hand is None for track in tracks.objects):
+        return tracks
+    rows = {track.id: row for row, track in enumerate(tracks.objects)}
+    table = TrackTable(config.max_existence)
+    displaced: list[int] = []  # rows of what was deleted
+    for number in sorted(rows.keys() | edits.keys()):
+        edit, row = edits.get(number), rows.get(number)
+        shape = None if edit is None or edit.shape is None else PreparedPolygon.of(edit.shape)
+        was_drawn = row is not None and _is_drawn(tracks, row)
+        is_drawn = edit is not None and edit.drawn is not None
+        if row is not None and is_drawn == was_drawn:
+            track = tracks.objects[row]
+            track.by_hand = edit
+            low, high = tracks.shapes.heights[row].tolist()
+            existence = float(tracks.existence[row])
+            table.add(track, 0, shape or tracks.shapes.polygons[row], (low, high), existence)
+        elif edit is not None and edit.drawn is not None and shape is not None:
+            buffer = EvidenceBuffer(config.max_evidence)
+            track = Track(number, edit.drawn.name, buffer, by_hand=edit)
+            table.add(track, 0, shape, (0.0, 0.0), config.max_existence)
+            if row is not None and _is_another(tracks, row, edit.drawn):
+                displaced.append(row)
+    table.next_id = max(table.next_id, tracks.next_id)
+    for row in displaced:
+        track = dataclasses.replace(tracks.objects[row], id=table.next_id)
+        table.add(track, 0, tracks.shapes.polygons[row], (0.0, 0.0), config.max_existence)
+    return table
+
+
+def _is_another(tracks: TrackTable, row: int, drawn: SemanticObject) -> bool:
+    """Return whether people have deleted a track, and drawn something else."""
+    track, shape = tracks.objects[row], tracks.shapes.polygons[row].geometry
+    is_there = bool(shapely.intersects(shape, drawn.footprint))
+    return track.is_deleted and not (track.name == drawn.name and is_there)
+
+
+def _is_drawn(tracks: TrackTable, row: int) -> bool:
+    edit = tracks.objects[row].by_hand
+    return edit is not None and edit.drawn is not None

@@ -1,0 +1,119 @@
+"""Samples in a CSV file, by a robot's logger or a spreadsheet."""
+
+from __future__ import annotations
+
+import csv
+from array import array
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from hypermap.core.errors import FileMissing, FormatError, did_you_mean
+from hypermap.core.moving_frames import Motion
+from hypermap.recordings.samples.measured import Measured, checked, placed
+
+_NOTHING = {"", "nan", "null", "none", "na", "n/a", "-"}
+VALUE = "value"
+_NO_PLACE = (
+    "in meters; of samples with stamps, name the bag or trajectory of their poses, and give the "
+    "table as --samples"
+)
+
+
+def read_table(
+    path: Path,
+    field: str | None = None,
+    motion: Motion | None = None,
+    *,
+    censored_below: float | None = None,
+) -> Measured:
+    """Return the samples of a CSV file whose first line names the columns.
+
+    The columns are `x` and `y` [m] and, if it is known, `stamp` [s]; without `x` and `y`, `stamp`
+    and a motion say where the sensor was. Empty cells and NaN are no values.
+
+    Args:
+        path: the file.
+        field: name of the column of values; None for `value`.
+        motion: of the sensor in the map; None where the file has `x` and `y`.
+        censored_below: the limit below which nothing is heard; None where an empty cell says
+            nothing.
+
+    Raises:
+        FileMissing: If there is no such file.
+        FormatError: If a column is missing, a line has more or fewer cells than the first, or a
+            cell is no number.
+        HypermapError: If the motion is known at no sample's time.
+    """
+    if not path.is_file():
+        raise FileMissing(f"{path}: there is no such file")
+    with path.open(encoding="utf-8-sig", newline="") as file:
+        try:
+            rows = csv.reader(file, strict=True)
+            names = [name.strip() for name in next(rows, [])]
+            wanted = _columns(names, field or VALUE, path, motion is not None)
+            columns = _read(rows, names, wanted, path)
+        except UnicodeDecodeError:
+            raise FormatError("this is not a text file", path=path) from None
+        except csv.Error as error:
+            raise FormatError(f"is no CSV file: {error}", path=path) from None
+    if not len(columns[0]):
+        raise FormatError("there are no samples in it, only the names of columns", path=path)
+    by_name = dict(zip(wanted, columns, strict=True))
+    values = np.frombuffer(by_name[field or VALUE])
+    stamps = np.frombuffer(by_name["stamp"]) if "stamp" in by_name else np.full(len(values), np.nan)
+    if motion is not None:
+        points = placed(motion, stamps)
+    else:
+        points = np.column_stack([np.frombuffer(by_name[name]) for name in ("x", "y")])
+    stamps = np.where(np.isfinite(stamps), stamps, np.nan)
+    return checked(points, values, stamps, censored_below=censored_below)
+
+
+def _columns(names: Sequence[str], value: str, path: Path, is_posed: bool) -> list[str]:
+    """Return the names of the columns to read."""
+    if value not in names:
+        listed = ", ".join(names[:12])
+        raise FormatError(
+            f"the first line names no column {value!r}, it has {listed or 'nothing'}; "
+            f"name that of the values with --field; {did_you_mean(value, names)}",
+            path=path,
+        )
+    needed = ["stamp"] if is_posed else ["x", "y"]
+    for name in needed:
+        if name not in names:
+            remedy = "which tells the pose" if is_posed else _NO_PLACE
+            raise FormatError(f"the first line names no column {name!r}, {remedy}", path=path)
+    also = ["stamp"] if "stamp" in names and not is_posed else []
+    return [value, *needed, *also]
+
+
+def _read(
+    rows: Iterator[list[str]], names: Sequence[str], wanted: Sequence[str], path: Path
+) -> list[array[float]]:
+    """Return the columns; a table may have very many rows, so they are kept as arrays."""
+    places = [names.index(name) for name in wanted]
+    columns = [array("d") for _ in wanted]
+    for number, row in enumerate(rows, start=2):
+        if not row:
+            continue
+        if len(row) != len(names):
+            raise FormatError(
+                f"has {len(row)} cells, the first line {len(names)}",
+                path=path,
+                key=f"line {number}",
+            )
+        for column, place in zip(columns, places, strict=True):
+            column.append(_number(row[place], names[place], path, number))
+    return columns
+
+
+def _number(text: str, name: str, path: Path, line: int) -> float:
+    if text.strip().lower() in _NOTHING:
+        return float("nan")
+    try:
+        return float(text)
+    except ValueError:
+        message = f"{name}: {text!r} is no number"
+        raise FormatError(message, path=path, key=f"line {line}") from None

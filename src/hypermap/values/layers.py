@@ -1,0 +1,94 @@
+"""From samples to a layer of a map, and again from the samples that it keeps."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hypermap.core.errors import HypermapError
+from hypermap.core.grid import GridGeometry
+from hypermap.core.occupancy import OccupancyLayer
+from hypermap.core.samples import Samples
+from hypermap.core.value_layer import ValueLayer, decimals_for
+from hypermap.values.interpolation import Method, interpolate
+from hypermap.values.random_field import FieldSettings
+
+
+def value_layer_of(
+    name: str,
+    samples: Samples,
+    occupancy: OccupancyLayer | None = None,
+    *,
+    frame_id: str | None = None,
+    quantity: str = "",
+    unit: str = "",
+    method: Method = "gmrf",
+    settings: FieldSettings | None = None,
+    resolution: float | None = None,
+) -> ValueLayer:
+    """Return a layer with the most probable values between samples.
+
+    Args:
+        name: of the layer.
+        samples: in the frame of the occupancy layer, or in `frame_id`. The layer keeps them.
+        occupancy: walls, and where the floor is; samples off its grid are left out.
+        frame_id: of the samples; None for that of the occupancy layer, or "map".
+        quantity: what was measured; the layer's name where nothing is said.
+        unit: of the values.
+        method: as in `interpolate`, like the last two.
+        settings: as there.
+        resolution: as there.
+
+    Raises:
+        HypermapError: If there are too few samples, all are off the map, or the resolution is too
+            fine.
+    """
+    inside = on_map(samples, occupancy)
+    found = interpolate(inside, occupancy, method=method, settings=settings, resolution=resolution)
+    made_by: dict[str, str | float] = {"method": method, **found.settings, "noise": found.noise}
+    if occupancy is not None:
+        made_by["occupancy"] = occupancy.name
+    return ValueLayer(
+        name,
+        frame_id or ("map" if occupancy is None else occupancy.frame_id),
+        found.grid,
+        found.values,
+        unit,
+        decimals_for(found.values),
+        quantity=quantity,
+        deviations=found.deviations,
+        stamps=_newest(found.grid, inside),
+        samples=inside,
+        made_by={key: value for key, value in made_by.items() if value == value},  # no NaN
+    )
+
+
+def on_map(samples: Samples, occupancy: OccupancyLayer | None) -> Samples:
+    """Return the samples on the grid of an occupancy layer; all without one.
+
+    Raises:
+        HypermapError: If there is none on it.
+    """
+    if occupancy is None or occupancy.grid is None:
+        return samples
+    grid = occupancy.grid
+    on_grid = grid.contains(*grid.cells_at(samples.points_xy).T)
+    if len(samples) and not on_grid.any():
+        x, y = samples.points_xy[0]
+        x0, y0, x1, y1 = occupancy.extent().bounds
+        raise HypermapError(
+            f"all {len(samples)} samples lie off the map, which reaches from ({x0:g}, {y0:g}) to "
+            f"({x1:g}, {y1:g}); the first lies at ({x:g}, {y:g}); are they in frame "
+            f"{occupancy.frame_id!r}, in meters?"
+        )
+    return samples if on_grid.all() else samples.chosen(on_grid)
+
+
+def _newest(grid: GridGeometry, samples: Samples) -> NDArray[np.float64] | None:
+    """Return when the newest sample in each cell was taken; None where no sample says when."""
+    if np.isnan(samples.stamps).all():
+        return None
+    newest = np.full(grid.shape, np.nan)
+    rows, cols = grid.cells_at(samples.points_xy).T
+    np.fmax.at(newest, (rows, cols), samples.stamps)
+    return newest

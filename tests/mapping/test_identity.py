@@ -1,0 +1,48 @@
+"""A map keeps its id, its version counts up, and its drives are listed."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+from hypermap.core.hypermap import Hypermap
+from hypermap.formats import open_map, save_map
+from hypermap.mapping.config import profile
+from hypermap.mapping.mapper import map_recording
+from hypermap.viewer.live.document import MapDocument
+
+from .test_mapper import CONFIG, Frames, boxes, frame, walk
+
+
+def identity(hypermap: Hypermap) -> tuple[str, int]:
+    return hypermap.metadata["map_id"], hypermap.metadata["map_version"]
+
+
+def test_the_same_recording_and_configuration_give_the_same_new_map() -> None:
+    map_id, version = identity(map_recording(walk(), boxes, CONFIG))
+    assert version == 1
+    assert identity(map_recording(walk(), boxes, CONFIG)) == (map_id, 1)
+    others = [
+        map_recording(dataclasses.replace(walk(), path=Path("run")), boxes, CONFIG),
+        map_recording(Frames([frame(9)]), boxes, CONFIG),
+        map_recording(walk(), boxes, profile("thesis")),
+    ]
+    assert len({map_id, *(identity(other)[0] for other in others)}) == 4
+
+
+def test_the_id_stays_and_the_version_counts_up_with_drives_and_edits(tmp_path: Path) -> None:
+    path = tmp_path / "a.hmap"
+    first = map_recording(walk(3), boxes, CONFIG)
+    save_map(first, path)
+    document = MapDocument(path)
+    document.save()  # nothing has changed
+    assert identity(open_map(path)) == identity(first)
+    for version in (2, 3):
+        now = document.current
+        box = now.hypermap.semantic().get(0)
+        renamed = dataclasses.replace(box, name=f"name {version}")
+        document.edit(now.version, lambda draft, to=renamed: draft.update("semantic", 0, to))
+        document.save()
+        assert identity(open_map(path)) == (first.metadata["map_id"], version)
+    made = map_recording(walk(), boxes, CONFIG, onto=open_map(path))
+    assert identity(made) == (first.metadata["map_id"], 4)
