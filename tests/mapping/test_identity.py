@@ -7,6 +7,7 @@ from pathlib import Path
 
 from hypermap.core.hypermap import Hypermap
 from hypermap.formats import open_map, save_map
+from hypermap.formats.backup import why_precious
 from hypermap.mapping.config import profile
 from hypermap.mapping.mapper import map_recording
 from hypermap.viewer.live.document import MapDocument
@@ -28,6 +29,13 @@ def test_the_same_recording_and_configuration_give_the_same_new_map() -> None:
         map_recording(walk(), boxes, profile("thesis")),
     ]
     assert len({map_id, *(identity(other)[0] for other in others)}) == 4
+
+
+def test_a_map_with_what_people_have_done_is_not_replaced_without_asking(tmp_path: Path) -> None:
+    first = map_recording(walk(3), boxes, CONFIG)
+    first.semantic().rename(0, "Anna's box")
+    save_map(map_recording(walk(), boxes, CONFIG, onto=first), tmp_path / "a.hmap")
+    assert why_precious(tmp_path / "a.hmap") == "it was edited by hand"
 
 
 def test_the_id_stays_and_the_version_counts_up_with_drives_and_edits(tmp_path: Path) -> None:

@@ -288,7 +288,7 @@ def _note_frames(
 
 def _note_unseen(hypermap: Hypermap, settings: MappingConfig) -> None:
     """Say which objects that people have edited mapping would have taken out."""
-    from hypermap.mapping.by_hand import BY_HAND
+    from hypermap.formats.backup import BY_HAND
     from hypermap.mapping.going_on import layer_of_objects
 
     for item in layer_of_objects(hypermap) or ():

@@ -13,6 +13,9 @@ from hypermap.formats.hmap import MAPPER_STATE, open_map, save_map
 EDITED_WITH = "edited_with"
 """The key of a map's metadata for the program in which people edited it."""
 
+BY_HAND = "by_hand"
+"""Where objects and a map's metadata say what people have done to what mapping made."""
+
 MAP_ID, MAP_VERSION = "map_id", "map_version"
 """Where a map's metadata hold its id, and a number that counts up with its changes."""
 
@@ -74,4 +77,6 @@ def why_precious(archive: Path) -> str | None:
         return None
     if EDITED_WITH in metadata:
         return f"it was edited by hand, with {metadata[EDITED_WITH]}"
+    if BY_HAND in metadata:
+        return "it was edited by hand"
     return None if metadata.keys() >= _OF_MAPPING else "it was not made by mapping"

@@ -15,10 +15,8 @@ from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.objects import SemanticObject
 from hypermap.core.semantic import SemanticLayer
+from hypermap.formats.backup import BY_HAND
 from hypermap.formats.semantic.records import object_from_record, record_from_object
-
-BY_HAND = "by_hand"
-"""The attribute of an object, and the key of a map's metadata, that says what people have done."""
 
 _MEASURED = {"evidence", "z_min", "z_max"}  # attributes that mapping writes
 _TOLERANCE = 1e-6  # meters between points that are the same

@@ -9,7 +9,8 @@ from hypermap.core.errors import FormatError, HypermapError
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.layer import Layer
 from hypermap.core.semantic import SemanticLayer
-from hypermap.mapping.by_hand import BY_HAND, hand_edits, marked, told
+from hypermap.formats.backup import BY_HAND
+from hypermap.mapping.by_hand import hand_edits, marked, told
 from hypermap.mapping.config import MappingConfig, to_dict
 from hypermap.mapping.mapper_state import parse_published
 from hypermap.mapping.overrides import override

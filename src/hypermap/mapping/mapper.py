@@ -18,9 +18,9 @@ from hypermap.core.hypermap import Hypermap
 from hypermap.core.layer import Layer
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.semantic import SemanticObject
-from hypermap.formats.backup import MAP_ID, MAP_VERSION
+from hypermap.formats.backup import BY_HAND, MAP_ID, MAP_VERSION
 from hypermap.mapping.alignment import Aligner
-from hypermap.mapping.by_hand import BY_HAND, HandEdit, hand_edits, told
+from hypermap.mapping.by_hand import HandEdit, hand_edits, told
 from hypermap.mapping.completion import free_share
 from hypermap.mapping.config import MappingConfig, to_dict
 from hypermap.mapping.counts import Counts
