@@ -15,7 +15,6 @@ import logging
 import os
 import random
 import re
-import resource
 import shutil
 import sys
 import tempfile
@@ -28,6 +27,7 @@ from pathlib import Path
 from typing import Any
 
 from campaign.fuzz_targets import target_of
+from campaign.own_process import peak_bytes
 
 MOST_SECONDS = 2.0  # of an answer, in time of the processor
 MOST_BYTES = 1_000_000_000  # of memory, for the whole process
@@ -78,7 +78,7 @@ class Tries:
             if took > MOST_SECONDS:
                 self._keep(f"slow: {took:.1f} s", data, "slow")
         if not self._is_large:
-            peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+            peak = peak_bytes()
             if peak > MOST_BYTES:
                 self._is_large = True
                 self._keep(f"memory: {peak / 1e6:.0f} MB", data, "memory")
@@ -150,7 +150,7 @@ def _say(handle: int, name: str, tries: Tries, way: str) -> None:
         "runs": tries.runs,
         "refused": tries.refused,
         "slowest": tries.slowest,
-        "peak": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024,
+        "peak": peak_bytes(),
         "findings": [json.loads(found) for found in tries.findings.values()],
     }
     os.write(handle, json.dumps(told).encode() + b"\n")

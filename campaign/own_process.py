@@ -9,6 +9,7 @@ import time
 import traceback
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from pathlib import Path
 
 from campaign.part import Budget, Finding, Result
 from campaign.report import Row
@@ -36,3 +37,13 @@ def _run(name: str, budget: Budget) -> tuple[Result, float]:
     result: Result = importlib.import_module(f"campaign.{name}").run(budget)
     whose = (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
     return result, max(resource.getrusage(who).ru_maxrss for who in whose) * 1024 / 1e6
+
+
+def peak_bytes() -> int:
+    """Return the most memory that this process ever had, in bytes.
+
+    Not `ru_maxrss`, in which the process that started this one counts, too.
+    """
+    status = Path("/proc/self/status").read_text(encoding="ascii")
+    [peak] = [line.split()[1] for line in status.splitlines() if line.startswith("VmHWM:")]
+    return int(peak) * 1024

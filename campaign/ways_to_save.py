@@ -17,6 +17,7 @@ from hypermap.core.evidence import EvidenceTable
 from hypermap.core.grid import GridGeometry
 from hypermap.core.hypermap import Hypermap
 from hypermap.formats.any_file import open_any
+from hypermap.formats.backup import MAP_VERSION
 from hypermap.formats.store import read_file
 from hypermap.perception.detections import Detections
 from hypermap.perception.detectors.recorded import RecordedDetections
@@ -57,8 +58,9 @@ def hypermap_of(version: int) -> Hypermap:
 
 
 def told(hypermap: Hypermap) -> str:
-    """Return all that a map holds, as a short text."""
-    parts: list[Any] = [sorted(map(str, hypermap.metadata.items()))]
+    """Return all that a map holds, as a short text; but for how often it was saved."""
+    metadata = {key: value for key, value in hypermap.metadata.items() if key != MAP_VERSION}
+    parts: list[Any] = [sorted(map(str, metadata.items()))]
     for layer in hypermap:
         if isinstance(layer, OccupancyLayer):
             parts += [layer.grid, None if layer.cells is None else layer.cells.tobytes()]

@@ -24,7 +24,7 @@ def maps(tmp_path):
 
 def test_a_path_leads_over_a_lift_both_ways(hypermap, maps):
     ground, upper = maps
-    names = ("--name", "lift A", "--length", "5", "--floor", "ground floor")
+    names = ("--called", "lift A", "--counts-as", "5", "--floor", "ground floor")
     result = hypermap("connect", ground, "-4,1", upper, "-4,3", *names)
     assert (result.code, result.out) == (0, "")
     assert result.err == f"saved {ground}\nsaved {upper}\n"

@@ -29,7 +29,7 @@ from hypermap.viewer.picture import compose
 from ..recordings.test_samples import START, BagBuilder, add_drive, add_temperature
 from .conftest import assert_one_error
 
-SETTINGS = ("--length", "3", "--deviation", "4", "--sensor-noise", "0.2")
+SETTINGS = ("--length-scale", "3", "--deviation", "4", "--sensor-noise", "0.2")
 
 
 def assert_last_error(result, said):
@@ -296,7 +296,7 @@ def test_what_was_not_heard_is_told(hypermap, flat, tmp_path):
     log.write_text(f"x,y,value\n1,1,-50\n2,1,-60\n2.5,1,-70\n{unheard}")
     out = tmp_path / "out.hmap"
     ways = (log, "--onto", flat, "-o", out, "--unit", "dBm", "--method", "gmrf")
-    censored = ("--censored-below", "-95", "--length", "3", "--deviation", "15")
+    censored = ("--censored-below", "-95", "--length-scale", "3", "--deviation", "15")
     result = hypermap("values", *ways, *censored, "--sensor-noise", "2")
     assert "not heard: 8 samples" in result.out
     at = json.loads(hypermap("query", out, "--layer", "wifi", "--at", "3.2,1.2", "--json").out)
@@ -312,7 +312,11 @@ def test_what_was_not_heard_is_told(hypermap, flat, tmp_path):
         ("x,y,value\n1,1,20\n", ["--resolution", "0", "--method", "nearest"], "resolution must be"),
         ("x,y,value\n1,1,nan\n", [], "there is no sample left: 1 sample without a number"),
         ("x,y,value\n1,1,20\n", ["--method", "krig"], "expected one of gmrf, kernel, nearest"),
-        ("x,y,value\n1,1,20\n", ["--length", "3"], "takes --length, --deviation, --sensor-noise"),
+        (
+            "x,y,value\n1,1,20\n",
+            ["--length-scale", "3"],
+            "takes --length-scale, --deviation, --sensor-noise",
+        ),
         ("x,y,value\n1,1,20\n", ["--sample-unit", "V", "--unit", "K"], "cannot be converted to"),
         ("x,y,value\n1,1,20\n", ["--add"], "the map has no layer 'samples' yet"),
         ("x,y,value\n1,1,20\n", ["--topic", "/t"], "give either --topic or"),

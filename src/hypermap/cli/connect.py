@@ -44,12 +44,12 @@ def command(
     ] = "lift",
     name: Annotated[
         str,
-        typer.Option("--name", metavar="NAME", show_default=False, help="What it is called."),
+        typer.Option("--called", metavar="NAME", show_default=False, help="What it is called."),
     ] = "",
     length: Annotated[
         float,
         typer.Option(
-            "--length", metavar="METERS", min=0, help="How many meters of a path it counts for."
+            "--counts-as", metavar="METERS", min=0, help="How many meters of a path it counts as."
         ),
     ] = 0.0,
     floor: Annotated[
@@ -71,7 +71,7 @@ def command(
     the base frame of each map. The same again replaces it, by its name, or else by its place.
 
     Examples:
-        hypermap connect ground.hmap 1.5,2 upper.hmap 1.5,2 --name "lift A" --length 10
+        hypermap connect ground.hmap 1.5,2 upper.hmap 1.5,2 --called "lift A" --counts-as 10
         hypermap connect ground.hmap 7,1 upper.hmap 7,4 --kind stairs --floor 0 --other-floor 1
     """
     from hypermap.console.places import parse_point

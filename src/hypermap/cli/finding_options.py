@@ -48,7 +48,7 @@ Onto = Annotated[
     typer.Option(
         metavar="MAP",
         readable=False,
-        help="Go on with this map, which `map` or `live` has made. Frames that are in it already "
+        help="Add to this map: go on where `map` or `live` stopped. Frames that are in it already "
         "do not count twice.",
     ),
 ]

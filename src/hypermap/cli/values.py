@@ -51,9 +51,10 @@ def command(
         typer.Option(
             "--onto",
             metavar="MAP",
+            readable=False,
             show_default=False,
-            help="The map that gets the layer, with walls in its occupancy; without one, a new map "
-            "without walls.",
+            help="Add to this map: its occupancy layer tells the walls. Without it, the result is "
+            "a new map without walls.",
         ),
     ] = None,
     quantity: Annotated[
@@ -177,7 +178,7 @@ def command(
     length: Annotated[
         float | None,
         typer.Option(
-            "--length",
+            "--length-scale",
             metavar="METERS",
             show_default="found from the samples",
             help="How far apart places are that have little to do with each other; of the kernel, "
@@ -297,13 +298,13 @@ def _settings(
     """Return what the user said of the field; None for nothing."""
     from hypermap.values import FieldSettings
 
-    given = {"--length": length, "--deviation": deviation, "--sensor-noise": noise}
+    given = {"--length-scale": length, "--deviation": deviation, "--sensor-noise": noise}
     said = [name for name, number in given.items() if number is not None]
     if not said:
         return None
     if method == "nearest":
         raise HypermapError(f"{said[0]} means nothing for the method nearest")
-    needed = ["--length"] if method == "kernel" else list(given)
+    needed = ["--length-scale"] if method == "kernel" else list(given)
     if said != needed:
         raise HypermapError(f"the method {method} takes {', '.join(needed)} together, or none")
     try:

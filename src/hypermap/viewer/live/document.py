@@ -163,20 +163,19 @@ class MapDocument:
             file.check_before_saving(overwrite)
             keep_backup(file.path)
             hypermap = self._current.hypermap
-            if self._content != _OPENED:
+            is_edited = self._content != _OPENED
+            if is_edited:
                 hypermap = copy.copy(with_marks(hypermap))
                 hypermap.metadata[EDITED_WITH] = _EDITOR
-                hypermap.metadata[MAP_VERSION] = self._next_map_version()
+                known = hypermap.metadata.get(MAP_VERSION)
+                opened = known if type(known) is int else 0
+                hypermap.metadata[MAP_VERSION] = opened + self._edited_saves + 1
             save_map(hypermap, file.path)
+            self._edited_saves += is_edited
             self.file = MapFile.of(file.path, hypermap)
             self._saved_content = self._content
             self.saves += 1
             self.event_count += 1
-
-    def _next_map_version(self) -> int:
-        known = self._current.hypermap.metadata.get(MAP_VERSION)
-        self._changed_saves += 1
-        return (known if type(known) is int else 0) + self._changed_saves
 
     def reload(self) -> None:
         """Reload the file; unsaved changes and the undo history are lost.
@@ -199,7 +198,7 @@ class MapDocument:
 
     def _open(self, hypermap: Hypermap, version: int) -> None:
         self._first_version = version
-        self._changed_saves = 0
+        self._edited_saves = 0
         self._current = MapVersion(version, hypermap, {layer.name: version for layer in hypermap})
         self._touched: dict[tuple[str, int], int] = {}
         self._done: deque[_Step] = deque(maxlen=_MOST_STEPS)

@@ -6,7 +6,6 @@ import logging
 import threading
 from collections.abc import Iterable
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
@@ -145,7 +144,7 @@ class WatchedRun:
                 "total": self._total,
                 "done": self._done,
                 "objects": self._objects,
-                "counts": asdict(self._counts),
+                "counts": self._counts.told(),
                 "stride": self._history.stride,
                 "steps": {
                     "first": first,
