@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated, TypeVar
 import typer
 
 from hypermap.cli.mask_options import Keepout, MaskResolution, Speed, save_mask
-from hypermap.cli.options import Force, InflationRadius, RobotRadius, check_output
+from hypermap.cli.options import Force, check_output
+from hypermap.cli.robot_options import InflationRadius, RobotRadius
 from hypermap.cli.route_options import AsRouteGraph, save_route_graph
 from hypermap.cli.terminal import note
 from hypermap.core.errors import HypermapError

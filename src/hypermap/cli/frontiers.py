@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from hypermap.cli.mask_options import KEEPOUT_HELP, KEEPOUT_METAVAR
 from hypermap.cli.negative_points import PointsCommand
-from hypermap.cli.options import AsJson, MapPath, RobotRadius
+from hypermap.cli.options import AsJson, MapPath
+from hypermap.cli.robot_options import Keepout, OccupancyName, RobotRadius, ThroughUnknown
 from hypermap.cli.terminal import out, say, say_json, table
 from hypermap.core.errors import HypermapError
 from hypermap.text import printable
@@ -65,18 +65,9 @@ def command(
             "--sure-from", metavar="LOG_ODDS", help="Existence from which on an object is sure."
         ),
     ] = 5.0,
-    keepout: Annotated[
-        list[str] | None, typer.Option(metavar=KEEPOUT_METAVAR, help=KEEPOUT_HELP)
-    ] = None,
-    through_unknown: Annotated[
-        bool, typer.Option("--through-unknown", help="Unknown cells are free, too.")
-    ] = False,
-    occupancy: Annotated[
-        str | None,
-        typer.Option(
-            "--occupancy", metavar="NAME", show_default="the only one", help="The occupancy layer."
-        ),
-    ] = None,
+    keepout: Keepout = None,
+    through_unknown: ThroughUnknown = False,
+    occupancy: OccupancyName = None,
     as_json: AsJson = False,
 ) -> None:
     """Find where a robot should look next: borders of the unknown that it can reach.

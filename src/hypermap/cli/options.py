@@ -14,7 +14,7 @@ from hypermap.cli.terminal import INTERRUPTED, visible
 from hypermap.core.errors import HypermapError
 
 if TYPE_CHECKING:
-    from hypermap.paths.settings import PathSettings
+    pass
 
 MapPath = Annotated[
     Path,
@@ -28,46 +28,12 @@ MapPath = Annotated[
 _YAML_HEAD = 65536  # bytes of a YAML file next to a picture that are looked at
 
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON, for programs.")]
-RobotRadius = Annotated[
-    float | None,
-    typer.Option(
-        "--robot-radius",
-        metavar="METERS",
-        min=0,
-        show_default=False,
-        help="Radius of the robot: which doors it fits through.",
-    ),
-]
-InflationRadius = Annotated[
-    float | None,
-    typer.Option(
-        "--inflation-radius",
-        metavar="METERS",
-        show_default=False,
-        help="Keep so far from walls where it costs little, as Nav2 does; 0: the shortest.",
-    ),
-]
 Force = Annotated[bool, typer.Option("--force", "-f", help="Replace an existing OUT.")]
 
 ForceMap = Annotated[
     bool,
     typer.Option("--force", "-f", help="Replace an existing OUT: even if it was edited by hand."),
 ]
-
-
-def path_settings(*values: float) -> PathSettings:
-    """Return settings of paths out of options.
-
-    Raises:
-        HypermapError: If one is negative or not finite; it names the option.
-    """
-    from hypermap.paths.settings import PathSettings
-
-    try:
-        return PathSettings(*values)  # type: ignore[arg-type]
-    except ValueError as error:
-        name, _, rest = str(error).partition(" ")
-        raise HypermapError(f"--{name.replace('_', '-')} {rest}") from None
 
 
 def check_output(path: Path, replace: bool) -> None:

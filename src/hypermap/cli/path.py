@@ -8,9 +8,16 @@ from typing import Annotated
 
 import typer
 
-from hypermap.cli.mask_options import KEEPOUT_HELP, KEEPOUT_METAVAR
 from hypermap.cli.negative_points import PointsCommand
-from hypermap.cli.options import AsJson, InflationRadius, MapPath, RobotRadius, path_settings
+from hypermap.cli.options import AsJson, MapPath
+from hypermap.cli.robot_options import (
+    InflationRadius,
+    Keepout,
+    OccupancyName,
+    RobotRadius,
+    ThroughUnknown,
+    path_settings,
+)
 from hypermap.cli.terminal import say, say_json
 from hypermap.paths.settings import STAND_OFF
 
@@ -38,22 +45,13 @@ def command(
             "--cost-scaling", metavar="PER_METER", help="How fast that cost falls with distance."
         ),
     ] = 10.0,
-    keepout: Annotated[
-        list[str] | None, typer.Option(metavar=KEEPOUT_METAVAR, help=KEEPOUT_HELP)
-    ] = None,
-    through_unknown: Annotated[
-        bool, typer.Option("--through-unknown", help="Unknown cells are free, too.")
-    ] = False,
+    keepout: Keepout = None,
+    through_unknown: ThroughUnknown = False,
     distance: Annotated[
         float,
         typer.Option("--distance", metavar="METERS", help="How far from an object to stand."),
     ] = STAND_OFF,
-    occupancy: Annotated[
-        str | None,
-        typer.Option(
-            "--occupancy", metavar="NAME", show_default="the only one", help="The occupancy layer."
-        ),
-    ] = None,
+    occupancy: OccupancyName = None,
     goal_map: Annotated[
         Path | None,
         typer.Option(

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hypermap.cli.options import MapPath, RobotRadius, check_picture
+from hypermap.cli.options import MapPath, check_picture
+from hypermap.cli.robot_options import RobotRadius
 from hypermap.cli.terminal import note
 from hypermap.console.options import AN_AREA
 

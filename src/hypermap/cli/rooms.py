@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from hypermap.cli.options import AsJson, Force, MapPath, RobotRadius, check_output
+from hypermap.cli.options import AsJson, Force, MapPath, check_output
+from hypermap.cli.robot_options import OccupancyName, RobotRadius
 from hypermap.cli.terminal import note, out, say, say_json, table
 from hypermap.core.errors import HypermapError
 from hypermap.text import counted, printable
@@ -28,12 +29,7 @@ def command(
             help="Save here: .hmap.",
         ),
     ] = None,
-    occupancy: Annotated[
-        str | None,
-        typer.Option(
-            "--occupancy", metavar="NAME", show_default="the only one", help="The occupancy layer."
-        ),
-    ] = None,
+    occupancy: OccupancyName = None,
     least_area: Annotated[
         float, typer.Option("--least-area", metavar="M2", help="A smaller place is no room.")
     ] = 1.0,

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hypermap.cli.options import check_output, path_settings
+from hypermap.cli.options import check_output
+from hypermap.cli.robot_options import path_settings
 from hypermap.cli.terminal import note
 from hypermap.core.errors import HypermapError
 from hypermap.text import counted

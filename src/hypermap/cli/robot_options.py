@@ -1,0 +1,58 @@
+"""Options of what a robot is, and where it can be."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from hypermap.cli.mask_options import KEEPOUT_HELP, KEEPOUT_METAVAR
+from hypermap.core.errors import HypermapError
+
+if TYPE_CHECKING:
+    from hypermap.paths import PathSettings
+
+RobotRadius = Annotated[
+    float | None,
+    typer.Option(
+        "--robot-radius",
+        metavar="METERS",
+        min=0,
+        show_default=False,
+        help="Radius of the robot: which doors it fits through.",
+    ),
+]
+InflationRadius = Annotated[
+    float | None,
+    typer.Option(
+        "--inflation-radius",
+        metavar="METERS",
+        show_default=False,
+        help="Keep so far from walls where it costs little, as Nav2 does; 0: the shortest.",
+    ),
+]
+Keepout = Annotated[list[str] | None, typer.Option(metavar=KEEPOUT_METAVAR, help=KEEPOUT_HELP)]
+ThroughUnknown = Annotated[
+    bool, typer.Option("--through-unknown", help="Unknown cells are free, too.")
+]
+OccupancyName = Annotated[
+    str | None,
+    typer.Option(
+        "--occupancy", metavar="NAME", show_default="the only one", help="The occupancy layer."
+    ),
+]
+
+
+def path_settings(*values: float) -> PathSettings:
+    """Return settings of paths out of options.
+
+    Raises:
+        HypermapError: If one is negative or not finite; it names the option.
+    """
+    from hypermap.paths.settings import PathSettings
+
+    try:
+        return PathSettings(*values)  # type: ignore[arg-type]
+    except ValueError as error:
+        name, _, rest = str(error).partition(" ")
+        raise HypermapError(f"--{name.replace('_', '-')} {rest}") from None
