@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import json
 import re
+import shlex
 import signal
 import subprocess
 import sys
@@ -145,6 +146,16 @@ def test_what_people_have_made_is_replaced_only_on_a_second_word(
     # A backup that no one could make again outlives a map that anyone can.
     assert hypermap(*arguments).code == 0
     assert backup.read_bytes() == precious
+
+
+@pytest.mark.parametrize("reader", ["2>&1 | true", "2>&1 | head -1", "2>/dev/full"])
+def test_a_map_is_saved_though_nobody_reads_the_notes(drive, tmp_path, reader):
+    output = tmp_path / "out.hmap"
+    command = [sys.executable, "-m", "hypermap", "map", str(drive), "-o", str(output)]
+    subprocess.run(
+        ["bash", "-c", f"{shlex.join(command)} {reader}"], check=True, capture_output=True
+    )
+    assert len(open_map(output).layers) == 2
 
 
 @pytest.mark.parametrize(

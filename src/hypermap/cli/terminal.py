@@ -58,10 +58,7 @@ def complain(text: str) -> None:
     """Print what is wrong, in one line."""
     lines = (line.strip() for line in text.splitlines())
     message = visible("; ".join(filter(None, lines)))
-    try:
-        print("hypermap: error:", message, file=sys.stderr, flush=True)  # noqa: T201
-    except OSError:
-        _drop_what_is_held_back(sys.stderr)  # the exit code still tells
+    print("hypermap: error:", message, file=sys.stderr, flush=True)  # noqa: T201
 
 
 def visible(text: str) -> str:
@@ -80,9 +77,30 @@ def prepare_streams() -> None:
     for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
         if getattr(sys, name) is None:  # what Python makes of `>&-`
             setattr(sys, name, Path(os.devnull).open(mode))  # noqa: SIM115 - it stays open
+    if sys.__stderr__ is not None and sys.stderr is sys.__stderr__:
+        sys.stderr = _heard_or_not(sys.__stderr__)
     for stream in (sys.stdin, sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
+
+
+class _Unfailing(io.FileIO):
+    """A stream for notes and progress. If nobody can read them, the work goes on without."""
+
+    def write(self, data: Any) -> int:
+        """Write, or drop what cannot be written."""
+        try:
+            return super().write(data) or 0
+        except OSError:
+            return len(data)
+
+
+def _heard_or_not(stream: TextIO) -> TextIO:
+    """Return the same stream without its errors, as where `| head` has read enough."""
+    raw = _Unfailing(stream.fileno(), "w", closefd=False)
+    return io.TextIOWrapper(
+        io.BufferedWriter(raw), encoding=stream.encoding, line_buffering=True, write_through=True
+    )
 
 
 def finish_writing() -> None:
@@ -94,15 +112,11 @@ def finish_writing() -> None:
     try:
         sys.stdout.flush()
     except OSError:
-        _drop_what_is_held_back(sys.stdout)
+        # Else Python tries again at its end, and complains in its own way.
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, sys.stdout.fileno())
+        os.close(nowhere)
         raise
-
-
-def _drop_what_is_held_back(stream: TextIO) -> None:
-    """Have Python not try again at its end, and complain in its own way."""
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nowhere, stream.fileno())
-    os.close(nowhere)
 
 
 def describe(error: HypermapError | OSError) -> str:
