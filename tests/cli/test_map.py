@@ -343,6 +343,7 @@ def as_a_job_of_a_script() -> None:
         # `timeout` sends it to its child and to the child's group.
         (as_from_a_terminal, [signal.SIGTERM, signal.SIGTERM], "SIGTERM"),
         (as_a_job_of_a_script, [signal.SIGINT, signal.SIGTERM], "SIGTERM"),
+        (as_from_a_terminal, [signal.SIGHUP], "SIGHUP"),
     ],
 )
 def test_who_ends_it_early_gets_what_there_is(tmp_path, before, numbers, name):

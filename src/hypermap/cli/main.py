@@ -132,7 +132,7 @@ def _command_of(name: str) -> Any:
 def main(args: Sequence[str] | None = None) -> NoReturn:
     """Run the command line and exit.
 
-    The codes: 0 done, 1 no memory, 2 bad input or usage, 130 Ctrl-C, 143 SIGTERM.
+    The codes: 0 done, 1 no memory, 2 bad input or usage, 129 SIGHUP, 130 Ctrl-C, 143 SIGTERM.
     """
     prepare_streams()
     try:

@@ -123,8 +123,8 @@ def command(
     --onto goes on with a map of earlier drives, as if mapping had never stopped, and with its
     settings. Other layers stay as they are. Frames that are in the map already count once.
 
-    Ctrl-C or SIGTERM stops early and saves the map so far, with the exit code 130 or 143. With
-    --view the page stays open afterward, until Ctrl-C.
+    Ctrl-C, SIGTERM or the end of the terminal (SIGHUP) stops early and saves the map so far, with
+    the exit code 130, 143 or 129. With --view the page stays open afterward, until Ctrl-C.
 
     Examples:
         hypermap map desk --detector yolox-nano -o desk.hmap
@@ -188,7 +188,7 @@ def command(
         )
         if part:
             note(f"This is {part}.")
-        if stop.number != signal.SIGTERM:  # which is to end the page, too
+        if stop.number in (None, signal.SIGINT):  # other signals are to end the page, too
             watched.finish(f"saved {output.name}" + (f", {part}" if part else ""))
     if not is_whole:
         raise typer.Exit(stop.exit_code)

@@ -1,8 +1,8 @@
-"""What Ctrl-C (SIGINT) and SIGTERM mean to a command.
+"""What Ctrl-C (SIGINT), SIGTERM and the end of the terminal (SIGHUP) mean to a command.
 
-Either ends it in order, with exit code 130 or 143. A work that has a result takes the first one as
-a wish to end early, and saves what there is. What the shell has switched off stays so: a script
-starts its jobs in the background without Ctrl-C, and it is SIGTERM that ends them.
+Each ends it in order, with exit code 130, 143 or 129. A work that has a result takes the first one
+as a wish to end early, and saves what there is. What the shell has switched off stays so: a script
+starts its jobs in the background without Ctrl-C, and `nohup` its command without SIGHUP.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from types import FrameType
 from typing import NoReturn
 
 _SOON = 0.01  # s
+_ENDING = (signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if hasattr(signal, "SIGHUP") else []))
 
 _log = logging.getLogger(__name__)
 
@@ -39,7 +40,7 @@ class Stop:
     @property
     def name(self) -> str:
         """What users call it."""
-        return "SIGTERM" if self.number == signal.SIGTERM else "Ctrl-C"
+        return "Ctrl-C" if self.number in (None, signal.SIGINT) else self.number.name
 
     @property
     def exit_code(self) -> int:
@@ -49,7 +50,7 @@ class Stop:
 
 @contextmanager
 def stop_on_signal() -> Iterator[Stop]:
-    """Turn the first Ctrl-C and every SIGTERM into a wish; the next Ctrl-C interrupts.
+    """Turn the first Ctrl-C and all other signals into a wish; the next Ctrl-C interrupts.
 
     SIGTERM may come twice at once, as from `timeout`, and so never means more than a wish.
     """
@@ -61,20 +62,20 @@ def stop_on_signal() -> Iterator[Stop]:
         if signal.getsignal(signal.SIGINT) is wish:
             signal.signal(signal.SIGINT, interrupt)
 
-    with _handled(wish, signal.SIGINT, signal.SIGTERM):
+    with _handled(wish):
         yield stop
 
 
 @contextmanager
 def ended_by_signals() -> Iterator[None]:
-    """Let Ctrl-C and SIGTERM end the program as exceptions do, so that nothing half done is left.
+    """Let signals end the program as exceptions do, so that nothing half done is left.
 
     A signal may come while a library, or a finalizer, runs that turns the exception into another
     one or drops it. The program ends in order then, too.
 
     Raises:
         KeyboardInterrupt: On Ctrl-C.
-        SystemExit: On SIGTERM, and where a signal's exception has become another.
+        SystemExit: On SIGTERM and SIGHUP, and where a signal's exception has become another.
     """
     came: list[int] = []
 
@@ -93,7 +94,7 @@ def ended_by_signals() -> Iterator[None]:
 
     before, sys.unraisablehook = sys.unraisablehook, send_again
     try:
-        with _handled(end, signal.SIGINT, signal.SIGTERM):
+        with _handled(end):
             yield
     except (Exception, SystemExit) as error:
         if not came or (isinstance(error, SystemExit) and not error.code):
@@ -105,14 +106,12 @@ def ended_by_signals() -> Iterator[None]:
 
 
 @contextmanager
-def _handled(
-    handler: Callable[[int, FrameType | None], None], *numbers: signal.Signals
-) -> Iterator[None]:
-    """Let a handler take signals, but for those that are switched off."""
+def _handled(handler: Callable[[int, FrameType | None], None]) -> Iterator[None]:
+    """Let a handler take the signals that end a command, but for those that are switched off."""
     before = {}
     try:
         if threading.current_thread() is threading.main_thread():  # to which they come
-            for number in numbers:
+            for number in _ENDING:
                 if signal.getsignal(number) not in (signal.SIG_IGN, None):
                     before[number] = signal.signal(number, handler)
         yield
