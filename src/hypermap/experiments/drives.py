@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import multiprocessing
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from functools import partial
 
@@ -108,8 +108,11 @@ def map_drives(
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(jobs, mp_context=context) as pool:
         try:
-            running = [pool.submit(map_drive, drive, methods) for drive in drives]
-            for done in as_completed(running):
+            # Signals come to the main thread. One that came amid the start of a process would leave
+            # a pool that never ends.
+            with ThreadPoolExecutor(1) as starter:
+                starting = [starter.submit(pool.submit, map_drive, d, methods) for d in drives]
+            for done in as_completed([future.result() for future in starting]):
                 yield done.result()
         except BaseException:  # Ctrl-C or SIGTERM, of which not all of them need hear
             pool.shutdown(wait=False, cancel_futures=True)
