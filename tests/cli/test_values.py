@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import csv
 import json
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -85,14 +87,15 @@ def table(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def warm(flat, table, tmp_path_factory):
-    """The map with the temperatures, made once by the command."""
-    from hypermap.cli.main import main
+    """The map with the temperatures, made once by the command.
 
+    In a process of its own: loggers that it set up here would stay so for all later tests.
+    """
     path = tmp_path_factory.mktemp("warm") / "warm.hmap"
     files = [str(table), "--onto", str(flat), "-o", str(path)]
-    with pytest.raises(SystemExit) as ended:
-        main(["values", *files, "--sample-unit", "degF", "--unit", "degC", *SETTINGS, "-q"])
-    assert not ended.value.code
+    units = ["--sample-unit", "degF", "--unit", "degC", *SETTINGS]
+    command = [sys.executable, "-m", "hypermap", "values", *files, *units]
+    subprocess.run(command, check=True, capture_output=True)
     return path
 
 
