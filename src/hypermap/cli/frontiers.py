@@ -10,7 +10,13 @@ import typer
 
 from hypermap.cli.negative_points import PointsCommand
 from hypermap.cli.options import AsJson, MapPath
-from hypermap.cli.robot_options import Keepout, OccupancyName, RobotRadius, ThroughUnknown
+from hypermap.cli.robot_options import (
+    Keepout,
+    OccupancyName,
+    RobotRadius,
+    ThroughUnknown,
+    path_settings,
+)
 from hypermap.cli.terminal import out, say, say_json, table
 from hypermap.core.errors import HypermapError
 from hypermap.text import printable
@@ -84,11 +90,10 @@ def command(
     from hypermap.console.paths import parse_place
     from hypermap.exploration import Explorer, Sensor
     from hypermap.formats import open_map
-    from hypermap.paths import PathSettings
     from hypermap.ros.server.zones import keepout_filter
 
+    robot = path_settings(robot_radius, through_unknown=through_unknown)
     try:
-        robot = PathSettings(robot_radius or 0.0, unknown_is_free=through_unknown)
         sensor = Sensor(max_range, min_range, fov)
     except ValueError as error:
         name, _, rest = str(error).partition(" ")

@@ -89,9 +89,7 @@ def command(
     from hypermap.paths import Building, Planner
     from hypermap.ros.server.zones import keepout_filter
 
-    settings = path_settings(
-        robot_radius or 0.0, inflation_radius or 0.0, cost_scaling, through_unknown
-    )
+    settings = path_settings(robot_radius, inflation_radius, cost_scaling, through_unknown)
     zones = keepout_filter(keepout or ()).zones
     if goal_map is not None:
         maps = open_floors(path)

@@ -43,16 +43,22 @@ OccupancyName = Annotated[
 ]
 
 
-def path_settings(*values: float) -> PathSettings:
-    """Return settings of paths out of options.
+def path_settings(
+    robot_radius: float | None,
+    inflation_radius: float | None = None,
+    cost_scaling: float | None = None,
+    through_unknown: bool = False,
+) -> PathSettings:
+    """Return settings of paths out of options; None stands for an option that was not given.
 
     Raises:
         HypermapError: If one is negative or not finite; it names the option.
     """
     from hypermap.paths.settings import PathSettings
 
+    scaling = PathSettings.cost_scaling if cost_scaling is None else cost_scaling
     try:
-        return PathSettings(*values)  # type: ignore[arg-type]
+        return PathSettings(robot_radius or 0.0, inflation_radius or 0.0, scaling, through_unknown)
     except ValueError as error:
         name, _, rest = str(error).partition(" ")
         raise HypermapError(f"--{name.replace('_', '-')} {rest}") from None

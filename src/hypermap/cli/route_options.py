@@ -50,7 +50,7 @@ def save_route_graph(
     if target.suffix.lower() not in (".geojson", ".json"):
         raise HypermapError(f"{target}: a route graph is saved as .geojson")
     check_output(target, force)
-    settings = path_settings(robot_radius or 0.0, inflation_radius or 0.0)
+    settings = path_settings(robot_radius, inflation_radius)
     planner = Planner(hypermap, settings, keepout=keepout_filter(keepout).zones)
     graph = route_graph(planner)
     if not len(graph.edges):

@@ -38,10 +38,11 @@ def rows_where(
     """Return a row for each place at which a quantity is within limits, the largest first."""
     layer = value_layer_called(hypermap, name)
     above, below = limits
-    asked = {"above": above, "below": below, "area": area, "frame_id": frame_id}
     pose = hypermap.frames.lookup(layer.frame_id, hypermap.base_frame)
     rows = []
-    for place in where(hypermap, layer.name, **asked):  # type: ignore[arg-type]
+    for place in where(
+        hypermap, layer.name, above=above, below=below, area=area, frame_id=frame_id
+    ):
         found = layer.summary_in(pose.apply_geometry(place))
         at = place.centroid if place.covers(place.centroid) else place.representative_point()
         row = _row(layer, _label(layer, limits), found.mean, at.x, at.y)

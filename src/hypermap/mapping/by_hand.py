@@ -60,12 +60,14 @@ class HandEdit:
 
     def applied_to(self, found: SemanticObject) -> SemanticObject:
         """Return what mapping has found, as people want it."""
-        changes = {"name": self.name, "footprint": self.footprint, "tags": self.tags}
-        attributes = {**found.attributes, **self.attributes, BY_HAND: self.words}
-        known = {key: value for key, value in changes.items() if value is not None}
-        if self.tags is not None:  # nobody has said how sure these are
-            known["confidence"] = ()
-        return replace(found, **known, attributes=attributes)  # type: ignore[arg-type]
+        return replace(
+            found,
+            name=found.name if self.name is None else self.name,
+            footprint=found.footprint if self.footprint is None else self.footprint,
+            tags=found.tags if self.tags is None else self.tags,
+            confidence=found.confidence if self.tags is None else (),  # nobody has said how sure
+            attributes={**found.attributes, **self.attributes, BY_HAND: self.words},
+        )
 
 
 def hand_edits(

@@ -6,6 +6,7 @@ import math
 import threading
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import shapely
@@ -79,14 +80,14 @@ class Plans:
             HypermapError: If a zone is wrong; nothing is changed then.
         """
         names = {"through_unknown": "unknown_is_free"}
-        own = {
+        own: dict[str, Any] = {  # each of the type that its parameter declares
             names.get(name, name): values[name]
             for name in ("robot_radius", "inflation_radius", "cost_scaling", "through_unknown")
             if name in values
         }
         zones = keepout_filter(entries_of(values.get("keepout", ()))).zones
         with self._lock:
-            self._settings = replace(self._settings, **own)  # type: ignore[arg-type]
+            self._settings = replace(self._settings, **own)
             if "keepout" in values:
                 self._keepout = zones
             if "path_layer" in values:
