@@ -14,7 +14,8 @@ import signal
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -73,16 +74,33 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=lambda item: item.get_closest_marker("slow") is None)
 
 
+@contextmanager
+def _loggers_restored() -> Iterator[None]:
+    loggers = [logging.getLogger(name) for name in LOGGERS]
+    before = [(logger, logger.level, list(logger.handlers)) for logger in loggers]
+    try:
+        yield
+    finally:
+        for logger, level, handlers in before:
+            logger.setLevel(level)
+            logger.handlers = handlers
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_fixture_setup(fixturedef: pytest.FixtureDef[Any]) -> Generator[None, Any, Any]:
+    """Restore what is logged after a module's or a session's fixture, which no one test owns."""
+    if fixturedef.scope == "function":
+        return (yield)
+    with _loggers_restored():
+        return (yield)
+
+
 @pytest.fixture(autouse=True)
 def _what_a_test_changes_ends_with_it() -> Iterator[None]:
     """Restore the environment, the working folder and what is logged after each test."""
     environment, folder = dict(os.environ), Path.cwd()
-    loggers = [logging.getLogger(name) for name in LOGGERS]
-    before = [(logger, logger.level, logger.handlers) for logger in loggers]
-    yield
-    for logger, level, handlers in before:
-        logger.setLevel(level)
-        logger.handlers = handlers
+    with _loggers_restored():
+        yield
     os.chdir(folder)
     if dict(os.environ) != environment:
         os.environ.clear()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import gc
 import io
-import logging
 import os
 import shutil
 import signal
@@ -261,12 +260,8 @@ def port(rospy: Any) -> Iterator[Any]:
     """A `Ros1Port` on the node of this process; that node lives on after it."""
     from hypermap.ros.ros1.port import Ros1Port
 
-    logger = logging.getLogger("hypermap")
-    before = logger.handlers, logger.level
     port = Ros1Port("tests")
     yield port
     port._watch.close()
     if port._static is not None:
         port._static.close()
-    logger.handlers = before[0]
-    logger.setLevel(before[1])

@@ -30,7 +30,10 @@ SERVICE = "hypermap_msgs/GetStringAtPoint"
 
 @pytest.fixture
 def log(rospy: Any, port: Any) -> Iterator[list[Any]]:
-    """What is written to /rosout."""
+    """What is written to /rosout, by the library too, as in a process that is all a node's."""
+    from hypermap.ros.ros1.logs import forward_logs
+
+    forward_logs(port.log)
     lines: list[Any] = []
     subscriber = rospy.Subscriber("/rosout", port.message("rosgraph_msgs/Log"), lines.append)
     wait_for(lambda: subscriber.get_num_connections() > 0, "the log")
@@ -316,14 +319,24 @@ def test_log_lines_keep_their_level(
     assert logged(log, f"100 % at {level}").level == number
 
 
-def test_the_library_logs_to_the_log_of_the_node(port: Any, log: list[Any]) -> None:
-    import logging
-
-    logging.getLogger("hypermap.formats").warning("something %s", "odd")
-    assert logged(log, "something odd").level == 4
-
-
 # The life of a node: in a process of its own.
+
+
+def test_the_library_logs_to_the_log_of_the_node(
+    roscore: str, log: list[Any], start: Callable[..., Process]
+) -> None:
+    script = """
+import logging
+from hypermap.ros.ros1.port import Ros1Port
+port = Ros1Port("forwards")
+port.timer(0.1, lambda: logging.getLogger("hypermap.formats").warning("something %s", "odd"))
+port.spin()
+port.shut_down()
+"""
+    node = start(sys.executable, "-c", script)
+    line = logged(log, "something odd")
+    assert (line.name, line.level) == ("/forwards", 4)
+    node.expect("something odd")
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
