@@ -430,6 +430,21 @@ def test_a_merge_that_fails_leaves_the_neighbors_as_they_were(
     assert after == {0: {2: 2}, 2: {0: 2}}
 
 
+def test_an_object_that_some_frames_showed_in_two_parts_becomes_one() -> None:
+    evidence = EvidenceMap(published_all(DEFAULT))
+    left, right, whole = (
+        shapely.box(0, 0, 0.7, 1),
+        shapely.box(0.7, 0, 2, 1),
+        shapely.box(0, 0, 2, 1),
+    )
+    for _ in range(2):
+        evidence.update(seen(left, right))
+    assert len(evidence) == 2
+    for _ in range(6):
+        evidence.update(seen(whole))
+    assert only(evidence).footprint.equals(whole)
+
+
 def test_what_is_forgotten_leaves_nothing_behind() -> None:
     # Beside a chair that stays, a wrong one is found in each frame, every time somewhere else.
     evidence = EvidenceMap(dataclasses.replace(published_all(DEFAULT), loss=10.0))

@@ -10,6 +10,8 @@ import logging
 from collections.abc import Collection, Mapping
 
 import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.objects import ObjectTable
 from hypermap.core.semantic import SemanticLayer, SemanticObject
@@ -19,7 +21,7 @@ from hypermap.mapping.class_sizes import has_usual_size
 from hypermap.mapping.completion import FreeShare, completed
 from hypermap.mapping.evidence_buffer import Evidence, evidence_from
 from hypermap.mapping.evidence_table import lazy_evidence_table
-from hypermap.mapping.footprint_iou import footprint_ious
+from hypermap.mapping.footprint_iou import at_same_height, footprint_ious
 from hypermap.mapping.fusion import FUSIONS
 from hypermap.mapping.missed_detections import penalize_missed, prune
 from hypermap.mapping.protection import protected
@@ -30,7 +32,8 @@ from hypermap.perception.observation import Observation
 
 _log = logging.getLogger(__name__)
 
-_CONFIRMED = 4  # observations that confirm a track
+_CONFIRMED = 4  # observations that confirm a track, or that two are not one
+_SAME_PLACE = 0.5  # Jaccard index of published footprints from which two tracks are one object
 _CO_OCCURRENCE_SHARE = 0.2  # share of a track's frames that also show another: then they are two
 
 
@@ -242,12 +245,10 @@ class EvidenceMap:
     def _merge_overlapping(self, row: int) -> int:
         """Merge a track with those that its own shape matches, until there are none."""
         while True:
-            track = self._tracks.objects[row]
             shape, class_ = self._tracks.shapes.polygons[row], int(self._tracks.shapes.classes[row])
             matches = self._associate(shape, class_, self._tracks.shapes, self.config)
             if self.config.exclusive:
-                objects = self._tracks.objects
-                matches = [one for one in matches if self._may_merge(track, objects[one])]
+                matches = [one for one in matches if self._may_merge(row, one)]
             if self._edited:
                 matches = self._mergeable(matches)
                 matches = matches if row in matches else []
@@ -256,12 +257,28 @@ class EvidenceMap:
             row = self._merge(matches)
             self._refresh_shape(row)
 
-    def _may_merge(self, one: Track, other: Track) -> bool:
-        """Return whether two tracks may be merged: not if many frames show both."""
-        if one is other:
+    def _may_merge(self, row: int, match: int) -> bool:
+        """Return whether two tracks may be merged: not if many frames show both.
+
+        A few frames may have shown one object in two parts, if the tracks fill the same space.
+        """
+        if row == match:
             return True
+        one, other = self._tracks.objects[row], self._tracks.objects[match]
+        if other.id in self._observed:
+            return False
+        together = one.co_occurrences[other.id]
         most = max(1, _CO_OCCURRENCE_SHARE * min(one.buffer.count, other.buffer.count))
-        return other.id not in self._observed and one.co_occurrences[other.id] <= most
+        return together <= most or (together < _CONFIRMED and self._fill_one_place(row, match))
+
+    def _fill_one_place(self, row: int, match: int) -> bool:
+        """Return whether two tracks would be published in the same place."""
+        heights = [self._tracks.objects[one].buffer.heights() for one in (row, match)]
+        if not at_same_height(*heights):
+            return False
+        one, other = self._footprint(row), self._footprint(match)
+        shared = shapely.area(shapely.intersection(one, other))
+        return bool(shared >= _SAME_PLACE * (one.area + other.area - shared))
 
     def _count_co_occurrences(self) -> None:
         """Count which tracks of one class this frame shows together."""
@@ -315,17 +332,10 @@ class EvidenceMap:
         buffer, edit = track.buffer, track.by_hand
         if edit is not None and edit.drawn is not None:
             return edit.drawn
-        # The stale shape stays: a question must not change the map.
-        is_stale = track.pending > 0
-        shape = self._fuse(buffer, self.config) if is_stale else self._tracks.shapes.polygons[row]
-        footprint = shape.geometry
-        if self.config.completion == "class_depth":
-            cameras_xy = np.array([item.map_T_camera[:2, 3] for item in buffer.items])
-            footprint = completed(footprint, track.name, cameras_xy, self.is_free)
         z_min, z_max = buffer.heights()
         found = SemanticObject(
             name=track.name,
-            footprint=footprint,
+            footprint=self._footprint(row),
             id=track.id,
             tags=(track.name,),
             confidence=(buffer.score_sum / buffer.count,),
@@ -335,3 +345,16 @@ class EvidenceMap:
             attributes={"evidence": buffer.count, "z_min": z_min, "z_max": z_max},
         )
         return found if edit is None else edit.applied_to(found)
+
+    def _footprint(self, row: int) -> BaseGeometry:
+        """Return a track's footprint as it is published."""
+        track = self._tracks.objects[row]
+        # The stale shape stays: a question must not change the map.
+        is_stale = track.pending > 0
+        fused = (
+            self._fuse(track.buffer, self.config) if is_stale else self._tracks.shapes.polygons[row]
+        )
+        if self.config.completion != "class_depth":
+            return fused.geometry
+        cameras_xy = np.array([item.map_T_camera[:2, 3] for item in track.buffer.items])
+        return completed(fused.geometry, track.name, cameras_xy, self.is_free)

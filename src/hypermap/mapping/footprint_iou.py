@@ -28,12 +28,16 @@ def footprint_ious(
     ious = []
     for row in rows:
         low, high = tracks.heights[row].tolist()
-        shared_height = min(high, heights[1]) - max(low, heights[0])
-        whole_height = max(high, heights[1]) - min(low, heights[0])
-        if shared_height >= _SAME_HEIGHT * whole_height:
+        if at_same_height((low, high), heights):
             other = tracks.polygons[row]
             shared = shared_area(shape, other)
             ious.append(shared / (shape.area + other.area - shared))
         else:
             ious.append(0.0)
     return ious
+
+
+def at_same_height(one: tuple[float, float], other: tuple[float, float]) -> bool:
+    """Return whether two objects, given by lowest and highest point [m], share enough height."""
+    shared = min(one[1], other[1]) - max(one[0], other[0])
+    return shared >= _SAME_HEIGHT * (max(one[1], other[1]) - min(one[0], other[0]))
