@@ -29,7 +29,8 @@ class Server:
 
     def __init__(self, log, *arguments):
         self.log = log
-        words = [sys.executable, "-m", "hypermap", "serve", "--foxglove", "--port", "0"]
+        python = [sys.executable, "-X", "faulthandler"]  # which shows where one was aborted
+        words = [*python, "-m", "hypermap", "serve", "--foxglove", "--port", "0"]
         with log.open("wb") as output:
             self.process = subprocess.Popen(
                 [*words, *map(str, arguments)],
@@ -108,7 +109,7 @@ def test_a_map_is_served_until_a_signal_ends_it(serve, room_map, number):
         assert client.call(*GET_STRING, layer="semantic", location=same).name == "chair"
         with pytest.raises(ServiceFailed, match="there is no layer 'rooms'"):
             client.call(*GET_STRING, layer="rooms", location=chair)
-    assert server.stop(number) == 0
+    assert server.stop(number) == 0, server.output
     assert "Traceback" not in server.output
 
 

@@ -61,6 +61,18 @@ def test_what_is_sent_goes_both_ways_however_much_it_is(gate: Gate) -> None:
         sending.join()
 
 
+def test_closing_with_clients_connected_is_silent(
+    gate: Gate, caplog: pytest.LogCaptureFixture
+) -> None:
+    with connected(gate) as talking, connected(gate) as silent:
+        talking.sendall(ASK)
+        assert received(talking, len(ASK)) == ASK
+        silent.sendall(b"GET / HT")
+        gate.close()
+        assert received(talking, 1) == received(silent, 1) == b""
+    assert not caplog.records
+
+
 def test_those_who_say_nothing_keep_nobody_out(gate: Gate) -> None:
     with contextlib.ExitStack() as opened, connected(gate) as known:
         known.sendall(ASK)

@@ -120,8 +120,9 @@ class Gate:
             asyncio.TimeoutError,  # no OSError before Python 3.11
             asyncio.IncompleteReadError,
             asyncio.LimitOverrunError,
+            asyncio.CancelledError,  # asyncio of Python 3.11 would print it with its traceback
         ):
-            pass  # a client that is gone, says nothing, or too much
+            pass  # a client that is gone, says nothing, or too much; or the gate closes
         finally:
             self._clients.discard(task)
             self._silent.pop(task, None)
