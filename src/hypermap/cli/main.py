@@ -36,6 +36,7 @@ _MODULES = {
     "detectors": "detectors",
     "info": "info",
     "query": "query",
+    "ask": "ask",
     "view": "view",
     "render": "render",
     "rooms": "rooms",

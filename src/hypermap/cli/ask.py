@@ -1,0 +1,97 @@
+"""`hypermap ask`: a question in plain English."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from hypermap.cli.negative_points import PointsCommand
+from hypermap.cli.options import AsJson
+from hypermap.cli.terminal import note, say, say_json
+
+COMMAND_CLASS = PointsCommand
+
+
+def command(
+    path: Annotated[
+        Path | None,
+        typer.Argument(metavar="MAP", readable=False, show_default=False, help="A map."),
+    ] = None,
+    question: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="QUESTION",
+            show_default=False,
+            help="In English, or a query as JSON: a text that begins with {.",
+        ),
+    ] = None,
+    asker: Annotated[
+        str | None,
+        typer.Option(
+            "--from",
+            metavar="X,Y[,YAW]",
+            show_default=False,
+            help="Where you are [m], and where you look [degrees], in the base frame.",
+        ),
+    ] = None,
+    taxonomy: Annotated[
+        Path | None,
+        typer.Option(
+            "--taxonomy",
+            metavar="FILE",
+            show_default=False,
+            help="More names and kinds of things, a YAML file; see docs/ask.md.",
+        ),
+    ] = None,
+    robot_radius: Annotated[
+        float,
+        typer.Option("--robot-radius", metavar="METERS", min=0.0, help="For distances by path."),
+    ] = 0.0,
+    schema: Annotated[
+        bool, typer.Option("--schema", help="Print the JSON Schema of queries, and end.")
+    ] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Ask a question about a map in plain English, without a language model.
+
+    It shows how the question was understood, and then the answer. Synonyms and kinds of things are
+    known: a couch is a sofa, and seating. What cannot be read, or has two meanings, is an error:
+    nothing is guessed.
+
+    Examples:
+        hypermap ask office.hmap "where is the nearest cup?" --from 1,2
+        hypermap ask office.hmap "which chairs are within 1 m of a table in room 2?"
+        hypermap ask office.hmap "how many chairs are in the kitchen?"
+        hypermap ask office.hmap "which rooms have a printer?" --json
+        hypermap ask office.hmap '{"names": ["seating"], "give": "count"}'
+        hypermap ask --schema
+    """
+    from hypermap.core.errors import HypermapError
+    from hypermap.formats import open_map
+    from hypermap.questions.asking import answer_to, parse_pose
+    from hypermap.questions.describe import document, lines, understood
+    from hypermap.questions.english import NotUnderstood
+    from hypermap.questions.schema import QUERY_SCHEMA
+
+    if schema:
+        say_json(QUERY_SCHEMA)
+        return
+    if path is None or question is None:
+        raise HypermapError('give a map and a question, as "where is the nearest cup?"')
+    hypermap = open_map(path)
+    pose = None if asker is None else parse_pose(asker)
+    try:
+        answer = answer_to(hypermap, question, pose, taxonomy, robot_radius)
+    except NotUnderstood as error:
+        for one in error.nearest:
+            note(f"you can ask: {one}")
+        raise
+    if as_json:
+        say_json({"map": str(path), **document(hypermap, answer)})
+        return
+    for part, text in understood(answer.query):
+        note(f"{part}: {text}")
+    for line in lines(hypermap, answer):
+        say(line)

@@ -1,0 +1,42 @@
+"""Questions about a map as values, in plain English, and their answers."""
+
+from typing import TYPE_CHECKING, Any
+
+from hypermap._lazy import attribute
+
+if TYPE_CHECKING:
+    from hypermap.questions.answer import Answer, ask
+    from hypermap.questions.english import NotUnderstood, understand
+    from hypermap.questions.query import Condition, Query, Reference
+    from hypermap.questions.schema import QUERY_SCHEMA
+    from hypermap.questions.taxonomy import Taxonomy, load_taxonomy
+
+_HOMES = {
+    "Answer": "hypermap.questions.answer",
+    "Condition": "hypermap.questions.query",
+    "NotUnderstood": "hypermap.questions.english",
+    "QUERY_SCHEMA": "hypermap.questions.schema",
+    "Query": "hypermap.questions.query",
+    "Reference": "hypermap.questions.query",
+    "Taxonomy": "hypermap.questions.taxonomy",
+    "ask": "hypermap.questions.answer",
+    "load_taxonomy": "hypermap.questions.taxonomy",
+    "understand": "hypermap.questions.english",
+}
+
+__all__ = [
+    "QUERY_SCHEMA",
+    "Answer",
+    "Condition",
+    "NotUnderstood",
+    "Query",
+    "Reference",
+    "Taxonomy",
+    "ask",
+    "load_taxonomy",
+    "understand",
+]
+
+
+def __getattr__(name: str) -> Any:
+    return attribute(__name__, name, _HOMES)

@@ -1,0 +1,336 @@
+"""Answers a `Query` about a map: the one place that does."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import shapely
+
+from hypermap.core.arrays import BoolArray, ObjectArray, as_objects
+from hypermap.core.errors import HypermapError, did_you_mean
+from hypermap.core.frames import Pose2D
+from hypermap.core.hypermap import ROOMS, FoundObject, Hypermap
+from hypermap.core.semantic import SemanticLayer
+from hypermap.questions.query import Condition, Query, Reference
+from hypermap.questions.taxonomy import Taxonomy, load_taxonomy
+from hypermap.rooms.questions import rooms_asked, rooms_at, stand_in_rooms
+from hypermap.rooms.rooms import Room, Rooms, rooms_on
+
+NEXT_TO = 1.0  # [m] between the shapes of things that are next to each other
+_TOUCHING = 0.15  # [m] between what stands on a thing and that thing's top, as they are measured
+_IN_SIGHT = 2.0  # [m] from a thing is what is beside it, or in front of it or behind it
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """What a map says to a query.
+
+    Attributes:
+        query: that.
+        objects: those that meet its conditions, in the base frame; with distances where the query
+            measures any, nearest first.
+        rooms: those asked for, for "room" in the order of `objects`; None where one is in no room.
+        notes: what is to be said next to it, such as that there is no object of a name.
+    """
+
+    query: Query
+    objects: tuple[FoundObject, ...]
+    rooms: tuple[Room | None, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    @property
+    def count(self) -> int:
+        """How many there are: of the rooms if these are asked for, else of the objects."""
+        return len(self.rooms) if self.query.give == "rooms" else len(self.objects)
+
+    @property
+    def exists(self) -> bool:
+        """Whether there is any."""
+        return self.count > 0
+
+
+def ask(
+    hypermap: Hypermap,
+    query: Query,
+    *,
+    asker: Pose2D | None = None,
+    taxonomy: Taxonomy | None = None,
+    robot_radius: float = 0.0,
+) -> Answer:
+    """Return the answer of a map to a query.
+
+    Args:
+        hypermap: the map.
+        query: the question.
+        asker: where the asker is, and where he or she looks, in the base frame.
+        taxonomy: names and kinds of things; None for ours.
+        robot_radius: of the robot that distances by path are for [m].
+
+    Raises:
+        HypermapError: If the query needs to know where the asker is, asks for rooms of a map that
+            has none, for an unknown room, or for heights that the map does not have.
+
+    >>> from hypermap import SemanticLayer, SemanticObject
+    >>> things = [SemanticObject("couch", shapely.box(x, 0, x + 1, 1)) for x in (0, 4)]
+    >>> hypermap = Hypermap([SemanticLayer("semantic", "map", things)])
+    >>> ask(hypermap, Query("count", ("seating",))).count
+    2
+    """
+    return _Asking(hypermap, asker, taxonomy or load_taxonomy(), robot_radius).answer(query)
+
+
+class _Asking:
+    def __init__(
+        self, hypermap: Hypermap, asker: Pose2D | None, taxonomy: Taxonomy, robot_radius: float
+    ) -> None:
+        self._hypermap, self._asker, self._taxonomy = hypermap, asker, taxonomy
+        self._robot_radius = robot_radius
+        layers = [layer for layer in hypermap.layers if isinstance(layer, SemanticLayer)]
+        others = [layer for layer in layers if layer.name != ROOMS]
+        self._names = sorted({str(name) for layer in others for name in layer.names})
+        self._notes: list[str] = []
+
+    def answer(self, query: Query) -> Answer:
+        found: Sequence[FoundObject] = ()
+        if query.give != "rooms" or query.names or query.where:
+            found = self._chosen(query, self._objects(query.names, query.where))
+        rooms: list[Room | None] = []
+        if query.give == "rooms":
+            rooms = self._rooms_of(found) if query.names or query.where else [*self._rooms]
+        elif query.give == "room":
+            rooms = rooms_at(self._rooms, [item.point_xy for item in found]) if found else []
+        return Answer(query, tuple(found), tuple(rooms), tuple(dict.fromkeys(self._notes)))
+
+    # Objects and rooms
+
+    def _objects(self, names: tuple[str, ...], where: tuple[Condition, ...]) -> list[FoundObject]:
+        """Return the objects of some names, of any if there are none, that meet conditions."""
+        if names:
+            found = [item for name in names for item in self._called(name)]
+        else:
+            found = self._hypermap.objects()
+        found = [item for item in found if item.layer != ROOMS]
+        for condition in where:
+            holds = self._holds(condition, found) ^ condition.negated
+            found = [item for item, is_so in zip(found, holds.tolist(), strict=True) if is_so]
+        return found
+
+    def _called(self, name: str) -> list[FoundObject]:
+        """Return the objects of a name or kind, or that of a name and an id, as "chair 14"."""
+        by_id = re.fullmatch(r"(.+) (\d+)", name)
+        if by_id is not None and name not in self._names:
+            found = self._called(by_id[1])
+            return [item for item in found if item.object.id == int(by_id[2])]
+        names = self._taxonomy.matching(name, self._names)
+        if names:
+            return self._hypermap.objects(names)
+        hint = "" if self._taxonomy.usual_name(name) else f"; {did_you_mean(name, self._names)}"
+        self._notes.append(f"there is no {name} in the map{hint}")
+        return []
+
+    @property
+    def _rooms(self) -> Rooms:
+        rooms = rooms_on(self._hypermap)
+        if rooms is None:
+            raise HypermapError("the map has no rooms; `hypermap rooms MAP -o OUT` finds them")
+        return rooms
+
+    def _rooms_of(self, found: Sequence[FoundObject]) -> list[Room | None]:
+        there = rooms_at(self._rooms, [item.point_xy for item in found]) if found else []
+        ids = {room.id for room in there if room is not None}
+        return [room for room in self._rooms if room.id in ids]
+
+    # Conditions
+
+    def _holds(self, condition: Condition, found: Sequence[FoundObject]) -> BoolArray:
+        """Return for which objects a condition holds, before it is negated."""
+        reference, relation = condition.reference, condition.relation
+        if reference.room is not None and relation == "in":
+            rooms_asked(self._hypermap, reference.room)  # raises for an unknown one
+            points = np.array([item.point_xy for item in found]).reshape(-1, 2)
+            standing = stand_in_rooms(self._hypermap, reference.room, points)
+            return np.zeros(len(found), dtype=bool) if standing is None else standing
+        others = self._others(reference)
+        if not found or not others:
+            return np.full(len(found), relation == "beyond" and bool(found))
+        if relation in ("near", "beyond"):
+            within = NEXT_TO if condition.within is None else condition.within
+            pairs = self._pairs(found, others, "dwithin", within)
+            is_near = _any(len(found), pairs)
+            return is_near if relation == "near" else ~is_near
+        if relation in ("in", "at", "on", "under"):
+            return self._stacked(relation, found, others)
+        return self._on_side(relation, found, others)
+
+    def _stacked(
+        self, relation: str, found: Sequence[FoundObject], others: Sequence[FoundObject]
+    ) -> BoolArray:
+        """Return which objects are in, at, on or under any of others, by footprints and heights."""
+        if relation == "at":
+            return _any(len(found), self._pairs(found, others, "intersects"))
+        middles = as_objects([shapely.Point(item.point_xy) for item in found])
+        pairs = self._pairs(found, others, "intersects", shapes=middles)
+        if relation != "in":
+            pairs = [(i, k) for i, k in pairs if _is_stacked(relation, found[i], others[k])]
+        return _any(len(found), pairs)
+
+    def _on_side(
+        self, relation: str, found: Sequence[FoundObject], others: Sequence[FoundObject]
+    ) -> BoolArray:
+        """Return which objects are on a side of any of others, as the asker sees these."""
+        asker = self._asker_pose()
+        here = np.array([asker.x, asker.y])
+        pairs = []
+        for one, other in self._pairs(found, others, "dwithin", _IN_SIGHT):
+            ahead = others[other].point_xy - here
+            ahead = ahead / (np.hypot(*ahead) or 1.0)
+            offset = found[one].point_xy - others[other].point_xy
+            along, left = float(ahead @ offset), float(ahead[0] * offset[1] - ahead[1] * offset[0])
+            sides = {"left of": left, "right of": -left, "behind": along, "in front of": -along}
+            if sides[relation] > 0 and sides[relation] >= max(map(abs, sides.values())):
+                pairs.append((one, other))
+        return _any(len(found), pairs)
+
+    def _pairs(
+        self,
+        found: Sequence[FoundObject],
+        others: Sequence[FoundObject],
+        predicate: Any,
+        distance: float | None = None,
+        shapes: ObjectArray | None = None,
+    ) -> list[tuple[int, int]]:
+        """Return for which objects and others a predicate holds; no object is its own other.
+
+        Args:
+            found: the objects.
+            others: those that they are compared with.
+            predicate: of shapely's STRtree.
+            distance: for the predicate "dwithin" [m].
+            shapes: of the objects, if not their footprints.
+        """
+        shapes = _footprints(found) if shapes is None else shapes
+        tree = shapely.STRtree(_footprints(others))
+        pairs = tree.query(shapes, predicate=predicate, distance=distance)
+        keys, other_keys = [_key(one) for one in found], [_key(one) for one in others]
+        return [(i, k) for i, k in pairs.T.tolist() if keys[i] != other_keys[k]]
+
+    def _others(self, reference: Reference) -> list[FoundObject]:
+        """Return what a reference refers to; a point, a room or the asker as one without an id."""
+        if reference.names:
+            return self._objects(reference.names, reference.where)
+        if reference.room is not None:
+            rooms = rooms_asked(self._hypermap, reference.room)
+            return [_somewhere(room.outline) for room in rooms]
+        if reference.point_xy is not None:
+            return [_somewhere(shapely.Point(reference.point_xy))]
+        pose = self._asker_pose()
+        return [_somewhere(shapely.Point(pose.x, pose.y))]
+
+    def _asker_pose(self) -> Pose2D:
+        if self._asker is None:
+            raise HypermapError(
+                "the answer depends on where you are; say it in the question, or give --from "
+                "X,Y or X,Y,YAW"
+            )
+        return self._asker
+
+    # Which of them
+
+    def _chosen(self, query: Query, found: list[FoundObject]) -> list[FoundObject]:
+        """Return those that are asked for, of all that meet the conditions."""
+        if query.give == "distance" or query.which in ("nearest", "farthest"):
+            found = self._with_distances(query, found)
+            if query.which == "farthest":
+                found = found[::-1]
+        elif query.which is not None:
+            found = sorted(found, key=_ORDERS[query.which])
+        return found[: query.count or 1] if query.which is not None else found
+
+    def _with_distances(self, query: Query, found: list[FoundObject]) -> list[FoundObject]:
+        """Return objects with their distances, nearest first."""
+        if not found:
+            return found
+        start = query.start or Reference(is_asker=True)
+        others = self._others(start)
+        if query.by == "path":
+            return self._by_path(found, others)
+        keys = {_key(one) for one in others if one.object.id is not None}
+        found = [one for one in found if _key(one) not in keys] or found
+        if not others:
+            return []
+        tree = shapely.STRtree(_footprints(others))
+        (at, _), meters = tree.query_nearest(
+            _footprints(found), all_matches=False, return_distance=True
+        )
+        measured = [
+            replace(found[i], distance=far)
+            for i, far in zip(at.tolist(), meters.tolist(), strict=True)
+        ]
+        return sorted(measured, key=lambda one: one.distance or 0.0)
+
+    def _by_path(
+        self, found: Sequence[FoundObject], others: Sequence[FoundObject]
+    ) -> list[FoundObject]:
+        from hypermap.paths import PathSettings, Planner  # with loops that take time to load
+
+        if len(others) != 1:
+            raise HypermapError(f"a path begins at one place; the question names {len(others)}")
+        planner = Planner(self._hypermap, PathSettings(self._robot_radius))
+        (other,) = others
+        is_thing = other.object.id is not None
+        start: Any = other.object.id if is_thing else other.point_xy.tolist()
+        return planner.by_path(found, start)
+
+
+_ORDERS: dict[str, Any] = {
+    "largest": lambda one: -one.object.footprint.area,
+    "smallest": lambda one: one.object.footprint.area,
+    "surest": lambda one: -(one.object.existence or 0.0),
+    "newest": lambda one: -(one.object.last_seen or 0.0),
+}
+
+
+def _is_stacked(relation: str, one: FoundObject, other: FoundObject) -> bool:
+    """Return whether an object is on or under another, in whose footprint it is, by heights."""
+    heights = [_heights(each) for each in (one, other)]
+    if None in heights:
+        if relation == "under":
+            raise HypermapError("the map does not have the heights of objects (z_min, z_max)")
+        return bool(one.object.footprint.area < other.object.footprint.area)
+    (low, high), (other_low, other_high) = heights  # type: ignore[misc]
+    if relation == "on":
+        return bool(low >= other_high - _TOUCHING)
+    return bool(high <= other_high and low <= other_low + _TOUCHING)
+
+
+def _heights(item: FoundObject) -> tuple[float, float] | None:
+    attributes = item.object.attributes
+    low, high = attributes.get("z_min"), attributes.get("z_max")
+    if isinstance(low, int | float) and isinstance(high, int | float):
+        return float(low), float(high)
+    return None
+
+
+def _somewhere(shape: Any) -> FoundObject:
+    from hypermap.core.objects import SemanticObject
+
+    place = SemanticObject("place", shape if shape.area else shape.buffer(1e-6))
+    return FoundObject("", np.array(shape.centroid.coords[0]), object=place)
+
+
+def _key(item: FoundObject) -> tuple[str, int | None]:
+    return item.layer, item.object.id
+
+
+def _footprints(found: Iterable[FoundObject]) -> ObjectArray:
+    return as_objects([item.object.footprint for item in found])
+
+
+def _any(count: int, pairs: Iterable[tuple[int, int]]) -> BoolArray:
+    holds = np.zeros(count, dtype=bool)
+    holds[[one for one, _ in pairs]] = True
+    return holds

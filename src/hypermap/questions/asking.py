@@ -1,0 +1,92 @@
+"""From the text of a question to its answer, for command line and shell."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from hypermap.core.errors import FormatError, HypermapError
+from hypermap.core.frames import Pose2D
+from hypermap.core.hypermap import ROOMS, Hypermap
+from hypermap.core.semantic import SemanticLayer
+from hypermap.questions.answer import Answer, ask
+from hypermap.questions.query import Query
+from hypermap.questions.taxonomy import Taxonomy, load_taxonomy
+from hypermap.rooms.kinds import load_kinds
+from hypermap.rooms.rooms import rooms_on
+
+if TYPE_CHECKING:
+    from hypermap.questions.words import Vocabulary
+
+
+def answer_to(
+    hypermap: Hypermap,
+    question: str,
+    asker: Pose2D | None = None,
+    taxonomy: Path | None = None,
+    robot_radius: float = 0.0,
+) -> Answer:
+    """Return the answer to a question in English, or to a query as JSON, which begins with "{".
+
+    Args:
+        hypermap: the map.
+        question: the text.
+        asker: where the asker is, in the base frame.
+        taxonomy: a file of more names of things.
+        robot_radius: of the robot that distances by path are for [m].
+
+    Raises:
+        NotUnderstood: If the question cannot be read.
+        HypermapError: If it cannot be answered.
+    """
+    names = load_taxonomy(taxonomy)
+    if question.lstrip().startswith("{"):
+        query = Query.from_json(_parsed(question))
+    else:
+        from hypermap.questions.english import understand  # with a parser that takes time to load
+
+        query = understand(question, vocabulary_of(hypermap, names))
+    return ask(hypermap, query, asker=asker, taxonomy=names, robot_radius=robot_radius)
+
+
+def vocabulary_of(hypermap: Hypermap, taxonomy: Taxonomy) -> Vocabulary:
+    """Return what nouns mean in questions about a map."""
+    from hypermap.questions.words import Vocabulary
+
+    layers = [layer for layer in hypermap.layers if isinstance(layer, SemanticLayer)]
+    things = {str(name) for layer in layers if layer.name != ROOMS for name in layer.names}
+    rooms = rooms_on(hypermap) or ()
+    return Vocabulary(
+        taxonomy,
+        tuple(sorted(things)),
+        tuple(dict.fromkeys(room.name for room in rooms)),
+        tuple(dict.fromkeys([*load_kinds().votes, *(room.kind for room in rooms if room.kind)])),
+    )
+
+
+def parse_pose(text: str) -> Pose2D:
+    """Return a pose from "X,Y" or "X,Y,YAW", in meters and degrees.
+
+    Raises:
+        HypermapError: If it is neither.
+
+    >>> parse_pose("1, 2, 90").yaw == math.pi / 2
+    True
+    """
+    try:
+        numbers = [float(part) for part in text.split(",")]
+    except ValueError:
+        numbers = []
+    if len(numbers) not in (2, 3) or not all(map(math.isfinite, numbers)):
+        raise HypermapError(f"--from {text!r}: expected X,Y or X,Y,YAW, as 1.5,-2,90")
+    x, y, *yaw = numbers
+    return Pose2D(x, y, math.radians(yaw[0]) if yaw else 0.0)
+
+
+def _parsed(text: str) -> object:
+    try:
+        return json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise FormatError(f"the query is not JSON: {error}") from None

@@ -1,0 +1,144 @@
+"""Queries and answers in words."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from hypermap.core.hypermap import FoundObject, Hypermap
+from hypermap.questions.answer import NEXT_TO, Answer
+from hypermap.questions.query import Condition, Query, Reference
+from hypermap.rooms.questions import rooms_at
+from hypermap.rooms.rooms import Room, rooms_on
+from hypermap.text import printable
+
+_GIVES = {
+    "objects": "which objects",
+    "count": "how many objects",
+    "exists": "whether there is any",
+    "distance": "how far the objects are",
+    "room": "which room the objects are in",
+    "rooms": "which rooms",
+}
+_MOST = 20  # objects are listed
+
+
+def understood(query: Query) -> list[tuple[str, str]]:
+    """Return how a question was understood, part by part.
+
+    >>> understood(Query(names=("cup",), which="nearest", start=Reference(room="kitchen")))
+    [('asked', 'which objects'), ('what', 'cup'), ('which', 'the nearest to room kitchen')]
+    """
+    what = " or ".join(query.names) or ("any" if query.give != "rooms" or query.where else "")
+    parts = [("asked", _GIVES[query.give]), ("what", what)]
+    parts += [("where", _condition(one)) for one in query.where]
+    if query.which is not None:
+        number = f"{query.count} " if query.count else ""
+        measured = f" to {_reference(query.start)}" if query.start else ""
+        parts.append(("which", f"the {number}{query.which}{measured}"))
+    elif query.start is not None:
+        parts.append(("from", _reference(query.start)))
+    if query.by == "path":
+        parts.append(("measured", "along a path"))
+    return [(part, text) for part, text in parts if text]
+
+
+def _condition(condition: Condition) -> str:
+    relation: str = condition.relation
+    if relation in ("near", "beyond"):
+        within = NEXT_TO if condition.within is None else condition.within
+        relation = f"{'within' if relation == 'near' else 'more than'} {within:g} m of"
+    negated = "not " if condition.negated else ""
+    return f"{negated}{relation} {_reference(condition.reference)}"
+
+
+def _reference(reference: Reference) -> str:
+    if reference.room is not None:
+        room = reference.room
+        return room if room.startswith("room ") else f"room {room}"
+    if reference.point_xy is not None:
+        return "({:g}, {:g})".format(*reference.point_xy)
+    if reference.is_asker:
+        return "you"
+    names = " or ".join(reference.names)
+    where = " and ".join(map(_condition, reference.where))
+    return f"({names} {where})" if where else names
+
+
+def lines(hypermap: Hypermap, answer: Answer) -> Iterator[str]:
+    """Yield the lines of an answer."""
+    give = answer.query.give
+    if give == "count":
+        yield str(answer.count)
+    elif give == "exists":
+        yield "yes" if answer.exists else "no"
+    elif not answer.exists:
+        yield "none"
+    if give == "rooms":
+        yield from (_title(room) for room in answer.rooms[:_MOST])
+    elif give == "room":
+        pairs = zip(answer.objects[:_MOST], answer.rooms, strict=False)
+        yield from (f"{title(item)}: {_title(room)}" for item, room in pairs)
+    elif give != "count":
+        rooms = _rooms(hypermap, answer.objects[:_MOST])
+        for item, room in zip(answer.objects[:_MOST], rooms, strict=True):
+            yield _line(item, room)
+    if answer.count > _MOST and give not in ("count",):
+        yield f"and {answer.count - _MOST} more; --json lists all"
+    yield from answer.notes
+
+
+def document(hypermap: Hypermap, answer: Answer) -> dict[str, Any]:
+    """Return an answer as JSON values: lengths in meters, in the base frame."""
+    rooms = answer.rooms if answer.query.give == "room" else _rooms(hypermap, answer.objects)
+    found: dict[str, Any] = {
+        "query": answer.query.to_json(),
+        "frame_id": hypermap.base_frame,
+        "count": answer.count,
+        "objects": [_row(item, room) for item, room in zip(answer.objects, rooms, strict=True)],
+        "notes": list(answer.notes),
+    }
+    if answer.query.give == "rooms":
+        found["rooms"] = [_room(room) for room in answer.rooms if room is not None]
+    return found
+
+
+def title(item: FoundObject) -> str:
+    """Return what an object is called in answers: its name and id."""
+    return f"{printable(item.object.name)} {item.object.id}"
+
+
+def _rooms(hypermap: Hypermap, found: tuple[FoundObject, ...]) -> list[Room | None]:
+    rooms = rooms_on(hypermap) if found else None
+    if rooms is None:
+        return [None] * len(found)
+    return rooms_at(rooms, [item.point_xy for item in found])
+
+
+def _line(item: FoundObject, room: Room | None) -> str:
+    x, y = item.point_xy
+    far = "" if item.distance is None else f", {item.distance:.2f} m away"
+    where = "" if room is None else f", in {printable(room.name)}"
+    return f"{title(item)} at ({x:.2f}, {y:.2f}){where}{far}"
+
+
+def _title(room: Room | None) -> str:
+    if room is None:
+        return "in no room"
+    name = printable(room.name)
+    return name if name.startswith("room ") else f"{name} (room {room.id})"
+
+
+def _room(room: Room) -> dict[str, Any]:
+    return {"id": room.id, "name": room.name, "kind": room.kind}
+
+
+def _row(item: FoundObject, room: Room | None) -> dict[str, Any]:
+    x, y = map(float, item.point_xy)
+    row: dict[str, Any] = {"layer": item.layer, "id": item.object.id, "name": item.object.name}
+    row |= {"x": x, "y": y, "existence": item.object.existence}
+    if item.distance is not None:
+        row["distance"] = item.distance
+    if room is not None:
+        row["room"] = _room(room)
+    return row

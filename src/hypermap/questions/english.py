@@ -1,0 +1,285 @@
+"""From a question in plain English to a `Query`, without a language model.
+
+Words become tokens (`words`), and a grammar (`english.lark`) finds the parts. Nothing is guessed:
+what cannot be read, or has two meanings, is an error that says so.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from lark import Lark, Token, Transformer
+from lark.exceptions import UnexpectedInput, VisitError
+from lark.lexer import Lexer
+
+from hypermap.core.errors import HypermapError
+from hypermap.questions.query import Condition, Query, Reference, Relation, Which
+from hypermap.questions.words import Vocabulary, meters_of, tokens_of
+
+EXAMPLES = (
+    "where is the nearest cup?",
+    "which chairs are within 1 m of a table in room 2?",
+    "how many chairs are in the kitchen?",
+    "is there a sofa in the meeting room?",
+    "what is on the table?",
+    "what is in the kitchen?",
+    "how far is the printer from the door?",
+    "which room is the printer in?",
+    "which rooms have a printer?",
+    "which rooms are there?",
+    "which is the largest table?",
+    "where are the cups that are not in the kitchen?",
+)
+_LONGEST = 500  # characters of a question
+_GRAMMAR = Path(__file__).with_name("english.lark")
+_WHICH: dict[str, Which] = {
+    "nearest": "nearest",
+    "closest": "nearest",
+    "next": "nearest",
+    "farthest": "farthest",
+    "furthest": "farthest",
+    "largest": "largest",
+    "biggest": "largest",
+    "smallest": "smallest",
+    "tiniest": "smallest",
+    "surest": "surest",
+    "most certain": "surest",
+    "newest": "newest",
+    "most recent": "newest",
+}
+
+
+class NotUnderstood(HypermapError):
+    """A question that could not be read, or that has two meanings.
+
+    Attributes:
+        nearest: questions like it that can be answered.
+    """
+
+    def __init__(self, message: str, nearest: tuple[str, ...] = ()) -> None:
+        super().__init__(message)
+        self.nearest = nearest
+
+
+def understand(text: str, vocabulary: Vocabulary) -> Query:
+    """Return the query that a question asks.
+
+    Args:
+        text: the question, in English.
+        vocabulary: what nouns mean.
+
+    Raises:
+        NotUnderstood: If it cannot be read, or has two meanings.
+    """
+    if len(text) > _LONGEST:
+        raise NotUnderstood(f"a question has at most {_LONGEST} characters, not {len(text)}")
+    tokens = tokens_of(text, vocabulary)
+    for token in tokens:
+        if token.type == "AMBIGUOUS":
+            raise NotUnderstood(
+                f'{str(token)!r} is both a room and a thing here; write "{token}" in quotation '
+                f"marks for the thing, or 'room' and its number for the room"
+            )
+    unknown = [str(token) for token in tokens if token.type == "UNKNOWN"]
+    if unknown:
+        words = ", ".join(map(repr, unknown[:5]))
+        hint = _similar(unknown[0], vocabulary)
+        raise NotUnderstood(f"cannot read {words}{hint}", _nearest(text))
+    try:
+        query: Query = _Parts().transform(_parser().parse(tokens))  # type: ignore[arg-type]
+    except UnexpectedInput as error:
+        token = getattr(error, "token", None)
+        where = f" from {str(token)!r} on" if token else ""
+        raise NotUnderstood(f"cannot read this question{where}", _nearest(text)) from None
+    except VisitError as error:
+        raise NotUnderstood(str(error.orig_exc), _nearest(text)) from None
+    return query
+
+
+def _similar(word: str, vocabulary: Vocabulary) -> str:
+    close = difflib.get_close_matches(word, vocabulary.phrases, n=1, cutoff=0.75)
+    return f"; did you mean {close[0]!r}?" if close else ""
+
+
+def _nearest(text: str) -> tuple[str, ...]:
+    """Return the examples that share most with a question."""
+    words = set(text.lower().rstrip("?").split())
+    return tuple(sorted(EXAMPLES, key=lambda one: -len(words & set(one.rstrip("?").split())))[:3])
+
+
+class _Tokens(Lexer):
+    """Hands on tokens that have been made already."""
+
+    def __init__(self, _configuration: Any) -> None:
+        pass
+
+    def lex(self, data: Any) -> Iterator[Token]:
+        """Yield them."""
+        yield from data
+
+
+@cache
+def _parser() -> Lark:
+    return Lark(_GRAMMAR.read_text(encoding="utf-8"), parser="earley", lexer=_Tokens)
+
+
+class _Parts(Transformer[Token, Query]):
+    """Makes the query out of the parts that the grammar has found."""
+
+    # What is asked
+
+    def start(self, parts: list[Any]) -> Query:
+        return parts[0]  # type: ignore[no-any-return]
+
+    def where_are(self, parts: list[Any]) -> Query:
+        return _query(parts)
+
+    show = which_are = where_are
+
+    def what_is(self, parts: list[Any]) -> Query:
+        return _query(parts)
+
+    def how_many(self, parts: list[Any]) -> Query:
+        return replace(_query(parts), give="count")
+
+    def how_many_rooms(self, _parts: list[Any]) -> Query:
+        return Query("rooms")
+
+    all_rooms = how_many_rooms
+
+    def is_there(self, parts: list[Any]) -> Query:
+        return replace(_query(parts), give="exists")
+
+    def room_of(self, parts: list[Any]) -> Query:
+        return replace(_query(parts), give="room")
+
+    def rooms_having(self, parts: list[Any]) -> Query:
+        return replace(_query(parts), give="rooms")
+
+    def how_far(self, parts: list[Any]) -> Query:
+        return replace(_query(parts), give="distance")
+
+    def how_far_from(self, parts: list[Any]) -> Query:
+        return replace(_query(parts), give="distance", start=_only(parts, Reference))
+
+    from_how_far = how_far_from
+
+    # Things
+
+    def plain(self, parts: list[Any]) -> Query:
+        return replace(_chosen(parts), where=_conditions(parts))
+
+    def nearest_to(self, parts: list[Any]) -> Query:
+        return replace(_chosen(parts), start=_only(parts, Reference))
+
+    are_nearest_to = nearest_to
+
+    def nouns(self, parts: list[Any]) -> tuple[str, ...]:
+        return tuple(dict.fromkeys(part for part in parts if not isinstance(part, Token)))
+
+    def noun(self, parts: list[Any]) -> str:
+        return str(parts[0])
+
+    # Conditions
+
+    def conditions(self, parts: list[Any]) -> list[Condition]:
+        return [
+            one
+            for part in parts
+            for one in (part if isinstance(part, list) else [part])
+            if isinstance(one, Condition)
+        ]
+
+    def at_room(self, parts: list[Any]) -> Condition:
+        types = _types(parts)
+        is_negated = "NOT" in types
+        if "ME" in types or "HERE" in types:
+            parts = [*parts, Reference(is_asker=True)]
+        reference = _only(parts, Reference)
+        if "BEYOND" in types or "WITHIN" in types:
+            relation = "beyond" if "BEYOND" in types else "near"
+            return Condition(relation, reference, _only(parts, float), is_negated)
+        if "NEXT_TO" in types or "HERE" in types:
+            return Condition("near", reference, negated=is_negated)
+        return Condition("in" if reference.room else "at", reference, negated=is_negated)
+
+    def at_thing(self, parts: list[Any]) -> Condition:
+        types, reference = _types(parts), _only(parts, Reference)
+        is_negated = "NOT" in types
+        if "BEYOND" in types or "WITHIN" in types:
+            relation = "beyond" if "BEYOND" in types else "near"
+            return Condition(relation, reference, _only(parts, float), is_negated)
+        if "SIDE" in types:
+            return Condition(_side(types["SIDE"]), reference, negated=is_negated)
+        relation = {"IN": "in", "ON": "on", "UNDER": "under", "NEXT_TO": "near"}[
+            next(name for name in types if name in ("IN", "ON", "UNDER", "NEXT_TO"))
+        ]
+        return Condition(relation, reference, negated=is_negated)
+
+    def nouns_there(self, parts: list[Any]) -> Reference:
+        return Reference(names=_only(parts, tuple), where=_conditions(parts))
+
+    def conditions_there(self, parts: list[Any]) -> list[Condition]:
+        return parts
+
+    def reference(self, parts: list[Any]) -> Reference:
+        (part,) = parts
+        return Reference(is_asker=True) if isinstance(part, Token) else part
+
+    def room(self, parts: list[Any]) -> Reference:
+        return Reference(room=str(parts[0]))
+
+    def point(self, parts: list[Any]) -> Reference:
+        x, y = (float(number) for number in str(parts[0]).split(","))
+        return Reference(point_xy=(x, y))
+
+    def length(self, parts: list[Any]) -> float:
+        return meters_of(*map(str, parts))
+
+
+def _types(parts: list[Any]) -> dict[str, str]:
+    return {part.type: str(part) for part in parts if isinstance(part, Token)}
+
+
+def _only(parts: list[Any], kind: type[Any]) -> Any:
+    return next(part for part in parts if isinstance(part, kind) and not isinstance(part, Token))
+
+
+def _conditions(parts: list[Any]) -> tuple[Condition, ...]:
+    return tuple(one for part in parts if isinstance(part, list) for one in part)
+
+
+def _query(parts: list[Any]) -> Query:
+    """Return the query about the things among some parts, with the conditions after them."""
+    query = next((part for part in parts if isinstance(part, Query)), Query())
+    return replace(query, where=(*query.where, *_conditions(parts)))
+
+
+def _chosen(parts: list[Any]) -> Query:
+    """Return the query about things of which some are chosen."""
+    types = _types(parts)
+    which = _WHICH[types["THE_MOST"]] if "THE_MOST" in types else None
+    count = None
+    if "NUMBER" in types:
+        count = int(types["NUMBER"]) if types["NUMBER"].isdigit() else 0
+        if count < 1:
+            raise ValueError(f"{types['NUMBER']} things cannot be listed")
+        if which is None:
+            raise ValueError(f"{count} of how many? say which, as 'the {count} nearest'")
+    by = "path" if "BY_PATH" in types else "air"
+    return Query(names=_only(parts, tuple), which=which, count=count, by=by)
+
+
+def _side(text: str) -> Relation:
+    """Return the relation that words such as "to the left of" mean."""
+    words = text.split()
+    if "left" in words:
+        return "left of"
+    if "right" in words:
+        return "right of"
+    return "in front of" if "front" in words else "behind"

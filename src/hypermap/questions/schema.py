@@ -1,0 +1,64 @@
+"""The JSON Schema of a query (JSON Schema 2020-12)."""
+
+from __future__ import annotations
+
+from typing import Any, get_args
+
+from hypermap.questions.query import Give, Measure, Relation, Which
+
+_NAMES = {"type": "array", "items": {"type": "string", "minLength": 1}}
+_CONDITIONS = {"type": "array", "items": {"$ref": "#/$defs/condition"}}
+
+QUERY_SCHEMA: dict[str, Any] = {
+    "$schema": "https://json-schema.org/draft/2020-12/schema",
+    "title": "A question about a hypermap",
+    "$ref": "#/$defs/query",
+    "$defs": {
+        "query": {
+            "type": "object",
+            "additionalProperties": False,
+            "properties": {
+                "give": {"enum": list(get_args(Give)), "default": "objects"},
+                "names": {**_NAMES, "description": "of objects, any of which matches"},
+                "where": {**_CONDITIONS, "description": "conditions that the objects meet"},
+                "which": {"enum": list(get_args(Which))},
+                "count": {"type": "integer", "minimum": 1},
+                "start": {
+                    "$ref": "#/$defs/reference",
+                    "description": "from where distances are measured",
+                },
+                "by": {"enum": list(get_args(Measure)), "default": "air"},
+            },
+        },
+        "condition": {
+            "type": "object",
+            "additionalProperties": False,
+            "required": ["relation", "what"],
+            "properties": {
+                "relation": {"enum": list(get_args(Relation))},
+                "what": {"$ref": "#/$defs/reference"},
+                "within": {"type": "number", "minimum": 0, "description": "meters"},
+                "negated": {"type": "boolean", "default": False},
+            },
+        },
+        "reference": {
+            "type": "object",
+            "additionalProperties": False,
+            "description": "exactly one of names, room, point and asker",
+            "properties": {
+                "names": {**_NAMES, "minItems": 1},
+                "where": _CONDITIONS,
+                "room": {"type": "string"},
+                "point": {
+                    "type": "array",
+                    "items": {"type": "number"},
+                    "minItems": 2,
+                    "maxItems": 2,
+                    "description": "x and y in the base frame [m]",
+                },
+                "asker": {"const": True},
+            },
+            "oneOf": [{"required": [key]} for key in ("names", "room", "point", "asker")],
+        },
+    },
+}

@@ -1,0 +1,252 @@
+"""From English text to tokens: keywords, numbers, and what the map and the taxonomy know."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from lark import Token
+
+from hypermap.questions.taxonomy import Taxonomy, as_key
+
+_KEYWORDS = {
+    "WHERE": (
+        "where|whereabouts|where can i find|where do i find|where can i get|where do you see"
+        "|where did you see|where did i put|where did i leave|in which place"
+    ),
+    "WHAT": "what|what things|what objects|which things|which objects|what all|everything",
+    "WHICH": "which|what kind of|which of",
+    "HOW_MANY": "how many|count|number of|the number of|how much",
+    "HOW_FAR": (
+        "how far|how far away|how far off|how close|what is the distance|distance"
+        "|how many meters|how many metres|how long is the way|how long is the path"
+    ),
+    "IS": "is|are|is it|are they|stand|stands|lie|lies|be|exist|exists",
+    "THERE": "there",
+    "HAVE": (
+        "have|has|having|contain|contains|with|do you have|have you got|can you see|do you see"
+        "|do we have|have we got|do you know of|did you see|have you seen|containing"
+    ),
+    "SHOW": (
+        "show|show me|list|find|find me|locate|give me|get me|look for|search for|point me to"
+        "|i need|i want|i am looking for|i would like|take me to|bring me to|go to|guide me to"
+        "|point out|name|lead me to|drive to|navigate to|search"
+    ),
+    "THE_MOST": (
+        "nearest|closest|farthest|furthest|largest|biggest|smallest|tiniest|surest|most certain"
+        "|newest|most recent|next"
+    ),
+    "IN": "in|inside|inside of|into|in the area of|belonging to|throughout",
+    "AT": "at",
+    "ON": "on|on top of|upon|lying on|standing on|sitting on|resting on|placed on",
+    "UNDER": "under|underneath|below|beneath",
+    "NEXT_TO": (
+        "near|next to|close to|by|beside|besides|around|nearby|near to|adjacent to"
+        "|at the side of|in the vicinity of|alongside|right next to|not far from|touching"
+    ),
+    "WITHIN": (
+        "within|at most|less than|not more than|no more than|up to|closer than|no farther than"
+        "|in a radius of|within a radius of|in a distance of"
+    ),
+    "BEYOND": "more than|farther than|further than|at least|beyond|over",
+    "SIDE": (
+        "left of|to the left of|on the left of|right of|to the right of|on the right of"
+        "|in front of|behind|at the back of|left from|right from|on the left side of"
+        "|on the right side of"
+    ),
+    "NOT": "not|not one|outside|outside of",
+    "AND": "and|and also|and are|and is|but|as well as|that are also|plus",
+    "OR": "or|and or",
+    "OF": "of|around",
+    "FROM": "from|away from|apart from|off",
+    "TO": "to",
+    "BETWEEN": "between",
+    "ME": "me|you|us|here|where i am|my position|the robot|yourself|where you are|this place",
+    "HERE": "around here|near here|close by|in the vicinity|near by",
+    "BY_PATH": (
+        "by path|on foot|walking|to walk|by walking|driving|to drive|along the path|by road"
+        "|by driving"
+    ),
+    "ROOM": "room|rooms|places|room names",
+}
+_DROPPED = (
+    "please|the|a|an|my|our|your|his|her|their|its|some|any|all|all the|every|each|robot"
+    "|hey|hi|hello|ok|okay|can you tell me|could you tell me|do you know|tell me|actually"
+    "|now|right now|currently|in this map|on this map|on the map|in the map"
+    "|in this building|in the building|in the house|in the world|that is|that are|which is"
+    "|which are|that|s|kind of|just|also|does|do|then|so|can you|could you|would you"
+    "|will you|i wonder|thanks|thank you|quickly|exactly|approximately|about|roughly"
+    "|altogether|in total|you know of|you can see|you see|you know|we have|you have"
+    "|there are|located|situated|standing|lying|available|placed|ones|one that|other|whole"
+    "|entire|it|this|me know|let me know|stored"
+)
+_NUMBER_WORDS = (
+    "zero|one|two|three|four|five|six|seven|eight|nine|ten|eleven|twelve|thirteen|fourteen|fifteen"
+    "|sixteen|seventeen|eighteen|nineteen|twenty"
+)
+_PARTS = {"half a": 0.5, "half": 0.5, "a half": 0.5, "a quarter of a": 0.25, "one and a half": 1.5}
+_UNITS = {
+    1.0: "m|meter|meters|metre|metres",
+    0.01: "cm|centimeter|centimeters|centimetre|centimetres",
+    0.001: "mm|millimeter|millimeters|millimetre|millimetres",
+    1000.0: "km|kilometer|kilometers|kilometre|kilometres",
+    0.3048: "ft|foot|feet",
+    0.0254: "inch|inches",
+    0.9144: "yard|yards|yd",
+}
+_PHRASES: dict[str, str] = {
+    phrase: token for token, phrases in _KEYWORDS.items() for phrase in reversed(phrases.split("|"))
+}
+_PHRASES |= dict.fromkeys(_DROPPED.split("|"), "")
+_NUMBER_OF = {word: number for number, word in enumerate(_NUMBER_WORDS.split("|"))}
+_UNIT_OF = {unit: meters for meters, units in _UNITS.items() for unit in units.split("|")}
+_CONTRACTED = {
+    "what's": "what is",
+    "where's": "where is",
+    "where're": "where are",
+    "who's": "who is",
+    "how's": "how is",
+    "there's": "there is",
+    "isn't": "is not",
+    "aren't": "are not",
+    "i'm": "i am",
+    "i'd": "i would",
+    "that's": "that is",
+    "don't": "do not",
+    "it's": "it is",
+}
+_NUMBER = r"\d+(?:\.\d+)?"
+_POINT = rf"\(?\s*-?{_NUMBER}\s*,\s*-?{_NUMBER}\s*\)?"
+_PIECES = re.compile(rf'"[^"]*"|{_POINT}|{_NUMBER}|[^\W\d]+(?:[\'_-][^\W\d]+)*|\S')
+_LONGEST = 6  # words of a phrase
+_ALSO_ROOMS = {
+    "hallway": "corridor",
+    "hall": "corridor",
+    "passage": "corridor",
+    "restroom": "bathroom",
+    "washroom": "bathroom",
+    "lounge": "living room",
+    "conference room": "meeting room",
+}
+
+
+@dataclass(frozen=True)
+class Vocabulary:
+    """What nouns mean.
+
+    Attributes:
+        taxonomy: of things.
+        objects: names of the objects of the map.
+        rooms: names and kinds of its rooms; kinds are known without a map, too.
+        kinds: of rooms.
+    """
+
+    taxonomy: Taxonomy
+    objects: tuple[str, ...] = ()
+    rooms: tuple[str, ...] = ()
+    kinds: tuple[str, ...] = ()
+    phrases: Mapping[str, list[tuple[str, str]]] = field(init=False)
+
+    def __post_init__(self) -> None:
+        phrases: dict[str, list[tuple[str, str]]] = {}
+
+        def add(phrase: str, token: str, value: str) -> None:
+            meanings = phrases.setdefault(phrase, [])
+            if (token, value) not in meanings:
+                meanings.append((token, value))
+
+        for name, usual in {**self.taxonomy.plurals, **self.taxonomy.usual}.items():
+            add(name, "THING", usual)
+        for name in self.objects:
+            known = self.taxonomy.usual_name(name)
+            for form in (as_key(name), f"{as_key(name)}s"):
+                if known is None and form not in phrases:
+                    add(form, "THING", name)
+        names = {kind: kind for kind in self.kinds}
+        names |= {also: kind for also, kind in _ALSO_ROOMS.items() if kind in names}
+        for name, kind in names.items():
+            for form in (name, f"{name}s", f"{name.removesuffix('y')}ies"):
+                add(form, "ROOM_NAME", kind)
+        for name in self.rooms:
+            if as_key(name) not in _PHRASES:  # a room may be called "room"
+                add(as_key(name), "ROOM_NAME", name)
+        object.__setattr__(self, "phrases", phrases)
+
+
+def tokens_of(text: str, vocabulary: Vocabulary) -> list[Token]:
+    """Return the tokens of a question; what no one knows is an UNKNOWN."""
+    for short, long in _CONTRACTED.items():
+        text = re.sub(rf"\b{short}\b", long, text.replace("’", "'"), flags=re.IGNORECASE)
+    pieces = [piece for piece in _PIECES.findall(text) if re.match(r'[\w"(-]', piece)]
+    words = [as_key(piece).replace("-", " ") if piece[0].isalpha() else piece for piece in pieces]
+    tokens: list[Token] = []
+    at = 0
+    while at < len(words):
+        token, used = _next(words, at, vocabulary)
+        if token is not None:
+            tokens.append(token)
+        at += used
+    return tokens
+
+
+def _next(words: list[str], at: int, vocabulary: Vocabulary) -> tuple[Token | None, int]:
+    """Return the token at a word, None for one that says nothing, and how many words it takes."""
+    word = words[at]
+    if word.startswith('"'):
+        return Token("THING", word.strip('"')), 1
+    if re.fullmatch(_POINT, word):
+        return Token("POINT", word.strip("( )")), 1
+    if word == "room" and at + 1 < len(words) and words[at + 1].isdigit():
+        return Token("ROOM_NAME", f"room {words[at + 1]}"), 2
+    for length in range(min(_LONGEST, len(words) - at), 0, -1):
+        phrase = " ".join(words[at : at + length])
+        if meanings := vocabulary.phrases.get(phrase):
+            return _noun(words, at, length, meanings)
+        if phrase in _PARTS:
+            return Token("NUMBER", str(_PARTS[phrase])), length
+        if phrase in _PHRASES:
+            token = _PHRASES[phrase]
+            return _keyword(token, phrase, words[at + length :]), length
+    if re.fullmatch(_NUMBER, word):
+        return Token("NUMBER", word), 1
+    if word in _NUMBER_OF:
+        return Token("NUMBER", str(_NUMBER_OF[word])), 1
+    if word in _UNIT_OF:
+        return Token("UNIT", word), 1
+    return Token("UNKNOWN", word), 1
+
+
+def _keyword(token: str, phrase: str, rest: list[str]) -> Token | None:
+    """Return the token of a keyword, by what follows it where it has two meanings."""
+    is_number = bool(rest) and (
+        re.fullmatch(_NUMBER, rest[0]) is not None
+        or rest[0] in _NUMBERS
+        or rest[0] in ("a", "half")
+    )
+    if token == "ROOM" and phrase == "room" and rest and rest[0].isdigit():
+        return Token("ROOM_NAME", "room")
+    if phrase == "within" and not is_number:
+        return Token("IN", phrase)
+    if phrase == "under" and is_number and any(word in _UNIT_OF for word in rest[1:3]):
+        return Token("WITHIN", phrase)
+    return Token(token, phrase) if token else None
+
+
+def _noun(
+    words: list[str], at: int, length: int, meanings: list[tuple[str, str]]
+) -> tuple[Token, int]:
+    """Return the token of a thing or room, with the number after it, as of "chair 14"."""
+    if len({token for token, _ in meanings}) > 1:
+        return Token("AMBIGUOUS", " ".join(words[at : at + length])), length
+    token, value = meanings[0]
+    after = words[at + length] if at + length < len(words) else ""
+    unit = words[at + length + 1] if at + length + 1 < len(words) else ""
+    if after.isdigit() and unit not in _UNIT_OF:
+        return Token(token, f"{value} {after}"), length + 1
+    return Token(token, value), length
+
+
+def meters_of(number: str, unit: str) -> float:
+    """Return a length [m]."""
+    return round(float(number) * _UNIT_OF[unit], 6)
