@@ -219,13 +219,8 @@ def _next(words: list[str], at: int, vocabulary: Vocabulary) -> tuple[Token | No
 
 def _keyword(token: str, phrase: str, rest: list[str]) -> Token | None:
     """Return the token of a keyword, by what follows it where it has two meanings."""
-    is_number = bool(rest) and (
-        re.fullmatch(_NUMBER, rest[0]) is not None
-        or rest[0] in _NUMBERS
-        or rest[0] in ("a", "half")
-    )
-    if token == "ROOM" and phrase == "room" and rest and rest[0].isdigit():
-        return Token("ROOM_NAME", "room")
+    following = rest[0] if rest else ""
+    is_number = following in (*_NUMBER_OF, "a", "half") or bool(re.fullmatch(_NUMBER, following))
     if phrase == "within" and not is_number:
         return Token("IN", phrase)
     if phrase == "under" and is_number and any(word in _UNIT_OF for word in rest[1:3]):
