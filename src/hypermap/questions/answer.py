@@ -17,7 +17,7 @@ from hypermap.core.hypermap import ROOMS, FoundObject, Hypermap
 from hypermap.core.semantic import SemanticLayer
 from hypermap.questions.query import Condition, Query, Reference
 from hypermap.questions.taxonomy import Taxonomy, load_taxonomy
-from hypermap.rooms.questions import rooms_asked, rooms_at, stand_in_rooms
+from hypermap.rooms.questions import rooms_asked, rooms_at, rooms_called
 from hypermap.rooms.rooms import Room, Rooms, rooms_on
 
 NEXT_TO = 1.0  # [m] between the shapes of things that are next to each other
@@ -45,7 +45,7 @@ class Answer:
     @property
     def count(self) -> int:
         """How many there are: of the rooms if these are asked for, else of the objects."""
-        return len(self.rooms) if self.query.give == "rooms" else len(self.objects)
+        return len(self.rooms) if self.query.asks_rooms else len(self.objects)
 
     @property
     def exists(self) -> bool:
@@ -96,24 +96,31 @@ class _Asking:
 
     def answer(self, query: Query) -> Answer:
         found: Sequence[FoundObject] = ()
-        if query.give != "rooms" or query.names or query.where:
-            found = self._chosen(query, self._objects(query.names, query.where))
+        asks_objects = bool(query.names or query.besides or query.where)
+        if asks_objects or not query.asks_rooms:
+            found = self._chosen(query, self._objects(query.names, query.where, query.besides))
         rooms: list[Room | None] = []
-        if query.give == "rooms":
-            rooms = self._rooms_of(found) if query.names or query.where else [*self._rooms]
+        if query.asks_rooms:
+            rooms = self._rooms_of(found) if asks_objects else self._asked_rooms(query)
         elif query.give == "room":
             rooms = rooms_at(self._rooms, [item.point_xy for item in found]) if found else []
         return Answer(query, tuple(found), tuple(rooms), tuple(dict.fromkeys(self._notes)))
 
     # Objects and rooms
 
-    def _objects(self, names: tuple[str, ...], where: tuple[Condition, ...]) -> list[FoundObject]:
+    def _objects(
+        self,
+        names: tuple[str, ...],
+        where: tuple[Condition, ...],
+        besides: tuple[str, ...] = (),
+    ) -> list[FoundObject]:
         """Return the objects of some names, of any if there are none, that meet conditions."""
         if names:
             found = [item for name in names for item in self._called(name)]
         else:
             found = self._hypermap.objects()
-        found = [item for item in found if item.layer != ROOMS]
+        others = {name for other in besides for name in self._taxonomy.matching(other, self._names)}
+        found = [item for item in found if item.layer != ROOMS and item.object.name not in others]
         for condition in where:
             holds = self._holds(condition, found) ^ condition.negated
             found = [item for item, is_so in zip(found, holds.tolist(), strict=True) if is_so]
@@ -139,6 +146,26 @@ class _Asking:
             raise HypermapError("the map has no rooms; `hypermap rooms MAP -o OUT` finds them")
         return rooms
 
+    def _asked_rooms(self, query: Query) -> list[Room | None]:
+        """Return the rooms of some names or kinds, of any if there are none."""
+        if query.rooms in ((), ("room",)):  # any
+            rooms = [*self._rooms]
+        else:
+            called = {r.id: r for name in query.rooms for r in rooms_called(self._rooms, name)}
+            rooms = [*called.values()]
+        if query.which in ("largest", "smallest"):
+            rooms.sort(key=lambda room: room.area, reverse=query.which == "largest")
+        elif query.which is not None or query.give == "distance":
+            places = self._others(query.start or Reference(is_asker=True))
+            near = shapely.union_all(_footprints(places))
+            far = {room.id: float(shapely.distance(room.outline, near)) for room in rooms}
+            rooms.sort(key=lambda room: far[room.id], reverse=query.which == "farthest")
+            self._notes += [f"room {room.id} is {far[room.id]:.2f} m away" for room in rooms]
+        return [*(rooms[: query.count or 1] if query.which is not None else rooms)]
+
+    def _rooms_called(self, names: Iterable[str]) -> list[Room]:
+        return [room for name in names for room in rooms_asked(self._hypermap, name)]
+
     def _rooms_of(self, found: Sequence[FoundObject]) -> list[Room | None]:
         there = rooms_at(self._rooms, [item.point_xy for item in found]) if found else []
         ids = {room.id for room in there if room is not None}
@@ -149,11 +176,10 @@ class _Asking:
     def _holds(self, condition: Condition, found: Sequence[FoundObject]) -> BoolArray:
         """Return for which objects a condition holds, before it is negated."""
         reference, relation = condition.reference, condition.relation
-        if reference.room is not None and relation == "in":
-            rooms_asked(self._hypermap, reference.room)  # raises for an unknown one
-            points = np.array([item.point_xy for item in found]).reshape(-1, 2)
-            standing = stand_in_rooms(self._hypermap, reference.room, points)
-            return np.zeros(len(found), dtype=bool) if standing is None else standing
+        if reference.rooms and relation == "in":
+            ids = {room.id for room in self._rooms_called(reference.rooms)}
+            there = rooms_at(self._rooms, [item.point_xy for item in found]) if found else []
+            return np.array([room is not None and room.id in ids for room in there], dtype=bool)
         others = self._others(reference)
         if not found or not others:
             return np.full(len(found), relation == "beyond" and bool(found))
@@ -222,9 +248,8 @@ class _Asking:
         """Return what a reference refers to; a point, a room or the asker as one without an id."""
         if reference.names:
             return self._objects(reference.names, reference.where)
-        if reference.room is not None:
-            rooms = rooms_asked(self._hypermap, reference.room)
-            return [_somewhere(room.outline) for room in rooms]
+        if reference.rooms:
+            return [_somewhere(room.outline) for room in self._rooms_called(reference.rooms)]
         if reference.point_xy is not None:
             return [_somewhere(shapely.Point(reference.point_xy))]
         pose = self._asker_pose()

@@ -26,10 +26,12 @@ _MOST = 20  # objects are listed
 def understood(query: Query) -> list[tuple[str, str]]:
     """Return how a question was understood, part by part.
 
-    >>> understood(Query(names=("cup",), which="nearest", start=Reference(room="kitchen")))
+    >>> understood(Query(names=("cup",), which="nearest", start=Reference(rooms=("kitchen",))))
     [('asked', 'which objects'), ('what', 'cup'), ('which', 'the nearest to room kitchen')]
     """
-    what = " or ".join(query.names) or ("any" if query.give != "rooms" or query.where else "")
+    what = " or ".join(query.rooms or query.names)
+    what = what or ("any" if query.give != "rooms" or query.where else "")
+    what += f", but not {' or '.join(query.besides)}" if query.besides else ""
     parts = [("asked", _GIVES[query.give]), ("what", what)]
     parts += [("where", _condition(one)) for one in query.where]
     if query.which is not None:
@@ -53,9 +55,9 @@ def _condition(condition: Condition) -> str:
 
 
 def _reference(reference: Reference) -> str:
-    if reference.room is not None:
-        room = reference.room
-        return room if room.startswith("room ") else f"room {room}"
+    if reference.rooms:
+        rooms = " or ".join(reference.rooms)
+        return rooms if rooms.startswith("room ") else f"room {rooms}"
     if reference.point_xy is not None:
         return "({:g}, {:g})".format(*reference.point_xy)
     if reference.is_asker:
@@ -75,7 +77,9 @@ def lines(hypermap: Hypermap, answer: Answer) -> Iterator[str]:
     elif not answer.exists:
         yield "none"
     if give == "rooms":
-        yield from (_title(room) for room in answer.rooms[:_MOST])
+        yield from map(_title, answer.rooms[:_MOST])
+    elif answer.query.rooms:
+        yield from map(_title, answer.rooms[:_MOST] if give != "count" else ())
     elif give == "room":
         pairs = zip(answer.objects[:_MOST], answer.rooms, strict=False)
         yield from (f"{title(item)}: {_title(room)}" for item, room in pairs)
@@ -98,7 +102,7 @@ def document(hypermap: Hypermap, answer: Answer) -> dict[str, Any]:
         "objects": [_row(item, room) for item, room in zip(answer.objects, rooms, strict=True)],
         "notes": list(answer.notes),
     }
-    if answer.query.give == "rooms":
+    if answer.query.asks_rooms:
         found["rooms"] = [_room(room) for room in answer.rooms if room is not None]
     return found
 
@@ -125,8 +129,8 @@ def _line(item: FoundObject, room: Room | None) -> str:
 def _title(room: Room | None) -> str:
     if room is None:
         return "in no room"
-    name = printable(room.name)
-    return name if name.startswith("room ") else f"{name} (room {room.id})"
+    x, y = room.outline.representative_point().coords[0]
+    return f"{printable(room.name)} (room {room.id}) at ({x:.2f}, {y:.2f}), {room.area:.1f} m²"
 
 
 def _room(room: Room) -> dict[str, Any]:

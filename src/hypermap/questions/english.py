@@ -19,6 +19,7 @@ from lark.lexer import Lexer
 
 from hypermap.core.errors import HypermapError
 from hypermap.questions.query import Condition, Query, Reference, Relation, Which
+from hypermap.questions.taxonomy import EVERYTHING
 from hypermap.questions.words import Vocabulary, meters_of, tokens_of
 
 EXAMPLES = (
@@ -136,24 +137,33 @@ class _Parts(Transformer[Token, Query]):
     def start(self, parts: list[Any]) -> Query:
         return parts[0]  # type: ignore[no-any-return]
 
-    def where_are(self, parts: list[Any]) -> Query:
+    def show(self, parts: list[Any]) -> Query:
         return _query(parts)
 
-    show = which_are = where_are
+    def show_all(self, parts: list[Any]) -> Query:
+        return replace(Query(where=_conditions(parts)), besides=_besides(parts))
 
-    def what_is(self, parts: list[Any]) -> Query:
-        return _query(parts)
+    def show_but(self, parts: list[Any]) -> Query:
+        return replace(_query(parts), besides=_only(parts, tuple))
+
+    def show_all_but(self, parts: list[Any]) -> Query:
+        return Query(where=_conditions(parts), besides=_only(parts, tuple))
+
+    def who(self, parts: list[Any]) -> Query:
+        return Query(names=("person",), where=_conditions(parts))
+
+    def surest(self, parts: list[Any]) -> Query:
+        return Query(names=_only(parts, tuple), which="surest")
 
     def how_many(self, parts: list[Any]) -> Query:
         return replace(_query(parts), give="count")
 
-    def how_many_rooms(self, _parts: list[Any]) -> Query:
-        return Query("rooms")
-
-    all_rooms = how_many_rooms
-
     def is_there(self, parts: list[Any]) -> Query:
         return replace(_query(parts), give="exists")
+
+    def has_it(self, parts: list[Any]) -> Query:
+        query, room = _only(parts, Query), _only(parts, Reference)
+        return replace(query, give="exists", where=(*query.where, Condition("in", room)))
 
     def room_of(self, parts: list[Any]) -> Query:
         return replace(_query(parts), give="room")
@@ -167,17 +177,37 @@ class _Parts(Transformer[Token, Query]):
     def how_far_from(self, parts: list[Any]) -> Query:
         return replace(_query(parts), give="distance", start=_only(parts, Reference))
 
-    from_how_far = how_far_from
+    def how_far_room(self, parts: list[Any]) -> Query:
+        *start, room = [part for part in parts if isinstance(part, Reference)]
+        if start and not room.rooms:
+            (room,), start = start, [room]
+        return Query("distance", rooms=room.rooms, start=start[0] if start else None)
+
+    # Rooms
+
+    def show_rooms(self, parts: list[Any]) -> Query:
+        return parts[0]  # type: ignore[no-any-return]
+
+    def where_room(self, parts: list[Any]) -> Query:
+        return Query("rooms", rooms=_rooms(parts))
+
+    def is_room(self, parts: list[Any]) -> Query:
+        return Query("exists", rooms=_rooms(parts))
+
+    def many_rooms(self, parts: list[Any]) -> Query:
+        return Query("count", rooms=_rooms(parts) or ("room",))
+
+    def best_room(self, parts: list[Any]) -> Query:
+        return replace(self.where_room(parts), which=_WHICH[_types(parts)["THE_MOST"]])
 
     # Things
 
     def plain(self, parts: list[Any]) -> Query:
-        return replace(_chosen(parts), where=_conditions(parts))
+        query = replace(_chosen(parts), where=_conditions(parts))
+        return replace(query, besides=_besides(parts))
 
     def nearest_to(self, parts: list[Any]) -> Query:
         return replace(_chosen(parts), start=_only(parts, Reference))
-
-    are_nearest_to = nearest_to
 
     def nouns(self, parts: list[Any]) -> tuple[str, ...]:
         return tuple(dict.fromkeys(part for part in parts if not isinstance(part, Token)))
@@ -206,7 +236,7 @@ class _Parts(Transformer[Token, Query]):
             return Condition(relation, reference, _only(parts, float), is_negated)
         if "NEXT_TO" in types or "HERE" in types:
             return Condition("near", reference, negated=is_negated)
-        return Condition("in" if reference.room else "at", reference, negated=is_negated)
+        return Condition("in" if reference.rooms else "at", reference, negated=is_negated)
 
     def at_thing(self, parts: list[Any]) -> Condition:
         types, reference = _types(parts), _only(parts, Reference)
@@ -222,17 +252,17 @@ class _Parts(Transformer[Token, Query]):
         return Condition(relation, reference, negated=is_negated)
 
     def nouns_there(self, parts: list[Any]) -> Reference:
-        return Reference(names=_only(parts, tuple), where=_conditions(parts))
-
-    def conditions_there(self, parts: list[Any]) -> list[Condition]:
-        return parts
+        return Reference(
+            names=_only(parts, tuple),
+            where=tuple(part for part in parts if isinstance(part, Condition)),
+        )
 
     def reference(self, parts: list[Any]) -> Reference:
         (part,) = parts
         return Reference(is_asker=True) if isinstance(part, Token) else part
 
     def room(self, parts: list[Any]) -> Reference:
-        return Reference(room=str(parts[0]))
+        return Reference(rooms=tuple(str(p) for p in parts if p.type == "ROOM_NAME"))
 
     def point(self, parts: list[Any]) -> Reference:
         x, y = (float(number) for number in str(parts[0]).split(","))
@@ -254,6 +284,18 @@ def _conditions(parts: list[Any]) -> tuple[Condition, ...]:
     return tuple(one for part in parts if isinstance(part, list) for one in part)
 
 
+def _rooms(parts: list[Any]) -> tuple[str, ...]:
+    """Return the rooms that are named among some parts."""
+    return next((part.rooms for part in parts if isinstance(part, Reference)), ())
+
+
+def _besides(parts: list[Any]) -> tuple[str, ...]:
+    """Return the nouns after "except"."""
+    at = next((i for i, part in enumerate(parts) if _types([part]) == {"BUT": str(part)}), None)
+    names: tuple[str, ...] = () if at is None else _only(parts[at:], tuple)
+    return names
+
+
 def _query(parts: list[Any]) -> Query:
     """Return the query about the things among some parts, with the conditions after them."""
     query = next((part for part in parts if isinstance(part, Query)), Query())
@@ -272,7 +314,8 @@ def _chosen(parts: list[Any]) -> Query:
         if which is None:
             raise ValueError(f"{count} of how many? say which, as 'the {count} nearest'")
     by = "path" if "BY_PATH" in types else "air"
-    return Query(names=_only(parts, tuple), which=which, count=count, by=by)
+    names = tuple(name for name in _only(parts, tuple) if name != EVERYTHING)
+    return Query(names=names, which=which, count=count, by=by)
 
 
 def _side(text: str) -> Relation:

@@ -26,21 +26,21 @@ class Reference:
     Attributes:
         names: of objects, any of which matches; names, synonyms or kinds of things.
         where: conditions on these objects.
-        room: name or kind of a room.
+        rooms: names or kinds of rooms, any of which will do.
         point_xy: a point in the base frame [m].
         is_asker: whether it is where the asker is.
     """
 
     names: tuple[str, ...] = ()
     where: tuple[Condition, ...] = ()
-    room: str | None = None
+    rooms: tuple[str, ...] = ()
     point_xy: tuple[float, float] | None = None
     is_asker: bool = False
 
     def __post_init__(self) -> None:
-        given = [bool(self.names), self.room is not None, self.point_xy is not None, self.is_asker]
+        given = [self.names != (), self.rooms != (), self.point_xy is not None, self.is_asker]
         if sum(given) != 1:
-            raise ValueError("a reference is exactly one of names, a room, a point, or the asker")
+            raise ValueError("a reference is exactly one of names, rooms, a point, and the asker")
         if self.where and not self.names:
             raise ValueError("only a reference by names has conditions")
 
@@ -82,6 +82,8 @@ class Query:
             that they are in ("room"), or the rooms that have them ("rooms"; all without names).
         names: of the objects, any of which matches; none for all. A name matches the objects of a
             map that are called so, and those that are of that kind by the taxonomy.
+        besides: names that the objects must not have.
+        rooms: names or kinds of rooms, if these and not objects are asked for.
         where: conditions, all of which the objects meet.
         which: which of the objects are wanted; None for all.
         count: how many of those; None for one if `which` is given.
@@ -91,6 +93,8 @@ class Query:
 
     give: Give = "objects"
     names: tuple[str, ...] = ()
+    besides: tuple[str, ...] = ()
+    rooms: tuple[str, ...] = ()
     where: tuple[Condition, ...] = ()
     which: Which | None = None
     count: int | None = None
@@ -101,8 +105,15 @@ class Query:
         for value, choices in ((self.give, Give), (self.which, Which), (self.by, Measure)):
             if value is not None and value not in get_args(choices):
                 raise ValueError(f"{value!r} is none of {', '.join(get_args(choices))}")
+        if self.rooms and (self.names or self.besides or self.where):
+            raise ValueError("a query asks for rooms or for objects, not for both")
         if self.count is not None and self.count < 1:
             raise ValueError(f"count must be at least 1, got {self.count}")
+
+    @property
+    def asks_rooms(self) -> bool:
+        """Whether the answer is rooms."""
+        return self.give == "rooms" or bool(self.rooms)
 
     def to_json(self) -> dict[str, Any]:
         """Return the query as JSON values, without what is left at its default."""
@@ -121,7 +132,8 @@ class Query:
         given = _checked(values, "the query", cls)
         where = given.get("where", ())
         conditions = [_condition(one, f"where[{i}]") for i, one in enumerate(_list(where, "where"))]
-        given |= {"where": tuple(conditions), "names": _names(given.get("names", ()), "names")}
+        given |= {"where": tuple(conditions)}
+        given |= {key: _names(given.get(key, ()), key) for key in ("names", "besides", "rooms")}
         if given.get("start") is not None:
             given["start"] = _reference(given["start"], "start")
         count = given.get("count")
@@ -198,7 +210,7 @@ def _reference(values: Any, where: str) -> Reference:
     given["where"] = tuple(
         _condition(one, f"{where}.where[{i}]") for i, one in enumerate(conditions)
     )
-    given["names"] = _names(given.get("names", ()), f"{where}.names")
+    given |= {key: _names(given.get(key, ()), f"{where}.{key}") for key in ("names", "rooms")}
     if given.get("point_xy") is not None:
         point = _list(given["point_xy"], f"{where}.point")
         numbers = [one for one in point if isinstance(one, int | float) and math.isfinite(one)]

@@ -20,6 +20,8 @@ QUERY_SCHEMA: dict[str, Any] = {
             "properties": {
                 "give": {"enum": list(get_args(Give)), "default": "objects"},
                 "names": {**_NAMES, "description": "of objects, any of which matches"},
+                "besides": {**_NAMES, "description": "that the objects must not have"},
+                "rooms": {**_NAMES, "description": "or kinds of rooms, if these are asked for"},
                 "where": {**_CONDITIONS, "description": "conditions that the objects meet"},
                 "which": {"enum": list(get_args(Which))},
                 "count": {"type": "integer", "minimum": 1},
@@ -44,11 +46,11 @@ QUERY_SCHEMA: dict[str, Any] = {
         "reference": {
             "type": "object",
             "additionalProperties": False,
-            "description": "exactly one of names, room, point and asker",
+            "description": "exactly one of names, rooms, point and asker",
             "properties": {
                 "names": {**_NAMES, "minItems": 1},
                 "where": _CONDITIONS,
-                "room": {"type": "string"},
+                "rooms": {**_NAMES, "minItems": 1},
                 "point": {
                     "type": "array",
                     "items": {"type": "number"},
@@ -58,7 +60,7 @@ QUERY_SCHEMA: dict[str, Any] = {
                 },
                 "asker": {"const": True},
             },
-            "oneOf": [{"required": [key]} for key in ("names", "room", "point", "asker")],
+            "oneOf": [{"required": [key]} for key in ("names", "rooms", "point", "asker")],
         },
     },
 }

@@ -12,7 +12,7 @@ from hypermap.core.errors import FileMissing, FormatError
 
 OURS = Path(__file__).with_name("taxonomy.yaml")
 
-_EVERYTHING = "thing"
+EVERYTHING = "thing"  # the kind of all things
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class Taxonomy:
         ['couch', 'chair']
         """
         usual = self.usual_name(asked)
-        if usual == _EVERYTHING:
+        if usual == EVERYTHING:
             return list(names)
         return [name for name in names if as_key(name) == as_key(asked) or self._means(usual, name)]
 

@@ -14,8 +14,14 @@ _KEYWORDS = {
     "WHERE": (
         "where|whereabouts|where can i find|where do i find|where can i get|where do you see"
         "|where did you see|where did i put|where did i leave|in which place"
+        "|where did you last see|where have you seen|where do you keep|where do we keep"
+        "|where can you see|where have you put|where is there"
     ),
-    "WHAT": "what|what things|what objects|which things|which objects|what all|everything",
+    "WHAT": (
+        "what|what things|what objects|which things|which objects|what all|everything"
+        "|what can i find|what do you see|what can you see|what do we have|what have you got"
+        "|what do you have|what do you know"
+    ),
     "WHICH": "which|what kind of|which of",
     "HOW_MANY": "how many|count|number of|the number of|how much",
     "HOW_FAR": (
@@ -30,8 +36,9 @@ _KEYWORDS = {
     ),
     "SHOW": (
         "show|show me|list|find|find me|locate|give me|get me|look for|search for|point me to"
-        "|i need|i want|i am looking for|i would like|take me to|bring me to|go to|guide me to"
-        "|point out|name|lead me to|drive to|navigate to|search"
+        "|i need|i want|i am looking for|i would like"
+        "|point out|name|search|can i get a list of|a list of"
+        "|give me a list of|make a list of|list of|can i get|can i have|list all of"
     ),
     "THE_MOST": (
         "nearest|closest|farthest|furthest|largest|biggest|smallest|tiniest|surest|most certain"
@@ -42,8 +49,8 @@ _KEYWORDS = {
     "ON": "on|on top of|upon|lying on|standing on|sitting on|resting on|placed on",
     "UNDER": "under|underneath|below|beneath",
     "NEXT_TO": (
-        "near|next to|close to|by|beside|besides|around|nearby|near to|adjacent to"
-        "|at the side of|in the vicinity of|alongside|right next to|not far from|touching"
+        "near|next to|close to|by|beside|around|nearby|near to|adjacent to|at the side of"
+        "|in the vicinity of|alongside|right next to|not far from|touching"
     ),
     "WITHIN": (
         "within|at most|less than|not more than|no more than|up to|closer than|no farther than"
@@ -55,11 +62,11 @@ _KEYWORDS = {
         "|in front of|behind|at the back of|left from|right from|on the left side of"
         "|on the right side of"
     ),
-    "NOT": "not|not one|outside|outside of",
+    "NOT": "not|not one|outside|outside of|anywhere but",
     "AND": "and|and also|and are|and is|but|as well as|that are also|plus",
     "OR": "or|and or",
-    "OF": "of|around",
-    "FROM": "from|away from|apart from|off",
+    "OF": "of",
+    "FROM": "from|away from|off",
     "TO": "to",
     "BETWEEN": "between",
     "ME": "me|you|us|here|where i am|my position|the robot|yourself|where you are|this place",
@@ -69,17 +76,27 @@ _KEYWORDS = {
         "|by driving"
     ),
     "ROOM": "room|rooms|places|room names",
+    "WHO": "who",
+    "DO": "does|do",
+    "SURE": (
+        "are you most sure of|are you surest of|are you most certain of|is most certain"
+        "|is the most certain|are most certain|is the surest"
+    ),
+    "BUT": ("except|besides|except for|apart from|other than|but not|but no|that is no|excluding"),
 }
 _DROPPED = (
     "please|the|a|an|my|our|your|his|her|their|its|some|any|all|all the|every|each|robot"
     "|hey|hi|hello|ok|okay|can you tell me|could you tell me|do you know|tell me|actually"
     "|now|right now|currently|in this map|on this map|on the map|in the map"
     "|in this building|in the building|in the house|in the world|that is|that are|which is"
-    "|which are|that|s|kind of|just|also|does|do|then|so|can you|could you|would you"
-    "|will you|i wonder|thanks|thank you|quickly|exactly|approximately|about|roughly"
-    "|altogether|in total|you know of|you can see|you see|you know|we have|you have"
-    "|there are|located|situated|standing|lying|available|placed|ones|one that|other|whole"
-    "|entire|it|this|me know|let me know|stored"
+    "|which are|that|s|kind of|just|also|then|so|can you|could you|would you|will you"
+    "|i wonder|thanks|thank you|quickly|exactly|approximately|roughly|altogether"
+    "|in total|you know of|you can see|you see|you know|we have|you have|there are|located"
+    "|situated|standing|lying|available|placed|ones|anywhere|somewhere|else|all of"
+    "|does the house|does this house|does the building"
+    "|does this building|does the map|does the flat|does this floor|in the flat"
+    "|in this house|in this flat|of them|have to be|one that|other|whole|entire|it|this"
+    "|me know|let me know|stored"
 )
 _NUMBER_WORDS = (
     "zero|one|two|three|four|five|six|seven|eight|nine|ten|eleven|twelve|thirteen|fourteen|fifteen"
@@ -117,7 +134,7 @@ _CONTRACTED = {
     "it's": "it is",
 }
 _NUMBER = r"\d+(?:\.\d+)?"
-_POINT = rf"\(?\s*-?{_NUMBER}\s*,\s*-?{_NUMBER}\s*\)?"
+_POINT = rf"(?:\(\s*)?-?{_NUMBER}\s*,\s*-?{_NUMBER}\s*\)?"
 _PIECES = re.compile(rf'"[^"]*"|{_POINT}|{_NUMBER}|[^\W\d]+(?:[\'_-][^\W\d]+)*|\S')
 _LONGEST = 6  # words of a phrase
 _ALSO_ROOMS = {
@@ -178,7 +195,7 @@ def tokens_of(text: str, vocabulary: Vocabulary) -> list[Token]:
     """Return the tokens of a question; what no one knows is an UNKNOWN."""
     for short, long in _CONTRACTED.items():
         text = re.sub(rf"\b{short}\b", long, text.replace("’", "'"), flags=re.IGNORECASE)
-    pieces = [piece for piece in _PIECES.findall(text) if re.match(r'[\w"(-]', piece)]
+    pieces = [piece for piece in _PIECES.findall(text) if re.match(r'[\w"(,-]', piece)]
     words = [as_key(piece).replace("-", " ") if piece[0].isalpha() else piece for piece in pieces]
     tokens: list[Token] = []
     at = 0
@@ -187,12 +204,21 @@ def tokens_of(text: str, vocabulary: Vocabulary) -> list[Token]:
         if token is not None:
             tokens.append(token)
         at += used
-    return tokens
+    return [
+        token for i, token in enumerate(tokens) if token != "," or _lists(tokens[i - 1 : i + 2])
+    ]
+
+
+def _lists(tokens: list[Token]) -> bool:
+    """Return whether a comma stands between the names of two things."""
+    return [token.type for token in tokens] == ["THING", "OR", "THING"]
 
 
 def _next(words: list[str], at: int, vocabulary: Vocabulary) -> tuple[Token | None, int]:
     """Return the token at a word, None for one that says nothing, and how many words it takes."""
     word = words[at]
+    if word == ",":
+        return Token("OR", word), 1
     if word.startswith('"'):
         return Token("THING", word.strip('"')), 1
     if re.fullmatch(_POINT, word):

@@ -1,0 +1,84 @@
+"""Queries as values: what they refuse, and that JSON keeps them."""
+
+from __future__ import annotations
+
+from typing import Any, get_args
+
+import jsonschema
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hypermap.core.errors import FormatError
+from hypermap.questions import QUERY_SCHEMA, Condition, Query, Reference
+from hypermap.questions.query import Give, Measure, Relation, Which
+
+NAMES = st.lists(st.text(min_size=1, max_size=8), min_size=1, max_size=3).map(tuple)
+METERS = st.floats(0, 100)
+PLACES = (
+    st.builds(Reference, rooms=NAMES)
+    | st.builds(Reference, point_xy=st.tuples(METERS, METERS))
+    | st.just(Reference(is_asker=True))
+)
+
+
+def conditions(references: st.SearchStrategy[Reference]) -> st.SearchStrategy[Condition]:
+    plain = [one for one in get_args(Relation) if one not in ("near", "beyond")]
+    return st.builds(
+        Condition, st.sampled_from(plain), references, negated=st.booleans()
+    ) | st.builds(Condition, st.sampled_from(["near", "beyond"]), references, METERS)
+
+
+REFERENCES = PLACES | st.builds(
+    Reference, names=NAMES, where=st.lists(conditions(PLACES), max_size=2).map(tuple)
+)
+QUERIES = st.builds(
+    Query,
+    st.sampled_from(get_args(Give)),
+    names=NAMES | st.just(()),
+    besides=NAMES | st.just(()),
+    where=st.lists(conditions(REFERENCES), max_size=2).map(tuple),
+    which=st.none() | st.sampled_from(get_args(Which)),
+    count=st.none() | st.integers(1, 9),
+    start=st.none() | REFERENCES,
+    by=st.sampled_from(get_args(Measure)),
+)
+
+
+@given(QUERIES)
+def test_json_keeps_a_query_and_follows_the_schema(query: Query) -> None:
+    values = query.to_json()
+    jsonschema.validate(values, QUERY_SCHEMA, jsonschema.Draft202012Validator)
+    assert Query.from_json(values) == query
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ([], "the query: expected an object, got list"),
+        ({"name": ["cup"]}, "there is no key 'name'; known: give, names"),
+        ({"names": "cup"}, "names: expected a list, got str"),
+        ({"names": [1]}, "names: expected names"),
+        ({"give": "all"}, "'all' is none of objects, count"),
+        ({"count": 0}, "count must be at least 1"),
+        ({"count": 1.5}, "count: expected a whole number"),
+        ({"where": [{"relation": "in"}]}, r"where\[0\]: the key 'what' is missing"),
+        ({"where": [{"relation": "upon", "what": {"names": ["a"]}}]}, "no relation 'upon'"),
+        ({"where": [{"relation": "in", "what": {}}]}, r"where\[0\].what: a reference is exactly"),
+        ({"where": [{"relation": "at", "what": {"point": [1, "a"]}}]}, "two finite numbers"),
+        ({"where": [{"relation": "beyond", "what": {"asker": True}}]}, "'beyond' needs a distance"),
+        ({"start": {"names": ["a"], "rooms": ["b"]}}, "start: a reference is exactly one of"),
+        ({"names": ["a"], "rooms": ["b"]}, "for rooms or for objects, not for both"),
+    ],
+)
+def test_what_is_no_query_is_refused_by_the_name_of_its_key(values: Any, message: str) -> None:
+    with pytest.raises(FormatError, match=message):
+        Query.from_json(values)
+
+
+def test_references_within_each_other_have_an_end() -> None:
+    reference: dict[str, Any] = {"names": ["cup"]}
+    for _ in range(1000):
+        reference = {"names": ["cup"], "where": [{"relation": "near", "what": reference}]}
+    with pytest.raises(FormatError, match="more than 8 references within each other"):
+        Query.from_json({"where": [{"relation": "near", "what": reference}]})
