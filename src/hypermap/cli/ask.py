@@ -68,10 +68,10 @@ def command(
         hypermap ask office.hmap '{"names": ["seating"], "give": "count"}'
         hypermap ask --schema
     """
+    from hypermap.console.asked import document, lines, understood
     from hypermap.core.errors import HypermapError
     from hypermap.formats import open_map
     from hypermap.questions.asking import answer_to, parse_pose
-    from hypermap.questions.describe import document, lines, understood
     from hypermap.questions.english import NotUnderstood
     from hypermap.questions.schema import QUERY_SCHEMA
 

@@ -1,7 +1,7 @@
 """The commands of the console: a line of text in, an answer in text out.
 
 Source: INTERFACES, section 4: the commands and their spelling are those of the first Hypermap.
-`query` is new, and asks what `hypermap query` asks.
+`query` and `ask` are new, and ask what `hypermap query` and `hypermap ask` ask.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ import shapely
 from numpy.typing import NDArray
 
 from hypermap.console.answer import document, plain, shown
+from hypermap.console.asked import lines, understood
 from hypermap.console.evidence import DescribeEvidence, add_evidence, plain_evidence
 from hypermap.console.options import help_text, parse
 from hypermap.console.questions import Question, answers, remarks
@@ -26,6 +27,7 @@ from hypermap.core.errors import HypermapError, did_you_mean
 from hypermap.core.hypermap import Hypermap
 from hypermap.formats import open_map, save_map
 from hypermap.formats.backup import keep_backup
+from hypermap.questions.asking import answer_to, parse_pose
 from hypermap.text import fit_for_json
 
 _EXAMPLES = """\
@@ -161,9 +163,19 @@ class Console:
         said = [plain(shown(question, rows)), plain_evidence(rows)]
         return "\n".join(filter(None, [*said, *remarks(self.hypermap, question, rows)]))
 
+    def _ask(self, arguments: list[str]) -> str:
+        words = arguments[2:] if arguments[:1] == ["--from"] else arguments
+        if not words:
+            raise HypermapError("usage: ask [--from X,Y[,YAW]] QUESTION, as: ask where is a cup?")
+        asker = None if words is arguments else parse_pose(arguments[1])
+        answer = answer_to(self.hypermap, " ".join(words), asker)
+        parts = [f"{part}: {text}" for part, text in understood(answer.query)]
+        return "\n".join([*parts, *lines(self.hypermap, answer)])
+
     def _path(self, arguments: list[str]) -> str:
         # Compiled loops take their time, and few lines ask for paths.
-        from hypermap.console.paths import lines, plan
+        from hypermap.console.paths import lines as path_lines
+        from hypermap.console.paths import plan
         from hypermap.paths import PathSettings, Planner
         from hypermap.paths.settings import STAND_OFF
 
@@ -172,7 +184,7 @@ class Console:
             settings = PathSettings(float(radius[0]) if radius else 0.0)
         except ValueError:
             raise HypermapError(f"{radius[0]!r} is no radius in meters, as 0.3") from None
-        return "\n".join(lines(plan(Planner(self.hypermap, settings), start, goal, STAND_OFF)))
+        return "\n".join(path_lines(plan(Planner(self.hypermap, settings), start, goal, STAND_OFF)))
 
     def _republish(self, _: list[str]) -> str:
         return self.republish()
@@ -205,6 +217,7 @@ COMMANDS = {
         "LAYER STRING X Y X Y X Y ...", "where it is in an area", Console._get_coords_area
     ),
     "query": Command("[OPTION ...]", "ask a question, as --name cup --near sink", Console._query),
+    "ask": Command("[WORD ...]", "ask in English, as: ask where is the sofa?", Console._ask),
     "path": Command(
         "FROM TO [RADIUS]",
         'the way from a point X,Y, room or object as "cup 3" to another, for a robot',

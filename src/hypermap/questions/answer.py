@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import shapely
+from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.arrays import BoolArray, ObjectArray, as_objects
 from hypermap.core.errors import HypermapError, did_you_mean
@@ -22,6 +23,7 @@ from hypermap.rooms.rooms import Room, Rooms, rooms_on
 
 NEXT_TO = 1.0  # [m] between the shapes of things that are next to each other
 _TOUCHING = 0.15  # [m] between what stands on a thing and that thing's top, as they are measured
+_FEW = 100  # places, around which objects are looked up
 _IN_SIGHT = 2.0  # [m] from a thing is what is beside it, or in front of it or behind it
 
 
@@ -93,12 +95,13 @@ class _Asking:
         others = [layer for layer in layers if layer.name != ROOMS]
         self._names = sorted({str(name) for layer in others for name in layer.names})
         self._notes: list[str] = []
+        self._known: dict[Reference, list[FoundObject]] = {}
 
     def answer(self, query: Query) -> Answer:
         found: Sequence[FoundObject] = ()
         asks_objects = bool(query.names or query.besides or query.where)
         if asks_objects or not query.asks_rooms:
-            found = self._chosen(query, self._objects(query.names, query.where, query.besides))
+            found = self._found(query)
         rooms: list[Room | None] = []
         if query.asks_rooms:
             rooms = self._rooms_of(found) if asks_objects else self._asked_rooms(query)
@@ -108,6 +111,24 @@ class _Asking:
 
     # Objects and rooms
 
+    def _found(self, query: Query) -> list[FoundObject]:
+        start = query.start or Reference(is_asker=True)
+        is_plain = query.which == "nearest" and query.by == "air" and not start.names
+        if is_plain and not (query.where or query.besides or start.rooms):
+            # Few objects are created, where the map may have many.
+            matching = [self._matching(name) for name in query.names]
+            if all(matching):
+                names = [name for some in matching for name in some]
+                (place,) = self._others(start)
+                most = (query.count or 1) + (len(self._rooms) if ROOMS in self._hypermap else 0)
+                near = self._hypermap.objects(names or None, near=place.point_xy, limit=most)
+                return [one for one in near if one.layer != ROOMS][: query.count or 1]
+        return self._chosen(query, self._objects(query.names, query.where, query.besides))
+
+    def _matching(self, name: str) -> list[str]:
+        """Return the names of the map's objects that a name means, none for a name and an id."""
+        return self._taxonomy.matching(name, self._names)
+
     def _objects(
         self,
         names: tuple[str, ...],
@@ -115,10 +136,10 @@ class _Asking:
         besides: tuple[str, ...] = (),
     ) -> list[FoundObject]:
         """Return the objects of some names, of any if there are none, that meet conditions."""
-        if names:
-            found = [item for name in names for item in self._called(name)]
-        else:
-            found = self._hypermap.objects()
+        if not all(one.negated or one.relation == "beyond" or self._is_there(one) for one in where):
+            return []
+        area = self._reached(where)
+        found = self._called(names, area) if names else self._hypermap.objects(area=area)
         others = {name for other in besides for name in self._taxonomy.matching(other, self._names)}
         found = [item for item in found if item.layer != ROOMS and item.object.name not in others]
         for condition in where:
@@ -126,18 +147,54 @@ class _Asking:
             found = [item for item, is_so in zip(found, holds.tolist(), strict=True) if is_so]
         return found
 
-    def _called(self, name: str) -> list[FoundObject]:
-        """Return the objects of a name or kind, or that of a name and an id, as "chair 14"."""
-        by_id = re.fullmatch(r"(.+) (\d+)", name)
-        if by_id is not None and name not in self._names:
-            found = self._called(by_id[1])
-            return [item for item in found if item.object.id == int(by_id[2])]
-        names = self._taxonomy.matching(name, self._names)
-        if names:
-            return self._hypermap.objects(names)
-        hint = "" if self._taxonomy.usual_name(name) else f"; {did_you_mean(name, self._names)}"
-        self._notes.append(f"there is no {name} in the map{hint}")
-        return []
+    def _called(self, names: tuple[str, ...], area: BaseGeometry | None) -> list[FoundObject]:
+        """Return the objects of names or kinds, and those of a name and an id, as "chair 14".
+
+        Args:
+            names: any of which matches.
+            area: that they reach into; None for anywhere.
+        """
+        wanted: dict[str, set[int]] = {}  # by name; no ids for any
+        for name in names:
+            by_id = re.fullmatch(r"(.+) (\d+)", name)
+            what, number = name, set[int]()
+            if by_id is not None and name not in self._names:
+                what, number = by_id[1], {int(by_id[2])}
+            matching = self._matching(what)
+            for one in matching:
+                ids = wanted.setdefault(one, set(number))
+                wanted[one] = ids | number if ids and number else set()
+            if not matching:
+                known = self._taxonomy.usual_name(what) is not None
+                hint = "" if known else f"; {did_you_mean(what, self._names)}"
+                self._notes.append(f"there is no {what} in the map{hint}")
+        if not wanted:
+            return []
+        found = self._hypermap.objects([*wanted], area=area)
+        return [
+            one
+            for one in found
+            if not wanted[one.object.name] or one.object.id in wanted[one.object.name]
+        ]
+
+    def _is_there(self, condition: Condition) -> bool:
+        """Return whether there is anything that a condition refers to."""
+        return bool(self._others(condition.reference))
+
+    def _reached(self, where: Iterable[Condition]) -> BaseGeometry | None:
+        """Return an area outside of which no object meets conditions; None where it is not known.
+
+        This is for speed alone: so few objects are looked at where a question is about few places.
+        """
+        for condition in where:
+            if condition.negated or condition.relation == "beyond":
+                continue
+            others = self._others(condition.reference)
+            if others and len(others) <= _FEW:
+                within = max(condition.within or 0.0, _IN_SIGHT)
+                boxes = shapely.box(*shapely.bounds(_footprints(others)).T)
+                return shapely.union_all(shapely.buffer(boxes, within, join_style="mitre"))
+        return None
 
     @property
     def _rooms(self) -> Rooms:
@@ -247,7 +304,9 @@ class _Asking:
     def _others(self, reference: Reference) -> list[FoundObject]:
         """Return what a reference refers to; a point, a room or the asker as one without an id."""
         if reference.names:
-            return self._objects(reference.names, reference.where)
+            if reference not in self._known:
+                self._known[reference] = self._objects(reference.names, reference.where)
+            return self._known[reference]
         if reference.rooms:
             return [_somewhere(room.outline) for room in self._rooms_called(reference.rooms)]
         if reference.point_xy is not None:

@@ -18,7 +18,7 @@ from lark.exceptions import UnexpectedInput, VisitError
 from lark.lexer import Lexer
 
 from hypermap.core.errors import HypermapError
-from hypermap.questions.query import Condition, Query, Reference, Relation, Which
+from hypermap.questions.query import Condition, Measure, Query, Reference, Relation, Which
 from hypermap.questions.taxonomy import EVERYTHING
 from hypermap.questions.words import Vocabulary, meters_of, tokens_of
 
@@ -53,6 +53,8 @@ _WHICH: dict[str, Which] = {
     "newest": "newest",
     "most recent": "newest",
 }
+
+_RELATIONS: dict[str, Relation] = {"IN": "in", "ON": "on", "UNDER": "under", "NEXT_TO": "near"}
 
 
 class NotUnderstood(HypermapError):
@@ -92,10 +94,10 @@ def understand(text: str, vocabulary: Vocabulary) -> Query:
         hint = _similar(unknown[0], vocabulary)
         raise NotUnderstood(f"cannot read {words}{hint}", _nearest(text))
     try:
-        query: Query = _Parts().transform(_parser().parse(tokens))  # type: ignore[arg-type]
+        query: Query = _Parts().transform(_parser().parse(tokens))
     except UnexpectedInput as error:
-        token = getattr(error, "token", None)
-        where = f" from {str(token)!r} on" if token else ""
+        last = getattr(error, "token", None)
+        where = f" from {str(last)!r} on" if last else ""
         raise NotUnderstood(f"cannot read this question{where}", _nearest(text)) from None
     except VisitError as error:
         raise NotUnderstood(str(error.orig_exc), _nearest(text)) from None
@@ -119,9 +121,9 @@ class _Tokens(Lexer):
     def __init__(self, _configuration: Any) -> None:
         pass
 
-    def lex(self, data: Any) -> Iterator[Token]:
+    def lex(self, lexer_state: Any, parser_state: Any = None) -> Iterator[Token]:  # noqa: ARG002
         """Yield them."""
-        yield from data
+        yield from lexer_state
 
 
 @cache
@@ -134,14 +136,14 @@ class _Parts(Transformer[Token, Query]):
 
     # What is asked
 
-    def start(self, parts: list[Any]) -> Query:
-        return parts[0]  # type: ignore[no-any-return]
+    def start(self, parts: list[Query]) -> Query:
+        return parts[0]
 
     def show(self, parts: list[Any]) -> Query:
         return _query(parts)
 
     def show_all(self, parts: list[Any]) -> Query:
-        return replace(Query(where=_conditions(parts)), besides=_besides(parts))
+        return Query(where=_conditions(parts), besides=_besides(parts))
 
     def show_but(self, parts: list[Any]) -> Query:
         return replace(_query(parts), besides=_only(parts, tuple))
@@ -162,8 +164,8 @@ class _Parts(Transformer[Token, Query]):
         return replace(_query(parts), give="exists")
 
     def has_it(self, parts: list[Any]) -> Query:
-        query, room = _only(parts, Query), _only(parts, Reference)
-        return replace(query, give="exists", where=(*query.where, Condition("in", room)))
+        query = replace(_query(parts), give="exists")
+        return replace(query, where=(*query.where, Condition("in", _only(parts, Reference))))
 
     def room_of(self, parts: list[Any]) -> Query:
         return replace(_query(parts), give="room")
@@ -185,8 +187,8 @@ class _Parts(Transformer[Token, Query]):
 
     # Rooms
 
-    def show_rooms(self, parts: list[Any]) -> Query:
-        return parts[0]  # type: ignore[no-any-return]
+    def show_rooms(self, parts: list[Query]) -> Query:
+        return parts[0]
 
     def where_room(self, parts: list[Any]) -> Query:
         return Query("rooms", rooms=_rooms(parts))
@@ -231,9 +233,10 @@ class _Parts(Transformer[Token, Query]):
         if "ME" in types or "HERE" in types:
             parts = [*parts, Reference(is_asker=True)]
         reference = _only(parts, Reference)
-        if "BEYOND" in types or "WITHIN" in types:
-            relation = "beyond" if "BEYOND" in types else "near"
-            return Condition(relation, reference, _only(parts, float), is_negated)
+        if "BEYOND" in types:
+            return Condition("beyond", reference, _only(parts, float), is_negated)
+        if "WITHIN" in types:
+            return Condition("near", reference, _only(parts, float), is_negated)
         if "NEXT_TO" in types or "HERE" in types:
             return Condition("near", reference, negated=is_negated)
         return Condition("in" if reference.rooms else "at", reference, negated=is_negated)
@@ -241,14 +244,13 @@ class _Parts(Transformer[Token, Query]):
     def at_thing(self, parts: list[Any]) -> Condition:
         types, reference = _types(parts), _only(parts, Reference)
         is_negated = "NOT" in types
-        if "BEYOND" in types or "WITHIN" in types:
-            relation = "beyond" if "BEYOND" in types else "near"
-            return Condition(relation, reference, _only(parts, float), is_negated)
+        if "BEYOND" in types:
+            return Condition("beyond", reference, _only(parts, float), is_negated)
+        if "WITHIN" in types:
+            return Condition("near", reference, _only(parts, float), is_negated)
         if "SIDE" in types:
             return Condition(_side(types["SIDE"]), reference, negated=is_negated)
-        relation = {"IN": "in", "ON": "on", "UNDER": "under", "NEXT_TO": "near"}[
-            next(name for name in types if name in ("IN", "ON", "UNDER", "NEXT_TO"))
-        ]
+        relation = next(_RELATIONS[name] for name in types if name in _RELATIONS)
         return Condition(relation, reference, negated=is_negated)
 
     def nouns_there(self, parts: list[Any]) -> Reference:
@@ -313,7 +315,7 @@ def _chosen(parts: list[Any]) -> Query:
             raise ValueError(f"{types['NUMBER']} things cannot be listed")
         if which is None:
             raise ValueError(f"{count} of how many? say which, as 'the {count} nearest'")
-    by = "path" if "BY_PATH" in types else "air"
+    by: Measure = "path" if "BY_PATH" in types else "air"
     names = tuple(name for name in _only(parts, tuple) if name != EVERYTHING)
     return Query(names=names, which=which, count=count, by=by)
 

@@ -139,7 +139,8 @@ class Query:
         count = given.get("count")
         if count is not None and (isinstance(count, bool) or not isinstance(count, int)):
             raise FormatError("count: expected a whole number")
-        return _made(cls, given, "the query")
+        made: Query = _made(cls, given, "the query")
+        return made
 
 
 _DEEPEST = 8  # references within each other

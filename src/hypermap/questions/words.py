@@ -180,14 +180,15 @@ class Vocabulary:
             for form in (as_key(name), f"{as_key(name)}s"):
                 if known is None and form not in phrases:
                     add(form, "THING", name)
-        names = {kind: kind for kind in self.kinds}
-        names |= {also: kind for also, kind in _ALSO_ROOMS.items() if kind in names}
-        for name, kind in names.items():
-            for form in (name, f"{name}s", f"{name.removesuffix('y')}ies"):
-                add(form, "ROOM_NAME", kind)
         for name in self.rooms:
             if as_key(name) not in _PHRASES:  # a room may be called "room"
                 add(as_key(name), "ROOM_NAME", name)
+        own = {as_key(name) for name in self.rooms}
+        names = {kind: kind for kind in self.kinds}
+        names |= {also: kind for also, kind in _ALSO_ROOMS.items() if kind in names}
+        for name, kind in names.items():
+            for form in sorted({name, f"{name}s", f"{name.removesuffix('y')}ies"} - own):
+                add(form, "ROOM_NAME", kind)
         object.__setattr__(self, "phrases", phrases)
 
 

@@ -1,0 +1,108 @@
+"""`hypermap ask`: from a question in English to what is printed."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import jsonschema
+import pytest
+
+from .conftest import Result, assert_one_error
+
+Run = Callable[..., Result]
+
+
+def test_it_shows_how_it_understood_the_question_and_answers(hypermap: Run, room_map: Path) -> None:
+    result = hypermap("ask", room_map, "which chairs are within 1.5 m of a plant?")
+    assert (result.code, result.err) == (
+        0,
+        "asked: which objects\nwhat: chair\nwhere: within 1.5 m of plant\n",
+    )
+    # The layer lies at (10, 0), turned by 90 degrees.
+    assert result.out == "chair 0 at (9.50, 0.50)\nchair 1 at (9.50, 4.50)\n"
+
+
+@pytest.mark.parametrize(
+    ("question", "answer"),
+    [
+        ("how many seats are there", "2\n"),
+        ("is there a plant", "yes\npotted plant 2 at (7.50, 2.50)\n"),
+        ("is there a sofa", "no\nthere is no sofa in the map\n"),
+        ("where is the nearest chair", "chair 0 at (9.50, 0.50), 8.00 m away\n"),
+        ("what is at 9.5,0.5", "chair 0 at (9.50, 0.50)\n"),
+        ('{"names": ["furniture"], "which": "surest"}', "chair 1 at (9.50, 4.50)\n"),
+    ],
+)
+def test_answers(hypermap: Run, room_map: Path, question: str, answer: str) -> None:
+    result = hypermap("ask", room_map, question, "--from", "1,0.5")
+    assert (result.code, result.out) == (0, answer)
+
+
+def test_a_point_may_be_negative(hypermap: Run, room_map: Path) -> None:
+    result = hypermap("ask", room_map, "how far is the plant", "--from", "-2.5,2.5")
+    assert result.out == "potted plant 2 at (7.50, 2.50), 9.50 m away\n"
+
+
+def test_json_is_for_programs(hypermap: Run, room_map: Path) -> None:
+    answer = hypermap("ask", room_map, "which is the closest chair to the plant", "--json").json
+    assert answer["query"] == {
+        "names": ["chair"],
+        "which": "nearest",
+        "start": {"names": ["plant"]},
+    }
+    (found,) = answer["objects"]
+    assert (found["id"], found["name"], found["layer"]) == (0, "chair", "semantic")
+    assert found["distance"] == pytest.approx(2**0.5)
+    again = hypermap("ask", room_map, json.dumps(answer["query"]), "--json").json
+    assert again == answer
+    schema = hypermap("ask", "--schema").json
+    jsonschema.validate(answer["query"], schema, jsonschema.Draft202012Validator)
+
+
+def test_more_names_come_from_a_file(hypermap: Run, room_map: Path, tmp_path: Path) -> None:
+    file = tmp_path / "ours.yaml"
+    file.write_text("greenery: {also: [potted plant, plant]}\n")
+    result = hypermap("ask", room_map, "how much greenery is there", "--taxonomy", file)
+    assert result.out == "1\n"
+
+
+@pytest.mark.parametrize(
+    ("question", "words"),
+    [
+        ("where is the zorblax", ["cannot read 'zorblax'"]),
+        ("where is the chiar", ["did you mean 'chair'?"]),
+        ("where is the nearest chair", ["depends on where you are", "--from X,Y"]),
+        ("what is in the kitchen", ["the map has no rooms", "`hypermap rooms MAP -o OUT`"]),
+        ("where is a cup\x00\x1b[2J", ["cannot read"]),
+        ("cup" * 40_000, ["at most 500 characters"]),
+        ("{", ["the query is not JSON"]),
+    ],
+)
+def test_what_cannot_be_answered_is_one_error(
+    hypermap: Run, room_map: Path, question: str, words: list[str]
+) -> None:
+    result = hypermap("ask", room_map, question, "-q")
+    assert_one_error(result, *words)
+    assert "\x1b" not in result.err
+
+
+def test_what_was_not_understood_names_questions_that_are(hypermap: Run, room_map: Path) -> None:
+    result = hypermap("ask", room_map, "how far is the printer by helicopter")
+    assert result.code == 2
+    assert "you can ask: how far is the printer from the door?" in result.err
+
+
+@pytest.mark.parametrize("start", ["1", "1,2,3,4", "a,b", "1,nan"])
+def test_a_wrong_pose_is_refused(hypermap: Run, room_map: Path, start: str) -> None:
+    result = hypermap("ask", room_map, "where is the nearest chair", "--from", start)
+    assert_one_error(result, "expected X,Y or X,Y,YAW, as 1.5,-2,90")
+
+
+def test_the_shell_asks_the_same(hypermap: Run, room_map: Path) -> None:
+    lines = "ask what's the nearest chair to the plant?\nask --from 0,0.5 how far is chair 1\nask\n"
+    result = hypermap("shell", room_map, stdin=lines)
+    assert "which: the nearest to plant\nchair 0 at (9.50, 0.50), 1.41 m away\n" in result.out
+    assert "chair 1 at (9.50, 4.50), 9.66 m away" in result.out
+    assert "usage: ask [--from X,Y[,YAW]] QUESTION" in result.err

@@ -1,0 +1,182 @@
+"""What a small flat answers: two rooms, a table with a cup on it, and things around."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hypermap import (
+    GridGeometry,
+    Hypermap,
+    HypermapError,
+    OccupancyLayer,
+    Pose2D,
+    SemanticLayer,
+    SemanticObject,
+)
+from hypermap.questions import Answer, Query, ask
+from hypermap.questions.asking import answer_to
+from hypermap.rooms import Room, Rooms, with_rooms
+
+
+def thing(name: str, x: float, y: float, side: float, low: float, high: float) -> SemanticObject:
+    """Return a square thing with its middle at a point."""
+    half = side / 2
+    box = shapely.box(x - half, y - half, x + half, y + half)
+    return SemanticObject(name, box, existence=x, attributes={"z_min": low, "z_max": high})
+
+
+# 0 table, 1 cup on it, 2 mug under it, 3 and 4 chairs left and right of it, 5 couch in the kitchen.
+THINGS = [
+    thing("table", 3, 2, 1.0, 0.0, 0.75),
+    thing("cup", 3, 2, 0.1, 0.74, 0.85),
+    thing("mug", 3.2, 2.35, 0.12, 0.0, 0.1),
+    thing("chair", 2, 2, 0.5, 0.0, 0.9),
+    thing("chair", 4, 2, 0.5, 0.0, 0.9),
+    thing("couch", 8, 2, 1.0, 0.0, 0.8),
+]
+
+
+@pytest.fixture(scope="module")
+def flat() -> Hypermap:
+    cells = np.full((40, 100), 100, dtype=np.int8)
+    cells[1:39, 1:49] = cells[1:39, 51:99] = cells[18:22, 49:51] = 0
+    grid = OccupancyLayer("occupancy", "map", GridGeometry(100, 40, 0.1), cells)
+    hypermap = Hypermap([grid, SemanticLayer("semantic", "map", THINGS)])
+    outlines = shapely.box(0.1, 0.1, 4.9, 3.9), shapely.box(5.1, 0.1, 9.9, 3.9)
+    pairs = zip((0, 1), ("hall", "kitchen"), outlines, strict=True)
+    rooms = [Room(i, name, outline, kind=name) for i, name, outline in pairs]
+    return with_rooms(hypermap, Rooms("map", tuple(rooms), ()))
+
+
+def ids(answer: Answer) -> list[int | None]:
+    return [item.object.id for item in answer.objects]
+
+
+@pytest.mark.parametrize(
+    ("question", "found"),
+    [
+        ("where are the cups?", [1, 2]),  # a mug is a cup
+        ("where is the mug?", [2]),
+        ("what seating is there", [3, 4, 5]),
+        ("which seats are in the kitchen", [5]),
+        ("which seats are not in the kitchen", [3, 4]),
+        ("what is on the table?", [1]),
+        ("what is under the table?", [2]),
+        ("cups on the table", [1]),
+        ("what is at 3, 2?", [0, 1]),
+        ("chairs within 24 cm of the table", []),
+        ("chairs within 25 cm of the table", [3, 4]),
+        ("seats more than 1 m from the table", [5]),
+        ("what is next to chair 3?", [0, 1, 2]),
+        ("chairs near a chair", []),  # none is its own neighbor, and they are 1.5 m apart
+        ("everything in the hall except the chairs", [0, 1, 2]),
+        ("chairs and tables", [3, 4, 0]),
+        ("the nearest chair to the couch", [4]),
+        ("the 2 nearest seats to the couch", [4, 3]),  # it is not near itself
+        ("the farthest chair from the couch", [3]),
+        ("the largest object", [0]),
+        ("the smallest thing in the hall", [1]),
+        ("which seat are you most sure of?", [5]),
+        ("what is left of the table?", [4]),  # the asker stands above it in y and looks down
+        ("what is to the right of the table?", [3]),
+        ("what is within 1 m of me?", []),
+        ("where is object 2", [2]),
+        ("where is cup 1", [1]),
+        ("where is chair 5", []),
+    ],
+)
+def test_which_objects_are_found(flat: Hypermap, question: str, found: list[int]) -> None:
+    answer = answer_to(flat, question, Pose2D(3, 3.9, -math.pi / 2))
+    if answer.query.which is None:
+        assert sorted(map(int, filter(lambda i: i is not None, ids(answer)))) == sorted(found)
+    else:
+        assert ids(answer) == found
+
+
+@pytest.mark.parametrize(
+    ("question", "count", "rooms"),
+    [
+        ("how many chairs are there", 2, []),
+        ("is there a couch in the kitchen", 1, []),
+        ("is there a couch in the hall", 0, []),
+        ("which room is the couch in", 1, ["kitchen"]),
+        ("which rooms have a chair", 1, ["hall"]),
+        ("which rooms are there", 2, ["hall", "kitchen"]),
+        ("how many rooms are there", 2, ["hall", "kitchen"]),
+        ("which is the largest room", 1, ["hall"]),
+        ("is there a library", 0, []),
+        ("how far is the kitchen from the couch", 1, ["kitchen"]),
+    ],
+)
+def test_counts_and_rooms(flat: Hypermap, question: str, count: int, rooms: list[str]) -> None:
+    answer = answer_to(flat, question)
+    assert (answer.count, answer.exists) == (count, count > 0)
+    assert [room.name for room in answer.rooms if room is not None] == rooms
+
+
+def test_distances_are_between_shapes_or_along_paths(flat: Hypermap) -> None:
+    (item,) = answer_to(flat, "how far is the couch from the table").objects
+    assert item.distance == pytest.approx(4.0)  # from 3.5 to 7.5
+    asked = Query("distance", ("couch",), by="path")
+    (walked,) = ask(flat, asked, asker=Pose2D(1, 3.5)).objects
+    assert walked.distance is not None
+    through_door = math.hypot(3.9, 1.4) + math.hypot(2.5, 0.1)
+    assert walked.distance == pytest.approx(through_door, abs=0.3)
+
+
+@pytest.mark.parametrize(
+    ("question", "words"),
+    [
+        ("where is the nearest cup", "depends on where you are"),
+        ("what is left of the table", "depends on where you are"),
+        ("what is in the office", "there is no room or kind of room 'office'"),
+        ('{"names": ["cup"], "which": "best"}', "'best' is none of nearest"),
+        ('{"names": ', "the query is not JSON"),
+    ],
+)
+def test_what_cannot_be_answered_is_said(flat: Hypermap, question: str, words: str) -> None:
+    with pytest.raises(HypermapError, match=words):
+        answer_to(flat, question)
+
+
+def test_a_thing_that_the_map_does_not_have_is_noted(flat: Hypermap) -> None:
+    answer = answer_to(flat, "where is the giraffe")
+    assert (answer.exists, answer.notes) == (False, ("there is no giraffe in the map",))
+
+
+def test_without_rooms_or_heights_the_answer_says_what_is_missing() -> None:
+    things = [SemanticObject("cup", shapely.box(0, 0, 1, 1)) for _ in range(2)]
+    hypermap = Hypermap([SemanticLayer("semantic", "map", things)])
+    with pytest.raises(HypermapError, match="the map has no rooms; `hypermap rooms MAP -o OUT`"):
+        answer_to(hypermap, "what is in the kitchen")
+    with pytest.raises(HypermapError, match="does not have the heights of objects"):
+        answer_to(hypermap, "what is under the cup")
+    assert answer_to(Hypermap(), "how many cups are there").count == 0
+
+
+POINTS = st.tuples(st.integers(0, 20), st.integers(0, 20))
+
+
+@given(st.lists(POINTS, max_size=8), st.lists(POINTS, max_size=8), st.integers(0, 10))
+def test_near_is_as_the_distance_between_shapes(
+    cups: list[Any], tables: list[Any], within: int
+) -> None:
+    shapes = [("cup", x, y) for x, y in cups] + [("table", x, y) for x, y in tables]
+    things = [SemanticObject(name, shapely.box(x, y, x + 1, y + 1)) for name, x, y in shapes]
+    hypermap = Hypermap([SemanticLayer("semantic", "map", things)])
+    found = answer_to(hypermap, f"cups within {within} m of a table").objects
+    expected = [
+        i
+        for i, (x, y) in enumerate(cups)
+        if any(
+            math.hypot(max(abs(x - u) - 1, 0), max(abs(y - v) - 1, 0)) <= within for u, v in tables
+        )
+    ]
+    assert sorted(int(item.object.id or 0) for item in found) == expected
