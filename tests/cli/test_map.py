@@ -560,7 +560,7 @@ def test_what_does_not_go_together_with_onto_is_one_error(
 
 def test_mapping_goes_on_with_no_map_that_it_has_not_made(hypermap, drive, room_map, tmp_path):
     common = ["map", drive, "--intrinsics", INTRINSICS, "-o", tmp_path / "out.hmap", "--onto"]
-    assert_one_error(hypermap(*common, room_map), str(room_map), "mapping did not make this map")
+    assert_one_error(hypermap(*common, room_map), str(room_map), "this map was not made by mapping")
     assert_one_error(hypermap(*common, tmp_path / "none.hmap"), "none.hmap", "there is no such")
     dropped = tmp_path / "dropped.hmap"
     arguments = ["map", drive, "--intrinsics", INTRINSICS, "-o", dropped, "--drop-evidence"]

@@ -211,10 +211,14 @@ def _of_the_future(hypermap: Hypermap) -> Hypermap:
 @pytest.mark.parametrize(
     ("spoil", "options", "message"),
     [
-        (lambda _: Hypermap(), {}, "mapping did not make this map"),
+        (lambda _: Hypermap(), {}, "this map was not made by mapping"),
         (_without_state, {}, "the state of the mapper is not in the map, as after --drop-evidence"),
         (_damaged, {}, "mapper_state: is damaged: 'view.area.lengths' ends too early; map all"),
-        (_of_the_future, {}, "another version has made this map: config: evidence.telepathy: unk"),
+        (
+            _of_the_future,
+            {},
+            "made by another version: config: evidence.telepathy: unk",
+        ),
         (lambda m: m, {"config": profile("thesis")}, "made with perception: method: enclosed, not"),
         (lambda m: m, {"frame_id": "odom"}, "the poses are in the frame 'odom', and the map in"),
     ],

@@ -111,8 +111,8 @@ def command(
     say(f"recording  {output}: {len(recording)} frames in {recording.info().duration:.0f} s")
     if recording.faults:
         kinds = Counter(recording.faults.values())
-        told = ", ".join(f"{count} {kind}" for kind, count in kinds.most_common())
-        say(f"bad frames {len(recording.faults)}: {told}")
+        listed = ", ".join(f"{count} {kind}" for kind, count in kinds.most_common())
+        say(f"bad frames {len(recording.faults)}: {listed}")
     say(f"true map   {truth_file}: {len(described.objects)} objects")
 
 

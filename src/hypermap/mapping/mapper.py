@@ -20,7 +20,7 @@ from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.semantic import SemanticObject
 from hypermap.formats.backup import BY_HAND, MAP_ID, MAP_VERSION
 from hypermap.mapping.alignment import Aligner
-from hypermap.mapping.by_hand import HandEdit, hand_edits, told
+from hypermap.mapping.by_hand import HandEdit, hand_edits, ids_by_edit
 from hypermap.mapping.completion import free_share
 from hypermap.mapping.config import MappingConfig, to_dict
 from hypermap.mapping.counts import Counts
@@ -279,7 +279,7 @@ class Mapper:
             published = layer.objects()
         metadata = self._base.metadata | {
             "hypermap_version": __version__,
-            "frames": (self._counts_before + self.counts).told(),
+            "frames": (self._counts_before + self.counts).as_metadata(),
             **({"surplus_detections": self.surplus} if self.surplus else {}),
             "poses": "corrected by the occupancy map" if self.corrects_poses else "as recorded",
             **self._pose_corrections(),
@@ -288,7 +288,7 @@ class Mapper:
             **self._identity(),
         }
         metadata.pop(BY_HAND, None)
-        if edits := told(self.evidence.hand_edits()):
+        if edits := ids_by_edit(self.evidence.hand_edits()):
             metadata[BY_HAND] = edits
         made = Hypermap(replaced(self._base, layers), self._base.frames, metadata)
         made.mapper_state = cache(partial(dump_state, self._state(published)))

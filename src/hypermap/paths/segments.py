@@ -1,4 +1,4 @@
-"""What a straight line costs that crosses the cells of a grid."""
+"""The cost of a straight line across the cells of a grid."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from hypermap._loops import inner_loop, loop
 
-_POINT = 1e-9  # of a line; a shorter part of it touches a cell but does not cross it
+_POINT = 1e-9  # of a line; a shorter part only touches a cell
 
 
 @inner_loop()

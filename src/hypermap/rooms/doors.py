@@ -1,4 +1,4 @@
-"""Doors: where one room becomes the next."""
+"""Doors: the lines between two rooms."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from hypermap.core.arrays import BoolArray, FloatArray, IntArray
 from hypermap.core.grid import GridGeometry
 from hypermap.rooms.rooms import Door
 
-_LEAST = 0.3  # [m] nobody passes through less
+_LEAST = 0.3  # [m] nothing fits through less
 
 
 def doors_between(

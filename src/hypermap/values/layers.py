@@ -1,4 +1,4 @@
-"""From samples to a layer of a map, and again from the samples that it keeps."""
+"""Make a map layer from samples, or again from the samples that a layer keeps."""
 
 from __future__ import annotations
 

@@ -158,7 +158,7 @@ def polygon(*points: Any) -> dict[str, Any]:
         ),
         (
             changed(geometry=polygon([0, 0], [float("nan"), 0], [1, 1])),
-            "is not valid JSON: NaN is no number",
+            "is not valid JSON: NaN is not a number",
         ),
         (
             changed(geometry=polygon([0, 0], [12345, 0], [1, 1])).replace("12345", "1e999"),

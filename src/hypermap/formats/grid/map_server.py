@@ -119,7 +119,7 @@ def load_occupancy(
 ) -> OccupancyLayer:
     """Return the map of a map_server YAML file on the disk.
 
-    Its picture may lie anywhere, as map_server allows: relative to the YAML file, or absolute.
+    Like map_server, this accepts any image path: relative to the YAML file, or absolute.
 
     Raises:
         FileMissing: If there is no such file.
