@@ -120,10 +120,9 @@ def command(
     The node subscribes to depth images or organized point clouds and tf. Detections come from
     --detector, --detections-topic or --detections. It publishes /semantic_map and saves the file -o
     every --save-every seconds and at the end. The service save_map saves it at once. If the machine
-    is too slow, frames are dropped, not queued. --onto goes on with a map of an earlier run, also
-    after a crash; if it is the file of -o, it need not exist at the first start. --param sets
-    parameters of the node. ROS arguments
-    (NAME:=VALUE, --ros-args ...) are passed to ROS.
+    is too slow, frames are dropped, not queued. --onto continues a map of an earlier run,
+    also after a crash; if it is the file of -o, it need not exist at the first start. --param sets
+    parameters of the node. ROS arguments (NAME:=VALUE, --ros-args ...) are passed to ROS.
 
     Examples:
         hypermap live --depth-topic /camera/aligned_depth_to_color/image_raw --color-topic
