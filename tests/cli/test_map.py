@@ -300,7 +300,7 @@ def test_what_is_wrong_with_many_frames_alike_is_told_once_with_their_number(hyp
     assert "4 unusable" in told.err
     assert hypermap(*arguments, "-v").err.count(" left out: ") == 4
     wrong_unit = hypermap(*arguments, "--depth-scale", "1")
-    assert wrong_unit.err.count("half of its depth lies beyond") == 1
+    assert wrong_unit.err.count("half of its depth is beyond") == 1
 
 
 @pytest.mark.parametrize("name", ["cut.bag", "cut.mcap"])
@@ -481,7 +481,7 @@ def test_what_auto_measures_is_said_and_used(hypermap, tmp_path):
     (room / "groundtruth.txt").write_text("\n".join(late))
     map_room = ["map", room, "-o", tmp_path / "room.hmap", "--no-objects"]
     told = hypermap(*map_room)
-    assert "images fit each other best with the poses of 0.20 s later" in told.err
+    assert "images match each other best with the poses of 0.20 s later" in told.err
     mended = hypermap(*map_room, "--time-offset", "auto", "--level", "auto")
     assert "time offset: 0.20 s" in mended.err
     assert "level: within 0.0 degrees, so the world stays as it is" in mended.err

@@ -189,7 +189,7 @@ def test_map_recording_goes_on_with_a_map() -> None:
     first = map_recording(walk(3), boxes, CONFIG)
     made = map_recording(walk(), boxes, CONFIG, onto=first)
     assert made.metadata["frames"] == {"used": 6, "skipped": 0, "unusable": 0, "repeated": 3}
-    with pytest.raises(ValueError, match="has an occupancy layer already"):
+    with pytest.raises(ValueError, match="already has an occupancy layer"):
         map_recording(walk(), boxes, CONFIG, made["occupancy"], onto=first)
 
 

@@ -80,9 +80,10 @@ def command(
     ] = None,
     force: ForceMap = False,
     depth_topic: Annotated[str | None, _topic("depth_topic", "registered to color.")] = None,
-    cloud_topic: Annotated[str | None, _topic("cloud_topic", "in place of depth.")] = None,
+    cloud_topic: Annotated[str | None, _topic("cloud_topic", "not with --depth-topic.")] = None,
     camera_info_topic: Annotated[
-        str | None, _topic("camera_info_topic", "else camera_info next to the depth images.")
+        str | None,
+        _topic("camera_info_topic", "else camera_info in the namespace of depth."),
     ] = None,
     color_topic: Annotated[str | None, _topic("color_topic", "for --detector.")] = None,
     detections_topic: Annotated[str | None, _topic("detections_topic", "of another node.")] = None,
@@ -94,7 +95,8 @@ def command(
         ),
     ] = DetectionsType.darknet,
     map_topic: Annotated[
-        str | None, _topic("map_topic", "in place of one made from depth; corrects poses.")
+        str | None,
+        _topic("map_topic", "not made from depth; corrects poses."),
     ] = None,
     detector: Detector = None,
     labels: Labels = None,

@@ -58,7 +58,7 @@ def command(
     ] = "robot",
     sensor: Annotated[str, typer.Option(metavar=SENSORS, help=WHAT_SENSOR)] = "kinect_v1",
     seed: Annotated[
-        int, typer.Option(min=0, help="Random seed: of all errors, and of where furniture stands.")
+        int, typer.Option(min=0, help="Random seed for all errors and the placement of furniture.")
     ] = 0,
     rate: Annotated[float, typer.Option(min=0.01, max=100, help="Frames per second.")] = 3.0,
     image_size: Annotated[
@@ -70,7 +70,7 @@ def command(
             metavar="SHARE",
             min=0,
             max=1,
-            help="Frames that broken sensors spoil: covered, torn, frozen, astray, ...",
+            help="Share of bad frames, as from broken sensors: covered, torn, frozen, ...",
         ),
     ] = 0.0,
 ) -> None:

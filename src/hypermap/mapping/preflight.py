@@ -143,8 +143,8 @@ class Preflight:
         return Finding(
             "level",
             str(floor),
-            "a map needs a level floor at z = 0: else the floor becomes a wall, and what stands on "
-            "it is lost",
+            "the floor must be level at z = 0; otherwise it becomes a wall, and objects on it are "
+            "lost",
             f"give --level auto, or --world-transform={','.join(numbers)}",
         )
 
@@ -152,19 +152,19 @@ class Preflight:
         why = self._depth.why_odd()
         if why is None:
             return None
-        remedy = "give the units of depth per meter with --depth-scale, if those are wrong"
-        return Finding("depth", why, "of such depth no objects are made", remedy)
+        remedy = "if the unit is wrong, give the units of depth per meter with --depth-scale"
+        return Finding("depth", why, "no objects are mapped from such depth", remedy)
 
     def _scale(self) -> Finding | None:
         fit = self._consistency.depth_scale()
         if fit is None:
             return None
         if not fit.is_sure or abs(math.log(fit.value)) < _LEAST_SCALE:
-            return Finding("scale", "depth is in the unit in which the poses are")
+            return Finding("scale", "depth and poses are in the same unit")
         return Finding(
             "scale",
             f"depth images agree with each other if all depth is multiplied by {fit.value:.2g}",
-            "everything lies too near or too far off, and comes out too small or too large",
+            "everything is too near or too far, and too small or too large",
             f"divide --depth-scale by {fit.value:.2g}, if the poses are in meters",
         )
 
@@ -173,7 +173,7 @@ class Preflight:
         if camera is None:
             return None
         if not camera.is_other:
-            return Finding("registration", "the outlines of depth lie on edges of color")
+            return Finding("registration", "depth edges match color edges")
         return _unregistered(camera)
 
     def _clock(self) -> Finding | None:
@@ -186,10 +186,10 @@ class Preflight:
         side = "later" if fit.value > 0 else "earlier"
         return Finding(
             "clock",
-            f"images fit each other best with the poses of {abs(fit.value):.2f} s {side}",
-            f"things 2 m ahead of the moving camera come to lie {fit.moves:.2f} m beside their "
-            "places, and may come out twice",
-            f"give --time-offset auto, or {fit.value:.2f} (live, the parameter time_offset)",
+            f"images match each other best with the poses of {abs(fit.value):.2f} s {side}",
+            f"things 2 m ahead of the moving camera are mapped {fit.moves:.2f} m off, and "
+            "may appear twice",
+            f"give --time-offset auto, or {fit.value:.2f} (live: the parameter time_offset)",
         )
 
     def _upright(self, floor: Floor | None) -> Finding:
@@ -198,10 +198,10 @@ class Preflight:
         if turn := self._consistency.turn_deg():
             return Finding(
                 "upright",
-                f"images fit each other only if the camera is turned by {turn} degrees about its "
+                f"images match only if the camera is rotated by {turn} degrees about its "
                 "optical axis",
-                "what one image shows comes to lie where no other image shows it",
-                "if the camera is mounted upside down or on its side, its pose (tf) has to say so",
+                "objects are mapped in different places from each image",
+                "if the camera is mounted upside down or on its side, correct its pose in tf",
             )
         turned = 180 if -down < _UPSIDE_DOWN else 270 if right > _SIDEWAYS else 0
         turned = 90 if right < -_SIDEWAYS else turned
@@ -210,7 +210,7 @@ class Preflight:
         return Finding(
             "upright",
             "the images are upside down" if turned == 180 else "the images lie on their side",
-            "the map is right, but detectors find little in such images",
+            "the map is correct, but detectors find little in such images",
             f"give --rotate {turned}",
         )
 
@@ -256,12 +256,12 @@ def _unregistered(camera: ColorCamera) -> Finding:
     pixels = camera.shift * camera.camera.width
     return Finding(
         "registration",
-        f"depth is not registered to color: both show the same place {pixels:.0f} pixels apart; "
-        f"color looks like that of a camera with a focal length {camera.scale:.2f} times that of "
-        f"the depth camera, {1000 * abs(camera.x):.0f} mm beside it",
-        "what a box cuts out of the depth is not what it was drawn around: small things are lost, "
-        "or come out beside their places",
-        "give --register with a bag whose camera info and tf tell the color camera; else "
+        f"depth is not registered to color: they are {pixels:.0f} pixels apart; "
+        f"the color camera seems to have {camera.scale:.2f} times the focal length of the depth "
+        f"camera, and to be {1000 * abs(camera.x):.0f} mm next to it",
+        "boxes cut the wrong part out of the depth image: small objects are lost, or mapped in the "
+        "wrong places",
+        "give --register with a bag that has camera info and tf of the color camera; otherwise "
         f"--register --color-intrinsics={fx:.1f},{fy:.1f},{cx:.1f},{cy:.1f} "
         f"--depth-transform={camera.x:.3f},{camera.y:.3f},0,0,0,0",
     )

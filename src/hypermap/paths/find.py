@@ -68,7 +68,7 @@ def distances(space: FreeSpace, start_xy: PointsLike) -> Distances:
 def find_path(space: FreeSpace, start_xy: PointsLike, goal_xy: PointsLike) -> NDArray[np.float64]:
     """Return the shortest path as a polyline, or the cheapest, where being near walls has a cost.
 
-    Shortest is the shortest of all, in any direction, up to a cell beside the goal. The cheapest
+    Shortest is the shortest any-angle path, up to a cell next to the goal. The cheapest
     is found among 16 directions, and straightened.
 
     Args:

@@ -39,7 +39,7 @@ def line_cost(cost: NDArray[np.float32], x0: float, y0: float, x1: float, y1: fl
     next_x = np.floor(x0) + 1 if dx > 0 else np.ceil(x0) - 1
     next_y = np.floor(y0) + 1 if dy > 0 else np.ceil(y0) - 1
     at, total = 0.0, 0.0
-    one_open = other_open = True  # beside a line on the border of two cells, up to here
+    one_open = other_open = True  # on either side of a line along a border of cells, up to here
     while at < 1:
         to_x = (next_x - x0) / dx if dx != 0 else np.inf
         to_y = (next_y - y0) / dy if dy != 0 else np.inf

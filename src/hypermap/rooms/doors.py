@@ -71,9 +71,9 @@ def _distances(row: IntArray, col: IntArray, walls: BoolArray) -> FloatArray:
         col: likewise.
         walls: with one more cell on each side.
     """
-    beside = walls & ndimage.binary_dilation(~walls)
+    borders = walls & ndimage.binary_dilation(~walls)
     cells = np.column_stack([row, col]) + 1  # as the walls count them
-    return np.asarray(cKDTree(np.argwhere(beside)).query(cells)[0])
+    return np.asarray(cKDTree(np.argwhere(borders)).query(cells)[0])
 
 
 def _straight(points: FloatArray) -> FloatArray:

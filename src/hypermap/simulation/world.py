@@ -303,7 +303,7 @@ def _check_standing(world: World, path: Path) -> None:
         if base is None:
             message = (
                 f"{named(i)} hangs in the air: nothing ends at its z of {world.objects[i].z:g} "
-                "below it, and no wall is beside it; set its z to the height of what it stands on"
+                "below it, and no wall is next to it; set its z to the height of what it stands on"
             )
             raise FormatError(message, path=path, key=f"objects[{i}]")
 

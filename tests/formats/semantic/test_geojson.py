@@ -154,7 +154,7 @@ def polygon(*points: Any) -> dict[str, Any]:
         ),
         (
             changed(geometry=polygon([0, 0, 1], [1, 0, 1], [1, 1, 1])),
-            "features[0].geometry: is not a valid Polygon: a footprint lies on the floor",
+            "features[0].geometry: is not a valid Polygon: a footprint is 2D",
         ),
         (
             changed(geometry=polygon([0, 0], [float("nan"), 0], [1, 1])),

@@ -153,8 +153,7 @@ def cells_from_file(content: bytes, path: str, described: MapYaml) -> Cells:
     """Return the cells of a picture file, row 0 at the bottom.
 
     Args:
-        content: the file; of the kind that `save` writes, no more than a few rows are held beside
-            the cells.
+        content: the file; of one that `save` has written, only a few rows are unpacked at a time.
         path: how messages name it.
         described: how to read it.
 

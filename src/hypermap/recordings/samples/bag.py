@@ -167,7 +167,7 @@ def _tree(log: TransformLog, max_gap: float) -> MovingFrames:
     tree, _ = log.frames(max_gap)
     if not tree.frames:
         raise HypermapError(
-            "there is no tf, so nobody knows where the sensor was; record /tf and /tf_static"
+            "there is no tf, so the poses of the sensor are unknown; record /tf and /tf_static"
         )
     return tree
 

@@ -83,7 +83,7 @@ class LiveSettings:
         0, "Degrees by which images are turned clockwise: 0, 90, 180 or 270.", 0, 270
     )
     time_offset: float = _setting(
-        0.0, "Seconds by which the poses of tf are to be looked up later than images say.", -10, 10
+        0.0, "Delay from an image's stamp to the stamp of its pose in tf [s].", -10, 10
     )
     slop: float = _setting(
         0.02, "Seconds by which stamps of messages that go together may differ.", 0, 1

@@ -84,7 +84,7 @@ class Worker:
         self._jumps += 1
         self._port.forget_transforms()
         self._port.log(
-            "warning", "the clock has jumped back: what waited is forgotten, the map goes on"
+            "warning", "the clock has jumped back: dropped waiting messages, the map continues"
         )
 
     def close(self) -> None:
