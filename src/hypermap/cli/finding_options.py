@@ -48,8 +48,8 @@ Onto = Annotated[
     typer.Option(
         metavar="MAP",
         readable=False,
-        help="Continue this map, made by `map` or `live`. Frames that it already contains do not "
-        "count twice.",
+        help="Add to this map: continue where `map` or `live` stopped. Frames that it already "
+        "contains do not count twice.",
     ),
 ]
 Config = Annotated[

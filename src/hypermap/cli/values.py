@@ -47,8 +47,8 @@ def command(
             metavar="MAP",
             readable=False,
             show_default=False,
-            help="Add the layer to this map, and take the walls from its occupancy layer. "
-            "Otherwise, the result is a new map without walls.",
+            help="Add to this map: its occupancy layer provides the walls. Otherwise, the result "
+            "is a new map without walls.",
         ),
     ] = None,
     quantity: Annotated[
@@ -136,7 +136,7 @@ def command(
             "--map-frame",
             metavar="FRAME",
             show_default=False,
-            help="Fixed frame of the map, z up. Default: the frame of the occupancy layer.",
+            help="Fixed frame of the map, z up: by default that of the occupancy layer.",
             rich_help_panel=_PLACE,
         ),
     ] = None,
@@ -146,7 +146,7 @@ def command(
             "--occupancy",
             metavar="NAME",
             show_default="the only one",
-            help="The occupancy layer.",
+            help="Name of the occupancy layer.",
             rich_help_panel=_PLACE,
         ),
     ] = None,
