@@ -245,7 +245,7 @@ def test_a_map_whose_state_was_lost_opens_and_says_so(
     with caplog.at_level(logging.WARNING):
         lost = open_map(tmp_path / "b.hmap")
     assert len(lost["semantic"].objects()) == 1
-    assert "mapping cannot go on with this map" in caplog.text
+    assert "mapping cannot continue this map" in caplog.text
     with pytest.raises(HypermapError):
         Mapper.onto(lost, boxes)
 
