@@ -160,8 +160,8 @@ def _in_unit(measured: Measured, of_samples: str | None, wanted: str | None) -> 
 
     if of_samples is not None and measured.unit not in ("", unit_named(of_samples)):
         raise HypermapError(
-            f"--sample-unit {of_samples}: these samples are in {measured.unit}; give the unit of the "
-            "layer with --unit"
+            f"--sample-unit {of_samples}: these samples are in {measured.unit}; give the unit of "
+            "the layer with --unit"
         )
     unit = unit_named(of_samples or measured.unit or wanted or "")
     target = unit_named(wanted or unit)
