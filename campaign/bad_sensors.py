@@ -315,7 +315,7 @@ SENSORS = (
     BadSensor("none", _text("groundtruth.txt", lambda _: "# none\n"), "there are no poses", None),
     BadSensor("NaN", _word("groundtruth.txt", 5, 1, "nan"), "line 8: there is a number", None),
     BadSensor("infinite", _word("groundtruth.txt", 5, 1, "inf"), "line 8: there is a num", None),
-    BadSensor("1e12 m away", _word("groundtruth.txt", 5, 1, "1e12"), FIFTH + "its pose lies", 1),
+    BadSensor("1e12 m away", _word("groundtruth.txt", 5, 1, "1e12"), FIFTH + "its pose is", 1),
     BadSensor("100 km away", _word("groundtruth.txt", 5, 1, "1e5"), "is a pose far off", 1),
     BadSensor("2 m away", _word("groundtruth.txt", 5, 1, "3.0")),
     BadSensor(
@@ -367,7 +367,7 @@ SENSORS = (
     BadSensor(
         "of another image",
         _text("detections.json", lambda text: text.replace('"0.0"', '"0.3"')),
-        "nothing is known of the image at 0.000000",
+        "no entry for the image at 0.000000",
     ),
     BadSensor("cut off", _text("detections.json", lambda t: t[:700]), "Invalid JSON: EOF", None),
 )

@@ -2,7 +2,7 @@
 
     python -m campaign.golden
 
-writes maps and answers anew: only where a map's format or a question's meaning has changed on
+writes maps and answers again: only where a map's format or a question's meaning has changed on
 purpose, which CHANGELOG.md must say.
 """
 

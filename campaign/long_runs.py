@@ -121,7 +121,7 @@ def _memory() -> float:
 
 
 def _map(name: str, frames: list[RgbdFrame], budget: Budget) -> Result:
-    """Map the drive over and over, with poses that err anew."""
+    """Map the drive over and over, with new pose errors each time."""
     rng = np.random.default_rng(budget.seed)
     mapper, gauge = Mapper(profile(name), detections_from_recording()), _Gauge(frames, budget)
     findings = []

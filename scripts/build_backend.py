@@ -66,7 +66,7 @@ def build_sdist(folder: str, config_settings: Settings = None) -> str:
 
 
 def _node() -> list[str]:
-    """Return the requirement of a Node.js, if there is a page to build and none at hand."""
+    """Return the requirement of a Node.js, if there is a page to build and none is installed."""
     if is_current():
         return []
     try:

@@ -17,7 +17,7 @@ ask() {  # ask PLATFORM PYTHON OPTIONS...
 }
 
 check() {  # check PLATFORM PYTHON
-  # What uv was told of a package before holds for every platform, so the first one asks most.
+  # uv caches package metadata for all platforms, so the first one takes longest.
   ask "$@" --offline || ask "$@" || failed=$?
   [ -n "${failed:-}" ] || return 0
   if grep -q 'error sending request' "$errors"; then

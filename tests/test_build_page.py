@@ -1,4 +1,4 @@
-"""How the page is built: with the Node.js at hand or the one that comes along, and only if needed.
+"""How the page is built: with the installed Node.js or the bundled one, and only if needed.
 
 The real thing runs in `make page` and `make package`; here stand programs in for Node.js.
 """

@@ -1,4 +1,4 @@
-"""What an administrator has compiled next to the code serves users who cannot write there."""
+"""The cache of compiled loops: shared by an administrator, and after an update."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def total(n):
         sum_ += i
     return sum_
 """
-ASK = "import loops_of_a_test as m; m.total(3); print(*map(len, m.total.stats[1:]))"
+ASK = "import loops_of_a_test as m; {}; print(*map(len, m.total.stats[1:]))"
 HITS, MISSES = "1 0", "0 1"
 # Root can write everywhere, unless it gives that up.
 AS_OWNER = ["setpriv", "--bounding-set=-dac_override"] if os.geteuid() == 0 else []
@@ -47,13 +47,13 @@ def protect(code: Path, is_writable: bool = False) -> None:
             folder.chmod(0o755 if is_writable else 0o555)
 
 
-def ask(place: Path, home: str = "home") -> str:
+def ask(place: Path, home: str = "home", call: str = "m.total(3)") -> str:
     """Return how many loops a process found kept, and how many it compiled."""
     env = {k: v for k, v in os.environ.items() if k not in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME")}
     env |= {"HOME": str(place / home), "PYTHONPATH": str(place / "code")}
     env |= {"PYTHONDONTWRITEBYTECODE": "1"}
     return subprocess.run(
-        [*AS_OWNER, sys.executable, "-c", ASK],
+        [*AS_OWNER, sys.executable, "-c", ASK.format(call)],
         env=env,
         cwd=place,
         capture_output=True,
@@ -79,3 +79,14 @@ def test_what_is_newer_beside_the_code_replaces_what_the_user_has(place: Path) -
     assert ask(place, "home of the administrator") == MISSES
     protect(place / "code")
     assert ask(place) == HITS
+
+
+def test_a_loop_is_compiled_again_after_the_class_of_its_argument_is_renamed(place: Path) -> None:
+    source = place / "code" / "loops_of_a_test.py"
+    class_ = "from typing import NamedTuple\nclass Old(NamedTuple): k: int\n@loop"
+    code = MODULE.replace("\n@loop", class_)
+    code = code.replace("range(n)", "range(n.k)")
+    for name in ("Old", "New"):
+        source.write_text(code.replace("Old", name))
+        assert ask(place, call=f"m.total(m.{name}(3))") == MISSES
+    assert ask(place, call="m.total(m.New(3))") == HITS

@@ -32,7 +32,7 @@ def ros_messages(folder: Path) -> Target:
 
 
 class _Server:
-    """A map server that starts anew after each change of its map.
+    """A map server that restarts after each change of its map.
 
     Attributes:
         ways: to reach it: "service" or "topic", and the name.

@@ -188,7 +188,7 @@ export function askName(
   });
 }
 
-/** Tells something in a line that goes away by itself; `alert` for what went wrong. */
+/** Shows a message that disappears after a while; `alert` for errors. */
 export function notify(text: string, kind: "status" | "alert" = "status"): void {
   const list = byId("notices");
   const close = () => notice.remove();
@@ -216,7 +216,7 @@ export async function copyText(text: string, button: HTMLButtonElement): Promise
   window.setTimeout(() => button.replaceChildren(...before), 1500);
 }
 
-/** A page from the disk has no clipboard of its own. */
+/** A page opened from a file has no clipboard API. */
 function copyBySelection(text: string): void {
   const area = el("textarea", { value: text, class: "off-screen" });
   document.body.append(area);

@@ -8,8 +8,8 @@ import { existenceInWords, seenInWords, whenInWords } from "./words";
 
 type Fact = [title: string, said: string, more?: string];
 
-/** Attributes that are told otherwise. */
-const TOLD = ["evidence", "z_min", "z_max", "existence", "first_seen", "last_seen", "confidence"];
+/** Attributes that are shown elsewhere. */
+const SHOWN_ELSEWHERE = ["evidence", "z_min", "z_max", "existence", "first_seen", "last_seen", "confidence"];
 
 export function objectFacts(object: ObjectDetails, frame: Frame, now = new Date()): HTMLElement {
   const { area, at, tags, attributes } = object;
@@ -32,7 +32,7 @@ export function objectFacts(object: ObjectDetails, frame: Frame, now = new Date(
       ? ["Tags", tags.map((tag, i) => tagInWords(tag, sureness(object)[i])).join(", ")]
       : null,
     ...Object.entries(attributes)
-      .filter(([key, value]) => !TOLD.includes(key) && value !== null && value !== "")
+      .filter(([key, value]) => !SHOWN_ELSEWHERE.includes(key) && value !== null && value !== "")
       .map(([key, value]): Fact => [heading(key), said(value)]),
   ];
   return el(

@@ -1,4 +1,4 @@
-/** Where names stand: on what is large enough for them, and beside what is not. */
+/** Where labels go: on shapes that are large enough, and next to others. */
 
 /** [x0, y0, x1, y1] in pixels; y grows upwards. */
 export type Box = [number, number, number, number];
@@ -15,9 +15,9 @@ export interface Named {
   size: [number, number];
 }
 
-/** Between a name and the shape that it stands beside [pixels]. */
+/** Gap between a label and the shape next to it [pixels]. */
 export const GAP = 4;
-/** A thing is large enough for its name if this many would stand beside each other on it. */
+/** A shape is large enough for its label if this many labels would fit side by side. */
 const ROOM = 1.25;
 /** How much lower or higher a name stands that does not stand in the middle [its heights]. */
 export const STEP = 1.4;

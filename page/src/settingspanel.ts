@@ -1,4 +1,4 @@
-/** What the map shows besides its layers. */
+/** What the map shows in addition to its layers. */
 
 import { byId, el } from "./dom";
 import type { Settings } from "./settings";

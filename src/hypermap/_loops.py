@@ -10,6 +10,7 @@ from __future__ import annotations
 import gc
 import logging
 import os
+import pickle
 import shutil
 import time
 from collections.abc import Callable
@@ -44,6 +45,7 @@ def loop(*, allocates: bool = False, **options: Any) -> Callable[[Function], Fun
 
     def decorated(function: Function) -> Function:
         dispatcher = decorate(function)
+        _ignore_unreadable_index(dispatcher)
         folder = Path(dispatcher.stats.cache_path)
         _folders.add(folder)
         if not has_own_place():
@@ -59,7 +61,7 @@ def inner_loop(*, allocates: bool = False, **options: Any) -> Callable[[Function
 
 
 def cache_folder() -> Path:
-    """Return the folder below which the loops that are loaded so far are kept."""
+    """Return the common folder of the compiled loops that are loaded so far."""
     return Path(os.path.commonpath(_folders))
 
 
@@ -68,16 +70,35 @@ def compiled_count() -> int:
     return _listener.count
 
 
-def _borrow(function: Callable[..., Any], folder: Path) -> None:
-    """Copy what an administrator has compiled next to the code, where the user cannot write.
+def _ignore_unreadable_index(dispatcher: Any) -> None:
+    """Let numba compile a loop again if its cache names a class that was renamed or removed.
 
-    numba takes no folder in which it cannot write, and would compile everything again.
+    numba unpickles the types in the index before it looks whether the source has changed, so an
+    update of the package would end in an AttributeError.
+    """
+    file = dispatcher._cache._cache_file
+    load_index = file._load_index
+
+    def load_readable_index() -> dict[Any, str]:
+        try:
+            return cast("dict[Any, str]", load_index())
+        except (AttributeError, ImportError, EOFError, pickle.UnpicklingError) as error:
+            _log.debug("%s: cannot be read: %s", file._index_path, error)
+            return {}
+
+    file._load_index = load_readable_index
+
+
+def _borrow(function: Callable[..., Any], folder: Path) -> None:
+    """Copy the loops that an administrator has compiled next to the code to the user's cache.
+
+    numba does not use a folder that it cannot write to, and would compile everything again.
     """
     source = Path(function.__code__.co_filename)
     shared = source.parent / "__pycache__"
     if shared == folder:
         return
-    # Data first: an index must not name what is not there yet.
+    # Data first: an index must not name missing files.
     for file in sorted(shared.glob(f"{source.stem}.{function.__qualname__}-*.nb[ci]")):
         mine = folder / file.name
         try:
@@ -90,37 +111,37 @@ def _borrow(function: Callable[..., Any], folder: Path) -> None:
 
 
 class _Listener(event.Listener):
-    """Says that loops are being compiled, which takes its time.
+    """Logs that loops are being compiled, which takes a while.
 
-    Python's search for cyclic garbage rests meanwhile, which else takes a sixth of that time.
+    Garbage collection is off meanwhile, which would take a sixth of the time.
     """
 
     def __init__(self) -> None:
         self.count = 0
-        self._told = 0.0
+        self._last_log = 0.0
         self._depth = 0
         self._is_collecting = False
 
     def on_start(self, event: Any) -> None:
-        """Say it before the first one."""
+        """Log the first one."""
         if self._depth == 0:
             self._is_collecting = gc.isenabled()
             gc.disable()
         self._depth += 1
-        if _is_ours(event) and not self._told:
-            self._told = time.monotonic()
+        if _is_ours(event) and not self._last_log:
+            self._last_log = time.monotonic()
             _log.info("compiling for this machine, once: about 10 s")
 
     def on_end(self, event: Any) -> None:
-        """Say now and then how many there are."""
+        """Log the number now and then."""
         self._depth -= 1
         if self._depth == 0 and self._is_collecting:
             gc.enable()
         if not _is_ours(event):
             return
         self.count += 1
-        if time.monotonic() - self._told > _EVERY:
-            self._told = time.monotonic()
+        if time.monotonic() - self._last_log > _EVERY:
+            self._last_log = time.monotonic()
             _log.info("compiling: %d functions so far", self.count)
 
 

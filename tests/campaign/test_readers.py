@@ -1,4 +1,4 @@
-"""Readers beside a writer, for seconds; and that an object seen twice would be told."""
+"""Readers next to a writer, for seconds; and an object seen twice would be reported."""
 
 from __future__ import annotations
 

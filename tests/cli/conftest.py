@@ -26,7 +26,7 @@ from hypermap.core.grid import GridGeometry
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.semantic import SemanticLayer, SemanticObject
-from hypermap.formats import save_map
+from hypermap.formats import open_map, save_map
 
 
 @dataclass(frozen=True)
@@ -156,3 +156,11 @@ def room_map(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("maps") / "room.hmap"
     save_map(hypermap, path)
     return path
+
+
+def objects_in(path: Path) -> list[tuple[str, float, float]]:
+    """Return the name and centroid of each object in a map file."""
+    layer = open_map(path)["semantic"]
+    assert isinstance(layer, SemanticLayer)
+    centers = ((thing.name, thing.footprint.centroid) for thing in layer.objects())
+    return [(name, center.x, center.y) for name, center in centers]

@@ -65,9 +65,9 @@ def test_a_map_that_is_gone_is_named_with_what_led_there(hypermap, maps):
             ["ground.hmap", "1,9", "above/upper.hmap", "1,1"],
             "ground.hmap: the place (1.00, 9.00) is",
         ),
-        (["ground.hmap", "1,1", "ground.hmap", "1,1"], "a lift or stairs leads to another map"),
+        (["ground.hmap", "1,1", "ground.hmap", "1,1"], "a lift or stairs must lead to another map"),
         (["ground.hmap", "1;1", "above/upper.hmap", "1,1"], "MAP '1;1': a point is X,Y in meters"),
-        (["ground.hmap", "1,1", "map.yaml", "1,1"], "map.yaml: lifts and stairs are kept in an"),
+        (["ground.hmap", "1,1", "map.yaml", "1,1"], "map.yaml: only .hmap files can contain lifts"),
         (["ground.hmap", "1,1", "none.hmap", "1,1"], "none.hmap: there is no such file"),
     ],
 )

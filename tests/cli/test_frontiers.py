@@ -60,12 +60,12 @@ def test_programs_read_frontiers_and_views_as_json(hypermap, half):
     assert "next_views" not in hypermap("frontiers", half, "-1,2", "--json").json
 
 
-def test_people_read_why_an_object_is_unsure(hypermap, half):
+def test_people_read_why_an_object_is_uncertain(hypermap, half):
     told = hypermap("frontiers", half, "0,2", "--next-views")
     assert "cup 7" in told.out
-    assert "seen seldom" in told.out
+    assert "few observations" in told.out
     told = hypermap("frontiers", half, "0,2", "--next-views", "--sure-from", "2")
-    assert "no unsure object can be seen from a new place" in told.out
+    assert "no uncertain object can be seen from a new side" in told.out
     assert (
         "no frontier can be reached" in hypermap("frontiers", half, "0,2", "--least-gain", "99").out
     )

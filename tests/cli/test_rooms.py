@@ -35,8 +35,8 @@ def test_rooms_and_doors_are_printed(hypermap, flat):
     assert (result.code, result.err) == (0, "")
     assert "room 2" in result.out
     assert "too narrow" in result.out
-    assert "there is no path from one of these 2 groups to another" in result.out
-    assert "reaches every room" in hypermap("rooms", flat, "--robot-radius", "0.3").out
+    assert "no path connects these 2 groups of rooms" in result.out
+    assert "from every room to every other" in hypermap("rooms", flat, "--robot-radius", "0.3").out
 
 
 def test_rooms_become_a_layer(hypermap, flat, tmp_path):

@@ -222,7 +222,7 @@ def test_a_layer_is_made_again_and_gets_more_samples(hypermap, warm, table, tmp_
     assert (told["samples"], told["unit"]) == (120, "°C")
     assert told["max"] == pytest.approx(24)
     assert_one_error(
-        hypermap("values", *more, "--force"), "has a layer 'temperature' already; give --add"
+        hypermap("values", *more, "--force"), "already has a layer 'temperature'; give --add"
     )
 
 
@@ -289,7 +289,7 @@ def test_a_trajectory_places_them_too_and_without_a_map_there_are_no_walls(hyper
     log.write_text("stamp,value\n1.25,300\n")
     out = tmp_path / "out.hmap"
     result = hypermap("values", poses, "--samples", log, "-o", out, "--method", "nearest")
-    assert "no walls are known" in result.err
+    assert "so there are no walls" in result.err
     assert open_map(out).value_at("light", [[1, 0]]).tolist() == [300]
 
 
@@ -301,7 +301,7 @@ def test_what_was_not_heard_is_told(hypermap, flat, tmp_path):
     ways = (log, "--onto", flat, "-o", out, "--unit", "dBm", "--method", "gmrf")
     censored = ("--censored-below", "-95", "--length-scale", "3", "--deviation", "15")
     result = hypermap("values", *ways, *censored, "--sensor-noise", "2")
-    assert "not heard: 8 samples" in result.out
+    assert "below the limit: 8 samples" in result.out
     at = json.loads(hypermap("query", out, "--layer", "wifi", "--at", "3.2,1.2", "--json").out)
     assert at["answers"][0]["value"] < -75
 
@@ -309,16 +309,20 @@ def test_what_was_not_heard_is_told(hypermap, flat, tmp_path):
 @pytest.mark.parametrize(
     ("text", "options", "said"),
     [
-        ("x,y,value\n1,1,20\n", [], "1 sample with a value does not tell how the quantity varies"),
+        (
+            "x,y,value\n1,1,20\n",
+            [],
+            "1 sample with a value is too few to estimate",
+        ),
         ("x,y,value\n1,1,-99\n", ["--censored-below", "-95"], "none of the 1 samples has a value"),
-        ("x,y,value\n99,1,20\n", [], "all 1 samples lie off the map, which reaches from"),
+        ("x,y,value\n99,1,20\n", [], "all 1 samples are off the map, which reaches from"),
         ("x,y,value\n1,1,20\n", ["--resolution", "0", "--method", "nearest"], "resolution must be"),
-        ("x,y,value\n1,1,nan\n", [], "there is no sample left: 1 sample without a number"),
+        ("x,y,value\n1,1,nan\n", [], "no usable sample: 1 sample without a number"),
         ("x,y,value\n1,1,20\n", ["--method", "krig"], "expected one of gmrf, kernel, nearest"),
         (
             "x,y,value\n1,1,20\n",
             ["--length-scale", "3"],
-            "takes --length-scale, --deviation, --sensor-noise",
+            "needs all of --length-scale, --deviation",
         ),
         ("x,y,value\n1,1,20\n", ["--sample-unit", "V", "--unit", "K"], "cannot be converted to"),
         ("x,y,value\n1,1,20\n", ["--add"], "the map has no layer 'samples' yet"),
@@ -337,8 +341,8 @@ def test_bad_input_is_one_error_and_saves_nothing(hypermap, flat, tmp_path, text
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        ([], "where are the samples?"),
-        (["drive.bag"], "which samples of drive.bag? give --topic TOPIC"),
+        ([], "no samples: give a table"),
+        (["drive.bag"], "drive.bag: give --topic TOPIC"),
         (["drive.bag", "--topic", "/t"], "give -o OUT.hmap"),
         (["drive.bag", "--topic", "/t", "-o", "x.hmap"], "drive.bag: there is no such file"),
         (["a.csv", "-o", "x.yaml"], "is saved as .hmap"),

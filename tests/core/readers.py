@@ -1,7 +1,7 @@
 """Ask maps from eight threads while every geometry that callers have is prepared.
 
 GEOS ends the program where two threads ask with one prepared geometry for the first time, so they
-are prepared anew for each round. By hand for longer: `python tests/core/readers.py 60`.
+are prepared again for each round. By hand for longer: `python tests/core/readers.py 60`.
 """
 
 from __future__ import annotations

@@ -182,7 +182,7 @@ def polygon(*corners: Any) -> shapely.Polygon:
         (shapely.Point(), TypeError, "a footprint must be a polygon or multipolygon, got Point"),
         (shapely.Polygon(), ValueError, "a footprint must not be empty"),
         (polygon((0, 0, 1), (1, 0, 1), (1, 1, 1)), ValueError,
-         "a footprint lies on the floor; its points must have two coordinates"),
+         "a footprint is 2D; its points must have two coordinates"),
         (polygon((0, 0), (1, 0), (1, math.inf)), ValueError,
          "a footprint must be finite and within 1e+09 m, got inf"),
         (polygon((0, 0), (math.nan, 0), (1, 1)), ValueError,

@@ -279,7 +279,7 @@ def test_few_objects_that_are_too_much_for_yaml_are_kept_as_parquet_too(
     save_map(Hypermap([layer]), tmp_path / "t.hmap")
     assert any(name.endswith(".parquet") for name in files_of(tmp_path / "t.hmap"))
     assert map_facts(open_map(tmp_path / "t.hmap")) == map_facts(Hypermap([layer]))
-    message = "too large to be read again; save the semantic layers as GeoParquet"
+    message = "too large to read back; save the semantic layers as GeoParquet"
     with pytest.raises(HypermapError, match=message):
         save_map(Hypermap([layer]), tmp_path / "yaml.hmap", semantic="yaml")
     monkeypatch.setitem(sys.modules, "pyarrow", None)

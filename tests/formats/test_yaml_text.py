@@ -99,7 +99,7 @@ def test_what_could_not_be_read_again_is_not_written(
     monkeypatch.setattr(limits, limit, value + 1)
     assert read_yaml(write_yaml(document), "f") == document
     monkeypatch.setattr(limits, limit, value)
-    with pytest.raises(HypermapError, match="23 bytes of YAML are too large to be read again"):
+    with pytest.raises(HypermapError, match="23 bytes of YAML are too large to read back"):
         write_yaml(document)
 
 

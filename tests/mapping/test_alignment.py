@@ -310,7 +310,7 @@ def test_a_bent_map_moves_exact_poses_no_more_once_images_tell(
     for frame in drive[0]:
         aligner.align(frame)
     left = aligner.corrections.summary()["as_recorded"]
-    assert any("bent map" in reason for reason in left)
+    assert any("distorted map" in reason for reason in left)
 
 
 def test_what_became_of_the_poses_is_counted(frames: list[RgbdFrame]) -> None:

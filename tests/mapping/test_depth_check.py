@@ -28,9 +28,9 @@ def frame(depth: Any) -> RgbdFrame:
         (ROOM * 5, None),  # a hall
         (EMPTY, None),  # which is another reason
         (np.where(np.arange(160) < 40, 65.535, ROOM), None),  # some of it
-        (ROOM * 1000, "half of its depth lies beyond 2360 m; are the units"),
+        (ROOM * 1000, "half of its depth is beyond 2360 m; are the units"),
         (np.full((120, 160), np.inf), None),
-        (np.full((120, 160), 65.535), "half of its depth lies beyond 66 m"),
+        (np.full((120, 160), 65.535), "half of its depth is beyond 66 m"),
         (np.where(np.arange(160) < 2, 1.0, 13.107) * np.ones((120, 1)), "its depth is saturated"),
     ],
 )

@@ -189,7 +189,7 @@ def test_map_recording_goes_on_with_a_map() -> None:
     first = map_recording(walk(3), boxes, CONFIG)
     made = map_recording(walk(), boxes, CONFIG, onto=first)
     assert made.metadata["frames"] == {"used": 6, "skipped": 0, "unusable": 0, "repeated": 3}
-    with pytest.raises(ValueError, match="has an occupancy layer already"):
+    with pytest.raises(ValueError, match="already has an occupancy layer"):
         map_recording(walk(), boxes, CONFIG, made["occupancy"], onto=first)
 
 
@@ -211,10 +211,14 @@ def _of_the_future(hypermap: Hypermap) -> Hypermap:
 @pytest.mark.parametrize(
     ("spoil", "options", "message"),
     [
-        (lambda _: Hypermap(), {}, "mapping did not make this map"),
+        (lambda _: Hypermap(), {}, "this map was not made by mapping"),
         (_without_state, {}, "the state of the mapper is not in the map, as after --drop-evidence"),
         (_damaged, {}, "mapper_state: is damaged: 'view.area.lengths' ends too early; map all"),
-        (_of_the_future, {}, "another version has made this map: config: evidence.telepathy: unk"),
+        (
+            _of_the_future,
+            {},
+            "made by another version: config: evidence.telepathy: unk",
+        ),
         (lambda m: m, {"config": profile("thesis")}, "made with perception: method: enclosed, not"),
         (lambda m: m, {"frame_id": "odom"}, "the poses are in the frame 'odom', and the map in"),
     ],
@@ -241,7 +245,7 @@ def test_a_map_whose_state_was_lost_opens_and_says_so(
     with caplog.at_level(logging.WARNING):
         lost = open_map(tmp_path / "b.hmap")
     assert len(lost["semantic"].objects()) == 1
-    assert "mapping cannot go on with this map" in caplog.text
+    assert "mapping cannot continue this map" in caplog.text
     with pytest.raises(HypermapError):
         Mapper.onto(lost, boxes)
 

@@ -128,7 +128,7 @@ def test_a_camera_that_hangs_upside_down_without_its_pose_saying_so_is_told() ->
         turned(frame, 180).moved_to(frame.map_T_camera) for frame in room()[:30]
     ]  # the images are upside down, and the pose is that of an upright camera
     found = wrong(frames)["upright"]
-    assert "turned by 180 degrees" in found.measured
+    assert "rotated by 180 degrees" in found.measured
     assert "tf" in found.remedy
 
 

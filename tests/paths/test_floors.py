@@ -127,11 +127,11 @@ def test_what_leads_nowhere_is_one_error_with_the_reason(connectors, goal, error
     ("entries", "error"),
     [
         ("lift", "metadata: connectors must be a list, got str"),
-        ([{"at": [1, 1], "there": [1, 1]}], r"connectors\[0\] is no lift or stairs.*'to'"),
-        ([{"at": [1], "there": [1, 1], "to": "b"}], r"connectors\[0\] is no lift or stairs"),
+        ([{"at": [1, 1], "there": [1, 1]}], r"connectors\[0\] is not a lift or stairs.*'to'"),
+        ([{"at": [1], "there": [1, 1], "to": "b"}], r"connectors\[0\] is not a lift or stairs"),
         ([{"at": [1, math.nan], "there": [1, 1], "to": "b"}], "places must be finite"),
         ([{"at": [1, 1], "there": [1, 1], "to": "b", "length": -1}], "a length must be 0 or more"),
-        (["b.hmap"], r"connectors\[0\] is no lift or stairs"),
+        (["b.hmap"], r"connectors\[0\] is not a lift or stairs"),
     ],
 )
 def test_wrong_metadata_is_one_error(entries, error):

@@ -130,9 +130,9 @@ def test_a_thing_behind_a_wall_is_not_in_sight():
             SemanticLayer("semantic", "map", [square("safe", 1.5, 1.5, 0)]),
         ]
     )
-    with pytest.raises(NoPath, match=r"safe 0 cannot be reached, because it is not in sight from"):
+    with pytest.raises(NoPath, match=r"safe 0 cannot be reached, because it is not visible from"):
         Planner(hypermap).approach("safe", 0.5)
-    with pytest.raises(NoPath, match=r"safe 0 cannot be reached, because it is not in sight from"):
+    with pytest.raises(NoPath, match=r"safe 0 cannot be reached, because it is not visible from"):
         Planner(hypermap).path("safe", [0.1, 0.1])
     assert Planner(hypermap).nearest("safe", [0.1, 0.1]) == []
 

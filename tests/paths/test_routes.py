@@ -172,5 +172,5 @@ def test_a_map_without_rooms_has_no_routes():
 
 def test_a_route_graph_is_not_taken_for_objects(floor):
     text = to_nav2_routes(route_graph(Planner(floor)))
-    with pytest.raises(HypermapError, match="is a route graph of nav2, which holds no objects"):
+    with pytest.raises(HypermapError, match="is a Nav2 route graph, which has no objects"):
         from_geojson(text, frame_id="map")

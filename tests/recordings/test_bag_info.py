@@ -143,7 +143,7 @@ NO_INFO = (
             with_message(INFO, CAMERA_INFO, {"width": WIDTH, "height": HEIGHT}),
             {},
             [
-                "the camera info holds no calibration (focal lengths must be positive, got 0.0, "
+                "the camera info contains no calibration (focal lengths must be positive, got 0.0, "
                 "0.0); give --intrinsics"
             ],
         ),

@@ -141,7 +141,7 @@ NO_CAMERA = (
     [
         (
             np.full((4, 5, 3), np.nan, np.float32),
-            "the cloud has too few points to tell the camera's intrinsics",
+            "the cloud has too few points to find the camera's intrinsics",
         ),
         (np.random.default_rng(2).uniform(1, 2, (20, 20, 3)).astype(np.float32), NO_CAMERA),
         (

@@ -130,7 +130,7 @@ def states_of(groups: list[int]) -> set[str]:
 def wait_for(condition: Callable[[], bool], what: str) -> None:
     end = time.monotonic() + 240
     while not condition():
-        assert time.monotonic() < end, f"waited in vain for {what}"
+        assert time.monotonic() < end, f"timed out waiting for {what}"
         time.sleep(0.1)
 
 

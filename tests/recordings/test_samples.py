@@ -236,7 +236,7 @@ def test_a_list_that_is_too_short_has_no_number(drive):
 def test_a_bag_without_tf_says_so(tmp_path):
     with BagBuilder(tmp_path, "db3") as bag:
         add_temperature(bag, 0.5, 20)
-    with pytest.raises(FormatError, match="there is no tf, so nobody knows where the sensor was"):
+    with pytest.raises(FormatError, match="there is no tf, so the poses of the sensor are unknown"):
         read_bag(bag.path, "/warmth")
 
 

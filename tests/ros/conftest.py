@@ -75,7 +75,7 @@ def wait_for(condition: Callable[[], Any], what: str, timeout: float = 120.0) ->
         if answer := condition():
             return answer
         time.sleep(0.02)
-    pytest.fail(f"waited {timeout:g} s in vain for {what}")
+    pytest.fail(f"no {what} after {timeout:g} s")
 
 
 class Process:

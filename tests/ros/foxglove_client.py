@@ -51,7 +51,7 @@ class Client:
         end = time.monotonic() + timeout
         while not (answer := condition()):
             if time.monotonic() > end:
-                raise AssertionError(f"waited {timeout:g} s in vain for {what}: {self.texts}")
+                raise AssertionError(f"no {what} after {timeout:g} s: {self.texts}")
             with suppress(TimeoutError):
                 self._receive(0.05)
         return answer

@@ -48,7 +48,7 @@ def server(rospy: Any, directory: Path) -> Iterator[Process]:
 
 @pytest.fixture
 def client(rospy: Any, server: Process) -> Client:
-    """Return a client of the server, which has loaded the floor anew and knows no area."""
+    """Return a client of the server, which has reloaded the floor and has no area."""
     client = Client(rospy, NODE)
     assert client.call("load_map", "LoadMap", filename="floor.hmap").success
     return client

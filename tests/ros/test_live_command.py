@@ -120,7 +120,7 @@ def test_a_killed_mapper_goes_on_with_what_it_has_saved(
         return open_map(output).metadata["frames"]["used"] if output.exists() else 0
 
     first = start(*command, "__name:=killed")
-    first.expect("begins anew")
+    first.expect("starts empty")
     first.expect("waiting for")
     player = start("rosbag", "play", *options, bag)
     wait_for(lambda: used() > 4, "a map of some frames")
@@ -131,7 +131,7 @@ def test_a_killed_mapper_goes_on_with_what_it_has_saved(
     player.stop(signal.SIGINT)
 
     second = start(*command, "__name:=goes_on")
-    second.expect(f"goes on with {output}, which has {len(saved['semantic'])} objects")
+    second.expect(f"continues {output}, which has {len(saved['semantic'])} objects")
     second.expect("waiting for")
     start("rosbag", "play", *options, bag).popen.wait(240)
     wait_for(lambda: used() > before, "more frames than were saved")

@@ -18,7 +18,7 @@ from hypermap.perception.detections import Detections
 from hypermap.perception.frame import Camera, RgbdFrame
 from hypermap.ros.mapper.diagnostics import diagnostic_array
 from hypermap.ros.mapper.frames import FrameMaker
-from hypermap.ros.mapper.inputs import Work
+from hypermap.ros.mapper.inputs import QueuedFrame
 from hypermap.ros.mapper.live_map import LiveMap
 from hypermap.ros.mapper.mailbox import Mailbox
 from hypermap.ros.mapper.semantic_mapper import SemanticMapper
@@ -204,12 +204,12 @@ def test_a_frame_from_before_a_jump_of_the_clock_does_not_make_those_after_it_ol
     worker = Worker(
         anything, settings, anything, anything, anything, statistics, Throttle(lambda *_: None)
     )
-    worker.put(Work(MatchedMessages(53, {"": anything}, {}), 0.0))
+    worker.put(QueuedFrame(MatchedMessages(53, {"": anything}, {}), 0.0))
     assert has_taken.wait(120)
     worker.jump()
     may_go_on.set()
     wait_for(lambda: sum(statistics.totals.values()) == 1, "the first frame")
-    worker.put(Work(MatchedMessages(1, {"": anything}, {}), 0.0))
+    worker.put(QueuedFrame(MatchedMessages(1, {"": anything}, {}), 0.0))
     wait_for(lambda: sum(statistics.totals.values()) == 2, "the second frame")
     worker.close()
     assert statistics.totals == {Fate.NO_CAMERA_INFO: 2}

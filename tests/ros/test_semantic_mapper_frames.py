@@ -154,7 +154,7 @@ def test_max_rate_takes_some_frames_only(room: Callable[..., Room], drive: list[
     [
         ((0, 0, 0, 0, 0, 0), None),
         ((0, 0, 0, 0.2, 0, 0), "its floor is tilted by 11 degrees"),
-        ((0, 0, -0.5, 0, 0, 0), "lies at z = -0.50 m, where z = 0 is expected ('map')"),
+        ((0, 0, -0.5, 0, 0, 0), "is at z = -0.50 m instead of z = 0 ('map')"),
     ],
     ids=["level", "tilted", "low"],
 )
@@ -170,5 +170,5 @@ def test_a_floor_that_is_off_is_told_once(
     node.map([frame.moved_to(compose(wrong, frame.map_T_camera)) for frame in drive[:12]])
     node.node.deactivate()
     node.node.deactivate()
-    assert len(node.logged("a map needs a level floor")) == (words is not None)
+    assert len(node.logged("the floor must be level")) == (words is not None)
     assert words is None or node.logged(words)

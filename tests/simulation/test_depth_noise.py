@@ -207,9 +207,9 @@ def test_a_preset_that_is_not_there_is_named_with_those_that_are() -> None:
     [
         (lambda: DepthNoise(axial=-1), "axial must be a number of at least 0, got -1"),
         (lambda: DepthNoise(edge_loss=math.nan), "edge_loss must be a number of at least 0"),
-        (lambda: DepthNoise(min_range=9), "min_range must lie below max_range"),
+        (lambda: DepthNoise(min_range=9), "min_range must be below max_range"),
         (lambda: DepthNoise(flying=1.5), "flying must be a share from 0 to 1, got 1.5"),
-        (lambda: DepthNoise(scale=math.nan), "scale must lie between -0.5 and 0.5, got nan"),
+        (lambda: DepthNoise(scale=math.nan), "scale must be between -0.5 and 0.5, got nan"),
         (lambda: DepthNoise(focal_baseline=0), "focal_baseline and correlation_length must be"),
     ],
 )

@@ -198,7 +198,7 @@ def test_the_same_seed_gives_the_same_bytes_at_each_level() -> None:
     [
         (lambda: MapNoise(bend=-1), "bend must be a number of at least 0, got -1"),
         (lambda: MapNoise(bend_length=0), "bend_length must be positive"),
-        (lambda: Errors(people=-1), "people must lie between 0 and 100, got -1"),
+        (lambda: Errors(people=-1), "people must be between 0 and 100, got -1"),
     ],
 )
 def test_errors_out_of_range_are_refused(make: object, message: str) -> None:

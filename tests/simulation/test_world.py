@@ -134,7 +134,7 @@ def test_a_world_file_becomes_plain_data(tmp_path: Path) -> None:
         (
             BASE + "objects: [{model: table, at: [2, 2]}, {model: cup, at: [2, 2], z: 0.9}]",
             "w.yaml: objects[1]: the cup at (2, 2) hangs in the air: nothing ends at its z of 0.9 "
-            "below it, and no wall is beside it; set its z to the height of what it stands on",
+            "below it, and no wall is next to it; set its z to the height of what it stands on",
         ),
         (
             BASE + "objects: [{model: table, at: [2, 2]}, {model: cup, at: [3, 2], z: 0.74}]",

@@ -134,9 +134,9 @@ def test_settings_are_taken_as_given_even_for_one_sample():
 @pytest.mark.parametrize(
     ("count", "below", "said"),
     [
-        (4, 0, "4 samples with a value do not tell how the quantity varies"),
+        (4, 0, "4 samples with a value are too few to estimate how the quantity varies"),
         (6, 6, "none of the 6 samples has a value"),
-        (6, 3, "3 samples with a value do not tell"),
+        (6, 3, "3 samples with a value are too few"),
     ],
 )
 def test_too_few_samples_are_refused_with_a_remedy(count, below, said):

@@ -189,7 +189,7 @@ def test_who_hears_of_a_change_at_once_hears_all_of_it(tmp_path):
         (
             {**add(), "polygon": None, "polygons": [[BED, [[5, 5], [6, 5], [6, 6]]]]},
             400,
-            "a hole does not lie within the outline, or meets another, near (5.00, 5.00)",
+            "a hole is not inside the outline, or touches another, near (5.00, 5.00)",
         ),
         (
             add(polygon=[[0, 0], [1e8, 0], [0, 1]]),

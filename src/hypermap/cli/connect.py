@@ -1,4 +1,4 @@
-"""`hypermap connect`: a lift or stairs between two maps."""
+"""`hypermap connect`: add a lift or stairs between two maps."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def command(
     path: MapPath,
     at: Annotated[
         str,
-        typer.Argument(metavar="X,Y", show_default=False, help="Where one gets in on MAP."),
+        typer.Argument(metavar="X,Y", show_default=False, help="Its position on MAP."),
     ],
     other: Annotated[
         Path,
@@ -37,38 +37,37 @@ def command(
     ],
     there: Annotated[
         str,
-        typer.Argument(metavar="X,Y", show_default=False, help="Where one gets out on OTHER."),
+        typer.Argument(metavar="X,Y", show_default=False, help="Its position on OTHER."),
     ],
     kind: Annotated[
-        str, typer.Option("--kind", metavar="KIND", help="What it is: lift, stairs, ...")
+        str, typer.Option("--kind", metavar="KIND", help="Kind: lift, stairs, ...")
     ] = "lift",
     name: Annotated[
         str,
-        typer.Option("--called", metavar="NAME", show_default=False, help="What it is called."),
+        typer.Option("--called", metavar="NAME", show_default=False, help="Its name."),
     ] = "",
     length: Annotated[
         float,
-        typer.Option(
-            "--counts-as", metavar="METERS", min=0, help="How many meters of a path it counts as."
-        ),
+        typer.Option("--counts-as", metavar="METERS", min=0, help="Length it adds to a path."),
     ] = 0.0,
     floor: Annotated[
         str | None,
         typer.Option(
-            "--floor", metavar="NAME", show_default=False, help="What the floor of MAP is called."
+            "--floor", metavar="NAME", show_default=False, help="Name of the floor of MAP."
         ),
     ] = None,
     other_floor: Annotated[
         str | None,
         typer.Option(
-            "--other-floor", metavar="NAME", show_default=False, help="And that of OTHER."
+            "--other-floor", metavar="NAME", show_default=False, help="Name of the floor of OTHER."
         ),
     ] = None,
 ) -> None:
-    """Connect two maps by a lift or stairs, so that paths lead from one to the other.
+    """Connect two maps by a lift or stairs, so that paths can lead from one to the other.
 
-    Both maps are saved with it; what lay there before stays as NAME.bak. Points are in meters, in
-    the base frame of each map. The same again replaces it, by its name, or else by its place.
+    This changes both maps; the old versions stay as NAME.bak. Positions are in meters, in the base
+    frame of each map. If there is already a lift or stairs of this name (or, without a name, at
+    this position), it is replaced.
 
     Examples:
         hypermap connect ground.hmap 1.5,2 upper.hmap 1.5,2 --called "lift A" --counts-as 10
@@ -81,9 +80,9 @@ def command(
     here, far = parse_point(at, "MAP"), parse_point(there, "OTHER")
     for file in (path, other):
         if file.suffix.lower() != ".hmap":
-            raise HypermapError(f"{file}: lifts and stairs are kept in an .hmap file")
+            raise HypermapError(f"{file}: only .hmap files can contain lifts and stairs")
     if path.absolute() == other.absolute():
-        raise HypermapError(f"{path}: a lift or stairs leads to another map")
+        raise HypermapError(f"{path}: a lift or stairs must lead to another map")
     connected = {
         path: _connected(path, here, other, far, kind, name, length, floor),
         other: _connected(other, far, path, here, kind, name, length, other_floor),
@@ -104,10 +103,10 @@ def _connected(
     length: float,
     floor: str | None,
 ) -> Hypermap:
-    """Return the map in a file with a lift or stairs to another, and perhaps its floor's name.
+    """Return the map in a file, with the lift or stairs and, if given, its floor's name.
 
     Raises:
-        HypermapError: If it is no map, or nobody can be at that place.
+        HypermapError: If the file is not a map, or the position is not free.
     """
     from hypermap.core.occupancy import OccupancyLayer
     from hypermap.formats import open_map

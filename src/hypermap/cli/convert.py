@@ -225,10 +225,10 @@ def _save_pgm(hypermap: Hypermap, target: Path, force: bool) -> None:
     from hypermap.formats.atomic import write_files
     from hypermap.formats.grid.pgm import dump_trinary, rounded
 
-    beside = target.with_suffix(".yaml")
+    yaml_file = target.with_suffix(".yaml")
     if target.suffix != ".pgm":
         raise HypermapError(f"{target}: a grid is saved as {target.with_suffix('.pgm').name}")
-    for file in (target, beside):
+    for file in (target, yaml_file):
         check_output(file, force)
     layer = _only_one(hypermap, (OccupancyLayer,), f"{target} can hold one grid")
     write_files(target.parent, dump_trinary(layer, target.stem))
@@ -236,7 +236,7 @@ def _save_pgm(hypermap: Hypermap, target: Path, force: bool) -> None:
     if lost := rounded(layer):
         note(f"rounded to free, occupied or unknown: {counted(lost, 'cell')}")
     note(
-        f"{beside.name} next to it says where the grid lies, but not that its frame is "
+        f"{yaml_file.name} next to it says where the grid lies, but not that its frame is "
         f"{layer.frame_id!r}"
     )
 

@@ -82,7 +82,7 @@ def command(
                 recording,
                 detections_from_recording(),
                 profile("default"),
-                on_progress=watched.beside(report),
+                on_progress=watched.with_progress(report),
                 watch=watched.frame,
             )
         truth = ground_truth(world)

@@ -43,10 +43,10 @@ def detection_source(
         return sources.detections_from_detector(load_detector(detector, labels, score))
     if detections is not None:
         return sources.detections_from_file(detections)
-    beside = recording.path / FILE
-    if beside.is_file():
-        note(f"taking detections from {beside}")
-        return sources.detections_from_file(beside)
+    own_file = recording.path / FILE
+    if own_file.is_file():
+        note(f"taking detections from {own_file}")
+        return sources.detections_from_file(own_file)
     len(recording)  # if it is damaged or incomplete, that comes first
     info = recording.info()
     if has_recorded_detections(info):

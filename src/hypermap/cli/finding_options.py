@@ -40,7 +40,7 @@ Detections = Annotated[
 Profile = Annotated[
     ProfileName | None,
     typer.Option(
-        show_default="default", help="thesis: the method of 2019. default: the best one we know."
+        show_default="default", help="thesis: the method of 2019. default: the best we have."
     ),
 ]
 Onto = Annotated[
@@ -48,8 +48,8 @@ Onto = Annotated[
     typer.Option(
         metavar="MAP",
         readable=False,
-        help="Add to this map: go on where `map` or `live` stopped. Frames that are in it already "
-        "do not count twice.",
+        help="Add to this map: continue where `map` or `live` stopped. Frames that it already "
+        "contains do not count twice.",
     ),
 ]
 Config = Annotated[

@@ -35,40 +35,42 @@ def command(
         typer.Argument(
             metavar="FROM",
             show_default=False,
-            help='Where the robot is: a point X,Y, a room, or an object, as "cup 3".',
+            help='Where the robot is: a point X,Y, a room, or an object such as "cup 3".',
         ),
     ],
     robot_radius: RobotRadius = None,
     max_range: Annotated[
-        float, typer.Option("--max-range", metavar="METERS", help="How far the sensor sees.")
+        float, typer.Option("--max-range", metavar="METERS", help="Maximum range of the sensor.")
     ] = 4.0,
     min_range: Annotated[
         float,
         typer.Option(
-            "--min-range", metavar="METERS", help="From where on: a camera looks over the floor."
+            "--min-range", metavar="METERS", help="Minimum range at which it sees the floor."
         ),
     ] = 0.0,
     fov: Annotated[
-        float, typer.Option("--fov", metavar="DEGREES", help="How wide the sensor sees.")
+        float, typer.Option("--fov", metavar="DEGREES", help="Horizontal field of view.")
     ] = 60.0,
     least_size: Annotated[
         float,
-        typer.Option(
-            "--least-size", metavar="METERS", help="Leave out frontiers that are shorter."
-        ),
+        typer.Option("--least-size", metavar="METERS", help="Leave out shorter frontiers."),
     ] = 0.5,
     least_gain: Annotated[
         float,
-        typer.Option("--least-gain", metavar="M2", help="Leave out those that show less."),
+        typer.Option(
+            "--least-gain",
+            metavar="M2",
+            help="Leave out frontiers that would show less.",
+        ),
     ] = 0.2,
     next_views: Annotated[
         bool,
-        typer.Option("--next-views", help="Tell also from where to look at unsure objects."),
+        typer.Option("--next-views", help="Also list viewpoints for uncertain objects."),
     ] = False,
     sure_from: Annotated[
         float,
         typer.Option(
-            "--sure-from", metavar="LOG_ODDS", help="Existence from which on an object is sure."
+            "--sure-from", metavar="LOG_ODDS", help="Existence below which an object is uncertain."
         ),
     ] = 5.0,
     keepout: Keepout = None,
@@ -76,11 +78,11 @@ def command(
     occupancy: OccupancyName = None,
     as_json: AsJson = False,
 ) -> None:
-    """Find where a robot should look next: borders of the unknown that it can reach.
+    """Find where a robot should look next: frontiers (borders of unknown space) that it can reach.
 
-    Each is told with its length, the path to where the robot can stand and look at it, and how much
-    of the unknown it could see from there. The best comes first: much to see, and near. With
-    --next-views, also from where to look at objects that were seen seldom, or from one side alone.
+    For each frontier, this prints its length, how much unknown area the robot would see, the length
+    of the path, and where to stand and look. The best come first: large and near. --next-views also
+    lists viewpoints for objects that were seen only a few times, or only from one side.
 
     Examples:
         hypermap frontiers office.hmap 1,1 --robot-radius 0.3
@@ -123,8 +125,8 @@ def command(
 def document(
     frontiers: Sequence[Frontier], views: Sequence[NextView] | None, frame_id: str
 ) -> dict[str, Any]:
-    """Return what `--json` prints, but for the map's path."""
-    told: dict[str, Any] = {
+    """Return what `--json` prints, without the map's path."""
+    document: dict[str, Any] = {
         "frame_id": frame_id,
         "frontiers": [
             {
@@ -139,7 +141,7 @@ def document(
         ],
     }
     if views is not None:
-        told["next_views"] = [
+        document["next_views"] = [
             {
                 "layer": each.item.layer,
                 "object": each.item.object.id,
@@ -153,7 +155,7 @@ def document(
             }
             for each in views
         ]
-    return told
+    return document
 
 
 def _pose(pose: Pose2D) -> dict[str, float]:
@@ -164,7 +166,7 @@ def _show(frontiers: Sequence[Frontier]) -> None:
     if not frontiers:
         say("no frontier can be reached")
         return
-    numbers = ("x", "y", "size", "shows m2", "path", "stand at", "turned to")
+    numbers = ("x", "y", "size", "gain m2", "path", "stand at", "heading")
     shown = table("frontier", *numbers, right=("frontier", *numbers))
     for i, each in enumerate(frontiers, 1):
         x, y = each.place_xy
@@ -182,19 +184,19 @@ def _show(frontiers: Sequence[Frontier]) -> None:
 
 def _show_views(views: Sequence[NextView]) -> None:
     if not views:
-        say("no unsure object can be seen from a new place")
+        say("no uncertain object can be seen from a new side")
         return
     shown = table(
         "object",
-        "unsure because",
+        "uncertain because",
         "path",
         "stand at",
-        "turned to",
-        right=("path", "stand at", "turned to"),
+        "heading",
+        right=("path", "stand at", "heading"),
     )
     for each in views:
         one = each.item.object
-        reasons = ["seen seldom"] * each.is_weak + ["seen from one side"] * each.is_one_sided
+        reasons = ["few observations"] * each.is_weak + ["seen from one side"] * each.is_one_sided
         name = printable(f"{one.name} {one.id}")
         shown.add_row(name, ", ".join(reasons), f"{each.distance:.1f}", *_stand(each.pose))
     out().print(shown)

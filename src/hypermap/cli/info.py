@@ -44,7 +44,7 @@ def command(
 
     Of a recording, some frames are looked at: is its floor level at z = 0, the unit of depth right,
     depth registered to color, do poses and images have one clock, and are the images upright? What
-    is wrong is told with what it does to a map and the option that mends it.
+    is wrong is printed with its effect on a map and the option that fixes it.
 
     The exit code is 0 even if something is missing for mapping. With --json, the list "missing" is
     empty if `hypermap map` can map the recording without further options.
@@ -282,8 +282,8 @@ def show_recording(content: dict[str, Any]) -> None:
     out().print(rows)
     for check in content["checks"]:
         if check["is_wrong"]:
-            told = "; ".join(check[part] for part in ("measured", "effect", "remedy"))
-            say(f"wrong: {check['check']}: {told}", style="bold")
+            problem = "; ".join(check[part] for part in ("measured", "effect", "remedy"))
+            say(f"wrong: {check['check']}: {problem}", style="bold")
         else:
             say(f"checked: {check['check']}: {check['measured']}")
     for text in content["notes"]:

@@ -80,9 +80,10 @@ def command(
     ] = None,
     force: ForceMap = False,
     depth_topic: Annotated[str | None, _topic("depth_topic", "registered to color.")] = None,
-    cloud_topic: Annotated[str | None, _topic("cloud_topic", "in place of depth.")] = None,
+    cloud_topic: Annotated[str | None, _topic("cloud_topic", "not with --depth-topic.")] = None,
     camera_info_topic: Annotated[
-        str | None, _topic("camera_info_topic", "else camera_info next to the depth images.")
+        str | None,
+        _topic("camera_info_topic", "else camera_info in the namespace of depth."),
     ] = None,
     color_topic: Annotated[str | None, _topic("color_topic", "for --detector.")] = None,
     detections_topic: Annotated[str | None, _topic("detections_topic", "of another node.")] = None,
@@ -94,7 +95,8 @@ def command(
         ),
     ] = DetectionsType.darknet,
     map_topic: Annotated[
-        str | None, _topic("map_topic", "in place of one made from depth; corrects poses.")
+        str | None,
+        _topic("map_topic", "not made from depth; corrects poses."),
     ] = None,
     detector: Detector = None,
     labels: Labels = None,
@@ -120,10 +122,9 @@ def command(
     The node subscribes to depth images or organized point clouds and tf. Detections come from
     --detector, --detections-topic or --detections. It publishes /semantic_map and saves the file -o
     every --save-every seconds and at the end. The service save_map saves it at once. If the machine
-    is too slow, frames are dropped, not queued. --onto goes on with a map of an earlier run, also
-    after a crash; if it is the file of -o, it need not exist at the first start. --param sets
-    parameters of the node. ROS arguments
-    (NAME:=VALUE, --ros-args ...) are passed to ROS.
+    is too slow, frames are dropped, not queued. --onto continues a map of an earlier run,
+    also after a crash; if it is the file of -o, it need not exist at the first start. --param sets
+    parameters of the node. ROS arguments (NAME:=VALUE, --ros-args ...) are passed to ROS.
 
     Examples:
         hypermap live --depth-topic /camera/aligned_depth_to_color/image_raw --color-topic

@@ -116,15 +116,15 @@ def command(
     what a recording contains and what is missing. `hypermap detectors` lists networks to download.
     --no-objects makes a map without objects.
 
-    The first frames, and now and then later ones, are checked: whether the floor is level at z = 0,
-    the unit of depth, whether depth is registered to color, the clocks of poses and images, and
-    whether the images are upright. What is wrong is told with the option that mends it.
+    A check of the first frames, and of some later ones, finds common problems: a floor that is not
+    level at z = 0, a wrong depth unit, depth that is not registered to color, different clocks for
+    poses and images, and images that are not upright. Each warning names the option that fixes it.
 
-    --onto goes on with a map of earlier drives, as if mapping had never stopped, and with its
-    settings. Other layers stay as they are. Frames that are in the map already count once.
+    --onto continues a map of earlier drives, with its settings, as if mapping had never stopped.
+    Other layers stay as they are. Frames that the map already contains do not count twice.
 
-    Ctrl-C, SIGTERM or the end of the terminal (SIGHUP) stops early and saves the map so far, with
-    the exit code 130, 143 or 129. With --view the page stays open afterward, until Ctrl-C.
+    Ctrl-C, SIGTERM or closing the terminal (SIGHUP) stops early and saves the map so far, with exit
+    code 130, 143 or 129. With --view, the page then stays open until Ctrl-C.
 
     Examples:
         hypermap map desk --detector yolox-nano -o desk.hmap
@@ -134,8 +134,6 @@ def command(
         hypermap map heads --level auto -o heads.hmap
     """
     from hypermap.cli.detection_source import detection_source
-    from hypermap.formats import save_map
-    from hypermap.formats.backup import keep_backup
     from hypermap.formats.grid.map_server import load_occupancy
     from hypermap.mapping.preflight import Preflight
 
@@ -171,15 +169,12 @@ def command(
                 onto,
             )
             if counts.used == 0 and is_same_file(output, onto):
-                known = f"{name} is in {output} already" if is_whole else f"stopped by {stop.name}"
-                note(f"{known}: there is nothing new, and the map stays")
+                known = (
+                    f"{output} already contains {name}" if is_whole else f"stopped by {stop.name}"
+                )
+                note(f"{known}: nothing new, the map is unchanged")
                 raise typer.Exit(0 if is_whole else stop.exit_code)
-            if not evidence:
-                _forget_evidence(hypermap)
-            backup = keep_backup(output, spare_edited=True)
-            save_map(hypermap, output)
-        if backup is not None:
-            note(f"the previous map is kept as {backup}" + _anew(backup, output, onto))
+            _save(hypermap, output, evidence, onto)
         _summarize(hypermap, output)
         _note_unseen(hypermap, settings)
         notes.remind()
@@ -236,7 +231,7 @@ def _make_map(
                     source,
                     settings,
                     occupancy,
-                    watched.beside(tell),
+                    watched.with_progress(tell),
                     watch if watchers else None,
                     preflight,
                     max_bad,
@@ -251,20 +246,33 @@ def _make_map(
     return hypermap, counts, not stoppable.ended_early
 
 
-def _anew(backup: Path, output: Path, onto: Path | None) -> str:
-    """Return what to say of a map that was replaced by one that knows nothing of it."""
+def _save(hypermap: Hypermap, output: Path, evidence: bool, onto: Path | None) -> None:
+    """Save the map, without its evidence if the user drops it, and keep what it replaces."""
+    from hypermap.formats import save_map
+    from hypermap.formats.backup import keep_backup
+
+    if not evidence:
+        _drop_evidence(hypermap)
+    backup = keep_backup(output, spare_edited=True)
+    save_map(hypermap, output)
+    if backup is not None:
+        note(f"the previous map is kept as {backup}" + _hint_onto(backup, output, onto))
+
+
+def _hint_onto(backup: Path, output: Path, onto: Path | None) -> str:
+    """Return a hint at --onto, if a map that could have been continued was replaced."""
     from hypermap.formats.backup import may_go_on
 
     if is_same_file(output, onto) or not may_go_on(backup):
         return ""
-    return f"; this one begins anew (--onto {shlex.quote(str(output))} would go on with it)"
+    return f"; the new map does not continue it (--onto {shlex.quote(str(output))} would)"
 
 
 def _note_frames(
     hypermap: Hypermap, counts: Counts, settings: MappingConfig, seconds: float, rate: float | None
 ) -> None:
     """Say what became of the frames; `rate` is their number per second once code is loaded."""
-    from hypermap.mapping.corrections import told
+    from hypermap.mapping.corrections import sentence
 
     pace = f" ({rate:.1f}/s after the first, which loads compiled code)" if rate else ""
     note(
@@ -273,7 +281,7 @@ def _note_frames(
         f"{counts.unusable} unusable"
     )
     if counts.repeated:
-        note(f"{counted(counts.repeated, 'frame')} in the map already, which count once")
+        note(f"{counted(counts.repeated, 'frame')} already in the map, not counted again")
     if surplus := hypermap.metadata.get("surplus_detections"):
         note(
             f"{counted(surplus, 'detection')} left out: only the best "
@@ -281,13 +289,13 @@ def _note_frames(
             "(perception: max_detections in --config)"
         )
     if corrections := hypermap.metadata.get("pose_corrections"):
-        note(told(corrections))
+        note(sentence(corrections))
     if settings.alignment.enabled and hypermap.metadata["poses"] == "as recorded":
         note("poses were used as recorded: without an occupancy map (--map) they are not corrected")
 
 
 def _note_unseen(hypermap: Hypermap, settings: MappingConfig) -> None:
-    """Say which objects that people have edited mapping would have taken out."""
+    """Name the objects that mapping would have removed if nobody had edited them by hand."""
     from hypermap.formats.backup import BY_HAND
     from hypermap.mapping.going_on import layer_of_objects
 
@@ -295,12 +303,12 @@ def _note_unseen(hypermap: Hypermap, settings: MappingConfig) -> None:
         is_there = item.existence is None or item.existence > settings.evidence.publish_above
         if BY_HAND in item.attributes and not is_there:
             note(
-                f"object {item.id} ({printable(item.name)}) was edited by hand and stays, though "
-                "it was not found where it should be"
+                f"object {item.id} ({printable(item.name)}) was not found again, but stays because "
+                "it was edited by hand"
             )
 
 
-def _forget_evidence(hypermap: Hypermap) -> None:
+def _drop_evidence(hypermap: Hypermap) -> None:
     from hypermap.core.semantic import SemanticLayer
 
     hypermap.mapper_state = None

@@ -34,7 +34,7 @@ def measured_options(
     if "time_offset" in measured:
         offset = clock_offset(islice(usable_frames(path, options), IN_A_ROW))
         if offset is None:
-            note("time offset: cannot be told, as frames lie too far apart or the motion is even")
+            note("time offset: unknown, as frames are too far apart or the motion is too uniform")
         else:
             note(f"time offset: {offset:.2f} s")
             options = replace(options, time_offset=offset)
@@ -64,7 +64,7 @@ def usable_frames(path: Path, options: RecordingOptions, most: int = 0) -> Itera
 def _leveled(path: Path, options: RecordingOptions) -> RecordingOptions:
     pose, floor = leveling_pose(usable_frames(path, options, SPREAD))
     if floor is None:
-        note("level: no floor is in sight, so the world stays as it is")
+        note("level: no floor is visible, so the world stays as it is")
         return options
     if (pose == compose()).all():
         note(f"level: within {floor.tilt_deg:.1f} degrees, so the world stays as it is")

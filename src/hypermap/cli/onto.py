@@ -1,4 +1,4 @@
-"""`--onto`: go on with a map of earlier drives."""
+"""`--onto`: continue a map of earlier drives."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def is_same_file(one: Path, other: Path | None) -> bool:
-    """Return whether two paths lead to the same file, which is there."""
+    """Return whether two paths lead to the same existing file."""
     return other is not None and one.exists() and other.exists() and one.samefile(other)
 
 
@@ -23,7 +23,7 @@ def map_to_go_on_with(path: Path | None, map_file: Path | None) -> Hypermap | No
     """Return the map of `--onto`; None if it is not given.
 
     Raises:
-        HypermapError: If it cannot be read, or `--map` is given, too.
+        HypermapError: If it cannot be read, or `--map` is also given.
     """
     from hypermap.formats import open_map
 
@@ -31,8 +31,8 @@ def map_to_go_on_with(path: Path | None, map_file: Path | None) -> Hypermap | No
         return None
     if map_file is not None:
         raise HypermapError(
-            f"--map: {path} has an occupancy layer already, with which mapping goes on; leave out "
-            "--map, or make a new map"
+            f"--map: mapping continues with the occupancy layer of {path}; leave out --map, or "
+            "make a new map"
         )
     return open_map(path)
 
@@ -45,7 +45,7 @@ def settings_of(
     score: float | None,
     has_network: bool,
 ) -> MappingConfig:
-    """Return the configuration that a user asks for: where nothing is asked, that of the map.
+    """Return the configuration that the user asks for, or else that of the map.
 
     Raises:
         HypermapError: If it cannot be read, or mapping cannot go on with the map.
@@ -63,7 +63,7 @@ def settings_of(
 
 @contextmanager
 def named(onto: Path | None) -> Iterator[None]:
-    """Let messages that mapping cannot go on with a map name its file."""
+    """Name the file in errors about maps that mapping cannot continue."""
     from hypermap.mapping.going_on import CannotGoOn
 
     try:

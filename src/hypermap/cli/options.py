@@ -115,7 +115,9 @@ def check_picture(path: Path) -> None:
     if not path.exists():
         return
     names_it = re.compile(rf"^image:\s*(['\"]?)(\./)?{re.escape(path.name)}\1\s*$", re.MULTILINE)
-    for beside in path.absolute().parent.glob("*.yaml"):
-        text = beside.read_bytes()[:_YAML_HEAD].decode(errors="replace")
+    for yaml_file in path.absolute().parent.glob("*.yaml"):
+        text = yaml_file.read_bytes()[:_YAML_HEAD].decode(errors="replace")
         if names_it.search(text):
-            raise HypermapError(f"{path}: this is the picture of the grid {beside.name}; it stays")
+            raise HypermapError(
+                f"{path}: this is the picture of the grid {yaml_file.name}; it stays"
+            )

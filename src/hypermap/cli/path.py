@@ -1,4 +1,4 @@
-"""`hypermap path`: the way from one place on a map to another."""
+"""`hypermap path`: the shortest path from one place on a map to another."""
 
 from __future__ import annotations
 
@@ -31,25 +31,27 @@ def command(
         typer.Argument(
             metavar="FROM",
             show_default=False,
-            help='A point X,Y, a room, or an object: by name, id, or both as "cup 3".',
+            help='Start: a point X,Y, a room, or an object by name, id, or both, such as "cup 3".',
         ),
     ],
     goal: Annotated[
-        str, typer.Argument(metavar="TO", show_default=False, help="The same, to where.")
+        str, typer.Argument(metavar="TO", show_default=False, help="Goal, in the same form.")
     ],
     robot_radius: RobotRadius = None,
     inflation_radius: InflationRadius = None,
     cost_scaling: Annotated[
         float,
         typer.Option(
-            "--cost-scaling", metavar="PER_METER", help="How fast that cost falls with distance."
+            "--cost-scaling",
+            metavar="PER_METER",
+            help="How fast the cost of --inflation-radius falls.",
         ),
     ] = 10.0,
     keepout: Keepout = None,
     through_unknown: ThroughUnknown = False,
     distance: Annotated[
         float,
-        typer.Option("--distance", metavar="METERS", help="How far from an object to stand."),
+        typer.Option("--distance", metavar="METERS", help="Distance to keep from a goal object."),
     ] = STAND_OFF,
     occupancy: OccupancyName = None,
     goal_map: Annotated[
@@ -58,16 +60,16 @@ def command(
             "--goal-map",
             metavar="FILE",
             show_default=False,
-            help="The map that TO is on, if it is another floor: by lifts and stairs.",
+            help="The map of TO, if it is on another floor that lifts or stairs lead to.",
         ),
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Find the shortest path for a robot, with the rooms and doors that it passes.
+    """Find the shortest path for a robot, with the rooms and doors along it.
 
-    To an object, it leads to where the robot can stand in front of it, facing it, with nothing in
-    between. Points are in meters, in the base frame of the map. The exit code is 2 if there is no
-    path; the message says why.
+    If the goal is an object, the path ends where the robot can stand in front of it and see it.
+    Points are in meters, in the base frame of the map. If there is no path, the exit code is 2 and
+    the message says why.
 
     Examples:
         hypermap path office.hmap 1,1 "cup 3"

@@ -1,4 +1,4 @@
-"""What the pre-flight check finds, told at once and again at the end."""
+"""Warnings of the pre-flight check, printed at once and again at the end."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ if TYPE_CHECKING:
 
 
 class PreflightNotes:
-    """Tells each fault when it is found, and at the end what to do about all of them."""
+    """Prints each problem when it is found, and all remedies at the end."""
 
     def __init__(self) -> None:
         self._found: list[Finding] = []
 
     def add(self, finding: Finding) -> None:
-        """Tell a fault."""
+        """Print a problem."""
         self._found.append(finding)
         note(f"warning: {finding}")
 
     def remind(self) -> None:
-        """Say again what mends the faults, if there are any."""
+        """Print the remedies again, if there were problems."""
         if self._found:
-            note("\nwarning: the map suffers from its recording; map it again:")
+            note("\nwarning: problems in the recording make the map worse; map it again with:")
             for finding in self._found:
                 note(f"  {finding.check}: {finding.remedy}")

@@ -66,14 +66,14 @@ def counting(what: str, total: int, units: str) -> Iterator[Callable[[], None]]:
 
 def _count_lines(what: str, total: int, units: str) -> Callable[[], None]:
     """Return what says now and then how many units are done."""
-    done, told = 0, time.monotonic()
+    done, last_shown = 0, time.monotonic()
 
     def count() -> None:
-        nonlocal done, told
+        nonlocal done, last_shown
         done += 1
         now = time.monotonic()
-        if now - told >= _EVERY and done < total:
-            told = now
+        if now - last_shown >= _EVERY and done < total:
+            last_shown = now
             note(f"{what}: {done} of {total} {units}")
 
     return count
@@ -102,13 +102,13 @@ def downloading(what: str, size: int) -> Iterator[Callable[[int], None]]:
 
 def _byte_lines(what: str, size: int) -> Callable[[int], None]:
     """Return what says now and then how many bytes are here."""
-    told = time.monotonic()
+    last_shown = time.monotonic()
 
     def report(have: int) -> None:
-        nonlocal told
+        nonlocal last_shown
         now = time.monotonic()
-        if now - told >= _EVERY and have < size:
-            told = now
+        if now - last_shown >= _EVERY and have < size:
+            last_shown = now
             note(f"{what}: {have / 1e6:.1f} of {size / 1e6:.1f} MB")
 
     return report
@@ -138,18 +138,18 @@ def _bar(total: int) -> Iterator[Report]:
 
 
 def _lines(total: int) -> Report:
-    pace, told = Pace(), 0.0
+    pace, last_shown = Pace(), 0.0
 
     def report(progress: Progress) -> None:
-        nonlocal told
+        nonlocal last_shown
         now = time.monotonic()
         rate = pace.after(progress.done)
         text = f"mapping: {progress.done} of {total} frames, {progress.objects} objects"
-        if rate and now - told < _EVERY:
+        if rate and now - last_shown < _EVERY:
             return
         if rate:
             text += f", {rate:.1f}/s, {(total - progress.done) / rate:.0f} s left"
-        told = now
+        last_shown = now
         note(text)
 
     return report

@@ -1,4 +1,4 @@
-"""Options for what a recording does not say itself.
+"""Options for data that a recording does not contain.
 
 Their defaults and checks are those of `RecordingOptions`; here is only how they are spelled.
 """
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from hypermap.perception.recording import Recording
     from hypermap.recordings import RecordingOptions
 
-PANEL = "What the recording does not say itself"
+PANEL = "What the recording does not contain"
 
 
 class _Option(NamedTuple):
@@ -66,7 +66,7 @@ OPTIONS = {
     ),
     "camera_frame": _Option(str, "FRAME", "Optical frame of the camera in a bag."),
     "depth_topic": _Option(str, "TOPIC", "Topic of the depth images."),
-    "cloud_topic": _Option(str, "TOPIC", "Topic of organized point clouds: instead of depth."),
+    "cloud_topic": _Option(str, "TOPIC", "Topic of organized point clouds, instead of depth."),
     "color_topic": _Option(str, "TOPIC", "Topic of the color images."),
     "camera_info_topic": _Option(str, "TOPIC", "Topic of the camera info."),
     "detections_topic": _Option(str, "TOPIC", "Topic of detections."),
@@ -79,12 +79,12 @@ OPTIONS = {
     "time_offset": _Option(
         str,
         "auto|SECONDS",
-        "How much later than an image's stamp its pose is to be looked up; `auto` measures it.",
+        "Delay from an image's stamp to the stamp of its pose; `auto` measures it.",
     ),
     "level": _Option(
         str,
         "auto",
-        "Level the world by the floor that depth shows, and put that at z = 0.",
+        "Level the world by the visible floor, and move the floor to z = 0.",
     ),
     "max_time_difference": _Option(
         float, "SECONDS", "Largest time difference between matching images."

@@ -1,4 +1,4 @@
-"""Options of what a robot is, and where it can be."""
+"""Options for the size of a robot and where it may drive."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ RobotRadius = Annotated[
         metavar="METERS",
         min=0,
         show_default=False,
-        help="Radius of the robot: which doors it fits through.",
+        help="Radius of the robot.",
     ),
 ]
 InflationRadius = Annotated[
@@ -28,17 +28,20 @@ InflationRadius = Annotated[
         "--inflation-radius",
         metavar="METERS",
         show_default=False,
-        help="Keep so far from walls where it costs little, as Nav2 does; 0: the shortest.",
+        help="Prefer paths at least this far from walls, like Nav2; 0: the shortest path.",
     ),
 ]
 Keepout = Annotated[list[str] | None, typer.Option(metavar=KEEPOUT_METAVAR, help=KEEPOUT_HELP)]
 ThroughUnknown = Annotated[
-    bool, typer.Option("--through-unknown", help="Unknown cells are free, too.")
+    bool, typer.Option("--through-unknown", help="Treat unknown cells as free.")
 ]
 OccupancyName = Annotated[
     str | None,
     typer.Option(
-        "--occupancy", metavar="NAME", show_default="the only one", help="The occupancy layer."
+        "--occupancy",
+        metavar="NAME",
+        show_default="the only one",
+        help="Name of the occupancy layer.",
     ),
 ]
 
@@ -49,7 +52,7 @@ def path_settings(
     cost_scaling: float | None = None,
     through_unknown: bool = False,
 ) -> PathSettings:
-    """Return settings of paths out of options; None stands for an option that was not given.
+    """Return the path settings of the options; None stands for an option that was not given.
 
     Raises:
         HypermapError: If one is negative or not finite; it names the option.

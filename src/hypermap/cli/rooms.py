@@ -1,4 +1,4 @@
-"""`hypermap rooms`: cut free space into rooms."""
+"""`hypermap rooms`: divide free space into rooms."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ def command(
     ] = None,
     occupancy: OccupancyName = None,
     least_area: Annotated[
-        float, typer.Option("--least-area", metavar="M2", help="A smaller place is no room.")
+        float, typer.Option("--least-area", metavar="M2", help="Minimum area of a room.")
     ] = 1.0,
     widest_door: Annotated[
         float,
         typer.Option(
             "--widest-door",
             metavar="METERS",
-            help="Two large rooms with a wider passage between them are one.",
+            help="Maximum width of a door. Two large rooms with a wider passage are one room.",
         ),
     ] = 2.2,
     widest_opening: Annotated[
@@ -46,7 +46,7 @@ def command(
         typer.Option(
             "--widest-opening",
             metavar="METERS",
-            help="A room may stand open so far to a corridor.",
+            help="Maximum width of an opening between a room without a door and a corridor.",
         ),
     ] = 4.5,
     robot_radius: RobotRadius = None,
@@ -56,16 +56,16 @@ def command(
             "--kinds",
             metavar="FILE",
             show_default=False,
-            help="A table of your own for the kinds of rooms: YAML.",
+            help="YAML file with your own kinds of rooms.",
         ),
     ] = None,
     as_json: AsJson = False,
     force: Force = False,
 ) -> None:
-    """Find rooms, corridors and doors in the occupancy of a map, and what kind each room is.
+    """Find the rooms, corridors and doors of a map, and what kind each room is.
 
-    With -o, they become the layer "rooms" of the new map: objects with outlines and names. Where
-    the map has such a layer, its rooms keep their ids, and names that were given by hand.
+    With -o, they become the layer "rooms" of the new map: objects with outlines and names. If the
+    map already has such a layer, rooms keep their ids and the names given by hand.
 
     Examples:
         hypermap rooms office.hmap
@@ -130,7 +130,7 @@ def describe(rooms: Rooms, passing: Graph, robot_radius: float | None) -> dict[s
 
 def _show(rooms: Rooms, passing: Graph, robot_radius: float | None) -> None:
     if not len(rooms):
-        say("no room is as large as --least-area")
+        say("no room is larger than --least-area")
         return
     shown = table("id", "room", "kind", "sure", "m2", right=("id", "sure", "m2"))
     for room in rooms:
@@ -157,8 +157,8 @@ def _show_parts(rooms: Rooms, passing: Graph) -> None:
         parts.setdefault(part, []).append(printable(room.name))
     say()
     if len(parts) == 1:
-        say("the robot reaches every room from every other")
+        say("the robot can get from every room to every other")
         return
-    say(f"there is no path from one of these {counted(len(parts), 'group')} to another:")
+    say(f"no path connects these {counted(len(parts), 'group')} of rooms:")
     for names in parts.values():
         say(f"  {', '.join(names)}")

@@ -58,7 +58,7 @@ def command(
     ] = "robot",
     sensor: Annotated[str, typer.Option(metavar=SENSORS, help=WHAT_SENSOR)] = "kinect_v1",
     seed: Annotated[
-        int, typer.Option(min=0, help="Random seed: of all errors, and of where furniture stands.")
+        int, typer.Option(min=0, help="Random seed for all errors and the placement of furniture.")
     ] = 0,
     rate: Annotated[float, typer.Option(min=0.01, max=100, help="Frames per second.")] = 3.0,
     image_size: Annotated[
@@ -70,7 +70,7 @@ def command(
             metavar="SHARE",
             min=0,
             max=1,
-            help="Frames that broken sensors spoil: covered, torn, frozen, astray, ...",
+            help="Share of bad frames, as from broken sensors: covered, torn, frozen, ...",
         ),
     ] = 0.0,
 ) -> None:
@@ -111,8 +111,8 @@ def command(
     say(f"recording  {output}: {len(recording)} frames in {recording.info().duration:.0f} s")
     if recording.faults:
         kinds = Counter(recording.faults.values())
-        told = ", ".join(f"{count} {kind}" for kind, count in kinds.most_common())
-        say(f"bad frames {len(recording.faults)}: {told}")
+        listed = ", ".join(f"{count} {kind}" for kind, count in kinds.most_common())
+        say(f"bad frames {len(recording.faults)}: {listed}")
     say(f"true map   {truth_file}: {len(described.objects)} objects")
 
 

@@ -1,4 +1,4 @@
-"""Where `hypermap values` gets its samples from: a bag, a table, or what a layer has kept."""
+"""The samples of `hypermap values`: from a bag, a table, or a layer that keeps them."""
 
 from __future__ import annotations
 
@@ -28,19 +28,19 @@ _SOURCES = (
 def check_sources(
     source: Path | None, table: Path | None, topic: str | None, is_again: bool
 ) -> None:
-    """Raise a HypermapError unless it is clear where the samples are."""
+    """Raise a HypermapError unless the options say where the samples are."""
     if source is None and table is None:
-        raise HypermapError("where are the samples? give a table of them, or a bag and --topic")
+        raise HypermapError("no samples: give a table (.csv), or a bag and --topic")
     if topic is not None and table is not None:
         raise HypermapError("give either --topic or --samples, not both")
     if topic is not None and (source is None or is_again):
-        raise HypermapError("--topic names a topic of a bag; give the bag, too")
+        raise HypermapError("--topic needs a bag as SOURCE")
     if source is not None and not is_again:
         endings = _POSES if table is not None else _BAGS
         if source.is_file() and source.suffix.lower() not in endings:
             raise HypermapError(f"{source}: expected {_SOURCES[table is not None]}")
     if topic is None and table is None and not is_again:
-        raise HypermapError(f"which samples of {source}? give --topic TOPIC, or --samples FILE")
+        raise HypermapError(f"{source}: give --topic TOPIC or --samples FILE, too")
 
 
 def read(
@@ -52,7 +52,7 @@ def read(
     sensor_frame: str | None,
     censored_below: float | None,
 ) -> Measured:
-    """Return the samples of a table or a bag, in a frame of the map."""
+    """Return the samples of a table or a bag, in a given frame."""
     from hypermap.recordings.samples import message_count, read_bag, read_table
 
     if table is not None:
@@ -75,7 +75,7 @@ def read(
 
 
 def _motion(source: Path, frame: str, sensor_frame: str | None) -> Motion:
-    """Return where the sensor was, by a trajectory or a bag."""
+    """Return the motion of the sensor, from a trajectory or a bag."""
     from hypermap.recordings.samples import motion_in_bag
     from hypermap.recordings.samples.bag import MAX_GAP
     from hypermap.recordings.tum import read_trajectory
@@ -88,29 +88,64 @@ def _motion(source: Path, frame: str, sensor_frame: str | None) -> Motion:
     return motion_in_bag(source, frame, sensor_frame)
 
 
-def layer_to_join(hypermap: Hypermap, name: str, add: bool) -> ValueLayer:
-    """Return the layer that there is already, if samples are to be added to it."""
+def read_layer(
+    file: Path,
+    quantity: str | None,
+    frame: str,
+    censored_below: float | None,
+    sample_unit: str | None,
+    unit: str | None,
+) -> Measured:
+    """Return the samples that a value layer of a map file keeps, in a given frame."""
+    from hypermap.formats import open_map
     from hypermap.values import value_layer_called
 
+    hypermap = open_map(file)
+    layer = value_layer_called(hypermap, quantity)
+    measured = _kept(hypermap, layer, frame, censored_below)
+    return _in_unit(measured, sample_unit, unit or layer.unit)
+
+
+def joined(
+    hypermap: Hypermap,
+    name: str,
+    add: bool,
+    frame: str,
+    measured: Measured,
+    sample_unit: str | None,
+    unit: str | None,
+) -> Measured:
+    """Return new samples in the unit of the layer, after those that the layer keeps if `add`.
+
+    Raises:
+        HypermapError: If `add` is set and there is no such layer, or the other way round.
+    """
+    from hypermap.values import value_layer_called
+
+    if name not in hypermap and not add:
+        return _in_unit(measured, sample_unit, unit)
     if name not in hypermap:
         raise HypermapError(f"--add: the map has no layer {name!r} yet")
     if not add:
         raise HypermapError(
-            f"the map has a layer {name!r} already; give --add to join the samples with its own, "
-            "or another name with --quantity"
+            f"the map already has a layer {name!r}; give --add to add the samples to it, or "
+            "another name with --quantity"
         )
-    return value_layer_called(hypermap, name)
+    layer = value_layer_called(hypermap, name)
+    measured = _in_unit(measured, sample_unit, unit or layer.unit)
+    before = _in_unit(_kept(hypermap, layer, frame), None, measured.unit)
+    return replace(measured, samples=before.samples.joined(measured.samples))
 
 
-def kept(
+def _kept(
     hypermap: Hypermap, layer: ValueLayer, frame: str, censored_below: float | None = None
 ) -> Measured:
-    """Return the samples that a layer of a map has kept, in a frame of that map."""
+    """Return the samples that a layer of a map keeps, in a frame of that map."""
     from hypermap.recordings.samples import Measured
 
     samples = layer.samples
     if samples is None:
-        raise HypermapError(f"layer {layer.name!r} has kept no samples")
+        raise HypermapError(f"layer {layer.name!r} contains no samples")
     if layer.frame_id != frame:
         pose = hypermap.frames.lookup(frame, layer.frame_id)
         samples = replace(samples, points_xy=pose.apply(samples.points_xy))
@@ -119,14 +154,14 @@ def kept(
     return Measured(samples, layer.unit, layer.name)
 
 
-def in_unit(measured: Measured, of_samples: str | None, wanted: str | None) -> Measured:
-    """Return the samples in the unit that the layer is to have."""
+def _in_unit(measured: Measured, of_samples: str | None, wanted: str | None) -> Measured:
+    """Return the samples, converted to the unit of the layer."""
     from hypermap.values.units import converted, unit_named
 
     if of_samples is not None and measured.unit not in ("", unit_named(of_samples)):
         raise HypermapError(
-            f"--sample-unit {of_samples}: the samples are in {measured.unit}, by the kind of "
-            "message; name the unit of the layer with --unit"
+            f"--sample-unit {of_samples}: these samples are in {measured.unit}; give the unit of "
+            "the layer with --unit"
         )
     unit = unit_named(of_samples or measured.unit or wanted or "")
     target = unit_named(wanted or unit)

@@ -1,4 +1,4 @@
-"""`hypermap values`: from samples of a quantity to a layer of a map."""
+"""`hypermap values`: make a map layer from samples of a quantity."""
 
 from __future__ import annotations
 
@@ -9,13 +9,7 @@ import typer
 
 from hypermap.cli.options import AsJson, Force, check_output
 from hypermap.cli.terminal import note, say, say_json
-from hypermap.cli.value_sources import (
-    check_sources,
-    in_unit,
-    kept,
-    layer_to_join,
-    read,
-)
+from hypermap.cli.value_sources import check_sources, joined, read, read_layer
 from hypermap.core.errors import FileMissing, HypermapError
 from hypermap.text import counted, printable
 
@@ -27,7 +21,7 @@ if TYPE_CHECKING:
     from hypermap.core.value_layer import ValueLayer
     from hypermap.values import FieldSettings
 
-_SAMPLES, _PLACE, _MAKING = "The samples", "Where they were taken", "How values are made of them"
+_SAMPLES, _PLACE, _METHOD = "Samples", "Where they were taken", "How values are computed"
 
 
 def command(
@@ -37,9 +31,9 @@ def command(
             metavar="SOURCE",
             readable=False,
             show_default=False,
-            help="A table of samples (.csv); a ROS bag with their topic; a bag, or a trajectory "
-            "(.txt, TUM format), with the poses for --samples; or a map, whose samples are used "
-            "again.",
+            help="A table of samples (.csv), or a ROS bag with --topic. With --samples: a bag or a "
+            "trajectory (.txt, TUM format) that has the poses. Or a map (.hmap) whose samples are "
+            "used again.",
         ),
     ] = None,
     output: Annotated[
@@ -53,8 +47,8 @@ def command(
             metavar="MAP",
             readable=False,
             show_default=False,
-            help="Add to this map: its occupancy layer tells the walls. Without it, the result is "
-            "a new map without walls.",
+            help="Add to this map: its occupancy layer provides the walls. Otherwise, the result "
+            "is a new map without walls.",
         ),
     ] = None,
     quantity: Annotated[
@@ -62,8 +56,8 @@ def command(
         typer.Option(
             "--quantity",
             metavar="NAME",
-            show_default="as the samples say",
-            help="What was measured, such as temperature: the name of the layer.",
+            show_default="taken from the samples",
+            help="What was measured, such as temperature. It becomes the name of the layer.",
         ),
     ] = None,
     unit: Annotated[
@@ -71,7 +65,7 @@ def command(
         typer.Option(
             "--unit",
             metavar="UNIT",
-            show_default="that of the samples",
+            show_default="unit of the samples",
             help="Unit of the layer, such as degC, dBm or ppm.",
         ),
     ] = None,
@@ -84,8 +78,8 @@ def command(
         typer.Option(
             "--samples",
             metavar="FILE",
-            help="A table of samples whose poses are in SOURCE: CSV with the columns stamp and "
-            "value.",
+            help="A table of samples without poses, which SOURCE has: CSV with the columns stamp "
+            "and value.",
             rich_help_panel=_SAMPLES,
         ),
     ] = None,
@@ -94,8 +88,8 @@ def command(
         typer.Option(
             "--field",
             metavar="PATH",
-            help="Which number of a message it is, such as rssi or signal.level or values[0]; of "
-            "diagnostics the key; of a table the column.",
+            help="Where the value is: a field of the message, such as rssi, signal.level or "
+            "values[0]; a key of diagnostics; a column of a table.",
             rich_help_panel=_SAMPLES,
         ),
     ] = None,
@@ -104,7 +98,7 @@ def command(
         typer.Option(
             "--sample-unit",
             metavar="UNIT",
-            help="Unit of the samples, if the message does not say and it is not --unit.",
+            help="Unit of the samples, if it differs from --unit and the message does not give it.",
             rich_help_panel=_SAMPLES,
         ),
     ] = None,
@@ -113,15 +107,17 @@ def command(
         typer.Option(
             "--censored-below",
             metavar="N",
-            help="The sensor hears nothing below this, in the samples' unit: NaN, an empty cell "
-            "and smaller values all mean less than this.",
+            help="Detection limit of the sensor, in the samples' unit: NaN, an empty cell and "
+            'smaller values all mean "below this".',
             rich_help_panel=_SAMPLES,
         ),
     ] = None,
     add: Annotated[
         bool,
         typer.Option(
-            "--add", help="Join the samples with those of the layer.", rich_help_panel=_SAMPLES
+            "--add",
+            help="Combine the samples with those already in the layer.",
+            rich_help_panel=_SAMPLES,
         ),
     ] = False,
     sensor_frame: Annotated[
@@ -129,7 +125,7 @@ def command(
         typer.Option(
             "--sensor-frame",
             metavar="FRAME",
-            show_default="that of the messages, or base_link",
+            show_default="frame_id of the messages, or base_link",
             help="Frame of the sensor in tf.",
             rich_help_panel=_PLACE,
         ),
@@ -150,7 +146,7 @@ def command(
             "--occupancy",
             metavar="NAME",
             show_default="the only one",
-            help="The occupancy layer.",
+            help="Name of the occupancy layer.",
             rich_help_panel=_PLACE,
         ),
     ] = None,
@@ -159,9 +155,9 @@ def command(
         typer.Option(
             "--method",
             metavar="gmrf|kernel|nearest",
-            help="gmrf: knows walls, and how sure a value is; kernel: quick; nearest: the nearest "
-            "sample.",
-            rich_help_panel=_MAKING,
+            help="gmrf: respects walls, with well-calibrated deviations. kernel: faster. nearest: "
+            "the nearest sample.",
+            rich_help_panel=_METHOD,
         ),
     ] = "gmrf",
     resolution: Annotated[
@@ -170,9 +166,9 @@ def command(
             "--resolution",
             metavar="METERS",
             min=0,
-            show_default="0.25, or more on a large floor",
-            help="Side of a cell.",
-            rich_help_panel=_MAKING,
+            show_default="0.25, or coarser on a large floor",
+            help="Cell size.",
+            rich_help_panel=_METHOD,
         ),
     ] = None,
     length: Annotated[
@@ -181,9 +177,9 @@ def command(
             "--length-scale",
             metavar="METERS",
             show_default="found from the samples",
-            help="How far apart places are that have little to do with each other; of the kernel, "
-            "its width.",
-            rich_help_panel=_MAKING,
+            help="Distance over which values are correlated; for the method kernel, the width of "
+            "the kernel.",
+            rich_help_panel=_METHOD,
         ),
     ] = None,
     deviation: Annotated[
@@ -193,7 +189,7 @@ def command(
             metavar="N",
             show_default="found from the samples",
             help="Standard deviation of the quantity over the floor.",
-            rich_help_panel=_MAKING,
+            rich_help_panel=_METHOD,
         ),
     ] = None,
     sensor_noise: Annotated[
@@ -202,19 +198,19 @@ def command(
             "--sensor-noise",
             metavar="N",
             show_default="found from the samples",
-            help="Standard deviation of a sample at one place.",
-            rich_help_panel=_MAKING,
+            help="Standard deviation of repeated samples at one place.",
+            rich_help_panel=_METHOD,
         ),
     ] = None,
     as_json: AsJson = False,
     force: Force = False,
 ) -> None:
-    """Make a layer of a measured quantity: temperature, WiFi, gas, light.
+    """Make a map layer of a measured quantity, such as temperature, WiFi, gas or light.
 
-    Between the samples stand the most probable values, with their standard deviation; where no
-    sample says anything, there is no value. The layer keeps the samples, so that it can be made
-    again with other settings. The first line of a table names its columns: x, y and value, and
-    perhaps stamp.
+    The layer contains the most probable value of each cell, with its standard deviation. Cells too
+    far from any sample have no value. The layer also keeps the samples, so you can compute it again
+    with other settings. A table needs a header line with the columns x, y and value; stamp is
+    optional.
 
     Examples:
         hypermap values samples.csv --onto office.hmap -o warm.hmap --unit degC
@@ -226,7 +222,7 @@ def command(
     """
     from hypermap.core.hypermap import Hypermap
     from hypermap.formats import open_map, save_map
-    from hypermap.values import METHODS, value_layer_called, value_layer_of
+    from hypermap.values import value_layer_of
 
     if source is not None and table is None and source.suffix.lower() == ".csv":
         source, table = None, source
@@ -234,13 +230,7 @@ def command(
     check_sources(source, table, topic, is_again)
     if add and is_again:
         raise HypermapError(f"--add: {source} has no new samples; give a table or a bag")
-    if method not in METHODS:
-        raise HypermapError(f"--method {method!r}: expected one of {', '.join(METHODS)}")
-    if output is None:
-        raise HypermapError("where is the map to be saved? give -o OUT.hmap")
-    if output.suffix.lower() != ".hmap":
-        raise HypermapError(f"{output}: a map with measured values is saved as .hmap")
-    check_output(output, force)
+    output = _checked(method, output, force)
     if source is not None and not source.exists():
         raise FileMissing(f"{source}: there is no such file or folder")
     settings = _settings(method, length, deviation, sensor_noise)
@@ -248,27 +238,18 @@ def command(
     hypermap = Hypermap() if onto is None else open_map(onto)
     walls = _walls(hypermap, occupancy)
     frame = _frame(hypermap, walls, map_frame)
-
-    older: ValueLayer | None = None
     if is_again:
         assert source is not None
-        again = open_map(source)
-        older = value_layer_called(again, quantity)
-        measured = kept(again, older, frame, censored_below)
+        measured = read_layer(source, quantity, frame, censored_below, sample_unit, unit)
+        name = quantity or measured.quantity
     else:
         tf_frame = map_frame or frame
         measured = read(source, table, topic, field, tf_frame, sensor_frame, censored_below)
-    name = quantity or measured.quantity or "value"
-    if not is_again and (name in hypermap or add):
-        older = layer_to_join(hypermap, name, add)
-    of_older = None if older is None else older.unit
-    measured = in_unit(measured, sample_unit, unit or of_older)
+        name = quantity or measured.quantity or "value"
+        measured = joined(hypermap, name, add, frame, measured, sample_unit, unit)
     samples = measured.samples
-    if add and older is not None:
-        before = in_unit(kept(hypermap, older, frame), None, measured.unit)
-        samples = before.samples.joined(samples)
     if not len(samples):
-        raise HypermapError(f"there is no sample left: {_told(measured.left_out)}")
+        raise HypermapError(f"no usable sample: {_reasons(measured.left_out)}")
     note(f"{method}: {counted(len(samples), 'sample')} ...")
     layer = value_layer_of(
         name,
@@ -292,10 +273,24 @@ def command(
     note(f"saved {output}")
 
 
+def _checked(method: str, output: Path | None, force: bool) -> Path:
+    """Return where to save; raises a HypermapError if it or the method is not possible."""
+    from hypermap.values import METHODS
+
+    if method not in METHODS:
+        raise HypermapError(f"--method {method!r}: expected one of {', '.join(METHODS)}")
+    if output is None:
+        raise HypermapError("no output file: give -o OUT.hmap")
+    if output.suffix.lower() != ".hmap":
+        raise HypermapError(f"{output}: a map with measured values is saved as .hmap")
+    check_output(output, force)
+    return output
+
+
 def _settings(
     method: str, length: float | None, deviation: float | None, noise: float | None
 ) -> FieldSettings | None:
-    """Return what the user said of the field; None for nothing."""
+    """Return the settings that the user has given; None for none."""
     from hypermap.values import FieldSettings
 
     given = {"--length-scale": length, "--deviation": deviation, "--sensor-noise": noise}
@@ -303,10 +298,10 @@ def _settings(
     if not said:
         return None
     if method == "nearest":
-        raise HypermapError(f"{said[0]} means nothing for the method nearest")
+        raise HypermapError(f"{said[0]} has no effect with the method nearest")
     needed = ["--length-scale"] if method == "kernel" else list(given)
     if said != needed:
-        raise HypermapError(f"the method {method} takes {', '.join(needed)} together, or none")
+        raise HypermapError(f"the method {method} needs all of {', '.join(needed)}, or none")
     try:
         return FieldSettings(length or 0.0, deviation or 1.0, noise or 1.0)
     except ValueError as error:
@@ -318,20 +313,20 @@ def _walls(hypermap: Hypermap, name: str | None) -> OccupancyLayer | None:
     from hypermap.core.occupancy import OccupancyLayer
 
     if name is None and not any(isinstance(layer, OccupancyLayer) for layer in hypermap):
-        note("the map has no occupancy, so no walls are known")
+        note("the map has no occupancy layer, so there are no walls")
         return None
     return hypermap.occupancy(name)
 
 
 def _frame(hypermap: Hypermap, walls: OccupancyLayer | None, named: str | None) -> str:
-    """Return the frame of the layer; a map without any layer takes the one that is named."""
+    """Return the frame of the new layer; `named` counts only for a map without layers."""
     if walls is not None:
         return walls.frame_id
     return hypermap.base_frame if len(hypermap.layers) else named or hypermap.base_frame
 
 
 def _with_layer(hypermap: Hypermap, layer: ValueLayer) -> Hypermap:
-    """Return the map with the layer, in the place of an older one of that name."""
+    """Return the map with the layer, which replaces an older one of that name."""
     from hypermap.core.hypermap import Hypermap
 
     layers: Sequence[Any] = list(hypermap)
@@ -368,15 +363,15 @@ def _show(layer: ValueLayer, left_out: dict[str, int]) -> None:
     say(printable(layer.summary(), 200))
     not_heard = int(layer.samples.is_below.sum())
     if not_heard:
-        say(f"not heard: {counted(not_heard, 'sample')}")
+        say(f"below the limit: {counted(not_heard, 'sample')}")
     made_by = [
         f"{name} {number:.3g}" if isinstance(number, float) else f"{name} {number}"
         for name, number in layer.made_by.items()
     ]
     say(printable(f"made by: {', '.join(made_by)}", 200))
     if left_out:
-        note(f"left out: {_told(left_out)}")
+        note(f"left out: {_reasons(left_out)}")
 
 
-def _told(left_out: dict[str, int]) -> str:
+def _reasons(left_out: dict[str, int]) -> str:
     return ", ".join(f"{counted(count, 'sample')} {why}" for why, count in left_out.items())

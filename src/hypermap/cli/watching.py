@@ -53,25 +53,24 @@ class Watched(Protocol):
     """An observer of a run.
 
     Attributes:
-        frame: for `map_recording`, which calls it with each frame that was mapped; None where
-            nobody watches.
+        frame: callback for `map_recording`, called with each mapped frame; None if nobody watches.
     """
 
     @property
     def frame(self) -> Callable[[MappedFrame, Mapper], None] | None:
-        """Return the one to be called."""
+        """Return the callback."""
 
-    def beside(self, report: Report) -> Report:
-        """Return what tells a report, and whoever watches, how far mapping has come."""
+    def with_progress(self, report: Report) -> Report:
+        """Return a callback that passes progress on to `report` and to the observer."""
 
     def finish(self, message: str) -> None:
-        """Say that the map is saved, and show the run, and the map, until Ctrl-C."""
+        """Say that the map is saved, and serve the run and the map until Ctrl-C."""
 
 
 class _Nobody:
     frame = None
 
-    def beside(self, report: Report) -> Report:
+    def with_progress(self, report: Report) -> Report:
         return report
 
     def finish(self, message: str) -> None:
@@ -87,7 +86,7 @@ class _Page:
         self._output = output
         self.frame: Callable[[MappedFrame, Mapper], None] = run.watch
 
-    def beside(self, report: Report) -> Report:
+    def with_progress(self, report: Report) -> Report:
         def both(progress: Progress) -> None:
             report(progress)
             self._run.progress(progress)
@@ -117,10 +116,10 @@ class _Page:
 def watching(
     view: bool, recording: str, output: Path, total: int, port: int | None, browser: bool
 ) -> Iterator[Watched]:
-    """Serve the page that shows a run while the caller maps, if the user wants to see it.
+    """Serve the page that shows a run while the caller maps, if the user wants it.
 
     Args:
-        view: whether the user does.
+        view: whether the user wants to watch.
         recording: name of what is mapped.
         output: where the map will be saved.
         total: frames of the recording, at most.

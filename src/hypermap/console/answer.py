@@ -43,8 +43,8 @@ def shown(question: Question, rows: Sequence[Row]) -> Shown:
     listed = [row for row in rows if "object" in row] if cells_are_counted else rows
     of_cells = [row for row in rows if cells_are_counted and "object" not in row]
     cells = Counter((row["layer"], row["label"]) for row in of_cells if "unit" not in row)
-    told = ("deviation", "distance", "area")
-    numbers = ["value", "x", "y", *(key for key in told if any(key in row for row in listed))]
+    optional = ("deviation", "distance", "area")
+    numbers = ["value", "x", "y", *(key for key in optional if any(key in row for row in listed))]
     also = (key for key in ("room", "measured") if any(key in row for row in listed))
     names = ("layer", "label", *also)
     texts = [

@@ -85,7 +85,7 @@ def with_values(
     """
     layer = value_layer_called(hypermap, name)
     above, below = limits
-    told = []
+    pairs = []
     for item, found in zip(objects, summaries_of(hypermap, layer.name, objects), strict=True):
         if limits != (None, None) and not (
             found.count
@@ -102,8 +102,8 @@ def with_values(
             "max": _known(found.most),
             "cells": found.count,
         }
-        told.append((item, measured))
-    return sorted(told, key=lambda pair: math.inf if pair[1]["mean"] is None else pair[1]["mean"])
+        pairs.append((item, measured))
+    return sorted(pairs, key=lambda pair: math.inf if pair[1]["mean"] is None else pair[1]["mean"])
 
 
 def _label(layer: ValueLayer, limits: Limits) -> str:

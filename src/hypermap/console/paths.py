@@ -1,4 +1,4 @@
-"""Paths as people ask for them, and as they are told."""
+"""Paths on the command line: how users ask for them, and how answers are printed."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def plan(planner: Planner, start: str, goal: str, distance: float) -> Planned:
 
 
 def lines(planned: Planned) -> Iterator[str]:
-    """Yield what people read of a path."""
+    """Yield the lines that describe a path to the user."""
     path, approach = planned.path, planned.approach
     yield f"{path.length:.2f} m"
     yield "  ".join(f"{x:.2f},{y:.2f}" for x, y in path.points_xy.tolist())
@@ -75,13 +75,13 @@ def lines(planned: Planned) -> Iterator[str]:
     if approach is not None:
         pose = approach.pose
         yield (
-            f"stand at {pose.x:.2f},{pose.y:.2f}, turned to {math.degrees(pose.yaw):.0f} degrees: "
+            f"stand at {pose.x:.2f},{pose.y:.2f}, heading {math.degrees(pose.yaw):.0f} degrees: "
             f"{printable(title(approach.object))} is {approach.distance:.2f} m ahead"
         )
 
 
 def floor_lines(way: FloorPath) -> Iterator[str]:
-    """Yield what people read of a path over floors."""
+    """Yield the lines that describe a path over floors to the user."""
     yield f"{way.length:.2f} m"
     for number, part in enumerate(way.parts):
         if number:
@@ -94,7 +94,7 @@ def floor_lines(way: FloorPath) -> Iterator[str]:
 
 
 def floor_document(way: FloorPath, frames: Mapping[str, str]) -> dict[str, Any]:
-    """Return what programs read of a path over floors.
+    """Return a path over floors as values for JSON.
 
     Args:
         way: the path.
@@ -122,15 +122,15 @@ def _floor(part: FloorPart) -> str:
 
 
 def _planned(way: FloorPath, number: int) -> Planned:
-    """Return a part; the last one has the place in front of an object."""
+    """Return a part of a path; the last one ends at the approach pose."""
     is_last = number == len(way.parts) - 1
     return Planned(way.parts[number].path, way.approach if is_last else None)
 
 
 def document(planned: Planned, frame_id: str) -> dict[str, Any]:
-    """Return what programs read of a path."""
+    """Return a path as values for JSON."""
     path, approach = planned.path, planned.approach
-    told: dict[str, Any] = {
+    values: dict[str, Any] = {
         "frame_id": frame_id,
         "length": path.length,
         "points": path.points_xy.tolist(),
@@ -142,7 +142,7 @@ def document(planned: Planned, frame_id: str) -> dict[str, Any]:
         "approach": None,
     }
     if approach is not None:
-        told["approach"] = {
+        values["approach"] = {
             "x": approach.pose.x,
             "y": approach.pose.y,
             "yaw": approach.pose.yaw,
@@ -151,4 +151,4 @@ def document(planned: Planned, frame_id: str) -> dict[str, Any]:
             "object": approach.object.object.id,
             "name": approach.object.object.name,
         }
-    return told
+    return values

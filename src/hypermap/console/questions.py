@@ -156,8 +156,8 @@ def answers(hypermap: Hypermap, question: Question) -> list[Row]:
     if question.measured is None:
         rows = [_row_of_object(item) for item in found]
     else:
-        told = with_values(hypermap, question.measured, question.limits, found)
-        rows = [_row_of_object(item) | {"measured": measured} for item, measured in told]
+        pairs = with_values(hypermap, question.measured, question.limits, found)
+        rows = [_row_of_object(item) | {"measured": measured} for item, measured in pairs]
     _tell_rooms(hypermap, rows)
     if not question.is_about_objects:
         for layer in layers:

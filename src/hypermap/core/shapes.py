@@ -134,7 +134,7 @@ def check_footprint(footprint: Any) -> None:
     if footprint.is_empty:
         raise ValueError("a footprint must not be empty")
     if footprint.has_z:
-        raise ValueError("a footprint lies on the floor; its points must have two coordinates")
+        raise ValueError("a footprint is 2D; its points must have two coordinates")
     farthest = np.abs(shapely.get_coordinates(footprint)).max()
     if not farthest <= _FAR:
         raise ValueError(f"a footprint must be finite and within {_FAR:g} m, got {farthest}")

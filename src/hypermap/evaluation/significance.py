@@ -42,7 +42,7 @@ class SignedRank:
 
 @dataclass(frozen=True)
 class Effect:
-    """How large paired differences are, beside whether chance alone makes them.
+    """How large paired differences are, and whether they may be due to chance.
 
     Attributes:
         pairs: number of differences.

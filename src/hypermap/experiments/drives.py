@@ -65,7 +65,7 @@ def map_drive(drive: SimulatedDrive, methods: Mapping[str, MappingConfig]) -> Ma
         drive.world, drive.errors, rate=drive.rate, seed=drive.seed
     )
     occupancy = recording.occupancy()
-    assert occupancy is not None  # it has one unless it is told otherwise
+    assert occupancy is not None  # it has one by default
     maps = {
         name: EvidenceMap(config.evidence, partial(free_share, occupancy))
         for name, config in methods.items()

@@ -1,4 +1,4 @@
-"""Where to look next: borders of the unknown, and objects that are unsure."""
+"""Where to look next: frontiers, and objects that are still uncertain."""
 
 from typing import TYPE_CHECKING, Any
 

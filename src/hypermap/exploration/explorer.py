@@ -1,4 +1,4 @@
-"""Where a robot should look next: frontiers that it can reach, and unsure objects."""
+"""Where a robot should look next: frontiers that it can reach, and uncertain objects."""
 
 from __future__ import annotations
 
@@ -23,36 +23,38 @@ from hypermap.paths import FreeSpace, Path, PathSettings, Planner
 from hypermap.paths.places import Place
 
 LEAST_SIZE = 0.5
-"""Shorter frontiers [m] are left out, if nobody says: they are gaps between rays."""
+"""Default minimum length of a frontier [m]; shorter ones are mostly gaps between rays."""
 
 LEAST_GAIN = 0.2
-"""Frontiers from which less of the unknown could be seen [m2] are left out, if nobody says."""
+"""Default minimum gain of a frontier: the unknown area that would be seen [m2]."""
 
 SURE_FROM = 5.0
-"""Objects with less existence than this are unsure, if nobody says; five to ten observations."""
+"""Default existence below which an object is uncertain; five to ten observations."""
 
 _PER_METER = 0.2
-_BESIDE = 5.0  # meters from the grid at which a robot may stand that has not seen its own place
+_OUTSIDE = (
+    5.0  # meters from the grid at which a robot may stand, having not yet seen the floor there
+)
 
 
 class Explorer:
-    """Tells where a robot should look next; what it does is for the caller to decide.
+    """Lists where a robot should look next; the caller decides where it goes.
 
-    What is best comes first: what could be seen counts by exp(-0.2 d), where d is the length of
-    the path to there [m].
+    Results are sorted, best first: gain times exp(-0.2 d), where d is the length of the path to
+    the viewpoint [m].
 
     Attributes:
         planner: of the map and the robot.
-        sensor: what the robot's sensor sees.
+        sensor: range and field of view of the robot's sensor.
 
     Args:
-        hypermap: the map, which must not change meanwhile.
-        start: where the robot is. Unknown cells that it covers there are free. If it stands nearer
-            to a wall than its radius, the place next to it where it could be counts.
+        hypermap: the map; it must not change while the explorer is used.
+        start: where the robot is. Unknown cells under it count as free. If it is closer to a wall
+            than its radius, the nearest place where it fits is used.
         settings: the robot; None for a point.
-        sensor: what it sees; None for a depth camera.
-        keepout: zones around objects, or areas in the base frame, that the robot's center stays
-            out of.
+        sensor: its range and field of view; None for a depth camera.
+        keepout: zones around objects, or areas in the base frame, that the robot's center must
+            not enter.
         occupancy: name of the layer; None for the only one.
 
     Raises:
@@ -60,7 +62,7 @@ class Explorer:
             robot cannot be there.
         FrameError: If the layer's frame is not connected to the base frame.
 
-    Source: weighing by exp(-0.2 d) is that of González-Baños and Latombe, "Navigation strategies
+    Source: the discount exp(-0.2 d) is that of González-Baños and Latombe, "Navigation strategies
     for exploring indoor environments", IJRR 2002.
 
     >>> import numpy as np
@@ -87,40 +89,41 @@ class Explorer:
         robot = settings or PathSettings()
         if not isinstance(start, str | int):
             start = as_point_xy(start)
-            hypermap = _standing(hypermap, start, robot.robot_radius, occupancy)
+            hypermap = _with_robot(hypermap, start, robot.robot_radius, occupancy)
         self.sensor = sensor or Sensor()
         self.planner = Planner(hypermap, robot, keepout=keepout, occupancy=occupancy)
         self._hypermap = hypermap
-        self._start = _foothold(self.planner.space, self.planner.point_of(start))
+        self._start = _nearest_fit(self.planner.space, self.planner.point_of(start))
         self._meters = self.planner.distances(self._start).meters
 
     def frontiers(
         self, least_size: float = LEAST_SIZE, least_gain: float = LEAST_GAIN
     ) -> list[Frontier]:
-        """Return the borders of the unknown that the robot can reach and look at, best first.
+        """Return the frontiers that the robot can reach and see, best first.
 
-        Borders that are longer than the sensor sees are told in parts.
+        A frontier longer than the sensor's range is split.
 
         Args:
-            least_size: shorter ones are left out [m].
-            least_gain: those from which less of the unknown could be seen are left out [m2].
+            least_size: minimum length [m].
+            least_gain: minimum unknown area that would be seen [m2].
         """
         found = find_frontiers(self.planner.space, self._meters, self.sensor, least_size)
         kept = [each for each in found if each.gain >= least_gain]
         return sorted(kept, key=lambda each: -each.gain * _discount(each.distance))
 
     def next_views(self, sure_from: float = SURE_FROM) -> list[NextView]:
-        """Return from where the unsure objects should be looked at, best first.
+        """Return viewpoints from which to look at the uncertain objects, best first.
 
-        An object is unsure if its existence is below `sure_from`, or it was seen from one side
-        alone, as its evidence tells. The best place is far around it from where it was seen, and
-        near to the robot. Objects that no new place sees are left out.
+        An object is uncertain if its existence is below `sure_from`, or if according to its
+        evidence it was only seen from one side. The best viewpoint is at a large angle around the
+        object from the earlier views, and near the robot. Objects that cannot be seen from a new
+        side are left out.
 
         Args:
-            sure_from: existence from which on an object is sure [log-odds].
+            sure_from: existence below which an object is uncertain [log-odds].
 
         Raises:
-            FormatError: If the evidence is kept in a file that cannot be read.
+            FormatError: If the evidence is in a file that cannot be read.
         """
         found = find_next_views(
             self._hypermap, self.planner, self._meters, self.sensor, sure_from, _PER_METER
@@ -128,7 +131,7 @@ class Explorer:
         return sorted(found, key=lambda each: -each.turn * _discount(each.distance))
 
     def path_to(self, goal: Frontier | NextView) -> Path:
-        """Return the path from where the robot is to a place to look from."""
+        """Return the path from the robot to the viewpoint of a frontier or an object."""
         return self.planner.path(self._start, [goal.pose.x, goal.pose.y])
 
 
@@ -136,8 +139,8 @@ def _discount(meters: float) -> float:
     return math.exp(-_PER_METER * meters)
 
 
-def _foothold(space: FreeSpace, start_xy: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return where a robot is, or the place next to it where it could be."""
+def _nearest_fit(space: FreeSpace, start_xy: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return where a robot is, or the nearest place where it fits."""
     row, col = space.grid.cells_at(start_xy)[0].tolist()
     if not space.grid.contains([row], [col])[0] or space.occupied[row, col]:
         return start_xy
@@ -145,10 +148,10 @@ def _foothold(space: FreeSpace, start_xy: NDArray[np.float64]) -> NDArray[np.flo
     return start_xy if near is None or space.free[row, col] else near
 
 
-def _standing(
+def _with_robot(
     hypermap: Hypermap, start_xy: FloatArray, radius: float, name: str | None
 ) -> Hypermap:
-    """Return a map in which the unknown cells that the robot covers are free."""
+    """Return the map, with the unknown cells under the robot set to free."""
     layer = hypermap.occupancy(name)
     if layer.grid is None or layer.cells is None:
         return hypermap
@@ -171,8 +174,8 @@ def _standing(
 def _grown(
     grid: GridGeometry, cells: IntArray, robot: BaseGeometry
 ) -> tuple[GridGeometry, IntArray]:
-    """Return a grid that holds the robot, if it stands not far beside it."""
-    if robot.distance(grid.outline()) > _BESIDE:
+    """Return the grid, enlarged to contain a robot that is just outside of it."""
+    if robot.distance(grid.outline()) > _OUTSIDE:
         return grid, cells
     places = grid.cells_at(shapely.get_coordinates(robot))
     before = np.maximum(0, -places.min(axis=0))

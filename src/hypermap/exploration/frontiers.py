@@ -1,4 +1,4 @@
-"""Frontiers: borders between what is known to be free and what is unknown.
+"""Frontiers: borders between free and unknown space.
 
 Source: Yamauchi, "A frontier-based approach for autonomous exploration", CIRA 1997.
 """
@@ -19,21 +19,21 @@ from hypermap.exploration.sensor import Sensor
 from hypermap.exploration.visibility import CLEAR, UNKNOWN, WALL, Visibility
 from hypermap.paths import FreeSpace
 
-_AS_GOOD = 0.97  # of what the best heading shows; then the border is nearer to the middle of view
-_TRIES = 3  # cells of a border to look from for a place that sees them
+_AS_GOOD = 0.97  # share of the best heading's gain; of such headings, center the frontier in view
+_TRIES = 3  # cells of a frontier for which we look for a viewpoint
 
 
 @dataclass(frozen=True, eq=False)
 class Frontier:
-    """A border of the unknown that can be reached, in the base frame of the map.
+    """A frontier that the robot can reach, in the base frame of the map.
 
     Attributes:
         points_xy: centers of its cells, which are free and touch unknown ones [m], shape (N, 2).
-        size: its length: the number of its cells times their side [m].
-        place_xy: a cell of it near its middle, which is seen from `pose` [m], shape (2,).
-        pose: where the robot can stand and look at it.
-        distance: length of the shortest path to there [m].
-        gain: how much of the unknown could be seen from there, if nothing stood in it [m2].
+        size: its length: the number of its cells times the cell size [m].
+        place_xy: a cell near its middle that is visible from `pose` [m], shape (2,).
+        pose: the viewpoint: where the robot can stand, facing the frontier.
+        distance: length of the shortest path to the viewpoint [m].
+        gain: unknown area that would be seen from there if nothing were in the way [m2].
     """
 
     points_xy: NDArray[np.float64]
@@ -47,13 +47,13 @@ class Frontier:
 def find_frontiers(
     space: FreeSpace, meters: NDArray[np.float32], sensor: Sensor, least_size: float
 ) -> Iterator[Frontier]:
-    """Yield the borders of the unknown that a robot can reach and look at.
+    """Yield the frontiers that a robot can reach and see.
 
     Args:
-        space: where it can be.
+        space: the free space of the robot.
         meters: length of the path to each cell, shape (height, width).
-        sensor: what it sees.
-        least_size: shorter borders are left out [m].
+        sensor: its range and field of view.
+        least_size: minimum length of a frontier [m].
     """
     grid = space.grid
     cells = np.full(grid.shape, CLEAR, dtype=np.uint8)
@@ -83,29 +83,28 @@ def find_frontiers(
 
 
 def frontier_cells(free: BoolArray, unknown: BoolArray) -> BoolArray:
-    """Return which free cells have an unknown one beside them; what is off the grid is unknown."""
-    beside = np.zeros_like(unknown)
-    beside[1:] |= unknown[:-1]
-    beside[:-1] |= unknown[1:]
-    beside[:, 1:] |= unknown[:, :-1]
-    beside[:, :-1] |= unknown[:, 1:]
-    beside[[0, -1]] = True
-    beside[:, [0, -1]] = True
-    return free & beside
+    """Return which free cells touch unknown ones; everything off the grid is unknown."""
+    touching = np.zeros_like(unknown)
+    touching[1:] |= unknown[:-1]
+    touching[:-1] |= unknown[1:]
+    touching[:, 1:] |= unknown[:, :-1]
+    touching[:, :-1] |= unknown[:, 1:]
+    touching[[0, -1]] = True
+    touching[:, [0, -1]] = True
+    return free & touching
 
 
 def pieces(cells: BoolArray, least: int, longest: float) -> Iterator[IntArray]:
-    """Yield cells that touch each other, also at corners, as pieces (row, col), shape (N, 2).
+    """Yield the connected components (8 neighbors) of cells as (row, col), shape (N, 2).
 
-    A long border is halved across its main axis until no piece is longer, as one place shows a
-    part of it alone.
+    A long frontier is halved along its main axis until each piece fits into view from one place.
 
     Args:
         cells: shape (height, width).
-        least: number of cells below which a piece is left out.
-        longest: extent of a piece [cells].
+        least: minimum number of cells of a piece.
+        longest: maximum extent of a piece [cells].
 
-    Source: halving by the main axis is that of Zhou, Zhang, Chen, Shen, "FUEL: Fast UAV
+    Source: halving along the main axis is that of Zhou, Zhang, Chen, Shen, "FUEL: Fast UAV
     exploration using incremental frontier structure and hierarchical planning", RA-L 2021.
     """
     labels, _ = ndimage.label(cells, np.ones((3, 3)))
@@ -131,7 +130,7 @@ def pieces(cells: BoolArray, least: int, longest: float) -> Iterator[IntArray]:
 def _seen_from(
     visibility: Visibility, meters: NDArray[np.float32], piece: IntArray, nearest: float
 ) -> tuple[IntArray, IntArray] | None:
-    """Return a cell near the middle of a border, and one to see it from; None if there is none."""
+    """Return a cell near the middle of a frontier, and one that sees it; None if there is none."""
     from_middle = piece[np.argsort(np.hypot(*(piece - piece.mean(axis=0)).T), kind="stable")]
     for middle in from_middle[:: max(1, len(piece) // _TRIES)][:_TRIES]:
         stand = _stand(visibility, meters, middle, nearest)
@@ -143,13 +142,13 @@ def _seen_from(
 def _stand(
     visibility: Visibility, meters: NDArray[np.float32], middle: IntArray, nearest: float
 ) -> IntArray | None:
-    """Return the nearest cell to one of a border that the robot reaches and sees it from.
+    """Return the nearest cell that the robot can reach and from which it sees a frontier cell.
 
     Args:
         visibility: of the grid.
         meters: length of the path to each cell.
-        middle: the cell of the border, (row, col).
-        nearest: so far from it at least [cells].
+        middle: the frontier cell, (row, col).
+        nearest: minimum distance from it [cells].
     """
     row, col = middle.tolist()
     seen = visibility.of(row, col, through_unknown=False)
@@ -166,9 +165,9 @@ def _stand(
 def _best_heading(
     visibility: Visibility, stand: IntArray, middle: IntArray, fov: float
 ) -> tuple[float, int]:
-    """Return where to look so that a border and most of the unknown are in view.
+    """Return the heading that shows the most unknown cells, with the frontier in view.
 
-    Headings that show nearly as much are as good; of these, the border is in the middle of view.
+    Of the headings that show nearly as many, the one that centers the frontier is chosen.
 
     Returns:
         The direction from the grid's x axis [rad], and how many unknown cells are seen.
@@ -180,7 +179,7 @@ def _best_heading(
     width = max(1, round(fov / math.tau * n))
     if width >= n:
         return toward, int(counts.sum())
-    first = round(toward / math.tau * n) - width + 1  # of the rays, where the border is the last
+    first = round(toward / math.tau * n) - width + 1  # the frontier is at its end
     sums = np.cumsum(counts[np.arange(first - 1, first + 2 * width - 1) % n])
     seen = sums[width:] - sums[:-width]
     off_center = np.abs(np.arange(width) - (width - 1) / 2)

@@ -1,4 +1,4 @@
-"""From where the unsure objects of a map should be looked at next."""
+"""Viewpoints from which to look at the uncertain objects of a map next."""
 
 from __future__ import annotations
 
@@ -24,21 +24,20 @@ from hypermap.paths.settings import STAND_OFF
 from hypermap.rooms.rooms import LAYER
 
 _FARTHEST = 2.5  # meters from an object; a depth camera measures shapes badly from farther away
-_NEW_SIDE = math.radians(30)  # around the object from where it was seen; less is the same side
+_NEW_SIDE = math.radians(30)  # around the object from the earlier views; less is the same side
 
 
 @dataclass(frozen=True, eq=False)
 class NextView:
-    """From where an unsure object should be looked at, in the base frame of the map.
+    """A viewpoint from which to look at an uncertain object, in the base frame of the map.
 
     Attributes:
         item: the object.
-        pose: of the robot; it looks at the object.
-        distance: length of the shortest path to there [m].
-        turn: angle around the object to the nearest place from where it was seen [rad]; pi if it
-            is not known where that was.
+        pose: of the robot, facing the object.
+        distance: length of the shortest path to the viewpoint [m].
+        turn: angle around the object to the closest earlier view [rad]; pi if none is known.
         is_weak: whether its existence is low.
-        is_one_sided: whether it was seen from one side alone.
+        is_one_sided: whether it was only seen from one side.
     """
 
     item: FoundObject
@@ -57,22 +56,22 @@ def find_next_views(
     sure_from: float,
     per_meter: float,
 ) -> Iterator[NextView]:
-    """Yield from where to look at each unsure object that can be seen from a new place.
+    """Yield a viewpoint for each uncertain object that can be seen from a new side.
 
     Args:
         hypermap: the map.
-        planner: for it and the robot.
+        planner: for the map and the robot.
         meters: length of the path to each cell, shape (height, width).
-        sensor: what the robot sees.
-        sure_from: existence from which on an object is sure. One whose existence is not known, as
-            one drawn by hand, is sure.
-        per_meter: a place is worth its `turn` times exp(-per_meter * length of the path).
+        sensor: range and field of view of the robot's sensor.
+        sure_from: existence below which an object is uncertain. Objects without an existence,
+            such as those drawn by hand, are certain.
+        per_meter: the score of a viewpoint is `turn` * exp(-per_meter * length of the path).
     """
     nearest = max(STAND_OFF, planner.space.settings.robot_radius)
     farthest = max(nearest, min(_FARTHEST, sensor.max_range))
     grid = planner.space.grid
     past_objects = None
-    for one in _unsure_objects(hypermap, sure_from):
+    for one in _uncertain_objects(hypermap, sure_from):
         if past_objects is None:
             past_objects = np.where(planner.sight.clear, np.uint8(CLEAR), np.uint8(WALL))
         shape = one.item.object.footprint
@@ -102,7 +101,7 @@ def find_next_views(
 def new_angles(
     center_xy: NDArray[np.float64], cameras_xy: NDArray[np.float64], places_xy: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return how far around a center each place is from the nearest camera [rad], shape (N,).
+    """Return the angle around a center from each place to the closest camera [rad], shape (N,).
 
     It is pi where there are no cameras.
     """
@@ -118,8 +117,8 @@ def new_angles(
 
 
 @dataclass(frozen=True, eq=False)
-class _Unsure:
-    """An unsure object, its middle, shape (2,), and from where it was seen [m], shape (N, 2)."""
+class _Uncertain:
+    """An uncertain object, its center, shape (2,), and the camera positions [m], shape (N, 2)."""
 
     item: FoundObject
     center_xy: NDArray[np.float64]
@@ -128,7 +127,7 @@ class _Unsure:
     is_one_sided: bool
 
 
-def _unsure_objects(hypermap: Hypermap, sure_from: float) -> Iterator[_Unsure]:
+def _uncertain_objects(hypermap: Hypermap, sure_from: float) -> Iterator[_Uncertain]:
     for layer in hypermap:
         if not isinstance(layer, SemanticLayer) or layer.name == LAYER:
             continue
@@ -142,11 +141,11 @@ def _unsure_objects(hypermap: Hypermap, sure_from: float) -> Iterator[_Unsure]:
             is_weak = one.existence is not None and one.existence < sure_from
             one_sided = is_one_sided(center, seen_from)
             if is_weak or one_sided:
-                yield _Unsure(item, center, seen_from, is_weak, one_sided)
+                yield _Uncertain(item, center, seen_from, is_weak, one_sided)
 
 
 def _cameras(table: EvidenceTable | None) -> dict[int, NDArray[np.float64]]:
-    """Return from where each object was seen, (N, 2), by its id."""
+    """Return the camera positions of each object's evidence, (N, 2), by the object's id."""
     if table is None or not len(table):
         return {}
     order = np.argsort(table.object_ids, kind="stable")
@@ -162,7 +161,7 @@ def _sees(
     cells: IntArray,
     farthest: float,
 ) -> BoolArray:
-    """Return from which cells (flat indices) the middle of a shape is seen, shape (N,)."""
+    """Return from which cells (flat indices) the middle of a shape is visible, shape (N,)."""
     xmin, ymin, xmax, ymax = shape.bounds
     reach = farthest + math.hypot(xmax - xmin, ymax - ymin) + grid.resolution
     reach = min(reach, MOST_CELLS * grid.resolution)

@@ -1,4 +1,4 @@
-"""What a robot's sensor can see of the floor."""
+"""Range and field of view of a robot's sensor."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Sensor:
-    """How far and how wide a sensor sees, as from above.
+    """Range and field of view of a sensor, in the plane of the floor.
 
     Attributes:
-        max_range: up to this distance [m].
-        min_range: from this distance on [m]; a camera on a robot does not see the floor before it.
-        fov_deg: horizontal field of view [degrees]; 360 for a laser that looks all around.
+        max_range: maximum range [m].
+        min_range: minimum range [m]; a camera does not see the floor right in front of the robot.
+        fov_deg: horizontal field of view [degrees]; 360 for a laser that scans all around.
 
     Raises:
-        ValueError: If they are no such numbers.
+        ValueError: If a value is out of range.
     """
 
     max_range: float = 4.0

@@ -1,4 +1,4 @@
-"""What is seen from a cell of a grid, by rays in all directions."""
+"""Which cells of a grid are visible from one cell, by ray casting in all directions."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from hypermap.core.errors import HypermapError
 from hypermap.core.grid import GridGeometry
 
 CLEAR, UNKNOWN, WALL = 0, 1, 2
-"""What a cell is for rays."""
+"""State of a cell, as rays treat it."""
 
 MOST_CELLS = 2000
-"""Rays reach no farther."""
+"""Maximum length of a ray [cells]."""
 
 
 class Seen(NamedTuple):
-    """What is seen from a cell.
+    """What is visible from a cell, in a square window of the grid around it.
 
     Attributes:
-        row: of the grid, at which the part around the cell begins; may be negative.
-        col: likewise.
-        clear: which cells of the part are clear and seen, shape (2 r + 1, 2 r + 1).
+        row: first row of the window; may be negative.
+        col: first column, likewise.
+        clear: which cells of the window are clear and visible, shape (2 r + 1, 2 r + 1).
         unknown: how many unknown cells each ray is the first to reach, counter-clockwise from the
-            grid's x axis, shape (R,). What is off the grid is unknown.
+            grid's x axis, shape (R,). Everything off the grid is unknown.
     """
 
     row: int
@@ -37,7 +37,7 @@ class Seen(NamedTuple):
     unknown: NDArray[np.int64]
 
     def clear_on(self, shape: tuple[int, ...]) -> tuple[IntArray, IntArray]:
-        """Return rows and columns of the clear cells that are seen, on a grid of that shape."""
+        """Return rows and columns of the visible clear cells, on a grid of that shape."""
         rows, cols = np.nonzero(self.clear)
         rows, cols = rows + self.row, cols + self.col
         there = (rows >= 0) & (cols >= 0) & (rows < shape[0]) & (cols < shape[1])
@@ -45,7 +45,7 @@ class Seen(NamedTuple):
 
 
 class Visibility:
-    """Lines of sight over a grid; rays end at walls alone.
+    """Lines of sight over a grid, which only walls block.
 
     Source: the traversal of cells is that of Amanatides and Woo, "A fast voxel traversal algorithm
     for ray tracing", Eurographics 1987.
@@ -53,11 +53,11 @@ class Visibility:
     Args:
         grid: its geometry.
         cells: CLEAR, UNKNOWN or WALL, uint8, shape (height, width).
-        max_range: up to where is seen [m].
-        min_range: from where on unknown cells are counted [m].
+        max_range: maximum range [m].
+        min_range: minimum range at which unknown cells count [m].
 
     Raises:
-        HypermapError: If `max_range` is more than `MOST_CELLS`.
+        HypermapError: If `max_range` is more than `MOST_CELLS` cells.
     """
 
     def __init__(
@@ -72,18 +72,18 @@ class Visibility:
         self._far = max_range / grid.resolution
         self._near = min_range / grid.resolution
         self._reach = math.ceil(self._far) + 1
-        # As many rays as there are cells on the outermost circle, so that none is passed by.
+        # As many rays as there are cells on the outermost circle, so that none is missed.
         self.directions = np.linspace(
             0, math.tau, max(8, math.ceil(math.tau * self._far)), endpoint=False
         )
 
     def of(self, row: int, col: int, through_unknown: bool = True) -> Seen:
-        """Return what is seen from the center of a cell.
+        """Return what is visible from the center of a cell.
 
         Args:
             row: of the cell.
             col: of the cell.
-            through_unknown: whether rays go on behind unknown cells, as these may be clear.
+            through_unknown: whether rays pass through unknown cells, which may be clear.
         """
         side = 2 * self._reach + 1
         marks = np.zeros((side, side), dtype=np.uint8)
@@ -124,7 +124,7 @@ def _look(
     marks: NDArray[np.uint8],
     counts: NDArray[np.int64],
 ) -> None:
-    """Mark the cells around (row, col) that are seen, and count the unknown ones by ray."""
+    """Mark the cells that are visible from (row, col), and count the unknown ones by ray."""
     reach = marks.shape[0] // 2
     marks[reach, reach] = _SEEN_CLEAR
     for i in range(len(directions)):
@@ -132,7 +132,7 @@ def _look(
         step_x, step_y = (1 if dx > 0 else -1), (1 if dy > 0 else -1)
         per_x = 1 / abs(dx) if dx != 0 else np.inf
         per_y = 1 / abs(dy) if dy != 0 else np.inf
-        to_x, to_y = 0.5 * per_x, 0.5 * per_y  # how far the next borders of cells are
+        to_x, to_y = 0.5 * per_x, 0.5 * per_y  # distance to the next cell borders
         x, y, at = 0, 0, 0.0
         while True:
             if to_x < to_y:

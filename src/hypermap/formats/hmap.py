@@ -153,7 +153,7 @@ def _read_mapper_state(name: Any, store: Store) -> bytes | None:
     try:
         return store.read(name)
     except FormatError as error:
-        logger.warning("mapping cannot go on with this map: %s", error)
+        logger.warning("mapping cannot continue this map: %s", error)
         return None
 
 

@@ -92,7 +92,7 @@ def write_yaml(value: Any) -> bytes:
     )
     content = str(dumped).encode()
     if len(content) > limits.MAX_YAML_BYTES or count_values(plain) > limits.MAX_YAML_VALUES:
-        raise HypermapError(f"{len(content)} bytes of YAML are too large to be read again")
+        raise HypermapError(f"{len(content)} bytes of YAML are too large to read back")
     return content
 
 

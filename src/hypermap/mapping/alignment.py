@@ -57,7 +57,7 @@ class Aligner:
 
     Attributes:
         config: how far poses may be off, and what is compared.
-        corrections: what became of the poses so far.
+        corrections: statistics of the corrections so far.
     """
 
     def __init__(self, occupancy: OccupancyLayer, config: AlignmentConfig) -> None:
@@ -75,7 +75,7 @@ class Aligner:
 
     @property
     def learned(self) -> tuple[float, float, bool]:
-        """What corrections so far have taught, for `go_on_with`."""
+        """What the corrections so far have taught, for `go_on_with`."""
         return *self._shrinkage.learned, self._agreement.is_worse
 
     def go_on_with(self, size: float, expected: float, is_worse: bool) -> None:

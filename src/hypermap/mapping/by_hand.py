@@ -1,7 +1,7 @@
-"""What people have done to a map: mapping goes on around it, and never undoes it.
+"""Edits of a map made by hand, which mapping never undoes.
 
-It is found by comparing the objects of a map with those that mapping has put there. So it does not
-matter who has changed them: the page, a program, or an editor of text.
+They are found by comparing the objects of a map with those that mapping had published. So it does
+not matter what changed them: the page, a program, or a text editor.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ _TOLERANCE = 1e-6  # meters between points that are the same
 
 @dataclass(frozen=True, eq=False)
 class HandEdit:
-    """What people have done to one object; what is None is as mapping has it.
+    """The edits of one object; None means unchanged.
 
     Attributes:
-        is_deleted: whether it is to stay away.
-        drawn: the object, if people have drawn it.
+        is_deleted: whether it was deleted, and must not come back.
+        drawn: the object, if it was drawn by hand.
         name: its name.
         footprint: its shape [m].
         tags: other names for it.
-        attributes: those that mapping does not write.
+        attributes: those that mapping does not set.
     """
 
     is_deleted: bool = False
@@ -44,12 +44,12 @@ class HandEdit:
 
     @property
     def shape(self) -> BaseGeometry | None:
-        """The shape that people have given it; None if they have not."""
+        """The shape given by hand; None for none."""
         return self.footprint if self.drawn is None else self.drawn.footprint
 
     @property
     def words(self) -> list[str]:
-        """What was done, as files say it."""
+        """The kinds of edits, as in files."""
         if self.is_deleted:
             return ["deleted"]
         if self.drawn is not None:
@@ -59,13 +59,13 @@ class HandEdit:
         return [*changed, *(["attributes"] if self.attributes else [])]
 
     def applied_to(self, found: SemanticObject) -> SemanticObject:
-        """Return what mapping has found, as people want it."""
+        """Return the object that mapping has found, with the edits."""
         return replace(
             found,
             name=found.name if self.name is None else self.name,
             footprint=found.footprint if self.footprint is None else self.footprint,
             tags=found.tags if self.tags is None else self.tags,
-            confidence=found.confidence if self.tags is None else (),  # nobody has said how sure
+            confidence=found.confidence if self.tags is None else (),  # it is of the old tags
             attributes={**found.attributes, **self.attributes, BY_HAND: self.words},
         )
 
@@ -75,24 +75,24 @@ def hand_edits(
     layer: SemanticLayer,
     before: Mapping[int, HandEdit] | None = None,
 ) -> dict[int, HandEdit]:
-    """Return what people have done to a layer, by the objects' ids.
+    """Return the edits of a layer, by the objects' ids.
 
     Args:
-        published: what mapping has put there.
+        published: the objects that mapping had published.
         layer: as it is now.
-        before: what people had done by then, which is in `published`.
+        before: earlier edits, which are contained in `published`.
     """
     edits = dict(before or {})
     unreadable = {entry.position for entry in layer.rejected}
     now = {item.id: item for item in layer if item.id is not None}
     known = set()
     for item in published:
-        assert item.id is not None  # as each object of a layer has one
+        assert item.id is not None  # each object of a layer has one
         known.add(item.id)
         edit = edits.pop(item.id, HandEdit())
         if item.id in now:
             edit = _compared(item, now[item.id], edit)
-        elif item.id not in unreadable:  # what people have drawn and deleted is as if never there
+        elif item.id not in unreadable:  # an object drawn and deleted leaves no trace
             edit = HandEdit(is_deleted=edit.drawn is None)
         if edit.words:
             edits[item.id] = edit
@@ -102,15 +102,15 @@ def hand_edits(
 
 
 def marked(layer: SemanticLayer, edits: Mapping[int, HandEdit]) -> SemanticLayer:
-    """Return a layer whose objects say what people have done to them."""
+    """Return a layer whose edited objects have the attribute `by_hand`."""
     other = layer.copy()
     there = {number: edit.words for number, edit in edits.items() if number in layer}
     other.update_many({n: _marked(layer.get(n), words) for n, words in there.items()})
     return other
 
 
-def told(edits: Mapping[int, HandEdit]) -> dict[str, list[int]]:
-    """Return the ids of the objects that people have drawn, changed and deleted."""
+def ids_by_edit(edits: Mapping[int, HandEdit]) -> dict[str, list[int]]:
+    """Return the ids of the objects drawn, changed and deleted by hand."""
     found: dict[str, list[int]] = {}
     for number, edit in sorted(edits.items()):
         word = edit.words[0] if edit.is_deleted or edit.drawn is not None else "changed"
@@ -152,7 +152,7 @@ def from_record(record: Mapping[str, Any]) -> HandEdit:
 
 
 def _compared(item: SemanticObject, now: SemanticObject, before: HandEdit) -> HandEdit:
-    """Return an earlier edit and what was changed since then."""
+    """Return an earlier edit combined with the changes since then."""
     others = {k: v for k, v in now.attributes.items() if k not in _MEASURED and k != BY_HAND}
     is_same_shape = shapely.equals_exact(item.footprint, now.footprint, _TOLERANCE)
     if before.drawn is not None:

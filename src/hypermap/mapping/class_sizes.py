@@ -1,4 +1,4 @@
-"""How large things of a class are: what has another size was taken for one.
+"""Plausible sizes of each class: a detection of another size is a false positive.
 
 Source: Hoiem, Efros, Hebert, "Putting objects in perspective", CVPR 2006, weigh detections by how
 probable the size of the thing is. A depth image measures it, so wide limits do here.
@@ -65,11 +65,11 @@ CLASS_SIZES: Mapping[str, tuple[float, float]] = MappingProxyType(
 
 
 def has_usual_size(name: str, evidence: Evidence) -> bool:
-    """Return whether what was seen is as large as things of its class are.
+    """Return whether an observation has a plausible size for its class.
 
     Args:
-        name: the class. One that `CLASS_SIZES` does not know has any size.
-        evidence: what was seen.
+        name: the class. A class that is not in `CLASS_SIZES` may have any size.
+        evidence: the observation.
     """
     limits = CLASS_SIZES.get(name.replace(" ", "").lower())
     if limits is None:

@@ -1,4 +1,4 @@
-"""Amodal completion: a thing that was seen from one side is as deep as things of its class are.
+"""Amodal completion: give objects seen from one side the usual depth of their class.
 
 A shelf between two others shows its front alone, and a map of fronts is full of strips that overlap
 with nothing true. What is missing lies behind what was seen, away from the cameras.
@@ -22,10 +22,10 @@ from hypermap.core.evidence import is_one_sided, mean_view
 from hypermap.core.occupancy import FREE, OccupancyLayer
 
 FreeShare = Callable[[BaseGeometry], float]
-"""Tells how much of an area on the floor is known to be free, 0..1."""
+"""Returns how much of an area on the floor is known to be free, 0..1."""
 
-# How deep bulky things usually are at least, from front to back [m]. Low and small ones show their
-# top, too, and need none: a cup that is completed is worse than one that is not.
+# Usual minimum depth of bulky things, from front to back [m]. Low and small ones need none, as the
+# camera also sees their top: completion makes the shape of a cup worse.
 CLASS_DEPTHS: Mapping[str, float] = MappingProxyType(
     {
         "bed": 1.9,
@@ -62,13 +62,13 @@ def completed(
     cameras_xy: NDArray[np.float64],
     is_free: FreeShare | None = None,
 ) -> BaseGeometry:
-    """Return a shape, made as deep as its class usually is if it was seen from one side.
+    """Return a shape, extended to the usual depth of its class if it was seen from one side.
 
     Args:
         shape: of the object, map frame [m].
-        name: its class. A shape of a class without a known depth stays as it is.
+        name: its class. Shapes of classes without a known depth stay as they are.
         cameras_xy: from where it was seen [m], shape (N, 2).
-        is_free: tells what is known to be free, where a shape does not grow; None for nothing.
+        is_free: shapes do not grow into the free space that it returns; None for no free space.
     """
     depth = CLASS_DEPTHS.get(name.replace(" ", "").lower())
     if depth is None or shape.geom_type != "Polygon" or shape.is_empty:
@@ -120,6 +120,6 @@ def _room_behind(
 
 
 def _swept(shape: BaseGeometry, by: NDArray[np.float64]) -> BaseGeometry:
-    """Return what a shape covers on its way to another place."""
+    """Return the area that a shape sweeps on its way to another place."""
     moved = affinity.translate(shape, *by.tolist())
     return shapely.convex_hull(shapely.union(shape, moved))

@@ -1,4 +1,4 @@
-"""Whether depth images and poses agree: what one image shows, others must show in the same place.
+"""Whether depth images and poses agree: images must show the same things in the same place.
 
 Points of one depth image are moved into another by the poses of both. Where the poses are right,
 the other image has the same depth there. If it has so only with the poses of a moment later, the
@@ -22,7 +22,7 @@ _COLUMNS = 80  # of a kept image, about
 _NEAR, _FAR = 0.2, 6.0  # meters between which depth is compared
 _SMOOTH = 0.02  # 1/m; pixels that differ by more in disparity from the next one lie at an edge
 _MOST_VIEWS = 48  # are kept; then every other one is dropped, and only every other one added
-_MOST_POSES = 20_000  # after which no frame is looked at any more
+_MOST_POSES = 20_000  # after which frames are ignored
 _PAIRS = 40  # of images that are compared
 _POINTS = 120  # of each image
 _FEWEST_VIEWS, _FEWEST_PAIRS = 8, 6
@@ -41,7 +41,7 @@ _OFFSETS = np.linspace(-0.78, 0.78, 27)  # seconds
 _REACH = 0.9  # seconds, about an image, for which poses must be known
 _FINE_OFFSETS = np.linspace(-0.04, 0.04, 5)
 _TRIED = 0.1  # seconds by which poses are moved to see which pairs depend on their times
-_LEVER = 2.0  # meters; how far away a point is of which it is told how far it moves
+_LEVER = 2.0  # meters; distance of the point whose motion is reported
 _SCALES = 11.0 ** np.linspace(-1.0, 1.0, 25)
 _FINE_SCALES = np.linspace(0.85, 1.15, 7)
 
@@ -63,7 +63,7 @@ class Fit:
 
 @dataclass(frozen=True, eq=False)
 class _View:
-    """What is kept of a frame: some of its points [m], shape (N, 3), and its depth, coarsely."""
+    """Samples of a frame: some of its points [m], shape (N, 3), and its depth, downsampled."""
 
     stamp: float
     map_T_camera: NDArray[np.float64]
@@ -73,7 +73,7 @@ class _View:
 
 
 class Consistency:
-    """Keeps the poses of all frames, and some of their depth, and compares them."""
+    """Collects the poses of all frames and samples of their depth, and compares them."""
 
     def __init__(self) -> None:
         self._views: list[_View] = []
@@ -100,9 +100,9 @@ class Consistency:
             self._views, self._every = self._views[::2], 2 * self._every
 
     def time_offset(self) -> Fit | None:
-        """Return how much later than an image's stamp its pose is to be looked up [s].
+        """Return the delay from an image's stamp to the stamp of its pose [s].
 
-        None if that cannot be told: frames lie too far apart, or the camera moved too evenly.
+        None if unknown: frames are too far apart, or the camera moved too uniformly.
         """
         if len(self._stamps) < _FEWEST_VIEWS:
             return None
@@ -131,7 +131,7 @@ class Consistency:
     def depth_scale(self) -> Fit | None:
         """Return the factor by which all depth is to be multiplied.
 
-        None if that cannot be told: the camera has hardly moved from its place.
+        None if unknown: the camera has hardly moved.
         """
         if len(self._views) < _FEWEST_VIEWS:
             return None
@@ -175,9 +175,9 @@ class Consistency:
         return {view.stamp for view in self._views}
 
     def turn_deg(self) -> int:
-        """Return by how much the camera is turned about its optical axis, unknown to its poses.
+        """Return how far the camera is rotated about its optical axis, unlike its poses say.
 
-        0, 90, 180 or 270 degrees; 0 as well if that cannot be told.
+        0, 90, 180 or 270 degrees; 0 if unknown.
         """
         if len(self._views) < _FEWEST_VIEWS:
             return 0
@@ -195,7 +195,7 @@ class Consistency:
         return 90 * best if means[best] < _CLEARLY * means[0] else 0
 
     def _view(self, frame: RgbdFrame) -> _View | None:
-        """Return what is kept of a frame; None if too little of it is smooth."""
+        """Return samples of a frame; None if too little of it is smooth."""
         step = max(1, round(frame.camera.width / _COLUMNS))
         camera, z = frame.camera.every(step), np.ascontiguousarray(frame.z[::step, ::step])
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -234,7 +234,7 @@ def _moves(
 
 
 def _displacements(one: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return how far a point before each of some cameras moves between two sets of poses [m]."""
+    """Return how far a point in front of each camera moves between two sets of poses [m]."""
     ahead = np.array([0.0, 0.0, _LEVER, 1.0])
     return np.asarray(np.linalg.norm((one @ ahead - other @ ahead)[:, :3], axis=1))
 
@@ -295,7 +295,7 @@ class _Comparison:
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the depth that each point has in the second view, and what this shows there.
 
-        NaN where the point is not in sight.
+        NaN where the point is not visible.
         """
         j_T_i = invert(poses[self._j]) @ poses[self._i]
         rotations = np.swapaxes(j_T_i[:, :3, :3], 1, 2)

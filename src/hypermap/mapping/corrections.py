@@ -1,4 +1,4 @@
-"""What became of the poses that were to be corrected: how many were, by how much, and why not."""
+"""Statistics of pose corrections: how many, by how much, and why the others were not made."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from typing import Any
 import numpy as np
 
 NO_MAP = "the map has no border of free space near the camera"
-FEW_POINTS = "too few upright surfaces are in sight"
+FEW_POINTS = "too few upright surfaces are visible"
 NO_BETTER = "corrections so far are no larger than their own errors, as with exact poses"
-LESS_AGREEMENT = "depth images agree less with each other by corrected poses, as by a bent map"
+LESS_AGREEMENT = "depth images agree less with each other after correction, as with a distorted map"
 UNCHANGED = "the pose fits the map as it is"
 
 _LEAST = 1e-6  # meters or radians; less is no correction
 
 
 class Corrections:
-    """Counts poses by what became of them."""
+    """Counts corrected poses, and the others by reason."""
 
     def __init__(self) -> None:
         self._sizes: list[tuple[float, float]] = []  # meters and radians
@@ -49,11 +49,11 @@ class Corrections:
         return found | {"as_recorded": dict(self._left.most_common())}
 
 
-def told(summary: dict[str, Any]) -> str:
+def sentence(summary: dict[str, Any]) -> str:
     """Return a summary as a sentence.
 
-    >>> told({"corrected": 0, "as_recorded": {"too few upright surfaces are in sight": 3}})
-    'poses: 0 of 3 corrected by the map; 3 as recorded: too few upright surfaces are in sight'
+    >>> sentence({"corrected": 0, "as_recorded": {"too few upright surfaces are visible": 3}})
+    'poses: 0 of 3 corrected by the map; 3 as recorded: too few upright surfaces are visible'
     """
     corrected, left = summary["corrected"], summary["as_recorded"]
     text = f"poses: {corrected} of {corrected + sum(left.values())} corrected by the map"

@@ -1,4 +1,4 @@
-"""What became of the frames that a mapper was given."""
+"""Frame counts of a mapper: used, skipped, unusable and repeated."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from dataclasses import asdict, dataclass
 
 @dataclass(frozen=True)
 class Counts:
-    """What became of the frames so far.
+    """Counts of the frames so far.
 
     Attributes:
         used: mapped frames.
         skipped: frames that are no keyframes, because the camera had hardly moved.
         unusable: frames that cannot be read, have no depth or no valid pose, or for which the
             source of detections failed.
-        repeated: frames that are in the map already, from an earlier drive.
+        repeated: frames that the map already contains, from an earlier drive.
     """
 
     used: int = 0
@@ -30,7 +30,7 @@ class Counts:
     def __add__(self, other: Counts) -> Counts:
         return Counts(**{fate: count + getattr(other, fate) for fate, count in vars(self).items()})
 
-    def told(self) -> dict[str, int]:
+    def as_metadata(self) -> dict[str, int]:
         """Return the counts by name, for a map's metadata."""
-        told = asdict(self)
-        return told if self.repeated else {k: v for k, v in told.items() if k != "repeated"}
+        counts = asdict(self)
+        return counts if self.repeated else {k: v for k, v in counts.items() if k != "repeated"}

@@ -26,7 +26,7 @@ def why_implausible(frame: RgbdFrame) -> str | None:
         return None
     middle = float(np.median(depth))
     if middle > _FARTHEST:
-        return f"half of its depth lies beyond {middle:.0f} m; {_SCALE}"
+        return f"half of its depth is beyond {middle:.0f} m; {_SCALE}"
     same = float(np.mean(depth == middle))
     if middle > _SATURATED and same >= _SAME:
         return f"its depth is saturated: {same:.0%} of it is {middle:.3f} m"

@@ -1,4 +1,4 @@
-"""Drives: which recordings a map was made of, so that none counts twice."""
+"""Drives: the recordings that a map was made of, so that no frame counts twice."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 
 from hypermap.perception.frame import RgbdFrame
 
-_EVERY = 8  # rows and columns of a depth image that tell it from others
+_EVERY = 8  # rows and columns of a depth image that identify it
 _NO_CLOCK = 1e8  # seconds; smaller stamps count from the start of something, not from 1970
 
 
 def frame_key(frame: RgbdFrame) -> int:
-    """Return a number that tells a frame from others, by its stamp and depth; 32 bits.
+    """Return a 32-bit hash of a frame's stamp and depth.
 
     The pose does not count: the same recording with other poses is the same recording.
     """
@@ -30,7 +30,7 @@ def frame_key(frame: RgbdFrame) -> int:
 
 @dataclass
 class Drive:
-    """What was mapped of one recording.
+    """The mapped frames of one recording.
 
     Attributes:
         name: of the recording.
@@ -45,20 +45,20 @@ class Drive:
     keys: list[int] = field(default_factory=list)
 
     def add(self, frame: RgbdFrame) -> None:
-        """Take a mapped frame."""
+        """Add a mapped frame."""
         self.first, self.last = min(self.first, frame.stamp), max(self.last, frame.stamp)
         self.keys.append(frame_key(frame))
 
     def described(self) -> dict[str, Any]:
-        """Return what a map's metadata say of it: times in UTC, where stamps tell them."""
-        told: dict[str, Any] = {"name": self.name, "frames": len(self.keys)}
+        """Return its entry in a map's metadata: times in UTC if the stamps allow it."""
+        facts: dict[str, Any] = {"name": self.name, "frames": len(self.keys)}
         if self.keys and self.first > _NO_CLOCK:
-            told |= {"began": wall_clock(self.first), "ended": wall_clock(self.last)}
-        return told
+            facts |= {"began": wall_clock(self.first), "ended": wall_clock(self.last)}
+        return facts
 
 
 class EarlierDrives:
-    """The drives of a map with which mapping goes on; they do not change."""
+    """The drives of a map that mapping continues; they do not change."""
 
     def __init__(self, drives: tuple[Drive, ...] = ()) -> None:
         self.drives = drives
@@ -92,7 +92,7 @@ def map_id(drives: Sequence[Drive], config: Mapping[str, Any]) -> str:
 
 
 def packed(drives: list[Drive]) -> tuple[list[dict[str, Any]], NDArray[np.uint32]]:
-    """Return drives as facts for JSON, and their keys, one drive behind the other."""
+    """Return drives as facts for JSON, and their keys, one drive after the other."""
     known = [drive for drive in drives if drive.keys]
     facts = [
         {"name": d.name, "first": d.first, "last": d.last, "frames": len(d.keys)} for d in known

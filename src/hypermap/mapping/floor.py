@@ -106,11 +106,11 @@ class Floor:
             side = "below" if self.offset < 0 else "above"
             return (
                 f"the world of the recording is not level: its floor is tilted by {off:.0f} "
-                f"degrees against its {axis} axis, where z has to point up, and lies "
+                f"degrees against its {axis} axis, though z has to point up, and is "
                 f"{abs(self.offset):.2f} m {side} its origin"
             )
         return (
-            f"the floor of the recording lies at z = {self.offset:.2f} m, where z = 0 is expected"
+            f"the floor of the recording is at z = {self.offset:.2f} m instead of z = 0"
             f"{self._depth_is_off}"
         )
 

@@ -1,4 +1,4 @@
-"""Going on with a map: whether it can be done, and what stays of the map."""
+"""Continuing a map: whether that is possible, and which parts of the map stay."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from hypermap.core.hypermap import Hypermap
 from hypermap.core.layer import Layer
 from hypermap.core.semantic import SemanticLayer
 from hypermap.formats.backup import BY_HAND
-from hypermap.mapping.by_hand import hand_edits, marked, told
+from hypermap.mapping.by_hand import hand_edits, ids_by_edit, marked
 from hypermap.mapping.config import MappingConfig, to_dict
 from hypermap.mapping.mapper_state import parse_published
 from hypermap.mapping.overrides import override
@@ -20,11 +20,11 @@ SEMANTIC = "semantic"
 
 
 class CannotGoOn(HypermapError):
-    """Mapping cannot go on with a map."""
+    """Mapping cannot continue a map."""
 
 
 def config_to_go_on_with(hypermap: Hypermap, asked: MappingConfig | None = None) -> MappingConfig:
-    """Return the configuration of a map, after a look whether mapping can go on with it.
+    """Return the configuration of a map, after checking that mapping can continue it.
 
     Args:
         hypermap: the map.
@@ -35,11 +35,11 @@ def config_to_go_on_with(hypermap: Hypermap, asked: MappingConfig | None = None)
     """
     values = hypermap.metadata.get("config")
     if not isinstance(values, Mapping):
-        raise CannotGoOn("mapping did not make this map, and can only go on with its own")
+        raise CannotGoOn("this map was not made by mapping, so mapping cannot continue it")
     try:
         config = override(MappingConfig(), values)
     except FormatError as error:
-        raise CannotGoOn(f"another version has made this map: config: {error}") from error
+        raise CannotGoOn(f"this map was made by another version: config: {error}") from error
     _check_same(config, asked or config)
     if hypermap.mapper_state is None:
         raise CannotGoOn(
@@ -56,7 +56,7 @@ def _check_same(config: MappingConfig, asked: MappingConfig) -> None:
             if now[stage][key] != value:
                 raise CannotGoOn(
                     f"the map was made with {stage}: {key}: {value}, not {now[stage][key]}; "
-                    "mapping goes on with the map's own configuration: give no other one "
+                    "mapping continues with the map's configuration: give no other one "
                     "(--profile, --config, --score), or make a new map"
                 )
 
@@ -68,7 +68,7 @@ def layer_of_objects(hypermap: Hypermap) -> SemanticLayer | None:
 
 
 def with_marks(hypermap: Hypermap) -> Hypermap:
-    """Return a map that says what people have done to what mapping has made; see `by_hand`.
+    """Return a map in which edits made by hand are marked; see `by_hand`.
 
     Raises:
         FormatError: If the state of the mapper in it cannot be read.
@@ -82,14 +82,14 @@ def with_marks(hypermap: Hypermap) -> Hypermap:
     other = hypermap.with_layer(marked(layer, edits))
     other.metadata.pop(BY_HAND, None)
     if edits:
-        other.metadata[BY_HAND] = told(edits)
+        other.metadata[BY_HAND] = ids_by_edit(edits)
     return other
 
 
 def replaced(base: Hypermap, layers: Iterable[Layer]) -> list[Layer]:
-    """Return the layers of a map, in which some replace those of their names or come first.
+    """Return the layers of a map, some replaced by those of the same names; new ones come first.
 
-    What is said of a layer in the configuration stays, and so do entries that cannot be read.
+    Each layer's settings stay, and so do entries that could not be read.
     """
     new: dict[str, Any] = {layer.name: layer for layer in layers}
     found: list[Layer] = []

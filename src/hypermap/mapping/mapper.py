@@ -20,7 +20,7 @@ from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.semantic import SemanticObject
 from hypermap.formats.backup import BY_HAND, MAP_ID, MAP_VERSION
 from hypermap.mapping.alignment import Aligner
-from hypermap.mapping.by_hand import HandEdit, hand_edits, told
+from hypermap.mapping.by_hand import HandEdit, hand_edits, ids_by_edit
 from hypermap.mapping.completion import free_share
 from hypermap.mapping.config import MappingConfig, to_dict
 from hypermap.mapping.counts import Counts
@@ -167,7 +167,7 @@ class Mapper:
         if frame_id is not None and frame_id != hypermap.base_frame:
             raise CannotGoOn(
                 f"the poses are in the frame {frame_id!r}, and the map in {hypermap.base_frame!r}; "
-                "mapping goes on with a map in its own frame only"
+                "mapping can only continue a map in its own frame"
             )
         kept = hypermap.mapper_state
         content = kept() if callable(kept) else kept or b""
@@ -279,7 +279,7 @@ class Mapper:
             published = layer.objects()
         metadata = self._base.metadata | {
             "hypermap_version": __version__,
-            "frames": (self._counts_before + self.counts).told(),
+            "frames": (self._counts_before + self.counts).as_metadata(),
             **({"surplus_detections": self.surplus} if self.surplus else {}),
             "poses": "corrected by the occupancy map" if self.corrects_poses else "as recorded",
             **self._pose_corrections(),
@@ -288,7 +288,7 @@ class Mapper:
             **self._identity(),
         }
         metadata.pop(BY_HAND, None)
-        if edits := told(self.evidence.hand_edits()):
+        if edits := ids_by_edit(self.evidence.hand_edits()):
             metadata[BY_HAND] = edits
         made = Hypermap(replaced(self._base, layers), self._base.frames, metadata)
         made.mapper_state = cache(partial(dump_state, self._state(published)))
@@ -419,7 +419,7 @@ def map_recording(
     """
     if onto is not None:
         if occupancy is not None:
-            raise ValueError("a map to go on with has an occupancy layer already")
+            raise ValueError("a map to continue already has an occupancy layer")
         mapper = Mapper.onto(onto, source, config, recording.path.name, recording.frame_id)
     else:
         occupancy = recording.occupancy() if occupancy is None else occupancy
@@ -517,7 +517,7 @@ def why_unusable(frame: RgbdFrame) -> str | None:
     if not np.isfinite(frame.map_T_camera).all():
         return "its pose is not finite"
     if np.abs(frame.map_T_camera[:3, 3]).max() > _FARTHEST:
-        return f"its pose lies more than {_FARTHEST:g} m away"
+        return f"its pose is more than {_FARTHEST:g} m away"
     rotation = frame.map_T_camera[:3, :3]
     is_rotation = np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-3)
     if not is_rotation or np.linalg.det(rotation) < 0:  # mirrored

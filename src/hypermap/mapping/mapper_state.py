@@ -1,4 +1,4 @@
-"""What a mapper needs to go on with a saved map, exactly as if it had never stopped.
+"""The state that a mapper needs to continue a saved map exactly as if it had never stopped.
 
 The file is described in docs/formats/mapper_state.md.
 """
@@ -58,10 +58,10 @@ class MapperState:
         first_cell: row and column of the first cell of `log_odds`, from the frame's origin.
         log_odds: of the cells of the occupancy layer, NaN for never seen, float32, shape (H, W);
             None if the layer is not made from depth.
-        drives: what was mapped so far.
-        counts: what became of all frames.
-        published: the objects as they were put into the map.
-        alignment: what the corrections of poses have taught; None if none are corrected.
+        drives: the drives mapped so far.
+        counts: frame counts.
+        published: the objects as they were published.
+        alignment: what pose correction has learned; None if poses are not corrected.
     """
 
     tracks: TrackTable
@@ -136,7 +136,7 @@ def parse_state(content: bytes, config: EvidenceConfig, path: str = "mapper_stat
 def parse_published(
     content: bytes, path: str = "mapper_state"
 ) -> tuple[list[SemanticObject], dict[int, HandEdit]]:
-    """Return the objects as mapping has put them into the map, and what people had done by then.
+    """Return the objects as mapping had published them, and the edits made by hand before.
 
     Raises:
         FormatError: If the file holds no state, or is of a later version.

@@ -1,9 +1,9 @@
-"""The pre-flight check: whether a recording is as mapping takes it to be.
+"""The pre-flight check: whether a recording meets the assumptions of mapping.
 
 Mapping believes that the floor is level at z = 0, that depth is in meters and registered to color,
 that poses and images have one clock, and that the camera is the right way up. Where that is not so,
 a map is made all the same, and a wrong one. So the first frames are looked at, and now and then
-later ones; each fault is told once: what was measured, what it does to the map, what mends it.
+later ones; each problem is reported once: what was measured, its effect on the map, and the remedy.
 """
 
 from __future__ import annotations
@@ -36,18 +36,18 @@ _UNDECIDED = {
     "scale": "the camera hardly moves, so nothing tells the unit of depth",
     "clock": "frames too far apart, or too even a motion, to compare clocks",
 }
-_TOLD_TILT, _TOLD_HEIGHT = 1.0, 0.05  # degrees and meters that leveling mends
+_WRONG_TILT, _WRONG_HEIGHT = 1.0, 0.05  # degrees and meters that leveling corrects
 
 
 @dataclass(frozen=True)
 class Finding:
-    """What the check has found about one thing that mapping believes.
+    """The result of checking one assumption of mapping.
 
     Attributes:
         check: "level", "depth", "scale", "registration", "clock" or "upright".
         measured: what was measured, or that it could not be.
         effect: what that does to the map; empty if nothing is wrong.
-        remedy: what mends it; empty if nothing is wrong.
+        remedy: how to fix it; empty if nothing is wrong.
     """
 
     check: str
@@ -57,7 +57,7 @@ class Finding:
 
     @property
     def is_wrong(self) -> bool:
-        """Whether the map suffers from it."""
+        """Whether it makes the map worse."""
         return bool(self.effect)
 
     def __str__(self) -> str:
@@ -65,11 +65,11 @@ class Finding:
 
 
 class Preflight:
-    """Looks at frames, and tells each fault once, as soon as it is clear.
+    """Checks frames, and reports each problem once, as soon as it is clear.
 
     Args:
-        report: called with each fault.
-        max_depth: depth beyond which no objects are looked for [m].
+        report: called with each problem.
+        max_depth: depth beyond which objects are ignored [m].
         map_T_world: the pose of the recording's world that its options gave, shape (4, 4), to which
             the one that levels it is added.
     """
@@ -87,15 +87,15 @@ class Preflight:
         self._consistency = Consistency()
         self._registration = RegistrationCheck()
         self._frames, self._next = 0, _FIRST
-        self._told: set[str] = set()
+        self._reported: set[str] = set()
         self._settled: dict[str, Finding] = {}
 
     def add(self, frame: RgbdFrame) -> None:
-        """Look at a usable frame, in order of time."""
+        """Check a usable frame; frames must come in order of time."""
         self._consistency.add(frame)
 
     def add_mapped(self, frame: RgbdFrame) -> None:
-        """Look closer at a frame of which the map was made, and report what is clear by now."""
+        """Check a mapped frame in more detail, and report the problems that are clear by now."""
         self._floor.add(frame)
         self._depth.add(frame)
         self._registration.add(frame)
@@ -105,21 +105,21 @@ class Preflight:
             self.finish()
 
     def finish(self) -> None:
-        """Report the faults that were not reported before."""
+        """Report the problems that were not reported before."""
         for finding in self.findings():
-            if finding.is_wrong and finding.check not in self._told:
-                self._told.add(finding.check)
+            if finding.is_wrong and finding.check not in self._reported:
+                self._reported.add(finding.check)
                 self._report(finding)
 
     def findings(self) -> list[Finding]:
-        """Return what was found about each thing, right or wrong."""
+        """Return the result of each check, whether right or wrong."""
         floor = self._floor.floor()
         for check, measure in (
             ("scale", self._scale),
             ("registration", self._color),
             ("clock", self._clock),
         ):
-            # Color is sampled at the beginning alone; of the others, more frames may tell more.
+            # Color is only sampled at the beginning; the other checks may improve with more frames.
             before = self._settled.get(check)
             if before is None or not (before.is_wrong or check == "registration"):
                 finding = measure()
@@ -133,7 +133,7 @@ class Preflight:
 
     def _level(self, floor: Floor | None) -> Finding:
         if floor is None:
-            return Finding("level", "no floor is in sight, so nobody knows whether z = 0 is one")
+            return Finding("level", "no floor is visible, so it is unknown whether it is at z = 0")
         if floor.is_level:
             said = f"tilted by {floor.tilt_deg:.1f} degrees, at z = {floor.offset:.2f} m"
             return Finding("level", f"the lowest level surface is {said}")
@@ -143,8 +143,8 @@ class Preflight:
         return Finding(
             "level",
             str(floor),
-            "a map needs a level floor at z = 0: else the floor becomes a wall, and what stands on "
-            "it is lost",
+            "the floor must be level at z = 0; otherwise it becomes a wall, and objects on it are "
+            "lost",
             f"give --level auto, or --world-transform={','.join(numbers)}",
         )
 
@@ -152,19 +152,19 @@ class Preflight:
         why = self._depth.why_odd()
         if why is None:
             return None
-        remedy = "give the units of depth per meter with --depth-scale, if those are wrong"
-        return Finding("depth", why, "of such depth no objects are made", remedy)
+        remedy = "if the unit is wrong, give the units of depth per meter with --depth-scale"
+        return Finding("depth", why, "no objects are mapped from such depth", remedy)
 
     def _scale(self) -> Finding | None:
         fit = self._consistency.depth_scale()
         if fit is None:
             return None
         if not fit.is_sure or abs(math.log(fit.value)) < _LEAST_SCALE:
-            return Finding("scale", "depth is in the unit in which the poses are")
+            return Finding("scale", "depth and poses are in the same unit")
         return Finding(
             "scale",
             f"depth images agree with each other if all depth is multiplied by {fit.value:.2g}",
-            "everything lies too near or too far off, and comes out too small or too large",
+            "everything is too near or too far, and too small or too large",
             f"divide --depth-scale by {fit.value:.2g}, if the poses are in meters",
         )
 
@@ -173,7 +173,7 @@ class Preflight:
         if camera is None:
             return None
         if not camera.is_other:
-            return Finding("registration", "the outlines of depth lie on edges of color")
+            return Finding("registration", "depth edges match color edges")
         return _unregistered(camera)
 
     def _clock(self) -> Finding | None:
@@ -186,10 +186,10 @@ class Preflight:
         side = "later" if fit.value > 0 else "earlier"
         return Finding(
             "clock",
-            f"images fit each other best with the poses of {abs(fit.value):.2f} s {side}",
-            f"things 2 m ahead of the moving camera come to lie {fit.moves:.2f} m beside their "
-            "places, and may come out twice",
-            f"give --time-offset auto, or {fit.value:.2f} (live, the parameter time_offset)",
+            f"images match each other best with the poses of {abs(fit.value):.2f} s {side}",
+            f"things 2 m ahead of the moving camera are mapped {fit.moves:.2f} m off, and "
+            "may appear twice",
+            f"give --time-offset auto, or {fit.value:.2f} (live: the parameter time_offset)",
         )
 
     def _upright(self, floor: Floor | None) -> Finding:
@@ -198,10 +198,10 @@ class Preflight:
         if turn := self._consistency.turn_deg():
             return Finding(
                 "upright",
-                f"images fit each other only if the camera is turned by {turn} degrees about its "
+                f"images match only if the camera is rotated by {turn} degrees about its "
                 "optical axis",
-                "what one image shows comes to lie where no other image shows it",
-                "if the camera is mounted upside down or on its side, its pose (tf) has to say so",
+                "objects are mapped in different places from each image",
+                "if the camera is mounted upside down or on its side, correct its pose in tf",
             )
         turned = 180 if -down < _UPSIDE_DOWN else 270 if right > _SIDEWAYS else 0
         turned = 90 if right < -_SIDEWAYS else turned
@@ -210,15 +210,15 @@ class Preflight:
         return Finding(
             "upright",
             "the images are upside down" if turned == 180 else "the images lie on their side",
-            "the map is right, but detectors find little in such images",
+            "the map is correct, but detectors find little in such images",
             f"give --rotate {turned}",
         )
 
 
 def leveling_pose(frames: Iterable[RgbdFrame]) -> tuple[NDArray[np.float64], Floor | None]:
-    """Return the pose that brings the floor that frames show to z = 0, and the floor.
+    """Return the pose that moves the visible floor to z = 0, and the floor.
 
-    The identity, shape (4, 4), if no floor is in sight, or it is level there already. A level
+    The identity, shape (4, 4), if no floor is visible, or it is already level at z = 0. A level
     surface above z = 0 that may be a table stays where it is.
     """
     sampler = FloorSampler()
@@ -227,9 +227,9 @@ def leveling_pose(frames: Iterable[RgbdFrame]) -> tuple[NDArray[np.float64], Flo
     floor = sampler.floor()
     if floor is None:
         return np.eye(4), None
-    is_off = abs(floor.offset) > _TOLD_HEIGHT or floor.tilt_deg > _TOLD_TILT
-    may_be_table = floor.is_level and floor.offset > _TOLD_HEIGHT
-    if not is_off or (may_be_table and floor.tilt_deg <= _TOLD_TILT):
+    is_off = abs(floor.offset) > _WRONG_HEIGHT or floor.tilt_deg > _WRONG_TILT
+    may_be_table = floor.is_level and floor.offset > _WRONG_HEIGHT
+    if not is_off or (may_be_table and floor.tilt_deg <= _WRONG_TILT):
         return np.eye(4), floor
     pose = floor.level_T_map()
     if may_be_table:
@@ -238,9 +238,9 @@ def leveling_pose(frames: Iterable[RgbdFrame]) -> tuple[NDArray[np.float64], Flo
 
 
 def clock_offset(frames: Iterable[RgbdFrame]) -> float | None:
-    """Return how much later than an image's stamp its pose is to be looked up [s].
+    """Return the delay from an image's stamp to the stamp of its pose [s].
 
-    0 if nothing else is clear; None if that cannot be told.
+    0 if no other delay is clearly better; None if that is unknown.
     """
     consistency = Consistency()
     for frame in frames:
@@ -256,12 +256,12 @@ def _unregistered(camera: ColorCamera) -> Finding:
     pixels = camera.shift * camera.camera.width
     return Finding(
         "registration",
-        f"depth is not registered to color: both show the same place {pixels:.0f} pixels apart; "
-        f"color looks like that of a camera with a focal length {camera.scale:.2f} times that of "
-        f"the depth camera, {1000 * abs(camera.x):.0f} mm beside it",
-        "what a box cuts out of the depth is not what it was drawn around: small things are lost, "
-        "or come out beside their places",
-        "give --register with a bag whose camera info and tf tell the color camera; else "
+        f"depth is not registered to color: they are {pixels:.0f} pixels apart; "
+        f"the color camera seems to have {camera.scale:.2f} times the focal length of the depth "
+        f"camera, and to be {1000 * abs(camera.x):.0f} mm next to it",
+        "boxes cut the wrong part out of the depth image: small objects are lost, or mapped in the "
+        "wrong places",
+        "give --register with a bag that has camera info and tf of the color camera; otherwise "
         f"--register --color-intrinsics={fx:.1f},{fy:.1f},{cx:.1f},{cy:.1f} "
         f"--depth-transform={camera.x:.3f},{camera.y:.3f},0,0,0,0",
     )

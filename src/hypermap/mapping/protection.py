@@ -1,4 +1,4 @@
-"""Tracks for what people have drawn, renamed, reshaped or deleted, so that mapping respects it."""
+"""Make tracks of edits made by hand, so that mapping does not undo them."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ from hypermap.mapping.tracks import Track, TrackTable
 def protected(
     tracks: TrackTable, edits: Mapping[int, HandEdit], config: EvidenceConfig
 ) -> TrackTable:
-    """Return tracks that know what people have done to them, in the order of their ids.
+    """Return the tracks with the edits made by hand, in the order of their ids.
 
-    What people have drawn gets a track of its own, so that evidence for it makes no other object
-    there. Its id may be that of another track: one that was not published begins anew, and one that
-    people have deleted gets another id, unless this is what was drawn again.
+    An object drawn by hand gets a track, so that its evidence makes no second object there. Its id
+    may belong to another track: if that was not published, it is replaced; if it was deleted by
+    hand, it gets a new id, unless the drawn object is the same thing again.
 
     Args:
         tracks: of mapping.
         edits: by the objects' ids.
-        config: as that of the tracks.
+        config: the one of the tracks.
     """
     if not edits and all(track.by_hand is None for track in tracks.objects):
         return tracks
     rows = {track.id: row for row, track in enumerate(tracks.objects)}
     table = TrackTable(config.max_existence)
-    displaced: list[int] = []  # rows of what was deleted
+    displaced: list[int] = []  # rows of deleted objects
     for number in sorted(rows.keys() | edits.keys()):
         edit, row = edits.get(number), rows.get(number)
         shape = None if edit is None or edit.shape is None else PreparedPolygon.of(edit.shape)
@@ -59,7 +59,7 @@ def protected(
 
 
 def _is_another(tracks: TrackTable, row: int, drawn: SemanticObject) -> bool:
-    """Return whether people have deleted a track, and drawn something else."""
+    """Return whether a track was deleted by hand, and something else drawn."""
     track, shape = tracks.objects[row], tracks.shapes.polygons[row].geometry
     is_there = bool(shapely.intersects(shape, drawn.footprint))
     return track.is_deleted and not (track.name == drawn.name and is_there)

@@ -1,4 +1,4 @@
-"""Whether depth and color show the same places: where depth jumps, color changes.
+"""Whether depth is registered to color: depth edges should be color edges.
 
 Depth jumps at the outlines of things, and color mostly changes there. Where the two images are
 registered, the jumps lie on edges of color. Where they come from two cameras, they do only after
@@ -25,7 +25,7 @@ _JUMP = 1.08  # least ratio of the depths on both sides of an outline
 _ACROSS = 8  # pixels without depth that may lie between them
 _POINTS = 150  # of each frame's outlines in either direction
 _FEWEST_FRAMES, _FEWEST_POINTS = 4, 600
-_BLUR = 1.2  # pixels by which an outline may lie beside its edge
+_BLUR = 1.2  # pixels by which an outline may be off its edge
 _STRONG = 95.0  # percentile above which edges of color count alike
 _LEAST = 0.05  # how much more edge lies at outlines than elsewhere, of a full one
 _BETTER = 1.3  # as many edges have to be met as with the images as they are
@@ -37,7 +37,7 @@ _STEPS = {"scale": 0.01, "x": 0.005, "y": 0.005}
 
 @dataclass(frozen=True)
 class ColorCamera:
-    """Where edges of color say that the color camera is.
+    """The pose of the color camera, as color edges suggest.
 
     Attributes:
         is_other: whether it clearly is not where the depth camera is.
@@ -80,7 +80,7 @@ class _Sample:
 
 
 class RegistrationCheck:
-    """Samples frames with color, and lays the outlines of depth onto the edges of color."""
+    """Samples frames with color, and matches depth edges with color edges."""
 
     def __init__(self) -> None:
         self._samples: list[_Sample] = []
@@ -128,7 +128,7 @@ class RegistrationCheck:
 
 
 class _Met:
-    """How much edge of color the outlines of depth meet."""
+    """How well depth edges match color edges."""
 
     def __init__(self, samples: list[_Sample]) -> None:
         self._edges = np.array([sample.edges for sample in samples])
@@ -145,7 +145,7 @@ class _Met:
         inside = (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height)
         of, kinds = self._of[inside], self._kinds[inside]
         met = self._edges[of, kinds, rows[inside], columns[inside]]
-        return float(np.sum(met) / len(self._of))  # what leaves the image meets nothing
+        return float(np.sum(met) / len(self._of))  # points outside the image match nothing
 
     def climb(self, scale: float, x: float, y: float) -> tuple[float, float, float]:
         """Return the values near these at which most is met."""
@@ -201,11 +201,11 @@ def _sample(frame: RgbdFrame, color: NDArray[np.uint8], rng: np.random.Generator
 
 
 def _outlines(z: NDArray[np.float32]) -> tuple[IntArray, IntArray]:
-    """Return rows and columns of the pixels beside which depth jumps to something farther."""
+    """Return rows and columns of the pixels next to a jump to larger depth."""
     valid = np.flatnonzero((z > 0) & (z < np.inf))
     depth, width = z.ravel()[valid], z.shape[1]
-    beside = (np.diff(valid) <= _ACROSS) & (valid[1:] // width == valid[:-1] // width)
-    ends = beside & (depth[1:] > _JUMP * depth[:-1])
-    begins = beside & (depth[:-1] > _JUMP * depth[1:])
+    neighbors = (np.diff(valid) <= _ACROSS) & (valid[1:] // width == valid[:-1] // width)
+    ends = neighbors & (depth[1:] > _JUMP * depth[:-1])
+    begins = neighbors & (depth[:-1] > _JUMP * depth[1:])
     rows, columns = np.divmod(np.concatenate([valid[:-1][ends], valid[1:][begins]]), width)
     return rows, columns

@@ -24,12 +24,12 @@ class Track:
     """What belongs to one track, apart from the columns of the table.
 
     Attributes:
-        id: unique among all tracks that the table ever held.
+        id: unique among all tracks that were ever in the table.
         name: its class.
         buffer: the evidence for it.
         co_occurrences: how many frames also showed another track of its class, by that track's id.
         pending: pieces of evidence that are not in its shape yet.
-        by_hand: what people have done to it; None for nothing.
+        by_hand: edits made by hand; None for none.
     """
 
     id: int
@@ -47,7 +47,7 @@ class Track:
 
     @property
     def is_deleted(self) -> bool:
-        """Whether people have deleted it, so that it is to stay away."""
+        """Whether it was deleted by hand, so that it must not come back."""
         return self.by_hand is not None and self.by_hand.is_deleted
 
     def become(self, other: Track) -> None:
@@ -93,7 +93,7 @@ class TrackTable:
         return self._existence.values
 
     def append(self, name: str, class_: int, evidence: Evidence, max_evidence: int) -> int:
-        """Add a track where some evidence lies, but without evidence; return its row."""
+        """Add a track at the place of some evidence, but without evidence; return its row."""
         track = Track(self.next_id, name, EvidenceBuffer(max_evidence))
         return self.add(track, class_, evidence.prepared, (evidence.z_min, evidence.z_max), 0.0)
 

@@ -1,4 +1,4 @@
-"""Paths over the free space of a map: for a robot of a radius, to points, objects and rooms."""
+"""Paths over the free space of a map, for a robot with a radius, to points, objects and rooms."""
 
 from typing import TYPE_CHECKING, Any
 

@@ -1,4 +1,4 @@
-"""Cones of sight over the rows of a grid: what a root sees and no other is nearer to.
+"""Visibility cones over the rows of a grid: cells that a root sees and is nearest to.
 
 A cone ends where others reach its cells on a shorter way. Between two such cells it goes on if
 something may be hidden there from those others: what fits between two cells' centers may open into
@@ -21,7 +21,7 @@ from hypermap.paths.strips import Strips
 
 SOURCE = -1
 _NOBODY = -2
-_SAME_FAR = 1e-3  # cells by which ways to a cell differ, and are taken for the same; as of float32
+_SAME_FAR = 1e-3  # cells; paths whose lengths differ by less are equal, as with float32
 _SAME = 1e-9  # cells
 _NARROW = 1e-12  # a cone's width, where it ends
 
@@ -43,7 +43,7 @@ class Reached(NamedTuple):
 
 
 class Cones(NamedTuple):
-    """Cones that wait, each at the row where it goes on; slopes are x per row, from the root.
+    """Queued cones, each at the row where it continues; slopes are x per row, from the root.
 
     What lies beyond a border is reached on a shorter way from another root, `low_roots` and
     `high_roots`, or not in sight (_NOBODY).
@@ -57,8 +57,8 @@ class Cones(NamedTuple):
     high_roots: NDArray[np.int32]
 
 
-class Work(NamedTuple):
-    """What a search keeps: corners and cones that wait, and the points that it is for, as x, y.
+class Search(NamedTuple):
+    """State of a search: queued corners and cones, and its source and goal, as x, y.
 
     `goal` is nan where there is none.
     """
@@ -70,7 +70,7 @@ class Work(NamedTuple):
 
 
 class Root(NamedTuple):
-    """Where cones begin: the source or a corner, its place and how far it is from the source."""
+    """Where cones begin: the source or a corner, its position and distance from the source."""
 
     number: int
     x: float
@@ -79,10 +79,10 @@ class Root(NamedTuple):
 
 
 @inner_loop()
-def root_of(strips: Strips, number: int, reached: Reached, work: Work) -> Root:
+def root_of(strips: Strips, number: int, reached: Reached, state: Search) -> Root:
     """Return the root of a number: that of a corner, or SOURCE."""
     if number == SOURCE:
-        return Root(number, work.source[0], work.source[1], 0.0)
+        return Root(number, state.source[0], state.source[1], 0.0)
     return Root(
         number, float(strips.xs[number]), float(strips.ys[number]), reached.corner_far[number]
     )
@@ -99,7 +99,7 @@ def look(
     low: float,
     high: float,
     reached: Reached,
-    work: Work,
+    state: Search,
 ) -> None:
     """Fill in the cells in a cone.
 
@@ -113,13 +113,13 @@ def look(
         low: the cone's left border, as x per row; infinite where it is level.
         high: its right border.
         reached: what is filled in.
-        work: what waits.
+        state: of the search.
     """
-    if root.y == np.floor(root.y):  # along the line that the root is on
+    if root.y == np.floor(root.y):  # along the row line of the root
         left = float(strips.begins[run]) if low == -np.inf else root.x
         right = float(strips.ends[run]) if high == np.inf else root.x
-        _meet(strips, root, int(root.y), left, right, reached, work)
-    cones = work.cones
+        _meet(strips, root, int(root.y), left, right, reached, state)
+    cones = state.cones
     cones.rows[0], cones.runs[0], cones.lows[0], cones.highs[0] = row, run, low, high
     cones.low_roots[0] = cones.high_roots[0] = _NOBODY
     waiting = 1
@@ -135,7 +135,7 @@ def look(
             right = min(float(end), root.x + high * to_middle)
             first, last = int(np.ceil(left - 0.5 - _SAME)), int(np.floor(right - 0.5 + _SAME))
             own_row = root.number == SOURCE and row == int(root.y)
-            ends = not own_row and waiting < len(strips.begins) + 2 * width  # else it fills up
+            ends = not own_row and waiting < len(strips.begins) + 2 * width  # or the queue fills up
             square = to_middle * to_middle
             goes_on = not ends
             for col in range(max(first, begin), min(last, end - 1) + 1):
@@ -146,14 +146,14 @@ def look(
                 if length < known:
                     reached.far[cell] = length
                     reached.roots[cell] = root.number
-                # On the cone's border, the way past the corner is as long.
+                # On the cone's border, the path around the corner is as long.
                 if not ends or length < known + _SAME_FAR:
                     goes_on = True
                     continue
                 other = reached.roots[cell]
                 slope = across / to_middle
                 if goes_on or not _covered(
-                    strips, root, low_root, other, left, col + 0.5, row, reached, work
+                    strips, root, low_root, other, left, col + 0.5, row, reached, state
                 ):
                     waiting = _go_on(
                         strips,
@@ -166,17 +166,17 @@ def look(
                         low_root,
                         other,
                         reached,
-                        work,
+                        state,
                         waiting,
                     )
                 goes_on = False
                 low, low_root, left = slope, other, col + 0.5
             if not goes_on and _covered(
-                strips, root, low_root, high_root, left, right, row, reached, work
+                strips, root, low_root, high_root, left, right, row, reached, state
             ):
                 continue
         waiting = _go_on(
-            strips, root, step, row, run, low, high, low_root, high_root, reached, work, waiting
+            strips, root, step, row, run, low, high, low_root, high_root, reached, state, waiting
         )
 
 
@@ -190,9 +190,9 @@ def _covered(
     right: float,
     row: int,
     reached: Reached,
-    work: Work,
+    state: Search,
 ) -> bool:
-    """Return whether a gap of at most a cell, in the middle of a row, is reached on shorter ways.
+    """Return whether a gap of at most a cell, in the middle of a row, has a shorter path.
 
     Nothing that blocks the sight of both its ends fits into a gap.
 
@@ -205,23 +205,29 @@ def _covered(
         right: of its right end.
         row: where it is.
         reached: so far.
-        work: for the source.
+        state: for the source.
     """
     if one == other:
         return one != _NOBODY
-    return _nearer(strips, root, other, left, row, reached, work) or _nearer(
-        strips, root, one, right, row, reached, work
+    return _nearer(strips, root, other, left, row, reached, state) or _nearer(
+        strips, root, one, right, row, reached, state
     )
 
 
 @inner_loop()
 def _nearer(
-    strips: Strips, root: Root, number: int, x: float, row: int, reached: Reached, work: Work
+    strips: Strips,
+    root: Root,
+    number: int,
+    x: float,
+    row: int,
+    reached: Reached,
+    state: Search,
 ) -> bool:
-    """Return whether another root sees a point in the middle of a row, and is a shorter way."""
+    """Return whether another root sees a point in the middle of a row, with a shorter path."""
     if number == _NOBODY:
         return False
-    other = root_of(strips, number, reached, work)
+    other = root_of(strips, number, reached, state)
     y = row + 0.5
     way = root.far + np.hypot(x - root.x, y - root.y)
     return other.far + np.hypot(x - other.x, y - other.y) <= way and _sees(strips, other, x, row)
@@ -265,11 +271,11 @@ def _go_on(
     low_root: int,
     high_root: int,
     reached: Reached,
-    work: Work,
+    state: Search,
     waiting: int,
 ) -> int:
-    """Let a part of a cone meet the line behind a row; return how many cones then wait."""
-    cones = work.cones
+    """Extend a part of a cone past a row; return the number of queued cones."""
+    cones = state.cones
     to_line = (row + 0.5 - root.y) * step + 0.5
     begin, end = (strips.begins[run] - root.x) / to_line, (strips.ends[run] - root.x) / to_line
     if begin > low:
@@ -279,7 +285,7 @@ def _go_on(
     if high < low - _NARROW:
         return waiting
     left, right = root.x + low * to_line, root.x + high * to_line
-    _meet(strips, root, row + 1 if step > 0 else row, left, right, reached, work)
+    _meet(strips, root, row + 1 if step > 0 else row, left, right, reached, state)
     row += step
     if high - low < _NARROW or row < 0 or row >= len(strips.rows) - 1:
         return waiting
@@ -304,9 +310,9 @@ def _meet(
     left: float,
     right: float,
     reached: Reached,
-    work: Work,
+    state: Search,
 ) -> None:
-    """Let the corners on a line that come into sight wait, if a way may turn there."""
+    """Queue the corners on a line that become visible, if a path may turn there."""
     low, high = strips.lines[line], strips.lines[line + 1]
     stop = high
     while low < high:
@@ -327,14 +333,14 @@ def _meet(
                 reached.corner_far[corner] = length
                 reached.corner_roots[corner] = root.number
                 key = length
-                if work.goal[0] == work.goal[0]:
-                    gx, gy = work.goal[0] - strips.xs[corner], work.goal[1] - line
+                if state.goal[0] == state.goal[0]:
+                    gx, gy = state.goal[0] - strips.xs[corner], state.goal[1] - line
                     key += np.sqrt(gx * gx + gy * gy)
-                push(work.heap, corner, key)
-            elif length <= known + _SAME and work.heap.places[corner] >= 0:
+                push(state.heap, corner, key)
+            elif length <= known + _SAME and state.heap.places[corner] >= 0:
                 reached.corner_roots[corner] = (
                     root.number
-                )  # a corner in line, which the way touches
+                )  # a corner on the line, which the path touches
         corner += 1
 
 

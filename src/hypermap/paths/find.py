@@ -16,7 +16,7 @@ from hypermap.paths.geodesic import reach
 from hypermap.paths.segments import line_cost
 from hypermap.paths.weighted import cheapest_cells, straightened
 
-_OFF = 1e-4  # cells by which a path keeps off the corner that it turns around
+_OFF = 1e-4  # cells; distance between a path and the corner that it turns around
 
 
 class NoPath(HypermapError):
@@ -25,7 +25,7 @@ class NoPath(HypermapError):
 
 @dataclass(frozen=True, eq=False)
 class Distances:
-    """How far all of a grid is from one point.
+    """The distances of all cells of a grid from one point.
 
     Attributes:
         space: the free space.
@@ -68,7 +68,7 @@ def distances(space: FreeSpace, start_xy: PointsLike) -> Distances:
 def find_path(space: FreeSpace, start_xy: PointsLike, goal_xy: PointsLike) -> NDArray[np.float64]:
     """Return the shortest path as a polyline, or the cheapest, where being near walls has a cost.
 
-    Shortest is the shortest of all, in any direction, up to a cell beside the goal. The cheapest
+    Shortest is the shortest any-angle path, up to a cell next to the goal. The cheapest
     is found among 16 directions, and straightened.
 
     Args:
@@ -143,7 +143,7 @@ def _shortest(
 
 
 def _roots_near(space: FreeSpace, reached: Reached, cell: int) -> list[int]:
-    """Return the corners after which the ways to a cell and to those around it are straight.
+    """Return the last corners on the paths to a cell and its neighbors.
 
     With all corners before these: the cone behind one may be too narrow to hold a cell's center.
     """
@@ -170,7 +170,7 @@ def _roots_near(space: FreeSpace, reached: Reached, cell: int) -> list[int]:
 def _turns(
     space: FreeSpace, reached: Reached, start: tuple[float, float], root: int
 ) -> list[tuple[float, float]]:
-    """Return the points of the way from the start to a corner."""
+    """Return the points of the path from the start to a corner."""
     corners = []
     while root != SOURCE:
         corners.append(root)

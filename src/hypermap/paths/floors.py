@@ -62,12 +62,12 @@ class Connector:
 
     @property
     def title(self) -> str:
-        """What it is called, as "lift A"."""
+        """Its name, such as "lift A"."""
         return self.name or self.kind
 
 
 def connectors_on(hypermap: Hypermap) -> tuple[Connector, ...]:
-    """Return the lifts and stairs that a map's metadata name.
+    """Return the lifts and stairs in a map's metadata.
 
     Raises:
         HypermapError: If an entry is none.
@@ -269,7 +269,7 @@ class Building:
     def _ways(
         self, node: _Node, end: _Node, begin: _Node, reasons: list[str]
     ) -> Iterator[tuple[_Node, float, _Hop | None]]:
-        """Yield where one gets from a node, how far that is, and by which lift or stairs."""
+        """Yield the neighbors of a node, with the distance and the lift or stairs."""
         here = [hop for hop in self._hops if hop.leaves == node]
         for hop in here:
             yield hop.arrives, hop.connector.length, hop
@@ -278,7 +278,7 @@ class Building:
         if node != begin:
             try:
                 planner.space.place(point, f"{here[0].connector.title} on {file}")
-            except HypermapError as error:  # nobody gets out there
+            except HypermapError as error:  # the exit is blocked
                 reasons.append(str(error))
                 return
         others = [hop.leaves for hop in self._hops if hop.leaves[0] == file]
@@ -304,11 +304,11 @@ def _is_same(one: Connector, other: Connector) -> bool:
 
 
 def _connector(entry: Any, number: int) -> Connector:
-    """Return what an entry of the metadata says."""
+    """Return the connector that an entry of the metadata describes."""
     try:
         (x, y), (there_x, there_y) = entry["at"], entry["there"]
         if not isinstance(entry["to"], str):
-            raise TypeError("`to` is no file")
+            raise TypeError("`to` is not a file")
         return Connector(
             str(entry.get("kind", "lift")),
             (float(x), float(y)),
@@ -319,6 +319,6 @@ def _connector(entry: Any, number: int) -> Connector:
         )
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise HypermapError(
-            f"metadata: {CONNECTORS}[{number}] is no lift or stairs; expected at: [x, y], "
+            f"metadata: {CONNECTORS}[{number}] is not a lift or stairs; expected at: [x, y], "
             f"to: FILE, there: [x, y] ({error})"
         ) from None

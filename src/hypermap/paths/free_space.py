@@ -1,4 +1,4 @@
-"""Where a robot's center can be, and what it costs to drive there."""
+"""The free space of a robot: where its center may be, and the cost of driving there."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from hypermap.core.occupancy import OCCUPIED, OccupancyLayer
 from hypermap.paths.settings import PathSettings
 from hypermap.paths.strips import Strips, strips_of
 
-_DECIMALS = 6  # of a cell; what is nearer to a border of cells is on it
+_DECIMALS = 6  # of a cell; closer points count as on the border of cells
 _INSCRIBED = 252  # the highest cost of a cell where the robot may be
 _NEUTRAL, _FACTOR = 50, 0.8  # a cell costs 50 and 0.8 times its inflation
 
@@ -55,7 +55,7 @@ class FreeSpace:
         settings: PathSettings | None = None,
         keepout: Iterable[BaseGeometry] = (),
     ) -> FreeSpace:
-        """Return where a robot can be.
+        """Return the free space of a robot.
 
         A cell is free below 50 percent. The robot's radius is measured between the centers of
         cells, so a path may be nearer to a wall by up to a cell.
@@ -161,7 +161,7 @@ class FreeSpace:
         return nearest
 
     def within(self, area: BaseGeometry) -> FreeSpace | None:
-        """Return the part of it that an area covers, on a grid of its own; None if no cell is free.
+        """Return the part inside an area, on a smaller grid; None if no cell in it is free.
 
         Args:
             area: in the frame of the grid.

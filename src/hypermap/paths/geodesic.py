@@ -1,4 +1,4 @@
-"""Exact shortest distances over free cells: straight lines that turn at corners of walls alone.
+"""Exact any-angle shortest distances over free cells: straight lines that turn at wall corners.
 
 From the source, and from each corner in the order of its distance, the cells that come into sight
 there are looked at row by row, within the cone that was hidden until then.
@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from hypermap._loops import inner_loop, loop
-from hypermap.paths.cones import SOURCE, Cones, Reached, Work, look, root_of, run_at
+from hypermap.paths.cones import SOURCE, Cones, Reached, Search, look, root_of, run_at
 from hypermap.paths.heap import empty_heap, pop
 from hypermap.paths.strips import Strips
 
@@ -25,7 +25,7 @@ def reach(
     goal: tuple[float, float] | None = None,
     goal_cell: int = -1,
 ) -> Reached:
-    """Return how far all cells are from a point, or all that matter on the way to another.
+    """Return the distance of all cells from a point, or of those that matter for a goal.
 
     Args:
         strips: free space.
@@ -51,16 +51,16 @@ def reach(
         np.empty(most, dtype=np.int32),
     )
     target = np.array([np.nan, np.nan] if goal is None else goal)
-    work = Work(empty_heap(count), cones, np.array(source, dtype=float), target)
-    sweep(strips, width, goal_cell, reached, work)
+    state = Search(empty_heap(count), cones, np.array(source, dtype=float), target)
+    sweep(strips, width, goal_cell, reached, state)
     return reached
 
 
 @loop()
-def sweep(strips: Strips, width: int, goal_cell: int, reached: Reached, work: Work) -> int:
-    """Fill in what is reached from the source; return how many corners that took."""
+def sweep(strips: Strips, width: int, goal_cell: int, reached: Reached, state: Search) -> int:
+    """Fill in all distances from the source; return how many corners were visited."""
     height = len(strips.rows) - 1
-    root = root_of(strips, SOURCE, reached, work)
+    root = root_of(strips, SOURCE, reached, state)
     x, y = root.x, root.y
     row = int(np.floor(y))
     if row < height:
@@ -68,20 +68,23 @@ def sweep(strips: Strips, width: int, goal_cell: int, reached: Reached, work: Wo
         if run >= 0:
             if y > row:
                 _look_along(strips, width, row, run, x, y, reached)
-            look(strips, width, root, 1, row, run, -np.inf, np.inf, reached, work)
+            look(strips, width, root, 1, row, run, -np.inf, np.inf, reached, state)
             if y > row:
-                look(strips, width, root, -1, row, run, -np.inf, np.inf, reached, work)
+                look(strips, width, root, -1, row, run, -np.inf, np.inf, reached, state)
     if y == row and row > 0:
         run = run_at(strips, row - 1, x, 0)
         if run >= 0:
-            look(strips, width, root, -1, row - 1, run, -np.inf, np.inf, reached, work)
+            look(strips, width, root, -1, row - 1, run, -np.inf, np.inf, reached, state)
     turned = 0
-    while work.heap.size[0] > 0:
-        if goal_cell >= 0 and work.heap.keys[work.heap.items[0]] > reached.far[goal_cell] + _AROUND:
+    while state.heap.size[0] > 0:
+        if (
+            goal_cell >= 0
+            and state.heap.keys[state.heap.items[0]] > reached.far[goal_cell] + _AROUND
+        ):
             break
-        corner = pop(work.heap)
+        corner = pop(state.heap)
         turned += 1
-        _turn(strips, width, corner, reached, work)
+        _turn(strips, width, corner, reached, state)
     return turned
 
 
@@ -96,10 +99,10 @@ def _look_along(
 
 
 @inner_loop()
-def _turn(strips: Strips, width: int, corner: int, reached: Reached, work: Work) -> None:
-    """Look at what was hidden behind a corner, seen from where the way to it comes from."""
-    root = root_of(strips, corner, reached, work)
-    before = root_of(strips, reached.corner_roots[corner], reached, work)
+def _turn(strips: Strips, width: int, corner: int, reached: Reached, state: Search) -> None:
+    """Visit the cells hidden behind a corner, as seen from the previous root."""
+    root = root_of(strips, corner, reached, state)
+    before = root_of(strips, reached.corner_roots[corner], reached, state)
     side, level = strips.sides[corner], strips.levels[corner]
     ux, uy = root.x - before.x, root.y - before.y
     slope = ux / abs(uy) if uy != 0 else np.copysign(np.inf, ux)
@@ -111,4 +114,4 @@ def _turn(strips: Strips, width: int, corner: int, reached: Reached, work: Work)
     row = int(root.y) if step > 0 else int(root.y) - 1
     run = run_at(strips, row, root.x, 1 if high > 0 else -1)
     if run >= 0:
-        look(strips, width, root, step, row, run, low, high, reached, work)
+        look(strips, width, root, step, row, run, low, high, reached, state)

@@ -1,4 +1,4 @@
-"""A binary heap of numbered things whose keys may fall, for compiled loops."""
+"""A binary heap of numbered items whose keys may decrease, for compiled loops."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from hypermap._loops import inner_loop
 
 
 class Heap(NamedTuple):
-    """Things that wait, the one with the lowest key first.
+    """A priority queue, lowest key first.
 
     Attributes:
         items: the things in the heap, int32, shape (N,).
@@ -27,7 +27,7 @@ class Heap(NamedTuple):
 
 
 def empty_heap(count: int) -> Heap:
-    """Return a heap for things from 0 to `count`."""
+    """Return a heap for items 0 to `count`."""
     return Heap(
         np.empty(count, dtype=np.int32),
         np.full(count, -1, dtype=np.int32),
@@ -38,7 +38,7 @@ def empty_heap(count: int) -> Heap:
 
 @inner_loop()
 def push(heap: Heap, item: int, key: float) -> None:
-    """Let a thing wait, or lower the key of one that does."""
+    """Push an item, or decrease the key of one in the heap."""
     place = heap.places[item]
     if place < 0:
         place = heap.size[0]
@@ -58,7 +58,7 @@ def push(heap: Heap, item: int, key: float) -> None:
 
 @inner_loop()
 def pop(heap: Heap) -> int:
-    """Take out the thing with the lowest key; there must be one."""
+    """Pop the item with the lowest key; the heap must not be empty."""
     first = int(heap.items[0])
     heap.places[first] = -1
     heap.size[0] -= 1

@@ -1,4 +1,4 @@
-"""What the places on a map are called: its rooms and objects."""
+"""Names of places on a map: its rooms and objects."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _MOST = 10  # names in a message
 
 
 def title(item: FoundObject) -> str:
-    """Return what an object is called, as "cup 3"."""
+    """Return the name of an object, such as "cup 3"."""
     return f"{item.object.name} {item.object.id}"
 
 
@@ -39,7 +39,7 @@ class Places:
         return [item for item in found if layer is not None or item.layer != LAYER]
 
     def room(self, what: Place) -> Room | None:
-        """Return the room that is meant; None if it is no room's name.
+        """Return the room of a name or id; None if it is not a room's name.
 
         Raises:
             HypermapError: If several have that name.
@@ -54,7 +54,7 @@ class Places:
         return named[0] if named else None
 
     def object(self, what: str | int) -> FoundObject:
-        """Return the one object that is meant.
+        """Return the one object of a name or id.
 
         Raises:
             HypermapError: If there is none, or several are.

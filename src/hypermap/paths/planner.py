@@ -29,9 +29,9 @@ from hypermap.paths.sight import Sight
 from hypermap.rooms.rooms import Door, Room
 
 REACH = 1.0
-"""What is so far from where a robot can be [m], and in sight, is reached."""
+"""Maximum distance [m] from which a visible object counts as reached."""
 
-_ROOM_TO_MOVE = 20  # cells around, in which a place is the better the farther walls are
+_ROOM_TO_MOVE = 20  # cells; up to this clearance, more clearance makes a place better
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +79,7 @@ class Planner:
     Attributes:
         space: where the robot can be, in the base frame.
         places: the rooms and objects of the map.
-        sight: what can be seen, as soon as it is asked for.
+        sight: lines of sight, prepared at the first access.
 
     Args:
         hypermap: the map, which must not change meanwhile.
@@ -133,7 +133,7 @@ class Planner:
         return self._path(begin, self.point_of(goal))
 
     def distances(self, start: Place) -> Distances:
-        """Return the lengths of the shortest paths to everywhere, in one sweep.
+        """Return the lengths of the shortest paths to all cells, in one sweep.
 
         Raises:
             HypermapError: If there is no such place, or the robot cannot be there.
@@ -186,7 +186,7 @@ class Planner:
     def approach(
         self, what: str | int, distance: float = STAND_OFF, start: Place | None = None
     ) -> Approach:
-        """Return where a robot can stand, facing an object, with nothing but things between.
+        """Return where a robot can stand, facing an object that no wall hides.
 
         Args:
             what: an object's id, its name, or both as "cup 3".
@@ -219,7 +219,7 @@ class Planner:
             way = None if begin is None else self._path(begin, np.array([pose.x, pose.y]))
             return Approach(pose, float(gaps[chosen]), item, way)
         if self.sight.first_that_sees(shape, cells, gaps) is None:
-            raise NoPath(f"{why} it is not in sight from any free place {distance:g} m from it")
+            raise NoPath(f"{why} it is not visible from any free place {distance:g} m from it")
         raise NoPath(f"{why} no path leads there for a radius of {radius:g} m")
 
     def is_reachable(self, start: Place, goal: Place) -> bool:
@@ -232,7 +232,7 @@ class Planner:
         return bool(np.isfinite(self.distances(start).meters.ravel()[cell]))
 
     def point_of(self, place: Place) -> NDArray[np.float64]:
-        """Return where a robot is at a place, in the base frame, shape (2,).
+        """Return the position of a robot at a place, in the base frame, shape (2,).
 
         Raises:
             NoPath: If there is no free place in the room, or from where the object is seen.
@@ -247,7 +247,7 @@ class Planner:
         cells, gaps = self.sight.around(item.object.footprint, 0.0, REACH)
         chosen = self.sight.first_that_sees(item.object.footprint, cells, gaps)
         if chosen is None:
-            why = f"it is not in sight from any free place within {REACH:g} m"
+            why = f"it is not visible from any free place within {REACH:g} m"
             raise NoPath(f"{title(item)} cannot be reached, because {why}")
         return self._center(int(cells[chosen]))
 
@@ -276,7 +276,7 @@ class Planner:
         return distances(self.space, begin).meters.ravel()[cells].astype(np.float64)
 
     def _clearance(self, cells: IntArray) -> NDArray[np.float64]:
-        """Return how far each of some cells that lie together is from what is not free [cells]."""
+        """Return the clearance of neighboring cells [cells]."""
         rows, cols = np.divmod(cells, self.space.grid.width)
         row, col = (max(0, int(each.min()) - _ROOM_TO_MOVE) for each in (rows, cols))
         part = self.space.free[row : rows.max() + _ROOM_TO_MOVE, col : cols.max() + _ROOM_TO_MOVE]

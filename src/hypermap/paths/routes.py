@@ -1,4 +1,4 @@
-"""The route graph of a map: rooms, doors and the turns between them, joined by straight ways."""
+"""The route graph of a map: rooms, doors and turns, connected by straight segments."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from hypermap.paths.free_space import FreeSpace
 from hypermap.paths.planner import Planner
 from hypermap.rooms.rooms import Door, Room
 
-_AROUND = 0.5  # [m] by which a way in a room may reach over its outline, as in doors
-_DECIMALS = 3  # of a meter; turns that are nearer than that are one
+_AROUND = 0.5  # [m] how far a path in a room may leave its outline, as in doors
+_DECIMALS = 3  # of a meter; closer turns are merged
 
 
 @dataclass(frozen=True, eq=False)
 class RouteGraph:
-    """Places as nodes, and straight ways between them, which a robot can drive, as edges.
+    """Places as nodes, and straight segments that a robot can drive as edges.
 
     Attributes:
         frame_id: of all points.
@@ -84,7 +84,7 @@ class _Growing:
     def add(
         self, room: Room, doors: list[tuple[Door, NDArray[np.float64]]], space: FreeSpace
     ) -> None:
-        """Add the ways in a room between its middle and its doors, which lie at points [m]."""
+        """Add the paths in a room between its middle and its doors, given as points [m]."""
         inside = space.within(room.outline.buffer(_AROUND))
         if inside is None:
             return
@@ -114,7 +114,7 @@ class _Growing:
     ) -> None:
         try:
             points = find_path(space, begin, end)
-        except NoPath:  # as furniture stands between
+        except NoPath:  # blocked by furniture
             return
         nodes = [self._node(point) for point in points]
         for one, other in itertools.pairwise(nodes):

@@ -1,4 +1,4 @@
-"""What a straight line costs that crosses the cells of a grid."""
+"""The cost of a straight line across the cells of a grid."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from hypermap._loops import inner_loop, loop
 
-_POINT = 1e-9  # of a line; a shorter part of it touches a cell but does not cross it
+_POINT = 1e-9  # of a line; a shorter part only touches a cell
 
 
 @inner_loop()
@@ -39,7 +39,7 @@ def line_cost(cost: NDArray[np.float32], x0: float, y0: float, x1: float, y1: fl
     next_x = np.floor(x0) + 1 if dx > 0 else np.ceil(x0) - 1
     next_y = np.floor(y0) + 1 if dy > 0 else np.ceil(y0) - 1
     at, total = 0.0, 0.0
-    one_open = other_open = True  # beside a line on the border of two cells, up to here
+    one_open = other_open = True  # on either side of a line along a border of cells, up to here
     while at < 1:
         to_x = (next_x - x0) / dx if dx != 0 else np.inf
         to_y = (next_y - y0) / dy if dy != 0 else np.inf

@@ -15,7 +15,7 @@ from hypermap.paths.segments import line_cost
 
 
 class Sight:
-    """Lines of sight over a grid, which walls and the unknown block, but mapped objects do not.
+    """Lines of sight over a grid; walls and unknown cells block them, mapped objects do not.
 
     A cup stands on a table: the table's cells are occupied, but are no wall.
 

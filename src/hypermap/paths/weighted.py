@@ -90,7 +90,7 @@ def _step_cost(
     if step_row == 0 or step_col == 0:
         return float(total / 2)
     length = 1.4142135623730951 if long == 1 else 2.23606797749979
-    # A step of (1, 1) passes both beside it; one of (2, 1) the two in its middle.
+    # A step of (1, 1) passes both cells next to it; one of (2, 1) the two in its middle.
     half_row, half_col = int(step_row / long), int(step_col / long)
     one_row, one_col = (half_row, 0) if long == 1 or abs(step_row) == 2 else (0, half_col)
     one = cost[row + one_row, col + one_col]

@@ -17,7 +17,7 @@ from hypermap.perception.frame import Camera, RgbdFrame
 _STEP = 4  # every n-th row and column of the depth image
 _STEEP = 0.87  # sine of 60 degrees
 _SAME_WAY = 1e-9  # columns within this angle all look the same way [rad]
-_NEAREST = 0.05  # nearer points are beside the camera, not in front of it [m]
+_NEAREST = 0.05  # closer points are next to the camera, not in front of it [m]
 
 
 @dataclass(frozen=True, eq=False)

@@ -61,8 +61,8 @@ def find_planes(
     count = _join_blocks(sums, planes, seeds, focal, cosine, LEVEL * noise, *scratch, blocks, found)
     around = np.full((h + 2, w + 2), UNFIT)
     around[1:-1, 1:-1] = blocks
-    beside = around[1:-1, :-2], around[1:-1, 2:], around[:-2, 1:-1], around[2:, 1:-1]
-    borders = np.stack([other != blocks for other in beside], axis=-1)
+    neighbors = around[1:-1, :-2], around[1:-1, 2:], around[:-2, 1:-1], around[2:, 1:-1]
+    borders = np.stack([other != blocks for other in neighbors], axis=-1)
     labels = np.full(disparity.shape, UNFIT, np.int32)
     places = np.empty((disparity.size, 2), np.int32)
     _spread(disparity, blocks, found, center, side, ON_PLANE * noise, borders, places, labels)

@@ -193,8 +193,8 @@ def _are_connected(
     for pixel in range(
         max(run[0], other[0] + above - REACH), min(run[1], other[1] + above + REACH)
     ):
-        beside = pixel - above
-        for near in range(max(beside - REACH, other[0]), min(beside + REACH + 1, other[1])):
+        neighbor = pixel - above
+        for near in range(max(neighbor - REACH, other[0]), min(neighbor + REACH + 1, other[1])):
             if _is_near(pixels[pixel], pixels[near], max_gap, tolerance):
                 return True
     return False
@@ -237,13 +237,13 @@ def _measure(
                     near[labels[up, col]] += 1
                 continue
             if col - left <= LOST:
-                beside = disparity[row, left]
-                _end(near, far, label, d, left_label, beside, max_gap, tolerance)
+                neighbor = disparity[row, left]
+                _end(near, far, label, d, left_label, neighbor, max_gap, tolerance)
             elif col > LOST:
                 near[label] += 1
             if row - up <= LOST:
-                other, beside = labels[up, col], disparity[up, col]
-                _end(near, far, label, d, other, beside, max_gap, tolerance)
+                other, neighbor = labels[up, col], disparity[up, col]
+                _end(near, far, label, d, other, neighbor, max_gap, tolerance)
             elif row > LOST:
                 near[label] += 1
             if label != left_label:

@@ -139,8 +139,8 @@ class ImageFolder(ABC):
         camera = self._options.color_camera(width, height)
         if camera is None:
             raise FormatError(
-                "a folder does not tell the color camera, to which depth is to be registered "
-                "(--register); give --color-intrinsics and --depth-transform",
+                "a folder does not contain the pose and intrinsics of the color camera, which "
+                "--register needs; give --color-intrinsics and --depth-transform",
                 path=self._path,
             )
         # Imported here: numba is slow to load.

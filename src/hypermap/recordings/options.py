@@ -1,4 +1,4 @@
-"""Options for what a recording does not say itself."""
+"""Options for data that a recording does not contain."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Doors: where one room becomes the next."""
+"""Doors: the lines between two rooms."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from hypermap.core.arrays import BoolArray, FloatArray, IntArray
 from hypermap.core.grid import GridGeometry
 from hypermap.rooms.rooms import Door
 
-_LEAST = 0.3  # [m] nobody passes through less
+_LEAST = 0.3  # [m] nothing fits through less
 
 
 def doors_between(
@@ -71,9 +71,9 @@ def _distances(row: IntArray, col: IntArray, walls: BoolArray) -> FloatArray:
         col: likewise.
         walls: with one more cell on each side.
     """
-    beside = walls & ndimage.binary_dilation(~walls)
+    borders = walls & ndimage.binary_dilation(~walls)
     cells = np.column_stack([row, col]) + 1  # as the walls count them
-    return np.asarray(cKDTree(np.argwhere(beside)).query(cells)[0])
+    return np.asarray(cKDTree(np.argwhere(borders)).query(cells)[0])
 
 
 def _straight(points: FloatArray) -> FloatArray:

@@ -1,4 +1,4 @@
-"""From the cells of a grid to rooms."""
+"""Find the rooms in the cells of a grid."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ from hypermap.rooms.rooms import Room, Rooms
 from hypermap.rooms.settings import RoomSettings
 from hypermap.rooms.watershed import basins, clearance, in_order, spread
 
-_NOISE = 0.15  # [m] by how much a straight wall may seem bent
-_WALL = 0.5  # [m] a shorter wall has no line that a room could end at
-_DOOR = 1.6  # [m] what gets narrower than this may be a door without corners of walls beside it
-_RAY = 0.3  # [m] what is thinner is no place for people or robots, as long as it is
+_NOISE = 0.15  # [m] how much a straight wall may appear bent
+_WALL = 0.5  # [m] shorter walls are not extended as a border of a room
+_DOOR = 1.6  # [m] a narrower passage may be a door even without corners of walls next to it
+_RAY = 0.3  # [m] free strips thinner than this and longer than wide come from single rays
 _CORNER = 0.3  # [m] so far from wider places it is a corner of these
-_ALONG = np.linspace(0.15, 0.85, 9)  # where we look what is beside a line, from end to end
+_ALONG = np.linspace(0.15, 0.85, 9)  # where the sides of a line are sampled, from end to end
 _BESIDE = 2.0  # cells from a line to what lies on either side of it
 _STRAIGHT = 1.5  # cells by which outlines are simplified, about
 
@@ -203,7 +203,7 @@ def _passages_of(
         other = _parts_at(parts, places - _BESIDE * across)
         between = np.sort(np.column_stack([one, other])[(one != other) & (one > 0) & (other > 0)])
         for (low, high), count in Counter(map(tuple, between.tolist())).items():
-            # What lies beside most of a line is divided by it as a whole.
+            # What borders most of a line is divided by all of it.
             share = 1.0 if 2 * count > len(_ALONG) else count / len(_ALONG)
             passages.append((low, high, share * length * side))
     return passages

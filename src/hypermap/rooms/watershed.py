@@ -1,4 +1,4 @@
-"""Free space as basins of its clearance: where the way between two gets narrow is a door.
+"""Watershed of the clearance: free space as basins, with doors where it narrows between two.
 
 Source: the watershed by flooding (Vincent and Soille 1991), on the distance to the nearest wall;
 basins are joined while flooding, as in Bormann et al. (ICRA 2016), where the saddle is hardly lower

@@ -34,7 +34,7 @@ class Errors:
 
     def __post_init__(self) -> None:
         if not 0 <= self.people <= 100:
-            raise ValueError(f"people must lie between 0 and 100, got {self.people}")
+            raise ValueError(f"people must be between 0 and 100, got {self.people}")
 
 
 _ROBOT_POSES = PoseNoise(

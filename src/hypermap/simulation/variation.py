@@ -100,15 +100,15 @@ def _changed(
 
 
 def _moved(thing: WorldObject, about: Point, by: Point, turn: float) -> WorldObject:
-    def placed_anew(points: tuple[Point, ...]) -> tuple[Point, ...]:
+    def moved_points(points: tuple[Point, ...]) -> tuple[Point, ...]:
         turned = affinity.rotate(shapely.MultiPoint(points), turn, origin=about)
         return tuple((p.x + by[0], p.y + by[1]) for p in turned.geoms)
 
     yaw = math.remainder(thing.yaw_deg + turn, 360)
     if thing.outline is None:
-        (at,) = placed_anew((thing.place,))
+        (at,) = moved_points((thing.place,))
         return replace(thing, at=at, yaw_deg=yaw)
-    a, b, c, d = placed_anew(thing.outline)
+    a, b, c, d = moved_points(thing.outline)
     return replace(thing, outline=(a, b, c, d), yaw_deg=yaw)
 
 

@@ -290,20 +290,20 @@ def _check_standing(world: World, path: Path) -> None:
     """Raise a FormatError if objects stand in each other or in walls, or hang in the air."""
     from hypermap.simulation.standing import bases, in_walls, overlaps  # which know worlds
 
-    def told(i: int) -> str:
+    def named(i: int) -> str:
         return f"the {world.objects[i].label} at {_place(world.objects[i].place)}"
 
     for i, j in overlaps(world):
-        message = f"{told(j)} stands in {told(i)}, which is objects[{i}]; move one of them, or"
+        message = f"{named(j)} stands in {named(i)}, which is objects[{i}]; move one of them, or"
         raise FormatError(f"{message} raise its z", path=path, key=f"objects[{j}]")
     for i in in_walls(world):
-        message = f"{told(i)} stands in a wall; move it away from there"
+        message = f"{named(i)} stands in a wall; move it away from there"
         raise FormatError(message, path=path, key=f"objects[{i}]")
     for i, base in enumerate(bases(world)):
         if base is None:
             message = (
-                f"{told(i)} hangs in the air: nothing ends at its z of {world.objects[i].z:g} "
-                "below it, and no wall is beside it; set its z to the height of what it stands on"
+                f"{named(i)} hangs in the air: nothing ends at its z of {world.objects[i].z:g} "
+                "below it, and no wall is next to it; set its z to the height of what it stands on"
             )
             raise FormatError(message, path=path, key=f"objects[{i}]")
 

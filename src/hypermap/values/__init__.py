@@ -1,4 +1,4 @@
-"""Measured values: from samples at places to a quantity all over the floor, which knows walls."""
+"""Measured values: estimate a quantity all over the floor from samples, with regard to walls."""
 
 from typing import TYPE_CHECKING, Any
 

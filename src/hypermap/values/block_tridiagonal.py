@@ -1,7 +1,7 @@
 """Factors of a symmetric positive definite matrix that is made of blocks along its diagonal.
 
-A field on a grid of R rows couples each row with the two beside it. With two rows in a block, its
-precision matrix is block tridiagonal, and all that is asked of it takes R / 2 small dense steps:
+A field on a grid of R rows couples each row with its two neighbors. With two rows in a block, its
+precision matrix is block tridiagonal, and all operations take R / 2 small dense steps:
 the block Cholesky factorization (Golub and Van Loan, Matrix Computations, 4th ed., section 4.5.1)
 and, backwards along it, the blocks of the inverse on the diagonal (Takahashi et al. 1973; Meurant,
 SIAM J. Matrix Anal. Appl. 13, 1992).

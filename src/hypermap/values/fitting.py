@@ -1,4 +1,4 @@
-"""How a quantity varies over the floor, found from its samples."""
+"""Fit the parameters of a random field to samples."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from scipy.special import ndtr
 from hypermap.values.lattice import Lattice
 from hypermap.values.random_field import FieldSettings, Observations, Posterior, Prior
 
-LEAST_SAMPLES = 5  # with a value, from which length, deviation and noise can be told
+LEAST_SAMPLES = 5  # with a value, needed to estimate length, deviation and noise
 _NOISE = (0.02, 20.0)  # as a multiple of the field's deviation
 _THROUGH_WALLS = (0.0, 0.03, 0.3)
 _STEPS = 40  # of the search
 _ROUNDS = 12  # of expectation propagation
-_DROPOUTS = 0.05  # of all samples, which hear nothing where there is something
+_DROPOUTS = 0.05  # share of the samples that miss an existing signal
 _CLOSE = 1e-3  # change of a site's mean, in units of noise, at which the rounds end
 
 
@@ -36,8 +36,8 @@ class _Fit:
         return FieldSettings(length, self.deviation, noise * self.deviation, self.through_walls)
 
 
-def fitted(lattice: Lattice, heard: Observations) -> FieldSettings:
-    """Return the settings that make observations likeliest (restricted maximum likelihood).
+def fit_settings(lattice: Lattice, heard: Observations) -> FieldSettings:
+    """Return the most likely settings of the field (restricted maximum likelihood).
 
     Args:
         lattice: of the nodes; the coarser, the quicker.
@@ -65,8 +65,8 @@ def _likeliest(
     start: NDArray[np.float64],
     bounds: list[tuple[float, float]],
 ) -> _Fit:
-    """Return the best length and noise for a wall that lets through so much."""
-    least = float(np.abs(heard.values).max()) * 1e-6 + 1e-12  # of a field that is the same all over
+    """Return the most likely length and noise for a given `through_walls`."""
+    least = float(np.abs(heard.values).max()) * 1e-6 + 1e-12  # for a constant field
 
     def fit(parameters: NDArray[np.float64]) -> _Fit:
         length, noise = np.exp(parameters).tolist()
@@ -89,7 +89,7 @@ def _likeliest(
 def with_limits(
     prior: Prior, heard: Observations, limits: Observations, settings: FieldSettings
 ) -> Observations:
-    """Return observations that say what values and upper limits say together.
+    """Return observations that combine values and upper limits.
 
     What is only known to lie below a limit becomes the observation with the same effect, by
     expectation propagation (Minka 2001; Rasmussen and Williams 2006, section 3.6, with the limit
@@ -98,7 +98,7 @@ def with_limits(
     Args:
         prior: of the nodes.
         heard: values.
-        limits: `values` are the limits that values lie below; their precision is not looked at.
+        limits: upper limits in `values`; their precision is ignored.
         settings: of the field.
     """
     scale = settings.deviation

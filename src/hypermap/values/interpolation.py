@@ -1,4 +1,4 @@
-"""From samples at places to values all over the floor."""
+"""Interpolate samples to values all over the floor."""
 
 from __future__ import annotations
 
@@ -15,29 +15,29 @@ from hypermap.core.errors import HypermapError
 from hypermap.core.grid import GridGeometry, check_resolution
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.samples import Samples
-from hypermap.values.fitting import LEAST_SAMPLES, fitted, with_limits
+from hypermap.values.fitting import LEAST_SAMPLES, fit_settings, with_limits
 from hypermap.values.kernel import kernel_estimate
-from hypermap.values.lattice import Lattice, floor_cells, grid_around
+from hypermap.values.lattice import Lattice, floor_cells, padded_grid
 from hypermap.values.random_field import FieldSettings, Observations, Posterior, Prior
 
 Method = Literal["gmrf", "kernel", "nearest"]
 METHODS: tuple[str, ...] = get_args(Method)
 
 _MARGIN = 2.0  # meters around the samples
-_RESOLUTION = 0.25  # meters; the finest that is chosen by itself
-_NODES = 20_000  # at most, where nobody asks for more
-_MOST_NODES = 100_000  # a gigabyte of blocks, where the floor is square
+_RESOLUTION = 0.25  # meters; the finest automatic resolution
+_NODES = 20_000  # maximum at automatic resolution
+_MOST_NODES = 100_000  # a gigabyte of blocks if the floor is square
 _NODES_TO_FIT = 2_500
 _UNEXPLAINED = 0.5  # of the variance, above which there is no value
 _FARTHEST = 1e9  # meters from the origin
 _WIDEST = 1e5  # meters from one sample to another
-_LARGEST = 1e30  # value, whose square is a number yet
+_LARGEST = 1e30  # value whose square is still finite
 _UNSURE = 0.5  # confidence of the kernel, below which there is no value
 
 
 @dataclass(frozen=True, eq=False)
 class Interpolation:
-    """What samples say about a quantity all over the floor.
+    """An estimate of a quantity all over the floor.
 
     Attributes:
         grid: where the cells lie, in the frame of the samples.
@@ -95,10 +95,10 @@ def interpolate(
             f"none of the {len(samples)} samples has a value; without one there is nothing to map"
         )
     if settings is None and method != "nearest" and heard < LEAST_SAMPLES:
-        told = "1 sample with a value does" if heard == 1 else f"{heard} samples with a value do"
+        number = "1 sample with a value is" if heard == 1 else f"{heard} samples with a value are"
         raise HypermapError(
-            f"{told} not tell how the quantity varies; give at least {LEAST_SAMPLES}, or say its "
-            "length, deviation and noise, or take the method nearest"
+            f"{number} too few to estimate how the quantity varies; give at least {LEAST_SAMPLES}, "
+            "or its length, deviation and noise, or use the method nearest"
         )
     grid = _grid(samples, resolution)
     if method == "nearest":
@@ -135,7 +135,7 @@ def _by_field(
     if settings is None:
         coarse = _at_most(grid, _NODES_TO_FIT)
         rough = lattice if coarse == grid else Lattice.over(coarse, occupancy)
-        settings = fitted(rough, _observed(rough, known))
+        settings = fit_settings(rough, _observed(rough, known))
     prior = Prior(lattice, settings.length, settings.through_walls)
     observed = _observed(lattice, known)
     if samples.is_below.any():
@@ -212,8 +212,8 @@ def _grid(samples: Samples, resolution: float | None) -> GridGeometry:
     except ValueError as error:
         raise HypermapError(str(error)) from None
     if resolution is None:
-        return _at_most(grid_around(samples.points_xy, _MARGIN, _RESOLUTION), _NODES)
-    grid = grid_around(samples.points_xy, _MARGIN, resolution)
+        return _at_most(padded_grid(samples.points_xy, _MARGIN, _RESOLUTION), _NODES)
+    grid = padded_grid(samples.points_xy, _MARGIN, resolution)
     if grid.width * grid.height > _MOST_NODES:
         raise HypermapError(
             f"a resolution of {resolution:g} m makes {grid.width} x {grid.height} cells, more than "

@@ -99,7 +99,7 @@ def _filtered(cells: _Cells, width: float) -> _Cells:
 
 
 def _top(width: float) -> float:
-    """Return what one sample weighs in its own cell."""
+    """Return the kernel weight of a sample in its own cell."""
     radius = int(_REACH * width + 0.5)
     line = np.exp(-0.5 * (np.arange(-radius, radius + 1) / width) ** 2)
     return float((line[radius] / line.sum()) ** 2)

@@ -1,4 +1,4 @@
-"""Nodes over the floor, and which of them walls part from their neighbors."""
+"""A lattice over the floor, with links that walls cut."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ class Lattice:
         return not bool(self.is_open.all())
 
     def weights_at(self, points_xy: NDArray[np.float64]) -> csr_array:
-        """Return how much each node has to do with each point, shape (M, N); rows add up to 1.
+        """Return the nodes' interpolation weights for each point, shape (M, N); rows add up to 1.
 
         A point between four nodes that all see each other takes from all of them (bilinear
         interpolation), another one from the nearest of them that it sees, so that a sample does not
@@ -140,7 +140,7 @@ def floor_cells(grid: GridGeometry, occupancy: OccupancyLayer | None) -> BoolArr
     return _all_free(occupancy, centers, centers).reshape(grid.shape)
 
 
-def grid_around(points_xy: NDArray[np.float64], margin: float, resolution: float) -> GridGeometry:
+def padded_grid(points_xy: NDArray[np.float64], margin: float, resolution: float) -> GridGeometry:
     """Return a grid that has all points, shape (N, 2), and a margin [m] around them."""
     first = np.floor((points_xy.min(axis=0) - margin) / resolution)
     last = np.ceil((points_xy.max(axis=0) + margin) / resolution)

@@ -1,4 +1,4 @@
-"""From samples to a layer of a map, and again from the samples that it keeps."""
+"""Make a map layer from samples, or again from the samples that a layer keeps."""
 
 from __future__ import annotations
 
@@ -77,8 +77,8 @@ def on_map(samples: Samples, occupancy: OccupancyLayer | None) -> Samples:
         x, y = samples.points_xy[0]
         x0, y0, x1, y1 = occupancy.extent().bounds
         raise HypermapError(
-            f"all {len(samples)} samples lie off the map, which reaches from ({x0:g}, {y0:g}) to "
-            f"({x1:g}, {y1:g}); the first lies at ({x:g}, {y:g}); are they in frame "
+            f"all {len(samples)} samples are off the map, which reaches from ({x0:g}, {y0:g}) to "
+            f"({x1:g}, {y1:g}); the first one is at ({x:g}, {y:g}); are they in frame "
             f"{occupancy.frame_id!r}, in meters?"
         )
     return samples if on_grid.all() else samples.chosen(on_grid)

@@ -13,7 +13,7 @@ from hypermap.core.hypermap import ROOMS, Hypermap
 from hypermap.core.value_layer import ValueLayer, ValueSummary
 
 AROUND = 0.5
-"""How far around an object its values are looked for [m]: furniture has no free floor below it."""
+"""Radius around an object for its mean value [m], as there is no free floor below furniture."""
 
 
 def value_layer_called(hypermap: Hypermap, name: str | None = None) -> ValueLayer:

@@ -76,11 +76,11 @@ def _candidates(spot: Spot) -> NDArray[np.float64]:
     above, below = ymax + height / 2 + _GAP, ymin - height / 2 - _GAP
     step = height + _GAP
     within = [(x, y), (x, y + step), (x, y - step), (x, y + 2 * step), (x, y - 2 * step)]
-    beside = [(right, y), (x, above), (x, below), (left, y)]
+    around = [(right, y), (x, above), (x, below), (left, y)]
     corners = [(right, above), (right, below), (left, above), (left, below)]
     fits = width <= 1.15 * (xmax - xmin) and height <= ymax - ymin
     inside = [p for p in within if ymin <= p[1] - height / 2 and p[1] + height / 2 <= ymax]
-    ordered = inside + beside + corners if fits else beside + corners + within[:1]
+    ordered = inside + around + corners if fits else around + corners + within[:1]
     return np.array(ordered, dtype=float)
 
 

@@ -48,7 +48,7 @@ def about(text: str) -> bytes:
     return f"{{origin: [0, 0, 0], resolution: 1, {text}}}".encode()
 
 
-NO_NUMBERS = "m.hmap/warmth.npy: is no .npy file of rows and columns of float32, as numpy.save"
+NO_NUMBERS = "m.hmap/warmth.npy: is not a .npy file of rows and columns of float32, as numpy.save"
 
 
 @pytest.mark.parametrize(

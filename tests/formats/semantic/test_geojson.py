@@ -154,11 +154,11 @@ def polygon(*points: Any) -> dict[str, Any]:
         ),
         (
             changed(geometry=polygon([0, 0, 1], [1, 0, 1], [1, 1, 1])),
-            "features[0].geometry: is not a valid Polygon: a footprint lies on the floor",
+            "features[0].geometry: is not a valid Polygon: a footprint is 2D",
         ),
         (
             changed(geometry=polygon([0, 0], [float("nan"), 0], [1, 1])),
-            "is not valid JSON: NaN is no number",
+            "is not valid JSON: NaN is not a number",
         ),
         (
             changed(geometry=polygon([0, 0], [12345, 0], [1, 1])).replace("12345", "1e999"),

@@ -146,7 +146,7 @@ def test_words_that_yaml_takes_for_something_else_are_names() -> None:
         ),
         (
             "{name: cup, shape: 'POLYGON((0 0 1, 1 0 1, 1 1 1, 0 0 1))'}",
-            "a footprint lies on the floor; its points must have two coordinates",
+            "a footprint is 2D; its points must have two coordinates",
         ),
         (
             "{name: cup, shape: 'POLYGON((0 0, nan 0, 1 1))'}",

@@ -70,8 +70,8 @@ def test_an_unknown_stamp_has_no_detections_and_is_counted_and_logged_once(
         assert [len(recorded.at(stamp)) for stamp in (2.502, 0, 1e12, 2.5)] == [0, 0, 0, 1]
     assert recorded.missed == 3
     assert [record.getMessage() for record in caplog.records] == [
-        f"{recorded.path}: nothing is known of the image at 2.502000; it counts as one without "
-        "objects, and so do others of which nothing is known"
+        f"{recorded.path}: no entry for the image at 2.502000; this and other missing images "
+        "count as images without objects"
     ]
 
 

@@ -1,1 +1,1 @@
-"""Columns of values and outlines in bulk: as arrays, text and binary."""
+"""Columns of values and footprints: as arrays, text and binary."""

@@ -1,4 +1,4 @@
-"""Columns of values, to and from Arrow arrays; the only module that imports pyarrow."""
+"""Columns of values as Arrow arrays; the only module that imports pyarrow."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from hypermap.formats.letters import check_savable
 
 
 def has_pyarrow() -> bool:
-    """Return whether GeoParquet can be written and read."""
+    """Return whether GeoParquet is supported, that is, pyarrow is installed."""
     try:
         import pyarrow  # noqa: F401
     except ImportError:
@@ -112,13 +112,13 @@ def leaf_of(name: str, column: Column) -> str:
 
 
 def words_in(column: Column) -> Words | None:
-    """Return the words of a column or of its lists; None where there are none."""
+    """Return the words of a column or of its lists; None if it has none."""
     items = column.items if isinstance(column, Lists) else column
     return items if isinstance(items, Words) else None
 
 
 def most_values(column: Column) -> int:
-    """Return how many values a file will say that a column has; lists that are empty have one."""
+    """Return how many values the file will give for a column; an empty list counts as one."""
     if isinstance(column, Lists):
         return len(column.offsets) + most_values(column.items)
     return len(column.codes if isinstance(column, Words) else column.values)
@@ -160,7 +160,7 @@ def from_arrow(pa: Any, chunked: Any, name: str, path: str) -> Column:
     array = whole(pa, chunked)
     kind = array.type
     if pa.types.is_list(kind) or pa.types.is_large_list(kind):
-        # A row without a list has an empty one; `flatten` leaves out what such rows may hide.
+        # A row without a list has an empty one; `flatten` skips any values behind it.
         counts = pa.compute.fill_null(pa.compute.list_value_length(array), 0).to_numpy()
         items = _plain_from_arrow(pa, array.flatten(), name, path)
         return Lists(np.append(0, np.cumsum(counts, dtype=np.int64)), items)

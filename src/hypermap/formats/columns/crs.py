@@ -1,4 +1,4 @@
-"""Coordinate reference systems in GIS files: meters in a frame of a map, or something else.
+"""Coordinate reference systems in GIS files; the map needs meters in one of its frames.
 
 Our files have an engineering system, with no position on the globe, named after the frame. For
 files of other programs, a system of another kind (degrees, or meters of a projection)

@@ -1,4 +1,4 @@
-"""Shapes of objects: well-known text in, and exact well-known text out."""
+"""Shapes of objects as well-known text, without loss."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from hypermap.core.arrays import BoolArray, ObjectArray
 _RING = re.compile(r"\(([^()]*)\)")
 _AT_ONCE = 4096  # footprints
 _EXPONENTS = 1e-4, 1e15  # between them, no number is written with an exponent
-_SMALL_WKB = 4096  # bytes, in which nothing is nested so deeply that it does harm
+_SMALL_WKB = 4096  # bytes; too small for harmfully deep nesting
 _WITH_SRID = 0x20000000
 
 
@@ -66,7 +66,7 @@ def footprints_from_wkb(binaries: ObjectArray) -> ObjectArray:
 
 
 def footprint_to_wkt(footprint: BaseGeometry) -> str:
-    """Return text that gives exactly the same coordinates again (GEOS' own text does not).
+    """Return text from which exactly the same coordinates are read (unlike from GEOS' own text).
 
     >>> footprint_to_wkt(shapely.Polygon([(0, 0), (0.1 + 0.2, 0), (1, 1)]))
     'POLYGON((0 0, 0.30000000000000004 0, 1 1, 0 0))'
@@ -93,7 +93,7 @@ def footprints_to_wkt(footprints: ObjectArray) -> list[str]:
 
 
 def _are_simple(footprints: ObjectArray) -> BoolArray:
-    """Return which are polygons of one ring, whose numbers are written without an exponent."""
+    """Return which shapes are polygons of one ring whose numbers need no exponent."""
     simple = np.asarray(shapely.get_type_id(footprints) == shapely.GeometryType.POLYGON)
     simple &= shapely.get_num_interior_rings(footprints) == 0
     points, owners = shapely.get_coordinates(footprints, return_index=True)
@@ -104,7 +104,7 @@ def _are_simple(footprints: ObjectArray) -> BoolArray:
 
 
 def _outlines_to_wkt(polygons: ObjectArray) -> list[str]:
-    """Return the texts of such polygons, from JSON, which is written several times as fast."""
+    """Return the texts of such polygons, by way of JSON, which is several times as fast."""
     if not len(polygons):
         return []
     points, owners = shapely.get_coordinates(polygons, return_index=True)
@@ -122,11 +122,11 @@ def _from_wkt(text: str) -> BaseGeometry:
 
 
 def _is_flat(wkb: bytes) -> bool:
-    """Return whether binary says that it is a polygon, or a collection of polygons alone.
+    """Return whether well-known binary contains a polygon, or only polygons.
 
     Of collections within collections, many deep, GEOS would overflow the stack.
     """
-    with contextlib.suppress(struct.error):  # cut off, about which GEOS complains
+    with contextlib.suppress(struct.error):  # truncated; GEOS reports that
         kind, order, at = _wkb_head(wkb, 0)
         if kind == shapely.GeometryType.POLYGON:
             return True
@@ -147,7 +147,7 @@ def _is_flat(wkb: bytes) -> bool:
 
 
 def _wkb_head(wkb: bytes, at: int) -> tuple[int, str, int]:
-    """Return a geometry's kind, the order of its bytes, and where what it holds begins."""
+    """Return a geometry's kind, its byte order, and the offset of its contents."""
     order = "<" if struct.unpack_from("B", wkb, at)[0] else ">"
     (kind,) = struct.unpack_from(f"{order}I", wkb, at + 1)
     return kind & ~_WITH_SRID, order, at + (9 if kind & _WITH_SRID else 5)
@@ -176,7 +176,7 @@ def _close_ring(match: re.Match[str]) -> str:
 
 
 def _float(text: str) -> float | None:
-    """Return a number; None for other text, which the parser of the whole complains about."""
+    """Return a number; None for other text, which the full parser reports."""
     try:
         return float(text)
     except ValueError:

@@ -57,7 +57,7 @@ def write_geoparquet(
 
     Raises:
         MissingExtra: If pyarrow is not installed.
-        HypermapError: If it is too large to be read again.
+        HypermapError: If it is too large to read back.
     """
     pa, parquet = pyarrow_and_parquet()
     arrays = {name: to_arrow(pa, column) for name, column in columns.items()}
@@ -66,7 +66,7 @@ def write_geoparquet(
     table = pa.table(arrays).replace_schema_metadata(metadata)
     unpacked = WIDTH * (len(footprints) + sum(map(most_values, columns.values())))
     if len(table) > limits.MAX_ROWS or max(unpacked, table.nbytes) > limits.MAX_TABLE_BYTES:
-        raise HypermapError(f"{len(table)} objects are too many to be read again")
+        raise HypermapError(f"{len(table)} objects are too many for one file")
     sink = pa.BufferOutputStream()
     parquet.write_table(
         table,
@@ -188,7 +188,7 @@ def _footprints(pa: Any, table: pyarrow.Table, path: str) -> ObjectArray:
 
 
 def _shapes(pa: Any, wkb: Any, path: str, row_of: Callable[[int], int]) -> ObjectArray:
-    """Return the geometries of an Arrow array, which objects can have; messages name the row."""
+    """Return the footprints in an Arrow array; errors name the row."""
     is_large = pa.types.is_large_binary(wkb.type)
     if len(wkb) and (is_large or pa.types.is_binary(wkb.type)):
         _, offsets, data = wkb.buffers()

@@ -1,4 +1,4 @@
-"""Polygons of one ring, as nearly all footprints are: many at once, from text and from binary.
+"""Polygons with one ring (nearly all footprints): many at once, from text and binary.
 
 If even one shape is not of this kind, the general readers read them all, so that only they
 report errors.
@@ -21,7 +21,7 @@ from hypermap.formats.columns.numbers import numbers_from_json
 _NUMBER = b"-+0123456789.eE"
 _DENSE = re.compile(rb"POLYGON\(\( (?:, )*\)\)")  # 0 0,1 0,1 1 without the numbers
 _SPACED = re.compile(rb"POLYGON\(\( (?:,  )*\)\)")  # 0 0, 1 0, 1 1
-# Into JSON: a comma stands behind each number, and blanks for all that is no part of one.
+# To JSON: a comma after each number, and blanks in place of everything else.
 _DENSE_TO_JSON = bytes.maketrans(b"POLYGN() \n", b"        ,,")
 _SPACED_TO_JSON = bytes.maketrans(b"POLYGN(), \n", b"         ,,")
 _WKB_HEAD = np.dtype([("order", "u1"), ("kind", "<u4"), ("rings", "<u4"), ("corners", "<u4")])
@@ -36,7 +36,7 @@ def outlines_from_wkt(lines: bytes) -> ObjectArray | None:
     None as well where a polygon is none that an object can have, or the text is not plain.
     """
     lines = lines.replace(b"POLYGON ((", b"POLYGON((") if b" ((" in lines[:10] else lines
-    for end in (b" ", b",", b")"):  # as whole numbers, these would lose their sign
+    for end in (b" ", b",", b")"):  # as integers, these would lose their sign
         lines = lines.replace(b"-0" + end, b"-0.0" + end)
     is_spaced = b", " in lines
     skeletons = lines.translate(None, _NUMBER).split(b"\n")
@@ -62,7 +62,7 @@ def outlines_from_wkt(lines: bytes) -> ObjectArray | None:
 
 
 def outlines_from_wkb(data: NDArray[np.uint8], bounds: NDArray[np.int64]) -> ObjectArray | None:
-    """Return polygons that stand end to end as well-known binary.
+    """Return polygons from well-known binary, one after the other.
 
     Args:
         data: the bytes.
@@ -89,18 +89,18 @@ def outlines_from_wkb(data: NDArray[np.uint8], bounds: NDArray[np.int64]) -> Obj
 
 
 def _at_any_byte(data: NDArray[np.uint8], kind: np.dtype[Any]) -> NDArray[Any]:
-    """Return what stands at each byte, if something of a kind begins there."""
+    """Return the value that begins at each byte."""
     return np.ndarray((len(data) - kind.itemsize + 1,), kind, data, strides=(1,))
 
 
 def _are_open(points: NDArray[np.float64], ends: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Return which rings, end to end, do not end where they begin."""
+    """Return which of the concatenated rings are not closed."""
     whole = points.view(np.complex128)[:, 0]  # points as single numbers
     return np.asarray(whole[np.append(0, ends[:-1])] != whole[ends - 1])
 
 
 def _polygons(points: NDArray[np.float64], ends: NDArray[np.int64]) -> ObjectArray | None:
-    """Return polygons of a closed ring each; None if an object cannot have one of them."""
+    """Return polygons of one closed ring each; None if one of them is not a valid footprint."""
     bounds = np.append(0, ends)
     if np.diff(bounds).min() < _FEWEST_CORNERS or not can_be_corners(points):
         return None

@@ -15,11 +15,11 @@ _ENCODINGS = {"PLAIN", "RLE", "BIT_PACKED", "RLE_DICTIONARY", "PLAIN_DICTIONARY"
 
 
 class _Sealed(Exception):
-    """Something was read that should not be."""
+    """More was read than the file's metadata."""
 
 
 class _Sealable(io.BytesIO):
-    """A file of which no more is read from some time on."""
+    """A file that can be sealed, so that no more is read from it."""
 
     is_sealed = False
 
@@ -30,10 +30,10 @@ class _Sealable(io.BytesIO):
 
 
 def _metadata(parquet: Any, content: bytes, path: str) -> Any:
-    """Return how a file describes itself, after Arrow has looked at that.
+    """Return the metadata of a Parquet file, as Arrow reads it.
 
-    What is wrong with a chunk's description is an error when Arrow is about to read the chunk, but
-    ends the program when it is asked about it first. So it is told to read what it does not get.
+    Arrow raises an error for damaged metadata of a chunk when it reads the chunk, but crashes the
+    process when asked for that metadata first. So it has to start reading each chunk here.
     """
     source = _Sealable(content)
     file = parquet.ParquetFile(source, buffer_size=1)
@@ -88,7 +88,7 @@ def leaves_of(parquet: Any, content: bytes, path: str) -> dict[str, Leaf]:
             raise FormatError("appears twice", path=path, key=described.path)
         leaves[described.path] = Leaf(kind, width, set())
     groups = [metadata.row_group(i) for i in range(metadata.num_row_groups)]
-    unpacked = 0  # bytes; of values that are all the same, the file itself holds next to nothing
+    unpacked = 0  # bytes; a file of equal values can be tiny itself
     for group in groups:
         for chunk, leaf in zip(
             map(group.column, range(group.num_columns)), leaves.values(), strict=False

@@ -78,7 +78,7 @@ def to_geotiff(layer: GridLayer) -> bytes:
 
 
 def _place(tags: ImageFileDirectory_v2, grid: GridGeometry) -> None:
-    """Say where the upper left corner lies, and the others."""
+    """Write the transform from pixels to the frame."""
     side = grid.resolution
     ((x, y),) = grid.origin.apply([[0.0, grid.height * side]])
     if grid.origin.yaw == 0:
@@ -86,7 +86,7 @@ def _place(tags: ImageFileDirectory_v2, grid: GridGeometry) -> None:
         _set(tags, _TIE_POINT, TiffTags.DOUBLE, (0.0, 0.0, 0.0, x, y, 0.0))
         return
     cos, sin = side * np.cos(grid.origin.yaw), side * np.sin(grid.origin.yaw)
-    # From column and row, of which the first is the top one.
+    # From (column, row); row 0 is at the top.
     matrix = [[cos, sin, 0, x], [sin, -cos, 0, y], [0, 0, 0, 0], [0, 0, 0, 1]]
     _set(tags, _TRANSFORMATION, TiffTags.DOUBLE, tuple(np.ravel(matrix).tolist()))
 
@@ -105,7 +105,7 @@ def _name_frame(tags: ImageFileDirectory_v2, frame_id: str) -> None:
 
 
 def _described(layer: ValueLayer) -> str:
-    """Return what GDAL shows as the unit and the description of the band."""
+    """Return the GDAL metadata: unit and description of the band."""
     items = "".join(
         f'<Item name="{name}" sample="0" role="{role}">{escape(text)}</Item>'
         for name, role, text in (

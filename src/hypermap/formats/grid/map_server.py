@@ -119,7 +119,7 @@ def load_occupancy(
 ) -> OccupancyLayer:
     """Return the map of a map_server YAML file on the disk.
 
-    Its picture may lie anywhere, as map_server allows: relative to the YAML file, or absolute.
+    Like map_server, this accepts any image path: relative to the YAML file, or absolute.
 
     Raises:
         FileMissing: If there is no such file.
@@ -153,8 +153,7 @@ def cells_from_file(content: bytes, path: str, described: MapYaml) -> Cells:
     """Return the cells of a picture file, row 0 at the bottom.
 
     Args:
-        content: the file; of the kind that `save` writes, no more than a few rows are held beside
-            the cells.
+        content: the file; of one that `save` has written, only a few rows are unpacked at a time.
         path: how messages name it.
         described: how to read it.
 

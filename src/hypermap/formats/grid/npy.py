@@ -1,4 +1,4 @@
-"""Arrays of numbers as `.npy` files, of which strangers' ones are read without harm.
+"""Arrays of numbers as `.npy` files, read safely even from untrusted sources.
 
 Source: numpy's NEP 1. `numpy.load` would also allow pickled objects, and shapes that fill the
 memory.
@@ -48,7 +48,7 @@ def parse_npy(content: bytes, dtype: DTypeLike, path: str) -> NDArray[Any]:
         or header[2].decode() != numbers.str
     ):
         expected = f"rows and columns of {numbers.name}, as numpy.save writes them"
-        raise FormatError(f"is no .npy file of {expected}", path=path)
+        raise FormatError(f"is not a .npy file of {expected}", path=path)
     rows, cols, data = int(header[3]), int(header[4]), content[header.end() :]
     if len(data) != rows * cols * numbers.itemsize:
         raise FormatError(f"its {len(data)} bytes are not {rows} x {cols} numbers", path=path)

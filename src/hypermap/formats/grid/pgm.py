@@ -1,4 +1,4 @@
-"""Grids as a PGM picture and its YAML: of three shades as map_saver writes them, or value by value.
+"""Grids as a PGM image with its YAML: in the three shades of map_saver, or value by value.
 
 Source: ROS' map_server, map_saver.cpp and image_loader.cpp, and nav2's map_io.cpp. In "trinary",
 what a cell is likely to hold is rounded to free, occupied or unknown, as old programs know no more.
@@ -34,7 +34,7 @@ def dump_trinary(layer: OccupancyLayer, name: str) -> dict[str, bytes]:
 
 
 def dump_raw(layer: OccupancyLayer, name: str) -> dict[str, bytes]:
-    """Return the files of a grid, NAME.pgm and NAME.yaml, from which nothing is rounded.
+    """Return the files of a grid, NAME.pgm and NAME.yaml, with exact values.
 
     Raises:
         HypermapError: As `dump_trinary`.
@@ -77,6 +77,6 @@ def _dump(
 
 
 def rounded(layer: OccupancyLayer) -> int:
-    """Return how many cells of a grid lose what they say between free and occupied."""
+    """Return how many cells are neither free, occupied nor unknown, and so lose their value."""
     cells = layer.cells
     return 0 if cells is None else int(np.count_nonzero((cells > 0) & (cells < 100)))

@@ -1,4 +1,4 @@
-"""Pictures as gray values: any file that Pillow decodes by itself."""
+"""Images as gray values: any file that Pillow decodes without other programs."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from PIL import Image, UnidentifiedImageError
 from hypermap.core.errors import FormatError
 from hypermap.formats import limits
 
-# Not EPS, which Pillow gives to another program to draw, nor anything made of many pictures.
+# Not EPS, for which Pillow runs another program, nor formats with several images.
 _KINDS = (
     "PNG",
     "PPM",

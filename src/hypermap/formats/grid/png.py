@@ -1,4 +1,4 @@
-"""PNG pictures of gray values and alpha, row by row: nothing larger than a band is held.
+"""PNG images of gray values and alpha, read and written in bands of rows to save memory.
 
 Written are pictures of this kind alone; what is read of others is left to Pillow. Rows are filtered
 by the row above or not at all, which is all that maps need.
@@ -50,7 +50,7 @@ def encode_gray_alpha(width: int, height: int, bands: Iterable[NDArray[np.uint8]
 
 
 def gray_alpha_size(content: bytes) -> tuple[int, int] | None:
-    """Return width and height of a picture of this kind; None for all others."""
+    """Return width and height of a PNG image of this kind; None for all others."""
     start = len(SIGNATURE) + 8
     if not content.startswith(SIGNATURE) or len(content) < start + _HEADER.size:
         return None
@@ -59,7 +59,7 @@ def gray_alpha_size(content: bytes) -> tuple[int, int] | None:
 
 
 def band_rows(width: int) -> int:
-    """Return how many rows of a picture make a band."""
+    """Return the number of rows in a band."""
     return max(1, _BAND_BYTES // (2 * width))
 
 
@@ -82,7 +82,7 @@ def decode_gray_alpha(content: bytes, width: int, height: int) -> Iterator[NDArr
             raise ValueError("the picture has other filters")
         band = rows.copy()
         for start, end in _runs(filters):
-            if filters[start] == _UP:  # each row is the sum of all since the last plain one
+            if filters[start] == _UP:  # each row is the sum of all rows since the last plain one
                 band[start] += band[start - 1] if start else above
                 _accumulate(band[start:end])
         above = band[-1]
@@ -94,7 +94,7 @@ def _accumulate(rows: NDArray[np.uint8]) -> None:
     if rows.shape[1] < _WIDE:
         np.add.accumulate(rows, axis=0, out=rows)
         return
-    for above, row in itertools.pairwise(rows):  # a tenth of the time, since rows are vectors
+    for above, row in itertools.pairwise(rows):  # in a tenth of the time
         np.add(above, row, out=row)
 
 
@@ -105,7 +105,7 @@ def _runs(values: NDArray[np.uint8]) -> Iterator[tuple[int, int]]:
 
 
 def _filtered(content: bytes, width: int, height: int) -> Iterator[NDArray[np.uint8]]:
-    """Yield the rows as they are filtered, in bands of shape (rows, 1 + 2 * width)."""
+    """Yield the filtered rows, in bands of shape (rows, 1 + 2 * width)."""
     row_bytes, left = 1 + 2 * width, height
     unpacker = zlib.decompressobj()
     packed = _data(content)

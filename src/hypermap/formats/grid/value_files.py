@@ -1,4 +1,4 @@
-"""How value layers are kept. The specification is docs/formats/values.md."""
+"""Value layers as files. The specification is docs/formats/values.md."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _TEXTS = {("unit",), ("quantity",)}
 
 
 class _About(Checked):
-    """What the YAML file says about the arrays."""
+    """The content of the YAML file, which describes the arrays."""
 
     resolution: Annotated[Finite, Field(ge=RESOLUTIONS[0], le=RESOLUTIONS[1])]
     origin: Pose
@@ -39,7 +39,7 @@ class _About(Checked):
 
 
 class ValueFiles:
-    """How value layers are kept: `file` NAME means NAME.yaml, NAME.npy and what NAME.yaml names."""
+    """The files of value layers: `file` NAME means NAME.yaml, NAME.npy and what NAME.yaml names."""
 
     def empty(self, name: str, frame_id: str, settings: Mapping[str, Any]) -> ValueLayer:
         """Return a layer without cells."""

@@ -19,7 +19,7 @@ _DECIMALS = 9  # of meters
 
 
 def to_csv(layer: SemanticLayer) -> str:
-    """Return a layer's objects as CSV text (RFC 4180) with a head.
+    """Return a layer's objects as CSV text (RFC 4180) with a header.
 
     `x` and `y` are the centroid [m] and `area` that of the shape [m^2]; both and the `geometry`
     (well-known text) are in the layer's frame, to a nanometer. What is more than a number or a
@@ -42,7 +42,7 @@ def _row(item: SemanticObject, middle: list[float], area: float) -> dict[str, An
     own = {"id": item.id, "x": middle[0], "y": middle[1], "area": area}
     checked = plain_value(record_from_object(item), f"object {item.id}")
     record = {str(key): _cell(value) for key, value in checked.items()}
-    # An attribute may have a name of ours.
+    # An attribute may have the name of one of our columns.
     return {
         **record,
         **own,
@@ -51,7 +51,7 @@ def _row(item: SemanticObject, middle: list[float], area: float) -> dict[str, An
 
 
 def _cell(value: Any) -> Any:
-    """Return a number or a text as it is, and what is more as JSON."""
+    """Return a number or text as it is, and everything else as JSON."""
     if value is None or isinstance(value, str | float) or type(value) is int:
         return value
     return json.dumps(value, ensure_ascii=False, default=str)

@@ -36,7 +36,7 @@ _WRONG = (KeyError, TypeError, ValueError, OverflowError, IndexError, shapely.GE
 
 
 class EvidenceFile:
-    """Evidence in the bytes of a file, read when it is asked for first.
+    """Evidence as the bytes of a file, parsed at the first access.
 
     Attributes:
         content: the bytes.
@@ -62,9 +62,9 @@ class EvidenceFile:
 
 
 def load_evidence(store: Store, settings: Mapping[str, Any]) -> EvidenceFile | None:
-    """Return the evidence that a layer's configuration names, unread; None if there is none.
+    """Return the evidence that a layer's configuration names, unparsed; None if it names none.
 
-    Without the file, which older programs leave out, a map is as good as ever; it is logged.
+    Older programs do not copy the file. Without it, the map still opens, and a warning is logged.
     """
     name = settings.get(KEY)
     if not isinstance(name, str):
@@ -105,7 +105,7 @@ def save_evidence(layer: SemanticLayer, store: Store, file: str) -> Mapping[str,
 
 
 def without_evidence(settings: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a layer's configuration without what it says of evidence."""
+    """Return a layer's configuration without the keys about evidence."""
     return {key: value for key, value in settings.items() if key != KEY}
 
 
@@ -164,7 +164,7 @@ def parse_evidence(content: bytes, path: str) -> EvidenceTable:
         return _table(document["views"], document["observations"])
     except _WRONG as error:
         reason = f"{error.args[0]} is missing" if isinstance(error, KeyError) else str(error)
-        raise FormatError(f"holds no intact columns: {reason}", path=path) from None
+        raise FormatError(f"has damaged columns: {reason}", path=path) from None
 
 
 def _table(views: Mapping[str, Any], observations: Mapping[str, Any]) -> EvidenceTable:
@@ -207,12 +207,12 @@ def _unpacked(columns: Mapping[str, Any]) -> ObjectArray:
     """Return the shapes that `_packed` was given; raises one of `_WRONG` for anything else."""
     polygons, rings, points = (_counts(columns[key]) for key in ("polygons", "rings", "points"))
     if rings.sum() != len(points) or polygons.sum() != len(rings):
-        raise ValueError("the counts of polygons, rings and points do not fit each other")
+        raise ValueError("the counts of polygons, rings and points do not match")
     if (rings < 1).any() or (points < 3).any():
         raise ValueError("a polygon has at least one ring, and a ring at least three points")
     steps = np.array(columns["steps"], dtype=np.float64).reshape(-1, 2)
     if points.sum() != len(steps):
-        raise ValueError(f"{points.sum()} points are announced, and {len(steps)} there")
+        raise ValueError(f"{points.sum()} points were expected, found {len(steps)}")
     xy = np.cumsum(steps, axis=0) / _PER_METER
     if not np.abs(xy).max(initial=0) <= limits.MAX_PLACE:
         raise ValueError(f"a point is farther away than {limits.MAX_PLACE:g} m")
@@ -240,12 +240,12 @@ def _whole(values: Any) -> NDArray[np.int64]:
 def _counts(values: Any) -> NDArray[np.int64]:
     counts = _whole(values)
     if (counts < 0).any() or counts.max(initial=0) > limits.MAX_EVIDENCE_BYTES:
-        raise ValueError("counts of parts must be from 0 on, and not absurdly large")
+        raise ValueError("counts of parts must be 0 or more, and not absurdly large")
     return counts
 
 
 def _gathered(parts: ObjectArray, polygons: NDArray[np.int64]) -> ObjectArray:
-    """Return shapes of so many of the polygons each: none, one, or several."""
+    """Group polygons into shapes, by the number of polygons of each shape."""
     ends = np.cumsum(polygons)
     shapes = np.full(len(polygons), shapely.Polygon(), dtype=object)
     shapes[polygons == 1] = parts[ends[polygons == 1] - 1]

@@ -85,7 +85,7 @@ def to_geojson(layer: SemanticLayer) -> str:
 def from_geojson(
     text: str, name: str | None = None, frame_id: str | None = None, path: str | None = None
 ) -> SemanticLayer:
-    """Return the layer that GeoJSON text holds.
+    """Return the layer in GeoJSON text.
 
     Args:
         text: a FeatureCollection of polygons and multipolygons in meters.
@@ -106,7 +106,7 @@ def from_geojson(
         for i, item in enumerate(collection.features):
             check_read(json.dumps(item, ensure_ascii=False), path, f"features[{i}]")
     if any(_is_way(item) for item in collection.features):
-        raise FormatError("is a route graph of nav2, which holds no objects", path=path)
+        raise FormatError("is a Nav2 route graph, which has no objects", path=path)
     frame = frame_of(_system(collection), frame_id or collection.frame_id, path, "crs")
     objects = [_object(item, path, i) for i, item in enumerate(collection.features)]
     ids = collections.Counter(item.id for item in objects if item.id is not None)
@@ -168,4 +168,4 @@ def _footprint(raw: Mapping[str, Any], path: str | None, place: str) -> BaseGeom
 
 
 def _refuse(constant: str) -> None:
-    raise ValueError(f"{constant} is no number")
+    raise ValueError(f"{constant} is not a number")

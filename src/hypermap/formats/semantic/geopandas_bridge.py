@@ -146,19 +146,19 @@ def _object(row: int, record: dict[Any, Any], geometry: Any) -> SemanticObject:
 
 
 def _known(record: dict[Any, Any]) -> dict[Any, Any]:
-    """Return what is known of an object, as plain Python values."""
+    """Return the known fields of an object, as plain Python values."""
     plain = {
         key: value.tolist() if isinstance(value, np.ndarray | np.generic) else value
         for key, value in record.items()
     }
     known = {key: value for key, value in plain.items() if not _is_missing(value)}
     number = known.get("id")
-    if isinstance(number, float) and number.is_integer():  # of a column in which some are missing
+    if isinstance(number, float) and number.is_integer():  # in a column with missing values
         known["id"] = int(number)
     return known
 
 
 def _is_missing(value: Any) -> bool:
-    """Return whether pandas means by this value that there is none."""
+    """Return whether pandas uses this value for a missing one."""
     is_nan = isinstance(value, float) and math.isnan(value)
     return value is None or is_nan or type(value).__name__ in ("NAType", "NaTType")

@@ -36,12 +36,12 @@ from hypermap.formats.semantic.records import KNOWN_KEYS
 from hypermap.formats.yaml_text import plain_value, read_yaml, write_yaml
 
 NOTES = "hypermap"
-"""The key of the file's metadata where entries stand that could not be read."""
+"""The key of the file's metadata for entries that could not be read."""
 
 _OWN_COLUMNS = KNOWN_KEYS | {GEOMETRY}
 _STAMPS = ("existence", "first_seen", "last_seen")
 _ATTRIBUTE = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,99}")
-_MOST_ATTRIBUTES = 100  # columns; further attributes stand as JSON
+_MOST_ATTRIBUTES = 100  # columns; further attributes are stored as JSON
 _INT64 = range(-(2**63), 2**63)
 
 
@@ -57,7 +57,7 @@ def dump_parquet(table: ObjectTable, frame_id: str, rejected: Iterable[Rejected]
     Raises:
         MissingExtra: If pyarrow is not installed.
         TypeError: If an attribute is of a type that YAML does not have.
-        HypermapError: If it is too large to be read again.
+        HypermapError: If it is too large to read back.
     """
     everywhere = np.ones(len(table), dtype=bool)
     columns: dict[str, Column] = {
@@ -181,7 +181,7 @@ def _attribute_columns(attributes: ObjectArray) -> dict[str, Column]:
 
 
 def _attribute_column(values: list[Any], kind: type) -> Column | None:
-    """Return a column of values of one type, None for where there is none, if it can be one."""
+    """Return values as a column if they have one type, with None for missing ones."""
     there = np.array([value is not None for value in values], dtype=bool)
     if kind is str:
         return _words(values)
@@ -195,7 +195,7 @@ def _attribute_column(values: list[Any], kind: type) -> Column | None:
 
 
 def _text(attributes: Mapping[Any, Any]) -> str:
-    """Return attributes as JSON, or as YAML where there is something that JSON does not know."""
+    """Return attributes as JSON, or as YAML if JSON cannot represent them."""
     plain = plain_value(attributes)
     if _is_json(plain):
         return json.dumps(plain, ensure_ascii=False)
@@ -224,7 +224,7 @@ def _notes(rejected: Iterable[Rejected]) -> str:
 
 
 def _column(columns: Mapping[str, Column], name: str, kind: type, path: str) -> Any:
-    """Return a column of a kind; None where there is none, or nothing in it."""
+    """Return a column of a kind; None if it is missing or empty."""
     column = columns.get(name)
     if isinstance(column, Words) and kind is not Words and not column.vocabulary:
         return None
@@ -306,7 +306,7 @@ def _values(column: Words | Numbers) -> list[Any]:
 
 
 def _mapping(text: str, path: str) -> dict[Any, Any]:
-    """Return the attributes that a text holds."""
+    """Return the attributes in a text."""
     if text.startswith("{"):
         try:
             attributes = pydantic_core.from_json(text, allow_inf_nan=False)

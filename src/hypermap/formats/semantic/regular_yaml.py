@@ -1,4 +1,4 @@
-"""Semantic YAML in its regular form, read straight into columns.
+"""A fast reader for semantic YAML in its regular form, straight into columns.
 
 Nearly all files have it, since both ours and the first program write it: objects with known keys in
 one order, a line for each, with plain words and numbers. Reading YAML event by event takes
@@ -27,7 +27,7 @@ from hypermap.formats.columns.ragged import as_tuples
 from hypermap.formats.semantic.records import KNOWN_KEYS
 from hypermap.formats.yaml_text import plain_scalar
 
-_CHUNK = 1 << 18  # bytes; what is taken apart at a time should fit into the processor's cache
+_CHUNK = 1 << 18  # bytes; each chunk should fit into the processor's cache
 
 _ENTRY = re.compile(
     b"(?m:^)- name: (.+)\n"  # of a line alone: many in one would be tried to its end each
@@ -70,12 +70,12 @@ def read_regular(content: bytes) -> ObjectTable | None:
         for chunk in _chunks(content):
             columns.add(chunk)
         return columns.table()
-    except (_Irregular, ValueError, OverflowError):  # of texts that are no shapes or no UTF-8
+    except (_Irregular, ValueError, OverflowError):  # of texts that are not shapes or not UTF-8
         return None
 
 
 def _chunks(content: bytes) -> Iterator[bytes]:
-    """Yield whole entries, some at a time."""
+    """Yield chunks of whole entries."""
     start = 0
     while start < len(content):
         end = content.find(b"\n- ", start + _CHUNK) + 1 or len(content)
@@ -85,7 +85,7 @@ def _chunks(content: bytes) -> Iterator[bytes]:
 
 
 class _Known(dict[_Text, T]):
-    """What texts mean, each of which is looked at once."""
+    """The values of texts; each distinct text is parsed once."""
 
     def __init__(self, meaning: Callable[[_Text], T]) -> None:
         self._meaning = meaning
@@ -95,7 +95,7 @@ class _Known(dict[_Text, T]):
         return value
 
     def all(self, texts: Iterable[_Text]) -> Iterator[T]:
-        """Return the meaning of each."""
+        """Return the value of each text."""
         return map(self.__getitem__, texts)
 
 
@@ -116,7 +116,7 @@ class _Columns:
         self._count = 1  # the list itself
 
     def add(self, chunk: bytes) -> None:
-        """Take the objects of some lines."""
+        """Add the objects of a chunk."""
         parts = _ENTRY.split(chunk)
         if any(parts[0::_GROUPS]):
             raise _Irregular
@@ -166,7 +166,7 @@ def _words(text: _Text) -> tuple[str, ...]:
 
 
 def _word(text: str) -> str:
-    """Return what a name or tag says, which is text however it looks."""
+    """Return a name or tag, which is text even if it looks like a number."""
     if not _WORDS.fullmatch(text):
         raise _Irregular
     return text.strip("'")
@@ -186,7 +186,7 @@ def _footprints(texts: Sequence[bytes]) -> ObjectArray:
 
 
 def _numbers(texts: Sequence[_Text]) -> NDArray[np.float64]:
-    """Return the numbers, NaN where there is none."""
+    """Return the numbers, NaN for missing ones."""
     there = [text for text in texts if text is not None]
     values = _parsed(b",".join(there), len(there))
     if len(there) == len(texts):
@@ -203,7 +203,7 @@ def _number_lists(texts: Sequence[_Text]) -> list[tuple[float, ...]]:
 
 
 def _parsed(text: bytes, count: int) -> NDArray[np.float64]:
-    """Return numbers between commas; what JSON takes for a number of these letters, YAML does."""
+    """Return numbers between commas; for these letters, JSON and YAML agree on what is a number."""
     if text.translate(None, _NUMBERS):
         raise _Irregular
     values = numbers_from_json(text)
@@ -213,7 +213,7 @@ def _parsed(text: bytes, count: int) -> NDArray[np.float64]:
 
 
 def _attributes(lines: bytes) -> dict[str, Any]:
-    """Return keys of other programs, and their numbers and words."""
+    """Return free attributes: their keys, numbers and words."""
     attributes: dict[str, Any] = {}
     for line in lines[2:-1].decode().split("\n  "):
         key, _, text = line.partition(": ")

@@ -35,7 +35,7 @@ logger = logging.getLogger(__name__)
 SemanticForm: TypeAlias = Literal["auto", "yaml", "parquet"]
 
 NEXT_ID = "next_id"
-"""The key of a layer's configuration with the id of its next object, so that none is reused."""
+"""The key of a layer's configuration with the next free id, so that no id is reused."""
 
 MANY_OBJECTS = 100_000
 """From how many objects on a layer is kept as GeoParquet, where nothing else is said; one that is
@@ -89,7 +89,7 @@ class SemanticFiles:
         Raises:
             MissingExtra: If GeoParquet is asked for, and pyarrow is not installed.
             TypeError: If an attribute is of a type that YAML does not have.
-            HypermapError: If the layer is too large to be read again.
+            HypermapError: If the layer is too large to read back.
         """
         if not len(layer) and not layer.rejected:
             return {}
@@ -110,7 +110,7 @@ PLUGIN = SemanticFiles()
 
 
 def _ids_of(layer: SemanticLayer) -> dict[str, int]:
-    """Return what a configuration says of ids: only where those of removed objects are larger."""
+    """Return the configuration of ids, which is needed only if removed objects had larger ones."""
     largest = int(layer.ids.max(initial=-1))
     return {NEXT_ID: layer.next_id} if layer.next_id > largest + 1 else {}
 
@@ -169,7 +169,7 @@ def parse_objects(content: bytes, path: str) -> tuple[list[SemanticObject], list
 
 
 def parse_table(content: bytes, path: str) -> tuple[ObjectTable, list[Rejected]]:
-    """Return the same as `parse_objects`, but as columns; much faster for most files.
+    """Like `parse_objects`, but return columns; much faster for most files.
 
     Raises:
         FormatError: If the file is no list in YAML.

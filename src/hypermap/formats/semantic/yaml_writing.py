@@ -1,4 +1,4 @@
-"""Semantic layers as YAML text, written line by line where that gives the same text.
+"""Semantic layers as YAML text, written line by line where that gives the same result.
 
 The general writer takes some ten times as long. It still writes each entry that holds more than
 plain words and numbers, so that the whole reads as if it had written all.
@@ -24,11 +24,11 @@ _MAX_KEY = 100  # letters; longer keys are written in another way
 
 
 class TooLarge(HypermapError):
-    """A layer has so much in it that YAML of it would not be read again."""
+    """A layer is too large to be read back from YAML."""
 
 
 class _Elaborate(Exception):
-    """A value is more than a plain word or number."""
+    """A value is not a plain word or number."""
 
 
 def dump_table(table: ObjectTable, rejected: Iterable[Rejected] = ()) -> bytes:
@@ -40,7 +40,7 @@ def dump_table(table: ObjectTable, rejected: Iterable[Rejected] = ()) -> bytes:
 
     Raises:
         TypeError: If an attribute is of a type that YAML does not have.
-        TooLarge: If it would be too large to be read again.
+        TooLarge: If it would be too large to read back.
         HypermapError: If something is nested too deeply to be read again.
     """
     writer = _Writer()
@@ -53,7 +53,7 @@ def dump_table(table: ObjectTable, rejected: Iterable[Rejected] = ()) -> bytes:
     rejected = list(rejected)
     claimed = {_id_in(left_out.entry) for left_out in rejected}
     for row, (columns_of_row, known) in enumerate(zip(columns, numbers, strict=True)):
-        # Where an entry that is no object claims the position, too, the object's id is said first.
+        # If a rejected entry claims the position, too, the object's id is written explicitly.
         number = None if ids[row] == row and row not in claimed else ids[row]
         try:
             writer.add_line_by_line(*columns_of_row, known, number)
@@ -137,18 +137,18 @@ class _Writer:
         """Return all entries as a file.
 
         Raises:
-            TooLarge: If it would be too large to be read again.
+            TooLarge: If it would be too large to read back.
         """
         content = ("".join(self._texts) or "[]\n").encode()
         if len(content) > limits.MAX_YAML_BYTES or self._values > limits.MAX_YAML_VALUES:
             raise TooLarge(
-                f"{len(content)} bytes of YAML are too large to be read again; save the semantic "
+                f"{len(content)} bytes of YAML are too large to read back; save the semantic "
                 "layers as GeoParquet (pip install 'hypermap[parquet]')"
             )
         return content
 
     def _word(self, text: str) -> str:
-        """Return a text, in quotes where it would mean something else without them."""
+        """Return a text, quoted if it would otherwise mean something else."""
         written = self._words.get(text)
         if written is None:
             if type(text) is not str or not _WORDS.fullmatch(text):
@@ -179,7 +179,7 @@ def _number(value: Any) -> str:
     if type(value) is not float or not math.isfinite(value):
         raise _Elaborate
     text = repr(value)
-    # YAML 1.1 knows no exponent without a point.
+    # YAML 1.1 has no exponent without a decimal point.
     return text if "." in text else text.replace("e", ".0e")
 
 

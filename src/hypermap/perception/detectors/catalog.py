@@ -38,7 +38,7 @@ class KnownNetwork:
     @property
     def path(self) -> Path:
         """Its path in the user's cache, whether or not it exists."""
-        return cache_folder() / self.url.rpartition("/")[2]
+        return download_folder() / self.url.rpartition("/")[2]
 
     def downloaded(self) -> Path:
         """Return its file.
@@ -62,7 +62,7 @@ class KnownNetwork:
         return self.path
 
 
-def cache_folder() -> Path:
+def download_folder() -> Path:
     """Return the folder of downloaded networks: `hypermap/detectors` in the user's cache."""
     caches = os.environ.get("XDG_CACHE_HOME", "")
     # The XDG Base Directory Specification: relative paths are ignored.

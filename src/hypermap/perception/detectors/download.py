@@ -120,7 +120,7 @@ def _receive(file: IO[bytes], network: KnownNetwork, address: str, on_progress: 
         before, have = have, file.seek(0, os.SEEK_END)
         tries = 0 if have > before else tries + 1
     if tries:
-        kept = f"{have} of {network.size} bytes are kept: run the same command to go on, or "
+        kept = f"{have} of {network.size} bytes are kept: run the same command to continue, or "
         raise HypermapError(f"{address}: {reason}; {kept if have else ''}{_OTHER}")
 
 

@@ -160,8 +160,8 @@ class RecordedDetections:
             return _as_detections(self._objects[nearest])
         if not self.missed:
             logger.warning(
-                "%s: nothing is known of the image at %.6f; it counts as one without objects, "
-                "and so do others of which nothing is known",
+                "%s: no entry for the image at %.6f; this and other missing images count as "
+                "images without objects",
                 self.path or "detections",
                 stamp,
             )

@@ -171,8 +171,8 @@ class BagPlan:
         if camera is None:
             if self._contents.color_info is None:
                 raise FormatError(
-                    "there is no camera info next to the color images, to which depth is to be "
-                    "registered (--register); record it, or give --color-intrinsics"
+                    "there is no camera info for the color images, which --register needs; "
+                    "record it, or give --color-intrinsics"
                 )
             is_rectified = "rect" in self.color_topic.name.rpartition("/")[2]
             camera = camera_of_info(self._contents.color_info, width, height, is_rectified)

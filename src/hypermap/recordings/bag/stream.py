@@ -43,7 +43,7 @@ def stream_frames(
             turn += 1
         if len(waiting) > MAX_WAITING:
             raise FormatError(
-                f"the messages of {' and '.join(topics)} that belong together lie more than "
+                f"the messages of {' and '.join(topics)} that belong together are more than "
                 f"{MAX_WAITING} frames apart; sort the bag by the messages' stamps",
                 path=bag.path,
             )

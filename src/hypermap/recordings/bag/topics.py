@@ -116,10 +116,10 @@ def choose_topics(topics: Sequence[Topic], options: RecordingOptions) -> ChosenT
 
 
 def _color_info(topics: Sequence[Topic], color: Topic | None) -> Topic | None:
-    """Return the camera info next to the color images, if there is one."""
-    beside = "" if color is None else _folder(color.name)
+    """Return the camera info in the namespace of the color images, if any."""
+    namespace = "" if color is None else _folder(color.name)
     infos = (topic for topic in topics if topic.type == CAMERA_INFO)
-    return next((topic for topic in infos if _folder(topic.name) == beside), None)
+    return next((topic for topic in infos if _folder(topic.name) == namespace), None)
 
 
 class _Choice:

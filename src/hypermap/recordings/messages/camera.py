@@ -1,4 +1,4 @@
-"""Intrinsics out of `sensor_msgs/CameraInfo`."""
+"""Intrinsics from `sensor_msgs/CameraInfo`."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def camera_of_info(info: Any, width: int, height: int, is_rectified: bool) -> Ca
         info: the message, with `K` and `P` as in ROS 1 or `k` and `p` as in ROS 2.
         width: columns of the images.
         height: rows of the images.
-        is_rectified: whether the images are rectified, so that `P` holds in place of `K`.
+        is_rectified: whether the images are rectified, so that `P` applies instead of `K`.
 
     Raises:
         FormatError: If the camera is not calibrated, or its images are of another size.
@@ -36,15 +36,15 @@ def camera_of_info(info: Any, width: int, height: int, is_rectified: bool) -> Ca
         return Camera(K, width, height)
     except ValueError as error:
         raise FormatError(
-            f"the camera info holds no calibration ({error}); give --intrinsics"
+            f"the camera info contains no calibration ({error}); give --intrinsics"
         ) from None
 
 
 def has_distortion(info: Any) -> bool:
-    """Return whether the camera's lens distorts."""
+    """Return whether the camera's lens has distortion."""
     return bool(np.any(np.asarray(_field(info, "D"), dtype=float)))
 
 
 def _field(info: Any, name: str) -> Any:
-    """Return a field that ROS 1 spells in capitals and ROS 2 does not."""
+    """Return a field that is in capitals in ROS 1 but not in ROS 2."""
     return getattr(info, name) if hasattr(info, name) else getattr(info, name.lower())

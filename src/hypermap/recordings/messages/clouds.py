@@ -18,7 +18,7 @@ _MAX_FIT_ERROR = 1.0  # pixels
 def points_of_cloud(
     message: Any,
 ) -> tuple[NDArray[np.float32], NDArray[np.uint8] | None]:
-    """Return the points of an organized cloud and, if it has any, their colors.
+    """Return the points of an organized cloud, and their colors if it has any.
 
     Returns:
         Points in the cloud's frame [m], float32, NaN for no return, shape (H, W, 3), and RGB,
@@ -52,7 +52,7 @@ def fit_camera(points: NDArray[np.float32]) -> Camera:
     intrinsics, worst = [], 0.0
     for pixel, along in ((u, seen[:, 0] / seen[:, 2]), (v, seen[:, 1] / seen[:, 2])):
         if len(along) < 2 or np.ptp(along) < 1e-6:
-            raise FormatError("the cloud has too few points to tell the camera's intrinsics")
+            raise FormatError("the cloud has too few points to find the camera's intrinsics")
         focal, center = np.polyfit(along, pixel, 1)
         worst = max(worst, float(np.abs(focal * along + center - pixel).max()))
         intrinsics.append((focal, center))

@@ -1,4 +1,4 @@
-"""Depth out of the images that `compressed_depth_image_transport` makes.
+"""Depth from the images of `compressed_depth_image_transport`.
 
 Source: that package's `codec.cpp`: a header of 12 bytes (format, A, B), then a PNG, or for RVL
 the width, the height and the code. Depth of type 32FC1 is kept as a 16 bit inverse depth q, from
@@ -54,7 +54,7 @@ def depth_of_compressed(message: Any, units_per_meter: float) -> NDArray[np.floa
 
 
 def _decode_rvl(content: bytes) -> NDArray[np.uint16]:
-    from hypermap.recordings.messages.rvl import decode  # numba, which takes its time to import
+    from hypermap.recordings.messages.rvl import decode  # numba, which is slow to import
 
     if len(content) < _RVL_SIZE.size:
         raise FormatError("the RVL image ends before its size")

@@ -1,4 +1,4 @@
-"""Detections out of `darknet_ros_msgs/BoundingBoxes` and `vision_msgs/Detection2DArray`."""
+"""Detections from `darknet_ros_msgs/BoundingBoxes` and `vision_msgs/Detection2DArray`."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from hypermap.recordings.messages.header import nanoseconds
 
 
 def detections_of(message: Any) -> tuple[int, Detections]:
-    """Return the stamp of the image that was looked at [ns], and what was found in it.
+    """Return the stamp of the image [ns], and the detections in it.
 
-    Boxes without a class are left out; of several classes of a box the likeliest counts.
+    Boxes without a class are left out; of several classes for one box, the most likely one is used.
 
     Raises:
         FormatError: If the message is of an unknown kind.
@@ -23,7 +23,7 @@ def detections_of(message: Any) -> tuple[int, Detections]:
         return nanoseconds(image) or nanoseconds(own), _of_darknet(message.bounding_boxes)
     if hasattr(message, "detections"):
         return nanoseconds(message.header.stamp), _of_vision(message.detections)
-    raise FormatError(f"a message of type {type(message).__name__} holds no detections")
+    raise FormatError(f"a message of type {type(message).__name__} contains no detections")
 
 
 def _of_darknet(boxes: Any) -> Detections:

@@ -1,4 +1,4 @@
-"""What all messages have: times, frames and bytes."""
+"""Fields that all messages have: times, frames and bytes."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ def nanoseconds(stamp: Any) -> int:
 
 
 def as_seconds(stamp: int) -> float:
-    """Return the number of seconds that is nearest to a number of nanoseconds.
+    """Return nanoseconds as seconds, rounded correctly.
 
-    The division of integers rounds once; that by 1e9 would be off by up to 0.2 us in our time.
+    Integer division rounds only once; dividing floats by 1e9 would be off by up to 0.2 us.
     """
     return stamp / 10**9
 

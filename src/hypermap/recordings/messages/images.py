@@ -1,4 +1,4 @@
-"""Depth and color out of `sensor_msgs` images.
+"""Depth and color from `sensor_msgs` images.
 
 Source: REP 118 (depth images: 16UC1 in millimeters, 32FC1 in meters), `sensor_msgs/Image`.
 """

@@ -1,4 +1,4 @@
-"""Occupancy layers out of `nav_msgs/OccupancyGrid`."""
+"""Occupancy layers from `nav_msgs/OccupancyGrid`."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _MAX_TILT = 1e-3  # rad
 
 
 def occupancy_of_grid(message: Any, name: str = "occupancy") -> OccupancyLayer:
-    """Return the layer that an occupancy grid message holds.
+    """Return the layer of an occupancy grid message.
 
     Raises:
         FormatError: If the grid is empty, tilted, or its numbers are out of range.
@@ -30,7 +30,7 @@ def occupancy_of_grid(message: Any, name: str = "occupancy") -> OccupancyLayer:
         )
     if len(cells) and not (cells.min() >= UNKNOWN and cells.max() <= OCCUPIED):
         raise FormatError(
-            f"the map's cells must be -1 .. 100, found {cells.min()} .. {cells.max()}"
+            f"the map's cells must be -1 to 100, found {cells.min()} .. {cells.max()}"
         )
     q = info.origin.orientation
     if not any((q.x, q.y, q.z, q.w)):
@@ -43,7 +43,7 @@ def occupancy_of_grid(message: Any, name: str = "occupancy") -> OccupancyLayer:
         origin = Pose2D(
             info.origin.position.x, info.origin.position.y, math.remainder(yaw, math.tau)
         )
-        # The message rounds to float32: of what it may have been, the shortest number.
+        # The message has float32: take the shortest decimal number that rounds to it.
         resolution = float(str(np.float32(info.resolution)))
         grid = GridGeometry(int(info.width), int(info.height), resolution, origin)
     except ValueError as error:

@@ -1,4 +1,4 @@
-"""Color out of what a sensor or a camera's driver gives before any conversion: Bayer and YUV."""
+"""Color from raw camera formats: Bayer and YUV."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from hypermap.core.errors import FormatError
 def demosaic(mosaic: NDArray[np.uint8], pattern: str) -> NDArray[np.uint8]:
     """Return the colors of a Bayer mosaic, RGB, uint8, shape (H, W, 3).
 
-    What a pixel does not measure is the mean of its nearest neighbors that do, at the borders too.
+    Missing channels are the mean of the nearest neighbors that measure them, also at the borders.
 
     Args:
         mosaic: shape (H, W).
@@ -49,7 +49,7 @@ def _sum_around(values: NDArray[np.uint16]) -> NDArray[np.uint16]:
 
 
 def color_of_yuv422(pixels: NDArray[np.uint8], order: str) -> NDArray[np.uint8]:
-    """Return an image of packed YUV, of which two pixels in a row share U and V, as RGB.
+    """Return an image of packed YUV 4:2:2, in which pairs of pixels share U and V, as RGB.
 
     Args:
         pixels: bytes, shape (H, W, 2).

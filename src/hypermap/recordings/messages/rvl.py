@@ -24,7 +24,7 @@ def decode(words: NDArray[np.uint32], pixels: NDArray[np.uint16]) -> bool:
         zeros, nibble = _number(words, nibble)
         if zeros < 0 or at + zeros > len(pixels):
             return False
-        at += zeros  # they are zero already
+        at += zeros  # already zero
         nonzeros, nibble = _number(words, nibble)
         if nonzeros < 0 or at + nonzeros > len(pixels) or zeros + nonzeros == 0:
             return False

@@ -1,4 +1,4 @@
-"""A tree of moving frames out of tf messages."""
+"""A tree of moving frames from tf messages."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class TransformLog:
         return min(float(s.min()) for s in stamps), max(float(s.max()) for s in stamps)
 
     def frames(self, max_gap: float) -> tuple[MovingFrames, list[str]]:
-        """Return the tree, and notes on what was amiss.
+        """Return the tree, and notes on problems.
 
         Args:
             max_gap: seconds between two transforms across which none is interpolated.
@@ -69,7 +69,7 @@ class TransformLog:
             parents[child].append(parent)
         edges, notes = {}, []
         for child, candidates in parents.items():
-            # A frame with two parents is a fault; most programs go by what came most often.
+            # A frame with two parents is an error; like most programs, use the most frequent one.
             parent = max(candidates, key=lambda p: len(self._moving.get((p, child), ())))
             edges[child] = (parent, motions[parent, child])
             if len(candidates) > 1:

@@ -17,7 +17,7 @@ from hypermap.recordings.bag.topics import TRANSFORMS
 from hypermap.recordings.messages.header import as_seconds, clean_frame, nanoseconds
 from hypermap.recordings.messages.transforms import TransformLog
 from hypermap.recordings.samples.fields import reading_of
-from hypermap.recordings.samples.measured import Measured, checked, placed
+from hypermap.recordings.samples.measured import Measured, checked, sensor_positions
 
 MAX_GAP = 1.0
 """Seconds between two poses across which none is interpolated."""
@@ -144,7 +144,7 @@ class _Log:
         tree = _tree(self.transforms, max_gap)
         for number, frame in enumerate(self._frames):
             here = frame_of == number
-            points[here] = placed(_motion(tree, map_frame, frame), stamps[here])
+            points[here] = sensor_positions(_motion(tree, map_frame, frame), stamps[here])
         return points
 
 
@@ -167,7 +167,7 @@ def _tree(log: TransformLog, max_gap: float) -> MovingFrames:
     tree, _ = log.frames(max_gap)
     if not tree.frames:
         raise HypermapError(
-            "there is no tf, so nobody knows where the sensor was; record /tf and /tf_static"
+            "there is no tf, so the poses of the sensor are unknown; record /tf and /tf_static"
         )
     return tree
 

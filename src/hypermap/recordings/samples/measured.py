@@ -70,7 +70,7 @@ def checked(
     return measured.without(NO_NUMBER, ~is_number)
 
 
-def placed(motion: Motion, stamps: NDArray[np.float64]) -> NDArray[np.float64]:
+def sensor_positions(motion: Motion, stamps: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return where a sensor was at stamps, shape (N, 2); NaN where nobody knows.
 
     Args:

@@ -11,7 +11,7 @@ import numpy as np
 
 from hypermap.core.errors import FileMissing, FormatError, did_you_mean
 from hypermap.core.moving_frames import Motion
-from hypermap.recordings.samples.measured import Measured, checked, placed
+from hypermap.recordings.samples.measured import Measured, checked, sensor_positions
 
 _NOTHING = {"", "nan", "null", "none", "na", "n/a", "-"}
 VALUE = "value"
@@ -64,7 +64,7 @@ def read_table(
     values = np.frombuffer(by_name[field or VALUE])
     stamps = np.frombuffer(by_name["stamp"]) if "stamp" in by_name else np.full(len(values), np.nan)
     if motion is not None:
-        points = placed(motion, stamps)
+        points = sensor_positions(motion, stamps)
     else:
         points = np.column_stack([np.frombuffer(by_name[name]) for name in ("x", "y")])
     stamps = np.where(np.isfinite(stamps), stamps, np.nan)

@@ -75,16 +75,16 @@ class Listener(ServerListener):
 
     # Topics of the node
 
-    def watch(self, channel: int, told: Callable[[int], None]) -> None:
+    def watch(self, channel: int, on_change: Callable[[int], None]) -> None:
         """Tell someone how many subscribers of a channel come or go, from its beginning on.
 
         Clients may subscribe as soon as there is a channel, so before it has a publisher.
         """
         with self._lock:
-            self._watched[channel] = told
+            self._watched[channel] = on_change
             early = self._early.pop(channel, 0)
         if early:
-            told(early)
+            on_change(early)
 
     def on_subscribe(self, client: Client, channel: ChannelView) -> None:  # noqa: ARG002
         """Tell a channel's publisher of one more subscriber."""
@@ -96,11 +96,11 @@ class Listener(ServerListener):
 
     def _count(self, channel: int, change: int) -> None:
         with self._lock:
-            told = self._watched.get(channel)
-            if told is None:
+            on_change = self._watched.get(channel)
+            if on_change is None:
                 self._early[channel] = self._early.get(channel, 0) + change
                 return
-        told(change)
+        on_change(change)
 
     # Topics of clients
 

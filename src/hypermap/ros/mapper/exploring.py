@@ -15,7 +15,7 @@ from hypermap.ros.port import Port
 from hypermap.ros.throttle import Throttle
 
 _MOVED = 0.1  # meters that the robot must have moved, if the map is the same
-_NONE_LEFT = "no frontier can be reached from where the robot stands"
+_NONE_LEFT = "the robot cannot reach any frontier from here"
 
 
 class LiveExploration:

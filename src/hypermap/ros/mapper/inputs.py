@@ -22,7 +22,7 @@ _LACKING = {"color": Fate.NO_COLOR, "detections": Fate.NO_DETECTIONS, "": Fate.T
 
 
 @dataclass(frozen=True)
-class Work:
+class QueuedFrame:
     """A frame to be mapped.
 
     Attributes:
@@ -48,7 +48,7 @@ class LiveInputs:
         settings: LiveSettings,
         statistics: Statistics,
         log: Throttle,
-        on_work: Callable[[Work], None],
+        on_frame: Callable[[QueuedFrame], None],
         on_camera_info: Callable[[Message], None],
         on_color_info: Callable[[Message], None],
         on_jump: Callable[[], None],
@@ -60,7 +60,7 @@ class LiveInputs:
             settings: names and types of the topics.
             statistics: counts frames that are lost here.
             log: says why.
-            on_work: takes what is complete, in order of time but for small disorder.
+            on_frame: takes what is complete, in order of time but for small disorder.
             on_camera_info: takes the intrinsics.
             on_color_info: takes those of the color images, where they are needed.
             on_jump: called when the clock has jumped back, before anything newer comes.
@@ -68,7 +68,7 @@ class LiveInputs:
         self._settings = settings
         self._statistics = statistics
         self._log = log
-        self._on_work = on_work
+        self._on_frame = on_frame
         self._on_jump = on_jump
         self._lock = threading.Lock()
         self._next_due = 0  # ns
@@ -147,7 +147,9 @@ class LiveInputs:
                 self._next_due = self._due_after(match.stamp)
                 geometry, arrived = match.items[""]
                 items = {**match.items, "": geometry}
-                self._on_work(Work(MatchedMessages(match.stamp, items, match.stamps), arrived))
+                self._on_frame(
+                    QueuedFrame(MatchedMessages(match.stamp, items, match.stamps), arrived)
+                )
 
     def _due_after(self, stamp: int) -> int:
         """Return the stamp from which on the next frame is taken."""

@@ -87,7 +87,7 @@ class LiveMap:
                 return Fate.STILL, "", None
             if mapper.counts.repeated > before.repeated:
                 return Fate.REPEATED, "", None
-        return Fate.UNUSABLE, "it lies too far off", None
+        return Fate.UNUSABLE, "it is too far away", None
 
     def give_occupancy(self, layer: OccupancyLayer) -> None:
         """Take the occupancy layer of another node, and correct poses by it from now on."""

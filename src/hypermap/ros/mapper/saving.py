@@ -58,8 +58,8 @@ class Saving:
         if not filename and self._path is not None:
             self._save(self._path)
             return
-        beside = Path.cwd() if self._path is None else self._path.parent
-        path = archive_within(Path(self._directory or beside).absolute(), filename)
+        default = Path.cwd() if self._path is None else self._path.parent
+        path = archive_within(Path(self._directory or default).absolute(), filename)
         if not self._directory and path.exists() and path not in {self._path, *self._own}:
             raise HypermapError(
                 f"{path} exists already: choose another name, or name a folder of maps that may "

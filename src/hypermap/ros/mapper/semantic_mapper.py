@@ -55,9 +55,9 @@ class SemanticMapper:
         live_map = LiveMap(settings)
         live_map.warm_up()
         if settings.onto:
-            begins = f"goes on with {settings.onto}, which has {len(live_map)} objects"
+            begins = f"continues {settings.onto}, which has {len(live_map)} objects"
             if not Path(settings.onto).exists():
-                begins = f"begins anew: {settings.onto} is not there yet"
+                begins = f"starts empty: {settings.onto} does not exist yet"
             self._port.log("info", f"the map {begins}")
         self._settings, self._map = settings, live_map
 
@@ -68,7 +68,7 @@ class SemanticMapper:
         self._life = _Life(self._port, self._settings, self._map, self._values, self.POLYGONS)
 
     def deactivate(self) -> None:
-        """Stop to map and save the map, if `save_to` is given.
+        """Stop mapping, and save the map, if `save_to` is given.
 
         Raises:
             HypermapError: If it cannot be saved.

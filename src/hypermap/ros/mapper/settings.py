@@ -62,7 +62,7 @@ class LiveSettings:
     )
     labels: str = _setting("", "File with the names of the network's classes, where it has none.")
     score: float = _setting(
-        -1.0, "Leave out detections that are less sure; -1 leaves it to profile and config.", -1, 1
+        -1.0, "Minimum score of detections; -1: as in profile and config.", -1, 1
     )
     detector_threads: int = _setting(0, "Threads of the network; 0 takes all cores.", 0, 1024)
     map_frame: str = _setting("map", "Fixed frame in which the map is made, z up.")
@@ -83,7 +83,7 @@ class LiveSettings:
         0, "Degrees by which images are turned clockwise: 0, 90, 180 or 270.", 0, 270
     )
     time_offset: float = _setting(
-        0.0, "Seconds by which the poses of tf are to be looked up later than images say.", -10, 10
+        0.0, "Delay from an image's stamp to the stamp of its pose in tf [s].", -10, 10
     )
     slop: float = _setting(
         0.02, "Seconds by which stamps of messages that go together may differ.", 0, 1
@@ -96,28 +96,24 @@ class LiveSettings:
     max_rate: float = _setting(0.0, "Frames per second to take at most; 0 is any.", 0, 1000)
     publish_rate: float = _setting(1.0, "How often per second the map is published.", 0.01, 50)
     semantic_map_topic: str = _setting("/semantic_map", "Topic of the objects.")
-    onto: str = _setting("", "Map (.hmap) to go on with, as of an earlier run, with its settings.")
+    onto: str = _setting("", "Map (.hmap) of an earlier run to continue, with its settings.")
     save_to: str = _setting("", "File (.hmap) in which the map is saved at the end.", once=True)
     save_every: float = _setting(
-        30.0, "Seconds after which it is saved there by itself; 0 is at the end alone.", 0, 86400
+        30.0, "Seconds between saves while mapping; 0: only at the end.", 0, 86400
     )
     map_directory: str = _setting(
         "", "Directory in which the service save_map saves; by default that of save_to."
     )
     frontiers: bool = _setting(
-        False, "Whether to publish where to look next: frontiers and unsure objects."
+        False, "Whether to publish where to look next: frontiers and uncertain objects."
     )
-    frontiers_every: float = _setting(
-        2.0, "Seconds from one look for frontiers to the next.", 0.1, 3600
-    )
-    base_frame: str = _setting("base_link", "The robot's frame, from which frontiers are reached.")
-    robot_radius: float = _setting(
-        0.3, "Radius of the robot that is to reach frontiers [m].", 0, 10
-    )
-    through_unknown: bool = _setting(False, "Whether the robot drives over unknown cells, too.")
-    sensor_range: float = _setting(4.0, "How far its sensor sees the floor [m].", 0.1, 100)
-    sensor_min_range: float = _setting(0.0, "From where on it sees the floor [m].", 0, 100)
-    sensor_fov: float = _setting(60.0, "How wide it sees [degrees].", 1, 360)
+    frontiers_every: float = _setting(2.0, "Seconds between searches for frontiers.", 0.1, 3600)
+    base_frame: str = _setting("base_link", "Frame of the robot, where paths to frontiers start.")
+    robot_radius: float = _setting(0.3, "Radius of the robot [m].", 0, 10)
+    through_unknown: bool = _setting(False, "Whether the robot may drive over unknown cells.")
+    sensor_range: float = _setting(4.0, "Maximum range of its sensor on the floor [m].", 0.1, 100)
+    sensor_min_range: float = _setting(0.0, "Minimum range of its sensor on the floor [m].", 0, 100)
+    sensor_fov: float = _setting(60.0, "Horizontal field of view of its sensor [degrees].", 1, 360)
 
     def __post_init__(self) -> None:
         if bool(self.depth_topic) == bool(self.cloud_topic):

@@ -17,7 +17,7 @@ from hypermap.core.errors import FrameError, HypermapError
 from hypermap.mapping.preflight import Finding, Preflight
 from hypermap.recordings.messages.header import clean_frame
 from hypermap.ros.mapper.frames import FrameMaker
-from hypermap.ros.mapper.inputs import Work
+from hypermap.ros.mapper.inputs import QueuedFrame
 from hypermap.ros.mapper.live_map import LiveMap
 from hypermap.ros.mapper.mailbox import Mailbox
 from hypermap.ros.mapper.outputs import LiveOutputs
@@ -61,7 +61,7 @@ class Worker:
         self._outputs = outputs
         self._statistics = statistics
         self._log = log
-        self._mailbox = Mailbox[tuple[int, Work]]()
+        self._mailbox = Mailbox[tuple[int, QueuedFrame]]()
         self._ends = threading.Event()
         self._waits_for_tf = False
         self._jumps = 0  # how often the clock has jumped back
@@ -71,9 +71,9 @@ class Worker:
         self._thread = threading.Thread(target=self._work, name="mapping", daemon=True)
         self._thread.start()
 
-    def put(self, work: Work) -> None:
+    def put(self, queued: QueuedFrame) -> None:
         """Hand over a frame, in place of one that still waits."""
-        replaced = self._mailbox.put((self._jumps, work))
+        replaced = self._mailbox.put((self._jumps, queued))
         if replaced is not None:
             self._statistics.count(Fate.NO_TF if self._waits_for_tf else Fate.BUSY)
 
@@ -84,7 +84,7 @@ class Worker:
         self._jumps += 1
         self._port.forget_transforms()
         self._port.log(
-            "warning", "the clock has jumped back: what waited is forgotten, the map goes on"
+            "warning", "the clock has jumped back: dropped waiting messages, the map continues"
         )
 
     def close(self) -> None:
@@ -115,33 +115,33 @@ class Worker:
             "warning", f"{finding.measured} ({self._map_frame!r}); {finding.effect}; {remedy}"
         )
 
-    def _take(self, jumps: int, work: Work) -> None:
+    def _take(self, jumps: int, queued: QueuedFrame) -> None:
         """Map a frame that came after so many jumps, and count what became of it."""
         fate, reason = Fate.UNUSABLE, ""
         try:
-            fate, reason = self._map_frame_of(jumps, work)
+            fate, reason = self._map_frame_of(jumps, queued)
         except (HypermapError, ValueError) as error:
             reason = str(error)
         finally:
-            self._statistics.count(fate, time.monotonic() - work.arrived)
+            self._statistics.count(fate, time.monotonic() - queued.arrived)
         if reason:
             self._log.log("warning", fate, f"{fate.value}: {reason}")
 
-    def _map_frame_of(self, jumps: int, work: Work) -> tuple[Fate, str]:
+    def _map_frame_of(self, jumps: int, queued: QueuedFrame) -> tuple[Fate, str]:
         """Map a frame; return what became of it, and why if that is worth a line."""
-        stamp = work.match.stamp
+        stamp = queued.match.stamp
         if (jumps, stamp) <= self._newest:
             return Fate.TOO_OLD, ""
         self._newest = jumps, stamp
         if self._frames.lacks_camera_info:
             return Fate.NO_CAMERA_INFO, f"nothing came on {self._settings.info_topic}"
         try:
-            frame_id = self._frames.frame_id(work.geometry)
+            frame_id = self._frames.frame_id(queued.geometry)
             pose = self._pose(frame_id, stamp + round(self._settings.time_offset * 1e9))
-            color_T_depth = self._depth_pose(work, frame_id)
+            color_T_depth = self._depth_pose(queued, frame_id)
         except FrameError as error:
             return Fate.NO_TF, str(error)
-        frame = self._frames.frame(work.match, work.geometry, pose, color_T_depth)
+        frame = self._frames.frame(queued.match, queued.geometry, pose, color_T_depth)
         fate, reason, observation = self._map.add(frame)
         if fate in FINE:
             self._preflight.add(frame)
@@ -150,11 +150,11 @@ class Worker:
             self._preflight.add_mapped(frame)
         return fate, reason
 
-    def _depth_pose(self, work: Work, frame_id: str) -> NDArray[np.float64] | None:
+    def _depth_pose(self, queued: QueuedFrame, frame_id: str) -> NDArray[np.float64] | None:
         """Return `color_T_depth`, (4, 4), if depth is to be registered to color."""
         if not self._settings.register:
             return None
-        color = clean_frame(work.match.items["color"].header.frame_id)
+        color = clean_frame(queued.match.items["color"].header.frame_id)
         return self._port.lookup(color, frame_id)
 
     def _pose(self, frame_id: str, stamp: int) -> NDArray[np.float64]:

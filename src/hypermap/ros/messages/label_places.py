@@ -36,8 +36,8 @@ def places_apart(
     for number in range(1, min(len(placed), _MOST)):
         x, y = places_xy[number]
         before = placed[:number]
-        beside = np.abs(before[:, 0] - x) < halves[:number] + halves[number]
-        taken = before[beside, 1]
+        overlaps = np.abs(before[:, 0] - x) < halves[:number] + halves[number]
+        taken = before[overlaps, 1]
         for step in steps:
             if not np.any(np.abs(taken - (y + step)) < line * (1 - 1e-9)):
                 placed[number, 1] = y + step

@@ -112,8 +112,8 @@ def value_scale(layer: ValueLayer, types: Types, _: int) -> Message:
     Its keys are `quantity`, `unit`, and `at_0` and `at_100`: the values of the cells 0 and 100.
     """
     least, most = _range(layer)
-    told = {"quantity": layer.quantity, "unit": layer.unit, "at_0": least, "at_100": most}
-    text = json.dumps(told, ensure_ascii=False)
+    scale = {"quantity": layer.quantity, "unit": layer.unit, "at_0": least, "at_100": most}
+    text = json.dumps(scale, ensure_ascii=False)
     return types.message("std_msgs/String")(data=text)
 
 

@@ -95,7 +95,7 @@ class Changes:
     Args:
         parameters: the node's; others do not concern it.
         on_change: takes the new values; an error that it raises refuses them.
-        log_bug: logs the exception at hand.
+        log_bug: logs the current exception.
     """
 
     def __init__(

@@ -28,7 +28,7 @@ from rviz import bindings as rviz
 _PERIOD = 50  # ms between looks at the input
 
 
-class RvizWindow(rviz.VisualizationFrame):  # type: ignore[misc]
+class DisplayFrame(rviz.VisualizationFrame):  # type: ignore[misc]
     """The window, and the displays that it should show."""
 
     def __init__(self) -> None:
@@ -96,7 +96,7 @@ def _parsed(text: str) -> Any:
 def main() -> int:
     """Show the window until it or the input is closed."""
     application = QApplication([sys.argv[0]])
-    window = RvizWindow()
+    window = DisplayFrame()
     orders: queue.SimpleQueue[str | None] = queue.SimpleQueue()
 
     def read() -> None:

@@ -21,7 +21,7 @@ class LayerMarkers:
     PARAMETERS = (
         Parameter("show_fill", True, "Whether objects are filled.", changes=True),
         Parameter("show_outlines", True, "Whether objects have outlines.", changes=True),
-        Parameter("show_labels", True, "Whether names stand at objects.", changes=True),
+        Parameter("show_labels", True, "Whether objects have labels.", changes=True),
         Parameter(
             "fill_opacity", 1.0, "How much fills hide what is below.", 0.0, 1.0, changes=True
         ),

@@ -10,7 +10,7 @@ from hypermap.formats.yaml_text import write_yaml
 from hypermap.ros.server.zones import Filter
 
 
-def mask_files(mask: OccupancyLayer, wanted: Filter, beside: Path) -> dict[str, bytes]:
+def mask_files(mask: OccupancyLayer, wanted: Filter, yaml_path: Path) -> dict[str, bytes]:
     """Return the files of a mask, by name: NAME.pgm, NAME.yaml and NAME_params.yaml.
 
     The last holds the parameters of two nodes of nav2, which publish together what the map server
@@ -19,7 +19,7 @@ def mask_files(mask: OccupancyLayer, wanted: Filter, beside: Path) -> dict[str, 
     Args:
         mask: as `draw` returns it.
         wanted: of which filter.
-        beside: path of NAME.yaml, where all are going to lie.
+        yaml_path: path of NAME.yaml, where all are going to lie.
 
     >>> from hypermap.core.hypermap import Hypermap
     >>> from hypermap.ros.server.zones import draw, keepout_filter
@@ -30,7 +30,7 @@ def mask_files(mask: OccupancyLayer, wanted: Filter, beside: Path) -> dict[str, 
     topic = f"/{wanted.name}_mask"
     nodes = {
         f"{wanted.name}_filter_mask_server": {
-            "yaml_filename": str(beside.absolute()),
+            "yaml_filename": str(yaml_path.absolute()),
             "topic_name": topic,
             "frame_id": mask.frame_id,
         },
@@ -44,6 +44,6 @@ def mask_files(mask: OccupancyLayer, wanted: Filter, beside: Path) -> dict[str, 
     }
     parameters = {node: {"ros__parameters": values} for node, values in nodes.items()}
     return {
-        **dump_raw(mask, beside.stem),
-        f"{beside.stem}_params.yaml": write_yaml(parameters),
+        **dump_raw(mask, yaml_path.stem),
+        f"{yaml_path.stem}_params.yaml": write_yaml(parameters),
     }

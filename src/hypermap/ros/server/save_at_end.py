@@ -88,8 +88,8 @@ def place_at_end(path: Path, own: Collection[Path]) -> Path:
     """
     if not _is_there(path) or path.resolve() in {file.resolve() for file in own}:
         return path
-    beside = (path.with_stem(f"{path.stem}-{number}") for number in itertools.count(1))
-    return next(free for free in beside if not _is_there(free))
+    candidates = (path.with_stem(f"{path.stem}-{number}") for number in itertools.count(1))
+    return next(free for free in candidates if not _is_there(free))
 
 
 def _is_there(path: Path) -> bool:

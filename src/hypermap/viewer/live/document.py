@@ -159,7 +159,7 @@ class MapDocument:
             self._check_editable()
             if name is None and self.file.is_plain_grid:
                 name = self.file.path.with_suffix(".hmap").name
-            file = self.file if name is None else self.file.beside(name)
+            file = self.file if name is None else self.file.sibling(name)
             file.check_before_saving(overwrite)
             keep_backup(file.path)
             hypermap = self._current.hypermap

@@ -34,11 +34,11 @@ def embed_evidence(
         return {}, ""
     ids, counts = np.unique(evidence.object_ids, return_counts=True)
     taken = np.flatnonzero(np.cumsum(counts) <= most)
-    told = {
+    document = {
         str(number): describe_evidence(hypermap, layer.name, number)
         for number in ids[taken].tolist()
     }
     if len(taken) == len(ids):
-        return told, ""
+        return document, ""
     missing = counted(len(ids) - len(taken), "object")
-    return told, f"layer {layer.name!r}: the evidence for {missing} is not in this file"
+    return document, f"layer {layer.name!r}: the evidence for {missing} is not in this file"

@@ -52,7 +52,7 @@ class MapFile:
             path, parts, _look_at(path, parts), is_plain_grid=is_folder and not _has_layers(path)
         )
 
-    def beside(self, name: str) -> MapFile:
+    def sibling(self, name: str) -> MapFile:
         """Return another file of the same folder, to save in.
 
         Raises:

@@ -39,9 +39,9 @@ class Paths:
         if radius < 0:
             raise Refused(f"radius: must not be negative, got {radius:g} m")
         planner = self._planner_for(hypermap, radius)
-        told = document(Planned(planner.path(start, goal)), hypermap.base_frame)
-        del told["approach"]
-        return {**told, **snippets_for_path(path, start, goal, radius)}
+        planned = document(Planned(planner.path(start, goal)), hypermap.base_frame)
+        del planned["approach"]
+        return {**planned, **snippets_for_path(path, start, goal, radius)}
 
     def _planner_for(self, hypermap: Hypermap, radius: float) -> Planner:
         with self._lock:

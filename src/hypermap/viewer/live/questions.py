@@ -120,7 +120,7 @@ class Questions:
         if len(rows) == 0:
             raise ObjectNotFound(f"layer {layer_name!r} has no object with id {number}")
         row, pose = int(rows[0]), view.base_T_layer
-        told: dict[str, Any] = {
+        values: dict[str, Any] = {
             "layer": layer.name,
             "id": number,
             "name": str(view.shapes.names[row]),
@@ -134,11 +134,11 @@ class Questions:
         }
         if isinstance(layer, SemanticLayer):
             item = layer.get(number)
-            told["wkt"] = shapely.to_wkt(pose.apply_geometry(item.footprint), -1)
+            values["wkt"] = shapely.to_wkt(pose.apply_geometry(item.footprint), -1)
             for key in ("tags", "confidence", "existence", "first_seen", "last_seen"):
-                told[key] = getattr(item, key)
-            told["attributes"] = dict(item.attributes)
-        return told
+                values[key] = getattr(item, key)
+            values["attributes"] = dict(item.attributes)
+        return values
 
     def _layer_at(self, layer: Layer, point: Sequence[float], frame: str | None) -> dict[str, Any]:
         value = self.hypermap.value_at(layer.name, point, frame)[0]

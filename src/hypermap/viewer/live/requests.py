@@ -204,7 +204,7 @@ def _fault(polygon: shapely.Polygon) -> str:
     elif "Too few points" in reason:
         what = "fewer than three corners differ"
     else:
-        what = "a hole does not lie within the outline, or meets another"
+        what = "a hole is not inside the outline, or touches another"
     x, y = map(float, place.split()[:2])
     return f"{what}, near ({x:.2f}, {y:.2f})"
 

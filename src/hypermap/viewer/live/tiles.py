@@ -45,7 +45,7 @@ class Tile:
                 f"there is no zoom {self.zoom}, only {_ZOOMS.start} to {_ZOOMS.stop - 1}"
             )
         if max(abs(self.column), abs(self.row)) > _FARTHEST:
-            raise HypermapError(f"tile {self.column}, {self.row} lies too far away")
+            raise HypermapError(f"tile {self.column}, {self.row} is too far away")
 
     @property
     def pixel(self) -> float:

@@ -52,13 +52,13 @@ def open_log(target: str, name: str, frame_id: str = "map") -> MapLog:
 
         if not suffix:
             return RerunLog(None, name)
-        return _LogFile(Path(target), lambda beside: RerunLog(beside, name))
+        return _LogFile(Path(target), lambda partial: RerunLog(partial, name))
     if suffix == FOXGLOVE_SUFFIX or target == "foxglove":
         from hypermap.viewer.logs.foxglove_log import FoxgloveLog
 
         if not suffix:
             return FoxgloveLog(None, name, frame_id)
-        return _LogFile(Path(target), lambda beside: FoxgloveLog(beside, name, frame_id))
+        return _LogFile(Path(target), lambda partial: FoxgloveLog(partial, name, frame_id))
     raise HypermapError(
         f"{target}: a log is a file ending with .rrd (Rerun) or .mcap (Foxglove), or `rerun` or "
         "`foxglove` to watch the map being made"

@@ -144,7 +144,7 @@ class WatchedRun:
                 "total": self._total,
                 "done": self._done,
                 "objects": self._objects,
-                "counts": self._counts.told(),
+                "counts": self._counts.as_metadata(),
                 "stride": self._history.stride,
                 "steps": {
                     "first": first,

@@ -1,0 +1,84 @@
+"""`hypermap map --onto`: continue a map of earlier drives."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from .conftest import INTRINSICS, assert_one_error, objects_in, write_drive
+
+
+def test_a_drive_in_two_parts_gives_the_map_of_the_whole_drive(hypermap, tmp_path):
+    whole = write_drive(tmp_path / "drive", frames=8)
+    part = tmp_path / "part"
+    part.mkdir()
+    for file in whole.iterdir():
+        if file.name in ("depth.txt", "rgb.txt"):
+            (part / file.name).write_text("\n".join(file.read_text().splitlines()[:5]) + "\n")
+        else:
+            (part / file.name).symlink_to(file)
+    options, out, one_go = ("--intrinsics", INTRINSICS), tmp_path / "o.hmap", tmp_path / "w.hmap"
+    assert hypermap("map", part, *options, "-o", out).code == 0
+    goes_on = hypermap("map", whole, *options, "--onto", out, "-o", out)
+    assert hypermap("map", whole, *options, "-o", one_go).code == 0
+    assert goes_on.code == 0
+    assert "frames already in the map, not counted again" in goes_on.err
+    assert "does not continue it" not in goes_on.err
+    layers = [hypermap("info", path, "--json").json["layers"] for path in (out, one_go)]
+    assert layers[0] == layers[1]
+    assert objects_in(out) == objects_in(one_go)
+
+    before = out.read_bytes()
+    again = hypermap("map", whole, *options, "--onto", out, "-o", out)
+    assert again.code == 0
+    assert f"{out} already contains drive: nothing new, the map is unchanged" in again.err
+    assert out.read_bytes() == before
+
+
+def test_a_map_that_replaces_another_says_how_to_continue_it(hypermap, drive, tmp_path):
+    out = tmp_path / "out.hmap"
+    arguments = ["map", drive, "--intrinsics", INTRINSICS, "-o", out]
+    assert "does not continue it" not in hypermap(*arguments).err
+    assert f"the new map does not continue it (--onto {out} would)" in hypermap(*arguments).err
+
+
+@pytest.mark.parametrize(
+    ("options", "reason"),
+    [
+        (["--profile", "thesis"], "was made with perception: method: enclosed, not organised"),
+        (["--score", "0.7"], "was made with perception: min_score: "),
+        (["--map", "MAP"], "mapping continues with the occupancy layer of"),
+    ],
+)
+def test_what_does_not_go_together_with_onto_is_one_error(
+    hypermap, drive, room_map, tmp_path, options, reason
+):
+    out, given = tmp_path / "out.hmap", tmp_path / "given.yaml"
+    assert hypermap("convert", room_map, given, "--layer", "occupancy").code == 0
+    options = [given if option == "MAP" else option for option in options]
+    common = ["map", drive, "--intrinsics", INTRINSICS, "-o", out]
+    assert hypermap(*common).code == 0
+    before = out.read_bytes()
+    result = hypermap(*common, "--onto", out, *options)
+    assert_one_error(result, str(out), reason)
+    assert out.read_bytes() == before
+
+
+def test_mapping_does_not_continue_a_map_that_it_has_not_made(hypermap, drive, room_map, tmp_path):
+    common = ["map", drive, "--intrinsics", INTRINSICS, "-o", tmp_path / "out.hmap", "--onto"]
+    assert_one_error(hypermap(*common, room_map), str(room_map), "this map was not made by mapping")
+    assert_one_error(hypermap(*common, tmp_path / "none.hmap"), "none.hmap", "there is no such")
+    dropped = tmp_path / "dropped.hmap"
+    arguments = ["map", drive, "--intrinsics", INTRINSICS, "-o", dropped, "--drop-evidence"]
+    assert hypermap(*arguments).code == 0
+    assert_one_error(hypermap(*common, dropped), str(dropped), "as after --drop-evidence")
+
+
+def test_info_lists_the_drives_of_a_map(hypermap, drive, tmp_path):
+    out = tmp_path / "out.hmap"
+    assert hypermap("map", drive, "--intrinsics", INTRINSICS, "-o", out).code == 0
+    result = hypermap("info", out)
+    (listed,) = (line for line in result.out.splitlines() if line.startswith("drive "))
+    assert re.fullmatch(r"drive drive( from \S+Z to \S+Z)?: 6 frames", listed)
+    assert "map_version" in result.out
