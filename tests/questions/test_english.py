@@ -102,6 +102,13 @@ def test_any_words_are_read_or_refused(words: list[str]) -> None:
     assert query is None or Query.from_json(query) == understand(text, VOCABULARY)
 
 
+def test_things_that_are_called_like_keywords_spoil_no_question() -> None:
+    vocabulary = Vocabulary(load_taxonomy(), objects=("in", "Where", "2", "", "the nearest"))
+    query = understand("where is the nearest cup in room 2?", vocabulary)
+    assert query == understand("where is the nearest cup in room 2?", VOCABULARY)
+    assert understand('how many "in" are there', vocabulary).names == ("in",)
+
+
 @given(st.text(max_size=60))
 def test_any_text_is_read_or_refused(text: str) -> None:
     query_of(text)

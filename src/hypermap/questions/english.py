@@ -37,6 +37,7 @@ EXAMPLES = (
     "where are the cups that are not in the kitchen?",
 )
 _LONGEST = 500  # characters of a question
+_MOST_COMPARED = 2000  # names, with one that is not known
 _GRAMMAR = Path(__file__).with_name("english.lark")
 _WHICH: dict[str, Which] = {
     "nearest": "nearest",
@@ -105,7 +106,10 @@ def understand(text: str, vocabulary: Vocabulary) -> Query:
 
 
 def _similar(word: str, vocabulary: Vocabulary) -> str:
-    close = difflib.get_close_matches(word, vocabulary.phrases, n=1, cutoff=0.75)
+    like = [
+        one for one in vocabulary.phrases if one[0] == word[0] and abs(len(one) - len(word)) < 4
+    ]
+    close = difflib.get_close_matches(word, like[:_MOST_COMPARED], n=1, cutoff=0.75)
     return f"; did you mean {close[0]!r}?" if close else ""
 
 

@@ -154,7 +154,8 @@ class Vocabulary:
 
     Attributes:
         taxonomy: of things.
-        objects: names of the objects of the map.
+        objects: names of the objects of the map; keywords such as "in" are no names without
+            quotation marks.
         rooms: names and kinds of its rooms; kinds are known without a map, too.
         kinds: of rooms.
     """
@@ -178,10 +179,10 @@ class Vocabulary:
         for name in self.objects:
             known = self.taxonomy.usual_name(name)
             for form in (as_key(name), f"{as_key(name)}s"):
-                if known is None and form not in phrases:
+                if known is None and form not in phrases and not _is_reserved(form):
                     add(form, "THING", name)
         for name in self.rooms:
-            if as_key(name) not in _PHRASES:  # a room may be called "room"
+            if not _is_reserved(as_key(name)):  # a room may be called "room"
                 add(as_key(name), "ROOM_NAME", name)
         own = {as_key(name) for name in self.rooms}
         names = {kind: kind for kind in self.kinds}
@@ -190,6 +191,15 @@ class Vocabulary:
             for form in sorted({name, f"{name}s", f"{name.removesuffix('y')}ies"} - own):
                 add(form, "ROOM_NAME", kind)
         object.__setattr__(self, "phrases", phrases)
+
+
+def _is_reserved(phrase: str) -> bool:
+    """Return whether all words of a phrase are keywords, units or numbers, or without a letter."""
+    return all(
+        not any(map(str.isalpha, word))
+        or any(word in words for words in (_PHRASES, _UNIT_OF, _NUMBER_OF))
+        for word in phrase.split()
+    )
 
 
 def tokens_of(text: str, vocabulary: Vocabulary) -> list[Token]:
