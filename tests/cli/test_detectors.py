@@ -153,7 +153,7 @@ def test_what_a_server_that_gives_up_has_sent_is_kept_for_the_next_time(hypermap
     result = hypermap("detectors", "get", NAME)
     assert result.code == 2
     assert "the connection broke off" in result.err
-    assert "100000 of 307200 bytes are kept: run the same command to go on" in result.err
+    assert "100000 of 307200 bytes are kept: run the same command to continue" in result.err
     assert not path.exists()
     assert hypermap("detectors", "get", NAME).code == 0
     assert server.asked_from[-1] == 100_000

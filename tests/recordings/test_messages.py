@@ -113,8 +113,8 @@ def test_a_grid_without_frame_or_orientation_lies_in_the_map() -> None:
     ("message", "text"),
     [
         (grid([0]), "the map of 2 x 1 cells holds 1 numbers"),
-        (grid([0, 101]), "the map's cells must be -1 to 100, found 0 .. 101"),
-        (grid([0, -2]), "the map's cells must be -1 to 100, found -2 .. 0"),
+        (grid([0, 101]), "the map's cells must be -1 to 100, found 0 to 101"),
+        (grid([0, -2]), "the map's cells must be -1 to 100, found -2 to 0"),
         (grid([0, 0], x=0.1), "the map's origin is tilted out of the plane"),
         (
             grid([], width=0),

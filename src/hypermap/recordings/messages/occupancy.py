@@ -30,7 +30,7 @@ def occupancy_of_grid(message: Any, name: str = "occupancy") -> OccupancyLayer:
         )
     if len(cells) and not (cells.min() >= UNKNOWN and cells.max() <= OCCUPIED):
         raise FormatError(
-            f"the map's cells must be -1 to 100, found {cells.min()} .. {cells.max()}"
+            f"the map's cells must be -1 to 100, found {cells.min()} to {cells.max()}"
         )
     q = info.origin.orientation
     if not any((q.x, q.y, q.z, q.w)):

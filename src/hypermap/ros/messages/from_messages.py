@@ -145,7 +145,7 @@ def with_grid_update(layer: OccupancyLayer, message: Any) -> OccupancyLayer:
         raise FormatError(f"the update of {width} x {height} cells holds {len(cells)} numbers")
     if len(cells) and not (cells.min() >= UNKNOWN and cells.max() <= OCCUPIED):
         raise FormatError(
-            f"the update's cells must be -1 to 100, found {cells.min()} .. {cells.max()}"
+            f"the update's cells must be -1 to 100, found {cells.min()} to {cells.max()}"
         )
     updated = layer.cells.copy()
     updated[y : y + height, x : x + width] = cells.reshape(height, width)
