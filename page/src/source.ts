@@ -245,7 +245,7 @@ export interface Evidence extends Partial<Snippets> {
 
 export interface Operation {
   /** "add_layer" adds one without objects; a following "add" may draw on it. */
-  op: "add" | "add_layer" | "update" | "merge" | "remove";
+  op: "add" | "add_layer" | "find_rooms" | "update" | "merge" | "split" | "remove";
   layer: string;
   id?: number;
   name?: string;
@@ -255,6 +255,8 @@ export interface Operation {
   like?: number;
   /** Of "merge": the objects that become part of this one. */
   others?: number[];
+  /** Of "split": across the room. */
+  line?: Point[];
 }
 
 export interface Change extends Partial<EditState> {

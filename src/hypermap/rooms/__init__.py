@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from hypermap.rooms.questions import room_of, rooms_asked, rooms_at, rooms_with
     from hypermap.rooms.rooms import Door, Room, Rooms
     from hypermap.rooms.settings import RoomSettings
+    from hypermap.rooms.split import split_room
 
 _HOMES = {
     "Door": "hypermap.rooms.rooms",
@@ -29,6 +30,7 @@ _HOMES = {
     "rooms_at": "hypermap.rooms.questions",
     "rooms_of_map": "hypermap.rooms.on_map",
     "rooms_with": "hypermap.rooms.questions",
+    "split_room": "hypermap.rooms.split",
     "with_rooms": "hypermap.rooms.on_map",
 }
 
@@ -48,6 +50,7 @@ __all__ = [
     "rooms_at",
     "rooms_of_map",
     "rooms_with",
+    "split_room",
     "with_rooms",
 ]
 
