@@ -166,6 +166,8 @@ export interface FoundRow {
   x: number;
   y: number;
   distance: number;
+  /** The name of the room that it is in. */
+  room?: string;
 }
 
 /** `name`, `near` and `inside` are as they were understood. */
@@ -184,6 +186,8 @@ export interface ObjectDetails {
   at: Point;
   polygons: Polygon[];
   wkt: string;
+  /** The name of the room that it is in. */
+  room?: string;
   tags: string[];
   /** One number per tag. */
   confidence?: number[];

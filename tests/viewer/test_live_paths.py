@@ -172,3 +172,25 @@ def test_rooms_that_cannot_be_found_change_nothing(tmp_path, value, reason):
         window = Window(client)
         assert reason in window.edit({"op": "find_rooms", "layer": "rooms"}, expected=400)["error"]
         assert "rooms" not in [layer["name"] for layer in window.get("/api/map")["layers"]]
+
+
+def test_objects_are_told_with_their_room_and_found_by_its_kind_or_id(window):
+    window.edit({"op": "update", "layer": "rooms", "id": 0, "name": "Emma's place"})
+    (cup,) = window.get("/api/find", name="cup")["rows"]
+    assert cup["room"] == "Emma's place"
+    assert window.get("/api/objects/things/0")["room"] == "Emma's place"
+    assert "room" not in window.get("/api/objects/rooms/0")
+    for inside, count in (("kitchen", 1), ("room 0", 1), ("Emma's place", 1), ("room 1", 0)):
+        found = window.get("/api/find", name="cup", inside=inside)
+        assert (found["total"], found["inside"], found["unknown"]) == (count, inside, {})
+
+
+def test_objects_are_found_where_the_rooms_cannot_be_read(tmp_path):
+    room = SemanticObject("a", square("a", 0, 0).footprint, 0, attributes={"doors": [{"to": 1}]})
+    hypermap = flat()
+    hypermap.remove("rooms")
+    hypermap.add(SemanticLayer("rooms", "map", [room]))
+    save_map(hypermap, tmp_path / "odd.hmap")
+    with serving(tmp_path / "odd.hmap") as client:
+        (row,) = Window(client).get("/api/find", name="cup")["rows"]
+    assert "room" not in row

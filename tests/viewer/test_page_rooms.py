@@ -124,6 +124,14 @@ def test_a_path_between_two_clicks_is_drawn_with_its_length(window: Window, path
     assert window.said("rooms") == "office"
 
 
+def test_the_page_tells_in_which_room_an_object_is(window: Window) -> None:
+    window.page.locator("#search").fill("cup")
+    window.page.keyboard.press("Enter")
+    expect(window.page.locator("#panel ol.found button")).to_contain_text("kitchen · ")
+    room = window.page.locator("#panel dt", has_text="Room").locator("+ dd")
+    expect(room).to_have_text("kitchen")
+
+
 def test_rooms_lie_below_things_and_doors_come_and_go_with_them(window: Window) -> None:
     colors = class_colors(["cup", "kitchen", "office"])
     floor = tuple(1 - 0.45 * (1 - part) for part in colors["kitchen"])  # white shows through
