@@ -264,7 +264,7 @@ export function findContent(
         labelled(info, found.layer, found.name),
         el("span", {
           class: "quiet",
-          text: [several ? found.layer : "", `${meters(found.distance)} m`]
+          text: [several ? found.layer : "", found.room, `${meters(found.distance)} m`]
             .filter(Boolean)
             .join(" · "),
         }),

@@ -1,6 +1,7 @@
-/** Drawing a rectangle or polygon on the map. */
+/** Drawing a rectangle, polygon or line on the map. */
 
 import type { Coordinate } from "ol/coordinate.js";
+import type LineString from "ol/geom/LineString.js";
 import type PolygonGeometry from "ol/geom/Polygon.js";
 import Draw, { createBox } from "ol/interaction/Draw.js";
 import type OpenLayersMap from "ol/Map.js";
@@ -11,7 +12,9 @@ import { areaLook } from "./looks";
 import { cssColor } from "./settings";
 import type { Point, Ring } from "./source";
 
-export type Kind = "rectangle" | "polygon";
+export type Kind = "rectangle" | "polygon" | "line";
+
+const TYPES = { rectangle: "Circle", polygon: "Polygon", line: "LineString" } as const;
 
 /** How long a double click may take: until then it must not reach the map as a zoom [ms]. */
 const DOUBLE_CLICK = 300;
@@ -25,31 +28,35 @@ export class Drawing {
     return this.draw !== null;
   }
 
-  /** Lets the person draw one shape. The corners are those of a ring that is not closed. */
-  start(kind: Kind, done: (ring: Ring) => void): void {
+  /**
+   * Lets the person draw one shape. The corners are those of a ring that is not closed, or both
+   * ends of a line.
+   */
+  start(kind: Kind, done: (corners: Ring) => void): void {
     this.stop();
     const corner = new Style({
       image: new CircleStyle({ radius: 5, fill: new Fill({ color: cssColor("--accent") }) }),
     });
     const draw = new Draw({
-      type: kind === "rectangle" ? "Circle" : "Polygon",
+      type: TYPES[kind],
+      maxPoints: kind === "line" ? 2 : undefined,
       geometryFunction: kind === "rectangle" ? createBox() : undefined,
       freehand: kind === "rectangle",
       stopClick: true,
       style: [...areaLook(), corner],
     });
     draw.on("drawend", ({ feature }) => {
-      const corners = (feature.getGeometry() as PolygonGeometry).getCoordinates()[0];
-      const ring = corners.slice(0, -1).map(([x, y]: Coordinate): Point => [x, y]);
+      const drawn = feature.getGeometry() as PolygonGeometry | LineString;
+      const corners = cornersOf(drawn).map(([x, y]): Point => [x, y]);
       window.setTimeout(() => {
         if (this.draw === draw) this.stop();
       }, DOUBLE_CLICK);
       if (draw.get("spent")) return;
       draw.set("spent", true);
-      if (isFlat(ring)) {
+      if (kind === "line" ? hasNoLength(corners) : isFlat(corners)) {
         window.setTimeout(() => this.start(kind, done), DOUBLE_CLICK + 1);
       } else {
-        done(ring);
+        done(corners);
       }
     });
     this.draw = draw;
@@ -74,6 +81,17 @@ export class Drawing {
     this.map.getTargetElement()?.classList.remove("drawing");
   }
 }
+
+function cornersOf(drawn: PolygonGeometry | LineString): Coordinate[] {
+  const coordinates = drawn.getCoordinates();
+  return isLine(coordinates) ? coordinates : coordinates[0].slice(0, -1);
+}
+
+function isLine(coordinates: Coordinate[] | Coordinate[][]): coordinates is Coordinate[] {
+  return typeof coordinates[0]?.[0] === "number";
+}
+
+const hasNoLength = ([[x0, y0], [x1, y1]]: Ring): boolean => x0 === x1 && y0 === y1;
 
 /** Whether a ring encloses nothing, as after a click without a drag. */
 function isFlat(ring: Ring): boolean {

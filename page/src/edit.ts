@@ -11,7 +11,7 @@ import { EditBar } from "./editbar";
 import { newObjectForm, objectForm } from "./forms";
 import { Handles } from "./handles";
 import { extentOf } from "./geometry";
-import { editedLook } from "./looks";
+import { editedLook, ROOMS } from "./looks";
 import type { MapView } from "./mapview";
 import type { Panel } from "./panel";
 import {
@@ -58,6 +58,7 @@ export class Editor {
     this.handles = new Handles(view.map, this.shapes, (how) => this.reshape(how));
     this.bar = new EditBar({
       draw: (kind, room) => this.draw(kind, room),
+      findRooms: () => this.findRooms(),
       undo: () => this.undo(),
       redo: () => this.redo(),
       save: () => this.save(),
@@ -178,6 +179,27 @@ export class Editor {
     void this.apply([{ op: "merge", layer, id, others: [other.id] }], `Merged into ${name}`);
   }
 
+  /** Makes two rooms of the one in the hand, along a line that is drawn. */
+  private split(): void {
+    if (!this.chosen) return;
+    const { layer, id, name } = this.chosen;
+    this.endMerging();
+    this.hint(`Click both ends of a line across ${name}, from wall to wall; Esc cancels`);
+    this.drawing.start("line", (line) => {
+      this.hint(null);
+      void this.apply([{ op: "split", layer, id, line }], `Split ${name}`);
+    });
+  }
+
+  private findRooms(): void {
+    this.letGo();
+    this.panel.close();
+    this.hint("Looking for rooms…");
+    void this.apply([{ op: "find_rooms", layer: ROOMS }], "Found rooms").finally(() =>
+      this.hint(null),
+    );
+  }
+
   /** Adds another of the same kind and shape next to the object in the hand. */
   private duplicate(): void {
     if (!this.chosen) return;
@@ -254,6 +276,7 @@ export class Editor {
           },
           duplicate: () => this.duplicate(),
           merge: () => this.startMerging(),
+          split: object.layer === ROOMS ? () => this.split() : undefined,
           remove: () => this.remove(),
         }),
       ],

@@ -2,10 +2,12 @@
 
 import { byId, el, icon, type ICONS } from "./dom";
 import type { Kind } from "./drawing";
-import type { EditState } from "./source";
+import { ROOMS } from "./looks";
+import type { MapInfo } from "./source";
 
 export interface EditVerbs {
   draw: (kind: Kind, room: boolean) => void;
+  findRooms: () => void;
   undo: () => void;
   redo: () => void;
   save: () => void;
@@ -14,11 +16,19 @@ export interface EditVerbs {
 }
 
 export class EditBar {
+  private readonly findRooms: HTMLButtonElement;
   private readonly undo: HTMLButtonElement;
   private readonly redo: HTMLButtonElement;
   private readonly save: HTMLButtonElement;
 
   constructor(verbs: EditVerbs) {
+    this.findRooms = button(
+      "search",
+      "edit-find-rooms",
+      "Find rooms",
+      "Find rooms and doors in the grid",
+      verbs.findRooms,
+    );
     this.undo = button("undo", "edit-undo", "Undo", "Undo (Ctrl+Z)", verbs.undo);
     this.redo = button("redo", "edit-redo", "Redo", "Redo (Ctrl+Y)", verbs.redo);
     this.save = button("save", "edit-save", "Save", "Save the map (Ctrl+S)", verbs.save);
@@ -33,6 +43,7 @@ export class EditBar {
       button("room", "edit-room", "Room", "Add a room or a zone", () =>
         verbs.draw("polygon", true),
       ),
+      this.findRooms,
       el("span", { class: "divider" }),
       this.undo,
       this.redo,
@@ -43,7 +54,10 @@ export class EditBar {
     );
   }
 
-  update({ can_undo, can_redo, unsaved }: EditState): void {
+  update({ can_undo, can_redo, unsaved, layers }: MapInfo): void {
+    const hasGrid = layers.some(({ class_name }) => class_name === "OccupancyGridLayer");
+    const hasRooms = layers.some(({ name, count }) => name === ROOMS && count > 0);
+    this.findRooms.hidden = hasRooms || !hasGrid;
     this.undo.disabled = !can_undo;
     this.redo.disabled = !can_redo;
     this.save.disabled = !unsaved;

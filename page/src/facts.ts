@@ -12,7 +12,7 @@ type Fact = [title: string, said: string, more?: string];
 const SHOWN_ELSEWHERE = ["evidence", "z_min", "z_max", "existence", "first_seen", "last_seen", "confidence"];
 
 export function objectFacts(object: ObjectDetails, frame: Frame, now = new Date()): HTMLElement {
-  const { area, at, tags, attributes } = object;
+  const { area, at, room, tags, attributes } = object;
   const [x, y] = fromBase(frame, at).map((value) => meters(value));
   // A page of one file has them all as attributes.
   const number = (key: keyof ObjectDetails) => numberOf(object[key] ?? attributes[key]);
@@ -25,6 +25,7 @@ export function objectFacts(object: ObjectDetails, frame: Frame, now = new Date(
       : ["Certainty", existenceInWords(existence), `log-odds ${trim(existence.toFixed(2))}`],
     seen === null ? null : ["Seen", seen],
     first === null || first === last ? null : ["First seen", whenInWords(first, now)],
+    room === undefined ? null : ["Room", room],
     ["Area", squareMeters(area)],
     ["Middle", `x ${x}, y ${y} m in ${frame.frame_id}`],
     low === null || high === null ? null : ["Height", `${meters(low)} to ${meters(high)} m`],

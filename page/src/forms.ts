@@ -34,6 +34,8 @@ export function objectForm(
     change: (values: Partial<Named>) => void;
     duplicate: () => void;
     merge: () => void;
+    /** Of rooms only. */
+    split?: () => void;
     remove: () => void;
   },
 ): HTMLElement {
@@ -59,6 +61,14 @@ export function objectForm(
         text: "Merge with…",
         onclick: verbs.merge,
       }),
+      verbs.split &&
+        el("button", {
+          type: "button",
+          class: "button small",
+          text: "Split…",
+          title: "Make two rooms of it, along a line that you draw",
+          onclick: verbs.split,
+        }),
     ),
     el(
       "div",

@@ -166,6 +166,8 @@ export interface FoundRow {
   x: number;
   y: number;
   distance: number;
+  /** The name of the room that it is in. */
+  room?: string;
 }
 
 /** `name`, `near` and `inside` are as they were understood. */
@@ -184,6 +186,8 @@ export interface ObjectDetails {
   at: Point;
   polygons: Polygon[];
   wkt: string;
+  /** The name of the room that it is in. */
+  room?: string;
   tags: string[];
   /** One number per tag. */
   confidence?: number[];
@@ -245,7 +249,7 @@ export interface Evidence extends Partial<Snippets> {
 
 export interface Operation {
   /** "add_layer" adds one without objects; a following "add" may draw on it. */
-  op: "add" | "add_layer" | "update" | "merge" | "remove";
+  op: "add" | "add_layer" | "find_rooms" | "update" | "merge" | "split" | "remove";
   layer: string;
   id?: number;
   name?: string;
@@ -255,6 +259,8 @@ export interface Operation {
   like?: number;
   /** Of "merge": the objects that become part of this one. */
   others?: number[];
+  /** Of "split": across the room. */
+  line?: Point[];
 }
 
 export interface Change extends Partial<EditState> {

@@ -9,7 +9,7 @@ from hypermap import FrameTree, Hypermap, Pose2D, SemanticLayer, SemanticObject,
 from hypermap.console.commands import Console
 from hypermap.console.questions import Question, answers
 from hypermap.core.errors import HypermapError
-from hypermap.rooms import room_of, rooms_asked, rooms_of_map, rooms_with, with_rooms
+from hypermap.rooms import is_reachable, room_of, rooms_asked, rooms_of_map, rooms_with, with_rooms
 
 from .conftest import two_rooms
 
@@ -79,6 +79,27 @@ def test_the_rooms_that_have_something_are_told(flat):
     assert [room.id for room in rooms_with(flat, "printer")] == [1]
     assert [room.id for room in rooms_with(flat, ["cup", "printer"])] == [0, 1]
     assert rooms_with(flat, "car") == []
+
+
+@pytest.mark.parametrize(("radius", "expected"), [(0.0, True), (0.4, True), (0.5, False)])
+def test_a_room_is_reachable_for_a_robot_that_fits_through_the_doors(flat, radius, expected):
+    assert is_reachable(flat, "kitchen", "Ada's", radius) is expected
+    assert is_reachable(flat, "room 1", "room 0", radius) is expected
+    assert is_reachable(flat, "room 1", "room 1", radius)
+
+
+@pytest.mark.parametrize(
+    ("start", "goal", "radius", "reason"),
+    [
+        ("kitchen", "room 7", 0.0, "there is no room or kind of room 'room 7'"),
+        ("kitchn", "room 1", 0.0, "did you mean 'kitchen'"),
+        ("kitchen", "room 1", -0.1, "a robot's radius is 0 or more meters, got -0.1"),
+        ("kitchen", "room 1", float("nan"), "a robot's radius is 0 or more meters, got nan"),
+    ],
+)
+def test_what_is_no_room_or_robot_reaches_nothing(flat, start, goal, radius, reason):
+    with pytest.raises(HypermapError, match=reason):
+        is_reachable(flat, start, goal, radius)
 
 
 def test_rooms_are_asked_in_the_base_frame(flat):

@@ -172,7 +172,7 @@ def test_who_hears_of_a_change_at_once_hears_all_of_it(tmp_path):
         (
             {"op": "paint", "layer": "things", "id": 0},
             400,
-            "op: expected add, update, merge, remove or add_layer",
+            "op: expected one of add, update, merge, split, remove, add_layer, find_rooms",
         ),
         ({"op": "add", "layer": "things", "name": "x"}, 400, "needs a name and a polygon"),
         ({"op": "add", "polygon": BED, "name": "x"}, 400, "layer: the operation must name one"),

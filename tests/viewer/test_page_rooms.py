@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import shapely
-from playwright.sync_api import Browser, expect
+from playwright.sync_api import Browser, Locator, expect
 
 from hypermap.colors import class_colors
 from hypermap.core.grid import GridGeometry
@@ -17,7 +17,7 @@ from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.semantic import SemanticLayer, SemanticObject
 from hypermap.formats import open_map, save_map
 from hypermap.paths import PathSettings, Planner
-from hypermap.rooms import Door, Room, Rooms, with_rooms
+from hypermap.rooms import Door, Room, Rooms, rooms_of_map, with_rooms
 from hypermap.viewer.live.export import export_page
 
 from .editing_tools import rename, save, start_editing
@@ -124,6 +124,14 @@ def test_a_path_between_two_clicks_is_drawn_with_its_length(window: Window, path
     assert window.said("rooms") == "office"
 
 
+def test_the_page_tells_in_which_room_an_object_is(window: Window) -> None:
+    window.page.locator("#search").fill("cup")
+    window.page.keyboard.press("Enter")
+    expect(window.page.locator("#panel ol.found button")).to_contain_text("kitchen · ")
+    room = window.page.locator("#panel dt", has_text="Room").locator("+ dd")
+    expect(room).to_have_text("kitchen")
+
+
 def test_rooms_lie_below_things_and_doors_come_and_go_with_them(window: Window) -> None:
     colors = class_colors(["cup", "kitchen", "office"])
     floor = tuple(1 - 0.45 * (1 - part) for part in colors["kitchen"])  # white shows through
@@ -162,6 +170,87 @@ def test_a_room_is_renamed_by_hand_keeps_its_doors_and_that_is_undone(
     assert (rooms[1].name, rooms[1].is_named, len(rooms.doors)) == ("laboratory", True, 1)
     page.locator("#edit-undo").click()
     expect(page.locator('[data-class="office"]')).to_be_attached()
+
+
+def draw_across(window: Window, start: tuple[float, float], goal: tuple[float, float]) -> None:
+    window.page.get_by_role("button", name="Split…").click()
+    expect(window.page.locator("#hint")).to_contain_text("Click both ends of a line across")
+    window.click_at(*start)
+    window.page.wait_for_timeout(400)  # what follows sooner is a double click
+    window.click_at(*goal)
+
+
+def class_of(window: Window, name: str) -> Locator:
+    return window.page.locator(f'[data-layer="rooms"] [data-class="{name}"]')
+
+
+def test_a_room_is_split_by_a_line_and_that_is_undone(browser: Browser, tmp_path: Path) -> None:
+    path = tmp_path / "split.hmap"
+    save_map(flat(), path)
+    with a_server(path) as url, a_window(browser, url) as window:
+        window.look_at(4.5, 2.5, METRES_PER_PIXEL)
+        page = window.page
+        start_editing(window)
+        window.click_at(7.0, 1.5)
+        expect(page.locator("#object-name")).to_have_value("office")
+        rename(window, "Emma's place")
+
+        draw_across(window, (7.0, 1.0), (7.5, 1.0))  # ends in the middle of the room
+        expect(page.get_by_role("alert")).to_contain_text("the line does not divide")
+        assert class_of(window, "Emma's place 2").count() == 0
+
+        draw_across(window, (6.55, 0.3), (6.55, 4.7))
+        expect(class_of(window, "Emma's place 2")).to_be_attached()
+        expect(page.locator("#panel h2")).to_have_text("Emma's place")
+        page.locator("#edit-undo").click()
+        expect(class_of(window, "Emma's place 2")).not_to_be_attached()
+        page.locator("#edit-redo").click()
+        expect(class_of(window, "Emma's place 2")).to_be_attached()
+        save(window)
+        rooms = Rooms.of_layer(open_map(path).semantic("rooms"))
+        assert [(room.name, room.is_named) for room in rooms] == [
+            ("kitchen", False),
+            ("Emma's place", True),
+            ("Emma's place 2", True),
+        ]
+        areas = [room.area for room in rooms]
+        assert areas == pytest.approx([16.4, 8.2, 8.2], abs=8 * METRES_PER_PIXEL)
+        assert areas[1] + areas[2] == pytest.approx(16.4)
+        assert sorted(door.rooms for door in rooms.doors) in (
+            [(0, 1), (1, 2)],
+            [(0, 2), (1, 2)],
+        )
+        page.keyboard.press("Escape")
+        window.click_at(2.5, 2.6)  # the cup, which is no room
+        expect(page.locator("#object-name")).to_have_value("cup")
+        expect(page.get_by_role("button", name="Split…")).to_have_count(0)
+
+
+def test_rooms_are_found_by_a_button_where_there_are_none(browser: Browser, tmp_path: Path) -> None:
+    path = tmp_path / "none.hmap"
+    hypermap = flat()
+    hypermap.remove("rooms")
+    save_map(hypermap, path)
+    with a_server(path) as url, a_window(browser, url) as window:
+        window.look_at(4.5, 2.5, METRES_PER_PIXEL)
+        start_editing(window)
+        button = window.page.locator("#edit-find-rooms")
+        button.click()
+        expect(class_of(window, "room 2")).to_be_attached()
+        expect(button).to_be_hidden()
+        (door,) = rooms_of_map(hypermap).doors
+        window.wait_until_drawn()
+        assert (window.colors_at([door.place_xy]) > 240).all()
+        window.page.locator("#edit-undo").click()
+        expect(button).to_be_visible()
+        expect(class_of(window, "room 2")).not_to_be_attached()
+        window.page.locator("#edit-redo").click()
+        expect(button).to_be_hidden()
+        save(window)
+        found, expected = Rooms.of_layer(open_map(path).semantic("rooms")), rooms_of_map(hypermap)
+        assert [room.name for room in found] == [room.name for room in expected]
+        assert [door.rooms for door in found.doors] == [(0, 1)]
+        assert window.complaints == []
 
 
 def test_a_page_in_a_file_shows_doors_and_offers_no_paths(browser: Browser, path: Path) -> None:

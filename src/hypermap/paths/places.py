@@ -8,7 +8,7 @@ from typing import TypeAlias
 from hypermap.core.arrays import PointsLike
 from hypermap.core.errors import HypermapError, did_you_mean
 from hypermap.core.hypermap import FoundObject, Hypermap
-from hypermap.rooms.questions import rooms_called
+from hypermap.rooms.questions import room_called
 from hypermap.rooms.rooms import LAYER, Room, rooms_on
 
 Place: TypeAlias = str | int | PointsLike
@@ -46,12 +46,7 @@ class Places:
         """
         if self.rooms is None or not isinstance(what, str):
             return None
-        found = rooms_called(self.rooms, what)
-        named = [room for room in found if room.name == what] or found
-        if len(named) > 1:
-            ids = ", ".join(f"'room {room.id}' ({room.name})" for room in named)
-            raise HypermapError(f"{len(named)} rooms are {what!r}; ask for one of {ids}")
-        return named[0] if named else None
+        return room_called(self.rooms, what)
 
     def object(self, what: str | int) -> FoundObject:
         """Return the one object of a name or id.

@@ -12,7 +12,7 @@ from hypermap.core.arrays import BoolArray, FloatArray, IntArray
 from hypermap.core.grid import GridGeometry
 from hypermap.rooms.rooms import Door
 
-_LEAST = 0.3  # [m] nothing fits through less
+LEAST_WIDTH = 0.3  # [m] nothing fits through less
 
 
 def doors_between(
@@ -56,7 +56,7 @@ def doors_between(
         line = _straight(ends[here].reshape(-1, 2))
         # The middle of a door of n cells is n / 2 or (n + 1) / 2 away from the nearest blocked one.
         width = (2 * float(far[here].max()) - 0.5) * grid.resolution
-        if width < _LEAST:
+        if width < LEAST_WIDTH:
             continue
         meters = np.round(grid.origin.apply(line * grid.resolution), 6)
         doors.append(Door((low - 1, high - 1), LineString(meters), round(width, 6)))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable, Sequence
 
@@ -11,6 +12,7 @@ import shapely
 from hypermap.core.arrays import BoolArray, PointsLike, as_points_xy
 from hypermap.core.errors import HypermapError, did_you_mean
 from hypermap.core.hypermap import FoundObject, Hypermap
+from hypermap.rooms.graph import graph
 from hypermap.rooms.kinds import rooms_of
 from hypermap.rooms.rooms import Room, Rooms, rooms_on
 
@@ -27,6 +29,20 @@ def rooms_called(rooms: Rooms, what: str) -> list[Room]:
     return found
 
 
+def room_called(rooms: Rooms, what: str) -> Room | None:
+    """Return the one room with a name, of a kind, or with an id as "room 3"; None if there is none.
+
+    Raises:
+        HypermapError: If there are several; it tells their ids.
+    """
+    found = rooms_called(rooms, what)
+    named = [room for room in found if room.name == what] or found
+    if len(named) > 1:
+        ids = ", ".join(f"'room {room.id}' ({room.name})" for room in named)
+        raise HypermapError(f"{len(named)} rooms are {what!r}; ask for one of {ids}")
+    return named[0] if named else None
+
+
 def rooms_asked(hypermap: Hypermap, what: str) -> list[Room]:
     """Return the rooms of a map, in its base frame, with a name or of a kind.
 
@@ -36,10 +52,7 @@ def rooms_asked(hypermap: Hypermap, what: str) -> list[Room]:
     rooms = _rooms_on(hypermap)
     found = rooms_called(rooms, what)
     if not found:
-        known = dict.fromkeys([*(r.name for r in rooms), *(r.kind for r in rooms if r.kind)])
-        raise HypermapError(
-            f"there is no room or kind of room {what!r}; {did_you_mean(what, known)}"
-        )
+        raise _no_room(rooms, what)
     return found
 
 
@@ -93,6 +106,38 @@ def rooms_with(hypermap: Hypermap, names: str | Iterable[str]) -> list[Room]:
     found: Sequence[FoundObject] = hypermap.objects(names)
     there = {room.id for room in rooms_at(rooms, [item.point_xy for item in found]) if room}
     return [room for room in rooms if room.id in there]
+
+
+def is_reachable(hypermap: Hypermap, start: str, goal: str, robot_radius: float = 0.0) -> bool:
+    """Return whether doors that a robot fits through lead from one room to another.
+
+    Furniture does not count: a `Planner` finds paths around it.
+
+    Args:
+        hypermap: the map.
+        start: a room's name, its kind, or its id as "room 5".
+        goal: likewise.
+        robot_radius: radius of the robot [m].
+
+    Raises:
+        HypermapError: If the map has no rooms, a room is unknown or not the only one that is meant,
+            or the radius is negative or not finite.
+    """
+    if not 0 <= robot_radius < math.inf:
+        raise HypermapError(f"a robot's radius is 0 or more meters, got {robot_radius}")
+    rooms = _rooms_on(hypermap)
+    ids = []
+    for what in (start, goal):
+        room = room_called(rooms, what)
+        if room is None:
+            raise _no_room(rooms, what)
+        ids.append(room.id)
+    return graph(rooms, robot_radius).is_reachable(*ids)
+
+
+def _no_room(rooms: Rooms, what: str) -> HypermapError:
+    known = dict.fromkeys([*(r.name for r in rooms), *(r.kind for r in rooms if r.kind)])
+    return HypermapError(f"there is no room or kind of room {what!r}; {did_you_mean(what, known)}")
 
 
 def _rooms_on(hypermap: Hypermap) -> Rooms:

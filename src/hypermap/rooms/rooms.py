@@ -174,7 +174,7 @@ class Rooms:
         ids = {room.id for room in rooms}
         rooms.sort(key=lambda room: room.id)
         doors = [door for door in doors if ids.issuperset(door.rooms)]
-        return cls(layer.frame_id, tuple(rooms), tuple(sorted(doors, key=_order)))
+        return cls(layer.frame_id, tuple(rooms), tuple(sorted(doors, key=door_order)))
 
     def moved(self, pose: Pose2D, frame_id: str) -> Rooms:
         """Return the same rooms and doors in another frame, without cells.
@@ -207,7 +207,7 @@ class Rooms:
             if low != high:
                 doors.append(replace(door, rooms=(low, high)))
         rooms = tuple(room for room in self.rooms if room.id not in others)
-        return Rooms(self.frame_id, rooms, tuple(sorted(doors, key=_order)))
+        return Rooms(self.frame_id, rooms, tuple(sorted(doors, key=door_order)))
 
     def replaced(self, rooms: list[Room]) -> Rooms:
         """Return the same with other rooms in the places of these; doors go along.
@@ -228,7 +228,7 @@ class Rooms:
         return replace(
             self,
             rooms=tuple(rooms[place] for place in order),
-            doors=tuple(sorted(doors, key=_order)),
+            doors=tuple(sorted(doors, key=door_order)),
             cells=cells,
         )
 
@@ -246,7 +246,8 @@ def rooms_on(hypermap: Hypermap) -> Rooms | None:
     return Rooms.of_layer(layer).moved(pose, hypermap.base_frame)
 
 
-def _order(door: Door) -> tuple[tuple[int, int], tuple[float, ...]]:
+def door_order(door: Door) -> tuple[tuple[int, int], tuple[float, ...]]:
+    """Return what doors are sorted by: the ids of their rooms, then where they are."""
     return door.rooms, tuple(np.ravel(door.line.coords).tolist())
 
 

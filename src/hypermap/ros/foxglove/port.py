@@ -46,7 +46,8 @@ except ImportError:
     raise MissingExtra("the server for Foxglove", "foxglove") from None
 
 _LOOK_PERIOD = 0.2  # s
-_EDITING = {"load_map", "store_map", "save_map", "clear"}  # services that change a map or a file
+# Services that change a map or a file.
+_EDITING = {"load_map", "store_map", "save_map", "clear", "find_rooms"}
 _LEVELS: dict[Level, tuple[int, int]] = {  # of Python, of rcl_interfaces/Log
     "debug": (logging.DEBUG, 10),
     "info": (logging.INFO, 20),

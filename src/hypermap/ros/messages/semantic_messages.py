@@ -124,7 +124,7 @@ def _state(layer: str, item: SemanticObject, position: Sequence[float], types: T
     return types.message("hypermap_msgs/ObjectState")(
         layer=layer,
         object=_object(item, position, types),
-        parts=[_polygon_with_holes(part, types) for part in polygons_of(item.footprint)],
+        parts=[polygon_with_holes(part, types) for part in polygons_of(item.footprint)],
         area=float(shape.area),
         existence=_or_nan(item.existence),
         first_seen=_or_nan(item.first_seen),
@@ -133,7 +133,8 @@ def _state(layer: str, item: SemanticObject, position: Sequence[float], types: T
     )
 
 
-def _polygon_with_holes(polygon: shapely.Polygon, types: Types) -> Message:
+def polygon_with_holes(polygon: shapely.Polygon, types: Types) -> Message:
+    """Return a polygon as `hypermap_msgs/PolygonWithHoles`."""
     return types.message("hypermap_msgs/PolygonWithHoles")(
         exterior=ring(open_ring(polygon.exterior), types),
         holes=[ring(open_ring(hole), types) for hole in polygon.interiors],

@@ -17,6 +17,7 @@ from hypermap.ros.server.object_queries import ObjectQueries
 from hypermap.ros.server.plans import Plans
 from hypermap.ros.server.queries import Queries
 from hypermap.ros.server.requests import Requests
+from hypermap.ros.server.room_queries import RoomQueries
 from hypermap.ros.topic_names import topic_name
 
 GLOBAL_STATIC_MAP = "/static_map"
@@ -40,6 +41,7 @@ class Services:
         self._open: KeptOpen[Closable] = KeptOpen()
         self._queries = queries = Queries(port, current, requests)
         new = ObjectQueries(port, current, requests)
+        rooms = RoomQueries(port, current)
         self._layers: dict[str, str] = {}  # of the services that hand out a grid
         self._fixed: dict[str, tuple[str, Handler]] = {
             "get_string_at_point": ("hypermap_msgs/GetStringAtPoint", queries.string_at_point),
@@ -59,6 +61,10 @@ class Services:
             "get_layers_at_point": ("hypermap_msgs/GetLayersAtPoint", new.layers_at_point),
             "get_hits_in_areas": ("hypermap_msgs/GetHitsInAreas", new.hits_in_areas),
             "find_objects": ("hypermap_msgs/FindObjects", new.find_objects),
+            "find_rooms": ("hypermap_msgs/FindRooms", rooms.find_rooms),
+            "get_room_of": ("hypermap_msgs/GetRoomOf", rooms.room_of),
+            "get_rooms_with": ("hypermap_msgs/GetRoomsWith", rooms.rooms_with),
+            "is_room_reachable": ("hypermap_msgs/IsRoomReachable", rooms.is_reachable),
             "make_plan": ("nav_msgs/GetPlan", plans.make_plan),
             "load_map": ("hypermap_msgs/LoadMap", files.load),
             "store_map": ("hypermap_msgs/StoreMap", files.store),

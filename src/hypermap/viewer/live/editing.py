@@ -12,14 +12,16 @@ from hypermap.core.arrays import as_objects
 from hypermap.core.hypermap import ROOMS
 from hypermap.core.objects import SemanticObject
 from hypermap.core.shapes import valid_copies
-from hypermap.rooms.rooms import DOORS, Rooms
+from hypermap.rooms.rooms import Rooms
 from hypermap.viewer.live.changes import Draft
 from hypermap.viewer.live.request_errors import Refused
-from hypermap.viewer.live.requests import footprint_in, text_in, whole_number_in
+from hypermap.viewer.live.requests import footprint_in, line_in, text_in, whole_number_in
+from hypermap.viewer.live.room_edits import find_rooms, set_doors, split_room
 
 MOST_OPERATIONS = 500
 """How many operations one request may hold."""
 
+_KINDS = ("add", "update", "merge", "split", "remove", "add_layer", "find_rooms")
 _SEEN = "evidence"  # the attribute that says how often an object was seen
 _LONGEST = 200  # characters of a name or tag
 _MOST_TAGS = 100
@@ -42,7 +44,7 @@ def operations_in(body: Mapping[str, Any]) -> list[Mapping[str, Any]]:
 
 
 def apply_operation(draft: Draft, operation: Mapping[str, Any]) -> int | None:
-    """Make the change that an operation asks for, and return the object's id; None for a layer.
+    """Make the change that an operation asks for, and return the object's id; None for layers.
 
     Raises:
         Refused: If the operation is incomplete or wrong.
@@ -56,6 +58,9 @@ def apply_operation(draft: Draft, operation: Mapping[str, Any]) -> int | None:
     if kind == "add_layer":
         draft.add_layer(_checked(layer, "layer"))
         return None
+    if kind == "find_rooms":
+        find_rooms(draft, layer)
+        return None
     if kind == "add":
         return _add(draft, layer, operation)
     number = whole_number_in(operation, "id")
@@ -64,10 +69,12 @@ def apply_operation(draft: Draft, operation: Mapping[str, Any]) -> int | None:
         draft.update(layer, number, _changed(draft, layer, item, operation))
     elif kind == "merge":
         _merge(draft, layer, number, operation.get("others"))
+    elif kind == "split":
+        split_room(draft, layer, number, line_in(operation, "line"))
     elif kind == "remove":
         draft.remove(layer, number)
     else:
-        raise Refused(f"op: expected add, update, merge, remove or add_layer, got {kind!r}")
+        raise Refused(f"op: expected one of {', '.join(_KINDS)}, got {kind!r}")
     return number
 
 
@@ -110,19 +117,7 @@ def _merge(draft: Draft, layer: str, number: int, others: Any) -> None:
         draft.remove(layer, other)
     draft.update(layer, number, _tagged(merged, tags))
     if rooms is not None:
-        _set_doors(draft, rooms.joined(number, others))
-
-
-def _set_doors(draft: Draft, rooms: Rooms) -> None:
-    """Give the rooms of a map their doors, as they are kept in its layer."""
-    for wanted in rooms.layer():
-        assert wanted.id is not None
-        item = draft.get(ROOMS, wanted.id)
-        doors = wanted.attributes.get(DOORS)
-        if item.attributes.get(DOORS) != doors:
-            others = {key: value for key, value in item.attributes.items() if key != DOORS}
-            attributes = others if doors is None else {**others, DOORS: doors}
-            draft.update(ROOMS, wanted.id, replace(item, attributes=attributes))
+        set_doors(draft, rooms.joined(number, others))
 
 
 def _merged_attributes(attributes: Sequence[Mapping[str, Any]]) -> dict[str, Any]:

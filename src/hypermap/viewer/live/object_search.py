@@ -10,11 +10,12 @@ from typing import Any
 import shapely
 
 from hypermap.core.found import FoundObject
-from hypermap.core.hypermap import Hypermap
+from hypermap.core.hypermap import ROOMS, Hypermap
 from hypermap.core.semantic import SemanticLayer
 from hypermap.viewer.live.names import names_of, similar_names
 from hypermap.viewer.live.request_errors import Refused
 from hypermap.viewer.live.requests import corners_in, number_in, text_in, whole_number_in
+from hypermap.viewer.live.rooms_told import means_rooms, names_of_rooms
 from hypermap.viewer.live.snippets import snippets_for_search
 
 MOST_FOUND = 5000
@@ -95,7 +96,9 @@ def find(hypermap: Hypermap, path: str, query: ObjectQuery) -> dict[str, Any]:
         return unknown[asked][0] if len(unknown[asked]) == 1 else asked
 
     near = meant(query.near) if isinstance(query.near, str) else query.near
-    understood = replace(query, name=meant(query.name), near=near, inside=meant(query.inside))
+    is_room = query.inside is not None and means_rooms(hypermap, query.inside)
+    inside = query.inside if is_room else meant(query.inside)
+    understood = replace(query, name=meant(query.name), near=near, inside=inside)
     matches = hypermap.matching(
         understood.name,
         near=understood.near,
@@ -108,7 +111,7 @@ def find(hypermap: Hypermap, path: str, query: ObjectQuery) -> dict[str, Any]:
         "name": understood.name,
         "near": understood.near,
         "inside": understood.inside,
-        "rows": [_row(found) for found in matches.first(query.limit)],
+        "rows": _rows(hypermap, matches.first(query.limit)),
         "total": len(matches),
         "names": [] if query.name is None else similar_names(query.name, known),
         "unknown": unknown,
@@ -124,8 +127,14 @@ def find(hypermap: Hypermap, path: str, query: ObjectQuery) -> dict[str, Any]:
     }
 
 
-def _row(found: FoundObject) -> dict[str, Any]:
+def _rows(hypermap: Hypermap, found: Sequence[FoundObject]) -> list[dict[str, Any]]:
+    rooms = names_of_rooms(hypermap, [item.point_xy for item in found])
+    return [_row(item, room) for item, room in zip(found, rooms, strict=True)]
+
+
+def _row(found: FoundObject, room: str | None) -> dict[str, Any]:
     x, y = found.point_xy
+    told = {} if room is None or found.layer == ROOMS else {"room": room}
     return {
         "layer": found.layer,
         "id": found.object.id,
@@ -133,6 +142,7 @@ def _row(found: FoundObject) -> dict[str, Any]:
         "x": float(x),
         "y": float(y),
         "distance": found.distance,
+        **told,
     }
 
 

@@ -14,7 +14,7 @@ from shapely.geometry.base import BaseGeometry
 from hypermap.core.arrays import IntArray
 from hypermap.core.errors import FrameError, HypermapError, ObjectNotFound, did_you_mean
 from hypermap.core.frames import Pose2D
-from hypermap.core.hypermap import Hypermap
+from hypermap.core.hypermap import ROOMS, Hypermap
 from hypermap.core.layer import Layer
 from hypermap.core.objects import ObjectTable
 from hypermap.core.occupancy import FREE, LABELS, OCCUPIED, OccupancyLayer
@@ -22,6 +22,7 @@ from hypermap.core.opaque import OpaqueLayer
 from hypermap.core.semantic import SemanticLayer
 from hypermap.viewer.live.layers import LayerViews
 from hypermap.viewer.live.object_search import find, query_in
+from hypermap.viewer.live.rooms_told import names_of_rooms
 from hypermap.viewer.live.snippets import snippets_at, snippets_in_area
 
 MOST_ROWS = 5000
@@ -132,6 +133,9 @@ class Questions:
             "tags": [],
             "attributes": {},
         }
+        (room,) = names_of_rooms(self.hypermap, [values["centroid"]])
+        if room is not None and layer.name != ROOMS:
+            values["room"] = room
         if isinstance(layer, SemanticLayer):
             item = layer.get(number)
             values["wkt"] = shapely.to_wkt(pose.apply_geometry(item.footprint), -1)

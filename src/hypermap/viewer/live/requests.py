@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import shapely
+from shapely.geometry import LineString
 from shapely.geometry.base import BaseGeometry
 from starlette.datastructures import QueryParams
 from starlette.requests import Request
@@ -118,6 +119,18 @@ def corners_in(values: Mapping[str, Any], key: str) -> list[list[float]]:
     return corners
 
 
+def line_in(values: Mapping[str, Any], key: str) -> LineString:
+    """Return a line, given as a list of at least two points.
+
+    Raises:
+        Refused: If it is none, has too many points, or no length.
+    """
+    points = _points(values.get(key), key, MOST_ASKED_CORNERS)
+    if len(points) < 2 or all(point == points[0] for point in points):
+        raise Refused(f"{key}: a line needs at least two different points")
+    return LineString(points)
+
+
 def footprint_in(values: Mapping[str, Any]) -> BaseGeometry | None:
     """Return the shape that an operation gives an object; None where it gives none.
 
@@ -162,14 +175,18 @@ def _of_size(shape: BaseGeometry, key: str) -> BaseGeometry:
     return shape
 
 
-def _ring(given: Any, key: str, most: int = MOST_CORNERS) -> list[list[float]]:
+def _points(given: Any, key: str, most: int) -> list[list[float]]:
     if not isinstance(given, list):
         raise Refused(f"{key}: a list of corners [x, y] is expected, got {_shown(given)}")
     if len(given) > most:
         _refuse_corners(len(given), most)
     if any(not isinstance(corner, list) or len(corner) != 2 for corner in given):
         raise Refused(f"{key}: each corner must be a point [x, y]")
-    corners = [[_number(x, key), _number(y, key)] for x, y in given]
+    return [[_number(x, key), _number(y, key)] for x, y in given]
+
+
+def _ring(given: Any, key: str, most: int = MOST_CORNERS) -> list[list[float]]:
+    corners = _points(given, key, most)
     if len(corners) > 1 and corners[0] == corners[-1]:
         corners.pop()
     if len(corners) < 3:
