@@ -6,23 +6,23 @@ from hypermap._lazy import attribute
 
 if TYPE_CHECKING:
     from hypermap.rooms.find import find_rooms
-    from hypermap.rooms.graph import Graph, graph
     from hypermap.rooms.kinds import Kinds, guess_kinds, load_kinds
     from hypermap.rooms.on_map import rooms_of_map, with_rooms
     from hypermap.rooms.questions import is_reachable, room_of, rooms_asked, rooms_at, rooms_with
+    from hypermap.rooms.room_graph import Graph, graph
     from hypermap.rooms.rooms import Door, Room, Rooms
     from hypermap.rooms.settings import RoomSettings
     from hypermap.rooms.split import split_room
 
 _HOMES = {
     "Door": "hypermap.rooms.rooms",
-    "Graph": "hypermap.rooms.graph",
+    "Graph": "hypermap.rooms.room_graph",
     "Kinds": "hypermap.rooms.kinds",
     "Room": "hypermap.rooms.rooms",
     "RoomSettings": "hypermap.rooms.settings",
     "Rooms": "hypermap.rooms.rooms",
     "find_rooms": "hypermap.rooms.find",
-    "graph": "hypermap.rooms.graph",
+    "graph": "hypermap.rooms.room_graph",
     "guess_kinds": "hypermap.rooms.kinds",
     "is_reachable": "hypermap.rooms.questions",
     "load_kinds": "hypermap.rooms.kinds",

@@ -12,8 +12,8 @@ import shapely
 from hypermap.core.arrays import BoolArray, PointsLike, as_points_xy
 from hypermap.core.errors import HypermapError, did_you_mean
 from hypermap.core.hypermap import FoundObject, Hypermap
-from hypermap.rooms.graph import graph
 from hypermap.rooms.kinds import rooms_of
+from hypermap.rooms.room_graph import graph
 from hypermap.rooms.rooms import Room, Rooms, rooms_on
 
 

@@ -77,7 +77,8 @@ def _parts(room: Room, line: LineString) -> tuple[BaseGeometry, BaseGeometry]:
     (two,) = (parts for parts in pieces if len(parts) == 2)
     smaller, larger = sorted(two, key=lambda part: float(part.area))
     whole = [parts[0] for parts in pieces if len(parts) == 1]
-    return (shapely.MultiPolygon([larger, *whole]) if whole else larger), smaller
+    rest: BaseGeometry = shapely.union_all([larger, *whole]) if whole else larger
+    return rest, smaller
 
 
 def _extended(line: LineString, outline: BaseGeometry) -> LineString:
@@ -101,10 +102,11 @@ def _shared_edge(one: BaseGeometry, other: BaseGeometry) -> list[LineString]:
 def _doors_along(cut: Iterable[LineString], outline: BaseGeometry) -> Iterator[Door]:
     """Yield the doors at which two parts meet; which rooms they join is to be told."""
     for line in cut:
-        points = shapely.points(shapely.get_coordinates(shapely.segmentize(line, _STEP)))
-        width = 2 * float(shapely.distance(points, outline.boundary).max())
+        places = shapely.get_coordinates(shapely.segmentize(line, _STEP))
+        far = np.asarray(shapely.distance(shapely.points(places), outline.boundary))
+        width = 2 * float(far.max())
         if width >= LEAST_WIDTH:
-            yield Door((0, 0), LineString([points[0], points[-1]]), round(width, 6))
+            yield Door((0, 0), LineString(places[[0, -1]]), round(width, 6))
 
 
 def _is_nearer(door: Door, one: BaseGeometry, other: BaseGeometry) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from hypermap.rooms.graph import graph
+from hypermap.rooms.room_graph import graph
 from hypermap.rooms.rooms import Door, Rooms
 from hypermap.ros.messages.geometry_messages import Types
 from hypermap.ros.messages.markers import INK, LINE_LIST, MarkerMaker

@@ -15,7 +15,7 @@ from hypermap.core.semantic import SemanticLayer
 from hypermap.viewer.live.names import names_of, similar_names
 from hypermap.viewer.live.request_errors import Refused
 from hypermap.viewer.live.requests import corners_in, number_in, text_in, whole_number_in
-from hypermap.viewer.live.rooms_told import means_rooms, names_of_rooms
+from hypermap.viewer.live.room_names import means_rooms, names_of_rooms
 from hypermap.viewer.live.snippets import snippets_for_search
 
 MOST_FOUND = 5000

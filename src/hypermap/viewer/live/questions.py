@@ -22,7 +22,7 @@ from hypermap.core.opaque import OpaqueLayer
 from hypermap.core.semantic import SemanticLayer
 from hypermap.viewer.live.layers import LayerViews
 from hypermap.viewer.live.object_search import find, query_in
-from hypermap.viewer.live.rooms_told import names_of_rooms
+from hypermap.viewer.live.room_names import names_of_rooms
 from hypermap.viewer.live.snippets import snippets_at, snippets_in_area
 
 MOST_ROWS = 5000
@@ -133,7 +133,7 @@ class Questions:
             "tags": [],
             "attributes": {},
         }
-        (room,) = names_of_rooms(self.hypermap, [values["centroid"]])
+        (room,) = names_of_rooms(self.hypermap, [np.array(values["centroid"])])
         if room is not None and layer.name != ROOMS:
             values["room"] = room
         if isinstance(layer, SemanticLayer):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 from shapely.geometry import LineString
 
 from hypermap import rooms as finding
@@ -57,7 +58,8 @@ def split_room(draft: Draft, layer: str, number: int, line: LineString) -> None:
     own = draft.layer(ROOMS)
     layer_T_base = draft.hypermap.frames.lookup(own.frame_id, draft.hypermap.base_frame)
     before, new_id = Rooms.of_layer(own), own.snapshot.next_id
-    after = finding.split_room(before, number, layer_T_base.apply_geometry(line), new_id)
+    across = LineString(layer_T_base.apply(np.array(line.coords)))
+    after = finding.split_room(before, number, across, new_id)
     (new,) = (item for item in after.layer() if item.id == new_id)
     for old in before:
         outline = after[old.id].outline

@@ -1,20 +1,27 @@
-"""In which rooms objects are, as the page tells it."""
+"""Names of the rooms that objects are in, for the page."""
 
 from __future__ import annotations
 
-from hypermap.core.arrays import PointsLike
+from collections.abc import Sequence
+
+import numpy as np
+
+from hypermap.core.arrays import FloatArray
 from hypermap.core.errors import HypermapError
 from hypermap.core.hypermap import Hypermap
 from hypermap.rooms.questions import rooms_at, rooms_called
 from hypermap.rooms.rooms import Rooms, rooms_on
 
 
-def names_of_rooms(hypermap: Hypermap, points_xy: PointsLike) -> list[str | None]:
+def names_of_rooms(hypermap: Hypermap, points_xy: Sequence[FloatArray]) -> list[str | None]:
     """Return the name of the room that each point of the base frame is in; None if in none."""
     rooms = _rooms(hypermap)
     if rooms is None:
-        return [None for _ in points_xy]
-    return [None if room is None else room.name for room in rooms_at(rooms, points_xy)]
+        return [None] * len(points_xy)
+    return [
+        None if room is None else room.name
+        for room in rooms_at(rooms, np.reshape(points_xy, (-1, 2)))
+    ]
 
 
 def means_rooms(hypermap: Hypermap, what: str) -> bool:
@@ -24,7 +31,7 @@ def means_rooms(hypermap: Hypermap, what: str) -> bool:
 
 
 def _rooms(hypermap: Hypermap) -> Rooms | None:
-    """Return the rooms of a map; None if it has none that can be read, of which the page tells."""
+    """Return the rooms of a map; None if it has none that can be read."""
     try:
         return rooms_on(hypermap)
     except HypermapError:
