@@ -31,6 +31,7 @@ if importlib.util.find_spec("rerun") is None:  # whose SDK needs Python 3.11
     collect_ignore_glob.append("src/hypermap/viewer/logs/rerun_log.py")
 
 LOGGERS = ("hypermap", "hypermap._loops", "py.warnings", "matplotlib")  # that commands set up
+_LONGEST_ID = 200  # characters
 KEPT = ("PATH", "TMPDIR", "CI", "HYPERMAP_CHROMIUM", "HOME")
 SET = {
     "LANG": "C.UTF-8",
@@ -72,6 +73,13 @@ def pytest_configure(config: pytest.Config) -> None:
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Begin with the slow tests, so that no worker is busy with one when the others are done."""
     items.sort(key=lambda item: item.get_closest_marker("slow") is None)
+
+
+def pytest_make_parametrize_id(val: object, argname: str) -> str | None:
+    """Name a long parameter by its length: workers exchange all names, which were 20 MB."""
+    if isinstance(val, str | bytes) and len(val) > _LONGEST_ID:
+        return f"{argname}-of-{len(val)}"
+    return None
 
 
 @contextmanager
