@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import resource
 from typing import Any
 
 import numpy as np
@@ -180,3 +181,22 @@ def test_near_is_as_the_distance_between_shapes(
         )
     ]
     assert sorted(int(item.object.id or 0) for item in found) == expected
+
+
+def test_a_thing_in_the_same_place_as_another_is_near_it() -> None:
+    box = shapely.box(0, 0, 1, 1)
+    far = shapely.box(5, 0, 6, 1)
+    things = [SemanticObject("chair", shape) for shape in (box, box, far)]
+    hypermap = Hypermap([SemanticLayer("semantic", "map", things)])
+    found = answer_to(hypermap, "chairs within 0 m of a chair").objects
+    assert sorted(int(item.object.id or 0) for item in found) == [0, 1]
+    assert len(answer_to(hypermap, "chairs within 4 m of a chair").objects) == 3
+
+
+def test_many_things_near_many_others_are_compared_in_little_memory() -> None:
+    things = [SemanticObject(name, shapely.box(0, 0, 1, 1)) for name in ("cup", "table")] * 3000
+    hypermap = Hypermap([SemanticLayer("semantic", "map", things)])
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    assert answer_to(hypermap, "how many cups are within 1 m of a table").count == 3000
+    assert answer_to(hypermap, "how many cups are in a table").count == 3000  # 9 million pairs
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 300_000  # kB

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -11,18 +12,25 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from hypermap.core.arrays import BoolArray, ObjectArray, as_objects
+from hypermap.core.arrays import BoolArray, as_objects
 from hypermap.core.errors import HypermapError, did_you_mean
 from hypermap.core.frames import Pose2D
 from hypermap.core.hypermap import ROOMS, FoundObject, Hypermap
 from hypermap.core.semantic import SemanticLayer
 from hypermap.questions.query import Condition, Query, Reference
+from hypermap.questions.relations import (
+    Sides,
+    Stacks,
+    any_pair,
+    distances,
+    footprints,
+    key_of,
+)
 from hypermap.questions.taxonomy import Taxonomy, load_taxonomy
 from hypermap.rooms.questions import rooms_asked, rooms_at, rooms_called
 from hypermap.rooms.rooms import Room, Rooms, rooms_on
 
 NEXT_TO = 1.0  # [m] between the shapes of things that are next to each other
-_TOUCHING = 0.15  # [m] between what stands on a thing and that thing's top, as they are measured
 _FEW = 100  # places, around which objects are looked up
 _IN_SIGHT = 2.0  # [m] from a thing is what is beside it, or in front of it or behind it
 
@@ -192,7 +200,7 @@ class _Asking:
             others = self._others(condition.reference)
             if others and len(others) <= _FEW:
                 within = max(condition.within or 0.0, _IN_SIGHT)
-                boxes = shapely.box(*shapely.bounds(_footprints(others)).T)
+                boxes = shapely.box(*shapely.bounds(footprints(others)).T)
                 return shapely.union_all(shapely.buffer(boxes, within, join_style="mitre"))
         return None
 
@@ -214,7 +222,7 @@ class _Asking:
             rooms.sort(key=lambda room: room.area, reverse=query.which == "largest")
         elif query.which is not None or query.give == "distance":
             places = self._others(query.start or Reference(is_asker=True))
-            near = shapely.union_all(_footprints(places))
+            near = shapely.union_all(footprints(places))
             far = {room.id: float(shapely.distance(room.outline, near)) for room in rooms}
             rooms.sort(key=lambda room: far[room.id], reverse=query.which == "farthest")
             self._notes += [f"room {room.id} is {far[room.id]:.2f} m away" for room in rooms]
@@ -242,64 +250,16 @@ class _Asking:
             return np.full(len(found), relation == "beyond" and bool(found))
         if relation in ("near", "beyond"):
             within = NEXT_TO if condition.within is None else condition.within
-            pairs = self._pairs(found, others, "dwithin", within)
-            is_near = _any(len(found), pairs)
+            is_near = distances(found, others, within) <= within
             return is_near if relation == "near" else ~is_near
-        if relation in ("in", "at", "on", "under"):
-            return self._stacked(relation, found, others)
-        return self._on_side(relation, found, others)
-
-    def _stacked(
-        self, relation: str, found: Sequence[FoundObject], others: Sequence[FoundObject]
-    ) -> BoolArray:
-        """Return which objects are in, at, on or under any of others, by footprints and heights."""
         if relation == "at":
-            return _any(len(found), self._pairs(found, others, "intersects"))
-        middles = as_objects([shapely.Point(item.point_xy) for item in found])
-        pairs = self._pairs(found, others, "intersects", shapes=middles)
-        if relation != "in":
-            pairs = [(i, k) for i, k in pairs if _is_stacked(relation, found[i], others[k])]
-        return _any(len(found), pairs)
-
-    def _on_side(
-        self, relation: str, found: Sequence[FoundObject], others: Sequence[FoundObject]
-    ) -> BoolArray:
-        """Return which objects are on a side of any of others, as the asker sees these."""
-        asker = self._asker_pose()
-        here = np.array([asker.x, asker.y])
-        pairs = []
-        for one, other in self._pairs(found, others, "dwithin", _IN_SIGHT):
-            ahead = others[other].point_xy - here
-            ahead = ahead / (np.hypot(*ahead) or 1.0)
-            offset = found[one].point_xy - others[other].point_xy
-            along, left = float(ahead @ offset), float(ahead[0] * offset[1] - ahead[1] * offset[0])
-            sides = {"left of": left, "right of": -left, "behind": along, "in front of": -along}
-            if sides[relation] > 0 and sides[relation] >= max(map(abs, sides.values())):
-                pairs.append((one, other))
-        return _any(len(found), pairs)
-
-    def _pairs(
-        self,
-        found: Sequence[FoundObject],
-        others: Sequence[FoundObject],
-        predicate: Any,
-        distance: float | None = None,
-        shapes: ObjectArray | None = None,
-    ) -> list[tuple[int, int]]:
-        """Return for which objects and others a predicate holds; no object is its own other.
-
-        Args:
-            found: the objects.
-            others: those that they are compared with.
-            predicate: of shapely's STRtree.
-            distance: for the predicate "dwithin" [m].
-            shapes: of the objects, if not their footprints.
-        """
-        shapes = _footprints(found) if shapes is None else shapes
-        tree = shapely.STRtree(_footprints(others))
-        pairs = tree.query(shapes, predicate=predicate, distance=distance)
-        keys, other_keys = [_key(one) for one in found], [_key(one) for one in others]
-        return [(i, k) for i, k in pairs.T.tolist() if keys[i] != other_keys[k]]
+            return any_pair(found, others, footprints(found), "intersects")
+        if relation in ("in", "on", "under"):
+            middles = as_objects([shapely.Point(item.point_xy) for item in found])
+            is_so = None if relation == "in" else Stacks(relation, found, others)
+            return any_pair(found, others, middles, "intersects", is_so=is_so)
+        is_beside = Sides(relation, found, others, self._asker_pose())
+        return any_pair(found, others, footprints(found), "dwithin", _IN_SIGHT, is_beside)
 
     def _others(self, reference: Reference) -> list[FoundObject]:
         """Return what a reference refers to; a point, a room or the asker as one without an id."""
@@ -342,17 +302,15 @@ class _Asking:
         others = self._others(start)
         if query.by == "path":
             return self._by_path(found, others)
-        keys = {_key(one) for one in others if one.object.id is not None}
-        found = [one for one in found if _key(one) not in keys] or found
         if not others:
             return []
-        tree = shapely.STRtree(_footprints(others))
-        (at, _), meters = tree.query_nearest(
-            _footprints(found), all_matches=False, return_distance=True
-        )
+        keys = {key_of(one) for one in others if one.object.id is not None}
+        found = [one for one in found if key_of(one) not in keys] or found
+        meters = distances(found, others).tolist()
         measured = [
-            replace(found[i], distance=far)
-            for i, far in zip(at.tolist(), meters.tolist(), strict=True)
+            replace(one, distance=far)
+            for one, far in zip(found, meters, strict=True)
+            if math.isfinite(far)
         ]
         return sorted(measured, key=lambda one: one.distance or 0.0)
 
@@ -378,43 +336,8 @@ _ORDERS: dict[str, Any] = {
 }
 
 
-def _is_stacked(relation: str, one: FoundObject, other: FoundObject) -> bool:
-    """Return whether an object is on or under another, in whose footprint it is, by heights."""
-    heights = [_heights(each) for each in (one, other)]
-    if None in heights:
-        if relation == "under":
-            raise HypermapError("the map does not have the heights of objects (z_min, z_max)")
-        return bool(one.object.footprint.area < other.object.footprint.area)
-    (low, high), (other_low, other_high) = heights  # type: ignore[misc]
-    if relation == "on":
-        return bool(low >= other_high - _TOUCHING)
-    return bool(high <= other_high and low <= other_low + _TOUCHING)
-
-
-def _heights(item: FoundObject) -> tuple[float, float] | None:
-    attributes = item.object.attributes
-    low, high = attributes.get("z_min"), attributes.get("z_max")
-    if isinstance(low, int | float) and isinstance(high, int | float):
-        return float(low), float(high)
-    return None
-
-
 def _somewhere(shape: Any) -> FoundObject:
     from hypermap.core.objects import SemanticObject
 
     place = SemanticObject("place", shape if shape.area else shape.buffer(1e-6))
     return FoundObject("", np.array(shape.centroid.coords[0]), object=place)
-
-
-def _key(item: FoundObject) -> tuple[str, int | None]:
-    return item.layer, item.object.id
-
-
-def _footprints(found: Iterable[FoundObject]) -> ObjectArray:
-    return as_objects([item.object.footprint for item in found])
-
-
-def _any(count: int, pairs: Iterable[tuple[int, int]]) -> BoolArray:
-    holds = np.zeros(count, dtype=bool)
-    holds[[one for one, _ in pairs]] = True
-    return holds
