@@ -9,7 +9,15 @@ import { existenceInWords, seenInWords, whenInWords } from "./words";
 type Fact = [title: string, said: string, more?: string];
 
 /** Attributes that are shown elsewhere. */
-const SHOWN_ELSEWHERE = ["evidence", "z_min", "z_max", "existence", "first_seen", "last_seen", "confidence"];
+const SHOWN_ELSEWHERE = [
+  "evidence",
+  "z_min",
+  "z_max",
+  "existence",
+  "first_seen",
+  "last_seen",
+  "confidence",
+];
 
 export function objectFacts(object: ObjectDetails, frame: Frame, now = new Date()): HTMLElement {
   const { area, at, room, tags, attributes } = object;

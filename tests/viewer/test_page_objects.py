@@ -255,7 +255,7 @@ def test_an_object_is_moved_turned_duplicated_and_merged_by_hand(edited: Edited)
 def test_the_bar_fits_beside_the_panel_in_windows_of_any_width(edited: Edited) -> None:
     window = edited.window
     start_editing(window)
-    for width in (1400, 1131, 1130, 1081, 1080, 800, 761, 400):
+    for width in (1400, 1241, 1240, 1081, 1080, 800, 761, 400):
         window.page.set_viewport_size({"width": width, "height": 800})
         bar = window.page.locator("#editbar").bounding_box()
         side = window.page.locator("#sidebar").bounding_box()
