@@ -36,12 +36,12 @@ def test_it_shows_how_it_understood_the_question_and_answers(hypermap: Run, room
     ],
 )
 def test_answers(hypermap: Run, room_map: Path, question: str, answer: str) -> None:
-    result = hypermap("ask", room_map, question, "--from", "1,0.5")
+    result = hypermap("ask", room_map, question, "--pose", "1,0.5")
     assert (result.code, result.out) == (0, answer)
 
 
 def test_a_point_may_be_negative(hypermap: Run, room_map: Path) -> None:
-    result = hypermap("ask", room_map, "how far is the plant", "--from", "-2.5,2.5")
+    result = hypermap("ask", room_map, "how far is the plant", "--pose", "-2.5,2.5")
     assert result.out == "potted plant 2 at (7.50, 2.50), 9.50 m away\n"
 
 
@@ -73,7 +73,7 @@ def test_more_names_come_from_a_file(hypermap: Run, room_map: Path, tmp_path: Pa
     [
         ("where is the zorblax", ["cannot read 'zorblax'"]),
         ("where is the chiar", ["did you mean 'chair'?"]),
-        ("where is the nearest chair", ["depends on where you are", "--from X,Y"]),
+        ("where is the nearest chair", ["depends on where you are", "--pose X,Y"]),
         ("what is in the kitchen", ["the map has no rooms", "`hypermap rooms MAP -o OUT`"]),
         ("where is a cup\x00\x1b[2J", ["cannot read"]),
         ("cup" * 40_000, ["at most 500 characters"]),
@@ -96,13 +96,13 @@ def test_what_was_not_understood_names_questions_that_are(hypermap: Run, room_ma
 
 @pytest.mark.parametrize("start", ["1", "1,2,3,4", "a,b", "1,nan"])
 def test_a_wrong_pose_is_refused(hypermap: Run, room_map: Path, start: str) -> None:
-    result = hypermap("ask", room_map, "where is the nearest chair", "--from", start)
+    result = hypermap("ask", room_map, "where is the nearest chair", "--pose", start)
     assert_one_error(result, "expected X,Y or X,Y,YAW, as 1.5,-2,90")
 
 
 def test_the_shell_asks_the_same(hypermap: Run, room_map: Path) -> None:
-    lines = "ask what's the nearest chair to the plant?\nask --from 0,0.5 how far is chair 1\nask\n"
+    lines = "ask what's the nearest chair to the plant?\nask --pose 0,0.5 how far is chair 1\nask\n"
     result = hypermap("shell", room_map, stdin=lines)
     assert "which: the nearest to plant\nchair 0 at (9.50, 0.50), 1.41 m away\n" in result.out
     assert "chair 1 at (9.50, 4.50), 9.66 m away" in result.out
-    assert "usage: ask [--from X,Y[,YAW]] QUESTION" in result.err
+    assert "usage: ask [--pose X,Y[,YAW]] QUESTION" in result.err

@@ -30,7 +30,7 @@ def command(
     asker: Annotated[
         str | None,
         typer.Option(
-            "--from",
+            "--pose",
             metavar="X,Y[,YAW]",
             show_default=False,
             help="Where you are [m], and where you look [degrees], in the base frame.",
@@ -47,7 +47,12 @@ def command(
     ] = None,
     robot_radius: Annotated[
         float,
-        typer.Option("--robot-radius", metavar="METERS", min=0.0, help="For distances by path."),
+        typer.Option(
+            "--robot-radius",
+            metavar="METERS",
+            min=0.0,
+            help="Radius of the robot: for distances by path.",
+        ),
     ] = 0.0,
     schema: Annotated[
         bool, typer.Option("--schema", help="Print the JSON Schema of queries, and end.")
@@ -61,7 +66,7 @@ def command(
     nothing is guessed.
 
     Examples:
-        hypermap ask office.hmap "where is the nearest cup?" --from 1,2
+        hypermap ask office.hmap "where is the nearest cup?" --pose 1,2
         hypermap ask office.hmap "which chairs are within 1 m of a table in room 2?"
         hypermap ask office.hmap "how many chairs are in the kitchen?"
         hypermap ask office.hmap "which rooms have a printer?" --json

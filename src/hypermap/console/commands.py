@@ -164,9 +164,9 @@ class Console:
         return "\n".join(filter(None, [*said, *remarks(self.hypermap, question, rows)]))
 
     def _ask(self, arguments: list[str]) -> str:
-        words = arguments[2:] if arguments[:1] == ["--from"] else arguments
+        words = arguments[2:] if arguments[:1] == ["--pose"] else arguments
         if not words:
-            raise HypermapError("usage: ask [--from X,Y[,YAW]] QUESTION, as: ask where is a cup?")
+            raise HypermapError("usage: ask [--pose X,Y[,YAW]] QUESTION, as: ask where is a cup?")
         asker = None if words is arguments else parse_pose(arguments[1])
         answer = answer_to(self.hypermap, " ".join(words), asker)
         parts = [f"{part}: {text}" for part, text in understood(answer.query)]

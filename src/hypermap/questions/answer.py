@@ -277,7 +277,7 @@ class _Asking:
     def _asker_pose(self) -> Pose2D:
         if self._asker is None:
             raise HypermapError(
-                "the answer depends on where you are; say it in the question, or give --from "
+                "the answer depends on where you are; say it in the question, or give --pose "
                 "X,Y or X,Y,YAW"
             )
         return self._asker

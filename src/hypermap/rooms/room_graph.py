@@ -7,8 +7,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from hypermap.core.errors import MissingExtra
 from hypermap.rooms.rooms import Rooms
@@ -36,6 +34,9 @@ class Graph:
 
     def parts(self) -> NDArray[np.int64]:
         """Return a number for each room, which rooms have in common between which doors lead."""
+        from scipy.sparse import coo_array
+        from scipy.sparse.csgraph import connected_components
+
         ones = np.ones(len(self.edges))
         matrix = coo_array((ones, tuple(self.edges.T)), shape=(len(self.ids), len(self.ids)))
         return connected_components(matrix, directed=False)[1].astype(np.int64)
