@@ -50,6 +50,7 @@ _MODULES = {
     "experiment": "experiment",
     "shell": "shell",
     "serve": "serve",
+    "mcp": "mcp",
     "live": "live",
     "rviz": "rviz",
     "ros1-env": "ros1_env",

@@ -51,8 +51,8 @@ AllowEdits = Annotated[
     typer.Option(
         "--allow-edits",
         rich_help_panel=_MIDDLEWARE,
-        help="Let clients publish, clear, load and store, with --foxglove; by default "
-        "they can only view and query.",
+        help="Let clients change the map: publish, clear, load and store, with --foxglove; by "
+        "default they can only view and query.",
     ),
 ]
 AllowOrigin = Annotated[

@@ -1,0 +1,94 @@
+"""Serves agents over HTTP, to this machine alone."""
+
+from __future__ import annotations
+
+import contextlib
+import secrets
+from collections.abc import Callable
+from typing import Any
+
+import uvicorn
+from mcp.server import Server
+from starlette.responses import JSONResponse
+from starlette.types import ASGIApp, Receive, Scope, Send
+
+from hypermap.core.errors import HypermapError
+from hypermap.viewer.live.serving import listen
+
+PATH = "/mcp"
+
+_HOST = "127.0.0.1"
+_MOST_BODY = 1_000_000  # bytes of a request
+_SHORTEST_TOKEN = 16  # characters
+
+
+def serve_http(
+    server: Server[Any], port: int | None, token: str, on_start: Callable[[str], None]
+) -> None:
+    """Serve by streamable HTTP until Ctrl-C.
+
+    Args:
+        server: from `server_of`.
+        port: 0 for any; None for 8090, or the next one that is free.
+        token: what requests must know.
+        on_start: called with the address when clients can connect.
+
+    Raises:
+        HypermapError: If the port is in use, or the token is too short.
+    """
+    if len(token) < _SHORTEST_TOKEN or not token.isascii() or not token.isprintable():
+        raise HypermapError(f"a token has at least {_SHORTEST_TOKEN} ASCII characters, no blanks")
+    listening = listen(_HOST, port)
+    url = f"http://{_HOST}:{listening.getsockname()[1]}{PATH}"
+    config = uvicorn.Config(
+        http_app(server, token),
+        log_config=None,
+        log_level="error",
+        access_log=False,
+        server_header=False,
+        proxy_headers=False,
+        timeout_graceful_shutdown=1,
+    )
+    with contextlib.closing(listening), contextlib.suppress(KeyboardInterrupt):
+        _Server(config, lambda: on_start(url)).run(sockets=[listening])
+
+
+def http_app(server: Server[Any], token: str) -> ASGIApp:
+    """Return the server as an ASGI application under `PATH`.
+
+    Requests need the header "Authorization: Bearer TOKEN", and to name this machine as their host,
+    so that no web page reaches the server by DNS rebinding.
+    """
+    app = server.streamable_http_app(
+        streamable_http_path=PATH, host=_HOST, max_request_body_size=_MOST_BODY
+    )
+    return _Private(app, token)
+
+
+class _Private:
+    """Lets only those requests through that know the token."""
+
+    def __init__(self, app: ASGIApp, token: str) -> None:
+        self._app = app
+        self._expected = f"Bearer {token}".encode()
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] == "http":
+            given = dict(scope["headers"]).get(b"authorization", b"")
+            if not secrets.compare_digest(given, self._expected):
+                wrong = {"error": "the header 'Authorization: Bearer TOKEN' is missing or wrong"}
+                refusal = JSONResponse(wrong, 401, {"WWW-Authenticate": "Bearer"})
+                await refusal(scope, receive, send)
+                return
+        await self._app(scope, receive, send)
+
+
+class _Server(uvicorn.Server):
+    def __init__(self, config: uvicorn.Config, on_start: Callable[[], None]) -> None:
+        super().__init__(config)
+        self._on_start = on_start
+
+    async def startup(self, sockets: Any = None) -> None:
+        await super().startup(sockets)
+        if self.started:
+            self._on_start()

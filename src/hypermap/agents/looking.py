@@ -1,0 +1,314 @@
+"""The tools that look at a map."""
+
+# Annotations are values here, out of which the schemas of the tools are made.
+
+import math
+import tempfile
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeAlias
+
+import shapely
+from pydantic import Field, FiniteFloat
+
+from hypermap.agents.shown import (
+    answer_of,
+    door_row,
+    few_corners,
+    is_calendar,
+    object_rows,
+    parse_time,
+    place,
+    room_row,
+    time_text,
+)
+from hypermap.agents.tools import Picture
+from hypermap.core.errors import HypermapError
+from hypermap.core.frames import Pose2D
+from hypermap.core.hypermap import ROOMS, Hypermap
+from hypermap.core.occupancy import OccupancyLayer
+from hypermap.core.semantic import SemanticLayer
+from hypermap.questions.answer import Answer, ask
+from hypermap.questions.query import Condition, Query, Reference
+from hypermap.questions.taxonomy import load_taxonomy
+from hypermap.rooms.questions import room_called, rooms_asked, rooms_at
+from hypermap.rooms.rooms import Rooms, rooms_on
+
+_MOST_OBJECTS = 100
+
+Name: TypeAlias = Annotated[str, Field(min_length=1, max_length=200)]
+Names: TypeAlias = Annotated[list[Name], Field(max_length=20)]
+Point: TypeAlias = tuple[FiniteFloat, FiniteFloat]
+Limit: TypeAlias = Annotated[int, Field(ge=1, le=_MOST_OBJECTS, description="most objects")]
+Meters: TypeAlias = Annotated[FiniteFloat, Field(ge=0, le=10_000)]
+
+
+class Looking:
+    """The tools that look at a map; each public method is one.
+
+    All lengths are in meters, in the base frame of the map, and directions in degrees from its x
+    axis, counterclockwise.
+
+    Args:
+        current: returns the map as it is now.
+        robot_radius: of the robot that paths are for [m].
+        taxonomy: a file of more names of things.
+    """
+
+    def __init__(
+        self,
+        current: Callable[[], Hypermap],
+        robot_radius: float = 0.0,
+        taxonomy: Path | None = None,
+    ) -> None:
+        self._current = current
+        self._robot_radius = robot_radius
+        self._taxonomy = load_taxonomy(taxonomy)
+        self._taxonomy_file = taxonomy
+
+    def find_objects(
+        self,
+        *,
+        names: Annotated[
+            Names | None, Field(description="names or kinds: any of them; none for all")
+        ] = None,
+        room: Annotated[Name | None, Field(description="in this room, or kind of room")] = None,
+        near: Annotated[Point | None, Field(description="near this point, as [x, y]")] = None,
+        near_name: Annotated[Name | None, Field(description="near an object of this name")] = None,
+        within: Annotated[Meters, Field(description="the largest distance of near [m]")] = 1.0,
+        which: Annotated[
+            Literal["largest", "smallest", "surest", "newest"] | None,
+            Field(description="in this order"),
+        ] = None,
+        limit: Limit = 20,
+    ) -> dict[str, Any]:
+        """Find objects by name or kind (a couch is a sofa and seating), by room and by place."""
+        where = [] if room is None else [Condition("in", Reference(rooms=(room,)))]
+        if near is not None:
+            where.append(Condition("near", Reference(point_xy=near), within))
+        if near_name is not None:
+            where.append(Condition("near", Reference(names=(near_name,)), within))
+        count = None if which is None else limit
+        query = Query(names=tuple(names or ()), where=tuple(where), which=which, count=count)
+        return self._objects(self._answer(query), limit)
+
+    def nearest(
+        self,
+        *,
+        name: Annotated[Name, Field(description="a name or kind of objects")],
+        start: Annotated[Point, Field(description="from this point, as [x, y]")],
+        by: Annotated[
+            Literal["air", "path"], Field(description="in a straight line, or around walls")
+        ] = "air",
+        limit: Limit = 1,
+    ) -> dict[str, Any]:
+        """Find the nearest objects of a name or kind, nearest first, with their distances."""
+        start_at = Reference(point_xy=start)
+        query = Query("objects", (name,), which="nearest", count=limit, start=start_at, by=by)
+        return self._objects(self._answer(query), limit)
+
+    def what_is_at(
+        self, *, point: Annotated[Point, Field(description="as [x, y]")]
+    ) -> dict[str, Any]:
+        """Tell which objects are at a point, smallest first, its room, and whether it is free."""
+        hypermap = self._current()
+        found = [item for item in hypermap.objects_at(point) if item.layer != ROOMS]
+        rooms = rooms_on(hypermap)
+        (room,) = [None] if rooms is None else rooms_at(rooms, [point])
+        grids = [layer for layer in hypermap.placed_layers() if isinstance(layer, OccupancyLayer)]
+        states = {one.name: str(hypermap.label_at(one.name, point)[0]).lower() for one in grids}
+        there = object_rows(hypermap, found[:_MOST_OBJECTS])
+        return answer_of(hypermap, objects=there, room=room_row(room), occupancy=states)
+
+    def list_rooms(self) -> dict[str, Any]:
+        """List the rooms with their kinds, areas [m^2], a point in each, and the doors."""
+        hypermap, rooms = self._rooms()
+        doors = [door_row(rooms, door) for door in rooms.doors]
+        return answer_of(hypermap, rooms=[room_row(room) for room in rooms], doors=doors)
+
+    def describe_room(
+        self, *, room: Annotated[Name, Field(description="a name, or as 'room 3'")]
+    ) -> dict[str, Any]:
+        """Describe a room: its kind and area [m^2], how many of which objects, and its doors."""
+        hypermap, rooms = self._rooms()
+        asked = room_called(rooms, room)
+        if asked is None:
+            (asked, *_others) = rooms_asked(hypermap, room)  # says which there are
+        found = [item for item in hypermap.objects() if item.layer != ROOMS]
+        there = rooms_at(rooms, [item.point_xy for item in found]) if found else []
+        counts = Counter(
+            str(item.object.name)
+            for item, its_room in zip(found, there, strict=True)
+            if its_room is not None and its_room.id == asked.id
+        )
+        doors = [door_row(rooms, door) for door in rooms.doors if asked.id in door.rooms]
+        box = [round(side, 2) for side in asked.outline.bounds]
+        names = [{"name": name, "count": count} for name, count in counts.most_common()]
+        return answer_of(hypermap, room=room_row(asked), box=box, objects=names, doors=doors)
+
+    def path_to(
+        self,
+        *,
+        goal: Annotated[Name, Field(description="an object, as 'cup 3', or a room")],
+        start: Annotated[Point, Field(description="from this point, as [x, y]")],
+    ) -> dict[str, Any]:
+        """Plan a path, which to an object ends before it: length, corners, rooms and doors."""
+        from hypermap.paths import PathSettings, Planner  # with loops that take time to load
+
+        hypermap = self._current()
+        path = Planner(hypermap, PathSettings(self._robot_radius)).path(start, goal)
+        doors = [] if rooms_on(hypermap) is None else [place(door.place_xy) for door in path.doors]
+        return answer_of(
+            hypermap,
+            length=round(path.length, 2),
+            corners=[place(point) for point in few_corners(path.points_xy)],
+            rooms=[room_row(room) for room in path.rooms],
+            doors=doors,
+            robot_radius=self._robot_radius,
+        )
+
+    def ask(
+        self,
+        *,
+        question: Annotated[str, Field(min_length=1, max_length=500, description="in English")],
+        position: Annotated[
+            Point | None, Field(description="where the asker is, as [x, y]")
+        ] = None,
+        heading: Annotated[FiniteFloat, Field(description="of the asker [degrees]")] = 0.0,
+    ) -> dict[str, Any]:
+        """Answer a question in plain English, such as: which chairs are within 1 m of a table?
+
+        Where, which, what, how many, how far, is there; near, on, under, in, left of; and, or, not.
+        It tells how it understood the question, or what it could not read.
+        """
+        from hypermap.questions.asking import answer_to
+        from hypermap.questions.english import NotUnderstood
+
+        asker = None if position is None else Pose2D(*position, math.radians(heading))
+        hypermap = self._current()
+        try:
+            answer = answer_to(hypermap, question, asker, self._taxonomy_file, self._robot_radius)
+        except NotUnderstood as error:
+            return answer_of(
+                hypermap, understood=None, problem=str(error), you_can_ask=[*error.nearest]
+            )
+        shown = self._objects((hypermap, answer), _MOST_OBJECTS)
+        return shown | {"understood": answer.query.to_json()}
+
+    def changes(
+        self,
+        *,
+        since: Annotated[
+            str, Field(max_length=40, description="date or time, as 2026-11-20T10:00+01:00")
+        ],
+        limit: Limit = 20,
+    ) -> dict[str, Any]:
+        """List the objects first seen since a time, and those not seen since then.
+
+        Objects that are gone from the map are not listed. Times without a zone are in UTC.
+        """
+        begin = parse_time(since)
+        hypermap = self._current()
+        found = [item for item in hypermap.objects() if item.layer != ROOMS]
+        seen = [item.object.last_seen for item in found if item.object.last_seen is not None]
+        if not any(map(is_calendar, seen)):
+            raise HypermapError("the map does not tell at which date or time objects were seen")
+        added = [item for item in found if (item.object.first_seen or -math.inf) >= begin]
+        unseen = [item for item in found if (item.object.last_seen or math.inf) < begin]
+        added.sort(key=lambda item: -(item.object.first_seen or 0.0))
+        unseen.sort(key=lambda item: item.object.last_seen or 0.0)
+        return answer_of(
+            hypermap,
+            since=time_text(begin),
+            added_count=len(added),
+            added=object_rows(hypermap, added[:limit]),
+            not_seen_count=len(unseen),
+            not_seen=object_rows(hypermap, unseen[:limit]),
+        )
+
+    def render_view(
+        self,
+        *,
+        center: Annotated[
+            Point | None, Field(description="as [x, y]; none for the whole map")
+        ] = None,
+        size: Annotated[
+            FiniteFloat, Field(ge=0.5, le=1000, description="length of its sides [m]")
+        ] = 6.0,
+        pixels: Annotated[int, Field(ge=200, le=1200)] = 800,
+    ) -> Picture:
+        """Draw the map from above, or a square part of it, with the names of objects, as PNG."""
+        from hypermap.viewer.picture import render
+
+        hypermap = self._current()
+        area = None
+        caption = f"the whole map, frame {hypermap.base_frame}"
+        if center is not None:
+            x, y, half = *center, size / 2
+            area = shapely.box(x - half, y - half, x + half, y + half)
+            caption = (
+                f"x from {x - half:.2f} to {x + half:.2f} m, y from {y - half:.2f} to "
+                f"{y + half:.2f} m, frame {hypermap.base_frame}"
+            )
+        with tempfile.TemporaryDirectory() as folder:
+            file = Path(folder, "view.png")
+            render(hypermap, file, area=area, size=pixels)
+            return Picture(file.read_bytes(), caption)
+
+    # Resources
+
+    def summary(self) -> dict[str, Any]:
+        """Return what is in the map: its layers, rooms and classes, and the area that is known."""
+        hypermap = self._current()
+        layers = [
+            {"name": layer.name, "kind": type(layer).__name__, "frame_id": layer.frame_id}
+            for layer in hypermap
+        ]
+        rooms = rooms_on(hypermap)
+        return answer_of(
+            hypermap,
+            layers=layers,
+            rooms=[] if rooms is None else [room.name for room in rooms],
+            classes=self.classes()["classes"],
+        )
+
+    def classes(self) -> dict[str, Any]:
+        """Return the classes of the map's objects, and how many of each there are."""
+        hypermap = self._current()
+        counts: Counter[str] = Counter()
+        for layer in hypermap:
+            if isinstance(layer, SemanticLayer) and layer.name != ROOMS:
+                counts.update(map(str, layer.names))
+        known = [{"name": name, "count": count} for name, count in counts.most_common()]
+        return answer_of(hypermap, classes=known)
+
+    def rooms(self) -> dict[str, Any]:
+        """Return the rooms and doors; none where the map has no layer of rooms."""
+        hypermap = self._current()
+        if rooms_on(hypermap) is None:
+            return answer_of(hypermap, rooms=[], doors=[])
+        return self.list_rooms()
+
+    # What they share
+
+    def _answer(self, query: Query) -> tuple[Hypermap, Answer]:
+        hypermap = self._current()
+        radius = self._robot_radius
+        return hypermap, ask(hypermap, query, taxonomy=self._taxonomy, robot_radius=radius)
+
+    def _rooms(self) -> tuple[Hypermap, Rooms]:
+        hypermap = self._current()
+        rooms = rooms_on(hypermap)
+        if rooms is None:
+            raise HypermapError("the map has no rooms; `hypermap rooms MAP -o OUT` finds them")
+        return hypermap, rooms
+
+    def _objects(self, answered: tuple[Hypermap, Answer], limit: int) -> dict[str, Any]:
+        hypermap, answer = answered
+        shown = answer_of(
+            hypermap, count=answer.count, objects=object_rows(hypermap, answer.objects[:limit])
+        )
+        if answer.rooms and answer.query.asks_rooms:
+            shown["rooms"] = [room_row(room) for room in answer.rooms[:limit]]
+        return shown | ({"notes": [*answer.notes]} if answer.notes else {})

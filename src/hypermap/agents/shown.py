@@ -1,0 +1,102 @@
+"""Objects, rooms, doors, places and times as JSON values."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from datetime import datetime, timezone
+from typing import Any
+
+import numpy as np
+import shapely
+
+from hypermap.core.errors import HypermapError
+from hypermap.core.hypermap import FoundObject, Hypermap
+from hypermap.rooms.questions import rooms_at
+from hypermap.rooms.rooms import Door, Room, Rooms, rooms_on
+
+_MOST_CORNERS = 60  # of a path
+_CALENDAR = (3e8, 2.5e11)  # [s]: from 1979, as clocks of simulators and robots begin at 0
+
+
+def answer_of(hypermap: Hypermap, **parts: Any) -> dict[str, Any]:
+    """Return an answer, with the frame and the unit of all lengths."""
+    return {"frame_id": hypermap.base_frame, "unit": "m", **parts}
+
+
+def object_rows(hypermap: Hypermap, found: Sequence[FoundObject]) -> list[dict[str, Any]]:
+    """Return objects as JSON values: who, where, in which room, how sure and when."""
+    rooms = rooms_on(hypermap) if found else None
+    there: Iterable[Room | None] = [None] * len(found)
+    if rooms is not None:
+        there = rooms_at(rooms, [item.point_xy for item in found])
+    return [_row(item, room) for item, room in zip(found, there, strict=True)]
+
+
+def _row(item: FoundObject, room: Room | None) -> dict[str, Any]:
+    thing = item.object
+    x, y = place(item.point_xy)
+    row: dict[str, Any] = {"id": thing.id, "name": str(thing.name), "layer": item.layer}
+    row |= {"x": x, "y": y, "area": round(float(thing.footprint.area), 3)}
+    if room is not None:
+        row["room"] = room.name
+    if item.distance is not None:
+        row["distance"] = round(item.distance, 2)
+    if thing.existence is not None:
+        row["probability"] = round(1 / (1 + math.exp(-max(-50.0, min(50.0, thing.existence)))), 3)
+    if thing.last_seen is not None:
+        row["last_seen"] = time_text(thing.last_seen)
+    return row
+
+
+def room_row(room: Room | None) -> dict[str, Any] | None:
+    """Return a room, with a point in it."""
+    if room is None:
+        return None
+    x, y = place(room.outline.representative_point().coords[0])
+    shown = {"id": room.id, "name": room.name, "kind": room.kind or None}
+    return shown | {"x": x, "y": y, "area": round(room.area, 2)}
+
+
+def door_row(rooms: Rooms, door: Door) -> dict[str, Any]:
+    """Return a door, with the names of both rooms."""
+    x, y = place(door.place_xy)
+    names = [rooms[number].name for number in door.rooms]
+    return {"rooms": names, "x": x, "y": y, "width": round(door.width, 2)}
+
+
+def place(point: Any) -> list[float]:
+    """Return x and y, to the centimeter."""
+    return [round(float(number), 2) for number in point]
+
+
+def few_corners(points_xy: Any) -> Any:
+    """Return the corners of a line, and of one with many those that make out its shape."""
+    line, tolerance = shapely.LineString(points_xy), 0.01
+    while len(points_xy) > _MOST_CORNERS:
+        points_xy = np.asarray(line.simplify(tolerance).coords)
+        tolerance *= 2
+    return points_xy
+
+
+def parse_time(text: str) -> float:
+    """Return a stamp [s]; raises a HypermapError if the text is no date or time."""
+    try:
+        moment = datetime.fromisoformat(text.strip().replace("Z", "+00:00"))
+    except ValueError:
+        raise HypermapError(
+            f"since {text!r}: expected a date or time as 2026-11-20 or 2026-11-20T10:00+01:00"
+        ) from None
+    return (moment if moment.tzinfo else moment.replace(tzinfo=timezone.utc)).timestamp()
+
+
+def time_text(stamp: float) -> str | float:
+    """Return a time as people write it; the stamp [s] where its clock is none of a calendar."""
+    if not is_calendar(stamp):
+        return round(stamp, 2)
+    return datetime.fromtimestamp(stamp, timezone.utc).isoformat(timespec="seconds")
+
+
+def is_calendar(stamp: float) -> bool:
+    """Return whether a stamp [s] counts from 1970, and not from the start of a recording."""
+    return _CALENDAR[0] <= stamp <= _CALENDAR[1]

@@ -1,0 +1,125 @@
+"""A tool: a function with a name, a description and a JSON Schema of its arguments."""
+
+from __future__ import annotations
+
+import inspect
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, TypeAlias
+
+from pydantic import ConfigDict, TypeAdapter, ValidationError
+from pydantic_core import ArgsKwargs
+
+from hypermap.core.errors import HypermapError
+
+MOST_BYTES = 24_000
+"""The largest answer, as JSON."""
+
+_LONGEST_TEXT = 500  # characters of a text in an answer
+_MOST_PROBLEMS = 5  # with arguments, that an error lists
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A picture as an answer.
+
+    Attributes:
+        png: the file.
+        caption: what it shows.
+    """
+
+    png: bytes
+    caption: str
+
+
+ToolFunction: TypeAlias = Callable[..., dict[str, Any] | Picture]
+
+
+@dataclass(frozen=True)
+class Tool:
+    """A function that an agent may call.
+
+    Attributes:
+        function: with keyword arguments alone, whose docstring describes it.
+        is_edit: whether it changes the map.
+    """
+
+    function: ToolFunction
+    is_edit: bool = False
+
+    @property
+    def name(self) -> str:
+        """What it is called."""
+        return self.function.__name__
+
+    @property
+    def description(self) -> str:
+        """What it does."""
+        return inspect.cleandoc(self.function.__doc__ or "")
+
+    @cached_property
+    def parameters(self) -> dict[str, Any]:
+        """The JSON Schema of its arguments: an object."""
+        return self._adapter.json_schema()
+
+    def __call__(self, arguments: Mapping[str, Any] | None = None) -> dict[str, Any] | Picture:
+        """Return its answer: JSON values of at most `MOST_BYTES`, or a picture.
+
+        Args:
+            arguments: by name; checked against the schema.
+
+        Raises:
+            HypermapError: If an argument is wrong, or the map has no answer.
+        """
+        given = {str(name): value for name, value in (arguments or {}).items()}
+        try:
+            answer = self._adapter.validate_python(ArgsKwargs((), given))
+        except ValidationError as error:
+            raise HypermapError(f"{self.name}: {_problems(error)}") from None
+        return answer if isinstance(answer, Picture) else bounded(answer)
+
+    @cached_property
+    def _adapter(self) -> TypeAdapter[Any]:
+        function: Any = self.function
+        return TypeAdapter(function, config=ConfigDict(extra="forbid"))
+
+
+def bounded(answer: dict[str, Any], most_bytes: int = MOST_BYTES) -> dict[str, Any]:
+    """Return an answer with texts cut, and its longest lists shortened until it is small enough.
+
+    What was left out is counted under "left_out", by the name of the list.
+
+    >>> bounded({"names": ["cup"] * 1000}, most_bytes=400)["left_out"]
+    {'names': 938}
+    """
+    answer = {key: _cut(value) for key, value in answer.items()}
+    left_out: dict[str, int] = {}
+    while len(json.dumps(answer | {"left_out": left_out})) > most_bytes:
+        lists = {key: value for key, value in answer.items() if isinstance(value, list)}
+        longest = max(lists, key=lambda key: len(json.dumps(lists[key])), default=None)
+        if longest is None or not lists[longest]:
+            raise HypermapError("the answer is too large; ask for less")
+        kept = len(lists[longest]) // 2
+        left_out[longest] = left_out.get(longest, 0) + len(lists[longest]) - kept
+        answer[longest] = lists[longest][:kept]
+    return answer | ({"left_out": left_out} if left_out else {})
+
+
+def _cut(value: Any) -> Any:
+    if isinstance(value, str):
+        return value if len(value) <= _LONGEST_TEXT else value[: _LONGEST_TEXT - 3] + "..."
+    if isinstance(value, dict):
+        return {_cut(key): _cut(one) for key, one in value.items()}
+    return [_cut(one) for one in value] if isinstance(value, list | tuple) else value
+
+
+def _problems(error: ValidationError) -> str:
+    found = error.errors(include_url=False, include_input=False, include_context=False)
+    told = [
+        f"{'.'.join(map(str, one['loc'])) or 'arguments'}: {one['msg']}"[:200]
+        for one in found[:_MOST_PROBLEMS]
+    ]
+    more = len(found) - len(told)
+    return "; ".join(told) + (f"; and {more} more" if more else "")
