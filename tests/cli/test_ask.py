@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import socket
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import jsonschema
 import pytest
@@ -106,3 +108,19 @@ def test_the_shell_asks_the_same(hypermap: Run, room_map: Path) -> None:
     assert "which: the nearest to plant\nchair 0 at (9.50, 0.50), 1.41 m away\n" in result.out
     assert "chair 1 at (9.50, 4.50), 9.66 m away" in result.out
     assert "usage: ask [--pose X,Y[,YAW]] QUESTION" in result.err
+
+
+def test_a_model_needs_an_address(hypermap: Run, room_map: Path, monkeypatch: Any) -> None:
+    monkeypatch.delenv("HYPERMAP_MODEL_URL", raising=False)
+    ask = ["ask", room_map, "I could do with a coffee", "--model", "m"]
+    assert_one_error(hypermap(*ask), "--model needs --model-url")
+    assert_one_error(hypermap(*ask, "--model-url", "ftp://a/b"), "no address of a model")
+
+
+def test_a_model_that_is_away_is_an_error(hypermap: Run, room_map: Path, monkeypatch: Any) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as closed:
+        url = f"http://127.0.0.1:{closed.getsockname()[1]}/v1"
+    monkeypatch.setenv("HYPERMAP_MODEL_URL", url)
+    result = hypermap("ask", room_map, "I could do with a coffee", "--model", "m")
+    assert_one_error(result, url, "does not answer")
+    assert hypermap("ask", room_map, "is there a plant?", "--model", "m").code == 0

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -12,6 +13,9 @@ from hypermap.cli.options import AsJson
 from hypermap.cli.terminal import note, say, say_json
 
 COMMAND_CLASS = PointsCommand
+
+if TYPE_CHECKING:
+    from hypermap.questions.model import LanguageModel
 
 
 def command(
@@ -54,16 +58,35 @@ def command(
             help="Radius of the robot: for distances by path.",
         ),
     ] = 0.0,
+    model: Annotated[
+        str | None,
+        typer.Option(
+            "--model",
+            metavar="NAME",
+            show_default="none",
+            help="Let this language model read what the grammar cannot; see docs/ask.md.",
+        ),
+    ] = None,
+    model_url: Annotated[
+        str | None,
+        typer.Option(
+            "--model-url",
+            metavar="URL",
+            envvar="HYPERMAP_MODEL_URL",
+            show_default=False,
+            help="Its OpenAI-compatible endpoint, as http://localhost:11434/v1.",
+        ),
+    ] = None,
     schema: Annotated[
         bool, typer.Option("--schema", help="Print the JSON Schema of queries, and end.")
     ] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Ask a question about a map in plain English, without a language model.
+    """Ask a question about a map in plain English.
 
     It shows how the question was understood, and then the answer. Synonyms and kinds of things are
     known: a couch is a sofa, and seating. What cannot be read, or has two meanings, is an error:
-    nothing is guessed.
+    nothing is guessed. It needs no language model, but can ask yours (--model).
 
     Examples:
         hypermap ask office.hmap "where is the nearest cup?" --pose 1,2
@@ -71,6 +94,7 @@ def command(
         hypermap ask office.hmap "how many chairs are in the kitchen?"
         hypermap ask office.hmap "which rooms have a printer?" --json
         hypermap ask office.hmap '{"names": ["seating"], "give": "count"}'
+        hypermap ask office.hmap "I could do with a coffee" --model NAME --model-url URL
         hypermap ask --schema
     """
     from hypermap.console.asked import document, lines, understood
@@ -85,10 +109,11 @@ def command(
         return
     if path is None or question is None:
         raise HypermapError('give a map and a question, as "where is the nearest cup?"')
+    reader = None if model is None else _language_model(model, model_url)
     hypermap = open_map(path)
     pose = None if asker is None else parse_pose(asker)
     try:
-        answer = answer_to(hypermap, question, pose, taxonomy, robot_radius)
+        answer = answer_to(hypermap, question, pose, taxonomy, robot_radius, reader)
     except NotUnderstood as error:
         for one in error.nearest:
             note(f"you can ask: {one}")
@@ -100,3 +125,12 @@ def command(
         note(f"{part}: {text}")
     for line in lines(hypermap, answer):
         say(line)
+
+
+def _language_model(name: str, url: str | None) -> LanguageModel:
+    from hypermap.core.errors import HypermapError
+    from hypermap.questions.model import LanguageModel
+
+    if url is None:
+        raise HypermapError("--model needs --model-url, or HYPERMAP_MODEL_URL in the environment")
+    return LanguageModel(url, name, os.environ.get("HYPERMAP_MODEL_KEY", ""))

@@ -7,6 +7,7 @@ from hypermap._lazy import attribute
 if TYPE_CHECKING:
     from hypermap.questions.answer import Answer, ask
     from hypermap.questions.english import NotUnderstood, understand
+    from hypermap.questions.model import LanguageModel
     from hypermap.questions.query import Condition, Query, Reference
     from hypermap.questions.schema import QUERY_SCHEMA
     from hypermap.questions.taxonomy import Taxonomy, load_taxonomy
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
 _HOMES = {
     "Answer": "hypermap.questions.answer",
     "Condition": "hypermap.questions.query",
+    "LanguageModel": "hypermap.questions.model",
     "NotUnderstood": "hypermap.questions.english",
     "QUERY_SCHEMA": "hypermap.questions.schema",
     "Query": "hypermap.questions.query",
@@ -28,6 +30,7 @@ __all__ = [
     "QUERY_SCHEMA",
     "Answer",
     "Condition",
+    "LanguageModel",
     "NotUnderstood",
     "Query",
     "Reference",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,6 +19,7 @@ from hypermap.rooms.kinds import load_kinds
 from hypermap.rooms.rooms import rooms_on
 
 if TYPE_CHECKING:
+    from hypermap.questions.model import LanguageModel
     from hypermap.questions.words import Vocabulary
 
 
@@ -27,6 +29,7 @@ def answer_to(
     asker: Pose2D | None = None,
     taxonomy: Path | None = None,
     robot_radius: float = 0.0,
+    model: LanguageModel | None = None,
 ) -> Answer:
     """Return the answer to a question in English, or to a query as JSON, which begins with "{".
 
@@ -36,19 +39,30 @@ def answer_to(
         asker: where the asker is, in the base frame.
         taxonomy: a file of more names of things.
         robot_radius: of the robot that distances by path are for [m].
+        model: reads what the grammar cannot; None for none.
 
     Raises:
-        NotUnderstood: If the question cannot be read.
+        NotUnderstood: If the question cannot be read, and there is no model.
         HypermapError: If it cannot be answered.
     """
     names = load_taxonomy(taxonomy)
+    notes: tuple[str, ...] = ()
     if question.lstrip().startswith("{"):
         query = Query.from_json(_parsed(question))
     else:
-        from hypermap.questions.english import understand  # with a parser that takes time to load
+        # With a parser that takes time to load.
+        from hypermap.questions.english import NotUnderstood, understand
 
-        query = understand(question, vocabulary_of(hypermap, names))
-    return ask(hypermap, query, asker=asker, taxonomy=names, robot_radius=robot_radius)
+        vocabulary = vocabulary_of(hypermap, names)
+        try:
+            query = understand(question, vocabulary)
+        except NotUnderstood:
+            if model is None:
+                raise
+            query = model.read(question, vocabulary)
+            notes = (f"the language model {model.name} read the question",)
+    answer = ask(hypermap, query, asker=asker, taxonomy=names, robot_radius=robot_radius)
+    return replace(answer, notes=(*notes, *answer.notes))
 
 
 def vocabulary_of(hypermap: Hypermap, taxonomy: Taxonomy) -> Vocabulary:
