@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import resource
+from datetime import datetime, timedelta, timezone
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,7 @@ from hypermap import (
 )
 from hypermap.questions import Answer, Query, ask
 from hypermap.questions.asking import answer_to
+from hypermap.questions.query import When
 from hypermap.rooms import Room, Rooms, with_rooms
 
 
@@ -200,3 +202,67 @@ def test_many_things_near_many_others_are_compared_in_little_memory() -> None:
     assert answer_to(hypermap, "how many cups are within 1 m of a table").count == 3000
     assert answer_to(hypermap, "how many cups are in a table").count == 3000  # 9 million pairs
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 300_000  # kB
+
+
+# Times
+
+NOON = datetime(2026, 11, 20, 12, tzinfo=timezone.utc)
+SEEN = [  # hours from noon, first and last
+    ("cup", -48, -30),  # 0
+    ("cup", -48, -10),  # 1
+    ("mug", -8, -2),  # 2
+    ("chair", -48, -1),  # 3
+    ("chair", None, None),  # 4: unknown
+]
+
+
+@pytest.fixture(scope="module")
+def diary() -> Hypermap:
+    def stamp(hours: float | None) -> float | None:
+        return None if hours is None else NOON.timestamp() + 3600 * hours
+
+    things = [
+        SemanticObject(
+            name, shapely.box(i, 0, i + 0.5, 1), first_seen=stamp(first), last_seen=stamp(last)
+        )
+        for i, (name, first, last) in enumerate(SEEN)
+    ]
+    return Hypermap([SemanticLayer("semantic", "map", things)])
+
+
+def hours_ago(hours: float) -> datetime:
+    return NOON - timedelta(hours=hours)
+
+
+@pytest.mark.parametrize(
+    ("when", "found"),
+    [
+        (When("seen", hours_ago(12)), [1, 2, 3]),
+        (When("seen", hours_ago(12), hours_ago(5)), [1, 2]),
+        (When("seen", None, hours_ago(20)), [0, 1, 3]),
+        (When("new", hours_ago(12)), [2]),
+        (When("new", None, hours_ago(12)), [0, 1, 3]),
+        (When("not seen", hours_ago(5)), [0, 1]),
+        (When("not seen", hours_ago(72)), []),
+    ],
+)
+def test_when_objects_were_seen(diary: Hypermap, when: When, found: list[int]) -> None:
+    assert ids(ask(diary, Query(when=when))) == found
+
+
+def test_what_may_have_been_seen_in_a_time_that_is_over_is_counted(diary: Hypermap) -> None:
+    answer = ask(diary, Query(when=When("seen", hours_ago(12), hours_ago(5))))
+    assert answer.notes == ("1 more were seen before and after, and may have been then",)
+
+
+def test_last_seen_is_answered_newest_first(diary: Hypermap) -> None:
+    assert ids(ask(diary, Query("last_seen", ("cup", "mug")))) == [2, 1, 0]
+    assert ids(ask(diary, Query("last_seen", ("cup",), which="newest"))) == [2]  # a mug is a cup
+
+
+def test_a_recording_without_a_calendar_cannot_say_on_which_day() -> None:
+    thing = SemanticObject("cup", shapely.box(0, 0, 1, 1), first_seen=3.0, last_seen=40.0)
+    hypermap = Hypermap([SemanticLayer("semantic", "map", [thing])])
+    with pytest.raises(HypermapError, match="on which day"):
+        ask(hypermap, Query(when=When("seen", NOON)))
+    assert ids(ask(hypermap, Query("last_seen", ("cup",)))) == [0]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from datetime import datetime, timedelta, timezone
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from hypermap.questions.english import EXAMPLES
 from hypermap.questions.words import Vocabulary
 from hypermap.rooms.kinds import load_kinds
 
+NOW = datetime(2026, 11, 23, 14, 30, tzinfo=timezone(timedelta(hours=1)))  # a Monday
 VOCABULARY = Vocabulary(load_taxonomy(), kinds=tuple(load_kinds().votes))
 
 
@@ -27,7 +29,7 @@ def read(name: str) -> list[tuple[str, Any]]:
 
 def query_of(question: str) -> Any:
     try:
-        return understand(question, VOCABULARY).to_json()
+        return understand(question, VOCABULARY, NOW).to_json()
     except NotUnderstood:
         return None
 
@@ -60,6 +62,10 @@ def test_the_examples_can_be_asked(question: str) -> None:
         ("wo ist die Tasse?", "cannot read 'wo', 'ist', 'die', 'tasse'"),
         ("which cups are where", "cannot read this question from 'where' on"),
         ("two cups", "2 of how many"),
+        ("what have you not seen yesterday", "not seen yesterday: say since when"),
+        ("what is new since 2026-13-01", "cannot read 'since'"),
+        ("what did you see yesterday at 3 pm", "cannot read 'pm'"),
+        ("what is new", "cannot read this question"),
         ("0 nearest cups", "0 things cannot be listed"),
         ("cup " * 25_000, "a question has at most 500 characters, not 100000"),
     ],
@@ -67,6 +73,11 @@ def test_the_examples_can_be_asked(question: str) -> None:
 def test_what_cannot_be_read_is_named(question: str, message: str) -> None:
     with pytest.raises(NotUnderstood, match=message):
         understand(question, VOCABULARY)
+
+
+def test_marks_of_times_cannot_be_typed() -> None:
+    assert query_of("what is new \ue000") is None
+    assert query_of("cups \ue000") == query_of("cups")
 
 
 def test_what_is_not_understood_names_questions_that_are() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from datetime import datetime, timedelta, timezone
 from typing import Any, get_args
 
 import jsonschema
@@ -11,7 +12,7 @@ from hypothesis import strategies as st
 
 from hypermap.core.errors import FormatError
 from hypermap.questions import QUERY_SCHEMA, Condition, Query, Reference
-from hypermap.questions.query import Give, Measure, Relation, Which
+from hypermap.questions.query import Give, Measure, Relation, When, Which
 
 NAMES = st.lists(st.text(min_size=1, max_size=8), min_size=1, max_size=3).map(tuple)
 METERS = st.floats(0, 100)
@@ -19,6 +20,16 @@ PLACES = (
     st.builds(Reference, rooms=NAMES)
     | st.builds(Reference, point_xy=st.tuples(METERS, METERS))
     | st.just(Reference(is_asker=True))
+)
+
+
+MOMENTS = st.datetimes(
+    datetime(1970, 1, 1), datetime(2100, 1, 1), timezones=st.just(timezone(timedelta(hours=5.5)))
+)
+WHEN = (
+    st.builds(When, st.sampled_from(["seen", "new"]), MOMENTS, st.none() | MOMENTS)
+    | st.builds(When, st.sampled_from(["seen", "new"]), st.none(), MOMENTS)
+    | st.builds(When, st.just("not seen"), MOMENTS)
 )
 
 
@@ -38,6 +49,7 @@ QUERIES = st.builds(
     names=NAMES | st.just(()),
     besides=NAMES | st.just(()),
     where=st.lists(conditions(REFERENCES), max_size=2).map(tuple),
+    when=st.none() | WHEN,
     which=st.none() | st.sampled_from(get_args(Which)),
     count=st.none() | st.integers(1, 9),
     start=st.none() | REFERENCES,
@@ -60,6 +72,12 @@ def test_json_keeps_a_query_and_follows_the_schema(query: Query) -> None:
         ({"names": "cup"}, "names: expected a list, got str"),
         ({"names": [1]}, "names: expected names"),
         ({"give": "all"}, "'all' is none of objects, count"),
+        ({"when": {}}, "when: a time needs its begin or its end"),
+        ({"when": {"since": "monday"}}, "when.since: 'monday' is no date or time"),
+        ({"when": {"since": 5, "seen": "once"}}, "when.since: '5' is no date or time"),
+        ({"when": {"until": "2026-11-20", "seen": "not seen"}}, "needs the time since when"),
+        ({"when": {"since": "2026-11-20", "for": 3}}, "when: there is no key 'for'"),
+        ({"rooms": ["kitchen"], "when": {"since": "2026-11-20"}}, "for rooms or for objects"),
         ({"count": 0}, "count must be at least 1"),
         ({"count": 1.5}, "count: expected a whole number"),
         ({"where": [{"relation": "in"}]}, r"where\[0\]: the key 'what' is missing"),

@@ -16,12 +16,9 @@ from hypermap.agents.shown import (
     answer_of,
     door_row,
     few_corners,
-    is_calendar,
     object_rows,
-    parse_time,
     place,
     room_row,
-    time_text,
 )
 from hypermap.agents.tools import Picture
 from hypermap.core.errors import HypermapError
@@ -30,7 +27,7 @@ from hypermap.core.hypermap import ROOMS, Hypermap
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.semantic import SemanticLayer
 from hypermap.questions.answer import Answer, ask
-from hypermap.questions.query import Condition, Query, Reference
+from hypermap.questions.query import Condition, Query, Reference, When, parse_moment
 from hypermap.questions.taxonomy import load_taxonomy
 from hypermap.rooms.questions import room_called, rooms_asked, rooms_at
 from hypermap.rooms.rooms import Rooms, rooms_on
@@ -208,23 +205,18 @@ class Looking:
 
         Objects that are gone from the map are not listed. Times without a zone are in UTC.
         """
-        begin = parse_time(since)
-        hypermap = self._current()
-        found = [item for item in hypermap.objects() if item.layer != ROOMS]
-        seen = [item.object.last_seen for item in found if item.object.last_seen is not None]
-        if not any(map(is_calendar, seen)):
-            raise HypermapError("the map does not tell at which date or time objects were seen")
-        added = [item for item in found if (item.object.first_seen or -math.inf) >= begin]
-        unseen = [item for item in found if (item.object.last_seen or math.inf) < begin]
-        added.sort(key=lambda item: -(item.object.first_seen or 0.0))
-        unseen.sort(key=lambda item: item.object.last_seen or 0.0)
+        begin = parse_moment(since, "since")
+        hypermap, added = self._answer(Query(when=When("new", begin)))
+        _, unseen = self._answer(Query(when=When("not seen", begin)))
+        last_first = sorted(added.objects, key=lambda item: -(item.object.first_seen or 0.0))
+        longest_first = sorted(unseen.objects, key=lambda item: item.object.last_seen or 0.0)
         return answer_of(
             hypermap,
-            since=time_text(begin),
-            added_count=len(added),
-            added=object_rows(hypermap, added[:limit]),
-            not_seen_count=len(unseen),
-            not_seen=object_rows(hypermap, unseen[:limit]),
+            since=begin.isoformat(),
+            added_count=added.count,
+            added=object_rows(hypermap, last_first[:limit]),
+            not_seen_count=unseen.count,
+            not_seen=object_rows(hypermap, longest_first[:limit]),
         )
 
     def render_view(

@@ -10,13 +10,12 @@ from typing import Any
 import numpy as np
 import shapely
 
-from hypermap.core.errors import HypermapError
 from hypermap.core.hypermap import FoundObject, Hypermap
+from hypermap.questions.times import are_calendar
 from hypermap.rooms.questions import rooms_at
 from hypermap.rooms.rooms import Door, Room, Rooms, rooms_on
 
 _MOST_CORNERS = 60  # of a path
-_CALENDAR = (3e8, 2.5e11)  # [s]: from 1979, as clocks of simulators and robots begin at 0
 
 
 def answer_of(hypermap: Hypermap, **parts: Any) -> dict[str, Any]:
@@ -79,24 +78,8 @@ def few_corners(points_xy: Any) -> Any:
     return points_xy
 
 
-def parse_time(text: str) -> float:
-    """Return a stamp [s]; raises a HypermapError if the text is no date or time."""
-    try:
-        moment = datetime.fromisoformat(text.strip().replace("Z", "+00:00"))
-    except ValueError:
-        raise HypermapError(
-            f"since {text!r}: expected a date or time as 2026-11-20 or 2026-11-20T10:00+01:00"
-        ) from None
-    return (moment if moment.tzinfo else moment.replace(tzinfo=timezone.utc)).timestamp()
-
-
 def time_text(stamp: float) -> str | float:
     """Return a time as people write it; the stamp [s] where its clock is none of a calendar."""
-    if not is_calendar(stamp):
+    if not are_calendar([stamp]):
         return round(stamp, 2)
     return datetime.fromtimestamp(stamp, timezone.utc).isoformat(timespec="seconds")
-
-
-def is_calendar(stamp: float) -> bool:
-    """Return whether a stamp [s] counts from 1970, and not from the start of a recording."""
-    return _CALENDAR[0] <= stamp <= _CALENDAR[1]

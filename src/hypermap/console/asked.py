@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from datetime import datetime
 from typing import Any
 
 from hypermap.core.hypermap import FoundObject, Hypermap
 from hypermap.questions.answer import NEXT_TO, Answer
-from hypermap.questions.query import Condition, Query, Reference
+from hypermap.questions.query import Condition, Query, Reference, When
+from hypermap.questions.times import are_calendar
 from hypermap.rooms.questions import rooms_at
 from hypermap.rooms.rooms import Room, rooms_on
 from hypermap.text import printable
@@ -19,6 +21,7 @@ _GIVES = {
     "distance": "how far the objects are",
     "room": "which room the objects are in",
     "rooms": "which rooms",
+    "last_seen": "when the objects were last seen",
 }
 _MOST = 20  # objects are listed
 
@@ -34,6 +37,8 @@ def understood(query: Query) -> list[tuple[str, str]]:
     what += f", but not {' or '.join(query.besides)}" if query.besides else ""
     parts = [("asked", _GIVES[query.give]), ("what", what)]
     parts += [("where", _condition(one)) for one in query.where]
+    if query.when is not None:
+        parts.append(("when", _when(query.when)))
     if query.which is not None:
         number = f"{query.count} " if query.count else ""
         measured = f" to {_reference(query.start)}" if query.start else ""
@@ -43,6 +48,25 @@ def understood(query: Query) -> list[tuple[str, str]]:
     if query.by == "path":
         parts.append(("measured", "along a path"))
     return [(part, text) for part, text in parts if text]
+
+
+def _when(when: When) -> str:
+    since = "" if when.since is None else f" since {_minute(when.since)}"
+    until = "" if when.until is None else f" until {_minute(when.until)}"
+    if when.since is not None and when.until is not None:
+        since = f" from {_minute(when.since)}"
+    return f"{when.seen}{since}{until}"
+
+
+def _minute(moment: datetime) -> str:
+    return moment.strftime("%Y-%m-%d %H:%M %Z").strip()
+
+
+def time_of(stamp: float) -> str:
+    """Return a stamp [s] as people write it; where it counts from the start of a clock, so."""
+    if are_calendar([stamp]):
+        return _minute(datetime.fromtimestamp(stamp).astimezone())
+    return f"{stamp:.1f} s of the recording's clock"
 
 
 def _condition(condition: Condition) -> str:
@@ -85,8 +109,10 @@ def lines(hypermap: Hypermap, answer: Answer) -> Iterator[str]:
         yield from (f"{title(item)}: {_title(room)}" for item, room in pairs)
     elif give != "count":
         rooms = _rooms(hypermap, answer.objects[:_MOST])
+        is_timed = give == "last_seen" or answer.query.when is not None
         for item, room in zip(answer.objects[:_MOST], rooms, strict=True):
-            yield _line(item, room)
+            seen = item.object.last_seen if is_timed else None
+            yield _line(item, room) + ("" if seen is None else f", last seen {time_of(seen)}")
     if answer.count > _MOST and give not in ("count",):
         yield f"and {answer.count - _MOST} more; --json lists all"
     yield from answer.notes
@@ -141,6 +167,11 @@ def _row(item: FoundObject, room: Room | None) -> dict[str, Any]:
     x, y = map(float, item.point_xy)
     row: dict[str, Any] = {"layer": item.layer, "id": item.object.id, "name": item.object.name}
     row |= {"x": x, "y": y, "existence": item.object.existence}
+    row |= {
+        key: stamp
+        for key in ("first_seen", "last_seen")
+        if (stamp := getattr(item.object, key)) is not None
+    }
     if item.distance is not None:
         row["distance"] = item.distance
     if room is not None:

@@ -17,7 +17,7 @@ from hypermap.core.errors import HypermapError, did_you_mean
 from hypermap.core.frames import Pose2D
 from hypermap.core.hypermap import ROOMS, FoundObject, Hypermap
 from hypermap.core.semantic import SemanticLayer
-from hypermap.questions.query import Condition, Query, Reference
+from hypermap.questions.query import Condition, Query, Reference, When
 from hypermap.questions.relations import (
     Sides,
     Stacks,
@@ -27,6 +27,7 @@ from hypermap.questions.relations import (
     key_of,
 )
 from hypermap.questions.taxonomy import Taxonomy, load_taxonomy
+from hypermap.questions.times import are_calendar
 from hypermap.rooms.questions import rooms_asked, rooms_at, rooms_called
 from hypermap.rooms.rooms import Room, Rooms, rooms_on
 
@@ -107,7 +108,7 @@ class _Asking:
 
     def answer(self, query: Query) -> Answer:
         found: Sequence[FoundObject] = ()
-        asks_objects = bool(query.names or query.besides or query.where)
+        asks_objects = bool(query.names or query.besides or query.where or query.when)
         if asks_objects or not query.asks_rooms:
             found = self._found(query)
         rooms: list[Room | None] = []
@@ -122,7 +123,7 @@ class _Asking:
     def _found(self, query: Query) -> list[FoundObject]:
         start = query.start or Reference(is_asker=True)
         is_plain = query.which == "nearest" and query.by == "air" and not start.names
-        if is_plain and not (query.where or query.besides or start.rooms):
+        if is_plain and not (query.where or query.besides or query.when or start.rooms):
             # Few objects are created, where the map may have many.
             matching = [self._matching(name) for name in query.names]
             if all(matching):
@@ -131,7 +132,8 @@ class _Asking:
                 most = (query.count or 1) + (len(self._rooms) if ROOMS in self._hypermap else 0)
                 near = self._hypermap.objects(names or None, near=place.point_xy, limit=most)
                 return [one for one in near if one.layer != ROOMS][: query.count or 1]
-        return self._chosen(query, self._objects(query.names, query.where, query.besides))
+        found = self._objects(query.names, query.where, query.besides)
+        return self._chosen(query, found if query.when is None else self._seen(query.when, found))
 
     def _matching(self, name: str) -> list[str]:
         """Return the names of the map's objects that a name means, none for a name and an id."""
@@ -282,6 +284,30 @@ class _Asking:
             )
         return self._asker
 
+    def _seen(self, when: When, found: list[FoundObject]) -> list[FoundObject]:
+        """Return the objects that were seen at a time, not seen since, or new then."""
+        if found and not are_calendar(item.object.last_seen for item in found):
+            raise HypermapError(
+                "the map does not know on which day or at what time objects were seen"
+            )
+        begin = -math.inf if when.since is None else when.since.timestamp()
+        end = math.inf if when.until is None else when.until.timestamp()
+        first = np.array([_or_nan(item.object.first_seen) for item in found])
+        last = np.array([_or_nan(item.object.last_seen) for item in found])
+        is_new = (first >= begin) & (first < end)
+        is_so = is_new | ((last >= begin) & (last < end))
+        if when.seen == "new":
+            is_so = is_new
+        elif when.seen == "not seen":
+            is_so = last < begin
+        else:
+            count = np.count_nonzero((first < begin) & (last >= end))
+            if count:
+                self._notes.append(
+                    f"{count} more were seen before and after, and may have been then"
+                )
+        return [item for item, holds in zip(found, is_so.tolist(), strict=True) if holds]
+
     # Which of them
 
     def _chosen(self, query: Query, found: list[FoundObject]) -> list[FoundObject]:
@@ -290,6 +316,8 @@ class _Asking:
             found = self._with_distances(query, found)
             if query.which == "farthest":
                 found = found[::-1]
+        elif query.give == "last_seen" and query.which is None:
+            found = sorted(found, key=_ORDERS["newest"])
         elif query.which is not None:
             found = sorted(found, key=_ORDERS[query.which])
         return found[: query.count or 1] if query.which is not None else found
@@ -334,6 +362,10 @@ _ORDERS: dict[str, Any] = {
     "surest": lambda one: -(one.object.existence or 0.0),
     "newest": lambda one: -(one.object.last_seen or 0.0),
 }
+
+
+def _or_nan(stamp: float | None) -> float:
+    return math.nan if stamp is None else stamp
 
 
 def _somewhere(shape: Any) -> FoundObject:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterator
 from dataclasses import replace
+from datetime import datetime
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -18,9 +19,18 @@ from lark.exceptions import UnexpectedInput, VisitError
 from lark.lexer import Lexer
 
 from hypermap.core.errors import HypermapError
-from hypermap.questions.query import Condition, Measure, Query, Reference, Relation, Which
+from hypermap.questions.query import (
+    Condition,
+    Measure,
+    Query,
+    Reference,
+    Relation,
+    When,
+    Which,
+)
 from hypermap.questions.taxonomy import EVERYTHING
-from hypermap.questions.words import Vocabulary, meters_of, tokens_of
+from hypermap.questions.times import Span, find_times
+from hypermap.questions.words import TIME_MARKS, Vocabulary, meters_of, tokens_of
 
 EXAMPLES = (
     "where is the nearest cup?",
@@ -35,6 +45,9 @@ EXAMPLES = (
     "which rooms are there?",
     "which is the largest table?",
     "where are the cups that are not in the kitchen?",
+    "when did you last see the cup?",
+    "what is new since yesterday?",
+    "which chairs have not been seen for 7 days?",
 )
 _LONGEST = 500  # characters of a question
 _MOST_COMPARED = 2000  # names, with one that is not known
@@ -70,19 +83,22 @@ class NotUnderstood(HypermapError):
         self.nearest = nearest
 
 
-def understand(text: str, vocabulary: Vocabulary) -> Query:
+def understand(text: str, vocabulary: Vocabulary, now: datetime | None = None) -> Query:
     """Return the query that a question asks.
 
     Args:
         text: the question, in English.
         vocabulary: what nouns mean.
+        now: the time, with its zone, for times such as "yesterday"; None for the present, in the
+            zone of this computer.
 
     Raises:
         NotUnderstood: If it cannot be read, or has two meanings.
     """
     if len(text) > _LONGEST:
         raise NotUnderstood(f"a question has at most {_LONGEST} characters, not {len(text)}")
-    tokens = tokens_of(text, vocabulary)
+    marked, times = _marked(text, now)
+    tokens = tokens_of(marked, vocabulary)
     for token in tokens:
         if token.type == "AMBIGUOUS":
             raise NotUnderstood(
@@ -95,7 +111,7 @@ def understand(text: str, vocabulary: Vocabulary) -> Query:
         hint = _similar(unknown[0], vocabulary)
         raise NotUnderstood(f"cannot read {words}{hint}", _nearest(text))
     try:
-        query: Query = _Parts().transform(_parser().parse(tokens))
+        query: Query = _Parts(times).transform(_parser().parse(tokens))
     except UnexpectedInput as error:
         last = getattr(error, "token", None)
         where = f" from {str(last)!r} on" if last else ""
@@ -103,6 +119,15 @@ def understand(text: str, vocabulary: Vocabulary) -> Query:
     except VisitError as error:
         raise NotUnderstood(str(error.orig_exc), _nearest(text)) from None
     return query
+
+
+def _marked(text: str, now: datetime | None) -> tuple[str, list[Span]]:
+    """Return a question with a mark in place of each time, and the times."""
+    text = "".join(character for character in text if character not in TIME_MARKS)
+    found = find_times(text, now)[: len(TIME_MARKS)]
+    for number, (start, end, _) in reversed([*enumerate(found)]):
+        text = f"{text[:start]} {TIME_MARKS[number]} {text[end:]}"
+    return text, [span for _, _, span in found]
 
 
 def _similar(word: str, vocabulary: Vocabulary) -> str:
@@ -137,6 +162,10 @@ def _parser() -> Lark:
 
 class _Parts(Transformer[Token, Query]):
     """Makes the query out of the parts that the grammar has found."""
+
+    def __init__(self, times: list[Span]) -> None:
+        super().__init__()
+        self._times = times
 
     # What is asked
 
@@ -188,6 +217,29 @@ class _Parts(Transformer[Token, Query]):
         if start and not room.rooms:
             (room,), start = start, [room]
         return Query("distance", rooms=room.rooms, start=start[0] if start else None)
+
+    # Times
+
+    def last_seen(self, parts: list[Any]) -> Query:
+        return replace(_query(parts), give="last_seen")
+
+    def seen(self, parts: list[Any]) -> Query:
+        return replace(_query(parts), when=self._when(parts))
+
+    def seen_count(self, parts: list[Any]) -> Query:
+        return replace(self.seen(parts), give="count")
+
+    def seen_any(self, parts: list[Any]) -> Query:
+        return replace(self.seen(parts), give="exists")
+
+    def _when(self, parts: list[Any]) -> When:
+        types = _types(parts)
+        span = self._times[int(types["TIME"])]
+        if "UNSEEN" not in types:
+            return When("new" if "NEW" in types else "seen", span.since, span.until)
+        if span.since is None or span.until is not None:
+            raise ValueError(f"not seen {span.text}: say since when")
+        return When("not seen", span.since)
 
     # Rooms
 

@@ -5,16 +5,18 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from datetime import datetime, timezone
 from typing import Any, Literal, TypeAlias, get_args
 
 from hypermap.core.errors import FormatError
 
-Give: TypeAlias = Literal["objects", "count", "exists", "distance", "room", "rooms"]
+Give: TypeAlias = Literal["objects", "count", "exists", "distance", "room", "rooms", "last_seen"]
 Relation: TypeAlias = Literal[
     "in", "at", "near", "beyond", "on", "under", "left of", "right of", "in front of", "behind"
 ]
 Which: TypeAlias = Literal["nearest", "farthest", "largest", "smallest", "surest", "newest"]
 Measure: TypeAlias = Literal["air", "path"]
+Seen: TypeAlias = Literal["seen", "not seen", "new"]
 
 WITH_DISTANCE = ("near", "beyond")
 
@@ -74,17 +76,48 @@ class Condition:
 
 
 @dataclass(frozen=True)
+class When:
+    """A condition on when objects were seen.
+
+    Of each object, the map knows when it was seen first and last. In a time that is over, an object
+    counts as seen if either was then.
+
+    Attributes:
+        seen: "seen" in that time, "not seen" from its begin on, or "new": seen then first.
+        since: when the time begins, with its time zone; None for ever before.
+        until: when it ends, with its time zone; None for now.
+    """
+
+    seen: Seen = "seen"
+    since: datetime | None = None
+    until: datetime | None = None
+
+    def __post_init__(self) -> None:
+        if self.seen not in get_args(Seen):
+            raise ValueError(f"{self.seen!r} is none of {', '.join(get_args(Seen))}")
+        if self.since is None and self.until is None:
+            raise ValueError("a time needs its begin or its end")
+        if self.seen == "not seen" and (self.since is None or self.until is not None):
+            raise ValueError("'not seen' needs the time since when, and no end")
+        for moment in (self.since, self.until):
+            if moment is not None and moment.tzinfo is None:
+                raise ValueError(f"{moment.isoformat()} needs a time zone, as +01:00")
+
+
+@dataclass(frozen=True)
 class Query:
     """A question.
 
     Attributes:
         give: the objects, how many there are, whether there are any, how far they are, the rooms
-            that they are in ("room"), or the rooms that have them ("rooms"; all without names).
+            that they are in ("room"), the rooms that have them ("rooms"; all without names), or
+            when they were last seen.
         names: of the objects, any of which matches; none for all. A name matches the objects of a
             map that are called so, and those that are of that kind by the taxonomy.
         besides: names that the objects must not have.
         rooms: names or kinds of rooms, if these and not objects are asked for.
         where: conditions, all of which the objects meet.
+        when: when the objects were seen; None for whenever.
         which: which of the objects are wanted; None for all.
         count: how many of those; None for one if `which` is given.
         start: from where distances are measured; None for where the asker is.
@@ -96,6 +129,7 @@ class Query:
     besides: tuple[str, ...] = ()
     rooms: tuple[str, ...] = ()
     where: tuple[Condition, ...] = ()
+    when: When | None = None
     which: Which | None = None
     count: int | None = None
     start: Reference | None = None
@@ -105,7 +139,7 @@ class Query:
         for value, choices in ((self.give, Give), (self.which, Which), (self.by, Measure)):
             if value is not None and value not in get_args(choices):
                 raise ValueError(f"{value!r} is none of {', '.join(get_args(choices))}")
-        if self.rooms and (self.names or self.besides or self.where):
+        if self.rooms and (self.names or self.besides or self.where or self.when):
             raise ValueError("a query asks for rooms or for objects, not for both")
         if self.count is not None and self.count < 1:
             raise ValueError(f"count must be at least 1, got {self.count}")
@@ -134,6 +168,8 @@ class Query:
         conditions = [_condition(one, f"where[{i}]") for i, one in enumerate(_list(where, "where"))]
         given |= {"where": tuple(conditions)}
         given |= {key: _names(given.get(key, ()), key) for key in ("names", "besides", "rooms")}
+        if given.get("when") is not None:
+            given["when"] = _when(given["when"])
         if given.get("start") is not None:
             given["start"] = _reference(given["start"], "start")
         count = given.get("count")
@@ -154,8 +190,10 @@ def _to_json(value: Any) -> dict[str, Any]:
         if part == spec.default:
             continue
         key = _JSON_KEYS.get(name, name)
-        if isinstance(part, Reference):
+        if isinstance(part, Reference | When):
             result[key] = _to_json(part)
+        elif isinstance(part, datetime):
+            result[key] = part.isoformat()
         elif isinstance(part, tuple):
             result[key] = [_to_json(one) if isinstance(one, Condition) else one for one in part]
         else:
@@ -192,6 +230,30 @@ def _names(values: Any, where: str) -> tuple[str, ...]:
     if not all(isinstance(name, str) for name in names):
         raise FormatError(f"{where}: expected names")
     return tuple(names)
+
+
+def _when(values: Any) -> When:
+    given = _checked(values, "when", When)
+    for key in ("since", "until"):
+        if given.get(key) is not None:
+            given[key] = parse_moment(given[key], f"when.{key}")
+    made: When = _made(When, given, "when")
+    return made
+
+
+def parse_moment(value: Any, where: str) -> datetime:
+    """Return a moment out of a text as 2026-11-20T10:00+01:00; without a zone, it is in UTC.
+
+    Raises:
+        FormatError: If it is none; it begins with `where`.
+    """
+    try:
+        moment = datetime.fromisoformat(str(value).strip().replace("Z", "+00:00"))
+    except ValueError:
+        raise FormatError(
+            f"{where}: {str(value)[:40]!r} is no date or time as 2026-11-20T10:00+01:00"
+        ) from None
+    return moment if moment.tzinfo else moment.replace(tzinfo=timezone.utc)
 
 
 def _condition(values: Any, where: str) -> Condition:

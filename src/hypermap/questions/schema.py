@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import Any, get_args
 
-from hypermap.questions.query import Give, Measure, Relation, Which
+from hypermap.questions.query import Give, Measure, Relation, Seen, Which
 
 _NAMES = {"type": "array", "items": {"type": "string", "minLength": 1}}
+_MOMENT = {"type": "string", "description": "ISO 8601, as 2026-11-20T10:00+01:00; else in UTC"}
 _CONDITIONS = {"type": "array", "items": {"$ref": "#/$defs/condition"}}
 
 QUERY_SCHEMA: dict[str, Any] = {
@@ -23,6 +24,7 @@ QUERY_SCHEMA: dict[str, Any] = {
                 "besides": {**_NAMES, "description": "that the objects must not have"},
                 "rooms": {**_NAMES, "description": "or kinds of rooms, if these are asked for"},
                 "where": {**_CONDITIONS, "description": "conditions that the objects meet"},
+                "when": {"$ref": "#/$defs/when"},
                 "which": {"enum": list(get_args(Which))},
                 "count": {"type": "integer", "minimum": 1},
                 "start": {
@@ -31,6 +33,17 @@ QUERY_SCHEMA: dict[str, Any] = {
                 },
                 "by": {"enum": list(get_args(Measure)), "default": "air"},
             },
+        },
+        "when": {
+            "type": "object",
+            "additionalProperties": False,
+            "description": "when the objects were seen, or not seen since",
+            "properties": {
+                "seen": {"enum": list(get_args(Seen)), "default": "seen"},
+                "since": _MOMENT,
+                "until": _MOMENT,
+            },
+            "anyOf": [{"required": ["since"]}, {"required": ["until"]}],
         },
         "condition": {
             "type": "object",

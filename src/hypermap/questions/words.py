@@ -10,6 +10,9 @@ from lark import Token
 
 from hypermap.questions.taxonomy import Taxonomy, as_key
 
+TIME_MARKS = "".join(map(chr, range(0xE000, 0xE008)))
+"""Characters for private use, which stand for the times in a question."""
+
 _KEYWORDS = {
     "WHERE": (
         "where|whereabouts|where can i find|where do i find|where can i get|where do you see"
@@ -20,8 +23,18 @@ _KEYWORDS = {
     "WHAT": (
         "what|what things|what objects|which things|which objects|what all|everything"
         "|what can i find|what do you see|what can you see|what do we have|what have you got"
-        "|what do you have|what do you know"
+        "|what do you have|what do you know|what did you see|what have you seen"
     ),
+    "WHEN": (
+        "when did you last see|when did you see|when have you seen|when have you last seen"
+        "|when was|when were|when did you notice|when did you last notice"
+    ),
+    "SEEN": "seen|last seen|has been seen|have been seen|was seen|were seen|been seen",
+    "UNSEEN": (
+        "have you not seen|did you not see|has not been seen|have not been seen|not been seen"
+        "|was not seen|were not seen|not seen|unseen|have not seen"
+    ),
+    "NEW": "new|added|newly seen|first seen|appeared|was added|were added|has appeared",
     "WHICH": "which|what kind of|which of",
     "HOW_MANY": "how many|count|number of|the number of|how much",
     "HOW_FAR": (
@@ -131,6 +144,11 @@ _CONTRACTED = {
     "i'd": "i would",
     "that's": "that is",
     "don't": "do not",
+    "haven't": "have not",
+    "hasn't": "has not",
+    "wasn't": "was not",
+    "weren't": "were not",
+    "didn't": "did not",
     "it's": "it is",
 }
 _NUMBER = r"\d+(?:\.\d+)?"
@@ -203,10 +221,13 @@ def _is_reserved(phrase: str) -> bool:
 
 
 def tokens_of(text: str, vocabulary: Vocabulary) -> list[Token]:
-    """Return the tokens of a question; what no one knows is an UNKNOWN."""
+    """Return the tokens of a question; what no one knows is an UNKNOWN.
+
+    A character of `TIME_MARKS` is the TIME of that number.
+    """
     for short, long in _CONTRACTED.items():
         text = re.sub(rf"\b{short}\b", long, text.replace("’", "'"), flags=re.IGNORECASE)
-    pieces = [piece for piece in _PIECES.findall(text) if re.match(r'[\w"(,-]', piece)]
+    pieces = [piece for piece in _PIECES.findall(text) if re.match(rf'[\w"(,{TIME_MARKS}-]', piece)]
     words = [as_key(piece).replace("-", " ") if piece[0].isalpha() else piece for piece in pieces]
     tokens: list[Token] = []
     at = 0
@@ -230,6 +251,8 @@ def _next(words: list[str], at: int, vocabulary: Vocabulary) -> tuple[Token | No
     word = words[at]
     if word == ",":
         return Token("OR", word), 1
+    if word in TIME_MARKS:
+        return Token("TIME", str(TIME_MARKS.index(word))), 1
     if word.startswith('"'):
         return Token("THING", word.strip('"')), 1
     if re.fullmatch(_POINT, word):
