@@ -30,6 +30,7 @@ GROUPS = (
     "grids",
     "files",
     "startup",
+    "asking",
     "rooms",
     "paths",
 )
