@@ -92,7 +92,7 @@ def bounded(answer: dict[str, Any], most_bytes: int = MOST_BYTES) -> dict[str, A
     What was left out is counted under "left_out", by the name of the list.
 
     >>> bounded({"names": ["cup"] * 1000}, most_bytes=400)["left_out"]
-    {'names': 938}
+    {'names': 969}
     """
     answer = {key: _cut(value) for key, value in answer.items()}
     left_out: dict[str, int] = {}
