@@ -53,8 +53,9 @@ def rows(settings: Settings) -> Iterator[Row]:
     file = settings.build / "asking.hmap"
     save_map(hypermap, file)
     looking, tools = _tools(file)
-    arguments = {"name": "cup", "start": [side / 2, side / 2]}
-    alone = milliseconds(partial(looking.nearest, **arguments))
+    start = side / 2, side / 2
+    arguments = {"name": "cup", "start": start}
+    alone = milliseconds(partial(looking.nearest, name="cup", start=start))
     tool = next(tool for tool in tools if tool.name == "nearest")
     values = _beyond(alone, milliseconds(partial(tool, arguments)))
     yield Figure(
@@ -72,7 +73,7 @@ def _floor(count: int) -> tuple[Hypermap, float]:
     side = SPACING * float(np.sqrt(count))
     corners = rng.uniform(0, side, (count, 2))
     sizes = rng.uniform(0.1, 1.0, (count, 1))
-    boxes = shapely.box(*corners.T, *(corners + sizes).T)
+    boxes = np.asarray(shapely.box(*corners.T, *(corners + sizes).T))
     first = 1_795_000_000.0 + rng.uniform(-30, 30, count) * 86_400
     names = rng.integers(0, len(NAMES), count)
     things = [

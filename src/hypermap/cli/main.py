@@ -43,6 +43,7 @@ _MODULES = {
     "values": "values",
     "path": "path",
     "connect": "connect",
+    "align": "align",
     "frontiers": "frontiers",
     "evaluate": "evaluate",
     "convert": "convert",

@@ -80,7 +80,7 @@ def vocabulary_of(hypermap: Hypermap, taxonomy: Taxonomy) -> Vocabulary:
     )
 
 
-def parse_pose(text: str) -> Pose2D:
+def parse_pose(text: str, option: str = "--pose") -> Pose2D:
     """Return a pose from "X,Y" or "X,Y,YAW", in meters and degrees.
 
     Raises:
@@ -94,7 +94,7 @@ def parse_pose(text: str) -> Pose2D:
     except ValueError:
         numbers = []
     if len(numbers) not in (2, 3) or not all(map(math.isfinite, numbers)):
-        raise HypermapError(f"--pose {text!r}: expected X,Y or X,Y,YAW, as 1.5,-2,90")
+        raise HypermapError(f"{option} {text!r}: expected X,Y or X,Y,YAW, as 1.5,-2,90")
     x, y, *yaw = numbers
     return Pose2D(x, y, math.radians(yaw[0]) if yaw else 0.0)
 

@@ -1,0 +1,22 @@
+"""How the map of another day or another robot lies on this one."""
+
+from typing import TYPE_CHECKING, Any
+
+from hypermap._lazy import attribute
+
+if TYPE_CHECKING:
+    from hypermap.alignment.frames import in_frame_of
+    from hypermap.alignment.matching import Alignment, NotAligned, align
+
+_HOMES = {
+    "Alignment": "hypermap.alignment.matching",
+    "NotAligned": "hypermap.alignment.matching",
+    "align": "hypermap.alignment.matching",
+    "in_frame_of": "hypermap.alignment.frames",
+}
+
+__all__ = ["Alignment", "NotAligned", "align", "in_frame_of"]
+
+
+def __getattr__(name: str) -> Any:
+    return attribute(__name__, name, _HOMES)

@@ -1,0 +1,62 @@
+"""Writes an alignment into the frames of a map."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Collection
+
+from hypermap.core.errors import FrameError
+from hypermap.core.frames import FrameTree, Pose2D, Transform
+from hypermap.core.hypermap import Hypermap
+from hypermap.core.layer import Layer
+
+
+def in_frame_of(
+    first: Hypermap, second: Hypermap, a_T_b: Pose2D, frame_id: str | None = None
+) -> Hypermap:
+    """Return the second map with a transform to the base frame of the first.
+
+    All data stay as they are. Where a frame of the second map has the name of the first one's base
+    frame, it gets another name, as the two are not the same.
+
+    Args:
+        first: gives the name of the frame.
+        second: the map.
+        a_T_b: takes points in the base frame of the second map to that of the first.
+        frame_id: the new name of the second map's frame; None for one with a number.
+
+    Raises:
+        FrameError: If the second map's base frame has a parent already, or the new name is in use.
+    """
+    target, base = first.base_frame, second.base_frame
+    frames = {*second.frames.frames, *(layer.frame_id for layer in second)}
+    if frame_id is not None and frame_id in {*frames - {base}, target}:
+        raise FrameError(f"there is a frame {frame_id!r} already; give another name")
+    names = {} if frame_id is None else {base: frame_id}
+    if target in frames and target not in names:
+        names[target] = _free_name(target, frames)
+    transforms = [
+        Transform(names.get(one.parent, one.parent), names.get(one.child, one.child), one.pose)
+        for one in second.frames
+    ]
+    transforms.append(Transform(target, names.get(base, base), a_T_b))
+    layers = [
+        _renamed(layer, names[layer.frame_id]) if layer.frame_id in names else layer
+        for layer in second
+    ]
+    other = second.with_layers(layers)
+    other.frames = FrameTree(transforms)
+    return other
+
+
+def _renamed(layer: Layer, frame_id: str) -> Layer:
+    other = copy.copy(layer)
+    other.frame_id = frame_id
+    return other
+
+
+def _free_name(name: str, taken: Collection[str]) -> str:
+    number = 2
+    while f"{name}_{number}" in taken:
+        number += 1
+    return f"{name}_{number}"

@@ -1,0 +1,101 @@
+"""`hypermap align`: find how one map lies on another."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from hypermap.cli.negative_points import PointsCommand
+from hypermap.cli.options import AsJson, Force, MapPath, check_output
+from hypermap.cli.terminal import note, say, say_json
+
+COMMAND_CLASS = PointsCommand
+
+
+def command(
+    path: MapPath,
+    other: Annotated[
+        Path,
+        typer.Argument(
+            metavar="OTHER",
+            readable=False,
+            show_default=False,
+            help="The map of another day, or of another robot.",
+        ),
+    ],
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "-o",
+            "--output",
+            metavar="OUT",
+            show_default=False,
+            help="Save here: .hmap.",
+        ),
+    ] = None,
+    initial: Annotated[
+        str | None,
+        typer.Option(
+            "--initial",
+            metavar="X,Y,YAW",
+            show_default="anywhere",
+            help="About where OTHER's origin is on MAP [m], and how it is turned [degrees].",
+        ),
+    ] = None,
+    new_frame: Annotated[
+        str | None,
+        typer.Option(
+            "--new-frame",
+            metavar="NAME",
+            show_default="with a number",
+            help="Name of OTHER's frame in OUT, where both maps use the same one.",
+        ),
+    ] = None,
+    as_json: AsJson = False,
+    force: Force = False,
+) -> None:
+    """Find how OTHER lies on MAP, by walls and objects.
+
+    Both are maps of one floor that overlap. It prints where the origin of OTHER is on MAP, and how
+    it is turned. With -o it saves OTHER with this transform, so that it can be asked in the frame
+    of MAP. Where nothing fits, or several places do, it says so and saves nothing.
+
+    Examples:
+        hypermap align monday.hmap tuesday.hmap
+        hypermap align monday.hmap tuesday.hmap -o tuesday-aligned.hmap
+        hypermap align monday.hmap tuesday.hmap --initial 2,-1,90
+    """
+    from hypermap.alignment import align, in_frame_of
+    from hypermap.core.errors import HypermapError
+    from hypermap.formats import open_map, save_map
+    from hypermap.questions.asking import parse_pose
+
+    if output is not None:
+        if output.suffix.lower() != ".hmap":
+            raise HypermapError(f"{output}: the result is saved as .hmap")
+        check_output(output, force)
+    elif new_frame is not None or force:
+        raise HypermapError("--new-frame and --force need -o OUT")
+    about = None if initial is None else parse_pose(initial, "--initial")
+    first, second = open_map(path), open_map(other)
+    found = align(first, second, initial=about)
+    pose = found.a_T_b
+    if output is not None:
+        moved = in_frame_of(first, second, pose, new_frame)
+        save_map(moved, output)
+    if as_json:
+        document = {"x": pose.x, "y": pose.y, "yaw": pose.yaw, "frame_id": first.base_frame}
+        document |= {"agreement": found.agreement, "overlap": found.overlap}
+        say_json({**document, "objects": found.objects, "certainty": found.certainty})
+    else:
+        say(f"x {pose.x:.3f} m, y {pose.y:.3f} m, yaw {math.degrees(pose.yaw):.2f} degrees")
+        say(
+            f"{found.agreement:.0%} of the walls agree, {found.overlap:.0%} of the smaller map "
+            f"overlap, {found.objects} objects fit; the next best place fits "
+            f"{found.certainty:.0%} worse"
+        )
+    if output is not None:
+        note(f"saved {output}; its frame {moved.base_frame!r} lies in {first.base_frame!r}")
