@@ -1,7 +1,7 @@
 """What broken sensors, localization and detectors leave in a recording, and what must come of it.
 
 Each fault spoils a small, good recording in the layout of the TUM RGB-D benchmark. What may come
-of it: a map, where it is told how many frames were left out and why, or what looks odd; or one
+of it: a map, which says how many frames were left out and why, or what looks odd; or one
 error that says what is wrong.
 """
 
@@ -27,7 +27,7 @@ from hypermap.perception.detectors.sources import detections_from_file
 from hypermap.recordings import RecordingOptions, open_recording
 from hypermap.simulation import SimulatedRecording, write_tum
 from hypermap.simulation.render import DEFAULT_CAMERA
-from hypermap.simulation.trajectory import Drive
+from hypermap.simulation.trajectory import DrivePlan
 from hypermap.simulation.world import FloorPlan, Wall, World, WorldObject
 
 FRAMES = 12
@@ -40,7 +40,7 @@ _WORLD = World(
         WorldObject("plant", (2.6, 3.3)),
     ),
     walls=(Wall(rectangle=(0, 0, 6, 4)),),
-    drive=Drive(((0.5, 2), (1.6, 2)), speed=0.2),
+    drive=DrivePlan(((0.5, 2), (1.6, 2)), speed=0.2),
 )
 
 
@@ -56,12 +56,12 @@ class Outcome:
     Attributes:
         map: the map; None if there was an error.
         unusable: how many frames were left out.
-        told: the error, or what was logged as a warning, in lines.
+        reported: the error, or what was logged as a warning, in lines.
     """
 
     map: Hypermap | None
     unusable: int
-    told: str
+    reported: str
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ class BadSensor:
     Attributes:
         name: of the fault.
         spoil: changes the good recording in the given folder.
-        told: words that the error or the warnings must hold; empty if nothing can be told, as the
+        reported: words that the error or the warnings must hold; empty if nothing can be, as the
             frames look like good ones.
         unusable: frames that must be left out; None for an error in place of a map.
         options: with which the recording is read.
@@ -79,7 +79,7 @@ class BadSensor:
 
     name: str
     spoil: Callable[[Path], None]
-    told: str = ""
+    reported: str = ""
     unusable: int | None = 0
     options: dict[str, Any] = field(default_factory=dict)
 
@@ -119,15 +119,17 @@ def fault_of(sensor: BadSensor, outcome: Outcome) -> str | None:
     """Return in words how an outcome differs from what must come of a fault; else None."""
     if sensor.unusable is None:
         if outcome.map is not None:
-            return f"a map where an error was due; told: {outcome.told or 'nothing'}"
+            return f"a map where an error was due; reported: {outcome.reported or 'nothing'}"
     elif outcome.map is None:
-        return f"an error in place of a map: {outcome.told}"
+        return f"an error in place of a map: {outcome.reported}"
     elif outcome.unusable != sensor.unusable:
-        return f"{outcome.unusable} frames left out in place of {sensor.unusable}: {outcome.told}"
-    if sensor.told not in outcome.told:
-        return f"{sensor.told!r} was not told, but: {outcome.told or 'nothing'}"
-    if not sensor.told and outcome.told:
-        return f"told without a reason: {outcome.told}"
+        return (
+            f"{outcome.unusable} frames left out in place of {sensor.unusable}: {outcome.reported}"
+        )
+    if sensor.reported not in outcome.reported:
+        return f"{sensor.reported!r} was not reported, but: {outcome.reported or 'nothing'}"
+    if not sensor.reported and outcome.reported:
+        return f"reported without a reason: {outcome.reported}"
     objects = [] if outcome.map is None else outcome.map.objects()
     odd = [found.object.name for found in objects if not _is_finite(found.object.footprint)]
     return f"objects that reach to infinity: {odd}" if odd else None

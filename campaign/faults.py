@@ -69,19 +69,19 @@ class Outcome:
 
 def in_a_process(work: Callable[[], Any], prepare: Callable[[], Any] = lambda: None) -> Outcome:
     """Do something in a process that is forked for it; `prepare` comes first, and must succeed."""
-    with tempfile.TemporaryFile() as told:
+    with tempfile.TemporaryFile() as kept:
         child = os.fork()
         if child == 0:
-            _be_the_child(work, prepare, told.fileno())
+            _be_the_child(work, prepare, kept.fileno())
         status = _status(child)
-        told.seek(0)
+        kept.seek(0)
         if os.WIFSIGNALED(status):
             return Outcome(signal=os.WTERMSIG(status))
-        content = told.read()
+        content = kept.read()
     return pickle.loads(content) if content else Outcome(error="it ended without a word")
 
 
-def _be_the_child(work: Callable[[], Any], prepare: Callable[[], Any], told: int) -> None:
+def _be_the_child(work: Callable[[], Any], prepare: Callable[[], Any], kept: int) -> None:
     from hypermap import HypermapError
 
     counted: Any = None
@@ -102,7 +102,7 @@ def _be_the_child(work: Callable[[], Any], prepare: Callable[[], Any], told: int
         counted.is_armed = False
     resource.setrlimit(resource.RLIMIT_FSIZE, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
     with contextlib.suppress(OSError):
-        os.write(told, pickle.dumps(outcome))
+        os.write(kept, pickle.dumps(outcome))
     os._exit(0)
 
 

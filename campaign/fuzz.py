@@ -36,22 +36,22 @@ def fuzz(budget: Budget, names: Sequence[str]) -> Result:
     findings: list[Finding] = []
     figures: dict[str, float | str] = {}
     with ThreadPoolExecutor(workers) as pool:
-        all_told = pool.map(lambda name: _of_process(name, share, budget), names)
-        for name, told in zip(names, all_told, strict=True):
+        answers = pool.map(lambda name: _of_process(name, share, budget), names)
+        for name, one in zip(names, answers, strict=True):
             now = budget.folder / name / "now"
-            if told is None:
+            if one is None:
                 findings.append(Finding(f"{name}: the process hung or died", budget.seed, now))
                 continue
-            runs, refused, way = runs + told["runs"], refused + told["refused"], told["way"]
-            slowest = max(slowest, (told["slowest"], name))
+            runs, refused, way = runs + one["runs"], refused + one["refused"], one["way"]
+            slowest = max(slowest, (one["slowest"], name))
             figures[name] = (
-                f"{told['runs']:,} runs in {told['seconds']:.0f} s, {told['refused']:,} refused, "
-                f"slowest {told['slowest']:.2f} s, {told['peak'] / 1e6:.0f} MB, "
-                f"{len(told['findings'])} findings"
+                f"{one['runs']:,} runs in {one['seconds']:.0f} s, {one['refused']:,} refused, "
+                f"slowest {one['slowest']:.2f} s, {one['peak'] / 1e6:.0f} MB, "
+                f"{len(one['findings'])} findings"
             )
             findings += [
                 Finding(f"{name}: {found['what']}", budget.seed, Path(found["file"]))
-                for found in told["findings"]
+                for found in one["findings"]
             ]
     figures["guided by"] = way
     figures["refused"] = refused

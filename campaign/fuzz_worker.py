@@ -144,7 +144,7 @@ def main() -> None:
 
 
 def _say(handle: int, name: str, tries: Tries, way: str) -> None:
-    told = {
+    reported = {
         "target": name,
         "way": way,
         "runs": tries.runs,
@@ -153,7 +153,7 @@ def _say(handle: int, name: str, tries: Tries, way: str) -> None:
         "peak": peak_bytes(),
         "findings": [json.loads(found) for found in tries.findings.values()],
     }
-    os.write(handle, json.dumps(told).encode() + b"\n")
+    os.write(handle, json.dumps(reported).encode() + b"\n")
 
 
 def _end(handle: int, name: str, tries: Tries, scratch: str) -> None:

@@ -31,7 +31,7 @@ FRAMES = 100_000  # the most that a mapper gets
 GROWTH = 1.0  # MB that 10,000 frames may add, once warm
 SLOWER = 1.5  # times: the last quarter of the frames beside the second
 DAY = 86_400  # s
-_ENOUGH = 20_000  # frames, from which on growth can be told from noise
+_ENOUGH = 20_000  # frames, from which on growth is distinguishable from noise
 _EVENTS = ("restart", "jump", "without detections", "without depth", "other clock")
 _EVERY = 7  # frames, of which the last meets an event
 _YEARS = 4 * 10**17  # ns
@@ -107,8 +107,8 @@ class _Gauge:
             "MB per 10,000 frames": round(growth, 2),
         }
         found = [Finding(f"{name}: {what}", seed) for what in findings]
-        told = {f"{name}: {what}": figure for what, figure in figures.items()}
-        return Result(name, self.count, found, told)
+        reported = {f"{name}: {what}": figure for what, figure in figures.items()}
+        return Result(name, self.count, found, reported)
 
 
 def _memory() -> float:

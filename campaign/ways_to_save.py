@@ -57,7 +57,7 @@ def hypermap_of(version: int) -> Hypermap:
     return Hypermap([grid, layer], metadata={"version": version})
 
 
-def told(hypermap: Hypermap) -> str:
+def described(hypermap: Hypermap) -> str:
     """Return all that a map holds, as a short text; but for how often it was saved."""
     metadata = {key: value for key, value in hypermap.metadata.items() if key != MAP_VERSION}
     parts: list[Any] = [sorted(map(str, metadata.items()))]
@@ -76,7 +76,7 @@ def _bytes(name: str) -> Callable[[Path], str]:
 
 
 def _opened(name: str) -> Callable[[Path], str]:
-    return lambda folder: told(open_any(folder / name))
+    return lambda folder: described(open_any(folder / name))
 
 
 def _converted(name: str, *options: str) -> Callable[[Path, int], object]:
@@ -199,7 +199,7 @@ def _save_picture(folder: Path, version: int) -> None:
 
 
 def _read_folder(folder: Path) -> str:
-    return told(open_map(folder / "hmap_config.yaml"))
+    return described(open_map(folder / "hmap_config.yaml"))
 
 
 def ways() -> list[Way]:

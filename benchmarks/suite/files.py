@@ -26,9 +26,9 @@ from suite.race import Disagreement, Figure, Growth, Kind, Race, Row, Settings, 
 _CHILD = Path(__file__).with_name("map_process.py")
 _CLASSES = ("chair", "table", "cup", "potted plant", "tvmonitor", "sofa", "person")
 _LARGE = 4000  # cells
-_TELLING = 500  # cells; of smaller pictures, only the growth is told
+_TELLING = 500  # cells; of smaller pictures, only the growth is given
 _MOST_RUNS = 3  # of what takes the peer half a minute
-_LEAST_MB = 0.1  # a process grows by pages and arenas, so that less cannot be told
+_LEAST_MB = 0.1  # a process grows by pages and arenas, so that less cannot be measured
 _SUMS = ("objects", "tags", "area", "confidence", "seen", "free", "occupied", "unknown")
 
 

@@ -33,7 +33,7 @@ class Unavailable(Exception):
 
 @dataclass(frozen=True)
 class Settings:
-    """What all groups are told.
+    """What all groups share.
 
     Attributes:
         data: folder of real maps and recordings; None if there is none.
@@ -169,7 +169,7 @@ def each_of(settings: Settings, parts: Mapping[str, Group]) -> Iterator[Row]:
     """Yield the rows of all parts of a group; where one fails, the others go on.
 
     Args:
-        settings: what the parts are told.
+        settings: what all parts get.
         parts: what each is about -> its rows.
     """
     for work, part in parts.items():

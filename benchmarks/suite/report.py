@@ -96,8 +96,8 @@ def sizes(row: Growth) -> str:
     amounts = [duration(seconds) for seconds in row.seconds]
     if row.bytes:
         amounts = [f"{a}, {storage(b)}" for a, b in zip(amounts, row.bytes, strict=True)]
-    told = (f"{size:,}: {a}" for size, a in zip(row.sizes, amounts, strict=True))
-    return f"{row.of} {'; '.join(told)}"
+    parts = (f"{size:,}: {a}" for size, a in zip(row.sizes, amounts, strict=True))
+    return f"{row.of} {'; '.join(parts)}"
 
 
 def storage(amount: float) -> str:

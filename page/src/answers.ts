@@ -1,4 +1,4 @@
-/** Answers as elements: what is at a place, in an area, under a name, and of one object. */
+/** Answers as elements: for a place, an area, a name, and one object. */
 
 import { complain, el, icon, saveFile } from "./dom";
 import { count, meters, plural, squareMeters, stamp, trim } from "./format";
@@ -287,7 +287,7 @@ function stepByArrows(event: KeyboardEvent): void {
   hits[Math.min(Math.max(to, 0), hits.length - 1)].focus();
 }
 
-/** What is said of names that no object has: what they were taken for, or which may be meant. */
+/** For names that no object has: what they were interpreted as, or suggestions. */
 export function unknownContent(
   { unknown, name, near, inside }: FindAnswer,
   info: MapInfo,

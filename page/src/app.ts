@@ -37,9 +37,9 @@ export class App {
   private readonly toolbar: Toolbar;
   private readonly editor: Editor | null;
   private hashTimer = 0;
-  /** Whether the last question was typed: Esc then leads back to its field. */
+  /** Whether the last query was typed: Esc then returns to its field. */
   private isSearching = false;
-  /** Reloads follow each other, so that an older answer never replaces a newer one. */
+  /** Reloads are sequential, so that an older answer never replaces a newer one. */
   private reloading: Promise<void> = Promise.resolve();
 
   constructor(
@@ -201,7 +201,7 @@ export class App {
     });
   }
 
-  /** Looks for what the fields say; the keyboard goes on in the list of matches. */
+  /** Runs the search of the fields; the list of matches gets the keyboard focus. */
   private find(): void {
     const sought = this.conditions.with(this.search.name);
     const { name, near, within, inside, ring } = sought;
@@ -274,7 +274,7 @@ export class App {
     void this.onChange(change).catch(complain);
   }
 
-  /** Reloads the file, after a question if that would lose changes. */
+  /** Reloads the file; asks first if that would lose changes. */
   private async reload(): Promise<void> {
     if (this.context.info.unsaved) {
       const answer = await choose("Reload the file?", "Unsaved changes will be lost.", [
@@ -288,13 +288,13 @@ export class App {
     if (change) await this.onChange(change);
   }
 
-  /** Takes over a change, from this window or another; one that is known already is skipped. */
+  /** Applies a change from this window or another; a known one is skipped. */
   private onChange(change: Change): Promise<void> {
     if (change.saved) this.banner(null);
     const task = this.reloading.then(async () => {
       const { info } = this.context;
       const { version, can_undo, can_redo, unsaved } = change;
-      // A save may have been under another name.
+      // The file may have been saved under another name.
       const known = !change.saved && info.version === version && info.unsaved === unsaved;
       if (known && info.can_undo === can_undo && info.can_redo === can_redo) return;
       this.show(await this.source.map());
@@ -318,7 +318,7 @@ export class App {
     this.linkPlace();
   }
 
-  /** Keeps the view in the address, not at every step of a movement. */
+  /** Keeps the view in the address, but not at every step of a movement. */
   private linkPlace(): void {
     window.clearTimeout(this.hashTimer);
     this.hashTimer = window.setTimeout(() => {
@@ -327,7 +327,7 @@ export class App {
       try {
         history.replaceState(null, "", placeToHash(this.view.place(chosen)));
       } catch {
-        // Some browsers refuse this for a page from the disk.
+        // Some browsers refuse this for a local file.
       }
     }, 200);
   }
@@ -344,7 +344,7 @@ export class App {
     this.view.setPlace(place);
   }
 
-  /** Says so where not all objects of the view are drawn. */
+  /** Notes if not all objects in view are drawn. */
   private tellCounts(): void {
     let [shown, total] = [0, 0];
     for (const layer of this.view.layers.values()) {

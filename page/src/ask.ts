@@ -1,4 +1,4 @@
-/** Questions by pointing, drawing and typing; each goes to the source, its answer to the panel. */
+/** Queries by pointing, drawing and typing; each goes to the source, its answer to the panel. */
 
 import {
   areaContent,
@@ -30,23 +30,23 @@ import {
 
 const MOST_FOUND = 100;
 
-/** What the questions need to know of the page. */
+/** What queries need from the page. */
 export interface Context {
   info: MapInfo;
   frame: Frame;
 }
 
-/** What someone looks for; without a name to be near to, it is measured from the marked place. */
+/** What the user looks for; without a name to be near to, distances are from the marked place. */
 export type Sought = Omit<ObjectQuery, "near"> & { near: string | null };
 
 export class Ask {
-  /** The place asked last; names are sought from here. */
+  /** The last place that was queried; distances of names are from here. */
   place: Point | null = null;
-  /** Puts buttons under an object's facts, where it can be edited. */
+  /** Adds buttons below an object's facts, if it can be edited. */
   actions: (object: ObjectDetails) => HTMLElement | null = () => null;
-  /** Called with what was looked for instead of what was typed. */
+  /** Called with the name that was searched for instead of the typed one. */
   sought: (sought: Sought) => void = () => {};
-  /** Of the robot that paths are for [m]. */
+  /** Radius of the robot that paths are for [m]. */
   private robotRadius = 0;
   private last: (() => Promise<void>) | null = null;
   private turn = 0;
@@ -136,12 +136,12 @@ export class Ask {
     });
   }
 
-  /** Looks for objects; with `focus`, the keyboard goes on in the list of matches. */
+  /** Searches for objects; with `focus`, the list of matches gets the keyboard focus. */
   find(sought: Sought, focus = false): void {
     let isNew = true;
     const place = this.place;
     const ring = sought.ring?.map(rounded) ?? null;
-    // As it is now: whoever comes back to the matches finds them in the same order.
+    // The current order, so that the matches are in the same order on the way back.
     const near = sought.near ?? rounded(place ?? this.view.center);
     const wanted: ObjectQuery = { ...sought, near, ring };
     this.run(async (isCurrent) => {
@@ -197,7 +197,7 @@ export class Ask {
     if (this.last && this.panel.isOpen) this.again(this.last);
   }
 
-  /** Forgets question and marks; an answer under way comes too late. */
+  /** Clears the query and its marks; a pending answer is ignored. */
   forget(): void {
     this.turn++;
     this.last = null;
@@ -213,7 +213,7 @@ export class Ask {
     return `${plural(total, "match", "matches")}, ${order}${shown}`;
   }
 
-  /** Asks again with another name in place of one that is not known. */
+  /** Repeats the query with another name in place of an unknown one. */
   private instead(sought: Sought, asked: string, name: string): void {
     const other = (text: string | null) => (text === asked ? name : text);
     const { name: named, near, inside } = sought;
@@ -252,7 +252,7 @@ export class Ask {
     return layers.find(({ name }) => name === layer)?.class_name === "SemanticLayer";
   }
 
-  /** Takes all marks away; the evidence of an object stays if it is shown again. */
+  /** Removes all marks; the evidence of an object stays if it is shown again. */
   private clear(shownNext: ObjectDetails | null = null): void {
     if (!shownNext) this.evidence.close();
     this.view.clearMarks();
@@ -278,7 +278,7 @@ function backButton(onclick: () => void): HTMLElement {
 
 const where = ([x, y]: Point): string => `${meters(x)}, ${meters(y)}`;
 
-/** What the map says against a question; anything else is thrown again. */
+/** Why the map refused a query; any other error is thrown again. */
 function refusal(error: unknown): Refused {
   if (error instanceof Refused && error.status) return error;
   throw error;

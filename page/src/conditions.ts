@@ -1,4 +1,4 @@
-/** The fields under the one for names: near what, how near, inside what, in which area. */
+/** The fields below that for names: near what, how near, inside what, in which area. */
 
 import type { Sought } from "./ask";
 import { byId, el, icon, iconButton } from "./dom";
@@ -52,7 +52,7 @@ export class Conditions {
     this.names.replaceChildren(...[...names].sort().map((value) => el("option", { value })));
   }
 
-  /** What is looked for, by the fields and a name. */
+  /** The search, from the fields and a name. */
   with(name: string): Sought {
     const within = this.within.valueAsNumber;
     return {
@@ -69,7 +69,7 @@ export class Conditions {
     this.inside.value = inside ?? "";
   }
 
-  /** Conditions that are not seen do not hold: closing empties the fields. */
+  /** Hidden conditions do not apply: closing clears the fields. */
   private open(open: boolean): void {
     this.fields.hidden = !open;
     this.opener.setAttribute("aria-expanded", String(open));

@@ -203,7 +203,7 @@ export function notify(text: string, kind: "status" | "alert" = "status"): void 
   window.setTimeout(close, kind === "alert" ? 12000 : 4000);
 }
 
-/** Shows an error of a question; one that was called off is none. */
+/** Shows why a query failed; a canceled query is not an error. */
 export function complain(error: unknown): void {
   if (error instanceof DOMException && error.name === "AbortError") return;
   notify(error instanceof Error ? error.message : String(error), "alert");
@@ -225,7 +225,7 @@ function copyBySelection(text: string): void {
   area.remove();
 }
 
-/** Hands a file to the browser to keep. */
+/** Lets the browser download a file. */
 export function saveFile(name: string, content: Blob): void {
   const url = URL.createObjectURL(content);
   const link = el("a", {});

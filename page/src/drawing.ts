@@ -16,7 +16,7 @@ export type Kind = "rectangle" | "polygon" | "line";
 
 const TYPES = { rectangle: "Circle", polygon: "Polygon", line: "LineString" } as const;
 
-/** How long a double click may take: until then it must not reach the map as a zoom [ms]. */
+/** The longest double click; until then, it must not zoom the map [ms]. */
 const DOUBLE_CLICK = 300;
 
 export class Drawing {
@@ -64,12 +64,12 @@ export class Drawing {
     this.map.getTargetElement()?.classList.add("drawing");
   }
 
-  /** Ends a polygon with the corners that it has. */
+  /** Completes a polygon with its current corners. */
   finish(): void {
     this.draw?.finishDrawing();
   }
 
-  /** Takes back the last corner. */
+  /** Removes the last corner. */
   back(): void {
     this.draw?.removeLastPoint();
   }

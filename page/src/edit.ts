@@ -37,11 +37,11 @@ export class Editor {
   });
   private readonly handles: Handles;
   private chosen: ObjectDetails | null = null;
-  /** What was drawn, until it has a name and the server took it. */
+  /** What was drawn, until it has a name and the server has accepted it. */
   private drawn: MultiPolygon | null = null;
-  /** Whether the next click chooses what is merged into the object in the hand. */
+  /** Whether the next click selects what is merged into the object being edited. */
   private isMerging = false;
-  /** One change after the other, so that each knows the version that the last one made. */
+  /** Changes are sequential, so that each knows the version that the last one made. */
   private queue: Promise<void> = Promise.resolve();
 
   constructor(
@@ -95,7 +95,7 @@ export class Editor {
     this.toggled(false);
   }
 
-  /** Shows what can be done now, after the map changed. */
+  /** Updates the available actions after the map changed. */
   update(): void {
     this.bar.update(this.context.info);
   }
@@ -117,7 +117,7 @@ export class Editor {
     }
   }
 
-  /** Takes the object at a place into the hand: the smallest, if there are several. */
+  /** Starts editing the object at a place: the smallest, if there are several. */
   async pick(place: Point): Promise<void> {
     if (this.drawn) return;
     const answer = await this.source.at(place, this.context.info.base_frame);
@@ -140,7 +140,7 @@ export class Editor {
     this.choose(await this.source.object(layer, id));
   }
 
-  /** Lets go of the object in the hand; true if there was one. */
+  /** Ends editing of the current object; true if there was one. */
   letGo(): boolean {
     const had = this.chosen !== null;
     this.endMerging();
@@ -150,7 +150,7 @@ export class Editor {
     return had;
   }
 
-  /** Ends what waits for a click; true if something did. */
+  /** Cancels whatever waits for a click; true if something did. */
   endMerging(): boolean {
     const was = this.isMerging;
     this.isMerging = false;
@@ -164,7 +164,7 @@ export class Editor {
     this.hint(`Click the object to merge into ${this.chosen.name}; Esc cancels`);
   }
 
-  /** Makes the object in the hand and the first other one at a place a single one. */
+  /** Merges the object being edited with the first other one at a place. */
   private merge(here: { layer: string; id: number }[]): void {
     if (!this.chosen) return;
     const { layer, id, name } = this.chosen;
@@ -179,7 +179,7 @@ export class Editor {
     void this.apply([{ op: "merge", layer, id, others: [other.id] }], `Merged into ${name}`);
   }
 
-  /** Makes two rooms of the one in the hand, along a line that is drawn. */
+  /** Splits the room being edited along a line that the user draws. */
   private split(): void {
     if (!this.chosen) return;
     const { layer, id, name } = this.chosen;
@@ -200,7 +200,7 @@ export class Editor {
     );
   }
 
-  /** Adds another of the same kind and shape next to the object in the hand. */
+  /** Adds a copy next to the object being edited. */
   private duplicate(): void {
     if (!this.chosen) return;
     const { layer, id, name, polygons } = this.chosen;
@@ -249,7 +249,7 @@ export class Editor {
     });
   }
 
-  /** Saves under another name of the same folder, and goes on with that file. */
+  /** Saves under another name in the same folder, and continues with that file. */
   private async saveAs(): Promise<void> {
     const stem = this.context.info.name.replace(/\.[^.]*$/, "");
     const name = await askName(
@@ -283,7 +283,7 @@ export class Editor {
     });
   }
 
-  /** Shows the outline that can be changed. */
+  /** Shows the editable outline. */
   private outline(shape: MultiPolygon): void {
     this.shapes.getSource()?.clear();
     this.shapes.getSource()?.addFeature(new Feature(shape));
@@ -300,7 +300,7 @@ export class Editor {
     this.drawing.start(kind, (ring) => this.describe(ring, room));
   }
 
-  /** Asks what a new shape is; until it is added, its corners can be dragged. */
+  /** Asks for the name of a new shape; until it is added, its corners can be dragged. */
   private describe(ring: Ring, room: boolean): void {
     this.hint(null);
     const drawn = new MultiPolygon([[[...ring, ring[0]]]]);
@@ -357,7 +357,7 @@ export class Editor {
         notify(done);
       } catch (error) {
         complain(error);
-        // The page shows again what the server holds; what is typed stays, to be corrected.
+        // The page shows the server's state again; typed text stays, to be corrected.
         await this.changed({});
         if (this.chosen) this.outline(new MultiPolygon(this.chosen.polygons));
       }

@@ -1,4 +1,4 @@
-/** The map inside a page of one file: the same questions, answered here. */
+/** The map inside a single-file page: the same queries, answered here. */
 
 import { findObjects } from "./finding";
 import { csv, geojson } from "./format";

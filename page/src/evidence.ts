@@ -1,4 +1,4 @@
-/** The evidence section of the panel of an object: when and how it was seen, and its shape
+/** The evidence section of an object's panel: when and how it was seen, and its shape
  * by other methods. */
 
 import { complain, el, icon, iconButton } from "./dom";
@@ -23,7 +23,7 @@ export class EvidenceSection {
     private readonly source: DataSource,
   ) {}
 
-  /** Puts everything away. */
+  /** Hides everything. */
   close(): void {
     this.key = null;
     this.view.showEvidence(null);
@@ -82,7 +82,7 @@ export class EvidenceSection {
     this.view.frame(around(evidence, object));
   }
 
-  /** The observations along the time, and the one that is looked at. */
+  /** The observations over time, and the selected one. */
   private looks(evidence: Evidence, draw: () => void): HTMLElement {
     const { observations, start = 0 } = evidence;
     const count = observations.length;
@@ -117,7 +117,7 @@ export class EvidenceSection {
     return section;
   }
 
-  /** Shown on the map, to be switched on and off: a legend at the same time. */
+  /** Switches for what the map shows, which are its legend, too. */
   private legend(evidence: Evidence, object: ObjectDetails, draw: () => void): HTMLElement {
     const row = (key: string, sample: Element, title: string, about: string, ...said: string[]) => {
       const box = el("input", { type: "checkbox" });
@@ -203,7 +203,7 @@ function factsOf({ observations, start = 0 }: Evidence, i: number | null): (Node
   ];
 }
 
-/** The box around the object and all that was seen of it. */
+/** The bounding box of the object and its observations. */
 function around({ observations, fused }: Evidence, { polygons }: ObjectDetails): Extent {
   return extentOf([
     ...polygons,

@@ -15,13 +15,13 @@ import type { Evidence, Point, Polygon } from "./source";
 export interface ShownEvidence {
   evidence: Evidence;
   inMap: Polygon[];
-  /** Which observation is looked at; null for all. */
+  /** The selected observation; null for all. */
   chosen: number | null;
   /** "seen", "cameras", "in_map", or a method. */
   hidden: ReadonlySet<string>;
 }
 
-/** Half the side of what the veil covers [m]. */
+/** Half the side of the veil [m]. */
 const FAR = 1e7;
 
 export class EvidenceLayer {
@@ -66,7 +66,7 @@ export class EvidenceLayer {
         feature.setStyle(outlineLook(method));
         return feature;
       });
-    // The one that is looked at lies on top.
+    // The selected one is on top.
     if (chosen !== null) seen.push(...seen.splice(chosen, 1));
     fill(this.layers.veil, [veil]);
     fill(this.layers.seen, hidden.has("seen") ? [] : seen);

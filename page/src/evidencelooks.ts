@@ -1,4 +1,4 @@
-/** How the evidence for an object is drawn: shapes, cameras, and outlines in distinct dashes. */
+/** Styles of an object's evidence: shapes, cameras, and outlines with different dashes. */
 
 import LineString from "ol/geom/LineString.js";
 import Fill from "ol/style/Fill.js";
@@ -17,7 +17,7 @@ export interface OutlineLook {
   dash: number[];
 }
 
-/** The shape in the map, and what each method makes of the evidence. */
+/** The shape in the map, and the one that each method computes from the evidence. */
 export const OUTLINES: Record<string, OutlineLook> = {
   in_map: {
     title: "Shape in the map",
@@ -63,7 +63,7 @@ export function outlineLook(method: string): Style[] {
     : [line];
 }
 
-/** An observed shape: the surer the detector was, the stronger; many are fainter each. */
+/** An observed shape: opaque if the detector was certain; each is fainter if there are many. */
 export function seenLook({ score }: Seen, many: number, isFaint: boolean): Style {
   const accent = cssColor("--accent");
   const share = isFaint ? 0.25 : 1;

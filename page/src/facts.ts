@@ -1,4 +1,4 @@
-/** What is known of one object, in words and units. */
+/** Facts about one object, in words and units. */
 
 import { el } from "./dom";
 import { meters, squareMeters, trim } from "./format";
@@ -22,7 +22,7 @@ const SHOWN_ELSEWHERE = [
 export function objectFacts(object: ObjectDetails, frame: Frame, now = new Date()): HTMLElement {
   const { area, at, room, tags, attributes } = object;
   const [x, y] = fromBase(frame, at).map((value) => meters(value));
-  // A page of one file has them all as attributes.
+  // A single-file page has them all as attributes.
   const number = (key: keyof ObjectDetails) => numberOf(object[key] ?? attributes[key]);
   const [existence, first, last] = [number("existence"), number("first_seen"), number("last_seen")];
   const seen = seenInWords(numberOf(attributes["evidence"]), last, now);

@@ -45,7 +45,7 @@ export function findObjects(shapes: Record<string, EmbeddedShape[]>, wanted: Obj
   return { name, near, inside, rows: rows.map(({ off: _, ...row }) => row), unknown };
 }
 
-/** The point that a text "x,y" names, unless an object is called so. */
+/** The point of a text "x,y", unless an object has that name. */
 function placeIn(text: string, known: string[]): Point | null {
   const numbers = text.split(",").map(Number);
   if (known.includes(text) || numbers.length !== 2 || !numbers.every(Number.isFinite)) return null;

@@ -10,7 +10,7 @@ export const count = (n: number): string => COUNT.format(n);
 export const plural = (n: number, one: string, many = one + "s"): string =>
   `${count(n)} ${n === 1 ? one : many}`;
 
-/** Meters with as many digits as a pixel of this size deserves. */
+/** Meters, with as many digits as are significant for a pixel of this size. */
 export function meters(value: number, resolution = 0.01): string {
   const digits = Math.min(4, Math.max(0, Math.ceil(-Math.log10(resolution))));
   const text = value.toFixed(digits);
@@ -69,7 +69,7 @@ const COLUMNS = [
   "tags",
 ] as const;
 
-/** Cells that a spreadsheet would run as a formula are marked as text. */
+/** Cells that a spreadsheet would evaluate as a formula are marked as text. */
 function cell(value: unknown): string {
   if (value === null || value === undefined) return "";
   let text = Array.isArray(value) ? value.join(" ") : String(value);

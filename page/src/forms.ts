@@ -1,4 +1,4 @@
-/** The forms of edit mode: what an object is called and how it is tagged. */
+/** The forms of edit mode: an object's name and tags. */
 
 import { el } from "./dom";
 import type { ObjectDetails } from "./source";
@@ -15,7 +15,7 @@ export interface Placed extends Named {
   isNewLayer: boolean;
 }
 
-/** The choice that stands for a layer yet to be named; no layer is called so. */
+/** The option for a new layer; no layer has this name. */
 const NEW_LAYER = "";
 
 export const tagsFrom = (text: string): string[] => [

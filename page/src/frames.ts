@@ -1,4 +1,4 @@
-/** Poses of frames in the base frame: the only place that turns coordinates. */
+/** Poses of frames in the base frame: the only place that transforms coordinates. */
 
 import type { Frame, Point } from "./source";
 

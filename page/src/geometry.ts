@@ -31,7 +31,7 @@ export function distance(polygons: Polygon[], point: Point): number {
   return holds(polygons, point) ? 0 : toEdge(polygons, point);
 }
 
-/** Where a shape would balance. */
+/** The centroid of a shape. */
 export function centroidOf(polygons: Polygon[]): Point {
   let [x, y, area] = [0, 0, 0];
   const [ox, oy] = polygons[0][0][0]; // near by, so that little is lost to rounding
@@ -70,7 +70,7 @@ export function toEdge(polygons: Polygon[], point: Point): number {
 /** Distance between two shapes [m]; 0 where they meet. */
 export function gap(one: Polygon[], other: Polygon[]): number {
   if (meet(one, other)) return 0;
-  // Of edges that do not cross, an end of one is nearest to the other.
+  // If two edges do not cross, an endpoint is nearest to the other edge.
   return Math.min(
     ...one.flat(2).map((corner) => distance(other, corner)),
     ...other.flat(2).map((corner) => distance(one, corner)),

@@ -1,4 +1,4 @@
-/** Lines every so many meters of the chosen frame, with their coordinates at the map's edge. */
+/** Grid lines at equal distances in the chosen frame, with coordinates at the map's edge. */
 
 import Layer from "ol/layer/Layer.js";
 import type { FrameState } from "ol/Map.js";
@@ -8,7 +8,7 @@ import { FONT } from "./looks";
 import { cssColor } from "./settings";
 import type { Frame, Point } from "./source";
 
-/** Between two lines, about. */
+/** Approximate distance between two lines. */
 const PIXELS = 130;
 
 export interface Edges {
@@ -17,7 +17,7 @@ export interface Edges {
 }
 
 export class GridLines extends Layer {
-  /** Not the canvas itself: into that, the layers above would draw too. */
+  /** Not the canvas itself: the layers above would draw on it, too. */
   private readonly element = document.createElement("div");
   private readonly canvas = document.createElement("canvas");
   frame: Frame = { frame_id: "", x: 0, y: 0, yaw: 0 };

@@ -1,4 +1,4 @@
-/** What can be dragged of the object in the hand: corners and edges, the whole, and a handle that
+/** What can be dragged of the object being edited: corners, edges, the whole, and a handle that
  * turns it. */
 
 import type Feature from "ol/Feature.js";
@@ -15,11 +15,11 @@ import { centroidOf, holds, toEdge } from "./geometry";
 import { turnHandle } from "./looks";
 import type { Point, Polygon } from "./source";
 
-/** How near to an edge one must press to drag it [pixels]. */
+/** Distance from an edge within which a press drags it [pixels]. */
 const NEAR = 12;
-/** Of a small shape the edges take so much of its side, that the rest can be dragged, too. */
+/** Of a small shape, only this share of a side counts as edge, so the whole can be dragged, too. */
 const SHARE = 0.25;
-/** With the shift key, a shape is turned in such steps. */
+/** With the shift key, a shape turns in steps of this size. */
 const STEP = Math.PI / 12;
 
 type Dragged = "Reshaped" | "Moved" | "Turned";
@@ -39,7 +39,7 @@ export class Handles {
       condition: ({ coordinate }) => this.isNearEdge([coordinate[0], coordinate[1]]),
     });
     modify.on("modifyend", () => dragged("Reshaped"));
-    // The last one is asked first.
+    // The last handler comes first.
     this.interactions = [
       this.moving(),
       modify,

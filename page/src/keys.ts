@@ -1,4 +1,4 @@
-/** What the keyboard does wherever the focus is. */
+/** Keyboard shortcuts of the whole page. */
 
 export interface Keys {
   escape: () => void;

@@ -1,4 +1,4 @@
-/** Where labels go: on shapes that are large enough, and next to others. */
+/** Label placement: on shapes that are large enough, and next to others. */
 
 /** [x0, y0, x1, y1] in pixels; y grows upwards. */
 export type Box = [number, number, number, number];
@@ -19,9 +19,9 @@ export interface Named {
 export const GAP = 4;
 /** A shape is large enough for its label if this many labels would fit side by side. */
 const ROOM = 1.25;
-/** How much lower or higher a name stands that does not stand in the middle [its heights]. */
+/** Vertical offset of a name that is not in the middle [its heights]. */
 export const STEP = 1.4;
-/** Side of the squares by which what lies near is found [pixels]. */
+/** Side of the squares of the spatial index [pixels]. */
 const NEAR = 64;
 
 /** Returns the side on which each name stands, or null where there is no room: names lie neither on
@@ -42,7 +42,7 @@ export function placeLabels(things: Named[], bounds: Box | null = null): (Side |
     const sides = SIDES.filter((side) => !ON.has(side) || isWithin(thing, side));
     const free = sides.filter((side) => isFree(nameAt(thing, side)));
     const side = free.find((side) => !bounds || isIn(nameAt(thing, side), bounds)) ?? free[0];
-    // A name on its own shape may cover what lies on that, rather than be left out.
+    // A name on its own shape may cover objects on that shape rather than be left out.
     const hasRoom = isWithin(thing, "on") && !names.meeting(nameAt(thing, "on")).length;
     const own = hasRoom ? "on" : null;
     placed[i] = side ?? own;
@@ -70,7 +70,7 @@ function nameAt({ box, at, size: [width, height] }: Named, side: Side): Box {
 
 const ON: ReadonlySet<Side> = new Set(["on", "low", "high"]);
 
-/** Whether a name that stands on its thing is within it. */
+/** Whether a name that is placed on its object is within it. */
 function isWithin(thing: Named, side: Side): boolean {
   const { box, size } = thing;
   const [, low, , high] = nameAt(thing, side);
@@ -87,7 +87,7 @@ const holds = ([x0, y0, x1, y1]: Box, [x, y]: [number, number]): boolean =>
 /** Boxes by the squares that they reach into. */
 class Nearby {
   private readonly squares = new Map<string, Box[]>();
-  /** Those that reach into very many. */
+  /** Boxes that overlap very many squares. */
   private readonly large: Box[] = [];
 
   add(box: Box): void {

@@ -1,11 +1,11 @@
-/** The list of layers: what is shown, how strongly, and which classes. */
+/** The list of layers: which are shown, their opacity, and their classes. */
 
 import { byId, el, icon } from "./dom";
 import { count, length, plural } from "./format";
 import { drawnLayer, isVisible, type MapView, type ShownLayer } from "./mapview";
 import type { ClassInfo, LayerInfo } from "./source";
 
-/** From so many classes on, the list has a field to search in it. */
+/** With at least this many classes, the list has a search field. */
 const SEARCHED = 8;
 
 export class LayersPanel {
@@ -176,7 +176,7 @@ interface ClassRow {
   name: string;
 }
 
-/** A sample of a color; one of a grid follows its colors in the dark theme. */
+/** A color swatch; that of a grid follows its colors in the dark theme. */
 export function swatch(color: string, kind: "shapes" | "raster" = "shapes"): HTMLElement {
   const element = el("span", { class: `swatch of-${kind}`, aria: { hidden: "true" } });
   element.style.backgroundColor = color;

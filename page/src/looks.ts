@@ -22,7 +22,7 @@ export function withAlpha(color: string, alpha: number): string {
   return `${color}${byte.toString(16).padStart(2, "0")}`;
 }
 
-/** A share of another color in a color; a color that is none leaves it as it is. */
+/** Mixes a share of another color into a color; an invalid color changes nothing. */
 export function mixed(color: string, other: string, share: number): string {
   if (!other) return color;
   const parts = (text: string) => [1, 3, 5].map((i) => parseInt(text.slice(i, i + 2), 16));
@@ -40,7 +40,7 @@ export function shortened(name: string, longest = LONGEST_LABEL): string {
 
 /** The layer whose objects are rooms. */
 export const ROOMS = "rooms";
-/** Of the fill of a room, under which walls and furniture can be seen. */
+/** Opacity of a room's fill, through which walls and furniture are visible. */
 const ROOM_ALPHA = 0.45;
 
 /** A class of objects: its shape in the color of the legend, and its name with a halo. */
@@ -104,12 +104,12 @@ function widthOf(text: string, font: string): number {
 
 export interface ClassLook {
   shape: Style;
-  /** Of the name [pixels]; null where names are off. */
+  /** Height of the name [pixels]; null if names are off. */
   size: [number, number] | null;
   labels: Record<Side, Style> | null;
 }
 
-/** The asked place: a ring with a point in it. */
+/** The queried place: a ring with a point in it. */
 export function placeLook(): Style[] {
   const accent = cssColor("--accent");
   const ring = (radius: number, color: string, width: number) =>
@@ -148,7 +148,7 @@ export function doorLook(): Style[] {
   return [line("#1d2530", 6), line("#ffffff", 3)];
 }
 
-/** The asked area. */
+/** The queried area. */
 export function areaLook(): Style[] {
   return [
     new Style({ stroke: new Stroke({ color: cssColor("--halo"), width: 4 }) }),
@@ -159,7 +159,7 @@ export function areaLook(): Style[] {
   ];
 }
 
-/** The chosen object. */
+/** The selected object. */
 export function chosenLook(): Style[] {
   return [
     new Style({ stroke: new Stroke({ color: cssColor("--halo"), width: 7 }) }),
@@ -170,7 +170,7 @@ export function chosenLook(): Style[] {
   ];
 }
 
-/** How far above a shape the handle is that turns it [pixels]. */
+/** Distance of the rotation handle above a shape [pixels]. */
 const HANDLE = 30;
 
 export function turnHandle(shape: MultiPolygon, resolution: number): [number, number] {
@@ -178,7 +178,7 @@ export function turnHandle(shape: MultiPolygon, resolution: number): [number, nu
   return [(x0 + x1) / 2, y1 + HANDLE * resolution];
 }
 
-/** The object in the hand, its corners, and the handle that turns it. */
+/** The object being edited, its corners, and the rotation handle. */
 export function editedLook(resolution: number): Style[] {
   const corners = new Style({
     geometry: (feature) => {

@@ -33,13 +33,13 @@ export interface ShownLayer {
 const FINEST = 0.0001; // meters per pixel
 /** How far from a panel a marked place should lie [pixels]. */
 const EDGE = 30;
-/** A part that fills so much of the view is large enough to be looked at. */
+/** A part that fills this share of the view is large enough to see. */
 const SEEN_WELL = 0.25;
-/** Around a part that is looked at, in its own sizes. */
+/** Margin around a part that is shown, relative to its size. */
 const MARGIN = 0.5;
 /** Close enough to see what a place is [meters per pixel]. */
 const CLOSE = 0.01;
-/** Shapes are asked for at most so often while the map moves [ms]. */
+/** Least time between two requests for shapes while the map moves [ms]. */
 const PAUSE = 150;
 
 export class MapView {
@@ -59,7 +59,7 @@ export class MapView {
   private readonly view: View;
   private timer = 0;
   private isFitting = false;
-  /** What was brought into view as a whole, and the view that shows it. */
+  /** What was fitted into the view, and that view. */
   private fitted: { extent: Extent; minResolution: number; view: string } | null = null;
 
   constructor(
@@ -88,7 +88,7 @@ export class MapView {
     this.map.on("change:size", () => this.later());
   }
 
-  /** Takes over what the map holds now; layers that did not change keep what they show. */
+  /** Updates to the current map; layers that did not change keep their content. */
   setInfo(info: MapInfo): void {
     const names = new Set(info.layers.map(({ name }) => name));
     for (const [name, shown] of this.layers) {
@@ -131,13 +131,13 @@ export class MapView {
     return shown;
   }
 
-  /** Doors are there while the rooms are. */
+  /** Doors are visible while the rooms are. */
   private showDoors(): void {
     const rooms = this.layers.get(ROOMS);
     this.doors.setVisible(rooms !== undefined && isVisible(rooms));
   }
 
-  /** Asks for shapes soon; many calls are one. */
+  /** Requests shapes soon; several calls become one. */
   later(): void {
     if (this.timer) return;
     this.timer = window.setTimeout(() => {
@@ -197,8 +197,8 @@ export class MapView {
     });
   }
 
-  /** After a panel came or went: what was fitted into the bare part is fitted into the new one,
-   * unless the person has moved the map since. */
+  /** After a panel opened or closed: what was fitted into the free part is fitted again,
+   * unless the user has moved the map since. */
   makeRoom(): void {
     const { fitted } = this;
     if (fitted?.view === this.viewKey()) this.fit(fitted.extent, true, fitted.minResolution);
@@ -208,7 +208,7 @@ export class MapView {
     return `${this.view.getCenter()?.join()} ${this.view.getResolution()}`;
   }
 
-  /** Brings a place into the uncovered part; closer, if it would be small. */
+  /** Moves a place into the uncovered part; zooms in if it would be small. */
   flyTo([x, y]: Point, side: number): void {
     const { top, right, bottom, left } = this.insets();
     const resolution = Math.min(this.resolution, Math.max(side, 0.3) / 90);
@@ -220,7 +220,7 @@ export class MapView {
     });
   }
 
-  /** Shows a part of the map well: it is not moved if that part is in view and large enough. */
+  /** Shows a part of the map; does not move if that part is visible and large enough. */
   frame([x0, y0, x1, y1]: Extent): void {
     const size = this.map.getSize();
     if (!size) return;
@@ -236,7 +236,7 @@ export class MapView {
     this.fit([x0 - dx, y0 - dy, x1 + dx, y1 + dy]);
   }
 
-  /** Brings places into view if none of them is, and only as close as the view is already. */
+  /** Brings places into view if none of them is, without zooming in. */
   showAny(places: Point[]): void {
     const size = this.map.getSize();
     if (!size || !places.length) return;
@@ -250,7 +250,7 @@ export class MapView {
     this.fit(boundingExtent(places) as Extent, true, closest);
   }
 
-  /** Moves the map a little if a place would lie under a panel; not while it makes room anyway. */
+  /** Moves the map a little if a place would be under a panel; not while it moves anyway. */
   reveal(place: Point): void {
     if (this.isFitting) return;
     const pixel = this.map.getPixelFromCoordinate(place);
@@ -316,7 +316,7 @@ export class MapView {
     setFeatures(this.marks.matches, features);
   }
 
-  /** Lets a match stand out, by its place in the list, and brings it into the bare part. */
+  /** Highlights a match, by its rank in the list, and brings it into the free part. */
   lookAtMatch(rank: number | null): void {
     for (const feature of this.marks.matches.getSource()?.getFeatures() ?? []) {
       const isLookedAt = feature.get("rank") === (rank ?? -1) + 1;
@@ -326,7 +326,7 @@ export class MapView {
     }
   }
 
-  /** Draws the evidence for an object, and the rest of the map fainter; null for nothing. */
+  /** Draws the evidence for an object, and dims the rest of the map; null for nothing. */
   showEvidence(shown: ShownEvidence | null): void {
     if (shown) this.evidence.show(shown);
     else this.evidence.clear();
@@ -338,7 +338,7 @@ export class MapView {
   }
 }
 
-/** What OpenLayers draws of a layer; nothing for one that has no picture. */
+/** The OpenLayers layer of a map layer; none if it cannot be drawn. */
 export function drawnLayer({ tiles, shapes }: ShownLayer): DrawnLayer | undefined {
   return tiles ?? shapes?.layer;
 }

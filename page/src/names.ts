@@ -1,8 +1,8 @@
-/** Which names a typed text means. */
+/** Matches typed text with names. */
 
 import type { ClassInfo } from "./source";
 
-/** Names with a text in them: those that start with it first, then the commonest. */
+/** Names that contain a text: those that start with it first, then the most frequent. */
 export function matching(names: ClassInfo[], text: string): ClassInfo[] {
   const wanted = text.trim().toLowerCase();
   const starts = ({ name }: ClassInfo) => Number(name.toLowerCase().startsWith(wanted));
@@ -11,7 +11,7 @@ export function matching(names: ClassInfo[], text: string): ClassInfo[] {
     .sort((a, b) => starts(b) - starts(a) || b.count - a.count || a.name.localeCompare(b.name));
 }
 
-/** The name that was meant: as typed, else in other letters, else the best match, else as typed. */
+/** The name that was meant: an exact match, else in other case, else the best one, else the text. */
 export function bestName(names: ClassInfo[], typed: string): string {
   if (!typed || names.some(({ name }) => name === typed)) return typed;
   const same = names.find(({ name }) => name.toLowerCase() === typed.toLowerCase());
@@ -19,10 +19,10 @@ export function bestName(names: ClassInfo[], typed: string): string {
 }
 
 const MOST_ALIKE = 20;
-/** So many of its letters, at most, may differ in a name that is taken for another. */
+/** At most this share of its letters may differ in a name that is taken for another. */
 const WRONG = 0.4;
 
-/** Names that a text is part of, those that begin with it first, or else those that are like it. */
+/** Names that contain a text, those that begin with it first; if there are none, similar names. */
 export function namesLike(known: string[], asked: string): string[] {
   const part = asked.toLowerCase();
   let found = known.filter((name) => name.toLowerCase().includes(part));
@@ -35,7 +35,7 @@ export function namesLike(known: string[], asked: string): string[] {
     .slice(0, MOST_ALIKE);
 }
 
-/** How many letters must be added, left out or replaced to get from one text to the other. */
+/** Edit distance: how many letters to insert, delete or replace (Levenshtein). */
 function edits(one: string, other: string): number {
   let row = Array.from({ length: other.length + 1 }, (_, i) => i);
   for (let i = 1; i <= one.length; i++) {

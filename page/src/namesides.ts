@@ -1,4 +1,4 @@
-/** On which side of its shape each name stands, worked out once for each scale. */
+/** The side of its shape on which each name is placed, computed once per scale. */
 
 import type Feature from "ol/Feature.js";
 import type PointGeometry from "ol/geom/Point.js";
@@ -6,11 +6,11 @@ import { placeLabels, type Box, type Side } from "./labels";
 import type { Extent } from "./source";
 
 export interface Naming {
-  /** Those that are named at so many meters per pixel. */
+  /** Features that have names at a resolution [meters per pixel]. */
   features: (resolution: number) => Feature[];
-  /** Of a feature's name [pixels]. */
+  /** Size of a feature's name [pixels]. */
   sizeOf: (feature: Feature) => [number, number];
-  /** Names stand in it rather than outside: that is what one looks at. */
+  /** Names are preferably placed inside it: the visible part. */
   bounds: () => Extent | null;
 }
 
@@ -19,12 +19,12 @@ export class NameSides {
 
   constructor(private readonly naming: Naming) {}
 
-  /** To be called when features or names have changed. */
+  /** Call when features or names have changed. */
   forget(): void {
     this.known = null;
   }
 
-  /** The side of a feature's name; null where it has none, or no room. */
+  /** The side of a feature's name; null if it has none, or there is no room. */
   of(feature: Feature, resolution: number): Side | null {
     if (this.known?.resolution !== resolution) {
       this.known = { resolution, sides: this.place(resolution) };

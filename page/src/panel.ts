@@ -1,23 +1,23 @@
-/** The panel at the side: one answer at a time, and how a program asks the same. */
+/** The side panel: one answer at a time, and the same query as code. */
 
 import { byId, copyText, el, icon, iconButton } from "./dom";
 import type { Snippets } from "./source";
 
 export interface Answer {
   title: string;
-  /** One line that is also read out. */
+  /** One line, which screen readers announce. */
   summary: string;
   content: (Node | null)[];
   snippets?: Snippets;
 }
 
-/** The language that was chosen last. */
+/** The language that was selected last. */
 let chosenLanguage: keyof Snippets = "python";
 
 export class Panel {
   private readonly element = byId("panel");
 
-  /** The match that had the keyboard last. */
+  /** The match that had the keyboard focus last. */
   private hit = "";
 
   constructor(
@@ -58,7 +58,7 @@ export class Panel {
     if (wasClosed) this.opened();
   }
 
-  /** Takes the keyboard: to the match that was looked at last, or the first one. */
+  /** Takes the keyboard focus: to the match that was viewed last, or the first one. */
   focus(): void {
     const hits = [...this.element.querySelectorAll<HTMLElement>("ol.found button")];
     const before = hits.find((hit) => keyOf(hit) === this.hit);
@@ -81,7 +81,7 @@ export class Panel {
 
 const keyOf = ({ dataset }: HTMLElement): string => `${dataset["layer"]} ${dataset["id"]}`;
 
-/** How a program asks the same. */
+/** The same query as code. */
 export function snippetsContent(snippets: Snippets): HTMLElement {
   const code = el("code");
   const names: [keyof Snippets, string][] = [

@@ -1,4 +1,4 @@
-/** Clicks that become paths: the first one is where it starts, the second one where it ends. */
+/** Paths from clicks: the first one is the start, the second one the goal. */
 
 import type { Point } from "./source";
 
@@ -20,7 +20,7 @@ export class PathTool {
     this.again();
   }
 
-  /** Waits for a start. */
+  /** Waits for the start. */
   again(): void {
     this.start = null;
     this.verbs.hint("Click where the path starts");

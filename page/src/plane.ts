@@ -34,7 +34,7 @@ export function planeView(minResolution: number): View {
 }
 
 export interface Fitting {
-  /** Around the extent [pixels]. */
+  /** Padding around the extent [pixels]. */
   margin: number;
   minResolution?: number;
   animate?: boolean;
@@ -54,7 +54,7 @@ export function fitView(view: View, extent: Extent, insets: Insets, fitting: Fit
   });
 }
 
-/** Whether the person asked the system for less motion. */
+/** Whether the user prefers reduced motion. */
 export const calm = (): boolean => window.matchMedia("(prefers-reduced-motion: reduce)").matches;
 
 export function featureLayer(

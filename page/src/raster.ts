@@ -1,4 +1,4 @@
-/** One raster layer in a page of one file: its pixels, what they say, and tiles of them. */
+/** One raster layer in a single-file page: its pixels, their values, and tiles of them. */
 
 import { extentOf, holds } from "./geometry";
 import type { EmbeddedRaster, Extent, Point, Ring } from "./source";
@@ -43,7 +43,7 @@ export class Raster {
 
   tile(zoom: number, column: number, row: number): HTMLCanvasElement {
     const pixel = 0.01 * 2 ** zoom;
-    // The finest level that is not finer than the tile: shrunk any further, thin walls would go.
+    // The finest level not finer than the tile: reduced any further, thin walls would vanish.
     const level =
       this.levels.find(({ size }) => size >= pixel * 0.999) ?? this.levels[this.levels.length - 1];
     const tile = emptyCanvas(TILE, TILE);
@@ -110,10 +110,10 @@ export class Raster {
   }
 }
 
-/** What Python says off a grid. */
+/** The value off a grid, as in Python. */
 const OFF = { label: "Unknown", value: -1 };
 
-/** Half the size; of four pixels the darkest that is not transparent, so that walls stay. */
+/** Half the size: of four pixels, the darkest that is not transparent, so that walls remain. */
 function halved({ data, width, height }: ImageData): ImageData {
   const result = new ImageData(Math.ceil(width / 2), Math.ceil(height / 2));
   const from = new Uint32Array(data.buffer);

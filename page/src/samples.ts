@@ -1,4 +1,4 @@
-/** Samples for a legend of what is drawn of evidence. */
+/** Swatches for the legend of the evidence. */
 
 import { lookOf } from "./evidencelooks";
 

@@ -1,4 +1,4 @@
-/** The field for names: what the map holds is suggested while one types. */
+/** The field for names, which suggests names of the map. */
 
 import { byId, el } from "./dom";
 import { count } from "./format";
@@ -57,7 +57,7 @@ export class Search {
           el("span", { class: "name grow", text: one.name }),
           el("span", { class: "quiet", text: count(one.count) }),
         );
-        // Before the field loses the focus and the list vanishes.
+        // Before the field loses focus and the list closes.
         option.addEventListener("pointerdown", (event) => {
           event.preventDefault();
           this.choose(one.name);

@@ -1,4 +1,4 @@
-/** The map behind `hypermap view`: questions and changes through HTTP. */
+/** The map behind `hypermap view`: queries and changes over HTTP. */
 
 import {
   Refused,
@@ -141,7 +141,7 @@ export class ServerSource implements DataSource, Editing {
     };
   }
 
-  /** Questions in the base frame need not name it, nor do the programs that ask the same. */
+  /** Queries in the base frame, and the code for them, need not name it. */
   private inFrame(frame: string): { frame?: string } {
     return frame === this.base ? {} : { frame };
   }

@@ -1,4 +1,4 @@
-/** What a person has set: kept in the browser, where it may keep something. */
+/** The user's settings, stored in the browser if it allows that. */
 
 export type Theme = "light" | "dark";
 
@@ -26,7 +26,7 @@ export function keepSettings(settings: Settings): void {
   try {
     localStorage.setItem(KEY, JSON.stringify(settings));
   } catch {
-    // A private window keeps nothing; the page works all the same.
+    // A private window stores nothing; the page works without.
   }
 }
 

@@ -1,4 +1,4 @@
-/** A layer of objects on the map: asks for what the view shows, and draws it. */
+/** A layer of objects on the map: requests what is in view, and draws it. */
 
 import Feature from "ol/Feature.js";
 import { buffer, containsExtent, getHeight, getWidth } from "ol/extent.js";
@@ -12,7 +12,7 @@ import { classLook, ROOMS, type ClassLook } from "./looks";
 import { NameSides } from "./namesides";
 import type { DataSource, Extent, LayerInfo, Point, Ring, Shape, Shapes } from "./source";
 
-/** What the drawn shapes were asked for. */
+/** The request that the drawn shapes answer. */
 interface Loaded {
   extent: Extent;
   resolution: number;
@@ -20,14 +20,14 @@ interface Loaded {
   whole: boolean;
 }
 
-/** Below so many objects every one is named; above, only what is large enough on the screen. */
+/** With fewer objects, all have names; with more, only those large enough on the screen. */
 const FEW = 150;
 const LARGE_ENOUGH = 9;
-/** Size of the picture of the shapes, against that of the view. */
+/** Size of the picture of the shapes, relative to the view. */
 const PICTURE = 1.4;
-/** Side of the square that stands for what is smaller [pixels]. */
+/** Side of the square that represents smaller objects [pixels]. */
 const DOT = 3;
-/** More names are not sent with a question; then all are asked for. */
+/** With more names than this, a request asks for all. */
 const MOST_NAMES = 200;
 
 export class ShapesLayer {
@@ -53,9 +53,9 @@ export class ShapesLayer {
     private readonly source: DataSource,
     private readonly changed: () => void,
   ) {
-    // Drawn once as a picture, which moves with the map: many shapes again for each frame stutter.
+    // Drawn once as a picture that moves with the map: redrawing many shapes per frame stutters.
     this.layer = new VectorImageLayer({
-      // Neighbors of one look may be drawn in one stroke.
+      // Neighbors of one style may be drawn in one stroke.
       source: new VectorSource({ overlaps: false }),
       declutter: true,
       imageRatio: PICTURE,
@@ -88,7 +88,7 @@ export class ShapesLayer {
     this.layer.changed();
   }
 
-  /** Asks for what an extent shows, if that is not what is drawn already. */
+  /** Requests the objects of an extent, unless they are drawn already. */
   async show(view: Extent, resolution: number): Promise<void> {
     if (!this.layer.getVisible()) return;
     const names = this.names();
@@ -167,7 +167,7 @@ export class ShapesLayer {
   }
 }
 
-/** Large things below small ones; of many, those of about one size by class, which is faster. */
+/** Large objects below small ones; if many, those of similar size by class, which is faster. */
 function inDrawingOrder(shapes: Shape[]): Shape[] {
   const octave = ({ area }: Shape) => Math.floor(Math.log2(Math.max(area, 1e-6)) / 2);
   const size = shapes.length <= FEW ? ({ area }: Shape) => area : octave;

@@ -1,4 +1,4 @@
-/** How a program or the command line asks the same, where no server says it. */
+/** The same query in Python and on the command line, for a page without a server. */
 
 import type { Point, Ring, Snippets, ObjectQuery } from "./source";
 

@@ -13,7 +13,7 @@ export function sorted<Row>(rows: Row[], column: Column<Row>, descending: boolea
   const sign = descending ? -1 : 1;
   return [...rows].sort((a, b) => {
     const [one, other] = [column.key(a), column.key(b)];
-    // What is not known comes last, in both directions.
+    // Unknown values come last, in both directions.
     if (one === null || other === null) return Number(one === null) - Number(other === null);
     if (typeof one === "number" && typeof other === "number") return sign * (one - other);
     return sign * String(one).localeCompare(String(other), "en", { numeric: true });

@@ -1,6 +1,6 @@
-/** What the page knows of a map, and the questions that it can ask: the joint with the server. */
+/** What the page knows about a map, and the queries that it can make: interface to the server. */
 
-/** Meters, in the base frame unless said. */
+/** Meters, in the base frame unless noted otherwise. */
 export type Point = [number, number];
 export type Ring = Point[];
 /** The outer ring, then the holes. */
@@ -37,7 +37,7 @@ export interface LayerInfo {
   /** Meters per cell, of raster layers. */
   resolution?: number;
   editable?: boolean;
-  /** That of the last change of this layer. */
+  /** The version in which this layer changed last. */
   version?: number;
   /** Why it cannot be drawn. */
   problem?: string;
@@ -60,7 +60,7 @@ export interface Door {
   rooms: number[];
   /** Where one room becomes the other. */
   line: Point[];
-  /** Of the widest disc that passes [m]. */
+  /** Diameter of the widest disc that passes [m]. */
   width: number;
 }
 
@@ -75,7 +75,7 @@ export interface MapInfo extends EditState {
   layers: LayerInfo[];
   doors?: Door[];
   token?: string;
-  /** What the reader should know of this map. */
+  /** Notes on this map for the user. */
   notes?: string[];
 }
 
@@ -96,7 +96,7 @@ export interface Shapes {
   features: Shape[];
 }
 
-/** The same question, as a program would ask it. */
+/** The same query as code. */
 export interface Snippets {
   python: string;
   command: string;
@@ -141,21 +141,21 @@ export interface AreaAnswer extends Snippets {
   rows: AreaRow[];
   /** How many rows there are, where not all are sent. */
   total?: number;
-  /** `about`: where a grid of fewer cells stands for the layer's. */
+  /** `about`: approximate, from a grid with fewer cells than the layer. */
   cells: { layer: string; label: string; count: number; about?: boolean }[];
 }
 
-/** What is looked for: objects for which all of this is true. */
+/** A search: all conditions must be true for an object. */
 export interface ObjectQuery {
   /** Null for any. */
   name: string | null;
-  /** From what the distance is measured: a place, or the nearest other object of that name. */
+  /** Where distances are measured from: a place, or the nearest other object of that name. */
   near: Point | string;
   /** The largest distance [m]. */
   within: number | null;
-  /** The name of what their middle lies in. */
+  /** The name of the object that contains their centroid. */
   inside: string | null;
-  /** An area that they meet. */
+  /** An area that they intersect. */
   ring: Ring | null;
 }
 
@@ -170,11 +170,11 @@ export interface FoundRow {
   room?: string;
 }
 
-/** `name`, `near` and `inside` are as they were understood. */
+/** `name`, `near` and `inside` as they were understood. */
 export interface FindAnswer extends Snippets, Pick<ObjectQuery, "name" | "near" | "inside"> {
   rows: FoundRow[];
   total: number;
-  /** The asked names that no object has, each with those that are like it. */
+  /** Names in the query that no object has, each with similar names. */
   unknown: Record<string, string[]>;
 }
 
@@ -206,11 +206,11 @@ export interface PathAnswer extends Snippets {
   doors: { place: Point; width: number }[];
 }
 
-/** One look at an object. */
+/** One observation of an object. */
 export interface Seen {
   /** Seconds. */
   stamp: number;
-  /** The detector's, 0 to 1. */
+  /** The detector's score, 0 to 1. */
   score: number;
   polygons: Polygon[];
   /** Square meters. */
@@ -222,7 +222,7 @@ export interface Seen {
   distance: number;
 }
 
-/** What one method makes of all looks at an object. */
+/** The shape that one method computes from all observations of an object. */
 export interface Fused {
   method: string;
   /** Whether the map's shapes were made by it. */
@@ -279,7 +279,7 @@ export interface SaveRequest {
 export type Download = "csv" | "geojson";
 export type TileImage = HTMLImageElement | HTMLCanvasElement | ImageBitmap;
 
-/** An answer that is no answer: what the server or the map says against the question. */
+/** A failed query: why the server or the map refused it. */
 export class Refused extends Error {
   constructor(
     message: string,
@@ -316,7 +316,7 @@ export interface Questions {
   find(wanted: ObjectQuery, limit: number): Promise<FindAnswer>;
   object(layer: string, id: number): Promise<ObjectDetails>;
   evidence(layer: string, id: number): Promise<Evidence>;
-  /** For a robot of a radius [m]. Absent where nobody plans. */
+  /** For a robot of a radius [m]. Absent if there is no planner. */
   path?(start: Point, goal: Point, radius: number): Promise<PathAnswer>;
 }
 

@@ -1,4 +1,4 @@
-/** The foot of the map: axes, scale bar, coordinates under the pointer, and their frame. */
+/** The status line of the map: axes, scale bar, coordinates under the pointer, and their frame. */
 
 import { byId, el } from "./dom";
 import { meters } from "./format";

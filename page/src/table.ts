@@ -1,4 +1,4 @@
-/** A table that is sorted by a click on a column's head. */
+/** A table that a click on a column header sorts. */
 
 import { el } from "./dom";
 import { sorted, type Column } from "./sorting";

@@ -1,4 +1,4 @@
-/** The theme of the page: its switch, and what both pages do when it changes. */
+/** The theme of the page: its switch, and how both pages react to a change. */
 
 import { icon, iconButton } from "./dom";
 import { keepSettings, onSystemTheme, themeOf, type Settings } from "./settings";
@@ -6,7 +6,7 @@ import { keepSettings, onSystemTheme, themeOf, type Settings } from "./settings"
 export class ThemeSwitch {
   readonly button = iconButton("moon", "Dark", () => this.toggle(), { id: "theme" });
 
-  /** Redraws by `changed` after each change, also of the system's theme. */
+  /** Calls `changed` after each change, including changes of the system's theme. */
   constructor(
     private readonly settings: Settings,
     private readonly changed: () => void,
@@ -14,7 +14,7 @@ export class ThemeSwitch {
     onSystemTheme(() => this.apply());
   }
 
-  /** Shows the page in the theme of the settings, and keeps them. */
+  /** Applies the theme of the settings, and saves them. */
   apply(): void {
     const theme = themeOf(this.settings);
     document.documentElement.dataset["theme"] = theme;

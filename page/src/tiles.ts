@@ -28,7 +28,7 @@ export function tileSource(info: LayerInfo, source: DataSource, version: number)
     interpolate: false,
     wrapX: false,
     transition: 0,
-    // Between two zooms the coarser one: magnified pixels stay whole, reduced ones would vanish.
+    // Between two zoom levels, the coarser one: magnified pixels stay, reduced ones would vanish.
     zDirection: 1,
     // OpenLayers counts rows downwards from the origin.
     loader: (z, x, y) => source.tile(info.name, coarsest - z, x, -1 - y, version),

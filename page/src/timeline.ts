@@ -1,4 +1,4 @@
-/** Observations along the time: a stroke for each, as long as the detector was sure. */
+/** Observations over time: a stroke for each, whose length is the detector's score. */
 
 import { clock } from "./format";
 import type { Seen } from "./source";
@@ -11,7 +11,7 @@ export interface Timeline {
 const [WIDTH, HEIGHT, FOOT, EDGE] = [340, 58, 17, 4];
 const SVG = "http://www.w3.org/2000/svg";
 
-/** A timeline of observations that are in the order of time; a click chooses the nearest one. */
+/** A timeline of observations in chronological order; a click selects the nearest one. */
 export function timeline(
   observations: Seen[],
   start: number,

@@ -2,7 +2,7 @@
 
 import { stamp } from "./format";
 
-/** Whether a thing is there, by the evidence for it [log-odds]. */
+/** How certain it is that an object exists, from its evidence [log-odds]. */
 export function existenceInWords(existence: number): string {
   if (existence >= 4) return "certainly there";
   if (existence >= 2) return "very likely there";
@@ -10,7 +10,7 @@ export function existenceInWords(existence: number): string {
   return existence > -2 ? "possibly removed" : "very likely removed";
 }
 
-/** How often and when a thing was seen last, as "39 times, last Monday 14:02". */
+/** How often an object was seen, and when last, as "39 times, last Monday 14:02". */
 export function seenInWords(count: number | null, last: number | null, now: Date): string | null {
   const times = count === null ? "" : often(count);
   if (last === null) return times || null;
@@ -19,7 +19,7 @@ export function seenInWords(count: number | null, last: number | null, now: Date
 
 export const often = (n: number): string => (n === 1 ? "once" : n === 2 ? "twice" : `${n} times`);
 
-/** A time stamp [s] as one would say it: by the day of the week within a week. */
+/** A time stamp [s] in words; within a week, by the day of the week. */
 export function whenInWords(seconds: number, now: Date): string {
   if (seconds < 1e8) return `at ${stamp(seconds)}`; // of a clock that began with the recording
   const time = new Date(seconds * 1000);

@@ -6,7 +6,7 @@ export const TILE = 256;
 /** Meters, at zoom 0. */
 export const PIXEL = 0.01;
 
-/** The finest zoom that is of use: a cell is four pixels then, or a whole number of them. */
+/** The finest useful zoom: a cell is at least four pixels wide, a whole number of them. */
 export function finestZoom(resolution: number): number {
   const zoom = Math.floor(Math.log2(resolution / 4 / PIXEL));
   return Math.min(0, Math.max(-4, zoom));

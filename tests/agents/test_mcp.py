@@ -113,7 +113,7 @@ def test_the_map_says_what_it_is_in_resources(office: Path) -> None:
     talk(office, to=conversation)
 
 
-def test_wrong_calls_are_told_and_the_server_goes_on(office: Path) -> None:
+def test_wrong_calls_are_reported_and_the_server_goes_on(office: Path) -> None:
     async def conversation(client: Client) -> None:
         assert "find_objects" in await refused(client, "find_object")
         assert "limit: " in await refused(client, "find_objects", limit=10**6)

@@ -64,7 +64,7 @@ def test_find_objects(call: Call, arguments: dict[str, Any], expected: list[int]
     assert ordered == expected
 
 
-def test_an_object_is_told_with_place_room_probability_and_time(call: Call) -> None:
+def test_an_object_is_reported_with_place_room_probability_and_time(call: Call) -> None:
     (cup,) = call("find_objects", names=["cup"], room="kitchen")["objects"]
     assert cup == {
         "id": 3,

@@ -158,7 +158,7 @@ def test_maps_without_walls_are_refused() -> None:
 
 
 @pytest.mark.parametrize("name", ["lab", "office"])
-def test_real_maps_are_told_apart(name: str, shared_data: Path) -> None:
+def test_real_maps_are_distinguished(name: str, shared_data: Path) -> None:
     maps = {one: open_map(shared_data / f"maps/{one}.hmap") for one in ("lab", "office")}
     other = next(one for one in maps if one != name)
     with pytest.raises(NotAligned):

@@ -64,7 +64,7 @@ def test_other_ids_are_a_disagreement(ours: list[int], theirs: list[int]) -> Non
     assert same_ids(np.array([2, 1, -1, 4, -1]), np.array([1, 2, -1, 4, -1])) == "the same 3 ids"
 
 
-def test_growth_is_told_for_each_size_and_work(settings) -> None:
+def test_growth_is_reported_for_each_size_and_work(settings) -> None:
     from suite import queries
 
     rows = list(queries._growth(settings))

@@ -26,7 +26,7 @@ def good(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_the_recording_that_is_spoiled_is_good(good: Path) -> None:
     outcome = map_of(good)
     assert outcome.map is not None
-    assert (outcome.unusable, outcome.told) == (0, "")
+    assert (outcome.unusable, outcome.reported) == (0, "")
     assert outcome.map.metadata["frames"]["used"] == FRAMES
     assert {found.object.name for found in outcome.map.objects()} == {"table", "chair", "plant"}
 
@@ -40,7 +40,7 @@ def test_a_bad_sensor_gives_a_map_and_a_note_or_one_error(
     sensor.spoil(folder)
     outcome = map_of(folder, **sensor.options)
     assert fault_of(sensor, outcome) is None
-    assert "Traceback" not in outcome.told
+    assert "Traceback" not in outcome.reported
 
 
 def test_what_must_come_of_a_fault_is_looked_at(good: Path) -> None:
@@ -48,7 +48,9 @@ def test_what_must_come_of_a_fault_is_looked_at(good: Path) -> None:
     assert fault_of(BadSensor("", lambda _: None), outcome) is None
     assert "error was due" in str(fault_of(BadSensor("", lambda _: None, unusable=None), outcome))
     assert "0 frames left out" in str(fault_of(BadSensor("", lambda _: None, unusable=2), outcome))
-    assert "'late' was not told" in str(fault_of(BadSensor("", lambda _: None, "late"), outcome))
+    assert "'late' was not reported" in str(
+        fault_of(BadSensor("", lambda _: None, "late"), outcome)
+    )
 
 
 def test_the_short_form_of_the_campaign_finds_nothing(tmp_path: Path) -> None:

@@ -29,9 +29,9 @@ def test_a_path_leads_over_a_lift_both_ways(hypermap, maps):
     assert (result.code, result.out) == (0, "")
     assert result.err == f"saved {ground}\nsaved {upper}\n"
     assert (ground.parent / "ground.hmap.bak").exists()
-    told = hypermap("info", ground).out
-    assert "floor: ground floor\nlift A leads to above/upper.hmap\n" in told
-    assert "made with" not in told
+    reported = hypermap("info", ground).out
+    assert "floor: ground floor\nlift A leads to above/upper.hmap\n" in reported
+    assert "made with" not in reported
 
     result = hypermap("path", ground, "-1,1", "-1,3", "--goal-map", upper)
     assert result.out.splitlines() == [
@@ -78,6 +78,6 @@ def test_what_cannot_be_connected_leaves_both_maps(hypermap, maps, monkeypatch, 
     assert [file.read_bytes() for file in maps] == before
 
 
-def test_a_floor_to_which_nothing_leads_is_told(hypermap, maps):
+def test_a_floor_to_which_nothing_leads_is_reported(hypermap, maps):
     result = hypermap("path", maps[0], "1,1", "1,1", "--goal-map", maps[1])
     assert_one_error(result, "no lift or stairs leads to", "upper.hmap")

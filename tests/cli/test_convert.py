@@ -268,7 +268,7 @@ def test_a_grid_goes_to_a_pgm_of_three_shades_as_map_saver_writes_it(hypermap, t
     assert again.cells.tolist() == [[-1, 0, 0, -1], [-1, 100, 100, 0]]
 
 
-def test_a_pgm_replaces_neither_file_without_being_told(hypermap, room_map, tmp_path):
+def test_a_pgm_replaces_neither_file_unless_forced(hypermap, room_map, tmp_path):
     (tmp_path / "map.yaml").write_text("precious")
     out = tmp_path / "map.pgm"
     assert_one_error(hypermap("convert", room_map, out), str(tmp_path / "map.yaml"), "--force")
@@ -355,16 +355,16 @@ def test_masks_are_saved_as_nav2_loads_them(hypermap, room_map, tmp_path, option
     assert described["resolution"] == mask.grid.resolution
     assert described["origin"] == [mask.grid.origin.x, mask.grid.origin.y, 0]
     parameters = yaml.safe_load((tmp_path / "mask_params.yaml").read_text())
-    served, told = (
+    served, answer = (
         parameters[f"{zones.name}_{node}"]["ros__parameters"]
         for node in ("filter_mask_server", "costmap_filter_info_server")
     )
     assert served == {
         "yaml_filename": str(out),
-        "topic_name": told["mask_topic"],
+        "topic_name": answer["mask_topic"],
         "frame_id": "map",
     }
-    assert told == {
+    assert answer == {
         "type": zones.type,
         "filter_info_topic": f"/{zones.name}_filter_info",
         "mask_topic": f"/{zones.name}_mask",
@@ -381,7 +381,9 @@ def test_a_mask_may_have_a_grid_of_its_own(hypermap, room_map, tmp_path):
     assert (described["resolution"], cells.shape) == (0.1, (20, 20))
 
 
-def test_a_class_without_objects_is_told_of_and_may_be_marked_later(hypermap, room_map, tmp_path):
+def test_a_class_without_objects_is_reported_of_and_may_be_marked_later(
+    hypermap, room_map, tmp_path
+):
     result = hypermap("convert", room_map, tmp_path / "mask.yaml", "--keepout", "chiar 0.3")
     assert result.code == 0
     assert "no object is called 'chiar'; did you mean 'chair'?" in result.err
@@ -405,7 +407,7 @@ def test_what_is_no_mask_is_said_so(hypermap, room_map, tmp_path, out, options, 
 
 
 @pytest.mark.parametrize("name", ["m.yaml", "m.pgm", "m_params.yaml"])
-def test_a_mask_replaces_none_of_its_files_without_being_told(hypermap, room_map, tmp_path, name):
+def test_a_mask_replaces_none_of_its_files_unless_forced(hypermap, room_map, tmp_path, name):
     (tmp_path / name).write_text("precious")
     asked = ("convert", room_map, tmp_path / "m.yaml", "--keepout", "chair 1")
     assert_one_error(hypermap(*asked), name, "--force")

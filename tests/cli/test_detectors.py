@@ -119,7 +119,7 @@ def test_the_list_says_what_one_needs_to_choose(hypermap):
     assert (first["name"], first["is_here"]) == (NAME, False)
 
 
-def test_each_network_of_the_list_can_be_told_from_others_and_checked():
+def test_each_network_of_the_list_can_be_distinguished_from_others_and_checked():
     names = [network.name for network in catalog.NETWORKS]
     assert len(set(names)) == len(names)
     assert len({network.path for network in catalog.NETWORKS}) == len(names)
@@ -189,7 +189,7 @@ def test_a_length_that_is_no_number_is_not_believed(hypermap, server, path, leng
     assert path.read_bytes() == server.content
 
 
-def test_a_file_that_is_not_there_is_told_with_other_ways_to_get_it(hypermap, server, path):
+def test_a_file_that_is_not_there_is_reported_with_other_ways_to_get_it(hypermap, server, path):
     server.status = 404
     result = hypermap("detectors", "get", NAME)
     assert result.code == 2
@@ -199,7 +199,7 @@ def test_a_file_that_is_not_there_is_told_with_other_ways_to_get_it(hypermap, se
     assert len(server.asked_from) == 1
 
 
-def test_a_server_that_cannot_be_reached_is_told(hypermap, path):
+def test_a_server_that_cannot_be_reached_is_reported(hypermap, path):
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = free.getsockname()[1]
     result = hypermap("detectors", "get", NAME, "--url", f"http://127.0.0.1:{port}/x.onnx")
@@ -207,7 +207,7 @@ def test_a_server_that_cannot_be_reached_is_told(hypermap, path):
     assert "cannot be reached" in result.err
 
 
-def test_a_damaged_download_is_told_and_replaced(hypermap, server, path):
+def test_a_damaged_download_is_reported_and_replaced(hypermap, server, path):
     path.parent.mkdir(parents=True)
     path.write_bytes(b"cut off")
     drive = write_drive(path.parent / "drive", frames=2)
@@ -254,7 +254,7 @@ def test_only_web_addresses_are_downloaded_from(hypermap, path, url):
         assert result.code == 0
 
 
-def test_a_folder_that_cannot_be_written_is_told(hypermap, path, cache):
+def test_a_folder_that_cannot_be_written_is_reported(hypermap, path, cache):
     cache.parent.parent.mkdir(parents=True)
     cache.parent.write_text("a file in the place of a folder")
     result = hypermap("detectors", "get", NAME)
@@ -262,7 +262,7 @@ def test_a_folder_that_cannot_be_written_is_told(hypermap, path, cache):
     assert "XDG_CACHE_HOME" in result.err
 
 
-def test_a_network_that_was_not_downloaded_is_told_how_to_get_it(hypermap, tmp_path):
+def test_a_network_that_was_not_downloaded_is_reported_how_to_get_it(hypermap, tmp_path):
     drive = write_drive(tmp_path / "drive", frames=2)
     result = hypermap("map", drive, "--detector", NAME, "-o", tmp_path / "out.hmap")
     assert_one_error(result, "not downloaded yet", f"hypermap detectors get {NAME}", "3.7 MB")

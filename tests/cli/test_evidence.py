@@ -1,4 +1,4 @@
-"""Evidence on the command line: kept by `map`, told by `info` and `query --evidence`."""
+"""Evidence on the command line: kept by `map`, shown by `info` and `query --evidence`."""
 
 from __future__ import annotations
 

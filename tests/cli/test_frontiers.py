@@ -36,7 +36,7 @@ def half(tmp_path):
     return file
 
 
-def test_frontiers_are_told_as_a_table(hypermap, half):
+def test_frontiers_are_reported_as_a_table(hypermap, half):
     result = hypermap("frontiers", half, "-1,2", "--robot-radius", "0.2")
     assert (result.code, result.err) == (0, "")
     (row,) = [line.split() for line in result.out.splitlines() if line.strip().startswith("1 ")]
@@ -46,26 +46,26 @@ def test_frontiers_are_told_as_a_table(hypermap, half):
 
 
 def test_programs_read_frontiers_and_views_as_json(hypermap, half):
-    told = hypermap(
+    answer = hypermap(
         "frontiers", half, "-1,2", "--robot-radius", "0.2", "--next-views", "--json"
     ).json
-    assert told["frame_id"] == "map"
-    (border,) = told["frontiers"]
+    assert answer["frame_id"] == "map"
+    (border,) = answer["frontiers"]
     assert border["size"] == pytest.approx(0.05 * len(border["points"]))
     assert border["pose"]["x"] < 2.8
     assert border["distance"] == pytest.approx(border["pose"]["x"] + 1, abs=0.3)
-    (view,) = told["next_views"]
+    (view,) = answer["next_views"]
     assert (view["layer"], view["object"], view["name"]) == ("things", 7, "cup")
     assert (view["is_weak"], view["is_one_sided"], view["turn"]) == (True, False, math.pi)
     assert "next_views" not in hypermap("frontiers", half, "-1,2", "--json").json
 
 
 def test_people_read_why_an_object_is_uncertain(hypermap, half):
-    told = hypermap("frontiers", half, "0,2", "--next-views")
-    assert "cup 7" in told.out
-    assert "few observations" in told.out
-    told = hypermap("frontiers", half, "0,2", "--next-views", "--sure-from", "2")
-    assert "no uncertain object can be seen from a new side" in told.out
+    answer = hypermap("frontiers", half, "0,2", "--next-views")
+    assert "cup 7" in answer.out
+    assert "few observations" in answer.out
+    answer = hypermap("frontiers", half, "0,2", "--next-views", "--sure-from", "2")
+    assert "no uncertain object can be seen from a new side" in answer.out
     assert (
         "no frontier can be reached" in hypermap("frontiers", half, "0,2", "--least-gain", "99").out
     )

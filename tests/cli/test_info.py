@@ -88,7 +88,7 @@ def test_what_info_calls_complete_is_mapped_and_what_it_does_not_is_refused(hype
         assert (made.code == 0) == is_complete == has_detections
 
 
-def test_a_recording_without_color_is_told_what_can_be_made_of_it(hypermap, tmp_path):
+def test_a_recording_without_color_is_reported_what_can_be_made_of_it(hypermap, tmp_path):
     drive = write_drive(tmp_path / "drive", frames=2, has_detections=False)
     (drive / "rgb.txt").unlink()
     assert "without color images no objects" in hypermap("info", drive).out

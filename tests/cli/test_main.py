@@ -274,7 +274,7 @@ def test_quiet_tells_errors_but_no_warnings(hypermap, shared_data, place):
         (["-q"], ["-q"], logging.ERROR),
     ],
 )
-def test_how_much_is_told_counts_together_before_and_behind_a_command(
+def test_how_much_is_reported_counts_together_before_and_behind_a_command(
     hypermap, room_map, before, behind, level
 ):
     result = hypermap(*before, "query", room_map, "--name", "chair", *behind)

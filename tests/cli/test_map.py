@@ -74,14 +74,16 @@ def test_a_given_occupancy_map_becomes_the_first_layer(hypermap, drive, room_map
     assert (first["name"], first["width"], first["height"]) == ("occupancy", 30, 20)
 
 
-def test_it_is_told_that_poses_cannot_be_corrected(hypermap, drive, room_map, tmp_path):
+def test_it_is_reported_that_poses_cannot_be_corrected(hypermap, drive, room_map, tmp_path):
     given, out = tmp_path / "given.yaml", tmp_path / "out.hmap"
     assert hypermap("convert", room_map, given, "--layer", "occupancy").code == 0
-    told = "poses were used as recorded: without an occupancy map (--map) they are not corrected"
+    reported = (
+        "poses were used as recorded: without an occupancy map (--map) they are not corrected"
+    )
     common = ["map", drive, "--intrinsics", INTRINSICS, "-o", out]
-    assert told in hypermap(*common).err
-    assert told not in hypermap(*common, "--map", given).err
-    assert told not in hypermap(*common, "--profile", "thesis").err  # which corrects none
+    assert reported in hypermap(*common).err
+    assert reported not in hypermap(*common, "--map", given).err
+    assert reported not in hypermap(*common, "--profile", "thesis").err  # which corrects none
 
 
 def test_an_output_that_exists_is_replaced_and_stays_beside_it(hypermap, drive, tmp_path):
@@ -129,10 +131,10 @@ def test_what_people_have_made_is_replaced_only_on_a_second_word(
     assert hypermap(*arguments).code == 0
     change(out)
     precious = out.read_bytes()
-    told = f"{out} exists already, and {reason}"
-    assert_one_error(hypermap(*arguments), told, "give --force to replace it", "out.hmap.bak")
+    reported = f"{out} exists already, and {reason}"
+    assert_one_error(hypermap(*arguments), reported, "give --force to replace it", "out.hmap.bak")
     topics = ["--depth-topic", "/depth", "--detections-topic", "/boxes"]
-    assert_one_error(hypermap("live", *topics, "-o", out), told)
+    assert_one_error(hypermap("live", *topics, "-o", out), reported)
     assert out.read_bytes() == precious
     assert hypermap(*arguments, "--force").code == 0
     assert backup.read_bytes() == precious
@@ -200,7 +202,7 @@ def test_bad_options_are_said_so(hypermap, drive, tmp_path, monkeypatch, argumen
     assert list(tmp_path.iterdir()) == []
 
 
-def test_without_detections_the_three_choices_are_told(hypermap, tmp_path):
+def test_without_detections_the_three_choices_are_reported(hypermap, tmp_path):
     drive = write_drive(tmp_path / "drive", frames=2, has_detections=False)
     result = hypermap("map", drive, "-o", tmp_path / "out.hmap")
     assert_one_error(
@@ -271,7 +273,7 @@ def test_an_image_that_cannot_be_used_is_left_out_and_named(hypermap, tmp_path, 
         assert not out.exists()
 
 
-def test_depth_in_a_wrong_unit_is_told_with_its_likely_cause(hypermap, tmp_path):
+def test_depth_in_a_wrong_unit_is_reported_with_its_likely_cause(hypermap, tmp_path):
     drive, out = write_drive(tmp_path / "drive", frames=3), tmp_path / "out.hmap"
     result = hypermap("map", drive, "--intrinsics", INTRINSICS, "--depth-scale", "1", "-o", out)
     assert result.code == 2
@@ -281,16 +283,20 @@ def test_depth_in_a_wrong_unit_is_told_with_its_likely_cause(hypermap, tmp_path)
     assert not out.exists()
 
 
-def test_what_is_wrong_with_many_frames_alike_is_told_once_with_their_number(hypermap, tmp_path):
+def test_what_is_wrong_with_many_frames_alike_is_reported_once_with_their_number(
+    hypermap, tmp_path
+):
     drive, out = write_drive(tmp_path / "drive", frames=6), tmp_path / "out.hmap"
     for line in range(4):
         spoil(drive, line, "missing")
     arguments = ["map", drive, "--intrinsics", INTRINSICS, "--max-bad", "1", "-o", out]
-    told = hypermap(*arguments)
-    assert told.code == 0
-    assert told.err.count(" left out: ") == 1
-    assert "warning: 3 more frames were left out for the same reasons (-v lists them)" in told.err
-    assert "4 unusable" in told.err
+    reported = hypermap(*arguments)
+    assert reported.code == 0
+    assert reported.err.count(" left out: ") == 1
+    assert (
+        "warning: 3 more frames were left out for the same reasons (-v lists them)" in reported.err
+    )
+    assert "4 unusable" in reported.err
     assert hypermap(*arguments, "-v").err.count(" left out: ") == 4
     wrong_unit = hypermap(*arguments, "--depth-scale", "1")
     assert wrong_unit.err.count("half of its depth is beyond") == 1
@@ -446,7 +452,7 @@ def test_a_given_map_lies_in_the_frame_of_the_recording(hypermap, drive, room_ma
     assert [layer["frame_id"] for layer in layers] == ["hall", "hall"]
 
 
-def test_a_world_that_is_not_level_is_told_with_the_option_that_levels_it(hypermap, tmp_path):
+def test_a_world_that_is_not_level_is_reported_with_the_option_that_levels_it(hypermap, tmp_path):
     room = tmp_path / "room"
     write_tum(SimulatedRecording(demo_world(), rate=0.5), room)
     map_room = ["map", room, "-o", tmp_path / "room.hmap", "--drop-evidence"]
@@ -473,19 +479,19 @@ def test_what_auto_measures_is_said_and_used(hypermap, tmp_path):
     late = [f"{float(line.split()[0]) + 0.2:.6f} {line.partition(' ')[2]}" for line in poses[2:]]
     (room / "groundtruth.txt").write_text("\n".join(late))
     map_room = ["map", room, "-o", tmp_path / "room.hmap", "--no-objects"]
-    told = hypermap(*map_room)
-    assert "images match each other best with the poses of 0.20 s later" in told.err
+    reported = hypermap(*map_room)
+    assert "images match each other best with the poses of 0.20 s later" in reported.err
     mended = hypermap(*map_room, "--time-offset", "auto", "--level", "auto")
     assert "time offset: 0.20 s" in mended.err
     assert "level: within 0.0 degrees, so the world stays as it is" in mended.err
-    assert "make the map worse" in told.err
+    assert "make the map worse" in reported.err
     assert "make the map worse" not in mended.err
     for option, value in (("--level", "manual"), ("--time-offset", "soon"), ("--rotate", "45")):
         assert_one_error(hypermap(*map_room, option, value), option)
     assert_one_error(hypermap(*map_room, "--color-intrinsics", "5,5,3,2"), "give register")
 
 
-def test_a_real_kitchen_with_a_tilted_world_is_told(hypermap, shared_data, tmp_path):
+def test_a_real_kitchen_with_a_tilted_world_is_reported(hypermap, shared_data, tmp_path):
     nothing = tmp_path / "nothing.json"
     nothing.write_text('{"frames": {}}')
     kitchen = ["map", shared_data / "kitchen", "--detections", nothing, "-o", tmp_path / "k.hmap"]

@@ -48,7 +48,7 @@ def test_an_option_has_one_meaning_in_all_commands():
             for name in names:
                 meanings[name][meaning(kind, option)].append(command)
     assert sum(len(commands) for commands in meanings["--json"].values()) >= 5
-    assert {name: dict(told) for name, told in meanings.items() if len(told) > 1} == {}
+    assert {name: dict(reported) for name, reported in meanings.items() if len(reported) > 1} == {}
 
 
 def test_an_old_name_is_no_name_of_the_same_command_now():
@@ -79,8 +79,8 @@ def test_help_shows_the_new_name_alone(hypermap, command, new, old):
 
 def assert_warns(result: Any, old: str, new: str) -> None:
     assert result.code == 0, result.err
-    told = [line for line in result.err.splitlines() if "deprecated" in line]
-    assert told == [f"hypermap: warning: {old}: a deprecated name; use {new}"]
+    reported = [line for line in result.err.splitlines() if "deprecated" in line]
+    assert reported == [f"hypermap: warning: {old}: a deprecated name; use {new}"]
 
 
 def test_old_names_work_for_one_more_release_with_a_warning(hypermap, room_map, tmp_path, drive):

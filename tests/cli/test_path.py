@@ -42,7 +42,7 @@ def flat(tmp_path):
     return file
 
 
-def test_a_path_is_told_with_its_length_rooms_and_doors(hypermap, flat):
+def test_a_path_is_reported_with_its_length_rooms_and_doors(hypermap, flat):
     result = hypermap("path", flat, "-0.5,2.5", "5.5,2.5")
     assert (result.code, result.err) == (0, "")
     length = math.hypot(3.9, 1) + 0.2 + math.hypot(1.9, 1)  # over (3.4, 3.5) and (3.6, 3.5)
@@ -51,13 +51,13 @@ def test_a_path_is_told_with_its_length_rooms_and_doors(hypermap, flat):
 
 
 def test_a_path_to_an_object_ends_in_front_of_it(hypermap, flat):
-    told = hypermap("path", flat, "kitchen", "cup 1", "--distance", "0.5", "--json").json
-    there = told["approach"]
+    answer = hypermap("path", flat, "kitchen", "cup 1", "--distance", "0.5", "--json").json
+    there = answer["approach"]
     assert (there["object"], there["name"]) == (1, "cup")
-    assert told["points"][-1] == [there["x"], there["y"]]
+    assert answer["points"][-1] == [there["x"], there["y"]]
     assert there["distance"] == pytest.approx(0.5, abs=0.05)
-    assert told["length"] > 3
-    assert [room["name"] for room in told["rooms"]] == ["kitchen", "room"]
+    assert answer["length"] > 3
+    assert [room["name"] for room in answer["rooms"]] == ["kitchen", "room"]
     assert "stand at " in hypermap("path", flat, "0,3", "1", "--robot-radius", "0.2").out
 
 

@@ -191,7 +191,7 @@ def test_the_labs_occupied_cells_are_all_found(hypermap, lab):
     assert "and 904 more; --json lists all" in hypermap("query", lab, "--name", "Occupied").err
 
 
-def test_nested_objects_are_told_apart_by_their_middles(hypermap, tmp_path):
+def test_nested_objects_are_distinguished_by_their_middles(hypermap, tmp_path):
     content = "- {name: table, shape: 'POLYGON((0 0, 9 0, 9 4, 0 4))'}\n"
     content += "- {name: table, shape: 'POLYGON((1 1, 3 1, 3 3, 1 3))'}\n"
     content += "- {name: '2', shape: 'POLYGON((20 0, 21 0, 21 1, 20 1))'}\n"

@@ -301,7 +301,7 @@ def test_no_roscore_is_one_line(room_map):
         (["--ros-args", "-r", "a:=b", "--", "--ros2", "c:=d"], ["--ros2"], None),
     ],
 )
-def test_arguments_for_ros_are_told_from_ours(arguments, own, ros):
+def test_arguments_for_ros_are_distinguished_from_ours(arguments, own, ros):
     found = split_arguments(arguments)
     assert found[0] == own
     assert found[1] == (ros if ros is not None else [w for w in arguments if w not in own])

@@ -163,14 +163,17 @@ def test_the_shell_looks_behind_objects_as_query_does(hypermap, drive, tmp_path)
     made, drawn = tmp_path / "made.hmap", tmp_path / "drawn.hmap"
     assert hypermap("map", drive, "--intrinsics", INTRINSICS, "-o", made).code == 0
     save_map(Hypermap([SemanticLayer("semantic", "map", [square("chair", 0, 0)])]), drawn)
-    for path, told in [(made, "votes (made the map)"), (drawn, "This map contains no evidence.")]:
+    for path, expected in [
+        (made, "votes (made the map)"),
+        (drawn, "This map contains no evidence."),
+    ]:
         question = ["--name", "chair", "--evidence"]
         asked = hypermap("query", path, *question)
         as_json = hypermap("query", path, *question, "--json")
         line = " ".join(["query", *question])
         result = hypermap("shell", path, stdin=line)
         assert (result.code, result.err) == (0, "")
-        assert told in result.out
+        assert expected in result.out
         assert words(result.out) == words(asked.out)
         assert hypermap("shell", path, stdin=f"{line} --json").json == as_json.json
     result = hypermap("shell", drawn, stdin="query --at 0,0 --evidence")

@@ -50,7 +50,9 @@ def test_a_folder_can_be_mapped_and_compared_with_the_truth(world: Path, tmp_pat
 
 
 @pytest.mark.parametrize("name", ["drive", "drive.bag"])
-def test_bad_frames_are_told_and_the_rest_is_mapped(world: Path, tmp_path: Path, name: str) -> None:
+def test_bad_frames_are_reported_and_the_rest_is_mapped(
+    world: Path, tmp_path: Path, name: str
+) -> None:
     out = tmp_path / name
     done = hypermap(
         "simulate", world, "-o", out, "--bad-frames", "0.4", "--rate", "5", "--seed", "9"

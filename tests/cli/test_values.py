@@ -35,7 +35,7 @@ SETTINGS = ("--length-scale", "3", "--deviation", "4", "--sensor-noise", "0.2")
 
 
 def assert_last_error(result, said):
-    """Assert that a command ended with one error, after it had told what it was at."""
+    """Assert that a command ended with one error, after it had said what it was doing."""
     assert result.code == 2
     assert result.out == ""
     last = result.err.splitlines()[-1]
@@ -165,13 +165,13 @@ def test_a_question_without_a_meaning_is_refused(hypermap, warm, question, said)
 
 
 def test_info_and_pictures_show_the_layer(hypermap, warm, tmp_path):
-    (told,) = (
+    (answer,) = (
         layer
         for layer in hypermap("info", warm, "--json").json["layers"]
         if layer["class"] == "ValueLayer"
     )
-    assert (told["unit"], told["samples"]) == ("°C", 60)
-    assert told["max"] == pytest.approx(24, abs=0.5)
+    assert (answer["unit"], answer["samples"]) == ("°C", 60)
+    assert answer["max"] == pytest.approx(24, abs=0.5)
     picture = tmp_path / "warm.svg"
     assert hypermap("render", warm, "-o", picture).code == 0
     assert "°C" in picture.read_text(encoding="utf-8")
@@ -213,14 +213,14 @@ def test_the_layer_is_converted_with_its_unit(hypermap, warm, tmp_path):
 
 def test_a_layer_is_made_again_and_gets_more_samples(hypermap, warm, table, tmp_path):
     again = tmp_path / "again.hmap"
-    told = hypermap("values", warm, "--method", "nearest", "-o", again, "--json").json
-    assert (told["samples"], told["made_by"]["method"], told["unit"]) == (60, "nearest", "°C")
+    answer = hypermap("values", warm, "--method", "nearest", "-o", again, "--json").json
+    assert (answer["samples"], answer["made_by"]["method"], answer["unit"]) == (60, "nearest", "°C")
     assert [layer.name for layer in open_map(again)] == [layer.name for layer in open_map(warm)]
     joined = tmp_path / "joined.hmap"
     more = (table, "--onto", warm, "-o", joined, "--sample-unit", "degF", "--json")
-    told = hypermap("values", *more, "--add", "--method", "nearest").json
-    assert (told["samples"], told["unit"]) == (120, "°C")
-    assert told["max"] == pytest.approx(24)
+    answer = hypermap("values", *more, "--add", "--method", "nearest").json
+    assert (answer["samples"], answer["unit"]) == (120, "°C")
+    assert answer["max"] == pytest.approx(24)
     assert_one_error(
         hypermap("values", *more, "--force"), "already has a layer 'temperature'; give --add"
     )
@@ -278,8 +278,13 @@ def test_a_bag_places_the_samples_of_a_table(hypermap, flat, tmp_path):
     log.write_text("stamp,ppm\n" + "".join(f"{START / 1e9 + i},{400 + i}\n" for i in range(4)))
     out = tmp_path / "out.hmap"
     ways = ("--field", "ppm", "--method", "nearest", "--onto", flat, "-o", out, "--json")
-    told = hypermap("values", bag.path, "--samples", log, "--unit", "ppm", *ways).json
-    assert (told["layer"], told["samples"], told["min"], told["max"]) == ("ppm", 4, 400, 403)
+    answer = hypermap("values", bag.path, "--samples", log, "--unit", "ppm", *ways).json
+    assert (answer["layer"], answer["samples"], answer["min"], answer["max"]) == (
+        "ppm",
+        4,
+        400,
+        403,
+    )
 
 
 def test_a_trajectory_places_them_too_and_without_a_map_there_are_no_walls(hypermap, tmp_path):
@@ -293,7 +298,7 @@ def test_a_trajectory_places_them_too_and_without_a_map_there_are_no_walls(hyper
     assert open_map(out).value_at("light", [[1, 0]]).tolist() == [300]
 
 
-def test_what_was_not_heard_is_told(hypermap, flat, tmp_path):
+def test_what_was_not_heard_is_reported(hypermap, flat, tmp_path):
     log = tmp_path / "wifi.csv"
     unheard = "".join(f"{3 + 0.1 * i},{1 + 0.1 * i},{['', '-99'][i % 2]}\n" for i in range(8))
     log.write_text(f"x,y,value\n1,1,-50\n2,1,-60\n2.5,1,-70\n{unheard}")

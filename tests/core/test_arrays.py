@@ -93,7 +93,7 @@ def test_none_or_two_are_not_one_point(points: Any) -> None:
 
 
 @pytest.mark.parametrize("points", [[1.0, 2.0], ((1.0, 2.0),), np.array([1, 2]) / 1, np.eye(2)[:1]])
-def test_a_single_point_is_told_at_once(points: Any) -> None:
+def test_a_single_point_is_reported_at_once(points: Any) -> None:
     assert single_xy(points) == tuple(as_point_xy(points).tolist())
 
 

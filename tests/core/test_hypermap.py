@@ -440,7 +440,7 @@ def test_a_question_that_makes_no_sense_is_refused(
     assert str(caught.value) == message
 
 
-def test_all_that_lies_at_a_point_is_told_the_smallest_first() -> None:
+def test_all_that_lies_at_a_point_is_reported_the_smallest_first() -> None:
     lab = near_building()
     layer = lab["lab"]
     layer.add([SemanticObject("table", shapely.box(0, 0, 3, 2)), square("tap", 1, 1, 0.2)])
@@ -457,7 +457,7 @@ def test_all_that_lies_at_a_point_is_told_the_smallest_first() -> None:
 
 
 @given(semantic_layers(), points(1))
-def test_the_first_of_all_at_a_point_is_the_one_that_is_told(layer, asked) -> None:
+def test_the_first_of_all_at_a_point_is_the_one_that_is_reported(layer, asked) -> None:
     point = asked[0]
     there = layer.objects_at(point)
     assert layer.value_at(point).tolist() == ([item.id for item in there] or [-1])[:1]

@@ -108,7 +108,7 @@ def test_two_empty_maps_have_no_scores() -> None:
     assert evaluation.classes == {}
 
 
-def test_the_iou_of_every_true_object_is_told() -> None:
+def test_the_iou_of_every_true_object_is_reported() -> None:
     assert evaluate(ESTIMATE, TRUTH).object_iou == pytest.approx((3 / 4, 1 / 3, 1, 0))
 
 

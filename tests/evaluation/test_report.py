@@ -87,7 +87,7 @@ def test_a_class_without_truth_is_not_defined() -> None:
     assert value(data, measure="false", **found) == "1"
 
 
-def test_every_true_object_is_told_with_what_it_was_measured_by() -> None:
+def test_every_true_object_is_reported_with_what_it_was_measured_by() -> None:
     near, far, sink = example()["objects"]
     assert (near["layer"], near["id"], near["name"]) == ("semantic", 0, "cup")
     assert near["closest"] == pytest.approx({"estimate": 0, "iou": 1, "distance": 0.5})

@@ -59,7 +59,7 @@ def test_a_robot_finds_the_other_room_and_what_stands_in_it(world):
     assert end.area == pytest.approx(last.area, abs=0.05)
 
 
-def test_a_robot_stops_where_it_is_told_to(world):
+def test_a_robot_stops_where_it_is_reported_to(world):
     robot = Robot(0.2, most_meters=0.5, looks_at_objects=False)
     explored = explore(world, robot, profile("default"), camera=CAMERA)
     (only,) = explored.milestones

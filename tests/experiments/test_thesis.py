@@ -21,7 +21,7 @@ from hypermap.mapping.config import profile
 from hypermap.mapping.mapper import Mapper
 from hypermap.perception.detectors.sources import detections_from_recording
 from hypermap.simulation import SimulatedRecording, errors_of_level
-from hypermap.simulation.trajectory import Drive as Route
+from hypermap.simulation.trajectory import DrivePlan
 from hypermap.simulation.world import FloorPlan, World, WorldObject
 
 pytestmark = pytest.mark.xdist_group("thesis")  # they share what takes long to make
@@ -87,7 +87,7 @@ def test_the_same_drive_gives_the_same_map_as_the_mapper() -> None:
         "test",
         FloorPlan((0, 0, 6, 4)),
         objects=(WorldObject("table", (3, 2)), WorldObject("plant", (3, 3.2))),
-        drive=Route(((0.5, 2), (0.9, 2, 20)), speed=0.1, turn_rate_deg=10),
+        drive=DrivePlan(((0.5, 2), (0.9, 2, 20)), speed=0.1, turn_rate_deg=10),
     )
     errors = errors_of_level("fair")
     mapped = map_drive(SimulatedDrive(world, 3, errors, 3.0), {OURS: profile("default")})

@@ -76,7 +76,7 @@ def test_what_is_off_the_grid_is_unknown():
     assert sum(each.size for each in found) == pytest.approx(4 * 59 * SIDE)
 
 
-def test_what_the_robot_cannot_reach_is_not_told():
+def test_what_the_robot_cannot_reach_is_not_reported():
     cells = half_known()
     cells[:, 60] = 100
     cells[55:61, 60] = 0  # a door of 0.3 m

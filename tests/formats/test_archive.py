@@ -99,7 +99,7 @@ def test_a_bad_archive_is_one_clear_error(tmp_path: Path, packed: bytes, message
     assert str(error.value).startswith(f"{path}: {message}")
 
 
-def test_a_missing_archive_and_a_folder_are_told_apart(tmp_path: Path) -> None:
+def test_a_missing_archive_and_a_folder_are_distinguished(tmp_path: Path) -> None:
     with pytest.raises(FileMissing) as missing:
         read_archive(tmp_path / "none.hmap")
     assert str(missing.value) == f"{tmp_path / 'none.hmap'}: there is no such file"

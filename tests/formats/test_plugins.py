@@ -100,7 +100,7 @@ def test_a_plugin_that_does_not_work_is_named(install: Path, class_name: str, me
 
 
 @pytest.mark.usefixtures("install")
-def test_what_a_plugin_raises_is_told_as_the_plugins(tmp_path: Path) -> None:
+def test_what_a_plugin_raises_is_reported_as_the_plugins(tmp_path: Path) -> None:
     class Failing(OccupancyLayer):
         class_name = "FailingLayer"
 

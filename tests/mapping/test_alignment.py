@@ -25,7 +25,7 @@ from hypermap.perception.detections import Detections
 from hypermap.perception.detectors.sources import detections_from_recording
 from hypermap.perception.frame import Camera, RgbdFrame
 from hypermap.simulation import PoseNoise, SimulatedRecording
-from hypermap.simulation.trajectory import Drive
+from hypermap.simulation.trajectory import DrivePlan
 from hypermap.simulation.truth import true_objects, true_occupancy
 from hypermap.simulation.world import FloorPlan, Wall, World, WorldObject
 
@@ -41,7 +41,7 @@ ROOM = World(
         WorldObject("chair", at=(2.2, 3.2), yaw_deg=-60.0),
         WorldObject("plant", at=(4.3, 0.6)),
     ),
-    drive=Drive(waypoints=((1.0, 1.0, 0.0), (1.0, 2.6, 30.0), (1.2, 2.6, -60.0)), speed=0.3),
+    drive=DrivePlan(waypoints=((1.0, 1.0, 0.0), (1.0, 2.6, 30.0), (1.2, 2.6, -60.0)), speed=0.3),
 )
 
 

@@ -1,4 +1,4 @@
-"""Depth in a wrong unit, or of a covered camera, is told."""
+"""Depth in a wrong unit, or of a covered camera, is reported."""
 
 from __future__ import annotations
 
@@ -34,7 +34,9 @@ def frame(depth: Any) -> RgbdFrame:
         (np.where(np.arange(160) < 2, 1.0, 13.107) * np.ones((120, 1)), "its depth is saturated"),
     ],
 )
-def test_what_no_camera_measures_is_told_from_what_one_may(depth: Any, reason: str | None) -> None:
+def test_what_no_camera_measures_is_distinguished_from_what_one_may(
+    depth: Any, reason: str | None
+) -> None:
     why = why_implausible(frame(depth))
     assert (why is None) == (reason is None)
     assert why is None or why.startswith(str(reason))
@@ -48,7 +50,7 @@ def test_what_no_camera_measures_is_told_from_what_one_may(depth: Any, reason: s
         (ALMOST_EMPTY, "in 3 of 5 frames, less than 5% of the pixels have depth"),
     ],
 )
-def test_what_is_odd_about_most_frames_is_told(depth: Any, words: str) -> None:
+def test_what_is_odd_about_most_frames_is_reported(depth: Any, words: str) -> None:
     check = DepthCheck(max_depth=5.0)
     for i in range(5):
         check.add(frame(depth if i < 3 else ROOM))

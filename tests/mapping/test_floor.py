@@ -1,4 +1,4 @@
-"""The floor that depth shows: where it lies, and that only a wrong one is told."""
+"""The floor that depth shows: where it lies, and that only a wrong one is reported."""
 
 from __future__ import annotations
 
@@ -156,9 +156,9 @@ def test_who_maps_a_tilted_world_is_warned_once(
     recording = kind(demo_world(), rate=1, has_occupancy=False)
     with caplog.at_level(logging.WARNING, "hypermap"):
         map_recording(recording, lambda _: Detections.of([], []), profile("default"))
-    told = [record.getMessage() for record in caplog.records]
-    assert len(told) == warnings
-    for text in told:
+    reported = [record.getMessage() for record in caplog.records]
+    assert len(reported) == warnings
+    for text in reported:
         assert "tilted by 17 degrees against its z axis" in text
         numbers = text.rpartition("--world-transform=")[2].split(",")
         levelled = compose(pose_from_rpy(*map(float, numbers)), Tilted.world_T_room)

@@ -203,7 +203,9 @@ def test_a_recording_without_a_usable_frame_is_an_error(count: int) -> None:
     )
 
 
-def test_a_frame_that_cannot_be_read_is_left_out_and_told(caplog: pytest.LogCaptureFixture) -> None:
+def test_a_frame_that_cannot_be_read_is_left_out_and_reported(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
     frames = walk()
     frames.items.insert(3, FormatError("the picture is damaged", path="depth/8.png"))
     hypermap = map_recording(frames, boxes, CONFIG)

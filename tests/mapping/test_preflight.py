@@ -1,4 +1,4 @@
-"""What is wrong with a recording is told before a map is made of it, and what is right is not."""
+"""Preflight reports what is wrong with a recording before a map is made, and nothing else."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def room(level: str = "fair") -> tuple[RgbdFrame, ...]:
 
 
 def wrong(frames: Iterable[RgbdFrame], **options: object) -> dict[str, Finding]:
-    """The faults that are told of frames, all of which are mapped."""
+    """The faults that are reported of frames, all of which are mapped."""
     found: list[Finding] = []
     preflight = Preflight(found.append, **options)
     for frame in frames:
@@ -42,7 +42,7 @@ def wrong(frames: Iterable[RgbdFrame], **options: object) -> dict[str, Finding]:
         preflight.add_mapped(frame)
     preflight.finish()
     preflight.finish()
-    assert len({finding.check for finding in found}) == len(found)  # each is told once
+    assert len({finding.check for finding in found}) == len(found)  # each is reported once
     return {finding.check: finding for finding in found}
 
 
@@ -56,22 +56,22 @@ def late(frames: Iterable[RgbdFrame], seconds: float) -> list[RgbdFrame]:
 
 
 @pytest.mark.parametrize("level", ["fair", "robot"])
-def test_of_a_recording_as_it_should_be_nothing_is_told(level: str) -> None:
+def test_of_a_recording_as_it_should_be_nothing_is_reported(level: str) -> None:
     assert wrong(room(level)) == {}
 
 
 @pytest.mark.parametrize("pose", [(0, 0, -0.4, 0, 0, 0), (0, 0, 0, 0.2, -0.1, 0)])
-def test_a_world_that_is_not_level_is_told_and_leveled(pose: tuple[float, ...]) -> None:
+def test_a_world_that_is_not_level_is_reported_and_leveled(pose: tuple[float, ...]) -> None:
     moved = pose_from_rpy(*pose)
     frames = [frame.moved_to(compose(moved, frame.map_T_camera)) for frame in room()[::3]]
     assert "--level auto" in wrong(frames)["level"].remedy
     leveling, _ = leveling_pose(frames)
     level = compose(leveling, moved)
     assert level[2] == pytest.approx([0, 0, 1, 0], abs=0.02)
-    # The option that is told with it comes on top of the one that was given.
+    # The option that the warning names comes on top of the one that was given.
     given = pose_from_rpy(1, 2, 3, 0.1, 0.2, 0.3)
-    told = wrong(frames, map_T_world=given)["level"].remedy.rpartition("=")[2]
-    numbers = pose_from_rpy(*map(float, told.split(",")))
+    reported = wrong(frames, map_T_world=given)["level"].remedy.rpartition("=")[2]
+    numbers = pose_from_rpy(*map(float, reported.split(",")))
     np.testing.assert_allclose(numbers, compose(leveling, given), atol=0.002)
 
 
@@ -81,11 +81,11 @@ def test_a_level_world_stays_as_it_is() -> None:
 
 
 @pytest.mark.parametrize("seconds", [-0.3, -0.1, 0.1, 0.3])
-def test_clocks_that_differ_are_told_and_by_how_much(seconds: float) -> None:
+def test_clocks_that_differ_are_reported_and_by_how_much(seconds: float) -> None:
     frames = late(room("robot"), seconds)
     finding = wrong(frames)["clock"]
-    [(told, side)] = re.findall(r"poses of ([0-9.]+) s (\w+)", finding.measured)
-    assert float(told) == pytest.approx(abs(seconds), abs=0.03)
+    [(reported, side)] = re.findall(r"poses of ([0-9.]+) s (\w+)", finding.measured)
+    assert float(reported) == pytest.approx(abs(seconds), abs=0.03)
     assert side == ("later" if seconds > 0 else "earlier")
     assert clock_offset(frames) == pytest.approx(seconds, abs=0.03)
 
@@ -97,7 +97,7 @@ def test_of_frames_far_apart_nobody_knows_the_clock() -> None:
 
 
 @pytest.mark.parametrize("factor", [0.2, 5.0])
-def test_depth_in_another_unit_is_told(factor: float) -> None:
+def test_depth_in_another_unit_is_reported(factor: float) -> None:
     frames = [
         dataclasses.replace(frame, depth=frame.depth * np.float32(factor)) for frame in room()
     ]
@@ -106,7 +106,7 @@ def test_depth_in_another_unit_is_told(factor: float) -> None:
 
 
 @pytest.mark.parametrize("pixels", [-5, 4])
-def test_color_that_is_not_registered_is_told(pixels: int) -> None:
+def test_color_that_is_not_registered_is_reported(pixels: int) -> None:
     frames = [
         dataclasses.replace(frame, color=np.roll(frame.color, pixels, axis=1))
         for frame in room()[:40]
@@ -115,7 +115,9 @@ def test_color_that_is_not_registered_is_told(pixels: int) -> None:
 
 
 @pytest.mark.parametrize("degrees", [90, 180, 270])
-def test_images_that_are_not_upright_are_told_with_the_turn_that_mends_them(degrees: int) -> None:
+def test_images_that_are_not_upright_are_reported_with_the_turn_that_mends_them(
+    degrees: int,
+) -> None:
     frames = [turned(frame, 360 - degrees) for frame in room()[:30]]
     found = wrong(frames)
     assert found.keys() == {"upright"}
@@ -123,7 +125,7 @@ def test_images_that_are_not_upright_are_told_with_the_turn_that_mends_them(degr
     assert turned(frames[0], degrees).map_T_camera == pytest.approx(room()[0].map_T_camera)
 
 
-def test_a_camera_that_hangs_upside_down_without_its_pose_saying_so_is_told() -> None:
+def test_a_camera_that_hangs_upside_down_without_its_pose_saying_so_is_reported() -> None:
     frames = [
         turned(frame, 180).moved_to(frame.map_T_camera) for frame in room()[:30]
     ]  # the images are upside down, and the pose is that of an upright camera
@@ -144,7 +146,7 @@ def test_color_that_cannot_be_read_is_left_out() -> None:
     assert wrong(frames) == {}
 
 
-def test_of_a_real_kitchen_level_and_registration_are_told(shared_data: Path) -> None:
+def test_of_a_real_kitchen_level_and_registration_are_reported(shared_data: Path) -> None:
     path = shared_data / "kitchen"
     found = wrong(open_recording(path).frames())
     assert found.keys() == {"level", "registration"}
@@ -166,7 +168,7 @@ def test_of_a_real_kitchen_level_and_registration_are_told(shared_data: Path) ->
     assert wrong(open_recording(path, mended).frames()) == {}
 
 
-def test_the_clock_of_a_real_desk_is_told_when_it_is_off(shared_data: Path) -> None:
+def test_the_clock_of_a_real_desk_is_reported_when_it_is_off(shared_data: Path) -> None:
     path = shared_data / "desk"
     assert wrong(open_recording(path).frames()) == {}
     measured = clock_offset(open_recording(path, RecordingOptions(time_offset=0.3)).frames())

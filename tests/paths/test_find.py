@@ -223,12 +223,12 @@ def test_a_keepout_zone_is_driven_around():
         ([9.0, 1.0], {}, r"the start \(9.00, 1.00\) is off the grid; the nearest free cell is row"),
     ],
 )
-def test_a_start_that_is_not_free_is_told_with_the_nearest_that_is(start, robot, reason):
+def test_a_start_that_is_not_free_is_reported_with_the_nearest_that_is(start, robot, reason):
     with pytest.raises(HypermapError, match=reason):
         find_path(space_of(WALL, 0.1, **robot), start, [5.0, 1.0])
 
 
-def test_a_start_in_the_unknown_is_told():
+def test_a_start_in_the_unknown_is_reported():
     with pytest.raises(HypermapError, match=r"is in an unknown cell .*; no cell is free"):
         find_path(space_of(-np.ones((3, 3))), [0.5, 0.5], [1.5, 1.5])
 

@@ -114,7 +114,9 @@ def test_a_cup_on_a_table_is_approached_over_the_table(flat):
         (9, {}, 0.6, None, "there is no object or room 9"),
     ],
 )
-def test_what_cannot_be_reached_is_told_with_the_reason(flat, what, robot, distance, start, reason):
+def test_what_cannot_be_reached_is_reported_with_the_reason(
+    flat, what, robot, distance, start, reason
+):
     with pytest.raises(HypermapError, match=reason):
         Planner(flat, PathSettings(**robot)).approach(what, distance, start)
 

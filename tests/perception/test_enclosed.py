@@ -103,7 +103,7 @@ def test_a_thing_in_two_boxes_belongs_to_the_smaller_one() -> None:
     found = cut(depth, [box_of(table | cup), box_of(cup)])
     assert shares(found[0], table)[0] > 0.95
     assert not (found[0] & found[1]).any()
-    # Without a box of its own the cup cannot be told from the table that it stands on.
+    # Without a box of its own the cup cannot be distinguished from the table that it stands on.
     assert np.count_nonzero(cut(depth, [box_of(table | cup)])[0] & cup) > 0.8 * cup.sum()
 
 

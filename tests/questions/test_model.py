@@ -122,7 +122,7 @@ def test_a_fence_around_the_query_is_no_matter(
     assert ask().query.names == ("cup",)
 
 
-def test_it_is_told_once_what_was_wrong(endpoint: Endpoint, ask: Callable[..., Any]) -> None:
+def test_it_is_reported_once_what_was_wrong(endpoint: Endpoint, ask: Callable[..., Any]) -> None:
     endpoint.answers = ['{"names": ["cup"], "color": "red"}', QUERY]
     assert ask().query.names == ("cup",)
     *_, (_, body) = endpoint.requests

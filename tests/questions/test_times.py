@@ -90,7 +90,7 @@ def test_any_text_can_be_looked_at(text: str, moment: datetime) -> None:
         assert span.since is not None or span.until is not None
 
 
-def test_stamps_of_a_calendar_are_told_from_those_of_a_recording() -> None:
+def test_stamps_of_a_calendar_are_distinguished_from_those_of_a_recording() -> None:
     assert are_calendar([None, 12.5, 1.7e9])
     assert not are_calendar([0.0, 1e6, None])
     assert not are_calendar([])

@@ -158,11 +158,11 @@ def test_a_damaged_message_costs_its_frame_alone(tmp_path: Path, kind: str, bad:
         return
     assert recording.info().frames == len(SHOTS) - 1
     assert f"messages that cannot be read: 1, the first: {problem}" in recording.info().notes[-1]
-    told: list[tuple[float, str]] = []
-    frames = list(recording.frames(lambda stamp, error: told.append((stamp, str(error)))))
+    reported: list[tuple[float, str]] = []
+    frames = list(recording.frames(lambda stamp, error: reported.append((stamp, str(error)))))
     good = [shot.stamp / 1e9 for i, shot in enumerate(SHOTS) if i not in bad]
     assert [frame.stamp for frame in frames] == pytest.approx(good)
-    [(stamp, message)] = told
+    [(stamp, message)] = reported
     assert stamp == pytest.approx(SHOTS[bad[0]].stamp / 1e9)
     assert message.startswith(problem)
     with pytest.raises(FormatError, match="a message is damaged"):

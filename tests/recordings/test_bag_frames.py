@@ -210,11 +210,11 @@ def test_depth_that_is_damaged_or_of_another_size_costs_its_frame_alone(
             pixels = shot.depth_mm[:12] if i == bad else shot.depth_mm
             bag.add("/depth/image", IMAGE, shot.stamp, image(pixels, "16UC1", shot.stamp))
     recording = open_recording(bag.path, RecordingOptions(intrinsics=INTRINSICS))
-    told: list[tuple[float, str]] = []
-    frames = list(recording.frames(lambda stamp, error: told.append((stamp, str(error)))))
+    reported: list[tuple[float, str]] = []
+    frames = list(recording.frames(lambda stamp, error: reported.append((stamp, str(error)))))
     good = [shot.stamp / 1e9 for i, shot in enumerate(SHOTS) if i != bad]
     assert [frame.stamp for frame in frames] == pytest.approx(good)
-    [(stamp, message)] = told
+    [(stamp, message)] = reported
     assert stamp == pytest.approx(SHOTS[bad].stamp / 1e9)
     assert "the depth image has 32 x 12 pixels" in message
     with pytest.raises(FormatError):

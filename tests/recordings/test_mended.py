@@ -75,7 +75,7 @@ def test_a_bag_registers_depth_by_its_camera_info_and_tf(tmp_path: Path) -> None
         ({"has_info": False}, {"color_intrinsics": LARGE}, "give --color-intrinsics"),
     ],
 )
-def test_what_a_bag_lacks_for_it_is_told_and_may_be_given(
+def test_what_a_bag_lacks_for_it_is_reported_and_may_be_given(
     tmp_path: Path, lack: dict[str, bool], given: dict[str, Any], words: str
 ) -> None:
     path = write_two_cameras(tmp_path, **lack)

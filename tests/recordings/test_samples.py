@@ -222,7 +222,7 @@ def drive(tmp_path_factory):
         ("/warmth", {"sensor_frame": "nose"}, "no frame 'nose'.*--sensor-frame"),
     ],
 )
-def test_what_cannot_be_read_is_told_with_a_remedy(drive, topic, options, said):
+def test_what_cannot_be_read_is_reported_with_a_remedy(drive, topic, options, said):
     with pytest.raises(FormatError, match=said) as caught:
         read_bag(drive, topic, **options)
     assert str(drive) in str(caught.value)

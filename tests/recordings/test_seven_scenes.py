@@ -183,10 +183,10 @@ def test_a_broken_pose_costs_its_frame_alone(folder: Path, text: str, problem: s
     info = open_recording(folder).info()
     assert info.missing == ()
     assert f"poses that cannot be read: 1, the first is {message}" in info.notes
-    told: list[str] = []
-    frames = list(open_recording(folder).frames(lambda _, error: told.append(str(error))))
+    reported: list[str] = []
+    frames = list(open_recording(folder).frames(lambda _, error: reported.append(str(error))))
     assert len(frames) == 3
-    assert told == [message]
+    assert reported == [message]
     with pytest.raises(FormatError) as caught:
         list(open_recording(folder).frames())
     assert str(caught.value) == message
@@ -206,7 +206,9 @@ def test_poses_of_rounded_numbers_are_made_rigid(folder: Path, digits: int) -> N
         np.testing.assert_allclose(frame.map_T_camera, shot.map_T_camera, atol=10.0**-digits)
 
 
-def test_depth_and_color_of_different_size_from_the_start_are_told_by_info(folder: Path) -> None:
+def test_depth_and_color_of_different_size_from_the_start_are_reported_by_info(
+    folder: Path,
+) -> None:
     path = folder / "frame-000000.color.png"
     for color in folder.glob("*.color.png"):
         Image.fromarray(np.zeros((48, 64, 3), np.uint8)).save(color)

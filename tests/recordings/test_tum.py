@@ -355,16 +355,18 @@ def test_info_tells_of_images_that_are_missing(folder: Path, kind: str) -> None:
     assert opened(folder).info().missing == (expected,)
 
 
-def test_frames_that_cannot_be_read_are_told_where_somebody_listens(folder: Path) -> None:
+def test_frames_that_cannot_be_read_are_reported_where_somebody_listens(folder: Path) -> None:
     first, second, third, _ = sorted(folder.glob("depth/*"))
     first.unlink()
     second.write_bytes(second.read_bytes()[:-50])
     Image.fromarray(np.ones((12, 16), np.uint16)).save(third)
-    told: list[tuple[float, str]] = []
-    frames = list(opened(folder).frames(lambda stamp, error: told.append((stamp, str(error)))))
+    reported: list[tuple[float, str]] = []
+    frames = list(opened(folder).frames(lambda stamp, error: reported.append((stamp, str(error)))))
     assert [frame.stamp for frame in frames] == pytest.approx([SHOTS[3].stamp / 1e9])
-    assert [stamp for stamp, _ in told] == pytest.approx([shot.stamp / 1e9 for shot in SHOTS[:3]])
-    for (_, message), path in zip(told, (first, second, third), strict=True):
+    assert [stamp for stamp, _ in reported] == pytest.approx(
+        [shot.stamp / 1e9 for shot in SHOTS[:3]]
+    )
+    for (_, message), path in zip(reported, (first, second, third), strict=True):
         assert message.startswith(f"{path}: ")
 
 

@@ -67,7 +67,7 @@ def test_a_kind_means_all_rooms_of_it():
     ("number", "expected"),
     [(11, "kitchen"), (13, "Ada's"), (14, "Ada's"), (15, "kitchen"), (16, None)],
 )
-def test_the_room_of_an_object_is_told(flat, number, expected):
+def test_the_room_of_an_object_is_reported(flat, number, expected):
     (found,) = (item for item in flat.objects(layer="semantic") if item.object.id == number)
     room = room_of(flat, found)
     assert (None if room is None else room.name) == expected
@@ -75,7 +75,7 @@ def test_the_room_of_an_object_is_told(flat, number, expected):
         assert (number in ids(flat.objects(inside=where))) == (where == expected)
 
 
-def test_the_rooms_that_have_something_are_told(flat):
+def test_the_rooms_that_have_something_are_reported(flat):
     assert [room.id for room in rooms_with(flat, "printer")] == [1]
     assert [room.id for room in rooms_with(flat, ["cup", "printer"])] == [0, 1]
     assert rooms_with(flat, "car") == []
@@ -139,8 +139,8 @@ def test_the_shell_asks_for_rooms(flat):
 
 def test_programs_read_in_which_room_each_object_is(flat):
     rows = answers(flat, Question(names=["cup", "car"]))
-    told = {row["value"]: row["room"] for row in rows}
-    assert told == {12: {"id": 0, "name": "kitchen"}, 13: {"id": 1, "name": "Ada's"}, 16: None}
+    reported = {row["value"]: row["room"] for row in rows}
+    assert reported == {12: {"id": 0, "name": "kitchen"}, 13: {"id": 1, "name": "Ada's"}, 16: None}
 
 
 def test_the_nearest_by_path_is_asked_in_the_shell(flat):

@@ -18,7 +18,7 @@ from hypermap.core.errors import HypermapError
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.semantic import SemanticLayer, SemanticObject
 from hypermap.ros.server.costmap_masks import CostmapMasks
-from hypermap.ros.typestore import Types, decode, encode
+from hypermap.ros.typestore import CdrTypes, decode, encode
 from hypermap.testing.builders import occupancy_from_text, square
 
 from .conftest import wait_for
@@ -46,7 +46,7 @@ def office() -> Hypermap:
 
 
 @dataclass
-class Topics(Types):
+class Topics(CdrTypes):
     """A port that keeps what is published, after it has been through CDR."""
 
     node_name: str = "/hypermap_server"

@@ -429,9 +429,9 @@ def test_a_timer_goes_on_until_it_is_closed(port, capfd):
     timer = port.timer(0.01, call)
     wait_for(lambda: len(calls) >= 3, "three calls")
     timer.close()
-    told = capfd.readouterr().err
-    assert "in a timer: Traceback" in told
-    assert "ValueError: in vain" in told
+    reported = capfd.readouterr().err
+    assert "in a timer: Traceback" in reported
+    assert "ValueError: in vain" in reported
 
 
 @pytest.mark.parametrize(

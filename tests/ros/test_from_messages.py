@@ -120,7 +120,7 @@ def test_rounding_is_no_crossing() -> None:
     assert not crosses_itself(shapely.Polygon(ring))
 
 
-def test_an_area_without_points_is_told_from_others(types: Any) -> None:
+def test_an_area_without_points_is_distinguished_from_others(types: Any) -> None:
     assert is_empty_area(area(types, []))
     assert not is_empty_area(area(types, [(0, 0)]))
 

@@ -106,7 +106,7 @@ def of(messages: list[Any], namespace: str) -> list[Any]:
     return [m for m in messages[-1].markers if m.ns == namespace] if messages else []
 
 
-def test_where_tf_knows_no_robot_it_is_told(
+def test_where_tf_knows_no_robot_it_is_reported(
     room: Callable[..., Room], rospy: Any, drive: list[RgbdFrame]
 ) -> None:
     given = {**EXPLORING, "base_frame": "base_footprint"}

@@ -321,6 +321,6 @@ def test_depth_is_registered_to_color_and_frames_are_turned_where_that_is_set() 
         ({"sensor_min_range": 4.0}, "sensor_min_range must be below sensor_range, got 4 and 4"),
     ],
 )
-def test_settings_that_do_not_go_together_are_told(values: dict[str, Any], words: str) -> None:
+def test_settings_that_do_not_go_together_are_reported(values: dict[str, Any], words: str) -> None:
     with pytest.raises(HypermapError, match=words):
         LiveSettings(depth_topic="/depth", detections_topic="/boxes", **values)

@@ -43,7 +43,7 @@ def test_diagnostics_tell_how_the_server_fares(start, rospy, tmp_path):
     client.string("occupancy", 0.5, 0.5)
     client.refused("get_string_at_point", "GetStringAtPoint", layer="moon")
 
-    def told(message: Any) -> dict[str, str]:
+    def values_of(message: Any) -> dict[str, str]:
         (status,) = message.status
         return {"name": status.name, "level": status.level, "message": status.message} | {
             pair.key: pair.value for pair in status.values
@@ -51,7 +51,7 @@ def test_diagnostics_tell_how_the_server_fares(start, rospy, tmp_path):
 
     kind = "diagnostic_msgs/DiagnosticArray"
     heard = client.heard("/diagnostics", kind, lambda m: m.status[0].name == "healthy: map")
-    assert told(heard) == {
+    assert values_of(heard) == {
         "name": "healthy: map",
         "level": 0,
         "message": "serving 2 layers",
@@ -64,7 +64,7 @@ def test_diagnostics_tell_how_the_server_fares(start, rospy, tmp_path):
     }
     client.call("clear", "std_srvs/Trigger")
     heard = client.heard("/diagnostics", kind, lambda m: m.status[0].level == 1)
-    assert told(heard)["message"] == "there is no map"
+    assert values_of(heard)["message"] == "there is no map"
 
 
 def test_without_a_directory_no_file_is_touched_and_ctrl_c_ends_it_clean(start, rospy, tmp_path):

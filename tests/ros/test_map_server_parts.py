@@ -190,7 +190,7 @@ def test_the_maps_own_transforms_come_before_those_of_tf():
 # Updates
 
 
-def test_a_flood_of_different_reasons_is_told_of_once():
+def test_a_flood_of_different_reasons_is_reported_of_once():
     port = Notes()
     current = CurrentMap(port)
     updates = LayerUpdates(port, current, FloorFrames(port))
@@ -220,6 +220,6 @@ def test_a_flood_of_different_reasons_is_told_of_once():
         ("std_srvs/Trigger", {"success": False, "message": "why"}),
     ],
 )
-def test_a_failure_is_told_as_well_as_the_type_can(type_name, fields):
+def test_a_failure_is_reported_as_well_as_the_type_can(type_name, fields):
     response = failed_response(Notes(), type_name, "why")
     assert {name: getattr(response, name) for name in fields} == fields

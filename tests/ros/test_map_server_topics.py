@@ -125,7 +125,7 @@ def test_late_subscribers_hear_of_every_layer_and_of_the_map(serve):
         assert client.call(service, "nav_msgs/GetMap").map.info.height == 2
 
 
-def test_measured_values_are_a_grid_whose_scale_is_told(serve):
+def test_measured_values_are_a_grid_whose_scale_is_reported(serve):
     hypermap = building()
     values = ValueLayer("warmth", "lab", GridGeometry(3, 1, 1.0), [[20, math.nan, 30]], "°C")
     values.settings["publish_global_topics"] = True

@@ -66,11 +66,11 @@ def test_a_value_that_does_not_fit_is_an_error(
     assert str(caught.value) == error
 
 
-def test_changes_are_told_once_and_wrong_ones_keep_the_old_value(
+def test_changes_are_reported_once_and_wrong_ones_keep_the_old_value(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
-    told: list[Any] = []
-    parameters = ParameterSet([RATE, SHOWN, MODE], {"rate": 4}, told.append)
+    reported: list[Any] = []
+    parameters = ParameterSet([RATE, SHOWN, MODE], {"rate": 4}, reported.append)
     assert parameters.values == {"rate": 4.0, "shown": True, "mode": "raw"}
     assert parameters.given == {"rate": 4}
     with caplog.at_level(logging.WARNING, "hypermap"):
@@ -83,7 +83,7 @@ def test_changes_are_told_once_and_wrong_ones_keep_the_old_value(
             {"rate": 5, "mode": "scale"},  # one cannot change
         ):
             parameters.update(given)
-    assert told == [{"shown": False}, {"rate": 5.0}]
+    assert reported == [{"shown": False}, {"rate": 5.0}]
     assert parameters.values == {"rate": 5.0, "shown": False, "mode": "raw"}
     assert parameters.given == {"rate": 5, "shown": False, "mode": "scale"}
     assert [record.getMessage() for record in caplog.records] == [
@@ -103,7 +103,7 @@ def test_names_that_nobody_heeds_are_a_warning_each(caplog: pytest.LogCaptureFix
     ]
 
 
-def test_what_holds_for_one_run_is_not_told_to_another_roscore() -> None:
+def test_what_holds_for_one_run_does_not_reach_another_roscore() -> None:
     place = Parameter("place", "", "A file.", once=True)
     parameters = ParameterSet([RATE, place], {"rate": 4, "place": "x.hmap"})
     assert parameters.values == {"rate": 4.0, "place": "x.hmap"}

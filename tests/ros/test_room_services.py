@@ -60,14 +60,14 @@ def finder(rospy: Any, servers: None) -> Client:
 @pytest.mark.parametrize(
     ("object_", "room"), [("0", "Emma's place"), ("1", "office"), ("cup 1", "office")]
 )
-def test_the_room_of_an_object_is_told(client: Client, object_: str, room: str) -> None:
+def test_the_room_of_an_object_is_reported(client: Client, object_: str, room: str) -> None:
     answer = client.call("get_room_of", "GetRoomOf", object=object_)
     assert (answer.success, answer.message, answer.frame_id) == (True, "", "map")
     assert [found.name for found in answer.rooms] == [room]
 
 
 @ros
-def test_a_room_is_told_with_all_that_is_known_of_it(client: Client) -> None:
+def test_a_room_is_reported_with_all_that_is_known_of_it(client: Client) -> None:
     (room,) = client.call("get_rooms_with", "GetRoomsWith", name="cup").rooms[:1]
     assert (room.id, room.kind, room.sure, room.area) == (0, "kitchen", 1.0, pytest.approx(16.4))
     (part,) = room.outline
@@ -77,7 +77,7 @@ def test_a_room_is_told_with_all_that_is_known_of_it(client: Client) -> None:
 
 
 @ros
-def test_the_rooms_with_something_are_told(client: Client) -> None:
+def test_the_rooms_with_something_are_reported(client: Client) -> None:
     answer = client.call("get_rooms_with", "GetRoomsWith", name="cup")
     assert [room.name for room in answer.rooms] == ["Emma's place", "office"]
     none = client.call("get_rooms_with", "GetRoomsWith", name="printer")

@@ -305,7 +305,7 @@ def test_a_map_that_is_missing_ends_the_start(graph: Graph, serve: Any, tmp_path
     assert graph.nodes == []
 
 
-def test_the_program_serves_until_it_is_told_to_end(graph: Graph, tmp_path: Path) -> None:
+def test_the_program_serves_until_it_is_reported_to_end(graph: Graph, tmp_path: Path) -> None:
     file = saved(building(), tmp_path / "a map.hmap")
     answers: list[str] = []
 

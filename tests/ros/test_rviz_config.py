@@ -1,4 +1,4 @@
-"""Configurations of rviz, and which displays a window is told to show."""
+"""Configurations of rviz, and which displays a window shows."""
 
 from __future__ import annotations
 
@@ -175,8 +175,8 @@ def test_rviz2_is_started_with_a_configuration_for_the_map(
 # The window
 
 
-class Told:
-    """A window that notes what it is told, and a node that hands on what it hears."""
+class RecordingWindow:
+    """A window that records its orders, and a node that hands on what it hears."""
 
     def __init__(self) -> None:
         self.orders: list[tuple[str, dict[str, Any]]] = []
@@ -192,7 +192,7 @@ class Told:
         return SimpleNamespace(close=lambda: self.closed.append(topic))
 
     def metadata(self, *layers: tuple[str, str, str]) -> list[tuple[str, Any]]:
-        """Hear of layers, given as class, name and frame, and return what was told since."""
+        """Hear of layers, given as class, name and frame, and return the orders since."""
         before = len(self.orders)
         named = [SimpleNamespace(class_name=c, name=n, frame_id=f) for c, n, f in layers]
         self.heard["/server/hypermap_metadata"](SimpleNamespace(layers=named))
@@ -204,22 +204,22 @@ THINGS = ("SemanticLayer", "things", "map")
 
 
 def test_displays_come_and_go_with_the_layers() -> None:
-    told: Any = Told()
-    LayerDisplays(told, told, "/server", RvizView())
-    assert told.orders[0] == ("load", {"config": configuration([], "map", RvizView())})
-    assert told.metadata(GRID, THINGS) == [("put", "grid"), ("put", "things")]
-    assert told.orders[-1][1]["open"] == ["Namespaces"]
-    assert told.metadata(GRID, THINGS) == []  # so what the user has set there stays
-    assert told.metadata(THINGS, ("FlowLayer", "people", "map")) == [("remove", "grid")]
-    assert told.metadata(("OccupancyGridLayer", "things", "map")) == [("put", "things")]
-    assert told.orders[-1][1]["class"] == "rviz/Map"
-    assert told.metadata() == [("remove", "things")]
+    window: Any = RecordingWindow()
+    LayerDisplays(window, window, "/server", RvizView())
+    assert window.orders[0] == ("load", {"config": configuration([], "map", RvizView())})
+    assert window.metadata(GRID, THINGS) == [("put", "grid"), ("put", "things")]
+    assert window.orders[-1][1]["open"] == ["Namespaces"]
+    assert window.metadata(GRID, THINGS) == []  # so what the user has set there stays
+    assert window.metadata(THINGS, ("FlowLayer", "people", "map")) == [("remove", "grid")]
+    assert window.metadata(("OccupancyGridLayer", "things", "map")) == [("put", "things")]
+    assert window.orders[-1][1]["class"] == "rviz/Map"
+    assert window.metadata() == [("remove", "things")]
 
 
 def test_the_fixed_frame_is_that_of_the_first_layer() -> None:
-    told: Any = Told()
-    LayerDisplays(told, told, "/server", RvizView())
-    assert told.metadata(("SemanticLayer", "things", "lab"), GRID)[0] == ("frame", "lab")
+    window: Any = RecordingWindow()
+    LayerDisplays(window, window, "/server", RvizView())
+    assert window.metadata(("SemanticLayer", "things", "lab"), GRID)[0] == ("frame", "lab")
 
 
 def grid_at(x: float, y: float, width: int = 80) -> Any:
@@ -232,100 +232,100 @@ NO_GRID = grid_at(0, 0, width=0)
 A_GRID = ("OccupancyGridLayer", "a grid", "map")
 
 
-def looks(told: Any) -> list[tuple[float, float]]:
-    """Return the middle of each view that the window was told to show."""
+def looks(window: Any) -> list[tuple[float, float]]:
+    """Return the middle of each view that the window was ordered to show."""
     shown = [
-        yaml.safe_load(order["config"])["Current"] for do, order in told.orders if do == "view"
+        yaml.safe_load(order["config"])["Current"] for do, order in window.orders if do == "view"
     ]
     return [(round(view["X"], 3), round(view["Y"], 3)) for view in shown]
 
 
 def test_the_window_looks_once_at_the_first_grid() -> None:
-    told: Any = Told()
-    LayerDisplays(told, told, "/server")
-    told.metadata(THINGS, A_GRID)
-    hear = told.heard["/server/a_grid_map_metadata"]
+    window: Any = RecordingWindow()
+    LayerDisplays(window, window, "/server")
+    window.metadata(THINGS, A_GRID)
+    hear = window.heard["/server/a_grid_map_metadata"]
     for message in (NO_GRID, grid_at(10, 2), grid_at(10, 2), grid_at(10, 2, 90)):
         hear(message)  # the last one has grown, as that of a map that is being made
-    assert looks(told) == [(14.0, 4.0)]
-    (put,) = (order for do, order in told.orders if do == "put" and order["name"] == "Grid")
+    assert looks(window) == [(14.0, 4.0)]
+    (put,) = (order for do, order in window.orders if do == "put" and order["name"] == "Grid")
     assert yaml.safe_load(put["config"])["Offset"]["X"] == 14
-    assert told.metadata(THINGS) == [("remove", "a grid")]
+    assert window.metadata(THINGS) == [("remove", "a grid")]
 
 
 @pytest.mark.parametrize("first", ["the map", "its grid"])
 def test_the_window_looks_at_another_map_when_one_comes(first: str) -> None:
-    told: Any = Told()
-    LayerDisplays(told, told, "/server")
-    told.metadata(A_GRID)
-    hear = told.heard["/server/a_grid_map_metadata"]
+    window: Any = RecordingWindow()
+    LayerDisplays(window, window, "/server")
+    window.metadata(A_GRID)
+    hear = window.heard["/server/a_grid_map_metadata"]
     hear(grid_at(10, 2))
     if first == "the map":  # topics come in any order
-        told.metadata(A_GRID, THINGS)
+        window.metadata(A_GRID, THINGS)
         hear(grid_at(-100, 2))
     else:
         hear(grid_at(-100, 2))
-        assert len(looks(told)) == 1
-        told.metadata(A_GRID, THINGS)
+        assert len(looks(window)) == 1
+        window.metadata(A_GRID, THINGS)
     hear(grid_at(-100, 2, 90))
-    assert looks(told) == [(14.0, 4.0), (-96.0, 4.0)]
-    assert len([do for do, _ in told.orders if do == "load"]) == 1, "what the user has set stays"
+    assert looks(window) == [(14.0, 4.0), (-96.0, 4.0)]
+    assert len([do for do, _ in window.orders if do == "load"]) == 1, "what the user has set stays"
 
 
 def test_the_same_map_once_more_leaves_the_view() -> None:
-    told: Any = Told()
-    LayerDisplays(told, told, "/server")
+    window: Any = RecordingWindow()
+    LayerDisplays(window, window, "/server")
     for _ in range(2):
-        told.metadata(A_GRID)
-        told.heard["/server/a_grid_map_metadata"](grid_at(10, 2))
-    assert looks(told) == [(14.0, 4.0)]
+        window.metadata(A_GRID)
+        window.heard["/server/a_grid_map_metadata"](grid_at(10, 2))
+    assert looks(window) == [(14.0, 4.0)]
 
 
 def test_the_grid_of_another_map_may_have_another_name() -> None:
-    told: Any = Told()
-    LayerDisplays(told, told, "/server")
-    told.metadata(A_GRID)
-    told.heard["/server/a_grid_map_metadata"](grid_at(10, 2))
-    told.metadata(GRID)
-    assert told.closed == ["/server/a_grid_map_metadata"]
-    told.heard["/server/grid_map_metadata"](grid_at(20, 2))
-    assert looks(told) == [(14.0, 4.0), (24.0, 4.0)]
+    window: Any = RecordingWindow()
+    LayerDisplays(window, window, "/server")
+    window.metadata(A_GRID)
+    window.heard["/server/a_grid_map_metadata"](grid_at(10, 2))
+    window.metadata(GRID)
+    assert window.closed == ["/server/a_grid_map_metadata"]
+    window.heard["/server/grid_map_metadata"](grid_at(20, 2))
+    assert looks(window) == [(14.0, 4.0), (24.0, 4.0)]
 
 
 def test_a_view_that_was_given_stays_until_another_map_comes() -> None:
-    told: Any = Told()
-    LayerDisplays(told, told, "/server", RvizView(1, 2, 3))
-    told.metadata(GRID)
-    hear = told.heard["/server/grid_map_metadata"]
+    window: Any = RecordingWindow()
+    LayerDisplays(window, window, "/server", RvizView(1, 2, 3))
+    window.metadata(GRID)
+    hear = window.heard["/server/grid_map_metadata"]
     hear(grid_at(10, 2))
-    assert looks(told) == []
-    told.metadata(GRID)
+    assert looks(window) == []
+    window.metadata(GRID)
     hear(grid_at(20, 2))
-    assert looks(told) == [(24.0, 4.0)]
+    assert looks(window) == [(24.0, 4.0)]
 
 
 def test_a_mask_is_shown_from_its_first_message_on() -> None:
-    told: Any = Told()
-    LayerDisplays(told, told, "/server", RvizView())
-    told.metadata(THINGS)
+    window: Any = RecordingWindow()
+    LayerDisplays(window, window, "/server", RvizView())
+    window.metadata(THINGS)
     for _ in range(2):
-        told.heard["/server/keepout_mask"](SimpleNamespace())
-    put = [order for do, order in told.orders if do == "put"]
+        window.heard["/server/keepout_mask"](SimpleNamespace())
+    put = [order for do, order in window.orders if do == "put"]
     assert [order["name"] for order in put] == ["things", "Keepout zones"]
     shown = yaml.safe_load(put[1]["config"])
     assert (shown["Class"], shown["Topic"]) == ("rviz/Map", "/server/keepout_mask")
     assert shown["Enabled"]
-    assert told.metadata() == [("remove", "things")], "it is no layer"
+    assert window.metadata() == [("remove", "things")], "it is no layer"
 
 
 def test_doors_and_the_graph_have_a_display_where_the_map_has_rooms() -> None:
     rooms = SemanticLayer("rooms", "map", [square("office", 0, 0)])
     shown = displays(map_configuration(Hypermap([rooms]), "/server"))["Doors and graph"]
     assert (shown["Class"], shown["Marker Topic"]) == ("rviz/MarkerArray", "/server/room_graph")
-    told: Any = Told()
-    LayerDisplays(told, told, "/server", RvizView())
-    told.heard["/server/room_graph"](SimpleNamespace())
-    assert [order["name"] for do, order in told.orders if do == "put"] == ["Doors and graph"]
+    window: Any = RecordingWindow()
+    LayerDisplays(window, window, "/server", RvizView())
+    window.heard["/server/room_graph"](SimpleNamespace())
+    assert [order["name"] for do, order in window.orders if do == "put"] == ["Doors and graph"]
 
 
 # The package of launch files

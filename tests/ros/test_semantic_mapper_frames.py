@@ -158,7 +158,7 @@ def test_max_rate_takes_some_frames_only(room: Callable[..., Room], drive: list[
     ],
     ids=["level", "tilted", "low"],
 )
-def test_a_floor_that_is_off_is_told_once(
+def test_a_floor_that_is_off_is_reported_once(
     room: Callable[..., Room],
     drive: list[RgbdFrame],
     pose: tuple[float, ...],

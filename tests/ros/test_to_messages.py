@@ -99,15 +99,15 @@ def test_meta_data_hold_the_geometry(types: Any) -> None:
 # Measured values
 
 
-def test_values_are_scaled_to_the_range_of_a_grid_and_the_scale_is_told(types: Any) -> None:
+def test_values_are_scaled_to_the_range_of_a_grid_and_the_scale_is_reported(types: Any) -> None:
     cells = [[20.0, 22.5, math.nan], [30.0, 20.04, 25.0]]
     grid = GridGeometry(3, 2, 0.5, Pose2D(1, 2))
     layer = ValueLayer("warmth", "map", grid, cells, "°C", quantity="temperature")
     got = types.sent(value_grid(layer, types, STAMP))
     assert np.asarray(got.data, np.int8).tolist() == [0, 25, -1, 100, 0, 50]
     assert (got.info.width, got.info.height, got.info.origin.position.x) == (3, 2, 1)
-    told = json.loads(types.sent(value_scale(layer, types, STAMP)).data)
-    assert told == {"quantity": "temperature", "unit": "°C", "at_0": 20, "at_100": 30}
+    reported = json.loads(types.sent(value_scale(layer, types, STAMP)).data)
+    assert reported == {"quantity": "temperature", "unit": "°C", "at_0": 20, "at_100": 30}
 
 
 @pytest.mark.parametrize(("cells", "data"), [([[7, 7]], [0, 0]), ([[math.nan] * 2], [-1, -1])])
@@ -247,7 +247,7 @@ def test_meta_data_tell_layers_and_their_flags(types: Any) -> None:
     semantic = SemanticLayer("s", "/lab", settings={"subscribe_mode": True, "enable_update": False})
     got = types.sent(hypermap_meta_data(Hypermap([occupancy, semantic]), "/node", types))
     assert (got.layer_cnt, got.node_name) == (2, "/node")
-    told = [
+    reported = [
         (
             layer.class_name,
             layer.name,
@@ -258,7 +258,7 @@ def test_meta_data_tell_layers_and_their_flags(types: Any) -> None:
         )
         for layer in got.layers
     ]
-    assert told == [
+    assert reported == [
         ("OccupancyGridLayer", "occupancy", "map", False, True, True),
         ("SemanticLayer", "s", "lab", True, False, False),
     ]

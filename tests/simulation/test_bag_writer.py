@@ -12,14 +12,14 @@ from hypermap.core.errors import FileMissing, FormatError
 from hypermap.perception.detectors.sources import detections_from_recording
 from hypermap.recordings import open_recording
 from hypermap.simulation import SimulatedRecording, write_bag
-from hypermap.simulation.trajectory import Drive
+from hypermap.simulation.trajectory import DrivePlan
 from hypermap.simulation.world import FloorPlan, World, WorldObject
 
 WORLD = World(
     "test",
     FloorPlan((0, 0, 6, 4)),
     objects=(WorldObject("table", (3, 2)), WorldObject("plant", (3, 3.2))),
-    drive=Drive(((0.5, 2), (0.9, 2, 20)), speed=0.4, turn_rate_deg=30),
+    drive=DrivePlan(((0.5, 2), (0.9, 2, 20)), speed=0.4, turn_rate_deg=30),
 )
 
 

@@ -17,7 +17,7 @@ from hypermap.simulation import (
     SimulatedRecording,
 )
 from hypermap.simulation.bad_frames import FAULTS
-from hypermap.simulation.trajectory import Drive
+from hypermap.simulation.trajectory import DrivePlan
 from hypermap.simulation.world import FloorPlan, Wall, World, WorldObject
 
 WORLD = World(
@@ -29,7 +29,7 @@ WORLD = World(
         WorldObject("chair", (4.2, 2.7)),
     ),
     walls=(Wall(rectangle=(0, 0, 6, 4)),),
-    drive=Drive(((0.5, 2), (1.5, 2)), speed=0.5),
+    drive=DrivePlan(((0.5, 2), (1.5, 2)), speed=0.5),
 )
 
 

@@ -10,7 +10,7 @@ from hypermap.core.trajectory import invert
 from hypermap.perception.frame import Camera
 from hypermap.simulation.render import DEFAULT_CAMERA, Renderer, Rendering
 from hypermap.simulation.scene import BACKGROUND, Scene, footprint, placed
-from hypermap.simulation.trajectory import Drive, camera_poses
+from hypermap.simulation.trajectory import DrivePlan, camera_poses
 from hypermap.simulation.world import FloorPlan, Wall, World, WorldObject, demo_world
 
 CAMERA = Camera.from_intrinsics(50, 50, 31.5, 23.5, width=64, height=48)
@@ -18,7 +18,7 @@ CAMERA = Camera.from_intrinsics(50, 50, 31.5, 23.5, width=64, height=48)
 
 def look(world: World, x: float, y: float, pitch_deg: float = 0, height: float = 1.0) -> Rendering:
     """Return the view from (x, y) along +x."""
-    drive = Drive(((x, y),), pitch_deg=pitch_deg, camera_height=height)
+    drive = DrivePlan(((x, y),), pitch_deg=pitch_deg, camera_height=height)
     return Renderer(Scene.of(world), CAMERA).render(camera_poses([[x, y, 0]], drive)[0])
 
 
@@ -41,7 +41,7 @@ def test_where_there_is_nothing_depth_is_nan() -> None:
 
 
 def test_the_floor_lies_at_height_zero() -> None:
-    drive = Drive(((5, 5),), pitch_deg=60)
+    drive = DrivePlan(((5, 5),), pitch_deg=60)
     (pose,) = camera_poses([[5, 5, 0.3]], drive)
     view = Renderer(Scene.of(World("w", FloorPlan((0, 0, 10, 10)))), CAMERA).render(pose)
     points = _points(view, CAMERA) @ pose[:3, :3].T + pose[:3, 3]
@@ -82,7 +82,7 @@ def test_a_projected_corner_appears_where_the_pinhole_model_puts_it() -> None:
         "cupboard", (4, 0), yaw_deg=180, size={"length": 1, "width": 1, "height": 1.5}
     )
     view = look(World("w", FloorPlan((0, 0, 1, 1)), (cupboard,)), 1, 0, height=0.75)
-    drive = Drive(((1, 0),), pitch_deg=0, camera_height=0.75)
+    drive = DrivePlan(((1, 0),), pitch_deg=0, camera_height=0.75)
     (pose,) = camera_poses([[1, 0, 0]], drive)
     # The front's upper left corner, seen from the camera: x = 3.52 (the doors' plane), y = 0.5.
     x, y, z = (invert(pose) @ [3.52, 0.5, 1.5, 1])[:3]
@@ -97,7 +97,7 @@ def test_a_lit_surface_is_brighter_than_one_in_the_shadow() -> None:
     view = look(World("w", FloorPlan((0, 0, 10, 10), color="white"), (table,)), 2, 5, 30)
     floor = (view.instances == BACKGROUND) & ~np.isnan(view.depth)
     points = np.full((48, 64, 3), np.nan)
-    (pose,) = camera_poses([[2, 5, 0]], Drive(((2, 5),), pitch_deg=30, camera_height=1.0))
+    (pose,) = camera_poses([[2, 5, 0]], DrivePlan(((2, 5),), pitch_deg=30, camera_height=1.0))
     points[~np.isnan(view.depth)] = _points(view, CAMERA) @ pose[:3, :3].T + pose[:3, 3]
     under = floor & (np.abs(points[..., :2] - 5) < 0.8).all(axis=-1)
     beside = floor & (points[..., 0] < 3.5)

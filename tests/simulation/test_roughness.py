@@ -27,9 +27,9 @@ from hypermap.simulation import (
 from hypermap.simulation.laser_map import _registered, outlines_at
 from hypermap.simulation.people import Walker, draw_walkers, walkers_at
 from hypermap.simulation.scene import wall_parts
-from hypermap.simulation.trajectory import Drive
+from hypermap.simulation.trajectory import DrivePlan
 from hypermap.simulation.truth import true_occupancy
-from hypermap.simulation.world import Door, FloorPlan, Wall, World, WorldObject
+from hypermap.simulation.world import Doorway, FloorPlan, Wall, World, WorldObject
 
 PANE = Wall(line=((3, 0), (3, 4)), thickness=0.02, glass=True)
 ROOM = World(
@@ -37,7 +37,7 @@ ROOM = World(
     FloorPlan((0, 0, 6, 4)),
     objects=(WorldObject("table", (4.5, 2)), WorldObject("chair", (4.2, 3.2))),
     walls=(Wall(rectangle=(-0.05, -0.05, 6.05, 4.05)),),
-    drive=Drive(((0.5, 2), (1.5, 2), (2.0, 2.0, 40)), speed=0.5),
+    drive=DrivePlan(((0.5, 2), (1.5, 2), (2.0, 2.0, 40)), speed=0.5),
 )
 EXACT = Errors(EXACT_DEPTH, PoseNoise(), EXACT_DETECTOR)
 
@@ -91,7 +91,7 @@ def test_people_step_out_of_the_way_of_the_camera() -> None:
         for camera in ((0.5, 2.0), (1.5, 2.0)):
             here = walkers_at(walkers, stamp, camera)
             assert all(math.dist(one.place, camera) > 0.8 for _, one in here)
-    assert draw_walkers(2, Drive(((1, 1), (1, 1, 90))), np.random.default_rng(0)) == []
+    assert draw_walkers(2, DrivePlan(((1, 1), (1, 1, 90))), np.random.default_rng(0)) == []
 
 
 def test_a_false_place_is_seen_again_from_the_same_side() -> None:
@@ -128,7 +128,7 @@ def test_a_wrong_mounting_turns_all_poses_alike() -> None:
 
 
 def test_a_wall_is_cut_into_its_outline() -> None:
-    wall = Wall(line=((0, 0), (2, 0)), thickness=0.2, doors=(Door((1, 0), 0.5),))
+    wall = Wall(line=((0, 0), (2, 0)), thickness=0.2, doors=(Doorway((1, 0), 0.5),))
     lines = outlines_at(0.2, wall_parts(wall))
     cut = shapely.union_all(shapely.linestrings(lines))
     boxes = [shapely.box(-0.1, -0.1, 0.75, 0.1), shapely.box(1.25, -0.1, 2.1, 0.1)]

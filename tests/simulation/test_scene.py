@@ -15,7 +15,7 @@ from hypermap.simulation.scene import (
     wall_parts,
 )
 from hypermap.simulation.standing import overlaps
-from hypermap.simulation.world import Door, FloorPlan, Wall, World, WorldObject
+from hypermap.simulation.world import Doorway, FloorPlan, Wall, World, WorldObject
 
 
 def world(*objects: WorldObject, walls: tuple[Wall, ...] = ()) -> World:
@@ -23,7 +23,9 @@ def world(*objects: WorldObject, walls: tuple[Wall, ...] = ()) -> World:
 
 
 def test_walls_around_a_rectangle_are_closed_at_the_corners_and_open_at_the_doors() -> None:
-    wall = Wall(rectangle=(0, 0, 4, 3), thickness=0.2, doors=(Door((2, 0), 0.8), Door((4, 1), 1)))
+    wall = Wall(
+        rectangle=(0, 0, 4, 3), thickness=0.2, doors=(Doorway((2, 0), 0.8), Doorway((4, 1), 1))
+    )
     ring = shapely.LinearRing([(0, 0), (4, 0), (4, 3), (0, 3)]).buffer(0.1, join_style="mitre")
     doors = shapely.union(shapely.box(1.6, -1, 2.4, 1), shapely.box(3, 0.5, 5, 1.5))
     expected = ring.difference(doors)
@@ -37,7 +39,7 @@ def test_a_slanted_wall_has_its_thickness() -> None:
 
 
 def test_a_door_wider_than_its_wall_leaves_no_wall() -> None:
-    assert wall_parts(Wall(line=((0, 0), (1, 0)), doors=(Door((0.5, 0), 2),))) == ()
+    assert wall_parts(Wall(line=((0, 0), (1, 0)), doors=(Doorway((0.5, 0), 2),))) == ()
 
 
 def test_a_thing_stands_where_its_pose_says() -> None:

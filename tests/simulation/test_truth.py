@@ -7,7 +7,7 @@ import pytest
 import shapely
 
 from hypermap.simulation.truth import ground_truth, true_occupancy
-from hypermap.simulation.world import Door, FloorPlan, Wall, World, WorldObject, demo_world
+from hypermap.simulation.world import Doorway, FloorPlan, Wall, World, WorldObject, demo_world
 
 WORLD = World(
     "test",
@@ -19,7 +19,7 @@ WORLD = World(
             "lamp", (3.5, 2.5), z=2.0, size={"height": 0.4}
         ),  # hangs above everybody's head
     ),
-    walls=(Wall(rectangle=(-0.05, -0.05, 4.05, 3.05), doors=(Door((-0.05, 1), 1.0),)),),
+    walls=(Wall(rectangle=(-0.05, -0.05, 4.05, 3.05), doors=(Doorway((-0.05, 1), 1.0),)),),
 )
 
 

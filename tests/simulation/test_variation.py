@@ -10,7 +10,7 @@ import shapely
 
 from hypermap.simulation.scene import footprint, placed
 from hypermap.simulation.standing import bases, bodies_of, in_walls, overlaps
-from hypermap.simulation.trajectory import Drive
+from hypermap.simulation.trajectory import DrivePlan
 from hypermap.simulation.variation import varied
 from hypermap.simulation.world import (
     FloorPlan,
@@ -32,7 +32,7 @@ WORLD = World(
         WorldObject("sofa", outline=((4.2, 0.1), (5.9, 0.1), (5.9, 1.0), (4.2, 1.0)), yaw_deg=90),
     ),
     walls=(Wall(rectangle=(-0.05, -0.05, 6.05, 5.05)),),
-    drive=Drive(((0.5, 2), (3.5, 2))),
+    drive=DrivePlan(((0.5, 2), (3.5, 2))),
     variation=Variation(move=0.4, turn_deg=20, size=0.2),
 )
 

@@ -11,7 +11,7 @@ from hypermap.mapping.mapper import map_recording
 from hypermap.perception.detectors.sources import detections_from_file
 from hypermap.recordings import open_recording
 from hypermap.simulation import EXACT_DETECTOR, SimulatedRecording, ground_truth, write_tum
-from hypermap.simulation.trajectory import Drive
+from hypermap.simulation.trajectory import DrivePlan
 from hypermap.simulation.world import FloorPlan, Wall, World, WorldObject
 
 ROOM = World(
@@ -23,7 +23,7 @@ ROOM = World(
         WorldObject("plant", (3.2, 0.8)),
     ),
     walls=(Wall(rectangle=(-0.05, -0.05, 5.05, 4.05)),),
-    drive=Drive(((0.8, 2.0), (1.8, 2.2, 30), (1.8, 1.6, -30)), speed=0.6),
+    drive=DrivePlan(((0.8, 2.0), (1.8, 2.2, 30), (1.8, 1.6, -30)), speed=0.6),
 )
 
 

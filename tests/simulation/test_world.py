@@ -14,7 +14,7 @@ from hypermap.formats import open_map
 from hypermap.simulation.scene import footprint, placed, wall_parts
 from hypermap.simulation.trajectory import planar_poses
 from hypermap.simulation.world import (
-    Door,
+    Doorway,
     FloorPlan,
     Wall,
     WorldObject,
@@ -43,7 +43,7 @@ def test_a_world_file_becomes_plain_data(tmp_path: Path) -> None:
     )
     world = load(tmp_path, text)
     assert world.floor == FloorPlan((0, 0, 4, 3))
-    assert world.walls == (Wall(line=((0, 0), (4, 0)), doors=(Door((2, 0), 0.9),)),)
+    assert world.walls == (Wall(line=((0, 0), (4, 0)), doors=(Doorway((2, 0), 0.9),)),)
     assert world.objects == (
         WorldObject("table", (1, 2.5)),
         WorldObject("cup", (1, 2.5), yaw_deg=90, z=0.74, name="no", size={"height": 0.2}),
@@ -229,7 +229,7 @@ def test_a_table_fills_its_outline_exactly(corners: list[tuple[int, int]], yaw: 
 
 @pytest.mark.parametrize(("yaw", "back"), [(0, (0, 1)), (90, (1, 0)), (180, (2, 1)), (-90, (1, 2))])
 @pytest.mark.parametrize("turn", [1, -1])
-def test_an_outline_looks_where_it_is_told(yaw: float, back: tuple[int, int], turn: int) -> None:
+def test_an_outline_faces_the_given_way(yaw: float, back: tuple[int, int], turn: int) -> None:
     square = ((0, 0), (2, 0), (2, 2), (0, 2))[::turn]
     chair = WorldObject("chair", yaw_deg=yaw, outline=square)
     highest = max(chair.parts(), key=lambda part: part.vertices[:, 2].max())

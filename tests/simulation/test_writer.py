@@ -13,7 +13,7 @@ from hypermap.perception.detectors.recorded import RecordedDetections
 from hypermap.recordings import open_recording
 from hypermap.simulation import SimulatedRecording, write_tum
 from hypermap.simulation.bad_frames import FAULTS
-from hypermap.simulation.trajectory import Drive
+from hypermap.simulation.trajectory import DrivePlan
 from hypermap.simulation.world import FloorPlan, World, WorldObject
 from hypermap.simulation.writer import depth_units
 
@@ -21,7 +21,7 @@ WORLD = World(
     "test",
     FloorPlan((0, 0, 6, 4)),
     objects=(WorldObject("table", (3, 2)), WorldObject("plant", (3, 3.2))),
-    drive=Drive(((0.5, 2), (0.9, 2, 20)), speed=0.4, turn_rate_deg=30),
+    drive=DrivePlan(((0.5, 2), (0.9, 2, 20)), speed=0.4, turn_rate_deg=30),
 )
 
 

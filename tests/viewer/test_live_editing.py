@@ -21,11 +21,11 @@ def test_an_object_is_drawn_in_the_base_frame_and_kept_in_the_layers(tmp_path):
     with serving(path) as client:
         window = Window(client)
         before = window.version
-        told = window.edit(add(tags=["furniture"]))
-        assert told["ids"] == [3]
-        assert told["layers"] == ["things"]
-        assert told["version"] == before + 1
-        assert told["unsaved"]
+        reply = window.edit(add(tags=["furniture"]))
+        assert reply["ids"] == [3]
+        assert reply["layers"] == ["things"]
+        assert reply["version"] == before + 1
+        assert reply["unsaved"]
         assert window.get("/api/at", x=8.5, y=6)["layers"][1]["label"] == "bed"
         assert window.get("/api/objects/things/3")["tags"] == ["furniture"]
         assert "bed" not in open_map(path)["things"].names, "nothing is written before it is saved"
@@ -71,9 +71,9 @@ def test_every_step_is_undone_and_made_again(tmp_path):
             states.append(window.names())
         assert states[-1] == {0: "pot", 2: "rug", 4: "couch"}
         for expected in reversed(states[:-1]):
-            told = window.go("/api/undo")
+            reply = window.go("/api/undo")
             assert window.names() == expected
-        assert (told["can_undo"], told["can_redo"], told["unsaved"]) == (False, True, False)
+        assert (reply["can_undo"], reply["can_redo"], reply["unsaved"]) == (False, True, False)
         table = window.get("/api/objects/things/1")
         assert (table["existence"], table["last_seen"]) == (4.5, 9.0)
         assert "nothing to undo" in window.go("/api/undo", 400)["error"]
@@ -101,15 +101,15 @@ def test_two_windows_never_lose_a_change(tmp_path):
         one, other = Window(client), Window(client)
         one.edit(rename(0, "mug"))
         # The other has not seen that: it may change what is its own, but not the same object.
-        told = other.edit(rename(1, "desk"), add("lamp"))
-        assert told["version"] == one.version + 1
+        reply = other.edit(rename(1, "desk"), add("lamp"))
+        assert reply["version"] == one.version + 1
         stale = Window(client)
         stale.version = one.info["version"]
         for operation in (rename(0, "glass"), remove(0), {**rename(1, "x"), "tags": ["t"]}):
-            told = stale.edit(operation, expected=409)
-            assert told["reason"] == "behind"
-            assert told["version"] == other.version
-            assert "has been changed in another window" in told["error"]
+            reply = stale.edit(operation, expected=409)
+            assert reply["reason"] == "behind"
+            assert reply["version"] == other.version
+            assert "has been changed in another window" in reply["error"]
         assert one.names() == {0: "mug", 1: "desk", 2: "rug", 3: "lamp"}
         assert one.go("/api/undo", 409)["reason"] == "behind", "it has not seen the last step"
         one.version = other.version
@@ -270,9 +270,9 @@ def test_a_zone_is_drawn_on_a_new_layer_beneath_the_objects(tmp_path):
     with serving(path) as client:
         window = Window(client)
         zone = {**add("kitchen", tags=["zone"]), "layer": "zones"}
-        told = window.edit(add_layer("zones"), zone)
-        assert told["ids"] == [0]
-        assert told["layers"] == ["zones"]
+        reply = window.edit(add_layer("zones"), zone)
+        assert reply["ids"] == [0]
+        assert reply["layers"] == ["zones"]
         assert layers_of(window) == ["occupancy", "zones", "things"]
         window.post("/api/save")
     hypermap = open_map(path)
@@ -307,8 +307,8 @@ def test_a_new_layer_needs_a_name_that_no_other_has(tmp_path):
             "a\nb": "cannot be shown",
             "x" * 201: "too long",
         }.items():
-            told = window.edit(add_layer(name), expected=400)
-            assert said in told["error"]
+            reply = window.edit(add_layer(name), expected=400)
+            assert said in reply["error"]
         # Neither the layer nor what was drawn with it stays if one of the two is refused.
         window.edit(add_layer("zones"), {**add(), "layer": "zones", "polygon": []}, expected=400)
         assert layers_of(window) == ["occupancy", "things"]
@@ -325,8 +325,8 @@ def test_objects_are_merged_into_one_and_parted_again_by_undo(tmp_path):
     with serving(path) as client:
         window = Window(client)
         before = window.names()
-        told = window.edit({"op": "merge", "layer": "things", "id": 0, "others": [mug, far]})
-        assert told["ids"] == [0]
+        reply = window.edit({"op": "merge", "layer": "things", "id": 0, "others": [mug, far]})
+        assert reply["ids"] == [0]
         assert window.names() == {0: "cup", 1: "table", 2: "rug"}
         window.post("/api/save")
         merged = open_map(path).semantic().get(0)

@@ -39,13 +39,13 @@ def asked(path: Path, number: int, layer: str = "semantic", expected: int = 200)
         return Window(client).get(f"/api/objects/{layer}/{number}/evidence", expected)
 
 
-def test_every_look_at_an_object_is_told_in_the_order_of_time(tmp_path: Path) -> None:
-    told = asked(saved(tmp_path), CHAIR)
-    looks = told["observations"]
+def test_every_look_at_an_object_is_reported_in_the_order_of_time(tmp_path: Path) -> None:
+    answer = asked(saved(tmp_path), CHAIR)
+    looks = answer["observations"]
     assert [look["stamp"] for look in looks] == STAMPS.tolist()
     assert [look["score"] for look in looks] == SCORES.tolist()
-    assert told["start"] == START
-    assert told["seen"] == 4
+    assert answer["start"] == START
+    assert answer["seen"] == 4
     for look, shape, camera in zip(looks, CHAIR_LOOKS, CAMERAS_XY, strict=True):
         assert shape_of(look["polygons"]).equals(shape)
         assert look["area"] == pytest.approx(shape.area)
@@ -96,8 +96,8 @@ def test_where_nothing_is_kept_that_is_said(tmp_path: Path) -> None:
         (saved_small_map(tmp_path), CHAIR, NO_EVIDENCE),
         (saved(tmp_path), HAS_NONE, NONE_HERE),
     ):
-        told = asked(path, number)
-        assert (told["observations"], told["fused"], told["reason"]) == ([], [], reason)
+        answer = asked(path, number)
+        assert (answer["observations"], answer["fused"], answer["reason"]) == ([], [], reason)
 
 
 def test_what_is_no_object_is_refused(tmp_path: Path) -> None:
@@ -113,8 +113,8 @@ def test_damaged_evidence_is_an_error_that_names_the_file(tmp_path: Path) -> Non
     save_map(seen_map(), folder)
     (folder / "semantic.evidence.json").write_text("{}")
     assert "semantic.evidence.json: " in asked(folder, CHAIR, expected=400)["error"]
-    told, note = embed_evidence(open_map(folder), open_map(folder)["semantic"])
-    assert told == {}
+    answer, note = embed_evidence(open_map(folder), open_map(folder)["semantic"])
+    assert answer == {}
     assert "is shown without evidence" in note
 
 
@@ -127,9 +127,9 @@ def test_evidence_stays_with_what_is_changed_and_goes_with_what_is_deleted(tmp_p
             {"op": "update", "layer": "semantic", "id": CHAIR, "name": "stool", "polygon": corners},
             {"op": "remove", "layer": "semantic", "id": DESK},
         )
-        told = window.get(f"/api/objects/semantic/{CHAIR}/evidence")
-        assert len(told["observations"]) == 4
-        hull = next(one for one in told["fused"] if one["method"] == "convex_hull")
+        answer = window.get(f"/api/objects/semantic/{CHAIR}/evidence")
+        assert len(answer["observations"]) == 4
+        hull = next(one for one in answer["fused"] if one["method"] == "convex_hull")
         assert hull["jaccard"] == pytest.approx(1.5 / 4)  # compared with the new shape
         window.get(f"/api/objects/semantic/{DESK}/evidence", 404)
         window.go("/api/undo")
@@ -146,12 +146,12 @@ def test_evidence_stays_with_what_is_changed_and_goes_with_what_is_deleted(tmp_p
 
 def test_the_shown_command_and_python_give_the_same(tmp_path: Path) -> None:
     path = saved(tmp_path)
-    told = asked(path, CHAIR)
-    words = [sys.executable, "-m", *shlex.split(told["command"]), "--json"]
+    answer = asked(path, CHAIR)
+    words = [sys.executable, "-m", *shlex.split(answer["command"]), "--json"]
     done = subprocess.run(words, capture_output=True, text=True, check=True)
     assert '"stamp": 165' in done.stdout
     assert done.stdout.count('"method"') == 3
-    python = [sys.executable, "-c", told["python"]]
+    python = [sys.executable, "-c", answer["python"]]
     lines = subprocess.run(python, capture_output=True, text=True, check=True).stdout.splitlines()
     assert [float(line.split()[0]) for line in lines] == STAMPS.tolist()
 
@@ -173,5 +173,5 @@ def test_a_line_as_shape_in_the_map_can_be_compared(tmp_path: Path) -> None:
     assert isinstance(layer, SemanticLayer)
     flat = shapely.Polygon([(0, 0), (1, 0), (2, 0)])
     layer.update(CHAIR, dataclasses.replace(layer.get(CHAIR), footprint=flat))
-    told = asked(saved(tmp_path, hypermap), CHAIR)
-    assert [one["jaccard"] for one in told["fused"]] == [0, 0, 0]
+    answer = asked(saved(tmp_path, hypermap), CHAIR)
+    assert [one["jaccard"] for one in answer["fused"]] == [0, 0, 0]

@@ -30,20 +30,20 @@ def window(tmp_path):
         yield Window(client)
 
 
-def test_a_path_is_told_with_its_rooms_and_the_code_that_asks_the_same(window, capsys):
-    told = window.get("/api/path", **{"from": "2,1", "to": "7,1", "radius": 0})
-    assert told["length"] == pytest.approx(LENGTH, abs=0.01)
-    assert (told["points"][0], told["points"][-1]) == ([2, 1], [7, 1])
-    assert [room["name"] for room in told["rooms"]] == ["kitchen", "office"]
-    assert [door["width"] for door in told["doors"]] == [0.9]
+def test_a_path_is_reported_with_its_rooms_and_the_code_that_asks_the_same(window, capsys):
+    answer = window.get("/api/path", **{"from": "2,1", "to": "7,1", "radius": 0})
+    assert answer["length"] == pytest.approx(LENGTH, abs=0.01)
+    assert (answer["points"][0], answer["points"][-1]) == ([2, 1], [7, 1])
+    assert [room["name"] for room in answer["rooms"]] == ["kitchen", "office"]
+    assert [door["width"] for door in answer["doors"]] == [0.9]
     for radius in (0, 0.2):
-        told = window.get("/api/path", **{"from": "2,1", "to": "7,1", "radius": radius})
+        answer = window.get("/api/path", **{"from": "2,1", "to": "7,1", "radius": radius})
         capsys.readouterr()
-        exec(told["python"], {})
-        assert capsys.readouterr().out.startswith(str(told["length"])[:10])
+        exec(answer["python"], {})
+        assert capsys.readouterr().out.startswith(str(answer["length"])[:10])
         with pytest.raises(SystemExit):
-            main(shlex.split(told["command"])[1:])
-        assert capsys.readouterr().out.startswith(f"{told['length']:.2f} m\n")
+            main(shlex.split(answer["command"])[1:])
+        assert capsys.readouterr().out.startswith(f"{answer['length']:.2f} m\n")
 
 
 @pytest.mark.parametrize(
@@ -98,9 +98,9 @@ def test_the_map_tells_its_doors_or_why_it_cannot(window, tmp_path):
     hypermap.add(SemanticLayer("rooms", "map", [room]))
     save_map(hypermap, tmp_path / "odd.hmap")
     with serving(tmp_path / "odd.hmap") as client:
-        told = Window(client).info
-    assert told["doors"] == []
-    assert "its doors cannot be read" in told["notes"][0]
+        answer = Window(client).info
+    assert answer["doors"] == []
+    assert "its doors cannot be read" in answer["notes"][0]
 
 
 def split(number: int, line: object, layer: str = "rooms") -> dict[str, object]:
@@ -148,9 +148,9 @@ def test_rooms_are_found_once_all_are_deleted_and_that_is_one_step(window):
     for number in (0, 1):
         window.edit({"op": "remove", "layer": "rooms", "id": number})
     window.edit({"op": "find_rooms", "layer": "rooms"})
-    told = window.get("/api/map")
-    assert [len(door["rooms"]) for door in told["doors"]] == [2]
-    (layer,) = (layer for layer in told["layers"] if layer["name"] == "rooms")
+    answer = window.get("/api/map")
+    assert [len(door["rooms"]) for door in answer["doors"]] == [2]
+    (layer,) = (layer for layer in answer["layers"] if layer["name"] == "rooms")
     assert layer["count"] == 2
     window.go("/api/undo")
     assert window.get("/api/map")["doors"] == []
@@ -174,7 +174,7 @@ def test_rooms_that_cannot_be_found_change_nothing(tmp_path, value, reason):
         assert "rooms" not in [layer["name"] for layer in window.get("/api/map")["layers"]]
 
 
-def test_objects_are_told_with_their_room_and_found_by_its_kind_or_id(window):
+def test_objects_are_reported_with_their_room_and_found_by_its_kind_or_id(window):
     window.edit({"op": "update", "layer": "rooms", "id": 0, "name": "Emma's place"})
     (cup,) = window.get("/api/find", name="cup")["rows"]
     assert cup["room"] == "Emma's place"

@@ -55,25 +55,25 @@ def all_said(layer) -> list[tuple[str, object]]:
 def test_at_a_point_every_layer_answers_as_the_shown_calls_do(tmp_path, point, frame):
     with serving(saved(tmp_path)) as client:
         values = {"x": point[0], "y": point[1], **({"frame": frame} if frame else {})}
-        told = client.get("/api/at", params=values).json()
+        reply = client.get("/api/at", params=values).json()
     hypermap = a_map()
-    rows = answers_of(told["command"])
+    rows = answers_of(reply["command"])
     assert [(row["layer"], row["label"], row["value"]) for row in rows] == [
-        (layer["name"], *said) for layer in told["layers"] for said in all_said(layer)
+        (layer["name"], *said) for layer in reply["layers"] for said in all_said(layer)
     ]
-    assert [rows[0]["x"], rows[0]["y"]] == pytest.approx(told["point"])
-    assert lines_of(told["python"]) == [
+    assert [rows[0]["x"], rows[0]["y"]] == pytest.approx(reply["point"])
+    assert lines_of(reply["python"]) == [
         " ".join([layer["name"], *(label for label, _ in all_said(layer))])
-        for layer in told["layers"]
+        for layer in reply["layers"]
     ]
-    for layer in told["layers"]:
+    for layer in reply["layers"]:
         assert layer["label"] == hypermap.label_at(layer["name"], point, frame)[0]
 
 
-def test_objects_at_a_point_are_told_the_smallest_first(tmp_path):
+def test_objects_at_a_point_are_reported_the_smallest_first(tmp_path):
     with serving(saved(tmp_path)) as client:
-        told = client.get("/api/at", params={"x": 1, "y": 1, "frame": "lab"}).json()
-    things = told["layers"][1]
+        reply = client.get("/api/at", params={"x": 1, "y": 1, "frame": "lab"}).json()
+    things = reply["layers"][1]
     assert [found["name"] for found in things["objects"]] == ["cup", "table"]
     assert things["objects"][1]["existence"] == 4.5
     assert things["objects"][0]["tags"] == ["mug", "glass"]
@@ -83,24 +83,24 @@ def test_objects_at_a_point_are_told_the_smallest_first(tmp_path):
 def test_in_an_area_the_shown_calls_find_the_same(tmp_path, frame):
     corners = SQUARE if frame is None else [[-1, -1], [3, -1], [3, 3], [-1.5, 3.25]]
     with serving(saved(tmp_path)) as client:
-        told = Window(client).post("/api/area", polygon=corners, frame=frame)
-    rows = answers_of(told["command"])
+        reply = Window(client).post("/api/area", polygon=corners, frame=frame)
+    rows = answers_of(reply["command"])
     objects = [row for row in rows if "object" in row]
-    assert [(row["layer"], row["id"], row["name"]) for row in told["rows"]] == [
+    assert [(row["layer"], row["id"], row["name"]) for row in reply["rows"]] == [
         (row["layer"], row["value"], row["label"]) for row in objects
     ]
-    assert told["rows"]
-    for ours, theirs in zip(told["rows"], objects, strict=True):
+    assert reply["rows"]
+    for ours, theirs in zip(reply["rows"], objects, strict=True):
         assert [ours["x"], ours["y"]] == pytest.approx([theirs["x"], theirs["y"]])
         assert ours["existence"] == theirs["object"]["existence"]
         exact = shapely.from_wkt(theirs["object"]["footprint"])
         assert ours["area"] == pytest.approx(exact.area, rel=1e-4)
     labels = [row["label"] for row in rows if "object" not in row]
-    assert {cell["label"]: cell["count"] for cell in told["cells"]} == {
+    assert {cell["label"]: cell["count"] for cell in reply["cells"]} == {
         label: labels.count(label) for label in set(labels)
     }
-    lines = lines_of(told["python"])
-    assert lines[:-1] == [f"{r['layer']} {r['id']} {r['name']}" for r in told["rows"]]
+    lines = lines_of(reply["python"])
+    assert lines[:-1] == [f"{r['layer']} {r['id']} {r['name']}" for r in reply["rows"]]
     assert lines[-1] == f"occupancy {len(labels)} cells"
 
 
@@ -112,9 +112,9 @@ def test_the_cells_of_an_area_are_counted_as_the_layer_lists_them(tmp_path):
     hypermap.add(big)
     area = [[-7.3, 0.2], [9.1, -3.0], [8.0, 5.5], [9.0, 7.0]]
     with serving(saved(tmp_path, hypermap)) as client:
-        told = Window(client).post("/api/area", polygon=area)
+        reply = Window(client).post("/api/area", polygon=area)
     listed = hypermap.labels_in("big", shapely.Polygon(area)).values.tolist()
-    counted = {c["label"]: c["count"] for c in told["cells"] if c["layer"] == "big"}
+    counted = {c["label"]: c["count"] for c in reply["cells"] if c["layer"] == "big"}
     assert counted == {label: listed.count(label) for label in set(listed)}
     assert len(counted) == 3
 
@@ -133,17 +133,19 @@ def test_what_is_looked_for_is_found_nearest_first_as_the_shown_calls_find_it(
         **({"frame": frame} if frame else {}),
     }
     with serving(saved(tmp_path, hypermap)) as client:
-        told = client.get("/api/find", params=values).json()
-    rows = answers_of(told["command"])
-    assert [(r["layer"], r["id"]) for r in told["rows"]] == [(r["layer"], r["value"]) for r in rows]
-    assert len(rows) == told["total"] == 5
-    assert len(lines_of(told["python"])) == 5
+        reply = client.get("/api/find", params=values).json()
+    rows = answers_of(reply["command"])
+    assert [(r["layer"], r["id"]) for r in reply["rows"]] == [
+        (r["layer"], r["value"]) for r in rows
+    ]
+    assert len(rows) == reply["total"] == 5
+    assert len(lines_of(reply["python"])) == 5
     if near:
-        distances = [row["distance"] for row in told["rows"]]
+        distances = [row["distance"] for row in reply["rows"]]
         assert distances == sorted(distances)
         assert distances == pytest.approx([row["distance"] for row in rows])
     else:
-        assert all(row["distance"] is None for row in told["rows"])
+        assert all(row["distance"] is None for row in reply["rows"])
 
 
 def a_kitchen():
@@ -178,16 +180,16 @@ def test_what_is_near_inside_and_in_an_area_is_found_as_the_shown_calls_find_it(
     tmp_path, asked, names
 ):
     with serving(saved(tmp_path, a_kitchen())) as client:
-        told = client.get("/api/find", params=asked).json()
-    rows = answers_of(told["command"])
+        reply = client.get("/api/find", params=asked).json()
+    rows = answers_of(reply["command"])
     objects = [row for row in rows if "object" in row]
-    assert [(r["layer"], r["id"]) for r in told["rows"]] == [
+    assert [(r["layer"], r["id"]) for r in reply["rows"]] == [
         (r["layer"], r["value"]) for r in objects
     ]
-    assert sorted(row["name"] for row in told["rows"]) == sorted(names)
-    assert [row["distance"] for row in told["rows"]] == [row.get("distance") for row in objects]
-    assert len(lines_of(told["python"])) == told["total"] == len(names)
-    assert told["unknown"] == {}
+    assert sorted(row["name"] for row in reply["rows"]) == sorted(names)
+    assert [row["distance"] for row in reply["rows"]] == [row.get("distance") for row in objects]
+    assert len(lines_of(reply["python"])) == reply["total"] == len(names)
+    assert reply["unknown"] == {}
 
 
 @pytest.mark.parametrize(
@@ -203,9 +205,9 @@ def test_of_names_that_nothing_has_the_page_tells_which_may_be_meant(
     tmp_path, asked, understood, unknown
 ):
     with serving(saved(tmp_path, a_kitchen())) as client:
-        told = client.get("/api/find", params=asked).json()
-    assert understood in (told["near"], told["inside"])
-    assert told["unknown"] == unknown
+        reply = client.get("/api/find", params=asked).json()
+    assert understood in (reply["near"], reply["inside"])
+    assert reply["unknown"] == unknown
 
 
 @pytest.mark.parametrize(
@@ -220,17 +222,17 @@ def test_of_names_that_nothing_has_the_page_tells_which_may_be_meant(
 )
 def test_names_are_suggested(tmp_path, asked, name, total, names):
     with serving(saved(tmp_path)) as client:
-        told = client.get("/api/find", params={"name": asked}).json()
-    assert (told["name"], told["total"], told["names"]) == (name, total, names)
+        reply = client.get("/api/find", params={"name": asked}).json()
+    assert (reply["name"], reply["total"], reply["names"]) == (name, total, names)
 
 
-def test_a_limit_is_kept_and_the_total_told(tmp_path):
+def test_a_limit_is_kept_and_the_total_reported(tmp_path):
     hypermap = a_map()
     hypermap.add(SemanticLayer("more", "map", [square("cup", i, 0) for i in range(30)]))
     with serving(saved(tmp_path, hypermap)) as client:
         values = {"name": "cup", "near": "0,0", "limit": 7}
-        told = client.get("/api/find", params=values).json()
-    assert (len(told["rows"]), told["total"]) == (7, 31)
+        reply = client.get("/api/find", params=values).json()
+    assert (len(reply["rows"]), reply["total"]) == (7, 31)
 
 
 def test_names_that_shells_and_python_would_read_otherwise_are_quoted(tmp_path, monkeypatch):
@@ -242,22 +244,22 @@ def test_names_that_shells_and_python_would_read_otherwise_are_quoted(tmp_path, 
     path = saved(folder, hypermap, "it's.hmap")
     monkeypatch.chdir(folder)
     with serving(type(path)("it's.hmap")) as client:
-        told = client.get("/api/find", params={"name": name, "near": "0,0"}).json()
-        assert [row["name"] for row in told["rows"]] == [name]
-        assert [row["label"] for row in answers_of(told["command"])] == [name]
-        assert len(lines_of(told["python"])) == 1
+        reply = client.get("/api/find", params={"name": name, "near": "0,0"}).json()
+        assert [row["name"] for row in reply["rows"]] == [name]
+        assert [row["label"] for row in answers_of(reply["command"])] == [name]
+        assert len(lines_of(reply["python"])) == 1
 
 
 def test_an_area_is_downloaded_as_csv_and_geojson(tmp_path):
     corners = ",".join(f"{x},{y}" for x, y in SQUARE)
     with serving(saved(tmp_path)) as client:
-        told = Window(client).post("/api/area", polygon=SQUARE)
+        reply = Window(client).post("/api/area", polygon=SQUARE)
         table = client.get("/api/area.csv", params={"polygon": corners})
         drawn = client.get("/api/area.geojson", params={"polygon": corners})
     assert table.headers["content-disposition"] == 'attachment; filename="area.csv"'
     rows = list(csv.DictReader(io.StringIO(table.text)))
     assert [(row["layer"], int(row["id"]), row["name"]) for row in rows] == [
-        (row["layer"], row["id"], row["name"]) for row in told["rows"]
+        (row["layer"], row["id"], row["name"]) for row in reply["rows"]
     ]
     assert rows[0]["tags"] == "mug;glass"
     assert float(rows[1]["existence"]) == 4.5
@@ -265,7 +267,7 @@ def test_an_area_is_downloaded_as_csv_and_geojson(tmp_path):
     layer = from_geojson(drawn.text)
     assert layer.frame_id == "map"
     hypermap = a_map()
-    for row in told["rows"]:
+    for row in reply["rows"]:
         item = layer.get(row["id"])
         placed = hypermap.frames.lookup("map", "lab").apply_geometry(
             hypermap["things"].get(row["id"]).footprint
@@ -287,17 +289,17 @@ def test_equal_ids_of_two_layers_are_numbered_anew_in_geojson(tmp_path):
 
 def test_all_that_is_known_of_an_object(tmp_path):
     with serving(saved(tmp_path)) as client:
-        told = client.get("/api/objects/things/1").json()
+        reply = client.get("/api/objects/things/1").json()
         rug = client.get("/api/objects/things/2").json()
         assert client.get("/api/objects/things/9").status_code == 404
         assert client.get("/api/objects/things/9?if_there=1").json() is None
-        assert client.get("/api/objects/things/1?if_there=1").json() == told
+        assert client.get("/api/objects/things/1?if_there=1").json() == reply
         assert client.get("/api/objects/occupancy/0").status_code == 400
-    assert (told["name"], told["existence"], told["first_seen"]) == ("table", 4.5, 1.0)
-    assert told["area"] == pytest.approx(4.0)
+    assert (reply["name"], reply["existence"], reply["first_seen"]) == ("table", 4.5, 1.0)
+    assert reply["area"] == pytest.approx(4.0)
     hypermap = a_map()
     exact = hypermap.frames.lookup("map", "lab").apply_geometry(hypermap["things"].get(1).footprint)
-    assert shapely.from_wkt(told["wkt"]).equals_exact(exact, 1e-12)
+    assert shapely.from_wkt(reply["wkt"]).equals_exact(exact, 1e-12)
     assert rug["attributes"] == {"color": "red"}
     assert len(rug["polygons"][0]) == 2
 
@@ -380,8 +382,8 @@ def test_an_area_that_is_none_is_refused(tmp_path, polygon, reason):
 def test_the_facts_of_a_real_map(shared_data):
     with serving(shared_data / "maps" / "lab.hmap") as client:
         window = Window(client)
-        told = window.get("/api/at", x=3, y=-2)
-        assert told["layers"][1]["label"] == "table"
+        reply = window.get("/api/at", x=3, y=-2)
+        assert reply["layers"][1]["label"] == "table"
         corners = [[2, -2], [3, -2], [3, -1], [2, -1]]
         rows = window.post("/api/area", polygon=corners)["rows"]
         assert sorted(row["name"] for row in rows) == ["chair", "table", "tvmonitor"]
@@ -399,7 +401,7 @@ def test_the_shown_calls_work_on_real_maps(shared_data, name):
         window = Window(client)
         at = window.get("/api/at", x=x, y=y)
         assert [row["label"] for row in answers_of(at["command"])] == [
-            told["label"] for told in at["layers"]
+            reply["label"] for reply in at["layers"]
         ]
         found = window.get("/api/find", name=layer.names[0], near=f"{x},{y}", limit=5000)
         assert [row["value"] for row in answers_of(found["command"])] == [

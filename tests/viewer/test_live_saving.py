@@ -49,9 +49,9 @@ def test_a_map_that_changed_on_disk_is_replaced_only_on_a_second_word(tmp_path):
         window.edit(rename(0, "mug"))
         theirs = Hypermap([SemanticLayer("things", "lab", [square("theirs", 0, 0)])])
         save_map(theirs, path)
-        told = window.post("/api/save", 409)
-        assert told["reason"] == "disk"
-        assert "room.hmap has changed on disk since it was opened" in told["error"]
+        reply = window.post("/api/save", 409)
+        assert reply["reason"] == "disk"
+        assert "room.hmap has changed on disk since it was opened" in reply["error"]
         their_bytes = path.read_bytes()
         assert open_map(path)["things"].get(0).name == "theirs"
         window.post("/api/save", overwrite=True)
@@ -66,10 +66,10 @@ def test_what_changed_on_disk_can_be_loaded_instead(tmp_path):
         window = Window(client)
         window.edit(rename(0, "mug"))
         save_map(Hypermap([SemanticLayer("things", "lab", [square("theirs", 0, 0)])]), path)
-        told = window.post("/api/reload")
-        assert told["layers"] == ["things"]
-        assert not told["unsaved"]
-        assert not told["can_undo"]
+        reply = window.post("/api/reload")
+        assert reply["layers"] == ["things"]
+        assert not reply["unsaved"]
+        assert not reply["can_undo"]
         assert window.names() == {0: "theirs"}
         assert window.edit(rename(0, "x"), expected=409)["reason"] == "behind"
         path.write_bytes(b"no map")
@@ -107,10 +107,10 @@ def test_saving_under_another_name_asks_if_that_exists(tmp_path):
     with serving(path) as client:
         window = Window(client)
         window.edit(rename(0, "mug"))
-        told = window.post("/api/save", 409, path="other.hmap")
-        assert told["reason"] == "exists"
-        told = window.post("/api/save", path="new.hmap")
-        assert (told["name"], told["unsaved"]) == ("new.hmap", False)
+        reply = window.post("/api/save", 409, path="other.hmap")
+        assert reply["reason"] == "exists"
+        reply = window.post("/api/save", path="new.hmap")
+        assert (reply["name"], reply["unsaved"]) == ("new.hmap", False)
         assert window.get("/api/map")["path"] == str(tmp_path / "new.hmap")
         window.edit(rename(0, "pot"))
         window.post("/api/save")
@@ -138,8 +138,8 @@ def test_nothing_is_saved_outside_of_the_maps_folder(tmp_path, name, status, rea
     folder.mkdir(), outside.mkdir()
     (folder / "link").symlink_to(outside)
     with serving(saved(folder)) as client:
-        told = Window(client).post("/api/save", status, path=name)
-        assert reason in told["error"]
+        reply = Window(client).post("/api/save", status, path=name)
+        assert reason in reply["error"]
     assert files_in(folder) == ["link", "room.hmap"]
     assert files_in(outside) == []
 
@@ -150,8 +150,8 @@ def test_a_write_protected_map_is_replaced_only_when_that_is_said(tmp_path):
     with serving(path) as client:
         window = Window(client)
         window.edit(rename(0, "mug"))
-        told = window.post("/api/save", 409)
-        assert told["error"] == "room.hmap is write-protected; saving would replace it"
+        reply = window.post("/api/save", 409)
+        assert reply["error"] == "room.hmap is write-protected; saving would replace it"
         assert open_map(path)["things"].get(0).name == "cup"
         window.post("/api/save", overwrite=True)
     assert open_map(path)["things"].get(0).name == "mug"

@@ -168,7 +168,7 @@ def test_a_layer_whose_frame_is_nowhere_has_a_problem_and_the_others_are_shown(t
     assert described["occupancy"]["kind"] == "raster"
 
 
-def test_frames_are_told_in_the_base_frame(tmp_path):
+def test_frames_are_reported_in_the_base_frame(tmp_path):
     frames = FrameTree([Transform("map", "lab", Pose2D(1.0, 2.0, 0.5))])
     hypermap = Hypermap([OccupancyLayer("o", "lab")], frames)
     with serving(saved(tmp_path, hypermap)) as client:
@@ -202,8 +202,8 @@ def test_the_tiles_of_real_maps_show_every_cell(shared_data, name, occupied):
             area = f"{x0},{y0},{x1},{y0},{x1},{y1},{x0},{y1}".split(",")
             corners = [[float(x), float(y)] for x, y in zip(area[::2], area[1::2], strict=True)]
             headers = {"X-Hypermap-Token": info["token"]}
-            told = client.post("/api/area", json={"polygon": corners}, headers=headers).json()
-            counted = {cell["label"]: cell["count"] for cell in told["cells"]}.get("Occupied", 0)
+            reply = client.post("/api/area", json={"polygon": corners}, headers=headers).json()
+            counted = {cell["label"]: cell["count"] for cell in reply["cells"]}.get("Occupied", 0)
         assert cells == pytest.approx(counted, rel=0.1)
 
 

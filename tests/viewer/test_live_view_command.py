@@ -117,9 +117,9 @@ def test_a_map_is_served_asked_changed_and_saved_over_http(tmp_path):
         with events(server) as next_news:
             first = next_news()
             assert (first["layers"], first["unsaved"]) == ([], False)
-            told = server.rename(0, "mug")
+            reply = server.rename(0, "mug")
             news = next_news()
-            assert (news["version"], news["layers"]) == (told["version"], ["things"])
+            assert (news["version"], news["layers"]) == (reply["version"], ["things"])
             assert (news["unsaved"], news["can_undo"]) == (True, True)
             server.post("api/save")
             news = next_news()
@@ -187,7 +187,7 @@ def test_a_port_in_use_is_said_so_and_without_one_the_next_is_taken(tmp_path):
     assert f"port {ports[0]} of 127.0.0.1 is in use; give another with --port" in line
 
 
-def test_it_listens_where_it_is_told_and_only_there(tmp_path):
+def test_it_listens_where_it_is_reported_and_only_there(tmp_path):
     with a_port() as port, viewing(saved(tmp_path), "--port", port, "--read-only") as server:
         assert server.url.startswith(f"http://127.0.0.1:{port}/?token=")
         assert not server.get("api/map")["editable"]
@@ -202,7 +202,7 @@ def test_it_listens_where_it_is_told_and_only_there(tmp_path):
                 socket.create_connection((address, port), timeout=PATIENCE)
 
 
-def test_whoever_lets_others_in_is_told_so(tmp_path):
+def test_whoever_lets_others_in_is_reported_so(tmp_path):
     with viewing(saved(tmp_path), "--port", 0, "--host", "0.0.0.0") as server:
         assert server.url.startswith("http://127.0.0.1:")
         _, said = server.end()

@@ -220,8 +220,8 @@ def test_foxglove_looks_on_over_a_websocket() -> None:
         known: dict[str, int] = {}
         while "/map/occupancy" not in known:
             text = socket.recv(timeout=120)
-            if isinstance(text, str) and (told := json.loads(text))["op"] == "advertise":
-                known |= {channel["topic"]: channel["id"] for channel in told["channels"]}
+            if isinstance(text, str) and (answer := json.loads(text))["op"] == "advertise":
+                known |= {channel["topic"]: channel["id"] for channel in answer["channels"]}
         wanted = [{"id": 1, "channelId": known["/map/occupancy"]}]
         socket.send(json.dumps({"op": "subscribe", "subscriptions": wanted}))
         end = time.monotonic() + 120

@@ -52,7 +52,7 @@ def test_names_in_a_foreign_map_are_text_in_a_notebook() -> None:
     ],
     ids=["nothing", "unknown", "unconnected"],
 )
-def test_a_map_that_cannot_be_drawn_is_still_told(hypermap: Hypermap) -> None:
+def test_a_map_that_cannot_be_drawn_is_still_reported(hypermap: Hypermap) -> None:
     assert hypermap._repr_png_() is None
     html = hypermap._repr_html_()
     assert "<img" not in html

@@ -23,7 +23,7 @@ pytestmark = pytest.mark.xdist_group("page")
 AXE = Path(__file__).resolve().parents[2] / "page" / "node_modules" / "axe-core" / "axe.min.js"
 NARROW = {"width": 420, "height": 800}
 FIND = """async () => {
-    // Whoever speaks to the page says the words on a button; axe asks for them only if told.
+    // Whoever speaks to the page says the words on a button; axe asks for them only if configured.
     const rules = {"label-content-name-mismatch": {enabled: true}};
     const {violations, incomplete} = await axe.run(document, {rules});
     const unsure = incomplete.filter(({id}) => id.startsWith("aria-"));

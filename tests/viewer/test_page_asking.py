@@ -160,7 +160,7 @@ def test_one_hit_shows_its_facts_at_once_in_words_and_units(window: Window) -> N
     page.clock.set_fixed_time(WEDNESDAY)
     facts = page.locator("#panel dl.facts")
 
-    def told() -> dict[str, str]:
+    def shown() -> dict[str, str]:
         keys, values = (facts.locator(tag).all_inner_texts() for tag in ("dt", "dd"))
         return dict(zip(keys, values, strict=True))
 
@@ -175,7 +175,7 @@ def test_one_hit_shows_its_facts_at_once_in_words_and_units(window: Window) -> N
         "Tags": "seat (80 %)",
         "Color": "red",
     }
-    assert told() == expected
+    assert shown() == expected
     assert window.said("occupancy") == "Free"
     window.find("desk")
     expect(facts).to_contain_text("2 m²")

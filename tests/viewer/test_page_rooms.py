@@ -83,7 +83,7 @@ def accent_near(window: Window, x: float, y: float) -> bool:
     return bool((np.abs(colors - [36, 86, 214]).max(axis=1) < 12).any())
 
 
-def told(window: Window) -> float:
+def length_shown(window: Window) -> float:
     title = window.page.locator("#panel h2").inner_text()
     assert title.endswith(" m")
     return float(title.removesuffix(" m"))
@@ -93,7 +93,7 @@ def test_a_path_between_two_clicks_is_drawn_with_its_length(window: Window, path
     page = window.page
     find_path(window, START, GOAL)
     shortest = Planner(open_map(path)).path(START, GOAL).length
-    assert told(window) == pytest.approx(shortest, abs=3 * METRES_PER_PIXEL)
+    assert length_shown(window) == pytest.approx(shortest, abs=3 * METRES_PER_PIXEL)
     assert page.locator("#panel ol.passed").all_inner_texts() == [
         "kitchen\noffice",
         "4.50, 3.95: 0.90 m wide",
@@ -111,7 +111,7 @@ def test_a_path_between_two_clicks_is_drawn_with_its_length(window: Window, path
     page.locator("#robot-radius").press("Enter")
     expect(page.locator("#panel h2")).not_to_have_text("No path")
     wider = Planner(open_map(path), PathSettings(0.2)).path(START, GOAL).length
-    assert told(window) == pytest.approx(wider, abs=3 * METRES_PER_PIXEL)
+    assert length_shown(window) == pytest.approx(wider, abs=3 * METRES_PER_PIXEL)
     assert wider > shortest + 0.1
 
     find_path(window, START, (4.5, 1.0))  # the tool is still in the hand

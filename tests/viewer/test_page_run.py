@@ -274,7 +274,7 @@ def test_playing_shows_the_run_from_its_start_to_its_end(window: RunWindow) -> N
     assert page.locator("#live").get_attribute("aria-pressed") == "true"
 
 
-def test_an_object_under_the_pointer_is_told(window: RunWindow) -> None:
+def test_an_object_under_the_pointer_is_reported(window: RunWindow) -> None:
     page = window.page
     x, y = window.outline_of("chair").mean(axis=0).tolist()
     column, row = page.evaluate(

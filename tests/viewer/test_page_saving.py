@@ -55,7 +55,7 @@ def test_a_file_that_changed_on_disk_is_not_overwritten_unasked(edited: Edited) 
     assert DESK in mine
 
 
-def test_a_file_that_changed_on_disk_is_overwritten_if_told(edited: Edited) -> None:
+def test_a_file_that_changed_on_disk_is_overwritten_if_asked(edited: Edited) -> None:
     window = edited.window
     start_editing(window)
     take(window, CHAIR, "chair")
@@ -73,7 +73,7 @@ def test_a_file_that_changed_on_disk_is_overwritten_if_told(edited: Edited) -> N
     assert edited.path.with_name("room.hmap.bak").read_bytes() == theirs
 
 
-def test_a_file_that_vanished_is_told_and_can_be_saved_again(edited: Edited) -> None:
+def test_a_file_that_vanished_is_reported_and_can_be_saved_again(edited: Edited) -> None:
     window = edited.window
     start_editing(window)
     take(window, CHAIR, "chair")
@@ -127,7 +127,7 @@ def test_another_name_that_is_in_use_or_leads_out_is_not_taken_unasked(edited: E
     assert sorted(objects_of(open_map(taken))) == sorted(edited.objects())
 
 
-def test_a_file_that_can_no_longer_be_read_is_told_and_the_map_stays(edited: Edited) -> None:
+def test_a_file_that_can_no_longer_be_read_is_reported_and_the_map_stays(edited: Edited) -> None:
     window = edited.window
     start_editing(window)
     take(window, CHAIR, "chair")

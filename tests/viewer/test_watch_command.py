@@ -63,9 +63,9 @@ def news(watched: Watching) -> Any:
 def wait_for_steps(watched: Watching, count: int) -> Any:
     end = time.monotonic() + PATIENCE
     while time.monotonic() < end:
-        told = news(watched)
-        if len(told["steps"]["numbers"]) >= count:
-            return told
+        reply = news(watched)
+        if len(reply["steps"]["numbers"]) >= count:
+            return reply
         time.sleep(0.2)
     raise AssertionError(f"there were never {count} steps")
 
@@ -84,10 +84,10 @@ def test_ctrl_c_saves_what_there_is_and_again_ends_the_page(
         assert "stopping; saving the map so far" in watched.said
         assert "stopped early by Ctrl-C" in watched.said
         used = open_map(output).metadata["frames"]["used"]
-        told = news(watched)
-        assert told["state"] == "saved"
-        assert "saved room.hmap, the map of a part of the recording" in told["message"]
-        assert told["counts"]["used"] == used == len(told["steps"]["numbers"]) < 4000
+        reply = news(watched)
+        assert reply["state"] == "saved"
+        assert "saved room.hmap, the map of a part of the recording" in reply["message"]
+        assert reply["counts"]["used"] == used == len(reply["steps"]["numbers"]) < 4000
         assert get(watched, "api/steps/1")["observation"]["number"] == 1
         assert get(watched, f"api/steps/{used}")["observation"]["number"] == used
         watched.interrupt()

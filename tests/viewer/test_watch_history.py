@@ -89,8 +89,8 @@ def test_every_kept_step_is_rebuilt_exactly(
             assert history.objects(number) == wanted[number]
             assert list(history.objects(number)) == list(wanted[number])
             assert history.picture(number) == b"%d" % number
-            told = json.loads(history.observation(number))
-            assert (told["number"], told["stamp"]) == (number, number / 10)
+            answer = json.loads(history.observation(number))
+            assert (answer["number"], answer["stamp"]) == (number, number / 10)
 
 
 def test_a_long_run_keeps_evenly_spread_steps_and_few_files(tmp_path: Path) -> None:

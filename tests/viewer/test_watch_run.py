@@ -149,10 +149,10 @@ def test_the_objects_of_each_step_are_those_of_the_map_then(
     run, seen = watched
     names = []
     for number, summary in enumerate(seen.summary, start=1):
-        told = step(run, number)["objects"]
-        assert told["since"] is None
-        assert [(id_, count, value) for id_, _, value, count, _ in told["set"]] == summary
-        names.append({name for _, name, *_ in told["set"]})
+        reply = step(run, number)["objects"]
+        assert reply["since"] is None
+        assert [(id_, count, value) for id_, _, value, count, _ in reply["set"]] == summary
+        names.append({name for _, name, *_ in reply["set"]})
     assert [("cup" in known) for known in names[:CUP_FROM]] == [False] * CUP_FROM
     assert names[-1] == {"chair", "cup"}
 
@@ -167,7 +167,7 @@ def test_the_objects_of_each_step_are_those_of_the_map_then(
         np.testing.assert_allclose(polygons[0][0], wanted, atol=6e-4)
 
 
-def test_a_step_may_be_told_as_the_difference_to_any_other(
+def test_a_step_may_be_reported_as_the_difference_to_any_other(
     watched: tuple[WatchedRun, Seen],
 ) -> None:
     run, _ = watched
@@ -176,9 +176,9 @@ def test_a_step_may_be_told_as_the_difference_to_any_other(
         return changed_by({}, step(run, number)["objects"])
 
     for since, number in [(1, 2), (9, 3), (3, 12), (7, 7)]:
-        told = step(run, number, since)["objects"]
-        assert told["since"] == since
-        assert changed_by(whole(since), told) == whole(number)
+        reply = step(run, number, since)["objects"]
+        assert reply["since"] == since
+        assert changed_by(whole(since), reply) == whole(number)
     assert step(run, 7, 7)["objects"]["set"] == []
     assert step(run, 7, 99)["objects"]["since"] is None  # there is no step 99
 
@@ -243,8 +243,8 @@ def test_of_a_long_run_every_nth_frame_is_kept_and_the_last_one(
         assert numbers[-1] == FRAMES
         assert len(numbers) < 4
         for number in numbers:
-            told = step(run, number)["objects"]["set"]
-            kept = [(id_, count, value) for id_, _, value, count, _ in told]
+            reply = step(run, number)["objects"]["set"]
+            kept = [(id_, count, value) for id_, _, value, count, _ in reply]
             assert kept == seen.summary[number - 1]
         assert step(run, numbers[-1] - 1)["observation"]["number"] == numbers[-2]
         with pytest.raises(NoSuchStep):
@@ -364,9 +364,9 @@ def test_the_server_answers_what_the_page_asks(
     assert grid.headers["Cache-Control"] == "no-store"  # it may be another run's later
     news = client.get("/api/events")
     assert news.headers["Content-Type"].startswith("text/event-stream")
-    told = json.loads(news.text.removeprefix("data: "))
-    assert told["run"] == info["id"]
-    assert told["steps"]["numbers"] == list(range(1, FRAMES + 1))
+    reply = json.loads(news.text.removeprefix("data: "))
+    assert reply["run"] == info["id"]
+    assert reply["steps"]["numbers"] == list(range(1, FRAMES + 1))
 
 
 @pytest.mark.parametrize(

@@ -94,7 +94,7 @@ def test_who_says_nothing_in_time_or_too_much_is_left(
         assert client.recv(1) == b""
 
 
-def test_a_refused_site_is_told_why(gate: Gate) -> None:
+def test_a_refused_site_is_reported_why(gate: Gate) -> None:
     with connected(gate) as client:
         client.sendall(ASK[:-2] + b"Origin: https://evil.example\r\n\r\n")
         answer = received(client, 1 << 20)

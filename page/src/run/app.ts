@@ -37,7 +37,7 @@ export class RunPage {
   private colors: Record<string, string> = {};
   /** Number of the grid's picture that is drawn. */
   private grid: number | null = null;
-  /** Number of the step that is wanted; the one that is drawn may lag behind. */
+  /** Number of the requested step; the drawn one may lag behind. */
   private wanted: number | null = null;
   private isAsking = false;
 
@@ -102,7 +102,7 @@ export class RunPage {
     this.want(this.timeline.isLive ? this.steps.length - 1 : position);
   }
 
-  /** Shows the step at a position soon; those that are wanted meanwhile are left out. */
+  /** Shows the step at a position soon; requests in the meantime are skipped. */
   private want(position: number): void {
     this.wanted = this.steps.numbers[position] ?? null;
     if (!this.isAsking) void this.ask();

@@ -49,7 +49,7 @@ export class CameraView {
     context.drawImage(picture, 0, 0, this.canvas.width, this.canvas.height);
     const scale = clientWidth / width;
     context.setTransform(ratio, 0, 0, ratio, 0, 0);
-    // The surest comes last, and so lies on top.
+    // The most certain one comes last, on top.
     const detections = [...observation.detections].sort((a, b) => a.score - b.score);
     if (this.options.segments) {
       context.imageSmoothingEnabled = false;

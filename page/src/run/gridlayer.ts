@@ -1,11 +1,11 @@
-/** The grid as it was at a step: one picture, which is there before it is shown. */
+/** The grid at a step: one picture, which is loaded before it is shown. */
 
 import type { FrameState } from "ol/Map.js";
 import Layer from "ol/layer/Layer.js";
 import type { Extent } from "../source";
 
 export class GridLayer extends Layer {
-  /** Not the canvas itself: into that, the layers above would draw too. */
+  /** Not the canvas itself: the layers above would draw on it, too. */
   private readonly element = document.createElement("div");
   private readonly canvas = document.createElement("canvas");
   private shown: { picture: HTMLImageElement; extent: Extent } | null = null;

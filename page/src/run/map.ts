@@ -22,7 +22,7 @@ const MARGIN = 28; // pixels
 
 export class RunMap {
   readonly map: OpenLayersMap;
-  /** Until the person moves it, the map follows what is known. */
+  /** Until the user moves it, the view follows the known area. */
   follows = true;
   private readonly view: View;
   private readonly grid = new GridLayer();
@@ -50,7 +50,7 @@ export class RunMap {
       target,
       view: this.view,
       controls: [],
-      // The arrow keys go through the run.
+      // The arrow keys step through the run.
       interactions: defaultInteractions({
         altShiftDragRotate: false,
         pinchRotate: false,
@@ -96,7 +96,7 @@ export class RunMap {
     this.grid.show(picture, extent);
   }
 
-  /** Shows a step: what its frame saw, the objects then, and the way up to it. */
+  /** Shows a step: what its frame saw, the objects, and the camera path up to it. */
   show(observation: Observation, things: ObjectStates, places: Point[], position: number): void {
     setFeatures(this.observed, [shape(observation.observed)]);
     const objects = [...things.values()].sort((a, b) => areaOf(b) - areaOf(a)).map(featureOf);

@@ -1,4 +1,4 @@
-/** How what a frame saw is drawn on the map. */
+/** Styles for what a frame saw. */
 
 import CircleStyle from "ol/style/Circle.js";
 import Fill from "ol/style/Fill.js";
@@ -58,7 +58,7 @@ export function cameraLook(yaw: number | null, width: number): Style[] {
 
 const wedges = new Map<string, HTMLCanvasElement>();
 
-/** A sector to the right of the picture's middle. */
+/** A sector to the right of the center. */
 function wedgePicture(width: number): HTMLCanvasElement {
   const accent = cssColor("--accent");
   const key = `${width} ${accent}`;

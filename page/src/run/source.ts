@@ -4,7 +4,7 @@ import { ask } from "../server";
 import type { Changes, RunUpdate, Observation } from "./steps";
 
 export interface RunInfo {
-  /** Of this run, and no other at the same address. */
+  /** Id of this run, as another may get the same address. */
   id: string;
   /** What is mapped. */
   recording: string;

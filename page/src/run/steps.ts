@@ -1,4 +1,4 @@
-/** The steps of a run and the objects in the map at one of them; nothing here draws or asks. */
+/** The steps of a run, and the objects in the map at one of them; no drawing, no requests. */
 
 import { extentOf, holds } from "../geometry";
 import type { Extent, Point, Polygon } from "../source";
@@ -12,9 +12,9 @@ export interface Counts {
   unusable: number;
 }
 
-/** What the server tells whenever something has happened. */
+/** The server's event after each change. */
 export interface RunUpdate {
-  /** Of which run; the same address may be another one's later. */
+  /** Id of the run; another run may have the same address later. */
   run: string;
   state: State;
   message: string;
@@ -27,7 +27,7 @@ export interface RunUpdate {
   /** In the map. */
   objects: number;
   counts: Counts;
-  /** Of so many mapped frames one is kept. */
+  /** One of this many mapped frames is kept. */
   stride: number;
   /** Class name -> color. */
   colors?: Record<string, string>;
@@ -75,7 +75,7 @@ export interface ObjectState {
 
 export type ObjectStates = Map<number, ObjectState>;
 
-/** What makes the objects at one step of those at another. */
+/** The changes between the objects at two steps. */
 export interface Changes {
   /** Number of the other step; null: of none. */
   since: number | null;
@@ -153,11 +153,11 @@ export class Steps {
   }
 }
 
-/** A longer pause of the recording is not waited for [s]. */
+/** The longest pause when playing; longer ones in the recording are cut [s]. */
 const LONGEST_PAUSE = 1;
 
 /**
- * Where playing has come to.
+ * The position of playback.
  * @param stamps of the steps [s]
  * @param from position
  * @param time that has passed since, in the recording [s]

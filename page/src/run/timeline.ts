@@ -1,4 +1,4 @@
-/** The foot of the page: going back and forth through the steps, by hand or playing. */
+/** The timeline at the bottom of the page: steps back and forth, or plays. */
 
 import { byId, el, icon, iconButton } from "../dom";
 import { stamp } from "../format";
@@ -58,7 +58,7 @@ export class Timeline {
     document.addEventListener("keydown", (event) => this.onKey(event));
   }
 
-  /** Takes over that steps have come or gone; the shown one has this position now. */
+  /** Updates to added or removed steps; the shown one now has this position. */
   update(position: number, isMapping: boolean): void {
     this.isMapping = isMapping;
     this.slider.max = String(Math.max(0, this.steps.length - 1));
@@ -73,7 +73,7 @@ export class Timeline {
     this.drawChart();
   }
 
-  /** Shows the newest step, and each that comes. */
+  /** Shows the newest step, and follows new ones. */
   follow(): void {
     this.pause();
     this.isLive = true;
@@ -90,7 +90,7 @@ export class Timeline {
     this.go(Math.max(0, Math.min(this.steps.length - 1, this.position + step)));
   }
 
-  /** Shows a step and stays there; at the end, whoever came there by hand follows again. */
+  /** Shows a step and stays there; at the last step, following starts again. */
   private leaveTo(position: number): void {
     this.isLive = position >= this.steps.length - 1;
     this.verbs.show(position);

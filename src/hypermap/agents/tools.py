@@ -117,9 +117,9 @@ def _cut(value: Any) -> Any:
 
 def _problems(error: ValidationError) -> str:
     found = error.errors(include_url=False, include_input=False, include_context=False)
-    told = [
+    shown = [
         f"{'.'.join(map(str, one['loc'])) or 'arguments'}: {one['msg']}"[:200]
         for one in found[:_MOST_PROBLEMS]
     ]
-    more = len(found) - len(told)
-    return "; ".join(told) + (f"; and {more} more" if more else "")
+    more = len(found) - len(shown)
+    return "; ".join(shown) + (f"; and {more} more" if more else "")

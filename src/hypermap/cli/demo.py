@@ -13,9 +13,11 @@ from hypermap.cli.watching import Browser, Port, View, watching
 from hypermap.core.errors import HypermapError
 
 if TYPE_CHECKING:
+    from hypermap.cli.watching import Watched
     from hypermap.core.hypermap import Hypermap
     from hypermap.core.semantic import SemanticObject
-    from hypermap.evaluation.metrics import Evaluation, Score
+    from hypermap.evaluation.metrics import Score
+    from hypermap.simulation import SimulatedRecording
 
 
 def command(
@@ -50,13 +52,8 @@ def command(
         hypermap demo --folder demo --keep-recording
         hypermap demo --noisy
     """
-    from hypermap.cli.progress import mapping_progress
-    from hypermap.evaluation import evaluate
     from hypermap.formats import save_map
     from hypermap.formats.backup import keep_backup
-    from hypermap.mapping.config import profile
-    from hypermap.mapping.mapper import map_recording
-    from hypermap.perception.detectors.sources import detections_from_recording
     from hypermap.simulation import (
         SimulatedRecording,
         demo_world,
@@ -77,26 +74,34 @@ def command(
     map_file, truth_file, picture = (folder / n for n in ("room.hmap", "truth.hmap", "room.png"))
     with watching(view, "simulated room", map_file, len(recording), port, browser) as watched:
         note(f"driving through a simulated room with {len(world.objects)} objects ...")
-        with mapping_progress(len(recording)) as report:
-            hypermap = map_recording(
-                recording,
-                detections_from_recording(),
-                profile("default"),
-                on_progress=watched.with_progress(report),
-                watch=watched.frame,
-            )
-        truth = ground_truth(world)
+        hypermap, truth = _map(recording, watched), ground_truth(world)
         keep_backup(map_file, spare_edited=True)  # which someone may have tried to edit
         save_map(hypermap, map_file)
         save_map(truth, truth_file)
         render(hypermap, picture, title="A simulated room, mapped")
-        _show_comparison(evaluate(_objects(hypermap), _objects(truth)))
+        _show_comparison(hypermap, truth)
         _say_what_next(map_file, truth_file, picture)
         if keep_recording:
             mine = str(folder / "mine.hmap")
             say("\nMap the recording yourself:")
             say("  " + shlex.join(["hypermap", "map", f"{folder / 'recording'}", "-o", mine]))
         watched.finish(f"saved {map_file.name}")
+
+
+def _map(recording: SimulatedRecording, watched: Watched) -> Hypermap:
+    from hypermap.cli.progress import mapping_progress
+    from hypermap.mapping.config import profile
+    from hypermap.mapping.mapper import map_recording
+    from hypermap.perception.detectors.sources import detections_from_recording
+
+    with mapping_progress(len(recording)) as report:
+        return map_recording(
+            recording,
+            detections_from_recording(),
+            profile("default"),
+            on_progress=watched.with_progress(report),
+            watch=watched.frame,
+        )
 
 
 def _say_what_next(map_file: Path, truth_file: Path, picture: Path) -> None:
@@ -129,7 +134,10 @@ def _objects(hypermap: Hypermap) -> list[SemanticObject]:
     return [thing for layer in layers for thing in layer.objects()]
 
 
-def _show_comparison(evaluation: Evaluation) -> None:
+def _show_comparison(hypermap: Hypermap, truth: Hypermap) -> None:
+    from hypermap.evaluation import evaluate
+
+    evaluation = evaluate(_objects(hypermap), _objects(truth))
     numbers = ("in the room", "in the map", "found", "overlap", "off by")
     rows = table("class", *numbers, right=numbers)
     for name, score in evaluation.classes.items():

@@ -16,7 +16,9 @@ from hypermap.cli.terminal import out, say, say_json, table
 from hypermap.core.errors import HypermapError
 
 if TYPE_CHECKING:
+    from hypermap.experiments.drives import Mapped, SimulatedDrive
     from hypermap.experiments.results import Data
+    from hypermap.mapping.config import MappingConfig
 
 
 def command(
@@ -71,7 +73,7 @@ def command(
         hypermap experiment thesis --seeds 2 --worlds lab -o quick.html
         hypermap experiment thesis --worlds dev --errors rough --sensor tof --methods default
     """
-    from hypermap.experiments.drives import SimulatedDrive, map_drives
+    from hypermap.experiments.drives import SimulatedDrive
     from hypermap.experiments.methods import chosen_methods
     from hypermap.experiments.report import write_report
     from hypermap.experiments.results import WorldResult, to_data
@@ -93,24 +95,14 @@ def command(
         for world in described
         for seed in range(first, first + seeds)
     ]
-    mapped = []
-    with counting("mapping", len(drives), "drives") as count:
-        for done in map_drives(drives, methods, jobs or len(os.sched_getaffinity(0))):
-            mapped.append(done)
-            count()
+    mapped = _map(drives, methods, jobs or len(os.sched_getaffinity(0)))
     results = [
         WorldResult.of([m for m in mapped if m.drive.world.name == world.name])
         for world in described
     ]
     data = to_data(results)
-    options = f"--worlds {worlds} --seeds {seeds} --first-seed {first} --errors {errors}"
-    if sensor != "kinect_v1":
-        options += f" --sensor {sensor}"
-    if wanted != "all":
-        options += f" --methods {wanted}"
-    repeated = f"hypermap experiment thesis {options} --rate {rate:g}"
-    data["command"] = repeated
-    write_report(results, data, output, repeated)
+    data["command"] = _repeating(worlds, seeds, first, errors, sensor, wanted, rate)
+    write_report(results, data, output, data["command"])
     figures.write_text(json.dumps(data, indent=1), encoding="utf-8")
     if as_json:
         say_json(data)
@@ -118,6 +110,31 @@ def command(
     for world in data["worlds"]:
         _show(world)
     say(f"\nreport   {output}\nfigures  {figures}")
+
+
+def _map(
+    drives: list[SimulatedDrive], methods: dict[str, MappingConfig], jobs: int
+) -> list[Mapped]:
+    from hypermap.experiments.drives import map_drives
+
+    mapped = []
+    with counting("mapping", len(drives), "drives") as count:
+        for done in map_drives(drives, methods, jobs):
+            mapped.append(done)
+            count()
+    return mapped
+
+
+def _repeating(
+    worlds: str, seeds: int, first: int, errors: str, sensor: str, wanted: str, rate: float
+) -> str:
+    """Return the command that repeats an experiment."""
+    options = f"--worlds {worlds} --seeds {seeds} --first-seed {first} --errors {errors}"
+    if sensor != "kinect_v1":
+        options += f" --sensor {sensor}"
+    if wanted != "all":
+        options += f" --methods {wanted}"
+    return f"hypermap experiment thesis {options} --rate {rate:g}"
 
 
 def _check_names(names: list[str], words: list[str]) -> None:

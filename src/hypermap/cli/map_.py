@@ -7,8 +7,9 @@ import signal
 import time
 from collections import Counter
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
@@ -134,76 +135,72 @@ def command(
         hypermap map heads --level auto -o heads.hmap
     """
     from hypermap.cli.detection_source import detection_source
-    from hypermap.formats.grid.map_server import load_occupancy
     from hypermap.mapping.preflight import Preflight
 
     check_map_output(output, force or is_same_file(output, onto))
     base = map_to_go_on_with(onto, map_file)
     recording, options = request.open(path)
     settings = settings_of(base, onto, profile, config, score, has_network=detector is not None)
-    occupancy = None
-    if map_file is not None:
-        occupancy = load_occupancy(map_file, frame_id=recording.frame_id)
+    occupancy = _occupancy(map_file, recording)
     source = detection_source(
         recording, detector, labels, settings.perception.min_score, detections, objects
     )
+    job = _Job(recording, source, settings, occupancy, base, onto, 0.0 if strict else max_bad)
     frames = len(recording)  # which reads a bag through once
     name, notes = recording.path.name, PreflightNotes()
-    max_depth = settings.perception.max_depth
-    preflight = Preflight(notes.add, max_depth, options.world_pose())
+    preflight = Preflight(notes.add, settings.perception.max_depth, options.world_pose())
     with watching(view, name, output, frames, port, browser) as watched:
         with stop_on_signal() as stop, logging_to(log, name, recording.frame_id) as logged:
             watchers = [watch for watch in (watched.frame, logged) if watch is not None]
-            hypermap, counts, is_whole = _make_map(
-                recording,
-                source,
-                settings,
-                occupancy,
-                frames,
-                stop,
-                watched,
-                watchers,
-                preflight,
-                0.0 if strict else max_bad,
-                base,
-                onto,
-            )
-            if counts.used == 0 and is_same_file(output, onto):
-                known = (
-                    f"{output} already contains {name}" if is_whole else f"stopped by {stop.name}"
-                )
-                note(f"{known}: nothing new, the map is unchanged")
-                raise typer.Exit(0 if is_whole else stop.exit_code)
-            _save(hypermap, output, evidence, onto)
-        _summarize(hypermap, output)
-        _note_unseen(hypermap, settings)
+            made = _make_map(job, frames, stop, watched, watchers, preflight)
+            if made.counts.used == 0 and is_same_file(output, onto):
+                _end_unchanged(output, name, stop, made)
+            _save(made.hypermap, output, evidence, onto)
+        _summarize(made.hypermap, output)
+        _note_unseen(made.hypermap, settings)
         notes.remind()
-        part = (
-            "" if is_whole else f"the map of a part of the recording: stopped early by {stop.name}"
-        )
-        if part:
-            note(f"This is {part}.")
-        if stop.number in (None, signal.SIGINT):  # other signals are to end the page, too
-            watched.finish(f"saved {output.name}" + (f", {part}" if part else ""))
-    if not is_whole:
+        _finish(watched, output, stop, made)
+    if not made.is_whole:
         raise typer.Exit(stop.exit_code)
 
 
+@dataclass(frozen=True)
+class _Job:
+    """What is mapped, onto what, and how; `base` is the map of the file `onto`."""
+
+    recording: Recording
+    source: DetectionSource | None
+    settings: MappingConfig
+    occupancy: OccupancyLayer | None
+    base: Hypermap | None
+    onto: Path | None
+    max_bad: float
+
+
+@dataclass(frozen=True)
+class _Made:
+    """A map, what became of the frames, and whether they are all frames of the recording."""
+
+    hypermap: Hypermap
+    counts: Counts
+    is_whole: bool
+
+
+def _occupancy(map_file: Path | None, recording: Recording) -> OccupancyLayer | None:
+    from hypermap.formats.grid.map_server import load_occupancy
+
+    return None if map_file is None else load_occupancy(map_file, frame_id=recording.frame_id)
+
+
 def _make_map(
-    recording: Recording,
-    source: DetectionSource | None,
-    settings: MappingConfig,
-    occupancy: OccupancyLayer | None,
+    job: _Job,
     frames: int,
     stop: Stop,
     watched: Watched,
     watchers: list[Callable[[MappedFrame, Mapper], None]],
     preflight: Preflight,
-    max_bad: float,
-    base: Hypermap | None,
-    onto: Path | None,
-) -> tuple[Hypermap, Counts, bool]:
-    """Return the map, what became of the frames, and whether it is that of the whole recording."""
+) -> _Made:
+    """Map the recording until its end or `stop`."""
     from hypermap.cli.progress import Pace, mapping_progress
     from hypermap.cli.stopping import StoppableRecording
     from hypermap.mapping.counts import Counts
@@ -212,7 +209,7 @@ def _make_map(
     started, pace, rate = time.monotonic(), Pace(), 0.0
     counts = Counts()
     with mapping_progress(frames) as report:
-        stoppable = StoppableRecording(recording, stop)
+        stoppable = StoppableRecording(job.recording, stop)
 
         def watch(mapped: MappedFrame, mapper: Mapper) -> None:
             for watcher in watchers:
@@ -225,25 +222,42 @@ def _make_map(
             report(progress)
 
         try:
-            with named(onto):
+            with named(job.onto):
                 hypermap = map_recording(
                     stoppable,
-                    source,
-                    settings,
-                    occupancy,
+                    job.source,
+                    job.settings,
+                    job.occupancy,
                     watched.with_progress(tell),
                     watch if watchers else None,
                     preflight,
-                    max_bad,
-                    base,
+                    job.max_bad,
+                    job.base,
                 )
         except HypermapError:
             if stoppable.ended_early:
                 note("no frame was mapped so far, so nothing is saved")
                 raise typer.Exit(stop.exit_code) from None
             raise
-    _note_frames(hypermap, counts, settings, time.monotonic() - started, rate)
-    return hypermap, counts, not stoppable.ended_early
+    _note_frames(hypermap, counts, job.settings, time.monotonic() - started, rate)
+    return _Made(hypermap, counts, not stoppable.ended_early)
+
+
+def _end_unchanged(output: Path, name: str, stop: Stop, made: _Made) -> NoReturn:
+    """End without saving: no new frame was used."""
+    known = f"{output} already contains {name}" if made.is_whole else f"stopped by {stop.name}"
+    note(f"{known}: nothing new, the map is unchanged")
+    raise typer.Exit(0 if made.is_whole else stop.exit_code)
+
+
+def _finish(watched: Watched, output: Path, stop: Stop, made: _Made) -> None:
+    """Say whether the map is whole, here and on the page, which stays open."""
+    part = ""
+    if not made.is_whole:
+        part = f"the map of a part of the recording: stopped early by {stop.name}"
+        note(f"This is {part}.")
+    if stop.number in (None, signal.SIGINT):  # other signals are to end the page, too
+        watched.finish(f"saved {output.name}" + (f", {part}" if part else ""))
 
 
 def _save(hypermap: Hypermap, output: Path, evidence: bool, onto: Path | None) -> None:

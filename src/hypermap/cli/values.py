@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from hypermap.core.hypermap import Hypermap
     from hypermap.core.occupancy import OccupancyLayer
     from hypermap.core.value_layer import ValueLayer
+    from hypermap.recordings.samples.measured import Measured
     from hypermap.values import FieldSettings
 
 _SAMPLES, _PLACE, _METHOD = "Samples", "Where they were taken", "How values are computed"
@@ -222,7 +223,6 @@ def command(
     """
     from hypermap.core.hypermap import Hypermap
     from hypermap.formats import open_map, save_map
-    from hypermap.values import value_layer_of
 
     if source is not None and table is None and source.suffix.lower() == ".csv":
         source, table = None, source
@@ -247,30 +247,48 @@ def command(
         measured = read(source, table, topic, field, tf_frame, sensor_frame, censored_below)
         name = quantity or measured.quantity or "value"
         measured = joined(hypermap, name, add, frame, measured, sample_unit, unit)
-    samples = measured.samples
-    if not len(samples):
-        raise HypermapError(f"no usable sample: {_reasons(measured.left_out)}")
-    note(f"{method}: {counted(len(samples), 'sample')} ...")
-    layer = value_layer_of(
-        name,
-        samples,
-        walls,
-        frame_id=frame,
-        quantity=name,
-        unit=measured.unit,
-        method=method,  # type: ignore[arg-type]  # one of METHODS, as checked above
-        settings=settings,
-        resolution=resolution,
-    )
-    assert layer.samples is not None
-    off = len(samples) - len(layer.samples)
-    left_out = {**measured.left_out, **({"off the map": off} if off else {})}
+    layer = _layer(name, measured, walls, frame, method, settings, resolution)
+    left_out = _left_out(measured, layer)
     save_map(_with_layer(hypermap, layer), output)
     if as_json:
         say_json(_describe(layer, left_out))
     else:
         _show(layer, left_out)
     note(f"saved {output}")
+
+
+def _layer(
+    name: str,
+    measured: Measured,
+    walls: OccupancyLayer | None,
+    frame: str,
+    method: str,
+    settings: FieldSettings | None,
+    resolution: float | None,
+) -> ValueLayer:
+    from hypermap.values import value_layer_of
+
+    if not len(measured.samples):
+        raise HypermapError(f"no usable sample: {_reasons(measured.left_out)}")
+    note(f"{method}: {counted(len(measured.samples), 'sample')} ...")
+    return value_layer_of(
+        name,
+        measured.samples,
+        walls,
+        frame_id=frame,
+        quantity=name,
+        unit=measured.unit,
+        method=method,  # type: ignore[arg-type]  # one of METHODS, as `_checked` has checked
+        settings=settings,
+        resolution=resolution,
+    )
+
+
+def _left_out(measured: Measured, layer: ValueLayer) -> dict[str, int]:
+    """Return how many samples were left out, by the reason."""
+    assert layer.samples is not None
+    off = len(measured.samples) - len(layer.samples)
+    return {**measured.left_out, **({"off the map": off} if off else {})}
 
 
 def _checked(method: str, output: Path | None, force: bool) -> Path:

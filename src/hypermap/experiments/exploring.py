@@ -23,7 +23,7 @@ from hypermap.perception.detectors.sources import detections_from_recording
 from hypermap.perception.frame import Camera
 from hypermap.simulation import SimulatedRecording, World, ground_truth
 from hypermap.simulation.render import DEFAULT_CAMERA
-from hypermap.simulation.trajectory import Drive, poses_at
+from hypermap.simulation.trajectory import DrivePlan, poses_at
 
 _OFF_WALLS = 0.3  # meters more than its radius
 _LONGEST_LEG = 3.0  # meters after which the robot chooses again, as it has seen more
@@ -84,7 +84,7 @@ class Explored:
         milestones: what its map held on the way, and at the end.
     """
 
-    drive: Drive
+    drive: DrivePlan
     milestones: tuple[Milestone, ...]
 
 
@@ -165,7 +165,7 @@ class _Exploring:
     def __init__(
         self,
         world: World,
-        drive: Drive,
+        drive: DrivePlan,
         robot: Robot,
         config: MappingConfig,
         every: float,
@@ -264,7 +264,7 @@ class _Exploring:
         self._pose = _end_of(leg)
 
 
-def _end_of(drive: Drive) -> Pose2D:
+def _end_of(drive: DrivePlan) -> Pose2D:
     """Return where a drive ends."""
     x, y, yaw = poses_at(drive, np.array([math.inf]))[0].tolist()
     return Pose2D(x, y, yaw)
@@ -274,7 +274,7 @@ def _key(view: NextView) -> tuple[str, int | None]:
     return view.item.layer, view.item.object.id
 
 
-def _sensor(drive: Drive, camera: Camera, config: OccupancyConfig) -> Sensor:
+def _sensor(drive: DrivePlan, camera: Camera, config: OccupancyConfig) -> Sensor:
     """Return what a camera sees of the floor."""
     steepest = math.radians(drive.pitch_deg) + math.atan(camera.height / 2 / camera.K[1, 1])
     nearest = (drive.camera_height - config.free_below) / math.tan(min(steepest, math.pi / 2))

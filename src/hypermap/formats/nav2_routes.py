@@ -50,7 +50,7 @@ def _nodes(graph: RouteGraph) -> Iterator[dict[str, Any]]:
     for number, (point, stop) in enumerate(zip(graph.points_xy, graph.stops, strict=True)):
         yield _feature(
             {"type": "Point", "coordinates": _point(point)},
-            {"id": number, "frame": graph.frame_id, "metadata": _told(stop, names)},
+            {"id": number, "frame": graph.frame_id, "metadata": _described(stop, names)},
         )
 
 
@@ -76,7 +76,7 @@ def _edges(graph: RouteGraph) -> Iterator[dict[str, Any]]:
             number += 1
 
 
-def _told(stop: Room | Door | None, names: dict[int, str]) -> dict[str, Any]:
+def _described(stop: Room | Door | None, names: dict[int, str]) -> dict[str, Any]:
     """Return the metadata of a node."""
     if isinstance(stop, Room):
         largest = max(shapely.get_parts(stop.outline), key=shapely.area)

@@ -18,9 +18,9 @@ from hypermap.questions.schema import QUERY_SCHEMA
 if TYPE_CHECKING:
     from hypermap.questions.words import Vocabulary
 
-_ATTEMPTS = 2  # the second is told what was wrong with the first
+_ATTEMPTS = 2  # the second prompt says what was wrong with the first
 _LONGEST_QUESTION = 2000  # characters
-_MOST_NAMES = 500  # of objects, and of rooms, that the model is told
+_MOST_NAMES = 500  # of objects, and of rooms, that the model gets
 _MOST_BYTES = 1_000_000  # of a response
 _INSTRUCTIONS = """\
 Translate the user's question about a map into one JSON object that fits this JSON Schema:

@@ -121,7 +121,7 @@ def distances(
     counts = Counter(shapely.to_wkb(other_shapes).tolist())
     own = {key_of(one) for one in others}.intersection(map(key_of, found))
     far = np.full(len(found), np.inf)
-    # A shape is not compared with itself; those with twins are told by their number.
+    # A shape is not compared with itself; those with twins are identified by their number.
     (at, _), meters = shapely.STRtree(other_shapes).query_nearest(
         shapes,
         max_distance=None if within is None else within + _ROUNDING,

@@ -100,7 +100,7 @@ def _shared_edge(one: BaseGeometry, other: BaseGeometry) -> list[LineString]:
 
 
 def _doors_along(cut: Iterable[LineString], outline: BaseGeometry) -> Iterator[Door]:
-    """Yield the doors at which two parts meet; which rooms they join is to be told."""
+    """Yield the doors at which two parts meet; the caller fills in which rooms they join."""
     for line in cut:
         places = shapely.get_coordinates(shapely.segmentize(line, _STEP))
         far = np.asarray(shapely.distance(shapely.points(places), outline.boundary))

@@ -97,7 +97,7 @@ def stamp(nanoseconds: int) -> Any:
     return message_class("builtin_interfaces/Time")(sec=seconds, nanosec=rest)
 
 
-class Types:
+class CdrTypes:
     """The types, as conversions take them; a Port is one as well."""
 
     def message(self, type_name: str) -> type[Any]:

@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 
 from hypermap.core.arrays import FloatArray
-from hypermap.simulation.trajectory import Drive
+from hypermap.simulation.trajectory import DrivePlan
 from hypermap.simulation.world import WorldObject
 
 _SPEEDS = (0.7, 1.3)  # meters per second
@@ -46,7 +46,7 @@ class Walker:
         return WorldObject("person", (here.x, here.y), yaw_deg=yaw, color=self.color)
 
 
-def draw_walkers(count: int, drive: Drive, rng: np.random.Generator) -> list[Walker]:
+def draw_walkers(count: int, drive: DrivePlan, rng: np.random.Generator) -> list[Walker]:
     """Draw people along a drive; none where the robot only turns on the spot."""
     points = [point[:2] for point in drive.waypoints]
     way = shapely.LineString(points if len(points) > 1 else points * 2)

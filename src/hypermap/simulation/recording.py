@@ -25,7 +25,7 @@ from hypermap.simulation.people import draw_walkers, walkers_at
 from hypermap.simulation.pose_noise import PoseNoise
 from hypermap.simulation.render import DEFAULT_CAMERA, Rendering
 from hypermap.simulation.scene import Scene, size_of
-from hypermap.simulation.trajectory import Drive, camera_poses, planar_poses, poses_at
+from hypermap.simulation.trajectory import DrivePlan, camera_poses, planar_poses, poses_at
 from hypermap.simulation.views import Views
 from hypermap.simulation.world import World
 
@@ -221,7 +221,7 @@ class SimulatedRecording:
         return self._map_noise.make(self.world, self._rng(_MAP)) if self._has_occupancy else None
 
     def _estimated(
-        self, noise: PoseNoise, poses: NDArray[np.float64], drive: Drive
+        self, noise: PoseNoise, poses: NDArray[np.float64], drive: DrivePlan
     ) -> NDArray[np.float64]:
         """Return `map_T_camera` of all frames as localization reports it, shape (N, 4, 4)."""
         if noise.time_offset:

@@ -17,7 +17,7 @@ _STILL = 1e-6  # meters or radians below which a motion takes no time
 
 
 @dataclass(frozen=True)
-class Drive:
+class DrivePlan:
     """A robot's drive: it turns in place toward the next waypoint, then drives straight there.
 
     Attributes:
@@ -39,7 +39,7 @@ class Drive:
     __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
 
 
-def planar_poses(drive: Drive, rate: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def planar_poses(drive: DrivePlan, rate: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return where the robot is at regular times.
 
     Args:
@@ -60,7 +60,7 @@ def planar_poses(drive: Drive, rate: float) -> tuple[NDArray[np.float64], NDArra
     return stamps, poses_at(drive, stamps)
 
 
-def poses_at(drive: Drive, stamps: NDArray[np.float64]) -> NDArray[np.float64]:
+def poses_at(drive: DrivePlan, stamps: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return where the robot is at some times [s]: x, y, yaw [m, m, rad], shape (N, 3).
 
     It stands still before it starts and after it has arrived.
@@ -69,7 +69,7 @@ def poses_at(drive: Drive, stamps: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.column_stack([np.interp(stamps, times, knots[:, i]) for i in range(3)])
 
 
-def camera_poses(poses: ArrayLike, drive: Drive) -> NDArray[np.float64]:
+def camera_poses(poses: ArrayLike, drive: DrivePlan) -> NDArray[np.float64]:
     """Return `map_T_camera` of the optical frame (x right, y down, z forward).
 
     Args:
@@ -92,7 +92,7 @@ def camera_poses(poses: ArrayLike, drive: Drive) -> NDArray[np.float64]:
     return matrix
 
 
-def _knots(drive: Drive) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _knots(drive: DrivePlan) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the times and poses between which the robot turns or drives evenly."""
     turn_rate = math.radians(drive.turn_rate_deg)
     x, y, *look = drive.waypoints[0]
@@ -118,7 +118,7 @@ def _knots(drive: Drive) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     return np.array(times), np.array(knots)
 
 
-def _heading_of_first_leg(drive: Drive) -> float:
+def _heading_of_first_leg(drive: DrivePlan) -> float:
     (x0, y0, *_), *others = drive.waypoints
     for x, y, *_ in others:
         if math.hypot(x - x0, y - y0) > _STILL:

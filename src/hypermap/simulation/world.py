@@ -20,7 +20,7 @@ from hypermap.formats.checked import found, place_of
 from hypermap.formats.yaml_text import read_yaml
 from hypermap.simulation.models import MODELS, build, size_parameters
 from hypermap.simulation.parts import Part, fitted, moved, rgb
-from hypermap.simulation.trajectory import Drive
+from hypermap.simulation.trajectory import DrivePlan
 
 Meters = Annotated[float, Field(strict=True, ge=-1000, le=1000)]
 Height = Annotated[float, Field(strict=True, gt=0, le=20)]
@@ -61,7 +61,7 @@ class FloorPlan:
 
 
 @dataclass(frozen=True)
-class Door:
+class Doorway:
     """A gap in a wall.
 
     Attributes:
@@ -91,7 +91,7 @@ class Wall:
 
     line: tuple[Point, ...] | None = None
     rectangle: Rectangle | None = None
-    doors: tuple[Door, ...] = ()
+    doors: tuple[Doorway, ...] = ()
     height: Height = 2.6
     thickness: Height = 0.1
     color: str = "#e9e4d8"
@@ -221,7 +221,7 @@ class World:
     floor: FloorPlan
     objects: Annotated[tuple[WorldObject, ...], Field(max_length=10_000)] = ()
     walls: Annotated[tuple[Wall, ...], Field(max_length=10_000)] = ()
-    drive: Drive | None = None
+    drive: DrivePlan | None = None
     variation: Variation | None = None
 
     __pydantic_config__: ClassVar[ConfigDict] = _STRICT
@@ -232,9 +232,9 @@ _KINDS: dict[str, type] = {
     "": World,
     "floor": FloorPlan,
     "walls": Wall,
-    "doors": Door,
+    "doors": Doorway,
     "objects": WorldObject,
-    "drive": Drive,
+    "drive": DrivePlan,
     "variation": Variation,
 }
 

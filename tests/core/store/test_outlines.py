@@ -38,7 +38,7 @@ def test_points_are_covered_as_geos_says(drawn: list[shapely.Geometry], points) 
 
 
 @pytest.mark.parametrize("corners", [5, 40, 300])
-def test_points_a_hair_from_an_outline_are_told_apart(corners: int) -> None:
+def test_points_a_hair_from_an_outline_are_distinguished(corners: int) -> None:
     """Doubles next to the edge, where a difference of products has lost all its digits."""
     circle = shapely.Point(0.1, 0.7).buffer(1 / 3, quad_segs=corners)
     on_edge = shapely.get_coordinates(shapely.line_interpolate_point(

@@ -1,4 +1,4 @@
-"""Value layers as files: what is wrong with one is told, and old readers keep them."""
+"""Value layers as files: what is wrong with one is reported, and old readers keep them."""
 
 from __future__ import annotations
 

@@ -191,7 +191,7 @@ def test_what_an_older_map_left_in_a_folder_is_not_taken_for_evidence(tmp_path: 
     assert semantic(path).evidence() is None
 
 
-def test_damaged_evidence_is_told_when_asked_for_and_kept(
+def test_damaged_evidence_is_reported_when_asked_for_and_kept(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     path = tmp_path / "hmap_config.yaml"

@@ -142,7 +142,7 @@ def test_an_empty_layer_is_an_empty_geopackage(tmp_path: Path) -> None:
     assert len(geopandas.read_file(tmp_path / "nothing.gpkg")) == 0
 
 
-def test_what_a_geopackage_cannot_hold_is_told() -> None:
+def test_what_a_geopackage_cannot_hold_is_reported() -> None:
     wrong = SemanticLayer("objects", "lab", [square("a", 0, 0, attributes={"fid": "x"})])
     with pytest.raises(FormatError, match="objects: cannot be written as GeoPackage: "):
         to_geopackage(wrong)

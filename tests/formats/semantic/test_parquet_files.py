@@ -200,7 +200,7 @@ def test_a_wrong_column_is_one_clear_error(columns: dict[str, Any], message: str
     assert str(error.value).startswith(message)
 
 
-def test_a_geometry_of_several_columns_is_told_from_none() -> None:
+def test_a_geometry_of_several_columns_is_distinguished_from_none() -> None:
     points = pa.array([{"x": 0.0, "y": 0.0}] * 5)
     with pytest.raises(FormatError, match="t: geometry: is not well-known binary, but of several"):
         parse_parquet(edited(geometry=points), "t")

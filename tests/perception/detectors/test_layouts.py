@@ -141,7 +141,7 @@ def test_colors_reach_the_network_as_it_was_trained(
         ((300, 84), (640, 640), "RT-DETR by older ultralytics"),
     ],
 )
-def test_the_shapes_of_the_exports_are_told_apart(
+def test_the_shapes_of_the_exports_are_distinguished(
     shape: tuple[int, int], size: tuple[int, int], layout: str
 ) -> None:
     table = np.zeros(shape, np.float32)
@@ -154,7 +154,7 @@ def name_of(table: np.ndarray) -> str:
     return recognize(Outputs.of({"output0": table}, (64, 64))).name
 
 
-def test_six_columns_are_told_apart_by_their_values() -> None:
+def test_six_columns_are_distinguished_by_their_values() -> None:
     table = np.full((1, 300, 6), 0.25, np.float32)
     assert name_of(table) == "RT-DETR by older ultralytics"  # two classes
     table[0, :, 5] = 79
@@ -164,7 +164,9 @@ def test_six_columns_are_told_apart_by_their_values() -> None:
     assert name_of(np.zeros_like(table)) == "YOLOv10, YOLO26"  # nothing found
 
 
-def test_what_shares_its_shape_with_yolox_is_told_apart_by_its_values(networks: Networks) -> None:
+def test_what_shares_its_shape_with_yolox_is_distinguished_by_its_values(
+    networks: Networks,
+) -> None:
     yolox, decoded = (networks[name]["output"] for name in ("YOLOX", "YOLOX, decoded"))
     assert (name_of(yolox), name_of(decoded)) == ("YOLOX", "YOLOX, decoded")
     rng = np.random.default_rng(0)

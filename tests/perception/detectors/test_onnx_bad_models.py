@@ -151,7 +151,7 @@ def test_a_file_of_another_kind_is_an_error(tmp_path: Path) -> None:
         OnnxDetector.load(path)
 
 
-def test_a_missing_file_and_a_folder_are_told_apart(tmp_path: Path) -> None:
+def test_a_missing_file_and_a_folder_are_distinguished(tmp_path: Path) -> None:
     with pytest.raises(FileMissing, match=r"no\.onnx: there is no such model$"):
         OnnxDetector.load(tmp_path / "no.onnx")
     with pytest.raises(FormatError, match=r"a folder; expected an ONNX file$"):

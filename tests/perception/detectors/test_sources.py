@@ -123,7 +123,9 @@ class Moody:
         ([1, 2], "returned list, not Detections"),
     ],
 )
-def test_what_a_detector_does_wrong_is_told_as_the_detectors(answer: object, message: str) -> None:
+def test_what_a_detector_does_wrong_is_reported_as_the_detectors(
+    answer: object, message: str
+) -> None:
     source = detections_from_detector(Moody(answer))  # type: ignore[arg-type]
     with pytest.raises(HypermapError) as error:
         source(frame(COLOR))

@@ -170,16 +170,6 @@ def configuration(
         ros2: whether it is for rviz2.
     """
     panel = "rviz_common" if ros2 else "rviz"
-    frames = {
-        "Class": _class("TF", ros2),
-        "Name": "Frames",
-        "Enabled": True,
-        "Value": True,
-        "Marker Scale": 1,
-        "Show Arrows": False,
-        "Show Axes": True,
-        "Show Names": True,
-    }
     # rviz2 may take its transforms from elsewhere than tf.
     transforms = {"Transformation": {"Current": {"Class": _class("TF", ros2)}}} if ros2 else {}
     tools = ("MoveCamera", "Interact", "Select", "Measure", "PublishPoint")
@@ -197,7 +187,7 @@ def configuration(
             "Name": "root",
             "Enabled": True,
             "Value": True,
-            "Displays": [ground(view, ros2=ros2), *displays, frames],
+            "Displays": [ground(view, ros2=ros2), *displays, _frames(ros2)],
             "Global Options": {
                 "Background Color": _BACKGROUND,
                 "Fixed Frame": fixed_frame,
@@ -216,6 +206,19 @@ def configuration(
         },
     }
     return yaml.safe_dump(content, sort_keys=False, allow_unicode=True)
+
+
+def _frames(ros2: bool) -> dict[str, Any]:
+    return {
+        "Class": _class("TF", ros2),
+        "Name": "Frames",
+        "Enabled": True,
+        "Value": True,
+        "Marker Scale": 1,
+        "Show Arrows": False,
+        "Show Axes": True,
+        "Show Names": True,
+    }
 
 
 def views(view: RvizView, *, ros2: bool = False) -> dict[str, Any]:

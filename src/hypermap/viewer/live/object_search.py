@@ -134,7 +134,7 @@ def _rows(hypermap: Hypermap, found: Sequence[FoundObject]) -> list[dict[str, An
 
 def _row(found: FoundObject, room: str | None) -> dict[str, Any]:
     x, y = found.point_xy
-    told = {} if room is None or found.layer == ROOMS else {"room": room}
+    of_room = {} if room is None or found.layer == ROOMS else {"room": room}
     return {
         "layer": found.layer,
         "id": found.object.id,
@@ -142,7 +142,7 @@ def _row(found: FoundObject, room: str | None) -> dict[str, Any]:
         "x": float(x),
         "y": float(y),
         "distance": found.distance,
-        **told,
+        **of_room,
     }
 
 
