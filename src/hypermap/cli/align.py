@@ -42,7 +42,8 @@ def command(
             "--initial",
             metavar="X,Y,YAW",
             show_default="anywhere",
-            help="About where OTHER's origin is on MAP [m], and how it is turned [degrees].",
+            help="About where OTHER's origin is on MAP, in meters, and how it is turned, in "
+            "degrees.",
         ),
     ] = None,
     new_frame: Annotated[
@@ -71,6 +72,7 @@ def command(
     from hypermap.alignment import align, in_frame_of
     from hypermap.core.errors import HypermapError
     from hypermap.formats import open_map, save_map
+    from hypermap.formats.backup import ALIGNED_TO, MAP_ID
     from hypermap.questions.asking import parse_pose
 
     if output is not None:
@@ -85,6 +87,8 @@ def command(
     pose = found.a_T_b
     if output is not None:
         moved = in_frame_of(first, second, pose, new_frame)
+        if MAP_ID in first.metadata:
+            moved.metadata[ALIGNED_TO] = first.metadata[MAP_ID]
         save_map(moved, output)
     if as_json:
         document = {"x": pose.x, "y": pose.y, "yaw": pose.yaw, "frame_id": first.base_frame}

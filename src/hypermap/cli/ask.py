@@ -37,7 +37,7 @@ def command(
             "--pose",
             metavar="X,Y[,YAW]",
             show_default=False,
-            help="Where you are [m], and where you look [degrees], in the base frame.",
+            help="Where you are, in meters, and where you look, in degrees, in the base frame.",
         ),
     ] = None,
     taxonomy: Annotated[

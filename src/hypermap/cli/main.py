@@ -44,6 +44,7 @@ _MODULES = {
     "path": "path",
     "connect": "connect",
     "align": "align",
+    "merge": "merge",
     "frontiers": "frontiers",
     "evaluate": "evaluate",
     "convert": "convert",

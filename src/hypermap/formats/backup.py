@@ -19,6 +19,9 @@ BY_HAND = "by_hand"
 MAP_ID, MAP_VERSION = "map_id", "map_version"
 """Where a map's metadata hold its id, and a number that counts up with its changes."""
 
+ALIGNED_TO = "aligned_to"
+"""Where a map's metadata hold the id of the map to which `hypermap align` has aligned it."""
+
 _OF_MAPPING = {"frames", "config"}  # what mapping writes into a map's metadata
 _YAML_ENDINGS = (".yaml", ".yml")
 

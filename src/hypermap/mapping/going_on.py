@@ -10,9 +10,9 @@ from hypermap.core.hypermap import Hypermap
 from hypermap.core.layer import Layer
 from hypermap.core.semantic import SemanticLayer
 from hypermap.formats.backup import BY_HAND
-from hypermap.mapping.by_hand import hand_edits, ids_by_edit, marked
+from hypermap.mapping.by_hand import HandEdit, hand_edits, ids_by_edit, marked
 from hypermap.mapping.config import MappingConfig, to_dict
-from hypermap.mapping.mapper_state import parse_published
+from hypermap.mapping.mapper_state import MapperState, parse_published, parse_state
 from hypermap.mapping.overrides import override
 
 SEMANTIC = "semantic"
@@ -59,6 +59,35 @@ def _check_same(config: MappingConfig, asked: MappingConfig) -> None:
                     "mapping continues with the map's configuration: give no other one "
                     "(--profile, --config, --score), or make a new map"
                 )
+
+
+def state_of(hypermap: Hypermap, config: MappingConfig) -> MapperState:
+    """Return the state of the mapper in a map with this configuration.
+
+    Raises:
+        CannotGoOn: If it cannot be read.
+    """
+    kept = hypermap.mapper_state
+    content = kept() if callable(kept) else kept or b""
+    try:
+        return parse_state(content, config.evidence)
+    except FormatError as error:
+        raise CannotGoOn(f"{error}; map all recordings again") from error
+
+
+def edits_of(hypermap: Hypermap, state: MapperState) -> dict[int, HandEdit]:
+    """Return what people have done to a map since it was begun, by the objects' ids.
+
+    Raises:
+        CannotGoOn: If the layer of the objects is not there.
+    """
+    layer = layer_of_objects(hypermap)
+    if layer is not None:
+        before = {track.id: track.by_hand for track in state.tracks.objects if track.by_hand}
+        return hand_edits(state.published, layer, before)
+    if state.published:
+        raise CannotGoOn("its layer 'semantic' of objects is gone; was it renamed or removed?")
+    return {}
 
 
 def layer_of_objects(hypermap: Hypermap) -> SemanticLayer | None:

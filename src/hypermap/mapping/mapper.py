@@ -13,23 +13,30 @@ from typing import Any
 import numpy as np
 
 from hypermap._version import __version__
-from hypermap.core.errors import FormatError, HypermapError
+from hypermap.core.errors import HypermapError
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.layer import Layer
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.semantic import SemanticObject
 from hypermap.formats.backup import BY_HAND, MAP_ID, MAP_VERSION
 from hypermap.mapping.alignment import Aligner
-from hypermap.mapping.by_hand import HandEdit, hand_edits, ids_by_edit
+from hypermap.mapping.by_hand import ids_by_edit
 from hypermap.mapping.completion import free_share
 from hypermap.mapping.config import MappingConfig, to_dict
 from hypermap.mapping.counts import Counts
 from hypermap.mapping.depth_check import why_implausible
 from hypermap.mapping.drives import Drive, EarlierDrives, map_id
 from hypermap.mapping.evidence import EvidenceMap
-from hypermap.mapping.going_on import CannotGoOn, config_to_go_on_with, layer_of_objects, replaced
+from hypermap.mapping.going_on import (
+    CannotGoOn,
+    config_to_go_on_with,
+    edits_of,
+    layer_of_objects,
+    replaced,
+    state_of,
+)
 from hypermap.mapping.keyframes import KeyframeSelector
-from hypermap.mapping.mapper_state import MapperState, dump_state, parse_state
+from hypermap.mapping.mapper_state import MapperState, dump_state
 from hypermap.mapping.occupancy import OccupancyMapper
 from hypermap.mapping.preflight import Preflight
 from hypermap.perception.detections import Detections
@@ -169,19 +176,14 @@ class Mapper:
                 f"the poses are in the frame {frame_id!r}, and the map in {hypermap.base_frame!r}; "
                 "mapping can only continue a map in its own frame"
             )
-        kept = hypermap.mapper_state
-        content = kept() if callable(kept) else kept or b""
-        try:
-            state = parse_state(content, own_config.evidence)
-        except FormatError as error:
-            raise CannotGoOn(f"{error}; map all recordings again") from error
+        state = state_of(hypermap, own_config)
         occupancy = None
         if state.log_odds is None:
             grids = (layer for layer in hypermap if isinstance(layer, OccupancyLayer))
             occupancy = next(grids, OccupancyLayer(_OCCUPANCY, hypermap.base_frame))
         mapper = cls(own_config, source, occupancy, hypermap.base_frame, drive)
         mapper._has_objects = mapper._has_objects or layer_of_objects(hypermap) is not None
-        mapper.evidence.go_on_with(state.tracks, _edits_of(hypermap, state))
+        mapper.evidence.go_on_with(state.tracks, edits_of(hypermap, state))
         mapper._keyframes.go_on_from(state.keyframe)
         if state.log_odds is not None:
             mapper._occupancy.go_on_with(state.first_cell, state.log_odds)
@@ -489,21 +491,6 @@ class _BadFrames:
                 f"{self._recording.path}: nothing to map: none of {counts.frames} frames "
                 f"can be used{why}"
             )
-
-
-def _edits_of(hypermap: Hypermap, state: MapperState) -> dict[int, HandEdit]:
-    """Return what people have done to a map since it was begun, by the objects' ids.
-
-    Raises:
-        CannotGoOn: If the layer of the objects is not there.
-    """
-    layer = layer_of_objects(hypermap)
-    if layer is not None:
-        before = {track.id: track.by_hand for track in state.tracks.objects if track.by_hand}
-        return hand_edits(state.published, layer, before)
-    if state.published:
-        raise CannotGoOn("its layer 'semantic' of objects is gone; was it renamed or removed?")
-    return {}
 
 
 def _no_detections(_frame: RgbdFrame) -> Detections:

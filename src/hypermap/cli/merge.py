@@ -1,0 +1,159 @@
+"""`hypermap merge`: make one map of several maps of one floor."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from hypermap.cli.negative_points import PointsCommand
+from hypermap.cli.onto import is_same_file, named
+from hypermap.cli.options import AsJson, ForceMap, MapPath, check_map_output
+from hypermap.cli.terminal import note, say, say_json
+from hypermap.core.errors import FrameError, HypermapError
+from hypermap.text import counted
+
+if TYPE_CHECKING:
+    from hypermap.core.frames import Pose2D
+    from hypermap.core.hypermap import Hypermap
+    from hypermap.mapping.merging import Merged
+
+COMMAND_CLASS = PointsCommand
+
+
+def command(
+    path: MapPath,
+    others: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="OTHER...",
+            readable=False,
+            show_default=False,
+            help="Maps of other days, or of other robots.",
+        ),
+    ],
+    output: Annotated[
+        Path,
+        typer.Option("-o", "--output", metavar="OUT", show_default=False, help="Save here: .hmap."),
+    ],
+    initial: Annotated[
+        str | None,
+        typer.Option(
+            "--initial",
+            metavar="X,Y,YAW",
+            show_default="anywhere",
+            help="About where OTHER's origin is on MAP, in meters, and how it is turned, in "
+            "degrees.",
+        ),
+    ] = None,
+    same_frame: Annotated[
+        bool,
+        typer.Option("--same-frame", help="Do not align: all maps are in the frame of MAP."),
+    ] = False,
+    as_json: AsJson = False,
+    force: ForceMap = False,
+) -> None:
+    """Merge maps of one floor: their objects, by the evidence for them, and their occupancy.
+
+    All maps must be made by `hypermap map` or `live`, with the same configuration, of different
+    recordings. Each OTHER is aligned to MAP by walls and objects, unless `hypermap align -o` has
+    done that. Objects in several maps become one, with the id that it has in MAP. An object that
+    is missing in the later of two maps becomes less probable by each view that should have shown
+    it. Edits made by hand stay; where two maps differ, those of MAP count. All other layers are
+    kept. `hypermap map --onto OUT` can continue the result.
+
+    Examples:
+        hypermap merge monday.hmap tuesday.hmap -o week.hmap
+        hypermap merge robot1.hmap robot2.hmap robot3.hmap -o floor.hmap
+        hypermap merge monday.hmap tuesday.hmap --initial 2,-1,90 -o week.hmap
+    """
+    from hypermap.formats import open_map, save_map
+    from hypermap.formats.backup import keep_backup
+    from hypermap.questions.asking import parse_pose
+
+    if initial is not None and (same_frame or len(others) > 1):
+        raise HypermapError(
+            "--initial is for one OTHER, and not with --same-frame; use `hypermap align` before"
+        )
+    check_map_output(output, force or is_same_file(output, path))
+    about = None if initial is None else parse_pose(initial, "--initial")
+    hypermap = open_map(path)
+    rows = []
+    for other in others:
+        second = open_map(other)
+        pose = _pose(hypermap, second, about, same_frame, other)
+        merged = _merged(hypermap, second, pose, path, other)
+        hypermap = merged.hypermap
+        rows.append(_described(merged, pose, other))
+        if not as_json:
+            _show(merged, pose, other)
+    backup = keep_backup(output, spare_edited=True)
+    save_map(hypermap, output)
+    if backup is not None:
+        note(f"the previous map is kept as {backup}")
+    if as_json:
+        say_json({"maps": rows, "objects": len(hypermap.objects())})
+    note(f"saved {output}")
+
+
+def _pose(
+    first: Hypermap, second: Hypermap, about: Pose2D | None, same_frame: bool, other: Path
+) -> Pose2D:
+    """Return how the second map lies on the first."""
+    from hypermap.alignment import NotAligned, align
+    from hypermap.core.frames import Pose2D
+    from hypermap.formats.backup import ALIGNED_TO, MAP_ID
+
+    if same_frame:
+        return Pose2D()
+    aligned_to = second.metadata.get(ALIGNED_TO)
+    if about is None and aligned_to is not None and aligned_to == first.metadata.get(MAP_ID):
+        return second.frames.lookup(first.base_frame, second.base_frame)
+    try:
+        return align(first, second, initial=about).a_T_b
+    except NotAligned as error:
+        raise NotAligned(f"{other}: {error}") from None
+
+
+def _merged(first: Hypermap, second: Hypermap, pose: Pose2D, path: Path, other: Path) -> Merged:
+    from hypermap.mapping.going_on import config_to_go_on_with
+    from hypermap.mapping.merging import CannotMerge, merge_maps
+
+    with named(path):
+        config_to_go_on_with(first)
+    with named(other):
+        config_to_go_on_with(second)
+    try:
+        return merge_maps(first, second, pose)
+    except (CannotMerge, FrameError) as error:
+        raise type(error)(f"{path} and {other}: {error}") from None
+
+
+def _described(merged: Merged, pose: Pose2D, other: Path) -> dict[str, Any]:
+    return {
+        "map": str(other),
+        "x": pose.x,
+        "y": pose.y,
+        "yaw": pose.yaw,
+        "both": merged.both,
+        "first": merged.first,
+        "second": merged.second,
+        "gone": merged.gone,
+        "conflicts": list(merged.conflicts),
+        "renamed": merged.renamed,
+    }
+
+
+def _show(merged: Merged, pose: Pose2D, other: Path) -> None:
+    where = f"x {pose.x:.3f} m, y {pose.y:.3f} m, yaw {math.degrees(pose.yaw):.2f} degrees"
+    say(f"{other}: {where}")
+    say(
+        f"  {counted(merged.both, 'object')} in both, {merged.first} only before, "
+        f"{merged.second} new, {merged.gone} gone"
+    )
+    for number in merged.conflicts:
+        note(f"object {number} was edited by hand in both maps: the edits of the first one stay")
+    for old, new in merged.renamed.items():
+        note(f"the layer {old!r} of {other} is called {new!r} in the result")

@@ -1,0 +1,20 @@
+"""Two maps of one place, made into one by the evidence in both."""
+
+from typing import TYPE_CHECKING, Any
+
+from hypermap._lazy import attribute
+
+if TYPE_CHECKING:
+    from hypermap.mapping.merging.maps import CannotMerge, Merged, merge_maps
+
+_HOMES = {
+    "CannotMerge": "hypermap.mapping.merging.maps",
+    "Merged": "hypermap.mapping.merging.maps",
+    "merge_maps": "hypermap.mapping.merging.maps",
+}
+
+__all__ = ["CannotMerge", "Merged", "merge_maps"]
+
+
+def __getattr__(name: str) -> Any:
+    return attribute(__name__, name, _HOMES)

@@ -1,0 +1,279 @@
+"""Merges two maps that mapping has made, so that mapping can go on with the result."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
+
+from hypermap.alignment.frames import (
+    frames_of,
+    free_name,
+    in_frame_of,
+    with_frames_renamed,
+)
+from hypermap.core.errors import FrameError, HypermapError
+from hypermap.core.frames import FrameTree, Pose2D
+from hypermap.core.grid import GridGeometry, along
+from hypermap.core.hypermap import Hypermap
+from hypermap.core.layer import Layer
+from hypermap.core.occupancy import OccupancyLayer
+from hypermap.core.semantic import SemanticLayer
+from hypermap.mapping.completion import free_share
+from hypermap.mapping.config import MappingConfig, to_dict
+from hypermap.mapping.drives import Drive
+from hypermap.mapping.evidence import EvidenceMap
+from hypermap.mapping.going_on import (
+    SEMANTIC,
+    config_to_go_on_with,
+    edits_of,
+    layer_of_objects,
+    state_of,
+)
+from hypermap.mapping.mapper import Mapper
+from hypermap.mapping.mapper_state import MapperState, dump_state
+from hypermap.mapping.merging.grids import added_layers, added_log_odds, log_odds_of
+from hypermap.mapping.merging.moving import moved_tracks
+from hypermap.mapping.merging.tracks import IsFree, Joined, join_tracks
+from hypermap.mapping.tracks import TrackTable
+
+_FREE = 0.9  # share of a place that must be free for nothing to stand there
+_SAME_FRAMES = 0.01  # share of a map's frames; by chance alone, fewer have the same key
+
+
+class CannotMerge(HypermapError):
+    """Two maps cannot be merged."""
+
+
+@dataclass(frozen=True, eq=False)
+class Merged:
+    """Two maps as one.
+
+    Attributes:
+        hypermap: the map, in the base frame of the first.
+        both: how many of its objects both maps had.
+        first: how many only the first one had.
+        second: how many only the second one had.
+        gone: how many objects of the two are not in it, as later views did not show them.
+        conflicts: ids of objects that people have edited in both; the first map's edits stay.
+        renamed: other layers of the second map whose names were in use, by their names there.
+    """
+
+    hypermap: Hypermap
+    both: int
+    first: int
+    second: int
+    gone: int
+    conflicts: tuple[int, ...]
+    renamed: dict[str, str]
+
+
+def merge_maps(first: Hypermap, second: Hypermap, a_T_b: Pose2D) -> Merged:
+    """Return two maps of one place as one map, from the evidence in both.
+
+    Objects that both maps have become one, with the id of the first. What only one map has stays,
+    and loses existence by later views of the other that should have shown it. The log-odds of the
+    occupancy grids are added. All other layers of both maps are kept, in frames of their own.
+
+    Args:
+        first: a map made by mapping; its id, frame and metadata become those of the result.
+        second: a map made by mapping with the same configuration.
+        a_T_b: takes points in the base frame of the second map to that of the first.
+
+    Raises:
+        CannotGoOn: If a map was not made by mapping, or the state of the mapper is not in it.
+        CannotMerge: If the configurations differ, or both contain the same frames.
+        FrameError: If the frames of the two cannot be in one tree.
+    """
+    config = config_to_go_on_with(first)
+    _check_same(config, config_to_go_on_with(second))
+    a, b = state_of(first, config), state_of(second, config)
+    _check_drives(a.drives, b.drives)
+    grids = _grid_of(first), _grid_of(second)
+    before = (
+        _tracks(first, a, config),
+        moved_tracks(_tracks(second, b, config), a_T_b, config.evidence),
+    )
+    joined = join_tracks(
+        *before,
+        config.evidence,
+        (_is_free(grids[0], Pose2D()), _is_free(grids[1], a_T_b.inverse())),
+    )
+    occupancy = _occupancy(a, grids, a_T_b)
+    first_cell, log_odds = a.first_cell, a.log_odds
+    if log_odds is not None:
+        other = _log_odds_of(b, grids[1], config)
+        if other is not None:
+            first_cell, log_odds = added_log_odds(
+                first_cell, log_odds, other, a_T_b, config.occupancy
+            )
+    state = MapperState(
+        tracks=joined.tracks,
+        keyframe=None,
+        first_cell=first_cell,
+        log_odds=log_odds,
+        drives=[*a.drives, *b.drives],
+        counts=a.counts + b.counts,
+        published=[],  # `Mapper.onto` publishes all
+        alignment=a.alignment,
+    )
+    others = _other_layers(first, second, a_T_b, skip={grids[1].name, SEMANTIC})
+    merged = Hypermap(
+        [*_layers_of(first, occupancy, second), *others.layers], others.frames, first.metadata
+    )
+    merged.mapper_state = dump_state(state)
+    hypermap = Mapper.onto(merged, None).hypermap()
+    return _counted(hypermap, (first, second), joined, others.renamed)
+
+
+def _check_same(first: MappingConfig, second: MappingConfig) -> None:
+    one, other = to_dict(first), to_dict(second)
+    for stage, values in one.items():
+        for key, value in values.items():
+            if other[stage][key] != value:
+                raise CannotMerge(
+                    f"the maps were made with different configurations ({stage}: {key}: {value} "
+                    f"and {other[stage][key]}); map one of the recordings again with that of the "
+                    "other (--config)"
+                )
+
+
+def _check_drives(first: Iterable[Drive], second: Iterable[Drive]) -> None:
+    """Raise a CannotMerge if both maps contain the same frames, which would count twice."""
+    for one in first:
+        for other in second:
+            same = len(set(one.keys) & set(other.keys))
+            if same > max(1, _SAME_FRAMES * min(len(one.keys), len(other.keys))):
+                raise CannotMerge(
+                    f"both maps contain {same} frames of the drive {other.name!r}, which would "
+                    "count twice; continue one of the maps with `hypermap map --onto` instead"
+                )
+
+
+def _grid_of(hypermap: Hypermap) -> OccupancyLayer:
+    """Return the occupancy layer that belongs to the objects: the first one."""
+    grids = (layer for layer in hypermap if isinstance(layer, OccupancyLayer))
+    layer = next(grids, OccupancyLayer("occupancy", hypermap.base_frame))
+    if layer.frame_id != hypermap.base_frame:
+        raise CannotMerge(
+            f"the occupancy layer {layer.name!r} is in {layer.frame_id!r}, not in the base frame "
+            f"{hypermap.base_frame!r}"
+        )
+    return layer
+
+
+def _tracks(hypermap: Hypermap, state: MapperState, config: MappingConfig) -> TrackTable:
+    """Return the tracks of a map, with what people have done to its objects."""
+    evidence = EvidenceMap(config.evidence)
+    evidence.go_on_with(state.tracks, edits_of(hypermap, state))
+    return evidence.tracks()
+
+
+def _is_free(grid: OccupancyLayer, grid_T_a: Pose2D) -> IsFree:
+    def is_free(area: BaseGeometry) -> bool:
+        return free_share(grid, grid_T_a.apply_geometry(area)) >= _FREE
+
+    return is_free
+
+
+def _occupancy(
+    state: MapperState, grids: tuple[OccupancyLayer, OccupancyLayer], a_T_b: Pose2D
+) -> OccupancyLayer:
+    """Return the occupancy layer; one that is made from depth follows from the log-odds."""
+    if state.log_odds is not None:
+        return grids[0]
+    return added_layers(*grids, a_T_b)
+
+
+def _log_odds_of(
+    state: MapperState, grid: OccupancyLayer, config: MappingConfig
+) -> tuple[GridGeometry, NDArray[np.float32]] | None:
+    """Return a map's occupancy as a grid and log-odds; None for none."""
+    if state.log_odds is not None and state.log_odds.size:
+        side = config.occupancy.resolution
+        row, col = state.first_cell.tolist()
+        height, width = state.log_odds.shape
+        origin = Pose2D(along(col, side), along(row, side))
+        return GridGeometry(width, height, side, origin), state.log_odds
+    return None if grid.grid is None else (grid.grid, log_odds_of(grid))
+
+
+def _layers_of(first: Hypermap, occupancy: OccupancyLayer, second: Hypermap) -> list[Layer]:
+    """Return the first map's layers, with the occupancy layer, and an empty one for objects."""
+    layers: list[Layer] = []
+    for layer in first:
+        if isinstance(layer, SemanticLayer) and layer.name == SEMANTIC:
+            empty = SemanticLayer(layer.name, layer.frame_id)
+            empty.settings, empty.rejected = layer.settings, layer.rejected
+            layers.append(empty)
+        else:
+            layers.append(occupancy if layer.name == occupancy.name else layer)
+    if layer_of_objects(first) is None and layer_of_objects(second) is not None:
+        layers.append(SemanticLayer(SEMANTIC, first.base_frame))
+    return layers
+
+
+@dataclass(frozen=True, eq=False)
+class _Others:
+    """Layers of the second map that are kept as they are, and the frames of both maps."""
+
+    layers: list[Layer]
+    frames: FrameTree
+    renamed: dict[str, str]
+
+
+def _other_layers(first: Hypermap, second: Hypermap, a_T_b: Pose2D, skip: set[str]) -> _Others:
+    kept = [layer for layer in second if layer.name not in skip]
+    if not kept:
+        return _Others([], first.frames, {})
+    base = first.base_frame
+    if second.base_frame == base or base not in frames_of(second):
+        second = in_frame_of(first, second, a_T_b)
+    known = frames_of(first)
+    taken = {*known, *frames_of(second)}
+    names = {}
+    for frame in sorted((known & frames_of(second)) - {base}):
+        names[frame] = free_name(frame, taken)
+        taken.add(names[frame])
+    second = with_frames_renamed(second, names)
+    try:
+        frames = FrameTree([*first.frames, *second.frames])
+    except FrameError as error:
+        raise FrameError(f"the frames of the two maps do not go together: {error}") from None
+    layers, renamed = [], {}
+    used = {layer.name for layer in first} | {SEMANTIC}
+    for layer in second:
+        if layer.name in skip:
+            continue
+        name = layer.name if layer.name not in used else free_name(layer.name, used)
+        used.add(name)
+        if name != layer.name:
+            renamed[layer.name] = name
+            layer = copy.copy(layer)
+            layer.name = name
+        layers.append(layer)
+    return _Others(layers, frames, renamed)
+
+
+def _counted(
+    hypermap: Hypermap, maps: tuple[Hypermap, Hypermap], joined: Joined, renamed: dict[str, str]
+) -> Merged:
+    layers = [layer_of_objects(one) for one in maps]
+    ids = [set() if layer is None else {item.id for item in layer} for layer in layers]
+    made = layer_of_objects(hypermap)
+    there = {item.id for item in made} if made is not None else set()
+    theirs = {joined.ids[number] for number in ids[1] if number in joined.ids}
+    both = there & joined.pairs & ids[0] & theirs
+    return Merged(
+        hypermap=hypermap,
+        both=len(both),
+        first=len((there & ids[0]) - theirs),
+        second=len(there - ids[0]),
+        gone=len((ids[0] | theirs) - there),
+        conflicts=tuple(sorted(joined.conflicts & there)),
+        renamed=renamed,
+    )

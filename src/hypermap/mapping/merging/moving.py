@@ -1,0 +1,97 @@
+"""Moves tracks, with all of their evidence, to another frame."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
+
+from hypermap.core.arrays import as_objects
+from hypermap.core.frames import Pose2D
+from hypermap.mapping.by_hand import HandEdit
+from hypermap.mapping.evidence_buffer import Evidence, EvidenceBuffer
+from hypermap.mapping.prepared_polygon import PreparedPolygon
+from hypermap.mapping.stages import EvidenceConfig
+from hypermap.mapping.tracks import Track, TrackTable
+
+
+def moved_tracks(tracks: TrackTable, a_T_b: Pose2D, config: EvidenceConfig) -> TrackTable:
+    """Return the tracks of frame b in frame a; their ids stay.
+
+    Args:
+        tracks: as they are in b.
+        a_T_b: takes points in b to points in a.
+        config: the one of the tracks.
+    """
+    items = _moved_evidence([i for track in tracks.objects for i in track.buffer.items], a_T_b)
+    shapes = PreparedPolygon.all_of(
+        [a_T_b.apply_geometry(polygon.geometry) for polygon in tracks.shapes.polygons]
+    )
+    table = TrackTable(config.max_existence)
+    begin = 0
+    for row, track in enumerate(tracks.objects):
+        old, end = track.buffer, begin + len(track.buffer)
+        times = old.score_sum, old.first_seen, old.last_seen
+        buffer = EvidenceBuffer.of(items[begin:end], config.max_evidence, old.count, *times)
+        by_hand = None if track.by_hand is None else _moved_edit(track.by_hand, a_T_b)
+        low, high = tracks.shapes.heights[row].tolist()
+        table.add(
+            dataclasses.replace(track, buffer=buffer, by_hand=by_hand),
+            int(tracks.shapes.classes[row]),
+            shapes[row],
+            (low, high),
+            float(tracks.existence[row]),
+        )
+        begin = end
+    table.next_id = tracks.next_id
+    return table
+
+
+def _moved_evidence(items: Sequence[Evidence], a_T_b: Pose2D) -> list[Evidence]:
+    """Return evidence in another frame; what shares a pose and an area keeps sharing them."""
+    matrix = np.eye(4)
+    matrix[np.ix_([0, 1, 3], [0, 1, 3])] = a_T_b.matrix()
+    footprints = a_T_b.apply_geometries(as_objects(item.footprint for item in items))
+    centroids = shapely.get_coordinates(shapely.centroid(footprints))
+    poses: dict[int, NDArray[np.float64]] = {}
+    areas: dict[int, BaseGeometry] = {}
+    found = []
+    for item, footprint, centroid_xy in zip(items, footprints, centroids, strict=True):
+        pose, area = item.map_T_camera, item.visible_area
+        if id(pose) not in poses:
+            poses[id(pose)] = matrix @ pose
+        if id(area) not in areas:
+            areas[id(area)] = a_T_b.apply_geometry(area)
+        found.append(
+            dataclasses.replace(
+                item,
+                map_T_camera=poses[id(pose)],
+                visible_area=areas[id(area)],
+                footprint=footprint,
+                centroid_xy=centroid_xy,
+            )
+        )
+    return found
+
+
+def _moved_edit(edit: HandEdit, a_T_b: Pose2D) -> HandEdit:
+    shape, drawn = edit.footprint, edit.drawn
+    return dataclasses.replace(
+        edit,
+        footprint=None if shape is None else a_T_b.apply_geometry(shape),
+        drawn=None
+        if drawn is None
+        else dataclasses.replace(drawn, footprint=a_T_b.apply_geometry(drawn.footprint)),
+    )
+
+
+def renumbered(track: Track, number: int) -> Track:
+    """Return a track with another id; what was drawn by hand gets the same one."""
+    edit = track.by_hand
+    if edit is not None and edit.drawn is not None:
+        edit = dataclasses.replace(edit, drawn=dataclasses.replace(edit.drawn, id=number))
+    return dataclasses.replace(track, id=number, by_hand=edit)

@@ -1,0 +1,215 @@
+"""Joins the tracks of two maps of one place: those of one object become one.
+
+Tracks of two maps are associated as observations are with tracks, one to one. Where only one map
+has a track, each later view of the other map that should have shown it counts as a miss.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections import Counter
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from hypermap.core.arrays import ObjectArray, as_objects
+from hypermap.mapping.association import ASSOCIATIONS
+from hypermap.mapping.evidence_buffer import Evidence
+from hypermap.mapping.fusion import FUSIONS
+from hypermap.mapping.merging.moving import renumbered
+from hypermap.mapping.missed_detections import prune
+from hypermap.mapping.stages import EvidenceConfig
+from hypermap.mapping.tracks import TrackTable
+
+_VISIBLE, _WHOLE = 0.5, 1 - 1e-6
+"""Share of an object that a later view must cover to have missed it: on free floor, elsewhere."""
+
+IsFree = Callable[[BaseGeometry], bool]
+"""Whether the newer drives know an area of the floor to be free."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Joined:
+    """The tracks of two maps as one table.
+
+    Attributes:
+        tracks: those of the first map, whose ids stay, then those that only the second one has.
+        ids: the id in `tracks` of each track of the second map, by its id there.
+        pairs: the ids of the tracks that both maps have.
+        conflicts: the ids of those that people have edited in both maps; the first map's edits
+            stay.
+    """
+
+    tracks: TrackTable
+    ids: dict[int, int]
+    pairs: frozenset[int]
+    conflicts: frozenset[int]
+
+
+def join_tracks(
+    first: TrackTable,
+    second: TrackTable,
+    config: EvidenceConfig,
+    is_free: tuple[IsFree, IsFree],
+) -> Joined:
+    """Return the tracks of two maps in one table.
+
+    Args:
+        first: tracks of a map; they stay as they are.
+        second: those of another map, in the same frame.
+        config: the one of both maps.
+        is_free: what each map's occupancy grid knows to be free floor.
+    """
+    tracks, second = first.snapshot(), second.snapshot()
+    _use_same_classes(tracks, second)
+    partners = _partners(tracks, second, config)
+    until = _until(tracks, second, partners)
+    views = _views(tracks), _views(second)
+    _count_misses(tracks, until[0], views[1], is_free[1], config)
+    _count_misses(second, until[1], views[0], is_free[0], config)
+    ids = {other: tracks.objects[row].id for other, row in partners.items()}
+    pairs = frozenset(ids.values())
+    conflicts = _merge_pairs(tracks, second, partners, config)
+    for row, track in enumerate(second.objects):
+        if track.id not in ids:
+            ids[track.id] = tracks.next_id
+            tracks.add(
+                renumbered(track, tracks.next_id),
+                int(second.shapes.classes[row]),
+                second.shapes.polygons[row],
+                tuple(second.shapes.heights[row].tolist()),
+                float(second.existence[row]),
+            )
+    _add_co_occurrences(tracks, second, ids, pairs)
+    gone = {track.id for track in prune(tracks, config.forget_below)}
+    for track in tracks.objects:
+        for number in gone & track.co_occurrences.keys():
+            del track.co_occurrences[number]
+    return Joined(tracks, ids, pairs, conflicts)
+
+
+def _use_same_classes(*tables: TrackTable) -> None:
+    numbers: dict[str, int] = {}
+    for table in tables:
+        for row, track in enumerate(table.objects):
+            table.shapes.classes[row] = numbers.setdefault(track.name, len(numbers))
+
+
+def _partners(first: TrackTable, second: TrackTable, config: EvidenceConfig) -> dict[int, int]:
+    """Return the row in the first table of each track that both have, by its id in the second.
+
+    The tracks with the most evidence choose first.
+    """
+    associate = ASSOCIATIONS[config.association]
+    partners: dict[int, int] = {}
+    taken: set[int] = set()
+    counts = np.array([track.buffer.count for track in second.objects])
+    for row in np.argsort(-counts, kind="stable").tolist():
+        shape, class_ = second.shapes.polygons[row], int(second.shapes.classes[row])
+        matches = associate(shape, class_, first.shapes, config)
+        free = [match for match in matches if match not in taken]
+        if free:
+            taken.add(free[0])
+            partners[second.objects[row].id] = free[0]
+    return partners
+
+
+def _merge_pairs(
+    first: TrackTable, second: TrackTable, partners: dict[int, int], config: EvidenceConfig
+) -> frozenset[int]:
+    """Add the evidence of tracks of the second table to their partners; return conflicts."""
+    fuse = FUSIONS[config.fusion]
+    conflicts = set()
+    for other, row in partners.items():
+        (other_row,) = second.rows_of([other])
+        theirs, track = second.objects[other_row], first.objects[row]
+        track.buffer.merge([theirs.buffer])
+        mine, edit = track.by_hand, renumbered(theirs, track.id).by_hand
+        if mine is not None and edit is not None:
+            conflicts.add(track.id)
+        track.by_hand = mine or edit
+        first.change_existence(row, float(second.existence[other_row]))
+        if track.by_hand is None or track.by_hand.shape is None:
+            first.shapes.replace(row, fuse(track.buffer, config))
+        elif mine is None:
+            first.shapes.replace(row, second.shapes.polygons[other_row])
+        if len(track.buffer):
+            first.shapes.heights[row] = track.buffer.heights()
+        track.pending = 0
+    return frozenset(conflicts)
+
+
+def _until(
+    first: TrackTable, second: TrackTable, partners: dict[int, int]
+) -> tuple[list[float], list[float]]:
+    """Return for each track of both tables when the other map has seen it first; or infinity."""
+    until = [math.inf] * len(first.objects), [math.inf] * len(second.objects)
+    for other, row in partners.items():
+        (other_row,) = second.rows_of([other])
+        until[0][row] = second.objects[other_row].buffer.first_seen
+        until[1][other_row] = first.objects[row].buffer.first_seen
+    return until
+
+
+def _views(tracks: TrackTable) -> list[Evidence]:
+    """Return one piece of the kept evidence of each view, oldest first."""
+    items = (item for track in tracks.objects for item in track.buffer.items)
+    views = {(id(item.map_T_camera), id(item.visible_area)): item for item in items}
+    return sorted(views.values(), key=lambda item: item.stamp)
+
+
+def _count_misses(
+    tracks: TrackTable,
+    until: Sequence[float],
+    views: list[Evidence],
+    is_free: IsFree,
+    config: EvidenceConfig,
+) -> None:
+    """Lower the existence of tracks by views of another map that should have shown them.
+
+    The views are those of the kept evidence: frames that showed nothing are not among them. So an
+    object in whose place the later map knows the floor to be free is not published any more,
+    however few views there are.
+
+    Args:
+        tracks: of one map; changed.
+        until: when the other map has seen each track first; infinite if never.
+        views: of the other map, oldest first.
+        is_free: what the other map knows to be free floor.
+        config: what a miss costs.
+    """
+    if not views:
+        return
+    stamps = np.array([view.stamp for view in views])
+    seen = as_objects(view.visible_area for view in views)
+    areas = shapely.buffer(seen, -config.margin, join_style="mitre")
+    cameras: ObjectArray = np.asarray(shapely.points([view.map_T_camera[:2, 3] for view in views]))
+    for row, track in enumerate(tracks.objects):
+        begin = int(np.searchsorted(stamps, track.buffer.last_seen, side="right"))
+        end = int(np.searchsorted(stamps, until[row]))
+        if track.by_hand is not None or begin >= end:
+            continue
+        shape = tracks.shapes.polygons[row].geometry
+        near = areas[begin:end][shapely.dwithin(cameras[begin:end], shape, config.max_range)]
+        shares = shapely.area(shapely.intersection(near, shape)) / shape.area
+        if until[row] == math.inf and is_free(shape):
+            misses = int((shares >= _VISIBLE).sum())
+            too_much = float(tracks.existence[row]) - config.publish_above
+            loss = config.gone_loss * misses + (max(too_much, 0) if misses else 0)
+        else:
+            loss = config.loss * int((shares >= _WHOLE).sum())
+        tracks.change_existence(row, -loss)
+
+
+def _add_co_occurrences(
+    tracks: TrackTable, second: TrackTable, ids: dict[int, int], pairs: frozenset[int]
+) -> None:
+    """Add how often the second map has seen two of its tracks together."""
+    for theirs in second.objects:
+        (row,) = tracks.rows_of([ids[theirs.id]])
+        track = tracks.objects[row]
+        counts = Counter({ids[other]: n for other, n in theirs.co_occurrences.items()})
+        track.co_occurrences = track.co_occurrences + counts if track.id in pairs else counts

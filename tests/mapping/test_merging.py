@@ -1,0 +1,354 @@
+"""Two maps of one place become one, as if one map had been made of both drives."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hypermap import (
+    GridGeometry,
+    Hypermap,
+    OccupancyLayer,
+    Pose2D,
+    SemanticLayer,
+    SemanticObject,
+    Transform,
+    open_map,
+    save_map,
+)
+from hypermap.core.frames import FrameTree
+from hypermap.mapping.config import profile
+from hypermap.mapping.going_on import CannotGoOn
+from hypermap.mapping.mapper import Mapper
+from hypermap.mapping.merging import CannotMerge, Merged, merge_maps
+from hypermap.mapping.merging.grids import added_layers
+from hypermap.mapping.overrides import override
+from hypermap.perception.detectors.sources import detections_from_recording
+from hypermap.perception.frame import Camera, RgbdFrame
+from hypermap.simulation import EXACT_DETECTOR, SimulatedRecording
+from hypermap.simulation.trajectory import DrivePlan
+from hypermap.simulation.world import FloorPlan, Wall, World, WorldObject
+
+DAY = 86_400.0
+SMALL = Camera.from_intrinsics(131.25, 131.25, 79.5, 59.5, width=160, height=120)
+SOURCE = detections_from_recording()
+
+THINGS = {
+    "table": WorldObject("table", (3.4, 3.0), size={"length": 0.8, "width": 0.8}),
+    "plant": WorldObject("plant", (3.4, 0.8)),
+    "chair": WorldObject("chair", (2.6, 2.2)),
+    "chair elsewhere": WorldObject("chair", (2.3, 0.9)),
+}
+ALL = "table", "plant", "chair"
+MOVED = "table", "plant", "chair elsewhere"
+HERE = Pose2D()
+
+OTHER_FRAME = Pose2D(4.0, -2.5, 2.1)
+"""Where the map frame of the second day's robot is in that of the first one's."""
+
+
+@functools.cache
+def frames(*things: str) -> tuple[RgbdFrame, ...]:
+    """Return the frames of a drive through a room with these objects."""
+    look = [(0.7, 1.9, degrees) for degrees in (-50, 50, -50, 50, 0)]
+    room = World(
+        "room",
+        FloorPlan((0, 0, 5, 4)),
+        objects=tuple(THINGS[thing] for thing in things),
+        walls=(Wall(rectangle=(-0.05, -0.05, 5.05, 4.05)), Wall(line=((1.6, 4), (1.6, 3.4)))),
+        drive=DrivePlan(((0.6, 2.0), *look), speed=0.3, turn_rate_deg=20),
+    )
+    recording = SimulatedRecording(
+        room,
+        detector_noise=EXACT_DETECTOR,
+        has_masks=True,
+        has_occupancy=False,
+        camera=SMALL,
+        rate=2.0,
+    )
+    return tuple(recording.frames())
+
+
+def mapped(
+    shots: Sequence[RgbdFrame],
+    map_T_world: Pose2D = HERE,
+    later: float = 0.0,
+    onto: Hypermap | None = None,
+    **changes: object,
+) -> Hypermap:
+    """Return the map of frames, in another frame and some time later."""
+    matrix = np.eye(4)
+    matrix[np.ix_([0, 1, 3], [0, 1, 3])] = map_T_world.matrix()
+    config = override(profile("default"), changes)
+    drive = f"day {later / DAY:.0f}"
+    if onto is None:
+        mapper = Mapper(config, SOURCE, drive=drive)
+    else:
+        mapper = Mapper.onto(onto, SOURCE, drive=drive)
+    for shot in shots:
+        pose = matrix @ shot.map_T_camera
+        mapper.add(dataclasses.replace(shot, stamp=shot.stamp + later, map_T_camera=pose))
+    return mapper.hypermap()
+
+
+@functools.cache
+def first_day() -> Hypermap:
+    return mapped(frames(*ALL))
+
+
+@functools.cache
+def second_day(*things: str) -> Hypermap:
+    """Return the map of the next day, in a frame of its own."""
+    return mapped(frames(*things), OTHER_FRAME.inverse(), DAY)
+
+
+def objects_of(hypermap: Hypermap) -> dict[str, SemanticObject]:
+    """Return the objects by their names, which differ."""
+    found = {item.name: item for item in hypermap.semantic("semantic")}
+    assert len(found) == len(hypermap.semantic("semantic"))
+    return found
+
+
+def centroid(item: SemanticObject) -> tuple[float, float]:
+    return item.footprint.centroid.x, item.footprint.centroid.y
+
+
+def iou(one: SemanticObject, other: SemanticObject) -> float:
+    a, b = one.footprint, other.footprint
+    return float(a.intersection(b).area / a.union(b).area)
+
+
+def changed(hypermap: Hypermap, path: Path) -> Hypermap:
+    """Return a map as a user opens it."""
+    save_map(hypermap, path)
+    return open_map(path)
+
+
+def written(hypermap: Hypermap, path: Path) -> bytes:
+    save_map(hypermap, path)
+    return path.read_bytes()
+
+
+def test_the_same_room_in_another_frame_gives_the_map_of_both_drives() -> None:
+    merged = merge_maps(first_day(), second_day(*ALL), OTHER_FRAME)
+    shots = frames(*ALL)
+    both_drives = mapped(shots, later=DAY, onto=first_day())
+    expected, found = objects_of(both_drives), objects_of(merged.hypermap)
+    assert found.keys() == expected.keys() == {"table", "plant", "chair"}
+    for name, item in expected.items():
+        assert iou(found[name], item) > 0.9
+        assert found[name].id == objects_of(first_day())[name].id
+        assert found[name].existence == pytest.approx(item.existence, abs=0.2 * item.existence)
+        assert found[name].attributes["evidence"] == item.attributes["evidence"]
+        assert (found[name].first_seen, found[name].last_seen) == (item.first_seen, item.last_seen)
+    assert (merged.both, merged.first, merged.second, merged.gone) == (3, 0, 0, 0)
+    assert merged.hypermap.base_frame == "map"
+    points = np.random.default_rng(0).uniform((0, 0), (5, 4), (500, 2))
+    one, other = (m.value_at("occupancy", points) for m in (merged.hypermap, both_drives))
+    assert np.mean(one == other) > 0.95
+
+
+def test_what_was_moved_is_only_where_it_is_now() -> None:
+    merged = merge_maps(first_day(), second_day(*MOVED), OTHER_FRAME)
+    found = objects_of(merged.hypermap)
+    assert centroid(found["chair"]) == pytest.approx((2.3, 0.9), abs=0.15)
+    assert (merged.both, merged.first, merged.second, merged.gone) == (2, 0, 1, 1)
+
+
+def test_the_order_of_the_maps_does_not_matter_for_what_is_there() -> None:
+    merged = merge_maps(second_day(*MOVED), first_day(), OTHER_FRAME.inverse())
+    found = objects_of(merged.hypermap)
+    place = OTHER_FRAME.apply([centroid(found["chair"])])[0]
+    assert place == pytest.approx((2.3, 0.9), abs=0.15)
+    assert found.keys() == {"table", "plant", "chair"}
+
+
+def test_what_only_one_map_has_seen_is_kept() -> None:
+    shots = frames(*ALL)
+    left = mapped([shot for shot in shots if shot.map_T_camera[1, 2] > 0.5])
+    right = mapped([shot for shot in shots if shot.map_T_camera[1, 2] < -0.5], later=DAY)
+    alone = objects_of(left), objects_of(right)
+    assert alone[0].keys() != alone[1].keys()
+    merged = merge_maps(left, right, Pose2D())
+    assert objects_of(merged.hypermap).keys() == alone[0].keys() | alone[1].keys()
+    extent = merged.hypermap["occupancy"].extent()
+    for one in (left, right):
+        assert extent.buffer(1e-6).covers(one["occupancy"].extent())
+
+
+def test_a_merged_map_can_be_continued_saved_and_merged(tmp_path: Path) -> None:
+    merged = merge_maps(first_day(), second_day(*ALL), OTHER_FRAME).hypermap
+    again = changed(merged, tmp_path / "merged.hmap")
+    names = [drive["name"] for drive in again.metadata["drives"]]
+    assert names == ["day 0", "day 1"]
+    assert again.metadata["map_id"] == first_day().metadata["map_id"]
+    assert again.metadata["map_version"] > first_day().metadata["map_version"]
+    third = mapped(frames("table", "plant"), later=2 * DAY, onto=again)
+    assert objects_of(third).keys() == {"table", "plant"}
+    fourth = merge_maps(again, mapped(frames("table", "plant"), later=3 * DAY), Pose2D())
+    assert len(fourth.hypermap.metadata["drives"]) == 3
+
+
+def test_edits_of_both_maps_stay_and_the_first_one_wins(tmp_path: Path) -> None:
+    first = changed(first_day(), tmp_path / "first.hmap")
+    layer = first.semantic()
+    plant = objects_of(first)["plant"]
+    layer.rename(plant.id, "ficus")
+    layer.remove(objects_of(first)["chair"].id)
+    second = changed(second_day(*ALL), tmp_path / "second.hmap")
+    layer = second.semantic()
+    layer.rename(objects_of(second)["plant"].id, "fern")
+    layer.rename(objects_of(second)["table"].id, "desk")
+    sketch = shapely.box(0.2, 0.2, 0.5, 0.5)
+    layer.add([SemanticObject("charger", OTHER_FRAME.inverse().apply_geometry(sketch))])
+    merged = merge_maps(
+        changed(first, tmp_path / "a.hmap"), changed(second, tmp_path / "b.hmap"), OTHER_FRAME
+    )
+    found = objects_of(merged.hypermap)
+    assert found.keys() == {"ficus", "desk", "charger"}
+    assert merged.conflicts == (plant.id,)
+    assert found["charger"].footprint.equals_exact(sketch, 1e-6)
+    on = changed(merged.hypermap, tmp_path / "merged.hmap")
+    shots = frames(*ALL)
+    assert objects_of(mapped(shots, later=2 * DAY, onto=on)).keys() == found.keys()
+
+
+def test_other_layers_of_both_maps_are_kept_where_they_lie() -> None:
+    zone = SemanticObject("wet floor", shapely.box(1, 1, 2, 2))
+    maps = []
+    for one, pose in ((first_day(), Pose2D()), (second_day("table"), OTHER_FRAME.inverse())):
+        layer = SemanticLayer("zones", "map", [])
+        shape = pose.apply_geometry(zone.footprint)
+        layer.add([dataclasses.replace(zone, footprint=shape)])
+        lab = SemanticLayer("lab only", "lab", [SemanticObject("door", shapely.box(0, 0, 1, 1))])
+        other = one.with_layers([*one, layer, lab])
+        other.frames = FrameTree([Transform("map", "lab", Pose2D(3, 0, 0))])
+        maps.append(other)
+    merged = merge_maps(*maps, OTHER_FRAME)
+    hypermap = merged.hypermap
+    assert merged.renamed == {"zones": "zones_2", "lab only": "lab only_2"}
+    assert [layer.name for layer in hypermap][-2:] == ["zones_2", "lab only_2"]
+    assert hypermap.label_at("zones_2", [(1.5, 1.5)]).tolist() == ["wet floor"]
+    assert hypermap.label_at("zones_2", [(2.5, 1.5)]).tolist() == ["Empty"]
+    x, y = OTHER_FRAME.apply([(3.5, 0.5)])[0]
+    assert hypermap.label_at("lab only_2", [(x, y)]).tolist() == ["door"]
+    assert hypermap.label_at("lab only", [(3.5, 0.5)]).tolist() == ["door"]
+
+
+def test_maps_that_cannot_be_merged_are_refused() -> None:
+    second = second_day(*ALL)
+    with pytest.raises(CannotMerge, match="frames of the drive 'day 0', which would count twice"):
+        merge_maps(first_day(), mapped(frames("table"), later=DAY, onto=first_day()), Pose2D())
+    other = mapped(frames("table"), later=DAY, evidence={"gain": 1.0})
+    with pytest.raises(CannotMerge, match=r"evidence: gain: 1\.5 and 1\.0"):
+        merge_maps(first_day(), other, Pose2D())
+    drawn = Hypermap([SemanticLayer("semantic", "map", [])])
+    with pytest.raises(CannotGoOn, match="not made by mapping"):
+        merge_maps(drawn, second, Pose2D())
+    without = second.with_layers(list(second))
+    without.mapper_state = None
+    with pytest.raises(CannotGoOn, match="--drop-evidence"):
+        merge_maps(first_day(), without, Pose2D())
+
+
+def test_merging_leaves_both_maps_as_they_were(tmp_path: Path) -> None:
+    maps = first_day(), second_day(*MOVED)
+    files = [tmp_path / "a.hmap", tmp_path / "b.hmap"]
+    before = [written(*pair) for pair in zip(maps, files, strict=True)]
+    merge_maps(*maps, OTHER_FRAME)
+    assert [written(*pair) for pair in zip(maps, files, strict=True)] == before
+
+
+def test_maps_with_a_given_occupancy_map_get_one_that_covers_both() -> None:
+    shots = frames("table", "plant")
+    cells = np.zeros((40, 50), np.int8)
+    given = [
+        OccupancyLayer("walls", "map", GridGeometry(50, 40, 0.1, Pose2D(x)), cells)
+        for x in (0.0, 3.0)
+    ]
+    maps = []
+    for occupancy, later in zip(given, (0.0, DAY), strict=True):
+        mapper = Mapper(override(profile("default"), {}), SOURCE, occupancy)
+        for shot in shots:
+            mapper.add(dataclasses.replace(shot, stamp=shot.stamp + later))
+        maps.append(mapper.hypermap())
+    merged = merge_maps(*maps, Pose2D()).hypermap
+    assert merged["walls"].extent().bounds == pytest.approx((0, 0, 8, 4))
+    assert merged.value_at("walls", [(0.5, 1), (4, 1), (7.5, 1), (9, 1)]).tolist() == [0, 0, 0, -1]
+
+
+# Grids, worked out by hand
+
+A_ROW = GridGeometry(4, 1, 1.0)
+
+
+def layer_of(values: Sequence[int], grid: GridGeometry = A_ROW) -> OccupancyLayer:
+    return OccupancyLayer("grid", "map", grid, np.array([values]))
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "expected"),
+    [
+        ((0, 100, -1, -1), (-1, -1, 0, -1), (0, 100, 0, -1)),  # what one map knows
+        ((0, 100, 50, 50), (0, 100, 0, 100), (0, 100, 0, 100)),  # 50 says nothing
+        # log(0.97 / 0.03) + log(0.12 / 0.88) = 1.48, which is a likelihood of 0.82
+        ((0, 100, 0, 100), (100, 0, 100, 0), (82, 82, 82, 82)),
+    ],
+)
+def test_cells_of_two_layers_are_added(
+    one: Sequence[int], other: Sequence[int], expected: Sequence[int]
+) -> None:
+    found = added_layers(layer_of(one), layer_of(other), Pose2D())
+    assert found.grid == A_ROW
+    assert found.cells is not None
+    assert found.cells.tolist() == [list(expected)]
+
+
+def test_a_layer_that_is_turned_lands_where_it_belongs() -> None:
+    quarter = Pose2D(2.0, -1.0, math.pi / 2)  # cell (0, i) goes to x 1..2, y i - 1..i
+    found = added_layers(layer_of([-1] * 4), layer_of([0, 100, -1, 100]), quarter)
+    points = [(1.5, -0.5), (1.5, 0.5), (1.5, 1.5), (1.5, 2.5), (0.5, 0.5)]
+    assert found.value_at(points).tolist() == [0, 100, -1, 100, -1]
+    assert found.extent().bounds == pytest.approx((0, -1, 4, 3))
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    x=st.floats(-3, 3),
+    y=st.floats(-3, 3),
+    yaw=st.floats(-4, 4),
+    seed=st.integers(0, 1000),
+)
+def test_no_cell_of_either_layer_is_lost(x: float, y: float, yaw: float, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    cells = rng.choice([-1, 0, 100], (6, 8))
+    one = OccupancyLayer("one", "map", GridGeometry(8, 6, 0.5), cells)
+    blank = OccupancyLayer(
+        "blank", "map", GridGeometry(2, 3, 0.5, Pose2D(0.3, 0.2, 0.4)), -np.ones((3, 2), int)
+    )
+    pose = Pose2D(x, y, yaw)
+    rows, cols = np.indices(cells.shape).reshape(2, -1)
+    centers = one.grid.centers(rows, cols)
+    kept = added_layers(one, blank, pose)
+    assert kept.value_at(centers).tolist() == cells.ravel().tolist()
+    moved = added_layers(blank, one, pose)
+    # The center of the cell over a center is at most half a diagonal away.
+    near = moved.grid.cells_at(pose.apply(centers))
+    found = moved.grid.centers(*near.T)
+    assert moved.value_at(found).tolist() == one.value_at(pose.inverse().apply(found)).tolist()
+
+
+def test_counts_add_up() -> None:
+    merged: Merged = merge_maps(first_day(), second_day("plant"), OTHER_FRAME)
+    total = len(merged.hypermap.semantic())
+    assert merged.both + merged.first + merged.second == total
+    assert total + merged.gone == 3
