@@ -48,7 +48,7 @@ def command(
         typer.Option(
             metavar="FILE",
             show_default=False,
-            help="Draw both maps on top of each other, with the matches: .png or .svg.",
+            help="Draw both maps on top of each other, with matches or changes: .png or .svg.",
         ),
     ] = None,
     as_json: AsJson = False,

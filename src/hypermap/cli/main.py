@@ -45,6 +45,7 @@ _MODULES = {
     "connect": "connect",
     "align": "align",
     "merge": "merge",
+    "diff": "diff",
     "frontiers": "frontiers",
     "evaluate": "evaluate",
     "convert": "convert",

@@ -12,6 +12,7 @@ from hypermap.cli.negative_points import PointsCommand
 from hypermap.cli.onto import is_same_file, named
 from hypermap.cli.options import AsJson, ForceMap, MapPath, check_map_output
 from hypermap.cli.terminal import note, say, say_json
+from hypermap.cli.two_maps import SameFrame, pose_on
 from hypermap.core.errors import FrameError, HypermapError
 from hypermap.text import counted
 
@@ -48,10 +49,7 @@ def command(
             "degrees.",
         ),
     ] = None,
-    same_frame: Annotated[
-        bool,
-        typer.Option("--same-frame", help="Do not align: all maps are in the frame of MAP."),
-    ] = False,
+    same_frame: SameFrame = False,
     as_json: AsJson = False,
     force: ForceMap = False,
 ) -> None:
@@ -83,7 +81,7 @@ def command(
     rows = []
     for other in others:
         second = open_map(other)
-        pose = _pose(hypermap, second, about, same_frame, other)
+        pose = pose_on(hypermap, second, about, same_frame, other)
         merged = _merged(hypermap, second, pose, path, other)
         hypermap = merged.hypermap
         rows.append(_described(merged, pose, other))
@@ -96,25 +94,6 @@ def command(
     if as_json:
         say_json({"maps": rows, "objects": len(hypermap.objects())})
     note(f"saved {output}")
-
-
-def _pose(
-    first: Hypermap, second: Hypermap, about: Pose2D | None, same_frame: bool, other: Path
-) -> Pose2D:
-    """Return how the second map lies on the first."""
-    from hypermap.alignment import NotAligned, align
-    from hypermap.core.frames import Pose2D
-    from hypermap.formats.backup import ALIGNED_TO, MAP_ID
-
-    if same_frame:
-        return Pose2D()
-    aligned_to = second.metadata.get(ALIGNED_TO)
-    if about is None and aligned_to is not None and aligned_to == first.metadata.get(MAP_ID):
-        return second.frames.lookup(first.base_frame, second.base_frame)
-    try:
-        return align(first, second, initial=about).a_T_b
-    except NotAligned as error:
-        raise NotAligned(f"{other}: {error}") from None
 
 
 def _merged(first: Hypermap, second: Hypermap, pose: Pose2D, path: Path, other: Path) -> Merged:

@@ -1,13 +1,16 @@
 """How good a map is, measured against another."""
 
+from hypermap.evaluation.changes import Change, Changes, changes_between, knowledge_of
 from hypermap.evaluation.closest import ClosestShape, closest_shapes
 from hypermap.evaluation.comparison import Comparison, compare
-from hypermap.evaluation.maps import MapObjects, map_objects
+from hypermap.evaluation.maps import MapObjects, map_objects, objects_in_frame
 from hypermap.evaluation.matching import Match, find_duplicates, iou_matrix, match_objects
 from hypermap.evaluation.metrics import Detection, Evaluation, Finds, Score, evaluate
 from hypermap.evaluation.significance import Effect, SignedRank, effect_of, signed_rank
 
 __all__ = [
+    "Change",
+    "Changes",
     "ClosestShape",
     "Comparison",
     "Detection",
@@ -18,13 +21,16 @@ __all__ = [
     "Match",
     "Score",
     "SignedRank",
+    "changes_between",
     "closest_shapes",
     "compare",
     "effect_of",
     "evaluate",
     "find_duplicates",
     "iou_matrix",
+    "knowledge_of",
     "map_objects",
     "match_objects",
+    "objects_in_frame",
     "signed_rank",
 ]

@@ -48,20 +48,37 @@ def map_objects(
         FrameError: If neither map has a transform between the two base frames, or the map has
             none between a layer's frame and its own.
     """
+    if ground_truth is None:
+        found = objects_in_frame(hypermap, name, hypermap.base_frame, Pose2D())
+        if not found.objects:
+            raise HypermapError(f"{name}: the ground truth has no objects to compare with")
+        return found
+    truth_T_base = _pose_in_truth(hypermap, name, ground_truth, truth_name)
+    return objects_in_frame(hypermap, name, ground_truth.base_frame, truth_T_base)
+
+
+def objects_in_frame(
+    hypermap: Hypermap, name: str, frame_id: str, frame_T_base: Pose2D
+) -> MapObjects:
+    """Return all objects of a map in a frame.
+
+    Args:
+        hypermap: the map.
+        name: its name in messages.
+        frame_id: name of the frame.
+        frame_T_base: takes points in the base frame of the map to the frame.
+
+    Raises:
+        HypermapError: If the map has no semantic layer.
+        FrameError: If it has no transform between a layer's frame and its own.
+    """
     layers = [layer for layer in hypermap.layers if isinstance(layer, SemanticLayer)]
     if not layers:
         raise HypermapError(f"{name}: the map has no layer of objects, so nothing can be compared")
-    if ground_truth is None:
-        if not any(len(layer) for layer in layers):
-            raise HypermapError(f"{name}: the ground truth has no objects to compare with")
-        frame_id, truth_T_base = hypermap.base_frame, Pose2D()
-    else:
-        frame_id = ground_truth.base_frame
-        truth_T_base = _pose_in_truth(hypermap, name, ground_truth, truth_name)
     objects: list[SemanticObject] = []
     for layer in layers:
-        truth_T_layer = truth_T_base @ _pose_in_base(hypermap, name, layer)
-        objects += [_moved(thing, truth_T_layer) for thing in layer.objects()]
+        frame_T_layer = frame_T_base @ _pose_in_base(hypermap, name, layer)
+        objects += [_moved(thing, frame_T_layer) for thing in layer.objects()]
     return MapObjects(
         name=name,
         frame_id=frame_id,

@@ -13,7 +13,7 @@ import shapely
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.patches import PathPatch, Rectangle
+from matplotlib.patches import FancyArrowPatch, PathPatch, Rectangle
 from matplotlib.path import Path as Outline
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
@@ -180,10 +180,23 @@ def _draw_doors(axes: Axes, drawing: Drawing) -> None:
 
 
 def _draw_links(axes: Axes, drawing: Drawing) -> None:
-    """Draw lines with a dot at their second end."""
+    """Draw lines with a dot at their second end, and arrows."""
     for ends in drawing.links:
         axes.plot(*ends.T, color=INK, linewidth=0.9, solid_capstyle="round")
         axes.plot(*ends[1], color=INK, marker="o", markersize=2.4, markeredgewidth=0)
+    for begin, end in drawing.arrows:
+        axes.add_patch(
+            FancyArrowPatch(
+                begin,
+                end,
+                arrowstyle="-|>",
+                mutation_scale=9,
+                linewidth=1.1,
+                color=INK,
+                shrinkA=0,
+                shrinkB=0,
+            )
+        )
 
 
 def _rings(shape: BaseGeometry) -> Outline:

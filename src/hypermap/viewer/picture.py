@@ -77,6 +77,7 @@ class Drawing:
         doors: from x, y to x, y of the lines at which rooms meet [m], shape (N, 2, 2).
         links: from x, y to x, y of lines between what belongs together [m], shape (N, 2, 2).
         walls: what of the rasters is drawn once more, above the others.
+        arrows: from x, y to x, y [m], shape (N, 2, 2).
     """
 
     rasters: tuple[Raster, ...]
@@ -89,6 +90,7 @@ class Drawing:
     doors: NDArray[np.float64] = field(default_factory=lambda: _NONE)
     links: NDArray[np.float64] = field(default_factory=lambda: _NONE)
     walls: tuple[Raster, ...] = ()
+    arrows: NDArray[np.float64] = field(default_factory=lambda: _NONE)
 
 
 def render(

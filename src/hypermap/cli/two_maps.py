@@ -1,0 +1,56 @@
+"""How one map lies on another, for commands that take two."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from hypermap.core.frames import Pose2D
+    from hypermap.core.hypermap import Hypermap
+
+SameFrame = Annotated[
+    bool, typer.Option("--same-frame", help="Do not align: all maps are in the frame of MAP.")
+]
+
+
+def pose_on(
+    first: Hypermap, second: Hypermap, about: Pose2D | None, same_frame: bool, name: Path
+) -> Pose2D:
+    """Return the pose of the second map's base frame in that of the first.
+
+    A map and its continuation are in one frame. `hypermap align -o` leaves the pose in the map.
+    Otherwise the maps are aligned now.
+
+    Args:
+        first: a map.
+        second: another map of the place.
+        about: where it is about; None for anywhere.
+        same_frame: whether both are in one frame.
+        name: the second map in messages.
+
+    Raises:
+        NotAligned: If they do not fit together.
+    """
+    from hypermap.alignment import NotAligned, align
+    from hypermap.core.frames import Pose2D
+    from hypermap.core.occupancy import OccupancyLayer
+    from hypermap.formats.backup import ALIGNED_TO, MAP_ID
+
+    known = first.metadata.get(MAP_ID)
+    is_one = known is not None and second.metadata.get(MAP_ID) == known
+    if same_frame or (is_one and second.base_frame == first.base_frame):
+        return Pose2D()
+    if about is None and known is not None and second.metadata.get(ALIGNED_TO) == known:
+        return second.frames.lookup(first.base_frame, second.base_frame)
+    if not all(any(isinstance(one, OccupancyLayer) for one in m) for m in (first, second)):
+        raise NotAligned(
+            f"{name}: maps are aligned by walls, and one of the two has no occupancy layer; if "
+            "both are in one frame, give --same-frame"
+        )
+    try:
+        return align(first, second, initial=about).a_T_b
+    except NotAligned as error:
+        raise NotAligned(f"{name}: {error}; --same-frame skips this") from None
