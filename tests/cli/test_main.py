@@ -201,6 +201,30 @@ def test_a_signal_that_meets_a_finalizer_is_not_lost(
     assert (result.code, result.err) == (code, "")
 
 
+def test_a_node_that_a_signal_meets_in_a_finalizer_ends_without_a_traceback(
+    hypermap, monkeypatch, room_map, ctrl_c
+):
+    ended = []
+
+    def end(number, _frame):  # as nodes do while they start
+        ended.append(number)
+        raise KeyboardInterrupt
+
+    class Finalized:
+        def __del__(self):
+            signal.raise_signal(signal.SIGINT)
+
+    def start(*_arguments, **_options):
+        before = signal.signal(signal.SIGINT, end)
+        Finalized()
+        signal.signal(signal.SIGINT, before)
+
+    monkeypatch.setattr("hypermap.viewer.live.serving.serve", start)
+    result = hypermap("view", room_map, "--no-browser", "--port", 0)
+    assert (result.code, ended) == (0, [signal.SIGINT])
+    assert "KeyboardInterrupt" not in result.err
+
+
 def test_a_command_that_ctrl_c_ends_as_usual_has_not_failed(
     hypermap, monkeypatch, room_map, ctrl_c
 ):

@@ -86,11 +86,12 @@ def ended_by_signals() -> Iterator[None]:
         raise SystemExit(128 + number)
 
     def send_again(lost: sys.UnraisableHookArgs) -> None:
-        if came and issubclass(lost.exc_type, (KeyboardInterrupt, SystemExit)):
+        if not issubclass(lost.exc_type, (KeyboardInterrupt, SystemExit)):
+            before(lost)
+        elif came:
             # From a thread, as Python would handle it right here otherwise, and drop it again.
             threading.Timer(_SOON, signal.raise_signal, [came[-1]]).start()
-        else:
-            before(lost)
+        # Otherwise it is of a node that handles signals itself, and has noted that it is to end.
 
     before, sys.unraisablehook = sys.unraisablehook, send_again
     try:
