@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from hypermap.console.answer import Shown
     from hypermap.console.questions import Row
 
-_WHAT, _WHERE = "What", "Where"
+_WHAT, _WHERE, _WHEN = "What", "Where", "When"
 
 
 def _option(name: str, panel: str | None = None, default: str | None = None) -> Any:
@@ -51,6 +51,10 @@ def command(
     above: Annotated[float | None, _option("--above", _WHAT)] = None,
     below: Annotated[float | None, _option("--below", _WHAT)] = None,
     measured: Annotated[str | None, _option("--measured", _WHAT)] = None,
+    since: Annotated[str | None, _option("--since", _WHEN)] = None,
+    new_since: Annotated[str | None, _option("--new-since", _WHEN)] = None,
+    not_seen_for: Annotated[str | None, _option("--not-seen-for", _WHEN)] = None,
+    last_seen: Annotated[bool, _option("--last-seen", _WHEN)] = False,
     evidence: Annotated[bool, _option("--evidence", _WHAT)] = False,
     layer: Annotated[list[str] | None, _option("--layer")] = None,
     frame_id: Annotated[str | None, _option("--frame", None, "the map's base frame")] = None,
@@ -71,6 +75,9 @@ def command(
         hypermap query lab.hmap --with printer
         hypermap query lab.hmap --name chair --near sink --within 2
         hypermap query lab.hmap --name chair --in "1,2 2,2 2,3 1,3" --json
+        hypermap query lab.hmap --name cup --last-seen
+        hypermap query lab.hmap --new-since yesterday
+        hypermap query lab.hmap --name chair --not-seen-for 7d
         hypermap query lab.hmap --id 7 --evidence
         hypermap query lab.hmap --layer temperature --above 25
         hypermap query lab.hmap --layer noise --below 40 --nearest --from 1,1
@@ -98,6 +105,10 @@ def command(
         "--above": above,
         "--below": below,
         "--measured": measured,
+        "--since": since,
+        "--new-since": new_since,
+        "--not-seen-for": not_seen_for,
+        "--last-seen": last_seen,
         "--layer": layer,
         "--frame": frame_id,
     }

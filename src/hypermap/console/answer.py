@@ -45,7 +45,7 @@ def shown(question: Question, rows: Sequence[Row]) -> Shown:
     cells = Counter((row["layer"], row["label"]) for row in of_cells if "unit" not in row)
     optional = ("deviation", "distance", "area")
     numbers = ["value", "x", "y", *(key for key in optional if any(key in row for row in listed))]
-    also = (key for key in ("room", "measured") if any(key in row for row in listed))
+    also = (key for key in ("room", "measured", "last_seen") if any(key in row for row in listed))
     names = ("layer", "label", *also)
     texts = [
         [*(_text(row.get(key)) for key in names), *(_number(row.get(key)) for key in numbers)]
@@ -54,7 +54,8 @@ def shown(question: Question, rows: Sequence[Row]) -> Shown:
     counts = [f"{printable(on)}: {count} {printable(what)}" for (on, what), count in cells.items()]
     counts += _ranges([row for row in of_cells if "unit" in row])
     more = max(0, len(listed) - _MOST_ROWS)
-    return Shown([*names, *numbers], texts, counts, more, len(names))
+    columns = [name.replace("_", " ") for name in (*names, *numbers)]
+    return Shown(columns, texts, counts, more, len(names))
 
 
 def _ranges(rows: Sequence[Row]) -> list[str]:

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from datetime import datetime
 from typing import Any
 
 from hypermap.core.hypermap import FoundObject, Hypermap
 from hypermap.questions.answer import NEXT_TO, Answer
 from hypermap.questions.query import Condition, Query, Reference, When
-from hypermap.questions.times import are_calendar
+from hypermap.questions.times import minute_of, time_of
 from hypermap.rooms.questions import rooms_at
 from hypermap.rooms.rooms import Room, rooms_on
 from hypermap.text import printable
@@ -51,22 +50,11 @@ def understood(query: Query) -> list[tuple[str, str]]:
 
 
 def _when(when: When) -> str:
-    since = "" if when.since is None else f" since {_minute(when.since)}"
-    until = "" if when.until is None else f" until {_minute(when.until)}"
+    since = "" if when.since is None else f" since {minute_of(when.since)}"
+    until = "" if when.until is None else f" until {minute_of(when.until)}"
     if when.since is not None and when.until is not None:
-        since = f" from {_minute(when.since)}"
+        since = f" from {minute_of(when.since)}"
     return f"{when.seen}{since}{until}"
-
-
-def _minute(moment: datetime) -> str:
-    return moment.strftime("%Y-%m-%d %H:%M %Z").strip()
-
-
-def time_of(stamp: float) -> str:
-    """Return a stamp [s] as people write it; where it counts from the start of a clock, so."""
-    if are_calendar([stamp]):
-        return _minute(datetime.fromtimestamp(stamp).astimezone())
-    return f"{stamp:.1f} s of the recording's clock"
 
 
 def _condition(condition: Condition) -> str:

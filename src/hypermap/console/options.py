@@ -62,6 +62,13 @@ OPTIONS = {
         "The mean of these measured values in each room, or within half a meter of each other "
         "object: the lowest first.",
     ),
+    "--since": Option(
+        "TIME",
+        "Only objects last seen at this time or later: yesterday, monday, 2026-11-20T10:00, 7d.",
+    ),
+    "--new-since": Option("TIME", "Only objects first seen at this time or later."),
+    "--not-seen-for": Option("TIME", "Only objects that were not seen for this long: 7d, 2h."),
+    "--last-seen": Option("", "Show when objects were last seen, the latest first.", bool),
     "--evidence": Option("", "Show the evidence for the objects.", bool),
     "--layer": Option("NAME", "Only this layer: may be repeated.", repeats=True),
     "--frame": Option("FRAME", "Frame of the coordinates: of points and areas in the query."),

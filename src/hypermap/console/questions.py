@@ -27,6 +27,9 @@ from hypermap.core.layer import Layer
 from hypermap.core.opaque import OpaqueLayer
 from hypermap.core.semantic import SemanticLayer
 from hypermap.core.value_layer import ValueLayer
+from hypermap.questions.query import Seen, When
+from hypermap.questions.seen import seen_in
+from hypermap.questions.times import parse_moment, time_of
 from hypermap.rooms.questions import rooms_asked, rooms_at, rooms_with, stand_in_rooms
 from hypermap.rooms.rooms import rooms_on
 
@@ -54,6 +57,8 @@ class Question:
         above: a measured value is larger; without `measured`, places are asked for.
         below: a measured value is smaller.
         measured: the layer whose values around objects are asked for.
+        when: conditions on when objects were seen.
+        last_seen: whether the answer says when objects were last seen.
         layers: those that are asked; none for all.
         frame_id: of points and areas.
     """
@@ -74,6 +79,8 @@ class Question:
     above: float | None = None
     below: float | None = None
     measured: str | None = None
+    when: Sequence[When] = ()
+    last_seen: bool = False
     layers: Sequence[str] = ()
     frame_id: str | None = None
 
@@ -106,6 +113,8 @@ class Question:
             above=given.get("--above"),
             below=given.get("--below"),
             measured=given.get("--measured"),
+            when=_times(given),
+            last_seen=bool(given.get("--last-seen")),
             layers=given.get("--layer") or (),
             frame_id=given.get("--frame"),
         )
@@ -129,7 +138,8 @@ class Question:
     def is_about_objects(self) -> bool:
         """Whether only objects can be an answer."""
         others = (self.near, self.inside, self.rooms, self.having, self.measured)
-        return self.by_path or any(part is not None for part in others)
+        is_timed = self.last_seen or bool(self.when)
+        return self.by_path or is_timed or any(part is not None for part in others)
 
 
 def answers(hypermap: Hypermap, question: Question) -> list[Row]:
@@ -153,6 +163,8 @@ def answers(hypermap: Hypermap, question: Question) -> list[Row]:
         return [row for layer in layers for row in _rows_at(hypermap, layer, question)]
     semantic = {layer.name for layer in layers if isinstance(layer, SemanticLayer)}
     found = _objects(hypermap, question, semantic)
+    for when in question.when:
+        found, _ = seen_in(when, found)
     if question.measured is None:
         rows = [_row_of_object(item) for item in found]
     else:
@@ -165,7 +177,26 @@ def answers(hypermap: Hypermap, question: Question) -> list[Row]:
                 rows += _rows_of_layer(hypermap, layer, question)
     if question.most is not None:
         rows = sorted(rows, key=lambda row: float(row["distance"]))[: question.most]
-    return rows
+    return _with_times(rows) if question.last_seen else rows
+
+
+def _times(given: Mapping[str, Any]) -> tuple[When, ...]:
+    """Return the conditions on time among the options."""
+    kinds: dict[str, Seen] = {"--since": "seen", "--new-since": "new", "--not-seen-for": "not seen"}
+    return tuple(
+        When(kind, parse_moment(given[option], option))
+        for option, kind in kinds.items()
+        if given.get(option) is not None
+    )
+
+
+def _with_times(rows: list[Row]) -> list[Row]:
+    """Return the rows of objects with when they were last seen, the latest first."""
+    timed = [row for row in rows if "object" in row]
+    for row in timed:
+        seen = row["object"]["last_seen"]
+        row["last_seen"] = None if seen is None else time_of(seen, short=True)
+    return sorted(timed, key=lambda row: -(row["object"]["last_seen"] or -math.inf))
 
 
 def remarks(hypermap: Hypermap, question: Question, rows: Sequence[Row]) -> list[str]:
@@ -189,7 +220,10 @@ def _hints(hypermap: Hypermap, question: Question) -> Iterator[str]:
 
 
 def _check(question: Question) -> None:
-    asked = (question.what or None, question.area, question.near, question.inside, question.having)
+    asked = (
+        *(question.what or None, question.area, question.near, question.inside),
+        *(question.having, question.when or None, question.last_seen or None),
+    )
     others = (*asked, question.most, question.measured, *question.limits)
     if question.at is not None and any(part is not None for part in others):
         raise HypermapError(

@@ -26,8 +26,8 @@ from hypermap.questions.relations import (
     footprints,
     key_of,
 )
+from hypermap.questions.seen import seen_in
 from hypermap.questions.taxonomy import Taxonomy, load_taxonomy
-from hypermap.questions.times import are_calendar
 from hypermap.rooms.questions import rooms_asked, rooms_at, rooms_called
 from hypermap.rooms.rooms import Room, Rooms, rooms_on
 
@@ -286,27 +286,10 @@ class _Asking:
 
     def _seen(self, when: When, found: list[FoundObject]) -> list[FoundObject]:
         """Return the objects that were seen at a time, not seen since, or new then."""
-        if found and not are_calendar(item.object.last_seen for item in found):
-            raise HypermapError(
-                "the map does not know on which day or at what time objects were seen"
-            )
-        begin = -math.inf if when.since is None else when.since.timestamp()
-        end = math.inf if when.until is None else when.until.timestamp()
-        first = np.array([_or_nan(item.object.first_seen) for item in found])
-        last = np.array([_or_nan(item.object.last_seen) for item in found])
-        is_new = (first >= begin) & (first < end)
-        is_so = is_new | ((last >= begin) & (last < end))
-        if when.seen == "new":
-            is_so = is_new
-        elif when.seen == "not seen":
-            is_so = last < begin
-        else:
-            count = np.count_nonzero((first < begin) & (last >= end))
-            if count:
-                self._notes.append(
-                    f"{count} more were seen before and after, and may have been then"
-                )
-        return [item for item, holds in zip(found, is_so.tolist(), strict=True) if holds]
+        found, unsure = seen_in(when, found)
+        if unsure:
+            self._notes.append(f"{unsure} more were seen before and after, and may have been then")
+        return found
 
     # Which of them
 
@@ -362,10 +345,6 @@ _ORDERS: dict[str, Any] = {
     "surest": lambda one: -(one.object.existence or 0.0),
     "newest": lambda one: -(one.object.last_seen or 0.0),
 }
-
-
-def _or_nan(stamp: float | None) -> float:
-    return math.nan if stamp is None else stamp
 
 
 def _somewhere(shape: Any) -> FoundObject:

@@ -7,8 +7,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from datetime import date, datetime, time, timedelta
 
+from hypermap.core.errors import HypermapError
+
 _DAYS = ("monday", "tuesday", "wednesday", "thursday", "friday", "saturday", "sunday")
 _UNITS = {"minute": 60, "min": 60, "hour": 3600, "day": 86400, "week": 604800}
+_SHORT = {"h": "hour", "d": "day", "w": "week"}
 _NUMBERS = "an?|one|two|three|four|five|six|seven|eight|nine|ten|twelve"
 _COUNT = {"a": 1, "an": 1, "twelve": 12} | {
     word: number for number, word in enumerate(_NUMBERS.split("|")[1:-1], 1)
@@ -73,6 +76,36 @@ def find_times(text: str, now: datetime | None = None) -> list[tuple[int, int, S
             if span is not None:
                 times.append((start, end, span))
     return times
+
+
+def parse_moment(text: str, option: str, now: datetime | None = None) -> datetime:
+    """Return the time that a text names: "yesterday", "2026-11-20T10:00", "2 hours ago", "7d".
+
+    Args:
+        text: a day, a time of day, both, or a span before now.
+        option: what the text was given for, in messages.
+        now: as for `find_times`.
+
+    Raises:
+        HypermapError: If it is no such time.
+
+    >>> from datetime import timezone
+    >>> parse_moment("36h", "--since", datetime(2026, 11, 23, 12, tzinfo=timezone.utc)).isoformat()
+    '2026-11-22T00:00:00+00:00'
+    """
+    words = text.strip()
+    short = re.fullmatch(r"(\d{1,4}) ?([a-z]+)", words.lower())
+    if short and (unit := _SHORT.get(short[2]) or short[2].rstrip("s")) in _UNITS:
+        words = f"{short[1]} {unit}s ago"
+    times = find_times(f"since {words}", now)
+    if len(times) == 1 and times[0][:2] == (0, len("since ") + len(words)):
+        since = times[0][2].since
+        if since is not None:
+            return since
+    raise HypermapError(
+        f"{option} {text!r}: expected a time, such as yesterday, monday, 2026-11-20, "
+        "2026-11-20T10:00, 10:30, '2 hours ago' or 7d"
+    )
 
 
 class _Clock:
@@ -157,6 +190,18 @@ def _clock_of(text: str) -> time:
 def are_calendar(stamps: Iterable[float | None]) -> bool:
     """Return whether any of some stamps [s] counts from 1970, not from the start of a recording."""
     return any(stamp is not None and _CALENDAR[0] <= stamp <= _CALENDAR[1] for stamp in stamps)
+
+
+def time_of(stamp: float, *, short: bool = False) -> str:
+    """Return a stamp [s] as people write it; where it counts from the start of a clock, so."""
+    if are_calendar([stamp]):
+        return minute_of(datetime.fromtimestamp(stamp).astimezone())
+    return f"{stamp:.1f} s" + ("" if short else " of the recording's clock")
+
+
+def minute_of(moment: datetime) -> str:
+    """Return a time to the minute, with its zone."""
+    return moment.strftime("%Y-%m-%d %H:%M %Z").strip()
 
 
 _CALENDAR = (3e8, 2.5e11)  # [s]: from 1979, as the clocks of simulators and robots begin at 0
