@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from collections.abc import Iterator
 from dataclasses import replace
@@ -85,6 +86,29 @@ def test_the_rooms_with_something_are_reported(client: Client) -> None:
 
 
 @ros
+def test_a_question_in_english_is_answered_in_words_and_objects(client: Client) -> None:
+    answer = client.call("ask", "Ask", question="which cups are in the office?")
+    assert (answer.success, answer.frame_id, answer.count) == (True, "map", 1)
+    assert [state.object.id for state in answer.objects] == [1]
+    assert answer.answer == "cup 1 at (7.50, 4.00), in office"
+    assert json.loads(answer.query)["names"] == ["cup"]
+    as_query = client.call("ask", "Ask", question=answer.query)
+    assert as_query.answer == answer.answer
+
+
+@ros
+@pytest.mark.parametrize(("x", "number"), [(3.0, 0), (8.0, 1)])
+def test_what_is_nearest_depends_on_where_the_asker_is(
+    client: Client, x: float, number: int
+) -> None:
+    pose = client.message("geometry_msgs/PoseStamped")
+    pose.header.frame_id, pose.pose.position.x, pose.pose.position.y = "map", x, 2.0
+    answer = client.call("ask", "Ask", question="where is the nearest cup?", pose=pose)
+    assert [state.object.id for state in answer.objects] == [number]
+    assert answer.distances == pytest.approx([{0: 1.0, 1: 1.96}[number]], abs=0.5)
+
+
+@ros
 @pytest.mark.parametrize(("radius", "reachable"), [(0.0, True), (0.45, True), (0.46, False)])
 def test_a_room_is_reachable_through_wide_doors(
     client: Client, radius: float, reachable: bool
@@ -100,6 +124,9 @@ def test_a_room_is_reachable_through_wide_doors(
     [
         ("get_room_of", "GetRoomOf", {"object": "cup"}, "2 objects are called 'cup'; ask for one"),
         ("get_room_of", "GetRoomOf", {"object": "14"}, "there is no object or room 14"),
+        ("ask", "Ask", {"question": "sing me a song"}, "sing"),
+        ("ask", "Ask", {"question": "where is the nearest cup?"}, "depends on where you are"),
+        ("ask", "Ask", {"question": '{"names": 3}'}, "names"),
         (
             "is_room_reachable",
             "IsRoomReachable",
@@ -170,6 +197,11 @@ def test_ros_2_answers_the_same(graph: Any, make_port: Any, tmp_path: Any) -> No
     answer = graph.call(f"{node}/is_room_reachable", start="hall 0", goal="cellar")
     assert (answer.success, answer.reachable) == (False, False)
     assert "there is no room or kind of room 'cellar'" in answer.message
+    said = graph.call(f"{node}/ask", question="how many cups are there?")
+    assert (said.success, said.count, said.answer) == (True, 2, "2")
+    unread = graph.call(f"{node}/ask", question="sing me a song")
+    assert (unread.success, unread.objects) == (False, [])
+    assert "sing" in unread.message
     found = graph.call(f"{node}/find_rooms")
     assert (found.success, len(found.rooms), len(found.doors)) == (True, 2, 1)
     assert graph.call(f"{node}/store_map", filename="found.hmap").success

@@ -8,6 +8,7 @@ from functools import partial
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.ros.port import Closable, Message, Port, Value
+from hypermap.ros.server.ask import Ask
 from hypermap.ros.server.current_map import CurrentMap, KeptOpen
 from hypermap.ros.server.health import Tally
 from hypermap.ros.server.layer_topics import global_layers
@@ -61,6 +62,7 @@ class Services:
             "get_layers_at_point": ("hypermap_msgs/GetLayersAtPoint", new.layers_at_point),
             "get_hits_in_areas": ("hypermap_msgs/GetHitsInAreas", new.hits_in_areas),
             "find_objects": ("hypermap_msgs/FindObjects", new.find_objects),
+            "ask": ("hypermap_msgs/Ask", Ask(port, current, requests).answer),
             "find_rooms": ("hypermap_msgs/FindRooms", rooms.find_rooms),
             "get_room_of": ("hypermap_msgs/GetRoomOf", rooms.room_of),
             "get_rooms_with": ("hypermap_msgs/GetRoomsWith", rooms.rooms_with),
