@@ -15,6 +15,7 @@ import {
   type PathAnswer,
   type PointAnswer,
   type ObjectQuery,
+  type WordsAnswer,
 } from "./source";
 import type { Column } from "./sorting";
 import { table } from "./table";
@@ -237,9 +238,12 @@ function cellCounts({ cells }: AreaAnswer, info: MapInfo): HTMLElement {
   );
 }
 
+const distanceText = (distance: number | null): string =>
+  distance === null ? "" : `${meters(distance)} m`;
+
 /** @param facts - of the only match, if there is just one: shown at once. */
 export function findContent(
-  answer: FindAnswer,
+  answer: Pick<FindAnswer, "rows">,
   info: MapInfo,
   choose: (row: FoundRow) => void,
   look: (rank: number | null) => void,
@@ -264,7 +268,7 @@ export function findContent(
         labelled(info, found.layer, found.name),
         el("span", {
           class: "quiet",
-          text: [several ? found.layer : "", found.room, `${meters(found.distance)} m`]
+          text: [several ? found.layer : "", found.room, distanceText(found.distance)]
             .filter(Boolean)
             .join(" · "),
         }),
@@ -274,6 +278,28 @@ export function findContent(
   const list = el("ol", { class: "objects found" }, ...answer.rows.map(row));
   list.addEventListener("keydown", stepByArrows);
   return [list, ...facts];
+}
+
+/** How a question was understood, and its answer in words. */
+export function wordsContent({ understood, words }: WordsAnswer): Node[] {
+  const parts = understood.flatMap(([part, meaning]) => [
+    el("dt", { text: part }),
+    el("dd", { text: meaning }),
+  ]);
+  return [
+    ...words.map((line) => el("p", { class: "answer", text: line })),
+    el(
+      "details",
+      {},
+      el("summary", { text: "How this was understood" }),
+      el("dl", { class: "facts" }, ...parts),
+    ),
+  ];
+}
+
+/** Why a question in English has no answer, and what can be asked instead. */
+export function unreadContent(error: Refused): Node[] {
+  return error.message.split("\n").map((line) => el("p", { text: line }));
 }
 
 /** Arrow keys move through the matches. */

@@ -122,6 +122,7 @@ export class App {
     const hasGrid = info.layers.some(({ class_name }) => class_name === "OccupancyGridLayer");
     this.toolbar.offerPath(hasGrid && this.source.path !== undefined);
     this.search.setInfo(info);
+    if (this.source.ask) this.search.offerQuestions();
     this.conditions.setInfo(info);
     this.layers.draw();
     this.status.setFrames(info.frames, this.context.frame);
@@ -203,14 +204,23 @@ export class App {
 
   /** Runs the search of the fields; the list of matches gets the keyboard focus. */
   private find(): void {
+    if (this.search.isQuestion && this.source.ask) {
+      this.startSearch();
+      this.ask.question(this.search.name);
+      return;
+    }
     const sought = this.conditions.with(this.search.name);
     const { name, near, within, inside, ring } = sought;
     if ([name, near, within, inside, ring].every((part) => part === null)) return;
+    this.startSearch();
+    this.ask.find(sought, true);
+  }
+
+  private startSearch(): void {
     if (NARROW.matches) toggleSidebar(false);
     this.editor?.letGo();
     this.hint(null);
     this.isSearching = true;
-    this.ask.find(sought, true);
   }
 
   private drawToFind(kind: Kind, done: (ring: Ring) => void): void {

@@ -7,7 +7,9 @@ import {
   pathContent,
   pointContent,
   unknownContent,
+  unreadContent,
   wantedInWords,
+  wordsContent,
 } from "./answers";
 import { complain, el } from "./dom";
 import { EvidenceSection } from "./evidence";
@@ -173,6 +175,48 @@ export class Ask {
       });
       if (isNew) this.view.showAny(places);
       if (isNew && focus) this.panel.focus();
+      isNew = false;
+    });
+  }
+
+  /** Asks a question in English, from the marked place or the center of the view. */
+  question(text: string): void {
+    let isNew = true;
+    const place = this.place;
+    const from = rounded(place ?? this.view.center);
+    this.run(async (isCurrent) => {
+      const answer = await this.source.ask?.(text, from).catch((error: unknown) => refusal(error));
+      if (!isCurrent() || !answer) return;
+      if (answer instanceof Refused) {
+        this.clear();
+        const summary = "This question could not be answered";
+        this.panel.show({ title: text, summary, content: unreadContent(answer) });
+        return;
+      }
+      const { rows, total } = answer;
+      const only = await this.onlyOne(rows);
+      if (!isCurrent()) return;
+      this.clear(only);
+      this.view.markPlace(place);
+      const places = rows.map(({ x, y }): Point => [x, y]);
+      this.view.markMatches(places);
+      this.panel.show({
+        title: text,
+        summary: total ? plural(total, "answer") : "No match in this map",
+        content: [
+          ...wordsContent(answer),
+          ...findContent(
+            answer,
+            this.context.info,
+            (row) => this.object(row.layer, row.id, true),
+            (rank) => this.view.lookAtMatch(rank),
+            only ? this.facts(only) : [],
+          ),
+        ],
+        snippets: answer,
+      });
+      if (isNew) this.view.showAny(places);
+      if (isNew) this.panel.focus();
       isNew = false;
     });
   }

@@ -41,7 +41,7 @@ export function findObjects(shapes: Record<string, EmbeddedShape[]>, wanted: Obj
     const off = place ? Math.hypot(x - place[0], y - place[1]) : 0;
     rows.push({ layer, id, name: shape.name, x, y, distance: far, off });
   }
-  rows.sort((a, b) => a.distance - b.distance || a.off - b.off);
+  rows.sort((a, b) => (a.distance ?? 0) - (b.distance ?? 0) || a.off - b.off);
   return { name, near, inside, rows: rows.map(({ off: _, ...row }) => row), unknown };
 }
 

@@ -18,6 +18,15 @@ export function bestName(names: ClassInfo[], typed: string): string {
   return (same ?? matching(names, typed)[0])?.name ?? typed;
 }
 
+const ASKS =
+  /^(where|what|which|who|how|when|is|are|am|do|does|did|has|have|can|find|show|list|count|give|tell)\b/i;
+
+/** Whether a text is a question in English, and no name. */
+export function isQuestion(names: ClassInfo[], text: string): boolean {
+  if (names.some(({ name }) => name.toLowerCase() === text.toLowerCase())) return false;
+  return text.endsWith("?") || (ASKS.test(text) && /\s/.test(text));
+}
+
 const MOST_ALIKE = 20;
 /** At most this share of its letters may differ in a name that is taken for another. */
 const WRONG = 0.4;

@@ -3,7 +3,7 @@
 import { byId, el } from "./dom";
 import { count } from "./format";
 import { swatch } from "./layers";
-import { bestName, matching } from "./names";
+import { bestName, isQuestion, matching } from "./names";
 import type { ClassInfo, MapInfo } from "./source";
 
 const MOST = 8;
@@ -38,6 +38,16 @@ export class Search {
 
   set name(name: string) {
     this.input.value = name;
+  }
+
+  /** Says that the field takes questions, too. */
+  offerQuestions(): void {
+    this.input.placeholder = "Find, or ask a question";
+  }
+
+  /** Whether the text is a question in English. */
+  get isQuestion(): boolean {
+    return isQuestion(this.names, this.name);
   }
 
   focus(): void {
@@ -81,7 +91,10 @@ export class Search {
       this.move(event.key === "ArrowDown" ? 1 : -1);
     } else if (event.key === "Enter") {
       event.preventDefault(); // the form would ask once more
-      this.choose(this.shown[this.active]?.name ?? bestName(this.names, this.input.value.trim()));
+      const text = this.input.value.trim();
+      this.choose(
+        this.shown[this.active]?.name ?? (this.isQuestion ? text : bestName(this.names, text)),
+      );
     } else if (event.key === "Escape") {
       event.stopPropagation();
       this.input.blur();

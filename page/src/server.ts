@@ -20,6 +20,7 @@ import {
   type SaveRequest,
   type Shapes,
   type ObjectQuery,
+  type WordsAnswer,
 } from "./source";
 
 type Values = Record<string, string | number | string[] | undefined>;
@@ -88,6 +89,10 @@ export class ServerSource implements DataSource, Editing {
       polygon: ring?.flat().join(","),
       limit,
     });
+  }
+
+  ask(question: string, place: Point): Promise<WordsAnswer> {
+    return this.get("/api/ask", { question, from: place.join(",") });
   }
 
   object(layer: string, id: number): Promise<ObjectDetails> {

@@ -165,7 +165,8 @@ export interface FoundRow {
   name: string;
   x: number;
   y: number;
-  distance: number;
+  /** Null if the query measures none. */
+  distance: number | null;
   /** The name of the room that it is in. */
   room?: string;
 }
@@ -195,6 +196,17 @@ export interface ObjectDetails {
   first_seen?: number | null;
   last_seen?: number | null;
   attributes: Record<string, unknown>;
+}
+
+/** A question in English, as it was understood, and its answer. */
+export interface WordsAnswer extends Snippets {
+  question: string;
+  /** What was understood: parts of the question, each with its meaning. */
+  understood: [string, string][];
+  /** The answer in words, as far as the rows do not say it. */
+  words: string[];
+  rows: FoundRow[];
+  total: number;
 }
 
 /** The shortest way between two places. */
@@ -316,6 +328,8 @@ export interface Questions {
   find(wanted: ObjectQuery, limit: number): Promise<FindAnswer>;
   object(layer: string, id: number): Promise<ObjectDetails>;
   evidence(layer: string, id: number): Promise<Evidence>;
+  /** A question in English, asked from a place. Absent if nobody can read it. */
+  ask?(question: string, place: Point): Promise<WordsAnswer>;
   /** For a robot of a radius [m]. Absent if there is no planner. */
   path?(start: Point, goal: Point, radius: number): Promise<PathAnswer>;
 }

@@ -250,3 +250,44 @@ def test_the_map_makes_room_for_the_panel(browser: Browser, url: str) -> None:
         before = window.pixels_of(corners)
         window.ask_at(*PLACES[DESK])
         assert window.pixels_of(corners) == pytest.approx(before, abs=1)
+
+
+def test_a_question_in_english_is_answered_in_the_same_field(window: Window, path: Path) -> None:
+    page = window.page
+    field = page.locator("#search")
+    expect(field).to_have_attribute("placeholder", "Find, or ask a question")
+    window.ask_at(7.5, 6.3)
+    page.keyboard.press("Escape")
+    field.fill("where are the cups?")
+    field.press("Enter")
+    expect_title(page, "where are the cups?")
+    cups = open_map(path).objects("cup")
+    assert sorted(window.found_ids()) == sorted(item.object.id for item in cups)
+    page.locator("#panel summary").click()
+    expect(page.locator("#panel details dd").first).to_have_text("which objects")
+
+    field.fill("how many cups are there?")
+    field.press("Enter")
+    expect(page.locator("#panel p.answer")).to_have_text(str(len(cups)))
+
+    field.fill("sing me a song?")
+    field.press("Enter")
+    panel = page.locator("#panel")
+    expect(panel.locator("header p")).to_have_text("This question could not be answered")
+    expect(panel.locator(".panel-scroll")).to_contain_text("sing")
+    (complaint,) = window.complaints
+    assert "400 (Bad Request)" in complaint
+    window.complaints.clear()
+
+    field.fill("cup")  # a name is still a name
+    field.press("Enter")
+    expect_title(page, "cup")
+
+
+def test_a_page_of_one_file_finds_names_alone(browser: Browser, path: Path) -> None:
+    html = path.with_suffix(".html")
+    if not html.exists():
+        export(path)
+    with a_window(browser, html.as_uri()) as window:
+        expect(window.page.locator("#search")).to_have_attribute("placeholder", "Find by name")
+        assert window.complaints == []

@@ -23,6 +23,7 @@ from hypermap.viewer.live.description import describe_map
 from hypermap.viewer.live.document import MapDocument, MapVersion
 from hypermap.viewer.live.downloads import rows_as_csv, rows_as_geojson
 from hypermap.viewer.live.editing import apply_operation, operations_in
+from hypermap.viewer.live.english import answer_in_words
 from hypermap.viewer.live.event_stream import event_stream
 from hypermap.viewer.live.guard import Guard
 from hypermap.viewer.live.layers import LayerView, LayerViews
@@ -90,6 +91,7 @@ class MapApp:
                 Route("/api/area", self._area, methods=["POST"]),
                 Route("/api/area.{kind}", self._download),
                 Route("/api/find", self._find),
+                Route("/api/ask", self._ask),
                 Route("/api/path", self._path),
                 Route("/api/objects/{layer:path}/{id}/evidence", self._evidence),
                 Route("/api/objects/{layer:path}/{id}", self._object),
@@ -198,6 +200,11 @@ class MapApp:
 
     def _find(self, request: Request) -> Response:
         return json_reply(self._questions().find(request.query_params))
+
+    def _ask(self, request: Request) -> Response:
+        document = self.document
+        path, hypermap = str(document.file.path), document.current.hypermap
+        return json_reply(answer_in_words(hypermap, path, request.query_params))
 
     def _path(self, request: Request) -> Response:
         document = self.document

@@ -111,7 +111,7 @@ def find(hypermap: Hypermap, path: str, query: ObjectQuery) -> dict[str, Any]:
         "name": understood.name,
         "near": understood.near,
         "inside": understood.inside,
-        "rows": _rows(hypermap, matches.first(query.limit)),
+        "rows": rows_of(hypermap, matches.first(query.limit)),
         "total": len(matches),
         "names": [] if query.name is None else similar_names(query.name, known),
         "unknown": unknown,
@@ -127,7 +127,8 @@ def find(hypermap: Hypermap, path: str, query: ObjectQuery) -> dict[str, Any]:
     }
 
 
-def _rows(hypermap: Hypermap, found: Sequence[FoundObject]) -> list[dict[str, Any]]:
+def rows_of(hypermap: Hypermap, found: Sequence[FoundObject]) -> list[dict[str, Any]]:
+    """Return a row for each object, with its place in the base frame and its room."""
     rooms = names_of_rooms(hypermap, [item.point_xy for item in found])
     return [_row(item, room) for item, room in zip(found, rooms, strict=True)]
 

@@ -101,6 +101,20 @@ def snippets_for_path(path: str, start: Point, goal: Point, radius: float) -> Sn
     return {"python": python, "command": shlex.join(words)}
 
 
+def snippets_for_question(path: str, question: str, place: Point | None) -> Snippets:
+    """Return snippets for a question in English, asked from a place."""
+    pose = "" if place is None else f", Pose2D({', '.join(map(_number, place))})"
+    python = (
+        f"from hypermap import {'' if place is None else 'Pose2D, '}open_map\n"
+        "from hypermap.questions.asking import answer_to\n\n"
+        f"answer = answer_to(open_map({path!r}), {question!r}{pose})\n"
+        "print(answer.count, [found.object.id for found in answer.objects])\n"
+    )
+    words = ["hypermap", "ask", _file(path), question]
+    words += [] if place is None else [f"--pose={_text(place)}"]
+    return {"python": python, "command": shlex.join(words)}
+
+
 def _file(path: str) -> str:
     return f"./{path}" if path.startswith("-") else path
 
