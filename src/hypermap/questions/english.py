@@ -166,6 +166,7 @@ class _Parts(Transformer[Token, Query]):
     def __init__(self, times: list[Span]) -> None:
         super().__init__()
         self._times = times
+        self._are_joined = False  # things by "and"
 
     # What is asked
 
@@ -193,18 +194,28 @@ class _Parts(Transformer[Token, Query]):
     def how_many(self, parts: list[Any]) -> Query:
         return replace(_query(parts), give="count")
 
+    def how_many_in(self, parts: list[Any]) -> Query:
+        return replace(_in_room(parts), give="count")
+
     def is_there(self, parts: list[Any]) -> Query:
+        self._check_either()
         return replace(_query(parts), give="exists")
 
     def has_it(self, parts: list[Any]) -> Query:
-        query = replace(_query(parts), give="exists")
-        return replace(query, where=(*query.where, Condition("in", _only(parts, Reference))))
+        self._check_either()
+        return replace(_in_room(parts), give="exists")
 
     def room_of(self, parts: list[Any]) -> Query:
         return replace(_query(parts), give="room")
 
     def rooms_having(self, parts: list[Any]) -> Query:
+        self._check_either()
         return replace(_query(parts), give="rooms")
+
+    def _check_either(self) -> None:
+        """Raise a ValueError if both of two things are asked for; a query asks for either."""
+        if self._are_joined:
+            raise ValueError('"and" may mean both or either here; ask for one, or say "or"')
 
     def how_far(self, parts: list[Any]) -> Query:
         return replace(_query(parts), give="distance")
@@ -268,6 +279,7 @@ class _Parts(Transformer[Token, Query]):
         return replace(_chosen(parts), start=_only(parts, Reference))
 
     def nouns(self, parts: list[Any]) -> tuple[str, ...]:
+        self._are_joined |= "AND" in _types(parts)
         return tuple(dict.fromkeys(part for part in parts if not isinstance(part, Token)))
 
     def noun(self, parts: list[Any]) -> str:
@@ -358,6 +370,12 @@ def _query(parts: list[Any]) -> Query:
     """Return the query about the things among some parts, with the conditions after them."""
     query = next((part for part in parts if isinstance(part, Query)), Query())
     return replace(query, where=(*query.where, *_conditions(parts)))
+
+
+def _in_room(parts: list[Any]) -> Query:
+    """Return the query about the things in the room among some parts."""
+    query = _query(parts)
+    return replace(query, where=(*query.where, Condition("in", _only(parts, Reference))))
 
 
 def _chosen(parts: list[Any]) -> Query:

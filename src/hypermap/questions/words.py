@@ -15,7 +15,8 @@ TIME_MARKS = "".join(map(chr, range(0xE000, 0xE008)))
 
 _KEYWORDS = {
     "WHERE": (
-        "where|whereabouts|where can i find|where do i find|where can i get|where do you see"
+        "where|whereabouts|where can i find|where would i find|where might i find|where do i find"
+        "|where can i get|where do you see"
         "|where did you see|where did i put|where did i leave|in which place"
         "|where did you last see|where have you seen|where do you keep|where do we keep"
         "|where can you see|where have you put|where is there"
@@ -34,14 +35,15 @@ _KEYWORDS = {
         "have you not seen|did you not see|has not been seen|have not been seen|not been seen"
         "|was not seen|were not seen|not seen|unseen|have not seen"
     ),
-    "NEW": "new|added|newly seen|first seen|appeared|was added|were added|has appeared",
+    "NEW": "new|added|newly seen|first seen|appeared|was added|were added|has appeared"
+    "|has been added|have been added|have appeared",
     "WHICH": "which|what kind of|which of",
     "HOW_MANY": "how many|count|number of|the number of|how much",
     "HOW_FAR": (
         "how far|how far away|how far off|how close|what is the distance|distance"
         "|how many meters|how many metres|how long is the way|how long is the path"
     ),
-    "IS": "is|are|is it|are they|stand|stands|lie|lies|be|exist|exists",
+    "IS": "is|are|was|were|is it|are they|stand|stands|lie|lies|be|exist|exists",
     "THERE": "there",
     "HAVE": (
         "have|has|having|contain|contains|with|do you have|have you got|can you see|do you see"
@@ -49,6 +51,7 @@ _KEYWORDS = {
     ),
     "SHOW": (
         "show|show me|list|find|find me|locate|give me|get me|look for|search for|point me to"
+        "|i want to find|i want to see|i am trying to find|i have to find|help me find"
         "|i need|i want|i am looking for|i would like"
         "|point out|name|search|can i get a list of|a list of"
         "|give me a list of|make a list of|list of|can i get|can i have|list all of"
@@ -97,6 +100,7 @@ _KEYWORDS = {
     ),
     "BUT": ("except|besides|except for|apart from|other than|but not|but no|that is no|excluding"),
 }
+_OF_CONDITIONS = {"IN", "AT", "ON", "UNDER", "NEXT_TO", "WITHIN", "BEYOND", "SIDE", "NOT", "IS"}
 _DROPPED = (
     "please|the|a|an|my|our|your|his|her|their|its|some|any|all|all the|every|each|robot"
     "|hey|hi|hello|ok|okay|can you tell me|could you tell me|do you know|tell me|actually"
@@ -281,6 +285,11 @@ def _keyword(token: str, phrase: str, rest: list[str]) -> Token | None:
     """Return the token of a keyword, by what follows it where it has two meanings."""
     following = rest[0] if rest else ""
     is_number = following in (*_NUMBER_OF, "a", "half") or bool(re.fullmatch(_NUMBER, following))
+    if phrase in ("but", "but not"):
+        content = next((word for word in rest if _PHRASES.get(word) != ""), "")
+        if _PHRASES.get(content) in _OF_CONDITIONS:
+            return Token("AND" if phrase == "but" else "NOT", phrase)
+        return Token("BUT", phrase)
     if phrase == "within" and not is_number:
         return Token("IN", phrase)
     if phrase == "under" and is_number and any(word in _UNIT_OF for word in rest[1:3]):
