@@ -97,7 +97,7 @@ def command(
 
 
 def _merged(first: Hypermap, second: Hypermap, pose: Pose2D, path: Path, other: Path) -> Merged:
-    from hypermap.mapping.going_on import config_to_go_on_with
+    from hypermap.mapping.going_on import CannotGoOn, config_to_go_on_with
     from hypermap.mapping.merging import CannotMerge, merge_maps
 
     with named(path):
@@ -106,7 +106,7 @@ def _merged(first: Hypermap, second: Hypermap, pose: Pose2D, path: Path, other: 
         config_to_go_on_with(second)
     try:
         return merge_maps(first, second, pose)
-    except (CannotMerge, FrameError) as error:
+    except (CannotGoOn, CannotMerge, FrameError) as error:
         raise type(error)(f"{path} and {other}: {error}") from None
 
 
