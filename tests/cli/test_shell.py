@@ -68,7 +68,7 @@ def test_a_map_that_cannot_be_opened_ends_the_shell(hypermap, tmp_path):
         ("query --name chair --na", ["--name"]),
         ("query --name chair --e", ["--evidence"]),
         ("query --name chair --json --j", []),
-        ("query --near chair --ne", ["--nearest"]),
+        ("query --near chair --nea", ["--nearest"]),
         ("query --name c", ["chair"]),
         ('query --near "po', ['"potted plant"']),
         ('query --near "potted plant" --wi', ["--within", "--with"]),

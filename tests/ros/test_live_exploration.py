@@ -79,6 +79,13 @@ def test_frontiers_and_next_views_are_published(
     ]
     assert of(markers, "gains")[0].text.startswith(f"1: {frontiers[0].gain:.1f} m2")
     assert of(markers, "next_views")[0].pose.position.x == pytest.approx(views[0].pose.x)
+
+    def is_quiet() -> bool:
+        before = len(markers)
+        rospy.sleep(1.0)
+        return len(markers) == before
+
+    wait_for(is_quiet, "what was under way")
     count = len(markers)
     node.show_tf(drive[5])  # neither map nor robot has moved
     rospy.sleep(0.5)
