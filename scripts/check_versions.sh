@@ -23,7 +23,7 @@ fi
 
 "$uv" venv --quiet --no-project --python "$python" "$work/venv"
 "$uv" pip install --quiet --python "$work/venv" --resolution "$resolution" ".[foxglove,geo,parquet]"
-"$uv" pip install --quiet --python "$work/venv" httpx2 hypothesis mcap-protobuf-support onnx \
+"$uv" pip install --quiet --python "$work/venv" httpx2 hypothesis jsonschema mcap-protobuf-support onnx \
   playwright 'pytest<9.2' pytest-cov pytest-randomly pytest-timeout pytest-xdist trimesh websockets
 echo "With the $which versions, $("$work/venv/bin/python" --version):"
 [ $# -gt 0 ] || set -- tests/core tests/formats tests/cli

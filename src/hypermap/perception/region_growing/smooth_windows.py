@@ -20,7 +20,7 @@ FACING = 0.4  # smallest cosine between the plane's normal and the ray; below, w
 # Unsigned: numba then knows that an index is not from the end, and loops use vector registers.
 _BLOCK = uint64(64)  # pixels of a row processed at a time
 _SIDE = uint64(16)  # pixels to each side that their windows may extend
-_WIDTH = _BLOCK + 2 * _SIDE
+_WIDTH = uint64(int(_BLOCK) + 2 * int(_SIDE))  # numpy 1 adds them to a float
 _STEP = uint64(16)  # pixels of a row searched at a time for the next block
 _TWO, _THREE, _FOUR = uint64(2), uint64(3), uint64(4)
 # NaN and infinity keep their meaning.
