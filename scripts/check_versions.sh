@@ -27,6 +27,7 @@ fi
   playwright 'pytest<9.2' pytest-cov pytest-randomly pytest-timeout pytest-xdist trimesh websockets
 echo "With the $which versions, $("$work/venv/bin/python" --version):"
 [ $# -gt 0 ] || set -- tests/core tests/formats tests/cli
+"$work/venv/bin/hypermap" warm-up  # else the first command of a test says that it compiles
 # What old versions warn of is mended in newer ones.
 "$work/venv/bin/python" -m pytest -q -p no:cacheprovider -n auto --dist loadgroup \
   -W ignore::DeprecationWarning "$@"
