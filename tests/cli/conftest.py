@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import io
 import json
+import logging
 import math
 import os
 import pty
@@ -46,7 +47,11 @@ class Result:
 def hypermap(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> Iterator[Callable[..., Result]]:
-    """Run `hypermap ARGUMENTS` and return its exit code and what it printed."""
+    """Run `hypermap ARGUMENTS` and return its exit code and what it printed.
+
+    That loops are compiled is left out: when it is said depends on which test comes first.
+    """
+    monkeypatch.setattr(logging.getLogger("hypermap._loops"), "disabled", True)
 
     def run(*arguments: object, stdin: str = "") -> Result:
         monkeypatch.setattr("sys.stdin", io.StringIO(stdin))

@@ -81,11 +81,10 @@ class Root(NamedTuple):
 @inner_loop()
 def root_of(strips: Strips, number: int, reached: Reached, state: Search) -> Root:
     """Return the root of a number: that of a corner, or SOURCE."""
-    if number == SOURCE:
-        return Root(number, state.source[0], state.source[1], 0.0)
-    return Root(
-        number, float(strips.xs[number]), float(strips.ys[number]), reached.corner_far[number]
-    )
+    index = int(np.int64(number))  # of one type: else all that takes a root is compiled twice
+    if index == SOURCE:
+        return Root(index, state.source[0], state.source[1], 0.0)
+    return Root(index, float(strips.xs[index]), float(strips.ys[index]), reached.corner_far[index])
 
 
 @inner_loop()
@@ -125,7 +124,7 @@ def look(
     waiting = 1
     while waiting > 0:
         waiting -= 1
-        row, run = cones.rows[waiting], cones.runs[waiting]
+        row, run = int(np.int64(cones.rows[waiting])), cones.runs[waiting]
         low, high = cones.lows[waiting], cones.highs[waiting]
         low_root, high_root = cones.low_roots[waiting], cones.high_roots[waiting]
         begin, end = strips.begins[run], strips.ends[run]

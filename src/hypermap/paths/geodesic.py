@@ -60,21 +60,24 @@ def reach(
 def sweep(strips: Strips, width: int, goal_cell: int, reached: Reached, state: Search) -> int:
     """Fill in all distances from the source; return how many corners were visited."""
     height = len(strips.rows) - 1
-    root = root_of(strips, SOURCE, reached, state)
+    # Of the types that _turn hands over: for each literal, all would be compiled once more.
+    source, neither = int(np.int32(SOURCE)), int(np.int64(0))
+    up, down = int(np.int64(1)), int(np.int64(-1))
+    root = root_of(strips, source, reached, state)
     x, y = root.x, root.y
     row = int(np.floor(y))
     if row < height:
-        run = run_at(strips, row, x, 0)
+        run = run_at(strips, row, x, neither)
         if run >= 0:
             if y > row:
                 _look_along(strips, width, row, run, x, y, reached)
-            look(strips, width, root, 1, row, run, -np.inf, np.inf, reached, state)
+            look(strips, width, root, up, row, run, -np.inf, np.inf, reached, state)
             if y > row:
-                look(strips, width, root, -1, row, run, -np.inf, np.inf, reached, state)
+                look(strips, width, root, down, row, run, -np.inf, np.inf, reached, state)
     if y == row and row > 0:
-        run = run_at(strips, row - 1, x, 0)
+        run = run_at(strips, row - 1, x, neither)
         if run >= 0:
-            look(strips, width, root, -1, row - 1, run, -np.inf, np.inf, reached, state)
+            look(strips, width, root, down, row - 1, run, -np.inf, np.inf, reached, state)
     turned = 0
     while state.heap.size[0] > 0:
         if (
