@@ -13,7 +13,7 @@ import {
 } from "./answers";
 import { complain, el } from "./dom";
 import { EvidenceSection } from "./evidence";
-import { objectFacts } from "./facts";
+import { objectFacts, objectPictures } from "./facts";
 import { meters, plural, rounded } from "./format";
 import { fromBase } from "./frames";
 import type { MapView } from "./mapview";
@@ -274,6 +274,7 @@ export class Ask {
     const button = (text: string, onclick: () => void) =>
       el("button", { type: "button", class: "button small", text, onclick });
     return [
+      objectPictures(object),
       objectFacts(object, this.context.frame),
       el(
         "div",

@@ -9,6 +9,8 @@ export type Attributes = {
   type?: string;
   id?: string;
   value?: string;
+  src?: string;
+  alt?: string;
   placeholder?: string;
   hidden?: boolean;
   disabled?: boolean;

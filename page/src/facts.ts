@@ -56,6 +56,16 @@ export function objectFacts(object: ObjectDetails, frame: Frame, now = new Date(
   );
 }
 
+/** The pictures of an object, the best first; null if there are none. */
+export function objectPictures({ name, pictures = [] }: ObjectDetails): HTMLElement | null {
+  if (pictures.length === 0) return null;
+  return el(
+    "div",
+    { class: "pictures" },
+    ...pictures.map((src, i) => el("img", { src, alt: `${name}, picture ${i + 1}` })),
+  );
+}
+
 function sureness({ confidence, attributes }: ObjectDetails): number[] {
   const given = confidence ?? attributes["confidence"];
   return Array.isArray(given) ? given.map(Number) : [];

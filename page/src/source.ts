@@ -196,6 +196,8 @@ export interface ObjectDetails {
   first_seen?: number | null;
   last_seen?: number | null;
   attributes: Record<string, unknown>;
+  /** What the camera saw of it, as data: addresses of JPEG files, the best first. */
+  pictures?: string[];
 }
 
 /** A question in English, as it was understood, and its answer. */

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from hypermap.formats.hmap import open_map, save_map
     from hypermap.formats.semantic.geojson import from_geojson, to_geojson
     from hypermap.formats.semantic.geopandas_bridge import from_geodataframe, to_geodataframe
+    from hypermap.viewer.object_pictures import image_of
     from hypermap.viewer.picture import render
     from hypermap.viewer.plot import plot
 
@@ -56,6 +57,7 @@ _HOMES = {
         "hypermap.formats.semantic.geopandas_bridge": "from_geodataframe to_geodataframe",
         "hypermap.formats.hmap": "open_map save_map",
         "hypermap.formats.grid.map_server": "load_occupancy",
+        "hypermap.viewer.object_pictures": "image_of",
         "hypermap.viewer.picture": "render",
         "hypermap.viewer.plot": "plot",
     }.items()
@@ -84,6 +86,7 @@ __all__ = [
     "__version__",
     "from_geodataframe",
     "from_geojson",
+    "image_of",
     "load_occupancy",
     "open_map",
     "plot",

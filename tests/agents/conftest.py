@@ -12,6 +12,7 @@ import shapely
 from hypermap import GridGeometry, Hypermap, OccupancyLayer, SemanticLayer, SemanticObject
 from hypermap.formats import save_map
 from hypermap.rooms import rooms_of_map, with_rooms
+from hypermap.testing import jpeg_picture
 
 MONDAY = 1_795_392_000.0  # 2026-11-23T00:00:00+00:00
 HOUR = 3600.0
@@ -46,7 +47,9 @@ def made_office() -> Hypermap:
         )
         for name, x, y, size, existence, first, last in THINGS
     ]
-    office = Hypermap([grid, SemanticLayer("semantic", "map", things)])
+    semantic = SemanticLayer("semantic", "map", things)
+    semantic.kept_pictures = {5: (jpeg_picture("red", quality=0.9), jpeg_picture("lime", 2.0))}
+    office = Hypermap([grid, semantic])
     rooms = rooms_of_map(office)
     left, right = sorted(rooms, key=lambda room: room.outline.centroid.x)
     named = [

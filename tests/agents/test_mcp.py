@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import contextlib
+import io
 import json
 import os
 import pty
@@ -22,6 +23,7 @@ import httpx2
 import pytest
 from mcp import Client, StdioServerParameters
 from mcp.client.streamable_http import streamable_http_client
+from PIL import Image
 
 from hypermap import open_map
 
@@ -86,12 +88,22 @@ def test_tools_answer_over_standard_input_and_output(office: Path) -> None:
             "changes",
             "ask",
             "render_view",
+            "show_object",
         }
         assert all(tool.annotations and tool.annotations.read_only_hint for tool in tools)
         found = await asked(client, "find_objects", names=["sofa"])
         assert [item["id"] for item in found["objects"]] == [6]
         picture: Any = await client.call_tool("render_view", {})
         assert base64.b64decode(picture.content[1].data).startswith(b"\x89PNG")
+        printer: Any = await client.call_tool("show_object", {"id": 5, "number": 2})
+        assert printer.content[0].text == "printer 5 of layer semantic, picture 2 of 2"
+        assert printer.content[1].mime_type == "image/jpeg"
+        with Image.open(io.BytesIO(base64.b64decode(printer.content[1].data))) as image:
+            red, green, _ = image.getpixel((5, 5))
+        assert green > 100 > red
+        oven = {"id": 1, "layer": "semantic"}
+        assert "the map has 0 pictures of oven 1" in await refused(client, "show_object", **oven)
+        assert "no object 99" in await refused(client, "show_object", id=99)
 
     talk(office, to=conversation)
 

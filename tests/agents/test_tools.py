@@ -146,7 +146,7 @@ def test_a_view_is_a_picture(call: Call) -> None:
     whole, part = call("render_view"), call("render_view", center=[1.5, 1.5], size=2, pixels=300)
     for picture in (whole, part):
         assert isinstance(picture, Picture)
-        assert picture.png.startswith(b"\x89PNG")
+        assert picture.content.startswith(b"\x89PNG")
     assert part.caption == "x from 0.50 to 2.50 m, y from 0.50 to 2.50 m, frame map"
 
 
@@ -180,7 +180,7 @@ def test_wrong_arguments_are_refused_by_name(
 
 def test_schemas_are_valid_and_accept_what_the_tools_accept(office: Path) -> None:
     tools = {tool.name: tool for tool in tools_for(office, allow_edits=True)}
-    assert len(tools) == 12
+    assert len(tools) == 13
     for tool in tools.values():
         jsonschema.Draft202012Validator.check_schema(tool.parameters)
         assert tool.parameters["type"] == "object"

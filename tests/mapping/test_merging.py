@@ -26,6 +26,7 @@ from hypermap import (
     save_map,
 )
 from hypermap.core.frames import FrameTree
+from hypermap.core.pictures import best_pictures
 from hypermap.mapping.config import profile
 from hypermap.mapping.going_on import CannotGoOn
 from hypermap.mapping.mapper import Mapper
@@ -196,6 +197,22 @@ def test_a_merged_map_can_be_continued_saved_and_merged(tmp_path: Path) -> None:
     assert objects_of(third).keys() == {"table", "plant"}
     fourth = merge_maps(again, mapped(frames("table", "plant"), later=3 * DAY), Pose2D())
     assert len(fourth.hypermap.metadata["drives"]) == 3
+
+
+def test_the_best_pictures_of_both_days_are_kept() -> None:
+    first, second = first_day(), second_day(*ALL)
+    merged = merge_maps(first, second, OTHER_FRAME).hypermap
+    found = objects_of(merged)
+    assert found.keys() == set(ALL)
+    for name, item in found.items():
+        one, other = (
+            hypermap.semantic().pictures(objects_of(hypermap)[name].id)
+            for hypermap in (first, second)
+        )
+        assert one
+        assert other
+        turned = (dataclasses.replace(e, azimuth=e.azimuth + OTHER_FRAME.yaw) for e in other)
+        assert merged.semantic().pictures(item.id) == best_pictures([*one, *turned])
 
 
 def test_edits_of_both_maps_stay_and_the_first_one_wins(tmp_path: Path) -> None:

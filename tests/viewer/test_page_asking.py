@@ -14,7 +14,7 @@ from playwright.sync_api import Browser, Page, expect
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.semantic import SemanticLayer
 from hypermap.formats import open_map, save_map
-from hypermap.testing import square
+from hypermap.testing import jpeg_picture, square
 
 from .page_tools import Window, a_server, a_window
 from .small_map import CHAIR, CUP, DESK, METRES_PER_PIXEL, PLACES, small_map
@@ -42,6 +42,7 @@ def a_room() -> Hypermap:
         attributes={"evidence": 39, "z_min": 0.0, "z_max": 0.9, "color": "red"},
     )
     things.update(CHAIR, chair)
+    things.kept_pictures = {CHAIR: (jpeg_picture("red"), jpeg_picture("green", 2.0))}
     cups = [square("cup", x, 6.5, side=0.3) for x in (1.0, 8.0)]
     hypermap.add(SemanticLayer("more", "map", [kitchen, *cups]))
     return hypermap
@@ -176,9 +177,18 @@ def test_one_hit_shows_its_facts_at_once_in_words_and_units(window: Window) -> N
         "Color": "red",
     }
     assert shown() == expected
+    pictures = page.locator("#panel .pictures img")
+    expect(pictures).to_have_count(2)
+    assert [one.get_attribute("alt") for one in pictures.all()] == [
+        "chair, picture 1",
+        "chair, picture 2",
+    ]
+    for one in pictures.all():
+        expect(one).to_have_js_property("naturalWidth", 48)
     assert window.said("occupancy") == "Free"
     window.find("desk")
     expect(facts).to_contain_text("2 m²")
+    expect(pictures).to_have_count(0)
     window.ask_at(*PLACES[CUP])  # on the desk and in the kitchen: no single one
     expect(facts).to_have_count(0)
     assert page.locator("#panel .objects button").count() == 3

@@ -9,8 +9,7 @@ from pydantic import Field
 
 from hypermap.agents.looking import Name, Point
 from hypermap.agents.open_map import OpenMap
-from hypermap.core.errors import HypermapError
-from hypermap.core.semantic import SemanticLayer
+from hypermap.agents.shown import layer_of_object
 from hypermap.viewer.live.changes import Draft
 from hypermap.viewer.live.editing import apply_operation
 
@@ -71,20 +70,9 @@ class Editing:
         known: dict[str, Any] = {}
 
         def change(draft: Draft) -> None:
-            where = self._layer_of(draft, number, layer)
+            where = layer or layer_of_object(draft.hypermap, number)
             known.update(id=number, layer=where, name=draft.get(where, number).name)
             apply_operation(draft, operation({"layer": where, "id": number}))
 
         self._opened.edit(change)
         return known
-
-    @staticmethod
-    def _layer_of(draft: Draft, number: int, layer: str | None) -> str:
-        if layer is not None:
-            return layer
-        layers = [one for one in draft.hypermap if isinstance(one, SemanticLayer)]
-        names = [one.name for one in layers if number in one.ids]
-        if len(names) != 1:
-            what = f"layers {', '.join(names)} have an" if names else "there is no"
-            raise HypermapError(f"{what} object {number}" + ("; name the layer" if names else ""))
-        return names[0]

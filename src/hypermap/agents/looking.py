@@ -16,6 +16,7 @@ from hypermap.agents.shown import (
     answer_of,
     door_row,
     few_corners,
+    layer_of_object,
     object_rows,
     place,
     room_row,
@@ -25,12 +26,14 @@ from hypermap.core.errors import HypermapError
 from hypermap.core.frames import Pose2D
 from hypermap.core.hypermap import ROOMS, Hypermap
 from hypermap.core.occupancy import OccupancyLayer
+from hypermap.core.pictures import MOST_PICTURES
 from hypermap.core.semantic import SemanticLayer
 from hypermap.questions.answer import Answer, ask
 from hypermap.questions.query import Condition, Query, Reference, When, parse_moment
 from hypermap.questions.taxonomy import load_taxonomy
 from hypermap.rooms.questions import room_called, rooms_asked, rooms_at
 from hypermap.rooms.rooms import Rooms, rooms_on
+from hypermap.text import counted
 
 _MOST_OBJECTS = 100
 
@@ -247,6 +250,35 @@ class Looking:
             file = Path(folder, "view.png")
             render(hypermap, file, area=area, size=pixels)
             return Picture(file.read_bytes(), caption)
+
+    def show_object(
+        self,
+        *,
+        id: Annotated[int, Field(description="of the object", ge=0)],  # noqa: A002
+        layer: Annotated[
+            Name | None, Field(description="needed if several layers have that id")
+        ] = None,
+        number: Annotated[int, Field(ge=1, le=MOST_PICTURES, description="1 is the best")] = 1,
+    ) -> Picture:
+        """Show an object as the robot's camera saw it, as JPEG: up to 3 pictures from other sides.
+
+        Pictures of people are not kept by default.
+        """
+        hypermap = self._current()
+        shown = [
+            one.name
+            for one in hypermap
+            if isinstance(one, SemanticLayer) and id in one and one.kept_pictures.get(id)
+        ]
+        name = layer or (shown[0] if len(shown) == 1 else layer_of_object(hypermap, id))
+        found = hypermap.semantic(name)
+        pictures = found.pictures(id)
+        label = found.get(id).name
+        if number > len(pictures):
+            there = counted(len(pictures), "picture")
+            raise HypermapError(f"the map has {there} of {label} {id}")
+        caption = f"{label} {id} of layer {name}, picture {number} of {len(pictures)}"
+        return Picture(pictures[number - 1].jpeg, caption, "image/jpeg")
 
     # Resources
 

@@ -117,8 +117,8 @@ def _described(tool: Tool) -> types.Tool:
 
 def _result(answer: dict[str, Any] | Picture) -> types.CallToolResult:
     if isinstance(answer, Picture):
-        data = base64.b64encode(answer.png).decode()
-        picture = types.ImageContent(type="image", data=data, mime_type="image/png")
+        data = base64.b64encode(answer.content).decode()
+        picture = types.ImageContent(type="image", data=data, mime_type=answer.media_type)
         caption = types.TextContent(type="text", text=answer.caption)
         return types.CallToolResult(content=[caption, picture])
     text = types.TextContent(type="text", text=json.dumps(answer, ensure_ascii=False))

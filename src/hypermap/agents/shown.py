@@ -10,7 +10,9 @@ from typing import Any
 import numpy as np
 import shapely
 
+from hypermap.core.errors import HypermapError
 from hypermap.core.hypermap import FoundObject, Hypermap
+from hypermap.core.semantic import SemanticLayer
 from hypermap.questions.times import are_calendar
 from hypermap.rooms.questions import rooms_at
 from hypermap.rooms.rooms import Door, Room, Rooms, rooms_on
@@ -83,3 +85,17 @@ def time_text(stamp: float) -> str | float:
     if not are_calendar([stamp]):
         return round(stamp, 2)
     return datetime.fromtimestamp(stamp, timezone.utc).isoformat(timespec="seconds")
+
+
+def layer_of_object(hypermap: Hypermap, number: int) -> str:
+    """Return the name of the only layer that has an object with that id.
+
+    Raises:
+        HypermapError: If there is none, or several have one.
+    """
+    layers = [one for one in hypermap if isinstance(one, SemanticLayer)]
+    names = [one.name for one in layers if number in one.ids]
+    if len(names) != 1:
+        what = f"layers {', '.join(names)} have an" if names else "there is no"
+        raise HypermapError(f"{what} object {number}" + ("; name the layer" if names else ""))
+    return names[0]

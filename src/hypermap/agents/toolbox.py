@@ -44,6 +44,7 @@ def tools_of(opened: OpenMap, looking: Looking, allow_edits: bool) -> list[Tool]
         looking.changes,
         looking.ask,
         looking.render_view,
+        looking.show_object,
     ]
     editing = Editing(opened)
     edits: list[ToolFunction] = [editing.add_zone, editing.rename, editing.mark_gone]

@@ -7,7 +7,7 @@ import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 from pydantic_core import ArgsKwargs
@@ -26,12 +26,14 @@ class Picture:
     """A picture as an answer.
 
     Attributes:
-        png: the file.
+        content: the file.
         caption: what it shows.
+        media_type: of the file.
     """
 
-    png: bytes
+    content: bytes
     caption: str
+    media_type: Literal["image/png", "image/jpeg"] = "image/png"
 
 
 ToolFunction: TypeAlias = Callable[..., dict[str, Any] | Picture]

@@ -7,7 +7,7 @@ import signal
 import time
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NoReturn
 
@@ -90,6 +90,15 @@ def command(
             help="Save the evidence for each object, which `view` can show.",
         ),
     ] = True,
+    no_pictures: Annotated[
+        bool, typer.Option("--no-pictures", help="Keep no pictures of the objects in the map.")
+    ] = False,
+    people: Annotated[
+        bool,
+        typer.Option(
+            "--pictures-of-people", help="Keep pictures of people, too; by default none are kept."
+        ),
+    ] = False,
     max_bad: Annotated[
         float,
         typer.Option(
@@ -124,6 +133,8 @@ def command(
     --onto continues a map of earlier drives, with its settings, as if mapping had never stopped.
     Other layers stay as they are. Frames that the map already contains do not count twice.
 
+    The map keeps up to three pictures of each object, which `query --pictures` saves.
+
     Ctrl-C, SIGTERM or closing the terminal (SIGHUP) stops early and saves the map so far, with exit
     code 130, 143 or 129. With --view, the page then stays open until Ctrl-C.
 
@@ -141,6 +152,9 @@ def command(
     base = map_to_go_on_with(onto, map_file)
     recording, options = request.open(path)
     settings = settings_of(base, onto, profile, config, score, has_network=detector is not None)
+    if no_pictures or people:
+        pictures = replace(settings.pictures, enabled=not no_pictures, people=people)
+        settings = replace(settings, pictures=pictures)
     occupancy = _occupancy(map_file, recording)
     source = detection_source(
         recording, detector, labels, settings.perception.min_score, detections, objects

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -9,6 +10,7 @@ import typer
 from hypermap.cli.options import MapPath
 from hypermap.cli.terminal import note, out, say, say_json, table
 from hypermap.console.options import OPTIONS
+from hypermap.text import counted
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -56,6 +58,16 @@ def command(
     not_seen_for: Annotated[str | None, _option("--not-seen-for", _WHEN)] = None,
     last_seen: Annotated[bool, _option("--last-seen", _WHEN)] = False,
     evidence: Annotated[bool, _option("--evidence", _WHAT)] = False,
+    pictures: Annotated[
+        Path | None,
+        typer.Option(
+            "--pictures",
+            metavar="DIR",
+            show_default=False,
+            help="Save the pictures of the objects in this folder, as JPEG files.",
+            rich_help_panel=_WHAT,
+        ),
+    ] = None,
     layer: Annotated[list[str] | None, _option("--layer")] = None,
     frame_id: Annotated[str | None, _option("--frame", None, "the map's base frame")] = None,
     as_json: Annotated[bool, _option("--json")] = False,
@@ -79,6 +91,7 @@ def command(
         hypermap query lab.hmap --new-since yesterday
         hypermap query lab.hmap --name chair --not-seen-for 7d
         hypermap query lab.hmap --id 7 --evidence
+        hypermap query lab.hmap --name cup --pictures cups
         hypermap query lab.hmap --layer temperature --above 25
         hypermap query lab.hmap --layer noise --below 40 --nearest --from 1,1
         hypermap query lab.hmap --layer rooms --measured temperature
@@ -120,6 +133,11 @@ def command(
         from hypermap.viewer.live.object_evidence import describe_evidence
 
         add_evidence(hypermap, rows, describe_evidence)
+    saved = 0
+    if pictures is not None:
+        from hypermap.console.pictures import write_pictures
+
+        saved = write_pictures(hypermap, rows, pictures)
     if as_json:
         say_json(document(str(path), hypermap, rows))
         return
@@ -128,6 +146,10 @@ def command(
         _show_evidence(rows)
     for remark in remarks(hypermap, question, rows):
         note(remark)
+    if saved:
+        say(f"\nsaved {counted(saved, 'picture')} in {pictures}")
+    elif pictures is not None:
+        note("there are no pictures of these objects; `hypermap map` keeps them, except of people")
 
 
 def _show(answer: Shown) -> None:

@@ -19,6 +19,7 @@ from hypermap.core.errors import ObjectNotFound
 from hypermap.core.evidence import EvidenceTable
 from hypermap.core.layer import Hits, Layer, ShapesPicture, check_count
 from hypermap.core.objects import ObjectTable, Rejected, SemanticObject
+from hypermap.core.pictures import ObjectPicture
 from hypermap.core.store import ObjectStore
 
 __all__ = ["EMPTY", "Rejected", "SemanticLayer", "SemanticObject"]
@@ -45,6 +46,8 @@ class SemanticLayer(Layer):
         rejected: entries of the layer's file that could not be read.
         kept_evidence: the evidence for the objects, if there is any: a table, or a function that
             returns it on demand. It may include objects that were removed.
+        kept_pictures: pictures of the objects, by id, best first. It may include objects that were
+            removed.
 
     Raises:
         ValueError: If two objects have the same id.
@@ -70,6 +73,7 @@ class SemanticLayer(Layer):
         super().__init__(name, frame_id, settings)
         self.rejected = tuple(rejected)
         self.kept_evidence = evidence
+        self.kept_pictures: Mapping[int, tuple[ObjectPicture, ...]] = {}
         self._writing = threading.Lock()
         self._now = ObjectStore.of(ObjectTable.of([]), next_id=0)
         self.add(objects)
@@ -98,6 +102,7 @@ class SemanticLayer(Layer):
         """Return an equal layer; changes to one do not affect the other."""
         settings, evidence = self.settings, self.kept_evidence
         other = SemanticLayer(self.name, self.frame_id, (), settings, self.rejected, evidence)
+        other.kept_pictures = self.kept_pictures
         other._now = self._now
         return other
 
@@ -200,6 +205,15 @@ class SemanticLayer(Layer):
         self._rows_there(self._now, [object_id])
         kept = self.kept_evidence() if callable(self.kept_evidence) else self.kept_evidence
         return EvidenceTable.empty() if kept is None else kept.of([object_id])
+
+    def pictures(self, object_id: int) -> tuple[ObjectPicture, ...]:
+        """Return the pictures of one object, best first; may be empty.
+
+        Raises:
+            ObjectNotFound: If there is no such object.
+        """
+        self._rows_there(self._now, [object_id])
+        return self.kept_pictures.get(object_id, ())
 
     # Changes
 

@@ -43,6 +43,9 @@ MAX_TABLE_BYTES = 1024 * MIB
 MAX_EVIDENCE_BYTES = 64 * MIB
 """The evidence behind a semantic layer; of more, none is kept."""
 
+MAX_PICTURES_BYTES = 256 * MIB
+"""Size of all pictures of the objects of a layer."""
+
 MAX_PLACE = 1e9
 """Meters from the origin of a frame; farther out, cells and outlines have no room in a number."""
 

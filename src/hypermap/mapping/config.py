@@ -20,6 +20,7 @@ from hypermap.mapping.stages import (
     EvidenceConfig,
     KeyframeConfig,
     OccupancyConfig,
+    PictureConfig,
 )
 from hypermap.perception.config import PerceptionConfig
 
@@ -39,6 +40,7 @@ class MappingConfig:
     occupancy: OccupancyConfig = field(default_factory=OccupancyConfig)
     keyframes: KeyframeConfig = field(default_factory=KeyframeConfig)
     alignment: AlignmentConfig = field(default_factory=AlignmentConfig)
+    pictures: PictureConfig = field(default_factory=PictureConfig)
 
 
 def profile(name: str) -> MappingConfig:

@@ -14,6 +14,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.objects import ObjectTable
+from hypermap.core.pictures import ObjectPicture
 from hypermap.core.semantic import SemanticLayer, SemanticObject
 from hypermap.mapping.association import ASSOCIATIONS
 from hypermap.mapping.by_hand import HandEdit
@@ -28,7 +29,7 @@ from hypermap.mapping.protection import protected
 from hypermap.mapping.stages import EvidenceConfig
 from hypermap.mapping.track_shapes import Rows
 from hypermap.mapping.tracks import Track, TrackTable
-from hypermap.perception.observation import Observation
+from hypermap.perception.observation import Observation, ObservedObject
 
 _log = logging.getLogger(__name__)
 
@@ -47,6 +48,7 @@ class EvidenceMap:
     Attributes:
         config: how all of this is done.
         ignored: how many observed shapes were left out because they are no areas.
+        shown: the objects of the last frame, each with the id of its track.
         is_free: tells how much of an area is known to be free, where no published shape grows;
             None for nothing.
     """
@@ -54,6 +56,7 @@ class EvidenceMap:
     def __init__(self, config: EvidenceConfig, is_free: FreeShare | None = None) -> None:
         self.config = config
         self.ignored = 0
+        self.shown: list[tuple[ObservedObject, int]] = []
         self.is_free = is_free
         self._associate = ASSOCIATIONS[config.association]
         self._fuse = FUSIONS[config.fusion]
@@ -84,20 +87,23 @@ class EvidenceMap:
 
     def _learn(self, observation: Observation) -> None:
         self._observed.clear()
+        self.shown = []
         found = evidence_from(observation, self.config.abstain)
         if len(found) < len(observation.objects):
             self.ignored += len(observation.objects) - len(found)
             _log.info("frame %.6f: skipped shapes without area", observation.stamp)
         if self.config.class_sizes == "usual":
-            found = [(name, evidence) for name, evidence in found if has_usual_size(name, evidence)]
+            found = [(item, one) for item, one in found if has_usual_size(item.name, one)]
         # All are compared with the tracks from before the frame, so their order does not matter.
-        misclassified = [self._misclassified(name, evidence) for name, evidence in found]
-        observed = {
-            self._add(name, evidence) if actual is None else actual
-            for (name, evidence), actual in zip(found, misclassified, strict=True)
-        }
+        misclassified = [self._misclassified(item.name, evidence) for item, evidence in found]
+        tracks = [
+            self._add(item.name, evidence) if actual is None else actual
+            for (item, evidence), actual in zip(found, misclassified, strict=True)
+        ]
+        observed = set(tracks)
         if self.config.exclusive:
             self._count_co_occurrences()
+        self.shown = [(item, track) for (item, _), track in zip(found, tracks, strict=True)]
         penalize_missed(self._tracks, observation, observed, self.config)
         for track in prune(self._tracks, self.config.forget_below):
             self._forget_co_occurrences(track)
@@ -156,7 +162,10 @@ class EvidenceMap:
         kept = {o.id: tuple(o.buffer.items) for o in self._tracks.objects if o.id in ids}
         table, evidence = ObjectTable.of(objects), lazy_evidence_table(kept)
         next_id = self._tracks.next_id
-        return SemanticLayer.of_table(name, frame_id, table, evidence=evidence, next_id=next_id)
+        layer = SemanticLayer.of_table(name, frame_id, table, evidence=evidence, next_id=next_id)
+        pictures = {track.id: track.buffer.pictures for track in self._tracks.objects}
+        layer.kept_pictures = {n: kept for n, kept in pictures.items() if kept and n in ids}
+        return layer
 
     def evidence(self, object_id: int) -> tuple[Evidence, ...]:
         """Return the evidence that is kept for an object, oldest first.
@@ -168,6 +177,21 @@ class EvidenceMap:
         if not rows:
             raise KeyError(object_id)
         return tuple(self._tracks.objects[rows[0]].buffer.items)
+
+    def pictures(self, object_id: int) -> tuple[ObjectPicture, ...]:
+        """Return the pictures that are kept for an object, best first; none if it is gone."""
+        rows = self._tracks.rows_of([object_id])
+        return self._tracks.objects[rows[0]].buffer.pictures if rows else ()
+
+    def class_of(self, object_id: int) -> str:
+        """Return the class of an object; empty if it is gone."""
+        rows = self._tracks.rows_of([object_id])
+        return self._tracks.objects[rows[0]].name if rows else ""
+
+    def keep_pictures(self, object_id: int, pictures: tuple[ObjectPicture, ...]) -> None:
+        """Keep pictures for an object instead of those before, if it is still there."""
+        for row in self._tracks.rows_of([object_id]):
+            self._tracks.objects[row].buffer.pictures = pictures
 
     def _misclassified(self, name: str, evidence: Evidence) -> int | None:
         """Return the id of the confirmed track of another class that this really is."""

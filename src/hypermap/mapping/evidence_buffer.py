@@ -17,9 +17,10 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.arrays import ObjectArray, as_objects
+from hypermap.core.pictures import ObjectPicture, best_pictures
 from hypermap.mapping.columns import Column
 from hypermap.mapping.prepared_polygon import PreparedPolygon
-from hypermap.perception.observation import Observation
+from hypermap.perception.observation import Observation, ObservedObject
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,8 +68,8 @@ class Evidence:
 
 def evidence_from(
     observation: Observation, abstain: Literal["hidden", "outside"] = "outside"
-) -> list[tuple[str, Evidence]]:
-    """Return name and evidence of each object of a frame whose footprint is an area.
+) -> list[tuple[ObservedObject, Evidence]]:
+    """Return each object of a frame whose footprint is an area, with its evidence.
 
     Args:
         observation: the frame.
@@ -102,7 +103,7 @@ def evidence_from(
             z_max=observed.z_max,
         )
         vars(evidence).update(prepared=polygon, prepared_area=prepared_area)
-        found.append((observed.name, evidence))
+        found.append((observed, evidence))
     return found
 
 
@@ -115,6 +116,7 @@ class EvidenceBuffer:
         score_sum: the sum of all their scores.
         first_seen: the oldest stamp of all [s].
         last_seen: the newest stamp of all [s].
+        pictures: the best ones, best first.
     """
 
     def __init__(self, limit: int) -> None:
@@ -126,6 +128,7 @@ class EvidenceBuffer:
         self.score_sum = 0.0
         self.first_seen = np.inf
         self.last_seen = -np.inf
+        self.pictures: tuple[ObjectPicture, ...] = ()
 
     @classmethod
     def of(
@@ -168,6 +171,7 @@ class EvidenceBuffer:
         """Take over the evidence of other buffers, in order of time."""
         for other in others:
             self.items.extend(other.items)
+            self.pictures = best_pictures([*self.pictures, *other.pictures])
             self._count(other.count, other.score_sum, other.first_seen, other.last_seen)
         self.items = sorted(self.items, key=lambda evidence: evidence.stamp)[-self._limit :]
         self._centroids = Column(np.empty((0, 2)))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from typing import Any
 
 from hypermap.core.errors import FormatError, HypermapError
@@ -26,6 +27,8 @@ class CannotGoOn(HypermapError):
 def config_to_go_on_with(hypermap: Hypermap, asked: MappingConfig | None = None) -> MappingConfig:
     """Return the configuration of a map, after checking that mapping can continue it.
 
+    Whether pictures are kept may change.
+
     Args:
         hypermap: the map.
         asked: the configuration that a user asks for, if any; must be that of the map.
@@ -40,7 +43,9 @@ def config_to_go_on_with(hypermap: Hypermap, asked: MappingConfig | None = None)
         config = override(MappingConfig(), values)
     except FormatError as error:
         raise CannotGoOn(f"this map was made by another version: config: {error}") from error
-    _check_same(config, asked or config)
+    if asked is not None:
+        config = replace(config, pictures=asked.pictures)
+        _check_same(config, asked)
     if hypermap.mapper_state is None:
         raise CannotGoOn(
             "the state of the mapper is not in the map, as after --drop-evidence; map all "
@@ -70,9 +75,14 @@ def state_of(hypermap: Hypermap, config: MappingConfig) -> MapperState:
     kept = hypermap.mapper_state
     content = kept() if callable(kept) else kept or b""
     try:
-        return parse_state(content, config.evidence)
+        state = parse_state(content, config.evidence)
     except FormatError as error:
         raise CannotGoOn(f"{error}; map all recordings again") from error
+    layer = layer_of_objects(hypermap)
+    for track in state.tracks.objects:
+        if layer is not None and (pictures := layer.kept_pictures.get(track.id)):
+            track.buffer.pictures = pictures
+    return state
 
 
 def edits_of(hypermap: Hypermap, state: MapperState) -> dict[int, HandEdit]:

@@ -38,6 +38,7 @@ from hypermap.mapping.going_on import (
 from hypermap.mapping.keyframes import KeyframeSelector
 from hypermap.mapping.mapper_state import MapperState, dump_state
 from hypermap.mapping.occupancy import OccupancyMapper
+from hypermap.mapping.pictures import keep_pictures
 from hypermap.mapping.preflight import Preflight
 from hypermap.perception.detections import Detections
 from hypermap.perception.detectors.sources import detections_of
@@ -238,6 +239,8 @@ class Mapper:
                 return None
         if self._looks_for_objects:  # otherwise nothing that is not found would be missing
             self.evidence.update(observation)
+            if self.config.pictures.enabled:
+                keep_pictures(frame, detections, self.evidence, self.config.pictures)
         if change is not None:  # last, as nothing can stop it
             change()
         self._drive.add(recorded)

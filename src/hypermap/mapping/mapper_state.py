@@ -25,6 +25,7 @@ from hypermap.formats.array_file import (
     parse_arrays,
     unpacked_shapes,
 )
+from hypermap.formats.semantic.pictures_file import packed_pictures, unpacked_pictures
 from hypermap.formats.semantic.yaml_files import dump_objects, parse_objects
 from hypermap.formats.yaml_text import read_yaml, write_yaml
 from hypermap.mapping import by_hand, drives
@@ -53,7 +54,8 @@ class MapperState:
     """A mapper between two frames.
 
     Attributes:
-        tracks: all tracks, also those that are not published.
+        tracks: all tracks, also those that are not published. Pictures of published objects are
+            not in the file, but with their layer.
         keyframe: pose of the last keyframe, shape (4, 4); None if there is none.
         first_cell: row and column of the first cell of `log_odds`, from the frame's origin.
         log_odds: of the cells of the occupancy layer, NaN for never seen, float32, shape (H, W);
@@ -91,6 +93,13 @@ def dump_state(state: MapperState) -> bytes:
     }
     facts["names"] = [track.name for track in state.tracks.objects]
     facts["next_id"] = state.tracks.next_id
+    published = {item.id for item in state.published}  # whose pictures are with their layer
+    hidden = {
+        track.id: track.buffer.pictures
+        for track in state.tracks.objects
+        if track.id not in published and not track.is_deleted
+    }
+    arrays |= packed_pictures(hidden)
     return dump_arrays(ArrayFile(facts, arrays | _packed(state.tracks)), FORMAT, VERSION)
 
 
@@ -117,8 +126,10 @@ def parse_state(content: bytes, config: EvidenceConfig, path: str = "mapper_stat
         keyframe = arrays.get("keyframe")
         published, edits = _published(arrays, path)
         tracks = _unpacked(facts, arrays, config)
+        pictures = unpacked_pictures(arrays) if "picture.object" in arrays else {}
         for track in tracks.objects:
             track.by_hand = edits.get(track.id)
+            track.buffer.pictures = pictures.get(track.id, ())
         return MapperState(
             tracks=tracks,
             published=published,

@@ -58,6 +58,19 @@ class AlignmentConfig:
 
 
 @dataclass(frozen=True)
+class PictureConfig:
+    """Whether pictures of the objects are kept: at most 3 of each, of at most 20 kB.
+
+    Attributes:
+        enabled: whether they are.
+        people: of people, too.
+    """
+
+    enabled: bool = True
+    people: bool = False
+
+
+@dataclass(frozen=True)
 class EvidenceConfig:
     """How observed shapes become objects; see `EvidenceMap`.
 

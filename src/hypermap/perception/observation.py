@@ -24,6 +24,8 @@ class ObservedObject:
         z_min: height of its lowest point in the map frame [m].
         z_max: height of its highest point in the map frame [m].
         segment: its points and its detection; None unless requested.
+        detection: the number of its detection in the frame; None if it has none.
+        pixel_count: how many pixels show it.
     """
 
     name: str
@@ -32,6 +34,8 @@ class ObservedObject:
     z_min: float = 0.0
     z_max: float = 0.0
     segment: Segment | None = None
+    detection: int | None = None
+    pixel_count: int = 0
 
 
 @dataclass(frozen=True, eq=False)

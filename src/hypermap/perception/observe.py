@@ -73,6 +73,8 @@ def observe(
                 z_min=z_min,
                 z_max=z_max,
                 segment=found if keep_segments else None,
+                detection=int(found.detection),
+                pixel_count=len(found.pixels),
             )
         )
     outer = outer_points(frame, valid, near_T_camera, config.voxel_size, config.visible_step)

@@ -3,7 +3,7 @@
 `hypermap.testing.strategies` needs hypothesis, and `hypermap.testing.contract` needs pytest.
 """
 
-from hypermap.testing.builders import occupancy_from_text, square
+from hypermap.testing.builders import jpeg_picture, occupancy_from_text, square
 from hypermap.testing.comparing import (
     assert_same_evidence,
     assert_same_layer,
@@ -16,6 +16,7 @@ __all__ = [
     "assert_same_layer",
     "assert_same_map",
     "assert_same_objects",
+    "jpeg_picture",
     "occupancy_from_text",
     "square",
 ]

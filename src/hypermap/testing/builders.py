@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from hypermap.core.frames import Pose2D
 from hypermap.core.grid import GridGeometry
 from hypermap.core.objects import SemanticObject
 from hypermap.core.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyLayer
+from hypermap.core.pictures import ObjectPicture
 
 _VALUES = {".": FREE, "#": OCCUPIED, "?": UNKNOWN}
 
@@ -23,6 +25,24 @@ def square(name: str, x: float, y: float, side: float = 1.0, **others: Any) -> S
     """
     half = side / 2
     return SemanticObject(name, shapely.box(x - half, y - half, x + half, y + half), **others)
+
+
+def jpeg_picture(
+    color: str = "gray",
+    azimuth: float = 0.0,
+    quality: float = 0.5,
+    size: tuple[int, int] = (48, 36),
+) -> ObjectPicture:
+    """Return a picture of an object in one color; needs Pillow.
+
+    >>> jpeg_picture("red", quality=0.9).quality
+    0.9
+    """
+    from PIL import Image
+
+    file = io.BytesIO()
+    Image.new("RGB", size, color).save(file, "JPEG")
+    return ObjectPicture(file.getvalue(), 0.0, azimuth, quality, sharpness=0.0)
 
 
 def occupancy_from_text(

@@ -25,6 +25,11 @@ from hypermap.formats.columns.geoparquet import MAGIC
 from hypermap.formats.config import BINARY_FILE
 from hypermap.formats.semantic.evidence_file import load_evidence, save_evidence, without_evidence
 from hypermap.formats.semantic.parquet_files import dump_parquet, parse_parquet
+from hypermap.formats.semantic.pictures_file import (
+    load_pictures,
+    save_pictures,
+    without_pictures,
+)
 from hypermap.formats.semantic.records import object_from_record
 from hypermap.formats.semantic.regular_yaml import read_regular
 from hypermap.formats.semantic.yaml_writing import TooLarge, dump_table
@@ -48,7 +53,8 @@ _TEXT = {("*", "name"), ("*", "shape"), ("*", "tags", "*")}
 class SemanticFiles:
     """The files of semantic layers: `file` NAME means the YAML file NAME or NAME.parquet.
 
-    The evidence for the objects is next to it, in the file that the key `evidence` names.
+    The evidence for the objects and their pictures are next to it, in the files that the keys
+    `evidence` and `pictures` name.
 
     Attributes:
         form: `yaml`, `parquet`, or `auto`, which is Parquet for layers of many objects, or too
@@ -79,9 +85,11 @@ class SemanticFiles:
         evidence = load_evidence(store, settings)
         next_id = settings.get(NEXT_ID)
         free = next_id if type(next_id) is int and 0 <= next_id <= MAX_ID else 0
-        return SemanticLayer.of_table(
+        layer = SemanticLayer.of_table(
             name, frame_id, table, _own(settings), rejected, evidence, free
         )
+        layer.kept_pictures = load_pictures(store, settings)
+        return layer
 
     def save(self, layer: SemanticLayer, store: Store, file: str) -> Mapping[str, Any]:
         """Write the layer's files, and return which keys they need; an empty layer needs none.
@@ -97,16 +105,25 @@ class SemanticFiles:
         if self.form != "parquet" and not (may_be_parquet and len(layer) >= MANY_OBJECTS):
             try:
                 store.write(file, dump_table(layer.table, layer.rejected))
-                return {**save_evidence(layer, store, file), **_ids_of(layer)}
+                return _about(layer, store, file)
             except TooLarge:
                 if not may_be_parquet:
                     raise
         binary = f"{file}.parquet"
         store.write(binary, dump_parquet(layer.table, layer.frame_id, layer.rejected))
-        return {BINARY_FILE: binary, **save_evidence(layer, store, file), **_ids_of(layer)}
+        return {BINARY_FILE: binary, **_about(layer, store, file)}
 
 
 PLUGIN = SemanticFiles()
+
+
+def _about(layer: SemanticLayer, store: Store, file: str) -> dict[str, Any]:
+    """Write evidence and pictures next to the layer's file, and return the keys about all of it."""
+    return {
+        **save_evidence(layer, store, file),
+        **save_pictures(layer, store, file),
+        **_ids_of(layer),
+    }
 
 
 def _ids_of(layer: SemanticLayer) -> dict[str, int]:
@@ -117,7 +134,8 @@ def _ids_of(layer: SemanticLayer) -> dict[str, int]:
 
 def _own(settings: Mapping[str, Any]) -> dict[str, Any]:
     """Return the settings without those that name files, which saving sets again."""
-    return {k: v for k, v in without_evidence(settings).items() if k not in (BINARY_FILE, NEXT_ID)}
+    others = without_pictures(without_evidence(settings))
+    return {k: v for k, v in others.items() if k not in (BINARY_FILE, NEXT_ID)}
 
 
 def parse_content(content: bytes, path: str) -> tuple[ObjectTable, list[Rejected]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -90,7 +90,8 @@ def merge_maps(first: Hypermap, second: Hypermap, a_T_b: Pose2D) -> Merged:
         FrameError: If the frames of the two cannot be in one tree.
     """
     config = config_to_go_on_with(first)
-    _check_same(config, config_to_go_on_with(second))
+    theirs = replace(config_to_go_on_with(second), pictures=config.pictures)
+    _check_same(config, theirs)
     a, b = state_of(first, config), state_of(second, config)
     _check_drives(a.drives, b.drives)
     grids = _grid_of(first), _grid_of(second)

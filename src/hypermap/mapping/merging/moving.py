@@ -37,6 +37,9 @@ def moved_tracks(tracks: TrackTable, a_T_b: Pose2D, config: EvidenceConfig) -> T
         old, end = track.buffer, begin + len(track.buffer)
         times = old.score_sum, old.first_seen, old.last_seen
         buffer = EvidenceBuffer.of(items[begin:end], config.max_evidence, old.count, *times)
+        buffer.pictures = tuple(
+            dataclasses.replace(each, azimuth=each.azimuth + a_T_b.yaw) for each in old.pictures
+        )
         by_hand = None if track.by_hand is None else _moved_edit(track.by_hand, a_T_b)
         low, high = tracks.shapes.heights[row].tolist()
         table.add(

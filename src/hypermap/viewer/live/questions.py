@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -142,6 +143,10 @@ class Questions:
             for key in ("tags", "confidence", "existence", "first_seen", "last_seen"):
                 values[key] = getattr(item, key)
             values["attributes"] = dict(item.attributes)
+            values["pictures"] = [
+                f"data:image/jpeg;base64,{base64.b64encode(picture.jpeg).decode()}"
+                for picture in layer.pictures(number)
+            ]
         return values
 
     def _layer_at(self, layer: Layer, point: Sequence[float], frame: str | None) -> dict[str, Any]:
