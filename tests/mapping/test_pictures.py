@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import logging
 import math
@@ -186,6 +187,18 @@ def test_a_map_with_damaged_pictures_opens_without_them(
     assert "the pictures of the objects are missing" in caplog.text
     assert len(opened) == 1
     assert opened.pictures(0) == ()
+
+
+@given(place=st.integers(0, 600), byte=st.integers(0, 255), cut=st.integers(0, 600))
+def test_a_spoiled_file_is_one_error_or_pictures(place: int, byte: int, cut: int) -> None:
+    some = ObjectPicture(JPEG, 1.0, 0.0, 0.5, 3.0)
+    content = bytearray(dump_pictures({0: (some,), 7: (some,)}))
+    content[place % len(content)] = byte
+    with contextlib.suppress(FormatError):
+        for kept in parse_pictures(
+            bytes(content[: len(content) - cut // 100]), "pictures"
+        ).values():
+            assert all(each.jpeg.startswith(JPEG[:3]) for each in kept)
 
 
 def test_a_damaged_picture_is_one_error() -> None:

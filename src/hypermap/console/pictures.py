@@ -36,7 +36,7 @@ def write_pictures(hypermap: Hypermap, rows: Sequence[Row], folder: Path) -> int
         row["pictures"] = []
         if not isinstance(layer, SemanticLayer):
             continue
-        stem = "_".join(re.sub(r"\W+", "-", word)[:60] for word in (layer.name, str(row["label"])))
+        stem = "_".join(re.sub(r"\W+", "-", word)[:30] for word in (layer.name, str(row["label"])))
         for rank, picture in enumerate(layer.pictures(number), start=1):
             name = f"{stem}_{number}_{rank}.jpg"
             files[name] = picture.jpeg

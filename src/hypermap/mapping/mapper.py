@@ -239,12 +239,12 @@ class Mapper:
                 return None
         if self._looks_for_objects:  # otherwise nothing that is not found would be missing
             self.evidence.update(observation)
-            if self.config.pictures.enabled:
-                keep_pictures(frame, detections, self.evidence, self.config.pictures)
         if change is not None:  # last, as nothing can stop it
             change()
         self._drive.add(recorded)
         self._count(used=1)
+        if self._looks_for_objects and self.config.pictures.enabled:
+            keep_pictures(frame, detections, self.evidence, self.config.pictures)
         if self.watch is not None:
             self.watch(MappedFrame(frame, detections, observation), self)
         return observation

@@ -31,7 +31,7 @@ PEOPLE = frozenset({"person", "people", "man", "woman", "boy", "girl", "child", 
 
 _MOST_BYTES = 20_000  # of a picture
 _LONGEST = 240  # pixels; width or height of a picture
-_LEAST = 12  # pixels; of smaller crops nothing can be seen
+_LEAST = 10  # pixels; in smaller pictures nothing can be seen
 _ENOUGH = 200.0 * 200.0  # pixels of an object; more of them show no more
 _MARGIN = 0.1  # of the box, around it
 _CUT_OFF = 0.5  # quality of an object at the border of the image
@@ -98,7 +98,8 @@ def _is_wanted(
     """Return whether a picture is so much better, or from another side, that it may be kept."""
     if not rivals and len(kept) < MOST_PICTURES:
         return quality > 0
-    return quality > _BETTER * min(each.quality for each in rivals or kept)
+    beaten = max(each.quality for each in rivals) if rivals else kept[-1].quality
+    return quality > _BETTER * beaten
 
 
 def _taken(
@@ -111,11 +112,13 @@ def _taken(
     size = box[2:] - box[:2]
     low = np.maximum(np.floor(box[:2] - _MARGIN * size), 0).astype(int)
     high = np.minimum(np.ceil(box[2:] + _MARGIN * size), color.shape[1::-1]).astype(int)
-    if (high - low).min() < _LEAST:
+    if (high <= low).any():
         return None
     crop = color[low[1] : high[1], low[0] : high[0]]
     image = Image.fromarray(np.ascontiguousarray(crop))
     image.thumbnail((_LONGEST, _LONGEST), Image.Resampling.BOX)
+    if min(image.size) < _LEAST:
+        return None
     sharpness = _sharpness(np.asarray(image))
     for jpeg_quality in _JPEG_QUALITIES:
         file = io.BytesIO()
