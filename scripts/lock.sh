@@ -1,6 +1,7 @@
 #!/bin/sh
 # Pin every requirement for Python 3.10 and newer, with the hash of every file that pip may take for it on any
-# computer, and without naming an index.
+# computer, and without naming an index. Extras are named: pip 23 and older would take the newest release
+# for a requirement like coverage[toml] where only coverage is pinned, and refuse it, as it has no hash.
 set -eu
 cd "$(dirname "$0")/.."
 tool=$(mktemp -d)
@@ -11,7 +12,7 @@ pin() {  # pin OUTPUT ARGUMENTS...
   output=$1
   shift
   "$tool/bin/uv" pip compile --quiet --universal --python-version 3.10 --no-header --no-annotate \
-    --no-emit-index-url --generate-hashes "$@" -o "$output"
+    --no-strip-extras --no-emit-index-url --generate-hashes "$@" -o "$output"
   sed -i '1i # Made by `make lock` from pyproject.toml; not edited by hand.' "$output"
 }
 

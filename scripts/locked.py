@@ -18,12 +18,14 @@ class Pin:
     Attributes:
         name: in lower case, with hyphens.
         version: the only one that may be installed.
+        extras: what other packages want of it besides its core.
         marker: on which computers and Pythons, as in PEP 508; empty for all.
         hashes: SHA-256 of the files that may be installed, in hexadecimal.
     """
 
     name: str
     version: str
+    extras: frozenset[str]
     marker: str
     hashes: tuple[str, ...]
 
@@ -41,6 +43,7 @@ def _pin(line: str) -> Pin:
     return Pin(
         name=requirement.name,
         version=version.version,
+        extras=frozenset(requirement.extras),
         marker=str(requirement.marker or ""),
         hashes=tuple(text.strip() for text in hashes),
     )

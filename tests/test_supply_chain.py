@@ -7,11 +7,14 @@ import json
 import re
 import subprocess
 import sys
+from importlib import metadata
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 import pytest
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 
 ROOT = Path(__file__).resolve().parents[1]
 LOCKS = sorted((ROOT / "requirements").glob("*.txt"))
@@ -45,6 +48,25 @@ def test_every_requirement_is_pinned_by_hashes_and_no_index_is_named(
         assert all(re.fullmatch("[0-9a-f]{64}", content) for content in pin.hashes), pin.name
     assert "://" not in lock.read_text()
     assert "index" not in lock.read_text()
+
+
+@pytest.mark.parametrize("lock", LOCKS, ids=lambda lock: lock.name)
+def test_the_extras_that_packages_want_of_each_other_are_pinned(lock: Path, script: Any) -> None:
+    # Otherwise pip 23 takes the newest release for them, and refuses it, as it has no hash.
+    pins = script("locked").read_pins(lock)
+    pinned: dict[str, set[str]] = {}
+    for pin in pins:
+        pinned.setdefault(pin.name, set()).update(pin.extras)
+    for pin in pins:
+        try:
+            needed = metadata.distribution(pin.name).requires or []
+        except metadata.PackageNotFoundError:
+            continue  # not for this computer, or not among what tests need
+        for requirement in map(Requirement, needed):
+            marker = requirement.marker
+            if marker is None or any(marker.evaluate({"extra": e}) for e in {"", *pin.extras}):
+                wanted = pinned.get(canonicalize_name(requirement.name), set())
+                assert requirement.extras <= wanted, f"{pin.name} needs {requirement}"
 
 
 def test_pip_refuses_a_file_that_is_not_the_one_that_was_pinned(tmp_path: Path) -> None:
