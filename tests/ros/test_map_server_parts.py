@@ -124,6 +124,27 @@ def test_changes_that_come_while_one_is_shown_are_shown_together():
     assert [changed for _, changed in part.maps] == [None, ["lab"], ["hall", "lab"]]
 
 
+def test_what_stops_showing_waits_for_what_is_being_shown_and_may_start_again():
+    threads = set(threading.enumerate())
+    current, part = CurrentMap(Notes()), Slow()
+    current.replace(lab())
+    current.show_on([part])
+    part.may_go_on.clear()
+    current.change("lab", lambda _, layer: layer.copy())
+    wait_for(lambda: len(part.maps) == 2, "the first change")
+    threading.Timer(0.2, part.may_go_on.set).start()
+    current.show_no_more()
+    assert part.may_go_on.is_set()
+    wait_for(lambda: set(threading.enumerate()) <= threads, "the end of the thread")
+    current.change("hall", lambda _, layer: layer.copy())
+    assert len(part.maps) == 2
+    current.show_on([part])
+    current.change("lab", lambda _, layer: layer.copy())
+    wait_for(lambda: len(part.maps) == 4, "another change")
+    assert [changed for _, changed in part.maps] == [None, ["lab"], None, ["lab"]]
+    current.show_no_more()
+
+
 def test_a_part_with_a_bug_does_not_end_the_showing_of_changes():
     port, good = Notes(), Shown()
     current = CurrentMap(port)

@@ -15,6 +15,8 @@ from hypermap.ros.port import Closable, Port, Value
 
 Thing = TypeVar("Thing", bound=Closable)
 
+_PATIENCE = 5.0  # seconds that a part may take to show the map when the node stops
+
 
 class MapPart(Protocol):
     """A part of the map server: it brings the map to those who listen or ask."""
@@ -121,6 +123,16 @@ class CurrentMap:
                 self._thread = threading.Thread(target=self._show_changes, name="map", daemon=True)
                 self._thread.start()
 
+    def show_no_more(self) -> None:
+        """Show it on no part; where a change is just being shown, wait until that is done."""
+        with self._showing:
+            self._parts = ()
+        with self._writing:
+            thread, self._thread = self._thread, None
+            self._writing.notify_all()
+        if thread is not None:
+            thread.join(_PATIENCE)
+
     def show_again(self) -> None:
         """Show all of the map once more."""
         with self._showing:
@@ -130,9 +142,12 @@ class CurrentMap:
             self._show(hypermap, None)
 
     def _show_changes(self) -> None:
+        me = threading.current_thread()
         while True:
             with self._writing:
-                self._writing.wait_for(lambda: self._changed)
+                self._writing.wait_for(lambda: self._changed or self._thread is not me)
+                if self._thread is not me:
+                    return
             with self._showing:
                 with self._writing:
                     hypermap, changed = self._hypermap, sorted(self._changed)

@@ -107,7 +107,7 @@ class MapServer:
     def deactivate(self) -> None:
         """Stop all that; the map stays."""
         parts, self._parts = self._parts, ()
-        self._current.show_on(())
+        self._current.show_no_more()
         for part in reversed(parts):
             part.close()
 
