@@ -33,6 +33,7 @@ GROUPS = (
     "asking",
     "rooms",
     "paths",
+    "values",
 )
 CHECKOUT = Path(__file__).resolve().parent.parent
 WRONG, BAD_INPUT, INTERRUPTED = 1, 2, 130  # exit codes

@@ -26,6 +26,7 @@ LIBRARIES = (
     "rtree",
     "rasterio",
     "scikit-image",
+    "scikit-learn",
     "open3d",
 )
 
