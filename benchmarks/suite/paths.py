@@ -81,8 +81,9 @@ def _times(what: str, free: BoolArray, side: int, settings: Settings) -> Iterato
 
 def _frontiers(side: int, settings: Settings) -> Figure:
     """Return how long it takes to find the frontiers of a map of boxes, two fifths unknown."""
-    patches = np.random.default_rng(2).normal(size=(side // 8, side // 8))
-    smooth = np.kron(ndimage.gaussian_filter(patches, 4), np.ones((8, 8)))
+    count = math.ceil(side / 8)
+    patches = np.random.default_rng(2).normal(size=(count, count))
+    smooth = np.kron(ndimage.gaussian_filter(patches, 4), np.ones((8, 8)))[:side, :side]
     cells = np.where(_boxes(side), 0, 100)
     cells[smooth > np.quantile(smooth, 0.6)] = -1
     grid = GridGeometry(side, side, 0.05)

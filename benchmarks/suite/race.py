@@ -12,6 +12,7 @@ import importlib
 import math
 import statistics
 import time
+import traceback
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -184,6 +185,9 @@ def guarded(work: str, group: Group, settings: Settings) -> Iterator[Row]:
         yield Failure(work, str(error))
     except Disagreement as error:
         yield Failure(work, str(error), is_wrong=True)
+    except Exception as error:  # a bug must not cost what was measured before and comes after
+        traceback.print_exc()
+        yield Failure(work, f"{type(error).__name__}: {error}", is_wrong=True)
 
 
 def library(name: str) -> Any:

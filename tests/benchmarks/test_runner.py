@@ -51,6 +51,10 @@ def wrong(settings):
     yield race("one too few", "Python", lambda: sum(range(9)), lambda: sum(range(10)),
                agree, settings)
 
+def broken(settings):
+    yield from sums(settings)
+    raise ValueError("a bug")
+
 def missing(settings):
     build("boost/layer_queries.cpp", (), settings)
     yield from sums(settings)
@@ -115,6 +119,17 @@ def test_each_row_is_printed_and_saved(tmp_path: Path) -> None:
     page = files[1].read_text()
     assert "| 10,000 numbers |" in page
     assert "| numbers | 2 numbers |  |  | 1.5 to 3 | at most 1 | NO | n |" in page
+
+
+def test_a_bug_costs_its_part_alone_and_is_no_success(tmp_path: Path) -> None:
+    file = tmp_path / "races.json"
+    done = run(["broken", "growths"], "--repeat", 1, "--times", file)
+    assert done.returncode == 1
+    assert "Traceback" in done.stderr
+    rows = json.loads(file.read_text())["groups"]["sums"]
+    kinds = ["race", "figure", "failure", "growth", "growth", "growth"]
+    assert [row["kind"] for row in rows] == kinds
+    assert (rows[2]["work"], rows[2]["reason"]) == ("broken", "ValueError: a bug")
 
 
 def test_a_growth_is_printed_saved_and_drawn(tmp_path: Path) -> None:

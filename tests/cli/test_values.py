@@ -175,7 +175,12 @@ def test_info_and_pictures_show_the_layer(hypermap, warm, tmp_path):
     picture = tmp_path / "warm.svg"
     assert hypermap("render", warm, "-o", picture).code == 0
     assert "°C" in picture.read_text(encoding="utf-8")
-    assert hypermap("render", warm, "-o", tmp_path / "w.png", "--layer", "temperature").code == 0
+    plain, lines = tmp_path / "plain.png", tmp_path / "lines.png"
+    assert hypermap("render", warm, "-o", plain, "--layer", "temperature").code == 0
+    assert hypermap("render", warm, "-o", lines, "--layer", "temperature", "--contours").code == 0
+    assert plain.read_bytes() != lines.read_bytes()
+    result = hypermap("render", warm, "-o", lines, "--layer", "things", "--contours")
+    assert_one_error(result, "none of these layers has measured values")
 
 
 def test_walls_stay_visible_above_values_and_rooms_are_lines(warm):

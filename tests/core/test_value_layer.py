@@ -154,6 +154,22 @@ def test_the_picture_runs_from_dark_to_bright_and_leaves_out_what_is_unknown():
         np.testing.assert_allclose(picture.legend[label], on_white, atol=1)
 
 
+def test_a_cell_is_the_paler_the_less_certain_it_is():
+    picture = warmth(deviations=[[0.0, 1.0, 2.0], [0.0, NAN, 4.0]]).picture()
+    assert picture is not None
+    alpha = picture.rgba[..., 3].astype(int)
+    assert alpha[0, 0] == alpha[1, 0] > alpha[0, 1] > alpha[0, 2] > alpha[1, 2] > 0 == alpha[1, 1]
+    assert list(picture.legend)[-1] == "paler: less certain"
+
+    surest = warmth().picture()
+    for deviations in ([[0.5] * 3] * 2, [[NAN] * 3] * 2):  # as certain everywhere, or unknown
+        picture = warmth(deviations=deviations).picture()
+        assert picture is not None
+        assert surest is not None
+        assert picture.legend == surest.legend
+        np.testing.assert_array_equal(picture.rgba, surest.rgba)
+
+
 @pytest.mark.parametrize(
     ("cells", "legend"), [([[7, 7, 7], [7, 7, NAN]], ["7.0 °C"]), ([[NAN] * 3] * 2, [])]
 )

@@ -18,6 +18,7 @@ from hypermap.core.grid import GridGeometry
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.semantic import SemanticLayer, SemanticObject
+from hypermap.core.value_layer import ValueLayer
 from hypermap.formats import open_map
 from hypermap.viewer.picture import compose, render
 
@@ -69,6 +70,40 @@ def test_cells_and_shapes_lie_where_the_map_says(tmp_path):
     chair = bounds_of(image, chair_color())
     expected = (left + 2.5 * scale, top + 0.5 * scale, left + 3.5 * scale, top + 1.5 * scale)
     assert chair == pytest.approx(expected, abs=3)
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_contours_lie_where_the_value_is_round(tmp_path, turned):
+    yaw = math.pi / 2 if turned else 0.0
+    values = np.tile(np.arange(0.05, 4.0, 0.1), (20, 1))  # the value is the layer's x
+    layer = ValueLayer("distance", "floor", GridGeometry(40, 20, 0.1), values, "m", 2)
+    frames = FrameTree([Transform("map", "floor", Pose2D(yaw=yaw))])
+    hypermap = Hypermap([SemanticLayer("none", "map"), layer], frames)
+    for name in ("plain", "lines"):
+        render(hypermap, tmp_path / f"{name}.png", contours=name == "lines", size=880)
+    drawn = (pixels(tmp_path / "plain.png") != pixels(tmp_path / "lines.png")).any(axis=2)
+    counts = drawn.sum(axis=1 if turned else 0)
+    # The frame is 84 pixels from the left and 92 from the top, with a margin of 0.2 m.
+    scale = 880 / 4.4
+    meters = np.arange(0.5, 4, 0.5)
+    at = 92 + (4.2 - meters) * scale if turned else 84 + (0.2 + meters) * scale
+    lines = np.flatnonzero(counts > 250)
+    assert {min(range(7), key=lambda i: abs(at[i] - line)) for line in lines} == set(range(7))
+    assert all(min(abs(x - line) for x in at) <= 2 for line in lines)
+
+    render(hypermap, tmp_path / "lines.svg", contours=True)
+    texts = [node.text for node in ET.parse(tmp_path / "lines.svg").iter(f"{SVG}text")]
+    assert {"0.5 m", "3.5 m"} <= set(texts)
+
+
+@pytest.mark.parametrize("values", [[[7.0, 7.0], [7.0, 7.0]], [[1.0, 2.0]], [[math.nan] * 2] * 2])
+def test_a_field_without_a_slope_has_no_contours(tmp_path, values):
+    grid = GridGeometry(2, len(values), 1.0)
+    layers = [OccupancyLayer("occupancy", "map", grid, np.zeros(grid.shape, np.int8))]
+    hypermap = Hypermap([*layers, ValueLayer("warmth", "map", grid, values, "K")])
+    for name in ("plain", "lines"):
+        render(hypermap, tmp_path / f"{name}.png", contours=name == "lines", size=300)
+    assert (tmp_path / "plain.png").read_bytes() == (tmp_path / "lines.png").read_bytes()
 
 
 def test_a_turned_layer_is_drawn_turned_in_the_base_frame(tmp_path):

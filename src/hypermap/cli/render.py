@@ -51,6 +51,9 @@ def command(
         ),
     ] = None,
     robot_radius: RobotRadius = None,
+    contours: Annotated[
+        bool, typer.Option("--contours", help="Draw lines of equal value over measured values.")
+    ] = False,
     full: Annotated[
         bool, typer.Option("--full", help="Show the whole grid, including unknown borders.")
     ] = False,
@@ -78,6 +81,7 @@ def command(
         hypermap render lab.hmap -o rooms.png --rooms
         hypermap render lab.hmap -o kitchen.png --rooms --in kitchen
         hypermap render lab.hmap -o next.png --frontiers 1,1 --robot-radius 0.3
+        hypermap render warm.hmap -o warm.png --layer occupancy --layer temperature --contours
     """
     from hypermap.console.places import names_rooms, parse_area
     from hypermap.formats import open_map
@@ -113,6 +117,7 @@ def command(
         names=names,
         area=shown,
         frontiers=frontiers,
+        contours=contours,
         full=full,
         labels=labels,
         title=path.stem if title is None else title,

@@ -25,6 +25,8 @@ UNKNOWN = "Unknown"
 # color vision, and printers without color, can order from low to high.
 _STOPS = np.array([(68, 1, 84), (59, 82, 139), (33, 145, 140), (94, 201, 98), (253, 231, 37)])
 _ALPHA = 170  # walls below stay visible
+_FADED = 0.7  # how much paler the least certain cells are
+_PALER = "paler: less certain"
 _SIGNIFICANT = 3  # digits of the range that labels show
 
 
@@ -169,12 +171,21 @@ class ValueLayer(Layer):
         return shapely.Polygon() if self.grid is None else self.grid.outline()
 
     def picture(self) -> RasterPicture | None:
-        """Return low values dark blue, high ones yellow, unknown ones transparent."""
+        """Return low values dark blue, high ones yellow, unknown ones transparent.
+
+        Where there are deviations, cells are the paler the less certain they are.
+        """
         if self.grid is None or self.cells is None:
             return None
         known = self.cells[~np.isnan(self.cells)].astype(np.float64)
         low, high = _range(known) if known.size else (0.0, 0.0)
-        return RasterPicture(self.grid, _colored(self.cells, low, high), self._legend(low, high))
+        rgba, legend = _colored(self.cells, low, high), self._legend(low, high)
+        if self.deviations is not None and legend:
+            doubt = _doubt(self.deviations)
+            rgba[..., 3] = (rgba[..., 3] * (1 - _FADED * doubt)).round()
+            if doubt.max() > 0:
+                legend[_PALER] = _on_white(np.array([0.5]), 1 - _FADED)[0]
+        return RasterPicture(self.grid, rgba, legend)
 
     # Queries of values
 
@@ -317,10 +328,9 @@ class ValueLayer(Layer):
         if np.isnan(self.cells).all():
             return {}
         shares = np.linspace(1, 0, len(_STOPS)) if high > low else np.zeros(1)
-        on_white = 255 - (255 - _color(shares).astype(int)) * _ALPHA // 255
         values = (low + shares * (high - low)).tolist()
-        colors = zip(values, on_white.tolist(), strict=True)
-        return {self.text(value): (red, green, blue) for value, (red, green, blue) in colors}
+        colors = _on_white(shares)
+        return {self.text(value): color for value, color in zip(values, colors, strict=True)}
 
 
 def decimals_for(values: NDArray[np.floating[Any]]) -> int:
@@ -371,6 +381,23 @@ def _colored(cells: NDArray[np.float32], low: float, high: float) -> NDArray[np.
     rgba[known, :3] = _color(share[known])
     rgba[known, 3] = _ALPHA
     return rgba
+
+
+def _doubt(deviations: NDArray[np.float32]) -> NDArray[np.float64]:
+    """Return 0 where a layer is most certain, and up to 1, the more the less certain it is."""
+    known = np.isfinite(deviations)
+    if not known.any():
+        return np.zeros(deviations.shape)
+    low, high = _range(deviations[known])
+    above = np.where(known, deviations - low, 0.0)
+    return np.asarray(above / high if high > 0 else above, dtype=np.float64)
+
+
+def _on_white(shares: NDArray[np.float64], certainty: float = 1.0) -> list[tuple[int, int, int]]:
+    """Return how colors of shares between 0 and 1 look on white ground."""
+    alpha = round(_ALPHA * certainty)
+    mixed = 255 - (255 - _color(shares).astype(int)) * alpha // 255
+    return [(red, green, blue) for red, green, blue in mixed.tolist()]
 
 
 def _color(share: NDArray[np.float64]) -> NDArray[np.uint8]:

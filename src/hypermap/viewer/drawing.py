@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from hypermap.viewer.picture import Drawing
 
 _LEFT, _BOTTOM, _TOP, _RIGHT, _GAP = 84, 78, 92, 20, 32  # pixels around the map
+_CONTOURS = MaxNLocator(nbins=8, steps=[1, 2, 2.5, 5, 10])
 _VEIL = 0.75  # how much a shape hides of the ground
 _STYLE: dict[Any, Any] = {
     "font.family": [FONT],
@@ -117,6 +118,7 @@ def _figure(drawing: Drawing, size: int, vector: bool) -> Figure:
 def _draw_map(axes: Axes, drawing: Drawing, vector: bool) -> None:
     _style_axes(axes, drawing)
     _draw_rasters(axes, drawing, vector)
+    _draw_contours(axes, drawing, vector)
     _draw_shapes(axes, drawing)
     _draw_doors(axes, drawing)
     _draw_links(axes, drawing)
@@ -158,6 +160,28 @@ def _draw_rasters(axes: Axes, drawing: Drawing, vector: bool) -> None:
             interpolation="none" if vector else "antialiased",
             transform=Affine2D(raster.pose.matrix()) + axes.transData,
         )
+
+
+def _draw_contours(axes: Axes, drawing: Drawing, vector: bool) -> None:
+    """Draw lines at round values, with the value on them."""
+    number = 0
+    for each in drawing.contours:
+        known = np.ma.masked_invalid(each.values)
+        if known.count() == 0 or min(known.shape) < 2:
+            continue
+        low, high = float(known.min()), float(known.max())
+        levels = [level for level in _CONTOURS.tick_values(low, high) if low < level < high]
+        if not levels:
+            continue
+        x, y = np.moveaxis(each.points_xy, 2, 0)
+        lines = axes.contour(x, y, known, levels, colors=[INK], linewidths=0.7)
+        for text in axes.clabel(
+            lines, fontsize=NAME, fmt=lambda v, u=each.unit: f"{v:g} {u}".rstrip()
+        ):
+            text.set_gid(f"name-contour-{number}")
+            number += 1
+            if not vector:
+                text.set_path_effects([withStroke(linewidth=2.2, foreground=PAPER)])
 
 
 def _draw_shapes(axes: Axes, drawing: Drawing) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,7 +17,7 @@ from hypermap.core.arrays import ObjectArray, as_objects
 from hypermap.core.errors import HypermapError, did_you_mean
 from hypermap.core.frames import Pose2D
 from hypermap.core.hypermap import ROOMS
-from hypermap.core.layer import RasterPicture, ShapesPicture
+from hypermap.core.layer import Layer, RasterPicture, ShapesPicture
 from hypermap.core.shapes import valid_copies
 from hypermap.core.value_layer import ValueLayer
 from hypermap.formats.atomic import write_file
@@ -63,6 +63,21 @@ class Shapes:
 
 
 @dataclass(frozen=True, eq=False)
+class Contours:
+    """Lines of equal value in the picture's frame.
+
+    Attributes:
+        values: of the cells of a grid, shape (height, width); NaN for none.
+        points_xy: the cells' centers, shape (height, width, 2) [m].
+        unit: of the values.
+    """
+
+    values: NDArray[np.float32]
+    points_xy: NDArray[np.float64]
+    unit: str
+
+
+@dataclass(frozen=True, eq=False)
 class Drawing:
     """All that a picture shows.
 
@@ -78,6 +93,7 @@ class Drawing:
         links: from x, y to x, y of lines between what belongs together [m], shape (N, 2, 2).
         walls: what of the rasters is drawn once more, above the others.
         arrows: from x, y to x, y [m], shape (N, 2, 2).
+        contours: of the value layers, if asked for.
     """
 
     rasters: tuple[Raster, ...]
@@ -91,6 +107,7 @@ class Drawing:
     links: NDArray[np.float64] = field(default_factory=lambda: _NONE)
     walls: tuple[Raster, ...] = ()
     arrows: NDArray[np.float64] = field(default_factory=lambda: _NONE)
+    contours: tuple[Contours, ...] = ()
 
 
 def render(
@@ -101,6 +118,7 @@ def render(
     names: Sequence[str] | None = None,
     area: BaseGeometry | None = None,
     frontiers: Sequence[Frontier] = (),
+    contours: bool = False,
     full: bool = False,
     labels: bool = True,
     title: str = "",
@@ -117,13 +135,15 @@ def render(
         names: classes of objects to draw; None for all.
         area: what to show, in the base frame [m]; None for all that is known.
         frontiers: borders of the unknown, numbered as given, with where to stand.
+        contours: whether to draw lines of equal value over measured values.
         full: whether to show the grids as far as they reach, not only where something is known.
         labels: whether to write names at the shapes.
         title: first line of the picture.
         size: pixels of the longer side of the map in a PNG.
 
     Raises:
-        HypermapError: If the suffix is another, there is nothing to draw, or a name is unknown.
+        HypermapError: If the suffix is another, there is nothing to draw, no value has contours, or
+            a name is unknown.
         LayerNotFound: If there is no such layer.
     """
     path = Path(path)
@@ -134,6 +154,7 @@ def render(
         names=names,
         area=area,
         frontiers=frontiers,
+        contours=contours,
         full=full,
         labels=labels,
         title=title,
@@ -156,6 +177,7 @@ def compose(
     names: Sequence[str] | None = None,
     area: BaseGeometry | None = None,
     frontiers: Sequence[Frontier] = (),
+    contours: bool = False,
     full: bool = False,
     labels: bool = True,
     title: str = "",
@@ -200,7 +222,25 @@ def compose(
         _doors(hypermap) if names is None and ROOMS in {part.layer for part in shapes} else _NONE,
         _links(frontiers),
         tuple(walls),
+        contours=_contours(hypermap, shown) if contours else (),
     )
+
+
+def _contours(hypermap: Hypermap, shown: Iterable[Layer]) -> tuple[Contours, ...]:
+    """Return the value layers, to be drawn as lines."""
+    found = []
+    for layer in shown:
+        if isinstance(layer, ValueLayer) and layer.grid is not None and layer.cells is not None:
+            rows, cols = np.indices(layer.grid.shape)
+            base_T_layer = hypermap.frames.lookup(hypermap.base_frame, layer.frame_id)
+            points = base_T_layer.apply(layer.grid.centers(rows.ravel(), cols.ravel()))
+            found.append(Contours(layer.cells, points.reshape(*rows.shape, 2), layer.unit))
+    if not found:
+        raise HypermapError(
+            "contours are lines of equal value, and none of these layers has measured values; "
+            "make one with: hypermap values"
+        )
+    return tuple(found)
 
 
 def _borders(frontiers: Sequence[Frontier]) -> Shapes:

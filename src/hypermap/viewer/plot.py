@@ -24,6 +24,7 @@ def plot(
     names: Sequence[str] | None = None,
     area: BaseGeometry | None = None,
     frontiers: Sequence[Frontier] = (),
+    contours: bool = False,
     full: bool = False,
     labels: bool = True,
     legend: bool = False,
@@ -40,12 +41,13 @@ def plot(
         names: classes of objects to draw; None for all.
         area: what to show, in the base frame [m]; None for all that is known.
         frontiers: borders of the unknown, numbered as given, with where to stand.
+        contours: whether to draw lines of equal value over measured values.
         full: whether to show the grids as far as they reach, not only where something is known.
         labels: whether to write names at the shapes.
         legend: whether to add a legend of the classes, to the right of the map.
 
     Raises:
-        HypermapError: If there is nothing to draw, or a name is unknown.
+        HypermapError: If there is nothing to draw, no value has contours, or a name is unknown.
         LayerNotFound: If there is no such layer.
     """
     drawing = compose(
@@ -54,6 +56,7 @@ def plot(
         names=names,
         area=area,
         frontiers=frontiers,
+        contours=contours,
         full=full,
         labels=labels,
     )
