@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import math
 import statistics
 from collections.abc import Iterable
@@ -153,7 +152,8 @@ class EvidenceBuffer:
 
     def copy(self) -> EvidenceBuffer:
         """Return the same evidence; a change of one does not change the other."""
-        other = copy.copy(self)
+        other = object.__new__(type(self))
+        vars(other).update(vars(self))
         other.items = list(self.items)
         other._centroids = self._centroids.copy()
         return other

@@ -90,7 +90,7 @@ class TrackShapes:
         meets = (left <= xmax) & (bottom <= ymax) & (right >= xmin) & (top >= ymin)
         if class_ is not None:
             meets &= self.classes == class_
-        rows: Rows = np.flatnonzero(meets).tolist()
+        rows: Rows = meets.nonzero()[0].tolist()
         return rows
 
     def within(self, limits: Box, position: NDArray[np.float64], max_range: float) -> Rows:
@@ -105,5 +105,5 @@ class TrackShapes:
         left, bottom, right, top = self.boxes.T
         is_inside = (left >= xmin) & (bottom >= ymin) & (right <= xmax) & (top <= ymax)
         dx, dy = (left + right) / 2 - position[0], (bottom + top) / 2 - position[1]
-        rows: Rows = np.flatnonzero(is_inside & (np.hypot(dx, dy) <= max_range)).tolist()
+        rows: Rows = (is_inside & (np.hypot(dx, dy) <= max_range)).nonzero()[0].tolist()
         return rows

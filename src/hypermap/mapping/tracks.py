@@ -41,8 +41,13 @@ class Track:
 
     def copy(self) -> Track:
         """Return an independent copy."""
-        return dataclasses.replace(
-            self, buffer=self.buffer.copy(), co_occurrences=self.co_occurrences.copy()
+        return Track(
+            self.id,
+            self.name,
+            self.buffer.copy(),
+            self.co_occurrences.copy(),
+            self.pending,
+            self.by_hand,
         )
 
     @property
