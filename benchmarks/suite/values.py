@@ -24,7 +24,7 @@ from suite.race import Figure, Row, Settings, library
 
 WORLDS = ("lab", "floor", "building")
 _ASKED_RATIO = 0.75  # of the Gaussian process' error
-_ASKED_WITHIN = 0.92  # share of true values within two deviations; 0.98 would be too much
+_ASKED_WITHIN = 0.92  # share of new samples within two deviations; above 0.98 is too much
 _SIDE, _COUNT, _SECONDS = 250.0, 100_000, 10.0  # meters, samples, what is asked for them
 
 

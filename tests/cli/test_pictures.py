@@ -64,6 +64,15 @@ def test_objects_without_pictures_are_named_as_such(
     assert row["pictures"] == []
 
 
+def test_info_counts_the_pictures_of_the_objects(hypermap: Run, path: Path, tmp_path: Path) -> None:
+    assert "3 objects of 3 classes, with 3 pictures" in " ".join(hypermap("info", path).out.split())
+    assert hypermap("info", path, "--json").json["layers"][0]["pictures"] == 3
+    less = open_map(path)
+    less.semantic().remove([0])
+    save_map(less, tmp_path / "less.hmap")
+    assert hypermap("info", tmp_path / "less.hmap", "--json").json["layers"][0]["pictures"] == 1
+
+
 def test_pictures_need_objects_and_a_folder(hypermap: Run, path: Path, tmp_path: Path) -> None:
     cells = "query", path, "--at", "0.5,0.5", "--layer", "occupancy", "--pictures"
     assert_one_error(hypermap(*cells, tmp_path / "new"), "--pictures", "--name")

@@ -110,6 +110,9 @@ def _describe_layer(layer: Layer) -> dict[str, Any]:
         content["objects"] = len(layer)
         content["names"] = _counts(layer.names)
         content["observations"] = _observations(layer)
+        content["pictures"] = sum(
+            len(kept) for number, kept in layer.kept_pictures.items() if number in layer
+        )
         content["rejected"] = [
             {"position": r.position, "name": r.name, "reason": r.reason} for r in layer.rejected
         ]
@@ -211,9 +214,10 @@ def _extent(bounds: list[float] | None) -> str:
 def _content(layer: dict[str, Any]) -> str:
     if "names" in layer:
         kinds = counted(len(layer["names"]), "class", "classes")
-        kept = layer["observations"]
-        behind = f", with {counted(kept, 'observation')}" if kept else ""
-        return f"{counted(layer['objects'], 'object')} of {kinds}{behind}"
+        kept = [(layer[f"{kind}s"], kind) for kind in ("observation", "picture")]
+        behind = " and ".join(counted(count, kind) for count, kind in kept if count)
+        objects = f"{counted(layer['objects'], 'object')} of {kinds}"
+        return f"{objects}, with {behind}" if behind else objects
     if "cells" in layer:
         cells = ", ".join(f"{label} {count}" for label, count in layer["cells"].items())
         return f"{layer['width']} x {layer['height']} cells of {layer['resolution']:g} m: {cells}"
