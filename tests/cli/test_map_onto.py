@@ -6,6 +6,8 @@ import re
 
 import pytest
 
+from hypermap.formats import open_map
+
 from .conftest import INTRINSICS, assert_one_error, objects_in, write_drive
 
 
@@ -82,3 +84,45 @@ def test_info_lists_the_drives_of_a_map(hypermap, drive, tmp_path):
     (listed,) = (line for line in result.out.splitlines() if line.startswith("drive "))
     assert re.fullmatch(r"drive drive( from \S+Z to \S+Z)?: 6 frames", listed)
     assert "map_version" in result.out
+
+
+def shifted(trajectory, by: float) -> str:
+    """A trajectory in TUM format, moved along x."""
+    rows = [line.split() for line in trajectory.read_text().splitlines() if line[:1] != "#"]
+    return "".join(f"{row[0]} {float(row[1]) + by} {' '.join(row[2:])}\n" for row in rows)
+
+
+def test_corrected_poses_move_the_map_without_its_recording(hypermap, drive, tmp_path):
+    out, poses = tmp_path / "out.hmap", tmp_path / "corrected.txt"
+    assert hypermap("map", drive, "--intrinsics", INTRINSICS, "-o", out).code == 0
+    before = open_map(out).objects()
+    poses.write_text(shifted(drive / "groundtruth.txt", by=0.5))
+    result = hypermap("map", "--onto", out, "--poses", poses, "-o", out)
+    assert result.code == 0
+    assert re.search(r"corrected the poses of \d+ frames by 0\.50 m on average", result.err)
+    moved = [one.object.footprint.centroid.x for one in open_map(out).objects()]
+    assert moved == pytest.approx([o.object.footprint.centroid.x + 0.5 for o in before], abs=0.02)
+
+
+@pytest.mark.parametrize(
+    ("options", "reason"),
+    [
+        (["--onto", "MAP", "--poses", "LATER"], "LATER: the poses, from 1000000000.000000"),
+        (["--onto", "MAP", "--poses", "BROKEN"], "expected 8 numbers"),
+        (["--onto", "MAP"], "give a RECORDING, or --onto MAP with --poses FILE"),
+        (["--poses", "LATER"], "corrects the frames of a map; name it with --onto"),
+        (["--onto", "ROOM", "--poses", "LATER"], "was not made by mapping"),
+    ],
+)
+def test_poses_that_are_not_of_the_map_change_nothing(
+    hypermap, drive, room_map, tmp_path, options, reason
+):
+    out = tmp_path / "out.hmap"
+    assert hypermap("map", drive, "--intrinsics", INTRINSICS, "-o", out).code == 0
+    before = out.read_bytes()
+    files = {"MAP": out, "ROOM": room_map, "LATER": tmp_path / "LATER", "BROKEN": tmp_path / "B"}
+    files["LATER"].write_text("1e9 0 0 0 0 0 0 1\n1000000001 0 0 0 0 0 0 1\n")
+    files["BROKEN"].write_text("1 2 3\n")
+    result = hypermap("map", *(files.get(one, one) for one in options), "-o", out)
+    assert_one_error(result, reason)
+    assert out.read_bytes() == before

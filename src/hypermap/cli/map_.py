@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
+from hypermap.cli.correcting import corrected
 from hypermap.cli.finding_options import (
     Config,
     Detections,
@@ -47,15 +48,6 @@ if TYPE_CHECKING:
 
 @takes_recording_options
 def command(
-    path: Annotated[
-        Path,
-        typer.Argument(
-            metavar="RECORDING",
-            show_default=False,
-            readable=False,
-            help="A folder of images (TUM RGB-D, 7-Scenes) or a ROS bag.",
-        ),
-    ],
     output: Annotated[
         Path,
         typer.Option(
@@ -63,6 +55,15 @@ def command(
         ),
     ],
     request: RecordingRequest,
+    path: Annotated[
+        Path | None,
+        typer.Argument(
+            metavar="RECORDING",
+            show_default=False,
+            readable=False,
+            help="A folder of images (TUM RGB-D, 7-Scenes) or a ROS bag.",
+        ),
+    ] = None,
     detector: Detector = None,
     labels: Labels = None,
     score: Score = None,
@@ -81,6 +82,15 @@ def command(
         ),
     ] = None,
     onto: Onto = None,
+    poses: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            readable=False,
+            help="Corrected poses of the camera in the map of --onto, as after a loop closure: a "
+            "trajectory in TUM format. The map is made again with them, without the images.",
+        ),
+    ] = None,
     profile: Profile = None,
     config: Config = None,
     evidence: Annotated[
@@ -132,6 +142,7 @@ def command(
 
     --onto continues a map of earlier drives, with its settings, as if mapping had never stopped.
     Other layers stay as they are. Frames that the map already contains do not count twice.
+    --poses first corrects the poses of the frames in it; then RECORDING may be left out.
 
     The map keeps up to three pictures of each object, which `query --pictures` saves.
 
@@ -142,6 +153,7 @@ def command(
         hypermap map desk --detector yolox-nano -o desk.hmap
         hypermap map drive.bag --map map.yaml -o office.hmap --view
         hypermap map tuesday.bag --onto office.hmap -o office.hmap
+        hypermap map --onto office.hmap --poses corrected.txt -o office.hmap
         hypermap map desk --log desk.rrd -o desk.hmap
         hypermap map heads --level auto -o heads.hmap
     """
@@ -150,6 +162,14 @@ def command(
 
     check_map_output(output, force or is_same_file(output, onto))
     base = map_to_go_on_with(onto, map_file)
+    if poses is not None:
+        base = corrected(base, onto, poses, request.options)
+    if path is None:
+        if poses is None or base is None:
+            raise HypermapError("give a RECORDING, or --onto MAP with --poses FILE")
+        _save(base, output, evidence, onto)
+        _summarize(base, output)
+        return
     recording, options = request.open(path)
     settings = settings_of(base, onto, profile, config, score, has_network=detector is not None)
     if no_pictures or people:

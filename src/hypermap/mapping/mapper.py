@@ -11,6 +11,7 @@ from functools import cache, partial
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hypermap._version import __version__
 from hypermap.core.errors import HypermapError
@@ -18,15 +19,18 @@ from hypermap.core.hypermap import Hypermap
 from hypermap.core.layer import Layer
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.semantic import SemanticObject
+from hypermap.core.trajectory import Trajectory
 from hypermap.formats.backup import BY_HAND, MAP_ID, MAP_VERSION
 from hypermap.mapping.alignment import Aligner
 from hypermap.mapping.by_hand import ids_by_edit
 from hypermap.mapping.completion import free_share
 from hypermap.mapping.config import MappingConfig, to_dict
+from hypermap.mapping.correcting import Correction, corrected_poses, map_again
 from hypermap.mapping.counts import Counts
 from hypermap.mapping.depth_check import why_implausible
 from hypermap.mapping.drives import Drive, EarlierDrives, map_id
 from hypermap.mapping.evidence import EvidenceMap
+from hypermap.mapping.frame_log import FrameLog, LoggedFrame, packed_frame
 from hypermap.mapping.going_on import (
     CannotGoOn,
     config_to_go_on_with,
@@ -36,7 +40,7 @@ from hypermap.mapping.going_on import (
     state_of,
 )
 from hypermap.mapping.keyframes import KeyframeSelector
-from hypermap.mapping.mapper_state import MapperState, dump_state
+from hypermap.mapping.mapper_state import MapperState, dump_before, dump_state
 from hypermap.mapping.occupancy import OccupancyMapper
 from hypermap.mapping.pictures import keep_pictures
 from hypermap.mapping.preflight import Preflight
@@ -145,6 +149,7 @@ class Mapper:
         self._earlier = EarlierDrives()
         self._counts_before = Counts()
         self._base = Hypermap()  # with which the map began
+        self._log = FrameLog()
 
     @classmethod
     def onto(
@@ -193,6 +198,7 @@ class Mapper:
         mapper._earlier = EarlierDrives(tuple(state.drives))
         mapper._counts_before = state.counts
         mapper._base = hypermap
+        mapper._log = FrameLog(state.log)
         return mapper
 
     def add(self, frame: RgbdFrame) -> Observation | None:
@@ -229,10 +235,13 @@ class Mapper:
             raise BadFrame(str(error)) from error
         # Only observers need the segments, which refer to the usable detections.
         observation = observe(frame, detections, self.config.perception, keep_segments=is_watched)
+        seen = self._occupancy.seen_in(frame) if self.makes_occupancy else None
+        if self._log.is_full:
+            self._log.begin_part(dump_before(self._state([])))
         change: Callable[[], None] | None = None
-        if self._given_occupancy is None:
+        if self.makes_occupancy:
             try:
-                change = self._occupancy.change_by(frame)
+                change = self._occupancy.change_by(seen)
             except HypermapError as error:  # one bad pose must not end an hour of mapping
                 self._keyframes.undo()
                 self.leave_out(frame.stamp, str(error))
@@ -242,6 +251,8 @@ class Mapper:
         if change is not None:  # last, as nothing can stop it
             change()
         self._drive.add(recorded)
+        logged = packed_frame(LoggedFrame(observation, seen, self._looks_for_objects))
+        self._log.add(frame.stamp, logged, frame.map_T_camera)
         self._count(used=1)
         if self._looks_for_objects and self.config.pictures.enabled:
             keep_pictures(frame, detections, self.evidence, self.config.pictures)
@@ -259,6 +270,42 @@ class Mapper:
             self._aligner = Aligner(occupancy, self.config.alignment)
         else:
             self._aligner.replace_map(occupancy)
+
+    def correct(
+        self, trajectory: Trajectory, on_progress: Callable[[int, int], None] | None = None
+    ) -> Correction:
+        """Replace the poses of the newest frames, as after a loop closure, and map them again.
+
+        The map becomes that of the corrected poses, without the images: objects and their evidence
+        move, appear and vanish, and so do the cells of an occupancy layer that was made from depth.
+        Of the corrections, yaw and position count, roll and pitch do not. Objects keep their ids,
+        pictures and edits made by hand. Only the newest 1000 to 2000 frames can be corrected.
+
+        Args:
+            trajectory: of the camera's optical frame in the map, over all frames of the drives that
+                are to be corrected; those of others stay.
+            on_progress: called with how many frames are mapped again so far, and of how many.
+
+        Raises:
+            CannotCorrect: If it lacks a pose for a frame of these drives, or the map has no frames
+                that could be mapped again; the map stays as it was.
+        """
+        poses, is_moved = corrected_poses(self._log, self._drives(), trajectory)
+        correction = Correction.between(self._log.poses, poses, is_moved)
+        made = map_again(
+            self._log, poses, self.evidence, self.config, self.evidence.is_free, on_progress
+        )
+        self.evidence, self._occupancy, self._log = made.evidence, made.occupancy, made.log
+        self._keyframes.go_on_from(poses[-1])
+        return correction
+
+    def logged_poses(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return stamps [s] and poses (map_T_camera) of the frames that `correct` can move.
+
+        Returns:
+            Shapes (N,) and (N, 4, 4).
+        """
+        return self._log.stamps, self._log.poses
 
     @property
     def corrects_poses(self) -> bool:
@@ -311,6 +358,7 @@ class Mapper:
             counts=self._counts_before + self.counts,
             published=published,
             alignment=None if self._aligner is None else self._aligner.learned,
+            log=FrameLog(self._log.parts).parts,
         )
 
     def _identity(self) -> dict[str, Any]:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from itertools import pairwise
 from typing import Any
 
@@ -33,6 +33,7 @@ from hypermap.mapping.by_hand import HandEdit
 from hypermap.mapping.counts import Counts
 from hypermap.mapping.drives import Drive
 from hypermap.mapping.evidence_buffer import Evidence, EvidenceBuffer
+from hypermap.mapping.frame_log import LogPart, packed_log, unpacked_log
 from hypermap.mapping.prepared_polygon import PreparedPolygon
 from hypermap.mapping.stages import EvidenceConfig
 from hypermap.mapping.tracks import Track, TrackTable
@@ -64,6 +65,7 @@ class MapperState:
         counts: frame counts.
         published: the objects as they were published.
         alignment: what pose correction has learned; None if poses are not corrected.
+        log: the newest frames, from which they can be mapped again from other poses.
     """
 
     tracks: TrackTable
@@ -74,6 +76,15 @@ class MapperState:
     counts: Counts
     published: Sequence[SemanticObject]
     alignment: tuple[float, float, bool] | None = None
+    log: Sequence[LogPart] = ()
+
+
+def dump_before(state: MapperState) -> bytes:
+    """Return the file of a state from which frames will be mapped again, without pictures."""
+    tracks = state.tracks.snapshot()
+    for track in tracks.objects:
+        track.buffer.pictures = ()
+    return dump_state(replace(state, tracks=tracks, published=(), log=()))
 
 
 def dump_state(state: MapperState) -> bytes:
@@ -100,6 +111,8 @@ def dump_state(state: MapperState) -> bytes:
         if track.id not in published and not track.is_deleted
     }
     arrays |= packed_pictures(hidden)
+    if state.log:
+        arrays |= packed_log(state.log)
     return dump_arrays(ArrayFile(facts, arrays | _packed(state.tracks)), FORMAT, VERSION)
 
 
@@ -139,6 +152,7 @@ def parse_state(content: bytes, config: EvidenceConfig, path: str = "mapper_stat
             log_odds=log_odds,
             drives=drives.unpacked(facts["drives"], arrays["frame_keys"]),
             counts=Counts(**{fate: int(n) for fate, n in facts["counts"].items()}),
+            log=unpacked_log(arrays),
         )
     except _WRONG as error:
         raise FormatError(f"is damaged: {error}", path=path) from None

@@ -15,10 +15,10 @@ from numpy.typing import ArrayLike, NDArray
 from hypermap._loops import loop
 from hypermap.core.arrays import BoolArray
 from hypermap.core.errors import HypermapError
-from hypermap.core.frames import Pose2D
-from hypermap.core.grid import GridGeometry, along
+from hypermap.core.grid import GridGeometry
 from hypermap.core.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyLayer
 from hypermap.mapping.rays import Rays
+from hypermap.mapping.seen_cells import SeenCells, cells_from
 from hypermap.mapping.stages import OccupancyConfig
 from hypermap.perception.frame import RgbdFrame
 
@@ -49,17 +49,29 @@ class OccupancyMapper:
         Raises:
             HypermapError: If the map would grow beyond `max_cells`; it stays as it was.
         """
-        self.change_by(frame)()
+        self.change_by(self.seen_in(frame))()
 
-    def change_by(self, frame: RgbdFrame) -> Callable[[], None]:
-        """Return a function that makes the change of `add_depth` and cannot fail.
+    def seen_in(self, frame: RgbdFrame) -> SeenCells | None:
+        """Return what a depth image shows of the cells; None if it shows none."""
+        return self._seen_by(Rays.of_depth(frame, self.config), self.config.min_points)
+
+    def change_by(self, seen: SeenCells | None) -> Callable[[], None]:
+        """Return a function that adds what was seen to the log-odds, and cannot fail.
 
         Call it before anything else is added.
 
         Raises:
-            HypermapError: As `add_depth` does.
+            HypermapError: If the map would grow beyond `max_cells`; it stays as it was.
         """
-        return self._change_by(Rays.of_depth(frame, self.config), self.config.min_points)
+        if seen is None:
+            return _nothing
+        shape = np.array(seen.is_hit.shape)
+        self._cover(seen.first, seen.first + shape - 1)
+        row, col = seen.first - self._first
+        window = self._log_odds[row : row + shape[0], col : col + shape[1]]
+        changes = self.config.hit, -self.config.miss
+        clamps = self.config.min_log_odds, self.config.max_log_odds
+        return partial(_change, window, seen.is_hit, seen.is_free, changes, clamps)
 
     def add_scan(
         self,
@@ -88,7 +100,7 @@ class OccupancyMapper:
             raise ValueError(f"range_max must be a positive number, got {range_max}")
         resolution = self.config.resolution
         rays = Rays.of_scan(ranges, angle_min, angle_increment, map_T_laser, reach, resolution)
-        self._change_by(rays, min_points=1)()
+        self.change_by(self._seen_by(rays, min_points=1))()
 
     def layer(self, name: str = "occupancy", frame_id: str = "map") -> OccupancyLayer:
         """Return the layer so far, cropped to the cells that were ever seen.
@@ -99,7 +111,7 @@ class OccupancyMapper:
         first, seen = self.log_odds()
         if seen.size == 0:
             return OccupancyLayer(name, frame_id)
-        grid = self._grid(first, np.array(seen.shape))
+        grid = cells_from(first, seen.shape, self.config.resolution)
         likelihood = 1 / (1 + np.exp(-np.nan_to_num(seen.astype(np.float64))))
         cells = np.round(100 * likelihood).astype(np.int8)
         cells[likelihood < self.config.free_thresh] = FREE
@@ -125,19 +137,14 @@ class OccupancyMapper:
         """Take over the evidence of a mapper with the same configuration; see `log_odds`."""
         self._first, self._log_odds = first, log_odds
 
-    def _change_by(self, rays: Rays, min_points: int) -> Callable[[], None]:
+    def _seen_by(self, rays: Rays, min_points: int) -> SeenCells | None:
         bounds = rays.bounds()
         if bounds is None:
-            return _nothing
+            return None
         first, last = self._world.cells_at(bounds)
-        self._cover(first, last)
-        shape = last - first + 1
-        hits, is_free = rays.rasterize(self._grid(first, shape))
-        corner = first - self._first
-        window = self._log_odds[corner[0] : corner[0] + shape[0], corner[1] : corner[1] + shape[1]]
-        changes = self.config.hit, -self.config.miss
-        clamps = self.config.min_log_odds, self.config.max_log_odds
-        return partial(_change, window, hits >= min_points, is_free, changes, clamps)
+        grid = cells_from(first, tuple(last - first + 1), self.config.resolution)
+        hits, is_free = rays.rasterize(grid)
+        return SeenCells(first, hits >= min_points, is_free)
 
     def _cover(self, first: NDArray[np.int64], last: NDArray[np.int64]) -> None:
         """Let the grid grow until it holds the cells of the world from first to last."""
@@ -163,16 +170,6 @@ class OccupancyMapper:
         if self._log_odds.size:
             grown[row : row + old_height, col : col + old_width] = self._log_odds
         self._first, self._log_odds = new_first, grown
-
-    def _grid(self, first: NDArray[np.int64], shape: NDArray[np.int64]) -> GridGeometry:
-        """Return the geometry of some cells of the world, given by the lower left one."""
-        side = self.config.resolution
-        return GridGeometry(
-            width=int(shape[1]),
-            height=int(shape[0]),
-            resolution=side,
-            origin=Pose2D(x=along(int(first[1]), side), y=along(int(first[0]), side)),
-        )
 
 
 def _nothing() -> None:

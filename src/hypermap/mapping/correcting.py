@@ -1,0 +1,230 @@
+"""Correct poses afterwards: map the logged frames again, each from where it really was taken."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hypermap.core.errors import HypermapError
+from hypermap.core.trajectory import Trajectory
+from hypermap.mapping.completion import FreeShare
+from hypermap.mapping.config import MappingConfig
+from hypermap.mapping.drives import Drive
+from hypermap.mapping.evidence import EvidenceMap
+from hypermap.mapping.frame_log import FrameLog, unpacked_frame
+from hypermap.mapping.mapper_state import MapperState, dump_before, parse_state
+from hypermap.mapping.merging.moving import renumbered
+from hypermap.mapping.occupancy import OccupancyMapper
+from hypermap.mapping.tracks import TrackTable
+
+
+class CannotCorrect(HypermapError):
+    """The poses of a map's frames cannot be replaced by others."""
+
+
+@dataclass(frozen=True)
+class Correction:
+    """What became of the poses.
+
+    Attributes:
+        frames: how many were moved.
+        kept: how many stayed, as no new pose is known for their whole drive.
+        mean: how far the moved ones moved over the floor, on average [m].
+        most: at most [m].
+    """
+
+    frames: int
+    kept: int
+    mean: float
+    most: float
+
+    @classmethod
+    def between(
+        cls, before: NDArray[np.float64], after: NDArray[np.float64], is_moved: NDArray[np.bool_]
+    ) -> Correction:
+        """Return it from poses of all frames, shape (N, 4, 4) each, and which of them are new."""
+        moves = np.linalg.norm((after - before)[is_moved, :2, 3], axis=1)
+        count = int(is_moved.sum())
+        return cls(count, len(is_moved) - count, float(moves.mean()), float(moves.max()))
+
+    def sentence(self) -> str:
+        """Return it in words."""
+        stayed = f"; {self.kept} of other drives stayed" if self.kept else ""
+        return (
+            f"corrected the poses of {self.frames} frames by {self.mean:.2f} m on average, "
+            f"{self.most:.2f} m at most{stayed}"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class MappedAgain:
+    """The map of the logged frames from other poses."""
+
+    evidence: EvidenceMap
+    occupancy: OccupancyMapper
+    log: FrameLog
+
+
+def corrected_poses(
+    log: FrameLog, drives: Sequence[Drive], trajectory: Trajectory
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Return the poses of all logged frames, and which of them the trajectory gives.
+
+    The frames of a drive are corrected together, or none of them.
+
+    Args:
+        log: the frames.
+        drives: which they belong to, by their stamps.
+        trajectory: of the camera's optical frame in the map.
+
+    Returns:
+        Shapes (N, 4, 4) and (N,).
+
+    Raises:
+        CannotCorrect: If it has no pose for some frames of a drive, or for no frame at all.
+    """
+    stamps, poses = log.stamps, log.poses.copy()
+    is_covered = trajectory.covers(stamps) if len(stamps) else np.empty(0, dtype=bool)
+    begin, end = trajectory.stamps[0], trajectory.stamps[-1]
+    for drive in drives:
+        of_drive = (stamps >= drive.first) & (stamps <= drive.last)
+        missing = of_drive & ~is_covered
+        if missing.any() and (of_drive & is_covered).any():
+            raise CannotCorrect(
+                f"no pose for {missing.sum()} of the {of_drive.sum()} frames of the drive "
+                f"{drive.name!r}, the first at {stamps[missing][0]:.6f} s: the poses reach from "
+                f"{begin:.6f} to {end:.6f} s"
+            )
+    if not is_covered.any():
+        known = f", from {stamps.min():.6f} to {stamps.max():.6f} s" if len(stamps) else ""
+        raise CannotCorrect(
+            f"the poses, from {begin:.6f} to {end:.6f} s, are of none of the {len(stamps)} frames "
+            f"that the map keeps for this{known}"
+        )
+    poses[is_covered] = trajectory.at(stamps[is_covered])
+    return poses, is_covered
+
+
+def map_again(
+    log: FrameLog,
+    poses: NDArray[np.float64],
+    before: EvidenceMap,
+    config: MappingConfig,
+    is_free: FreeShare | None,
+    on_progress: Callable[[int, int], None] | None = None,
+) -> MappedAgain:
+    """Return the map of the logged frames as taken from other poses.
+
+    Objects keep their ids, pictures and edits made by hand; the images are not needed.
+
+    Args:
+        log: the frames, and the map before them.
+        poses: map_T_camera of each, shape (N, 4, 4).
+        before: the map as it is.
+        config: with which it was made.
+        is_free: as in `EvidenceMap`.
+        on_progress: called with the number of frames that are done, and of all.
+
+    Raises:
+        FormatError: If the log is damaged.
+    """
+    first = parse_state(log.parts[0].before, config.evidence, "the log of frames")
+    evidence, occupancy = EvidenceMap(config.evidence, is_free), OccupancyMapper(config.occupancy)
+    edits = {track.id: track.by_hand for track in first.tracks.objects if track.by_hand}
+    evidence.go_on_with(first.tracks, edits)
+    if first.log_odds is not None:
+        occupancy.go_on_with(first.first_cell, first.log_odds)
+    again = FrameLog()
+    for number, (content, pose) in enumerate(zip(log.frames, poses, strict=True)):
+        if again.is_full:
+            again.begin_part(_state_now(first, evidence, occupancy))
+        frame = unpacked_frame(content, "the log of frames")
+        moved = frame.moved_to(pose, config.occupancy.resolution)
+        change = occupancy.change_by(moved.seen)
+        if moved.finds_objects:
+            evidence.update(moved.observation)
+        change()
+        again.add(frame.observation.stamp, content, pose)
+        if on_progress is not None:
+            on_progress(number + 1, len(poses))
+    tracks = with_known_ids(evidence.tracks(), before.tracks(), set_of_ids(first), config)
+    evidence.go_on_with(tracks, before.hand_edits())
+    return MappedAgain(evidence, occupancy, again)
+
+
+def _state_now(first: MapperState, evidence: EvidenceMap, occupancy: OccupancyMapper) -> bytes:
+    first_cell, log_odds = occupancy.log_odds()
+    return dump_before(
+        dataclasses.replace(
+            first,
+            tracks=evidence.tracks(),
+            first_cell=first_cell,
+            log_odds=None if first.log_odds is None else log_odds,
+        )
+    )
+
+
+def set_of_ids(state: MapperState) -> frozenset[int]:
+    """Return the ids of a state's tracks."""
+    return frozenset(track.id for track in state.tracks.objects)
+
+
+def with_known_ids(
+    tracks: TrackTable, known: TrackTable, fixed: frozenset[int], config: MappingConfig
+) -> TrackTable:
+    """Return tracks with the ids and pictures that the same objects have in another table.
+
+    Two tracks are of one object if they share observations; those that share most come first.
+
+    Args:
+        tracks: with ids of their own.
+        known: with the ids to use.
+        fixed: ids that mean the same in both.
+        config: of both.
+    """
+    ids = _matching_ids(tracks, known, fixed)
+    number = max(tracks.next_id, known.next_id)
+    for track in tracks.objects:
+        if track.id not in ids:
+            ids[track.id], number = number, number + 1
+    pictures = {track.id: track.buffer.pictures for track in known.objects}
+    table = TrackTable(config.evidence.max_existence)
+    for row in sorted(range(len(tracks.objects)), key=lambda row: ids[tracks.objects[row].id]):
+        track = renumbered(tracks.objects[row], ids[tracks.objects[row].id])
+        counts = {ids[n]: count for n, count in track.co_occurrences.items() if n in ids}
+        track.co_occurrences = Counter(counts)
+        track.buffer.pictures = pictures.get(track.id, ())
+        shape, heights = tracks.shapes.polygons[row], tracks.shapes.heights[row].tolist()
+        table.add(track, 0, shape, tuple(heights), float(tracks.existence[row]))
+    table.next_id = max(table.next_id, number)
+    return table
+
+
+def _matching_ids(tracks: TrackTable, known: TrackTable, fixed: frozenset[int]) -> dict[int, int]:
+    """Return the known id of each track, by its own id, where there is one."""
+    owners = {
+        (track.name, item.stamp, item.score): track.id
+        for track in known.objects
+        for item in track.buffer.items
+        if track.id not in fixed
+    }
+    shared: Counter[tuple[int, int]] = Counter()
+    for track in tracks.objects:
+        if track.id in fixed:
+            continue
+        for item in track.buffer.items:
+            owner = owners.get((track.name, item.stamp, item.score))
+            if owner is not None:
+                shared[track.id, owner] += 1
+    ids = {track.id: track.id for track in tracks.objects if track.id in fixed}
+    taken: set[int] = set()
+    for (own, owner), _ in sorted(shared.items(), key=lambda pair: (-pair[1], pair[0])):
+        if own not in ids and owner not in taken:
+            ids[own] = owner
+            taken.add(owner)
+    return ids

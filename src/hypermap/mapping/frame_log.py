@@ -1,0 +1,334 @@
+"""The log of mapped frames: what each has shown, from which it is mapped again elsewhere.
+
+A frame is kept as what mapping has made of it, without its images: the observed objects, where its
+rays ended, and the cells that it has shown. All of it moves with the pose of its camera, over the
+floor: corrections of roll and pitch are left out.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import zlib
+from collections.abc import Iterable, Mapping, Sequence, Sized
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from hypermap.core.arrays import as_objects
+from hypermap.core.errors import FormatError
+from hypermap.core.frames import Pose2D
+from hypermap.formats.array_file import (
+    ArrayFile,
+    dump_arrays,
+    packed_shapes,
+    parse_arrays,
+    unpacked_shapes,
+)
+from hypermap.mapping.seen_cells import SeenCells
+from hypermap.perception.depth_view import DepthView
+from hypermap.perception.frame import Camera
+from hypermap.perception.observation import Observation, ObservedObject
+
+_FORMAT, _VERSION = "hypermap mapped frame", 1
+PART = 1000
+"""Frames of which one state of the mapper is kept before them."""
+_PARTS = 2
+_COLUMNS = 80  # to which a view is reduced, by leaving out rows and columns
+_LEVEL = 6  # of compression
+_WRONG = (
+    *(KeyError, TypeError, ValueError, IndexError, OverflowError, zlib.error),
+    *(AttributeError, shapely.GEOSException),
+)
+_MOST_BYTES = 16_000_000  # of an unpacked frame
+
+
+@dataclass(frozen=True, eq=False)
+class LoggedFrame:
+    """What a frame has shown.
+
+    Attributes:
+        observation: of its objects and rays.
+        seen: the cells that it has shown; None for none.
+        finds_objects: whether objects were looked for, so that those not found are missing.
+    """
+
+    observation: Observation
+    seen: SeenCells | None
+    finds_objects: bool = True
+
+    def moved_to(self, map_T_camera: NDArray[np.float64], resolution: float) -> LoggedFrame:
+        """Return the same frame as taken from another pose, of which roll and pitch do not count.
+
+        Args:
+            map_T_camera: pose of the camera's optical frame, shape (4, 4).
+            resolution: side of a cell [m].
+        """
+        before = self.observation
+        motion, lift = floor_motion(before.map_T_camera, map_T_camera)
+        pose = _in_space(motion, lift) @ before.map_T_camera
+        footprints = motion.apply_geometries(as_objects(one.footprint for one in before.objects))
+        objects = tuple(
+            dataclasses.replace(
+                one, footprint=footprint, z_min=one.z_min + lift, z_max=one.z_max + lift
+            )
+            for one, footprint in zip(before.objects, footprints, strict=True)
+        )
+        view = before.view
+        if view is not None:
+            view = dataclasses.replace(view, map_T_camera=pose)
+        area = motion.apply_geometry(before.visible_area)
+        return LoggedFrame(
+            Observation(before.stamp, pose, objects, area, view),
+            None if self.seen is None else self.seen.moved(motion, resolution),
+            self.finds_objects,
+        )
+
+
+def floor_motion(before: NDArray[np.float64], after: NDArray[np.float64]) -> tuple[Pose2D, float]:
+    """Return how the map near a camera moves over the floor when the camera's pose is corrected.
+
+    Args:
+        before: map_T_camera, shape (4, 4).
+        after: likewise.
+
+    Returns:
+        What takes points from where they were to where they are, and by how much they rise [m].
+    """
+    turn = after[:3, :3] @ before[:3, :3].T
+    yaw = math.atan2(turn[1, 0] - turn[0, 1], turn[0, 0] + turn[1, 1])
+    x, y = after[:2, 3] - Pose2D(yaw=yaw).apply(before[:2, 3])[0]
+    return Pose2D(float(x), float(y), yaw), float(after[2, 3] - before[2, 3])
+
+
+def _in_space(motion: Pose2D, lift: float) -> NDArray[np.float64]:
+    matrix = np.eye(4)
+    matrix[np.ix_([0, 1, 3], [0, 1, 3])] = motion.matrix()
+    matrix[2, 3] = lift
+    return matrix
+
+
+def packed_frame(frame: LoggedFrame) -> bytes:
+    """Return a frame in a few kilobytes.
+
+    Objects without area are left out, as mapping ignores them. Of the view, about 80 columns are
+    kept, as float16.
+    """
+    observation = frame.observation
+    objects = [one for one in observation.objects if one.footprint.area > 0]
+    numbers = [(one.score, one.z_min, one.z_max) for one in objects]
+    shapes = [observation.visible_area, *(one.footprint for one in objects)]
+    view, view_arrays = _packed_view(observation.view)
+    cells, cell_arrays = _packed_cells(frame.seen)
+    facts = {
+        "stamp": observation.stamp,
+        "names": [one.name for one in objects],
+        "finds_objects": frame.finds_objects,
+        "view": view,
+        "cells": cells,
+    }
+    arrays = {
+        "pose": observation.map_T_camera.astype(np.float64),
+        "objects": np.array(numbers, np.float64).reshape(-1, 3),
+        **packed_shapes("shapes", as_objects(shapes)),
+        **view_arrays,
+        **cell_arrays,
+    }
+    return zlib.compress(dump_arrays(ArrayFile(facts, arrays), _FORMAT, _VERSION), _LEVEL)
+
+
+def unpacked_frame(content: bytes, path: str) -> LoggedFrame:
+    """Return the frame of `packed_frame`.
+
+    Args:
+        content: the packed frame.
+        path: how messages name the file that it is from.
+
+    Raises:
+        FormatError: If it holds none, or is of a later version.
+    """
+    try:
+        unpack = zlib.decompressobj()
+        plain = unpack.decompress(content, _MOST_BYTES)
+        if not unpack.eof:
+            raise ValueError("a frame ends too early")
+        file = parse_arrays(plain, _FORMAT, _VERSION, path)
+        facts, arrays = file.facts, file.arrays
+        area, *footprints = unpacked_shapes("shapes", arrays)
+        numbers = arrays["objects"].reshape(-1, 3).tolist()
+        objects = tuple(
+            ObservedObject(str(name), score, footprint, z_min, z_max)
+            for name, footprint, (score, z_min, z_max) in zip(
+                facts["names"], footprints, numbers, strict=True
+            )
+        )
+        pose = arrays["pose"].reshape(4, 4)
+        view = _unpacked_view(facts["view"], arrays, pose)
+        observation = Observation(float(facts["stamp"]), pose, objects, area, view)
+        seen = _unpacked_cells(facts["cells"], arrays)
+        return LoggedFrame(observation, seen, bool(facts["finds_objects"]))
+    except _WRONG as error:
+        raise FormatError(f"is damaged: {error}", path=path) from None
+
+
+_Arrays = Mapping[str, NDArray[Any]]
+
+
+def _packed_view(view: DepthView | None) -> tuple[dict[str, Any] | None, _Arrays]:
+    if view is None:
+        return None, {}
+    step = -(-view.camera.width // _COLUMNS)
+    camera = view.camera.every(step)
+    farthest = view.max_range if math.isfinite(view.max_range) else None
+    facts = {"K": camera.K.tolist(), "size": [camera.height, camera.width], "max_range": farthest}
+    reach = np.ascontiguousarray(view.reach[::step, ::step], np.float16)
+    planes = np.ascontiguousarray(reach.view(np.uint8).reshape(-1, 2).T)  # so it compresses better
+    return facts, {"reach": planes}
+
+
+def _unpacked_view(
+    facts: Mapping[str, Any] | None, arrays: _Arrays, pose: NDArray[np.float64]
+) -> DepthView | None:
+    if facts is None:
+        return None
+    height, width = facts["size"]
+    camera = Camera(np.array(facts["K"], np.float64), int(width), int(height))
+    flat = np.ascontiguousarray(arrays["reach"].reshape(2, -1).T).view(np.float16)
+    farthest = np.inf if facts["max_range"] is None else float(facts["max_range"])
+    return DepthView(camera, pose, flat.reshape(height, width).astype(np.float32), farthest)
+
+
+def _packed_cells(seen: SeenCells | None) -> tuple[list[int] | None, _Arrays]:
+    if seen is None:
+        return None, {}
+    bits = np.packbits(np.stack([seen.is_hit, seen.is_free]))
+    return list(seen.is_hit.shape), {"first_cell": seen.first, "cells": bits}
+
+
+def _unpacked_cells(shape: list[int] | None, arrays: _Arrays) -> SeenCells | None:
+    if shape is None:
+        return None
+    height, width = shape
+    bits = np.unpackbits(arrays["cells"], count=2 * height * width)
+    is_hit, is_free = bits.reshape(2, height, width).astype(bool)
+    return SeenCells(arrays["first_cell"].reshape(2), is_hit, is_free)
+
+
+@dataclass(frozen=True, eq=False)
+class LogPart:
+    """Some frames, one after the other.
+
+    Attributes:
+        before: the state of the mapper before the first of them, a file of `mapper_state`.
+        stamps: of the frames [s].
+        frames: as `packed_frame` returns them, at the poses that they were mapped from first.
+        poses: map_T_camera as it is now, shape (4, 4) each.
+    """
+
+    before: bytes
+    stamps: list[float] = field(default_factory=list)
+    frames: list[bytes] = field(default_factory=list)
+    poses: list[NDArray[np.float64]] = field(default_factory=list)
+
+    def copy(self) -> LogPart:
+        """Return an independent copy."""
+        return LogPart(self.before, list(self.stamps), list(self.frames), list(self.poses))
+
+
+class FrameLog:
+    """The newest frames, in parts, of which the oldest is dropped when there are too many.
+
+    Attributes:
+        parts: oldest first.
+    """
+
+    def __init__(self, parts: Iterable[LogPart] = ()) -> None:
+        self.parts = [part.copy() for part in parts]
+
+    @property
+    def is_full(self) -> bool:
+        """Whether the next frame needs another part."""
+        return not self.parts or len(self.parts[-1].frames) >= PART
+
+    def begin_part(self, before: bytes) -> None:
+        """Begin a part with the state of the mapper before its first frame."""
+        self.parts.append(LogPart(before))
+        del self.parts[:-_PARTS]
+
+    def add(self, stamp: float, frame: bytes, map_T_camera: NDArray[np.float64]) -> None:
+        """Add a packed frame with its pose, shape (4, 4), to the newest part."""
+        part = self.parts[-1]
+        part.stamps.append(stamp)
+        part.frames.append(frame)
+        part.poses.append(map_T_camera)
+
+    @property
+    def frames(self) -> list[bytes]:
+        """All packed frames."""
+        return [frame for part in self.parts for frame in part.frames]
+
+    @property
+    def stamps(self) -> NDArray[np.float64]:
+        """The stamps of all frames [s], shape (N,)."""
+        return np.array([stamp for part in self.parts for stamp in part.stamps], np.float64)
+
+    @property
+    def poses(self) -> NDArray[np.float64]:
+        """map_T_camera of all frames, shape (N, 4, 4)."""
+        poses = [pose for part in self.parts for pose in part.poses]
+        return np.array(poses, np.float64).reshape(-1, 4, 4)
+
+
+def packed_log(parts: Iterable[LogPart]) -> dict[str, NDArray[Any]]:
+    """Return a log as arrays, for the file of the mapper's state."""
+    parts = list(parts)
+    frames = [frame for part in parts for frame in part.frames]
+    befores = [part.before for part in parts]
+    return {
+        "log.before": _joined(befores),
+        "log.before_lengths": _lengths(befores),
+        "log.frames": _joined(frames),
+        "log.frame_lengths": _lengths(frames),
+        "log.part_lengths": _lengths([part.frames for part in parts]),
+        "log.stamps": FrameLog(parts).stamps,
+        "log.poses": FrameLog(parts).poses,
+    }
+
+
+def unpacked_log(arrays: _Arrays) -> tuple[LogPart, ...]:
+    """Return the parts of `packed_log`; none if the arrays hold no log.
+
+    Raises:
+        KeyError, ValueError: If they hold anything else.
+    """
+    if "log.before" not in arrays:
+        return ()
+    befores = _parted(arrays["log.before"], arrays["log.before_lengths"])
+    frames = _parted(arrays["log.frames"], arrays["log.frame_lengths"])
+    ends = np.cumsum(arrays["log.part_lengths"]).tolist()
+    begins = [0, *ends[:-1]]
+    stamps, poses = arrays["log.stamps"].tolist(), list(arrays["log.poses"].reshape(-1, 4, 4))
+    if not (ends[-1] if ends else 0) == len(frames) == len(stamps) == len(poses):
+        raise ValueError("the log of frames does not fit its poses")
+    return tuple(
+        LogPart(before, stamps[begin:end], frames[begin:end], poses[begin:end])
+        for before, begin, end in zip(befores, begins, ends, strict=True)
+    )
+
+
+def _joined(pieces: Sequence[bytes]) -> NDArray[np.uint8]:
+    return np.frombuffer(b"".join(pieces), np.uint8)
+
+
+def _lengths(pieces: Sequence[Sized]) -> NDArray[np.int64]:
+    return np.array([len(piece) for piece in pieces], np.int64)
+
+
+def _parted(joined: NDArray[np.uint8], lengths: NDArray[np.int64]) -> list[bytes]:
+    if (lengths < 0).any() or lengths.sum() != len(joined):
+        raise ValueError("the lengths of the log of frames do not fit")
+    content, ends = joined.tobytes(), np.cumsum(lengths).tolist()
+    return [content[end - n : end] for end, n in zip(ends, lengths.tolist(), strict=True)]

@@ -1,0 +1,239 @@
+"""Poses that are corrected afterwards give the map of the corrected poses, without the images."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from hypermap.core.errors import FormatError
+from hypermap.core.frames import Pose2D
+from hypermap.core.hypermap import Hypermap
+from hypermap.core.semantic import SemanticObject
+from hypermap.core.trajectory import Trajectory, pose_from_rpy, trajectory_of
+from hypermap.formats import open_map, save_map
+from hypermap.mapping import frame_log
+from hypermap.mapping.config import profile
+from hypermap.mapping.correcting import CannotCorrect
+from hypermap.mapping.frame_log import (
+    LoggedFrame,
+    floor_motion,
+    packed_frame,
+    unpacked_frame,
+)
+from hypermap.mapping.mapper import Mapper
+from hypermap.mapping.seen_cells import SeenCells
+from hypermap.perception.detectors.sources import detections_from_recording
+from hypermap.perception.frame import Camera, RgbdFrame
+from hypermap.perception.observation import Observation
+from hypermap.simulation import SimulatedRecording, demo_world
+from hypermap.simulation.levels import errors_of_level
+
+SMALL = Camera.from_intrinsics(131.25, 131.25, 79.5, 59.5, width=160, height=120)
+SOURCE = detections_from_recording()
+
+
+@functools.cache
+def drive() -> list[RgbdFrame]:
+    """Frames from where they really were taken."""
+    recording = SimulatedRecording.with_errors(
+        demo_world(), errors_of_level("none"), camera=SMALL, rate=1.0, has_occupancy=False
+    )
+    return list(recording.frames())
+
+
+def drift(share: float) -> NDArray[np.float64]:
+    """What odometry has added after a share of the drive."""
+    return pose_from_rpy(0.6 * share, -0.4 * share, 0, 0, 0, np.radians(6 * share))
+
+
+@functools.cache
+def drifted() -> list[RgbdFrame]:
+    frames = drive()
+    return [
+        frame.moved_to(drift(i / len(frames)) @ frame.map_T_camera)
+        for i, frame in enumerate(frames)
+    ]
+
+
+def mapper_of(frames: Sequence[RgbdFrame], name: str = "default", day: str = "day") -> Mapper:
+    mapper = Mapper(profile(name), SOURCE, drive=day)
+    for frame in frames:
+        mapper.add(frame)
+    return mapper
+
+
+@functools.cache
+def whole(name: str = "default") -> Hypermap:
+    """The map of all frames from where they were taken."""
+    return mapper_of(drive(), name).hypermap()
+
+
+@functools.cache
+def drifted_map(name: str = "default") -> Hypermap:
+    """The map of all frames from where odometry takes them to be."""
+    return mapper_of(drifted(), name).hypermap()
+
+
+def truth(frames: Sequence[RgbdFrame] | None = None) -> Trajectory:
+    frames = drive() if frames is None else frames
+    stamps = np.array([frame.stamp for frame in frames])
+    return trajectory_of(stamps, np.array([frame.map_T_camera for frame in frames]))
+
+
+def objects(hypermap: Hypermap) -> list[SemanticObject]:
+    return list(hypermap.semantic("semantic").objects())
+
+
+def best_ious(wanted: list[SemanticObject], found: list[SemanticObject]) -> list[float]:
+    """The Jaccard index of each wanted object with the most similar one of its class."""
+    return [
+        max(
+            (
+                shapely.area(shapely.intersection(one.footprint, other.footprint))
+                / shapely.area(shapely.union(one.footprint, other.footprint))
+                for other in found
+                if other.name == one.name
+            ),
+            default=0.0,
+        )
+        for one in wanted
+    ]
+
+
+def cells_alike(one: Hypermap, other: Hypermap) -> float:
+    """The share of the cells of a map that are the same in another one."""
+    rows, cols = np.indices(one.occupancy().grid.shape).reshape(2, -1)
+    points = one.occupancy().grid.centers(rows, cols)
+    same = one.occupancy().value_at(points) == other.occupancy().value_at(points)
+    return float(np.mean(same))
+
+
+@pytest.mark.parametrize("name", ["default", "thesis"])
+def test_a_corrected_map_is_that_of_the_corrected_poses(name: str) -> None:
+    exact, before = whole(name), drifted_map(name)
+    mapper = Mapper.onto(before, SOURCE)
+    correction = mapper.correct(truth())
+    after = mapper.hypermap()
+    assert correction.frames == len(drive())
+    assert np.mean(best_ious(objects(exact), objects(before))) < 0.7
+    assert len(objects(after)) == len(objects(exact))
+    assert np.mean(best_ious(objects(exact), objects(after))) >= 0.95
+    assert cells_alike(exact, after) > 0.93 > cells_alike(exact, before)
+
+
+def test_poses_that_stay_leave_the_objects_where_they_are() -> None:
+    before = whole()
+    mapper = Mapper.onto(before, SOURCE)
+    assert mapper.correct(truth()).most == pytest.approx(0, abs=1e-9)
+    after = mapper.hypermap()
+    assert [one.id for one in objects(after)] == [one.id for one in objects(before)]
+    assert min(best_ious(objects(before), objects(after))) > 0.9
+    assert cells_alike(before, after) == 1
+
+
+def test_objects_keep_their_ids_pictures_and_edits(tmp_path: Path) -> None:
+    save_map(drifted_map(), tmp_path / "first.hmap")
+    first = open_map(tmp_path / "first.hmap")
+    sofa = next(one for one in objects(first) if one.name == "sofa")
+    plant = next(one for one in objects(first) if one.name == "plant")
+    first.semantic("semantic").update(sofa.id, dataclasses.replace(sofa, name="my sofa"))
+    first.semantic("semantic").remove([plant.id])
+    save_map(first, tmp_path / "edited.hmap")
+
+    mapper = Mapper.onto(open_map(tmp_path / "edited.hmap"), SOURCE)
+    mapper.correct(truth())
+    layer = mapper.hypermap().semantic("semantic")
+    assert layer[sofa.id].name == "my sofa"
+    assert plant.id not in [one.id for one in layer]
+    assert set(first.semantic("semantic").kept_pictures) & set(layer.kept_pictures)
+
+
+def test_a_saved_map_is_corrected_and_continued(tmp_path: Path) -> None:
+    half = len(drive()) // 2
+    save_map(mapper_of(drifted()[:half]).hypermap(), tmp_path / "half.hmap")
+    mapper = Mapper.onto(open_map(tmp_path / "half.hmap"), SOURCE, drive="afternoon")
+    mapper.correct(truth(drive()[:half]))
+    for frame in drive()[half:]:
+        mapper.add(frame)
+    assert np.mean(best_ious(objects(whole()), objects(mapper.hypermap()))) >= 0.95
+
+
+def test_only_the_drive_that_the_poses_are_of_moves() -> None:
+    half = len(drive()) // 2
+    morning = mapper_of(drive()[:half], day="morning").hypermap()
+    mapper = Mapper.onto(morning, SOURCE, drive="afternoon")
+    for frame in drifted()[half:]:
+        mapper.add(frame)
+    correction = mapper.correct(truth(drive()[half:]))
+    assert (correction.frames, correction.kept) == (len(drive()) - half, half)
+    assert np.mean(best_ious(objects(whole()), objects(mapper.hypermap()))) >= 0.95
+
+
+def test_poses_that_lack_a_frame_of_the_drive_change_nothing() -> None:
+    mapper = Mapper.onto(drifted_map(), SOURCE)
+    before = objects(mapper.hypermap())
+    with pytest.raises(CannotCorrect, match=r"no pose for 3 of the \d+ frames of the drive 'day'"):
+        mapper.correct(truth(drive()[:-3]))
+    later = dataclasses.replace(truth(), stamps=truth().stamps + 1e6)
+    with pytest.raises(CannotCorrect, match=r"of none of the \d+ frames"):
+        mapper.correct(later)
+    assert [one.footprint for one in objects(mapper.hypermap())] == [o.footprint for o in before]
+
+
+def test_a_map_without_frames_is_not_corrected() -> None:
+    with pytest.raises(CannotCorrect, match="none of the 0 frames"):
+        Mapper(profile("default"), SOURCE).correct(truth())
+
+
+def test_old_frames_are_dropped_and_stay_where_they_were(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(frame_log, "PART", 10)
+    mapper = mapper_of(drifted())
+    kept = len(mapper.logged_poses()[0])
+    assert 10 <= kept <= 20 < mapper.counts.used
+    assert mapper.correct(truth()).frames == kept
+
+
+def test_a_damaged_log_is_one_error() -> None:
+    frame = LoggedFrame(Observation(1.0, np.eye(4), (), shapely.Polygon()), None)
+    content = packed_frame(frame)
+    for wrong in (b"", content[:-5], content[:10] + b"\0" + content[11:]):
+        with pytest.raises(FormatError, match=r"x\.hmap: "):
+            unpacked_frame(wrong, "x.hmap")
+    assert unpacked_frame(content, "x.hmap").observation.stamp == 1.0
+
+
+@given(
+    x=st.floats(-5, 5), y=st.floats(-5, 5), yaw=st.floats(-3, 3), lift=st.floats(-1, 1),
+    tilt=st.floats(-1, 1),
+)  # fmt: skip
+def test_a_level_correction_of_any_camera_is_found(
+    x: float, y: float, yaw: float, lift: float, tilt: float
+) -> None:
+    before = pose_from_rpy(1, -2, 0.8, tilt, 0.3, 0.7)
+    after = pose_from_rpy(x, y, lift, 0, 0, yaw) @ before
+    motion, rise = floor_motion(before, after)
+    found = motion.apply([[3.0, 4.0]])[0]
+    assert found == pytest.approx(Pose2D(x, y, yaw).apply([[3.0, 4.0]])[0], abs=1e-9)
+    assert rise == pytest.approx(lift, abs=1e-9)
+
+
+def test_cells_move_whole_by_whole_cells_and_quarter_turns() -> None:
+    hit = np.array([[True, False, False], [False, False, True]])
+    seen = SeenCells(np.array([2, -3]), hit, ~hit)
+    moved = seen.moved(Pose2D(x=0.15, y=-0.05), 0.05)
+    row, col = np.argwhere(moved.is_hit).min(axis=0)
+    assert [moved.first[0] + row, moved.first[1] + col] == [2 - 1, -3 + 3]
+    assert (moved.is_hit.sum(), moved.is_free.sum()) == (2, 4)
+    turned = seen.moved(Pose2D(yaw=np.pi / 2), 0.05)
+    assert (turned.is_hit.sum(), turned.is_free.sum()) == (2, 4)
+    # Cell (2, -3), the lower left one, covers x -0.15..-0.1 and y 0.1..0.15: turned, x and y swap.
+    assert [-3, -3] in (np.argwhere(turned.is_hit) + turned.first).tolist()
