@@ -106,6 +106,7 @@ def __getattr__(name: str) -> Any:
 
 def _for_the_core(name: str) -> Any:
     others = {
+        "ask_map": "hypermap.questions.asking",
         "nearest_by_path": "hypermap.paths.planner",
         "stand_in_rooms": "hypermap.rooms.questions",
         "write_file": "hypermap.formats.atomic",

@@ -24,7 +24,8 @@ def test_what_can_be_added_touches_at_most_four_files_which_exist(title: str, te
     ("path", "name"),
     [
         ("src/hypermap/console/options.py", "OPTIONS"),
-        ("src/hypermap/console/questions.py", "of_options"),
+        ("src/hypermap/questions/answer.py", "_found"),
+        ("src/hypermap/console/questions.py", "query_of"),
         ("src/hypermap/cli/query.py", "given"),
         ("src/hypermap/formats/plugins.py", "_OURS"),
         ("src/hypermap/__init__.py", "_HOMES"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import resource
+from dataclasses import replace
 from datetime import datetime, timedelta, timezone
 from typing import Any
 
@@ -22,9 +23,8 @@ from hypermap import (
     SemanticLayer,
     SemanticObject,
 )
-from hypermap.questions import Answer, Query, ask
+from hypermap.questions import Answer, Condition, Measured, Query, Reference, When, ask
 from hypermap.questions.asking import answer_to
-from hypermap.questions.query import When
 from hypermap.rooms import Room, Rooms, with_rooms
 
 
@@ -247,11 +247,11 @@ def hours_ago(hours: float) -> datetime:
     ],
 )
 def test_when_objects_were_seen(diary: Hypermap, when: When, found: list[int]) -> None:
-    assert ids(ask(diary, Query(when=when))) == found
+    assert ids(ask(diary, Query(when=(when,)))) == found
 
 
 def test_what_may_have_been_seen_in_a_time_that_is_over_is_counted(diary: Hypermap) -> None:
-    answer = ask(diary, Query(when=When("seen", hours_ago(12), hours_ago(5))))
+    answer = ask(diary, Query(when=(When("seen", hours_ago(12), hours_ago(5)),)))
     assert answer.notes == ("1 more were seen before and after, and may have been then",)
 
 
@@ -264,5 +264,81 @@ def test_a_recording_without_a_calendar_cannot_say_on_which_day() -> None:
     thing = SemanticObject("cup", shapely.box(0, 0, 1, 1), first_seen=3.0, last_seen=40.0)
     hypermap = Hypermap([SemanticLayer("semantic", "map", [thing])])
     with pytest.raises(HypermapError, match="on which day"):
-        ask(hypermap, Query(when=When("seen", NOON)))
+        ask(hypermap, Query(when=(When("seen", NOON),)))
     assert ids(ask(hypermap, Query("last_seen", ("cup",)))) == [0]
+
+
+# What only programs ask
+
+
+@pytest.mark.parametrize(
+    ("query", "found"),
+    [
+        ({"ids": [1, 5]}, [1, 5]),
+        ({"ids": [1, 5], "names": ["cup"]}, [1]),
+        ({"tags": ["red"]}, [4]),
+        ({"tags": ["red", "old"]}, []),
+        ({"names": ["cup"], "exact": True}, [1]),  # not the mug
+        ({"names": ["seating"], "exact": True}, []),
+        ({"where": [{"relation": "at", "what": {"area": "POLYGON((7 1, 9 1, 9 3, 7 1))"}}]}, [5]),
+        ({"where": [{"relation": "at", "what": {"point": [3, 2]}}]}, [1, 0]),  # the smallest first
+        ({"where": [{"relation": "in", "what": {"names": ["kitchen"]}}]}, [5]),  # a room
+        ({"where": [{"relation": "in", "what": {"names": ["table"]}}]}, [1, 2]),
+        ({"where": [{"relation": "visible from", "what": {"point": [1, 1]}}]}, [0, 1, 2, 3, 4]),
+        ({"where": [{"relation": "visible from", "what": {"point": [6, 3.5]}}]}, [5]),
+        ({"where": [{"relation": "visible from", "what": {"names": ["couch"]}}]}, [0, 1, 2, 3, 4]),
+        (
+            {"layers": ["rooms"], "where": [{"relation": "with", "what": {"names": ["seating"]}}]},
+            [0, 1],
+        ),
+        ({"layers": ["rooms"], "where": [{"relation": "with", "what": {"names": ["mug"]}}]}, [0]),
+    ],
+)
+def test_what_programs_ask_for(flat: Hypermap, query: dict[str, Any], found: list[int]) -> None:
+    things = flat.semantic("semantic").objects()
+    things[4] = replace(things[4], tags=("red",))
+    layers = [layer if layer.name != "semantic" else semantic_of(things) for layer in flat]
+    assert ids(flat.with_layers(layers).ask(query)) == found
+
+
+def semantic_of(things: list[SemanticObject]) -> SemanticLayer:
+    return SemanticLayer("semantic", "map", things)
+
+
+def test_layers_without_objects_say_their_labels(flat: Hypermap) -> None:
+    at = Condition("at", Reference(point_xy=(3.0, 2.0)))
+    answer = flat.ask(Query("labels", where=(at,)))
+    assert ids(answer) == [1, 0]
+    assert [(cell.layer, cell.label) for cell in answer.cells] == [
+        ("occupancy", "Free"),
+        ("rooms", "hall"),
+    ]
+    walls = flat.ask({"give": "labels", "names": ["Occupied"], "exact": True})
+    assert walls.count == len(walls.cells) == 100 * 40 - 2 * 38 * 48 - 8
+    nearest = flat.ask(
+        {"give": "labels", "names": ["Occupied"], "exact": True, "which": "nearest", "count": 2},
+        pose=(0.45, 2.05),
+    )
+    assert [cell.distance for cell in nearest.cells] == pytest.approx([0.4, 0.41231], abs=1e-4)
+
+
+def test_a_query_by_words_and_one_by_values_have_the_same_answer(flat: Hypermap) -> None:
+    asked = flat.ask("where is the nearest chair?", pose=(1, 2))
+    assert ids(asked) == [3]
+    assert ids(flat.ask(asked.query, pose=Pose2D(1, 2))) == [3]
+    assert ids(flat.ask(asked.query.to_json(), pose=(1, 2))) == [3]
+
+
+@pytest.mark.parametrize(
+    ("query", "words"),
+    [
+        (Query(as_of=datetime(2026, 11, 20, tzinfo=timezone.utc)), "keeps no history"),
+        (Query(layers=("semantics",)), "there is no layer 'semantics'; did you mean 'semantic'"),
+        (Query(layers=("occupancy",)), "layer 'occupancy' holds none"),
+        (Query("places", measured=Measured("warmth", 25.0)), "there is no layer 'warmth'"),
+        (Query(where=(Condition("visible from", Reference(names=("chair",))),)), "names 2"),
+    ],
+)
+def test_what_a_map_does_not_have_is_said(flat: Hypermap, query: Query, words: str) -> None:
+    with pytest.raises(HypermapError, match=words):
+        flat.ask(query)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from hypermap.core.errors import FormatError
 from hypermap.questions import QUERY_SCHEMA, Condition, Query, Reference
-from hypermap.questions.query import Give, Measure, Relation, When, Which
+from hypermap.questions.query import Give, Measure, Measured, Relation, When, Which
 
 NAMES = st.lists(st.text(min_size=1, max_size=8), min_size=1, max_size=3).map(tuple)
 METERS = st.floats(0, 100)
@@ -20,6 +20,7 @@ PLACES = (
     st.builds(Reference, rooms=NAMES)
     | st.builds(Reference, point_xy=st.tuples(METERS, METERS))
     | st.just(Reference(is_asker=True))
+    | st.just(Reference(area="POLYGON ((0 0, 2 0, 2 1, 0 0))"))
 )
 
 
@@ -45,11 +46,17 @@ REFERENCES = PLACES | st.builds(
 )
 QUERIES = st.builds(
     Query,
-    st.sampled_from(get_args(Give)),
+    st.sampled_from([give for give in get_args(Give) if give != "places"]),
     names=NAMES | st.just(()),
     besides=NAMES | st.just(()),
     where=st.lists(conditions(REFERENCES), max_size=2).map(tuple),
-    when=st.none() | WHEN,
+    exact=st.booleans(),
+    ids=st.lists(st.integers(0, 9), max_size=2).map(tuple),
+    tags=NAMES | st.just(()),
+    when=st.lists(WHEN, max_size=2).map(tuple),
+    as_of=st.none() | MOMENTS,
+    measured=st.none() | st.builds(Measured, st.none() | st.just("warmth"), METERS, METERS),
+    layers=NAMES | st.just(()),
     which=st.none() | st.sampled_from(get_args(Which)),
     count=st.none() | st.integers(1, 9),
     start=st.none() | REFERENCES,
@@ -86,6 +93,17 @@ def test_json_keeps_a_query_and_follows_the_schema(query: Query) -> None:
         ({"where": [{"relation": "at", "what": {"point": [1, "a"]}}]}, "two finite numbers"),
         ({"where": [{"relation": "beyond", "what": {"asker": True}}]}, "'beyond' needs a distance"),
         ({"start": {"names": ["a"], "rooms": ["b"]}}, "start: a reference is exactly one of"),
+        ({"when": [{}]}, r"when\[0\]: a time needs its begin or its end"),
+        ({"when": "monday"}, "when: expected a list, got str"),
+        ({"as_of": "monday"}, "as_of: 'monday' is no date or time"),
+        ({"ids": ["7"]}, "ids: expected a whole number"),
+        ({"tags": "red"}, "tags: expected a list"),
+        ({"exact": 1}, "exact: expected true or false"),
+        ({"measured": {"above": "hot"}}, "measured.above: expected a number"),
+        ({"give": "places"}, "'places' needs measured values with a limit"),
+        ({"value": 3}, "only 'labels' has the values of cells"),
+        ({"start": {"area": "POLYGON((0 0"}}, "start: the area is not WKT"),
+        ({"start": {"area": "POINT(0 0)"}}, "start: the area is empty"),
         ({"names": ["a"], "rooms": ["b"]}, "for rooms or for objects, not for both"),
     ],
 )

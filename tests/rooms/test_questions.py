@@ -7,7 +7,7 @@ import shapely
 
 from hypermap import FrameTree, Hypermap, Pose2D, SemanticLayer, SemanticObject, Transform
 from hypermap.console.commands import Console
-from hypermap.console.questions import Question, answers
+from hypermap.console.questions import answered
 from hypermap.core.errors import HypermapError
 from hypermap.rooms import is_reachable, room_of, rooms_asked, rooms_of_map, rooms_with, with_rooms
 
@@ -138,7 +138,7 @@ def test_the_shell_asks_for_rooms(flat):
 
 
 def test_programs_read_in_which_room_each_object_is(flat):
-    rows = answers(flat, Question(names=["cup", "car"]))
+    rows = answered(flat, {"--name": ["cup", "car"]}).rows
     reported = {row["value"]: row["room"] for row in rows}
     assert reported == {12: {"id": 0, "name": "kitchen"}, 13: {"id": 1, "name": "Ada's"}, 16: None}
 

@@ -29,7 +29,8 @@ from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.pictures import MOST_PICTURES
 from hypermap.core.semantic import SemanticLayer
 from hypermap.questions.answer import Answer, ask
-from hypermap.questions.query import Condition, Query, Reference, When, parse_moment
+from hypermap.questions.query import Condition, Query, Reference, When
+from hypermap.questions.query_json import parse_moment
 from hypermap.questions.taxonomy import load_taxonomy
 from hypermap.rooms.questions import room_called, rooms_asked, rooms_at
 from hypermap.rooms.rooms import Rooms, rooms_on
@@ -112,13 +113,13 @@ class Looking:
         self, *, point: Annotated[Point, Field(description="as [x, y]")]
     ) -> dict[str, Any]:
         """Tell which objects are at a point, smallest first, its room, and whether it is free."""
-        hypermap = self._current()
-        found = [item for item in hypermap.objects_at(point) if item.layer != ROOMS]
+        at = Condition("at", Reference(point_xy=point))
+        hypermap, answer = self._answer(Query(where=(at,)))
         rooms = rooms_on(hypermap)
         (room,) = [None] if rooms is None else rooms_at(rooms, [point])
         grids = [layer for layer in hypermap.placed_layers() if isinstance(layer, OccupancyLayer)]
         states = {one.name: str(hypermap.label_at(one.name, point)[0]).lower() for one in grids}
-        there = object_rows(hypermap, found[:_MOST_OBJECTS])
+        there = object_rows(hypermap, answer.first(_MOST_OBJECTS))
         return answer_of(hypermap, objects=there, room=room_row(room), occupancy=states)
 
     def list_rooms(self) -> dict[str, Any]:
@@ -209,8 +210,8 @@ class Looking:
         Objects that are gone from the map are not listed. Times without a zone are in UTC.
         """
         begin = parse_moment(since, "since")
-        hypermap, added = self._answer(Query(when=When("new", begin)))
-        _, unseen = self._answer(Query(when=When("not seen", begin)))
+        hypermap, added = self._answer(Query(when=(When("new", begin),)))
+        _, unseen = self._answer(Query(when=(When("not seen", begin),)))
         last_first = sorted(added.objects, key=lambda item: -(item.object.first_seen or 0.0))
         longest_first = sorted(unseen.objects, key=lambda item: item.object.last_seen or 0.0)
         return answer_of(
@@ -331,7 +332,7 @@ class Looking:
     def _objects(self, answered: tuple[Hypermap, Answer], limit: int) -> dict[str, Any]:
         hypermap, answer = answered
         shown = answer_of(
-            hypermap, count=answer.count, objects=object_rows(hypermap, answer.objects[:limit])
+            hypermap, count=answer.count, objects=object_rows(hypermap, answer.first(limit))
         )
         if answer.rooms and answer.query.asks_rooms:
             shown["rooms"] = [room_row(room) for room in answer.rooms[:limit]]

@@ -98,7 +98,7 @@ def command(
         hypermap query lab.hmap --name desk --measured wifi --below -75
     """
     from hypermap.console.answer import document, shown
-    from hypermap.console.questions import Question, answers, remarks
+    from hypermap.console.questions import answered
     from hypermap.formats import open_map
 
     given = {
@@ -125,9 +125,9 @@ def command(
         "--layer": layer,
         "--frame": frame_id,
     }
-    question = Question.of_options(given)
     hypermap = open_map(path)
-    rows = answers(hypermap, question)
+    found = answered(hypermap, given)
+    rows = found.rows
     if evidence:
         from hypermap.console.evidence import add_evidence
         from hypermap.viewer.live.object_evidence import describe_evidence
@@ -141,10 +141,10 @@ def command(
     if as_json:
         say_json(document(str(path), hypermap, rows))
         return
-    _show(shown(question, rows))
+    _show(shown(found))
     if evidence:
         _show_evidence(rows)
-    for remark in remarks(hypermap, question, rows):
+    for remark in found.remarks:
         note(remark)
     if saved:
         say(f"\nsaved {counted(saved, 'picture')} in {pictures}")

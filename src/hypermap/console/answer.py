@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from hypermap.console.questions import Question, Row
+from hypermap.console.questions import Answered, Row
 from hypermap.core.hypermap import Hypermap
 from hypermap.text import counted, printable
 
@@ -33,13 +33,15 @@ class Shown:
     texts: int = 2
 
 
-def shown(question: Question, rows: Sequence[Row]) -> Shown:
-    """Return what is shown of the rows of an answer."""
+def shown(answered: Answered) -> Shown:
+    """Return what is shown of an answer."""
+    rows, query = answered.rows, answered.answer.query
     if not rows:
         return Shown()
     # Of an area alone, a grid would show every cell.
-    is_listed = question.what or question.at is not None or question.is_about_places
-    cells_are_counted = not is_listed
+    is_at_point = any(one.reference.point_xy is not None for one in query.where)
+    is_some = query.names or query.ids or query.value is not None or query.give == "places"
+    cells_are_counted = not (is_some or is_at_point)
     listed = [row for row in rows if "object" in row] if cells_are_counted else rows
     of_cells = [row for row in rows if cells_are_counted and "object" not in row]
     cells = Counter((row["layer"], row["label"]) for row in of_cells if "unit" not in row)

@@ -6,7 +6,8 @@ from collections.abc import Iterator
 from typing import Any
 
 from hypermap.core.hypermap import FoundObject, Hypermap
-from hypermap.questions.answer import NEXT_TO, Answer
+from hypermap.questions.answer import Answer
+from hypermap.questions.finder import NEXT_TO
 from hypermap.questions.query import Condition, Query, Reference, When
 from hypermap.questions.times import minute_of, time_of
 from hypermap.rooms.questions import rooms_at
@@ -36,8 +37,7 @@ def understood(query: Query) -> list[tuple[str, str]]:
     what += f", but not {' or '.join(query.besides)}" if query.besides else ""
     parts = [("asked", _GIVES[query.give]), ("what", what)]
     parts += [("where", _condition(one)) for one in query.where]
-    if query.when is not None:
-        parts.append(("when", _when(query.when)))
+    parts += [("when", _when(when)) for when in query.when]
     if query.which is not None:
         number = f"{query.count} " if query.count else ""
         measured = f" to {_reference(query.start)}" if query.start else ""
@@ -93,12 +93,13 @@ def lines(hypermap: Hypermap, answer: Answer) -> Iterator[str]:
     elif answer.query.rooms:
         yield from map(_title, answer.rooms[:_MOST] if give != "count" else ())
     elif give == "room":
-        pairs = zip(answer.objects[:_MOST], answer.rooms, strict=False)
+        pairs = zip(answer.first(_MOST), answer.rooms, strict=False)
         yield from (f"{title(item)}: {_title(room)}" for item, room in pairs)
     elif give != "count":
-        rooms = _rooms(hypermap, answer.objects[:_MOST])
-        is_timed = give == "last_seen" or answer.query.when is not None
-        for item, room in zip(answer.objects[:_MOST], rooms, strict=True):
+        found = answer.first(_MOST)
+        rooms = _rooms(hypermap, found)
+        is_timed = give == "last_seen" or bool(answer.query.when)
+        for item, room in zip(found, rooms, strict=True):
             seen = item.object.last_seen if is_timed else None
             yield _line(item, room) + ("" if seen is None else f", last seen {time_of(seen)}")
     if answer.count > _MOST and give not in ("count",):

@@ -22,7 +22,7 @@ from hypermap.console.answer import document, plain, shown
 from hypermap.console.asked import lines, understood
 from hypermap.console.evidence import DescribeEvidence, add_evidence, plain_evidence
 from hypermap.console.options import help_text, parse
-from hypermap.console.questions import Question, answers, remarks
+from hypermap.console.questions import answered
 from hypermap.core.errors import HypermapError, did_you_mean
 from hypermap.core.hypermap import Hypermap
 from hypermap.formats import open_map, save_map
@@ -151,8 +151,8 @@ class Console:
 
     def _query(self, arguments: list[str]) -> str:
         given = parse(arguments)
-        question = Question.of_options(given)
-        rows = answers(self.hypermap, question)
+        found = answered(self.hypermap, given)
+        rows = found.rows
         if given.get("--evidence"):
             if self.describe_evidence is None:
                 raise HypermapError("--evidence is for `hypermap query` and `hypermap shell`")
@@ -160,8 +160,8 @@ class Console:
         if given.get("--json"):
             answer = document(self.source, self.hypermap, rows)
             return json.dumps(fit_for_json(answer), indent=2, default=str)
-        said = [plain(shown(question, rows)), plain_evidence(rows)]
-        return "\n".join(filter(None, [*said, *remarks(self.hypermap, question, rows)]))
+        said = [plain(shown(found)), plain_evidence(rows)]
+        return "\n".join(filter(None, [*said, *found.remarks]))
 
     def _ask(self, arguments: list[str]) -> str:
         words = arguments[2:] if arguments[:1] == ["--pose"] else arguments

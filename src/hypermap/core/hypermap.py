@@ -22,7 +22,7 @@ from hypermap.core.semantic import SemanticLayer
 from hypermap.core.shapes import as_area
 from hypermap.core.store import Matches, Placed, PlacedLayer, PlacedLayers
 
-__all__ = ["Found", "FoundObject", "Hypermap"]
+__all__ = ["Found", "FoundObject", "Hypermap", "Matches"]
 
 _log = logging.getLogger(__name__)
 
@@ -406,13 +406,13 @@ class Hypermap(OutsideMethods):
         if inside is not None:
             chosen = chosen.take(self._are_inside(layers, chosen, inside, frame_id))
         if near is None:
-            return Matches(layers, chosen.keys)
+            return Matches(layers, chosen)
         others = self._anchors(layers, near, frame_id)
         distances = chosen.distances_to(others, farthest)
         to_centroids = chosen.centroid_distances_to(others)
         order = np.lexsort((to_centroids, distances))
         order = order[np.isfinite(distances[order])]
-        return Matches(layers, chosen.keys[order], distances[order])
+        return Matches(layers, chosen.take(order), distances[order])
 
     def _with_objects(
         self, layer: str | None = None, *, and_others: bool = False

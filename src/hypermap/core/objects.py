@@ -219,6 +219,12 @@ class ObjectTable:
         return self._known_names[self.codes]
 
     @cached_property
+    def names_in_use(self) -> frozenset[str]:
+        """The names that objects have; the vocabulary may have others, of removed objects."""
+        used = np.bincount(self.codes, minlength=len(self.vocabulary)) > 0
+        return frozenset(name for name, code in self.vocabulary.items() if used[code])
+
+    @cached_property
     def _known_names(self) -> ObjectArray:
         return as_objects(self.vocabulary)
 

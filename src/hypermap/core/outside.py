@@ -85,6 +85,31 @@ class OutsideMethods:
         standing: BoolArray | None = _outside("stand_in_rooms")(self, what, points_xy)
         return standing
 
+    def ask(
+        self,
+        question: Any,
+        pose: Any = None,
+        *,
+        taxonomy: str | Path | None = None,
+        robot_radius: float = 0.0,
+    ) -> Any:
+        """Return the answer to a question; the same as `hypermap.questions.ask_map`.
+
+        Args:
+            question: a `Query`, JSON values of one, or a text in English.
+            pose: where the asker is in the base frame: a `Pose2D`, or (x, y) [m]; None if unknown.
+            taxonomy: a file of more names of things.
+            robot_radius: of the robot that distances by path are for [m].
+
+        Returns:
+            An `Answer`, with `objects`, `rooms`, `count` and `notes`.
+
+        Raises:
+            HypermapError: If the question cannot be read or answered.
+        """
+        asked = {"taxonomy": taxonomy, "robot_radius": robot_radius}
+        return _outside("ask_map")(self, question, pose, **asked)
+
     # Called by notebooks
 
     def _repr_html_(self) -> str:

@@ -9,7 +9,7 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from hypermap.core.arrays import BoolArray, FloatArray, IntArray
+from hypermap.core.arrays import BoolArray, FloatArray, IntArray, PointsLike, as_point_xy
 from hypermap.paths.free_space import FreeSpace
 from hypermap.paths.segments import line_cost
 
@@ -53,6 +53,18 @@ class Sight:
         gaps: NDArray[np.float64] = np.asarray(shapely.distance(shape, points))
         chosen = (gaps >= least) & (gaps <= most)
         return cells[chosen], gaps[chosen]
+
+    def sees(self, point_xy: PointsLike, shape: BaseGeometry) -> bool:
+        """Return whether nothing blocks the line from a point to the nearest point of a shape.
+
+        Args:
+            point_xy: in the frame of the grid [m].
+            shape: likewise.
+        """
+        line = shapely.shortest_line(shape, shapely.Point(as_point_xy(point_xy)))
+        ends = self._space.grid.positions_at(shapely.get_coordinates(line))
+        (y, x), (own_y, own_x) = ends.tolist()
+        return bool(np.isfinite(line_cost(self._cost, own_x, own_y, x, y)))
 
     def first_that_sees(
         self, shape: BaseGeometry, cells: IntArray, order: FloatArray

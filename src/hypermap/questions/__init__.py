@@ -6,9 +6,10 @@ from hypermap._lazy import attribute
 
 if TYPE_CHECKING:
     from hypermap.questions.answer import Answer, ask
+    from hypermap.questions.asking import ask_map
     from hypermap.questions.english import NotUnderstood, understand
     from hypermap.questions.model import LanguageModel
-    from hypermap.questions.query import Condition, Query, Reference
+    from hypermap.questions.query import Condition, Measured, Query, Reference, When
     from hypermap.questions.schema import QUERY_SCHEMA
     from hypermap.questions.taxonomy import Taxonomy, load_taxonomy
 
@@ -16,12 +17,15 @@ _HOMES = {
     "Answer": "hypermap.questions.answer",
     "Condition": "hypermap.questions.query",
     "LanguageModel": "hypermap.questions.model",
+    "Measured": "hypermap.questions.query",
     "NotUnderstood": "hypermap.questions.english",
     "QUERY_SCHEMA": "hypermap.questions.schema",
     "Query": "hypermap.questions.query",
     "Reference": "hypermap.questions.query",
     "Taxonomy": "hypermap.questions.taxonomy",
+    "When": "hypermap.questions.query",
     "ask": "hypermap.questions.answer",
+    "ask_map": "hypermap.questions.asking",
     "load_taxonomy": "hypermap.questions.taxonomy",
     "understand": "hypermap.questions.english",
 }
@@ -31,11 +35,14 @@ __all__ = [
     "Answer",
     "Condition",
     "LanguageModel",
+    "Measured",
     "NotUnderstood",
     "Query",
     "Reference",
     "Taxonomy",
+    "When",
     "ask",
+    "ask_map",
     "load_taxonomy",
     "understand",
 ]

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from hypermap.core.errors import FormatError, HypermapError
 from hypermap.core.frames import Pose2D
@@ -27,7 +28,7 @@ def answer_to(
     hypermap: Hypermap,
     question: str,
     asker: Pose2D | None = None,
-    taxonomy: Path | None = None,
+    taxonomy: str | Path | None = None,
     robot_radius: float = 0.0,
     model: LanguageModel | None = None,
 ) -> Answer:
@@ -65,12 +66,41 @@ def answer_to(
     return replace(answer, notes=(*notes, *answer.notes))
 
 
+def ask_map(
+    hypermap: Hypermap,
+    question: Query | Mapping[str, Any] | str,
+    pose: Pose2D | tuple[float, float] | None = None,
+    *,
+    taxonomy: str | Path | None = None,
+    robot_radius: float = 0.0,
+) -> Answer:
+    """Return the answer to a question; `Hypermap.ask`.
+
+    Args:
+        hypermap: the map.
+        question: a query, JSON values of one, or a text in English.
+        pose: where the asker is in the base frame: a pose, or (x, y) [m]; None if unknown.
+        taxonomy: a file of more names of things.
+        robot_radius: of the robot that distances by path are for [m].
+
+    Raises:
+        NotUnderstood: If the text cannot be read.
+        HypermapError: If the question cannot be answered.
+    """
+    asker = pose if pose is None or isinstance(pose, Pose2D) else Pose2D(*pose)
+    if isinstance(question, str):
+        return answer_to(hypermap, question, asker, taxonomy, robot_radius)
+    query = question if isinstance(question, Query) else Query.from_json(question)
+    names = load_taxonomy(taxonomy)
+    return ask(hypermap, query, asker=asker, taxonomy=names, robot_radius=robot_radius)
+
+
 def vocabulary_of(hypermap: Hypermap, taxonomy: Taxonomy) -> Vocabulary:
     """Return what nouns mean in questions about a map."""
     from hypermap.questions.words import Vocabulary
 
     layers = [layer for layer in hypermap.layers if isinstance(layer, SemanticLayer)]
-    things = {str(name) for layer in layers if layer.name != ROOMS for name in layer.names}
+    things = {n for layer in layers if layer.name != ROOMS for n in layer.table.names_in_use}
     rooms = rooms_on(hypermap) or ()
     return Vocabulary(
         taxonomy,

@@ -235,7 +235,7 @@ class _Parts(Transformer[Token, Query]):
         return replace(_query(parts), give="last_seen")
 
     def seen(self, parts: list[Any]) -> Query:
-        return replace(_query(parts), when=self._when(parts))
+        return replace(_query(parts), when=(self._when(parts),))
 
     def seen_count(self, parts: list[Any]) -> Query:
         return replace(self.seen(parts), give="count")

@@ -3,16 +3,28 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
-from datetime import datetime, timezone
+from datetime import datetime
 from typing import Any, Literal, TypeAlias, get_args
 
-from hypermap.core.errors import FormatError
+import shapely
 
-Give: TypeAlias = Literal["objects", "count", "exists", "distance", "room", "rooms", "last_seen"]
+Give: TypeAlias = Literal[
+    "objects", "count", "exists", "distance", "room", "rooms", "last_seen", "labels", "places"
+]
 Relation: TypeAlias = Literal[
-    "in", "at", "near", "beyond", "on", "under", "left of", "right of", "in front of", "behind"
+    "in",
+    "at",
+    "near",
+    "beyond",
+    "on",
+    "under",
+    "left of",
+    "right of",
+    "in front of",
+    "behind",
+    "visible from",
+    "with",
 ]
 Which: TypeAlias = Literal["nearest", "farthest", "largest", "smallest", "surest", "newest"]
 Measure: TypeAlias = Literal["air", "path"]
@@ -30,6 +42,7 @@ class Reference:
         where: conditions on these objects.
         rooms: names or kinds of rooms, any of which will do.
         point_xy: a point in the base frame [m].
+        area: an area in the base frame [m], as WKT.
         is_asker: whether it is where the asker is.
     """
 
@@ -37,12 +50,17 @@ class Reference:
     where: tuple[Condition, ...] = ()
     rooms: tuple[str, ...] = ()
     point_xy: tuple[float, float] | None = None
+    area: str | None = None
     is_asker: bool = False
 
     def __post_init__(self) -> None:
-        given = [self.names != (), self.rooms != (), self.point_xy is not None, self.is_asker]
-        if sum(given) != 1:
-            raise ValueError("a reference is exactly one of names, rooms, a point, and the asker")
+        places = [self.point_xy is not None, self.area is not None, self.is_asker]
+        if sum([self.names != (), self.rooms != (), *places]) != 1:
+            raise ValueError(
+                "a reference is exactly one of names, rooms, a point, an area, and the asker"
+            )
+        if self.area is not None:
+            _check_area(self.area)
         if self.where and not self.names:
             raise ValueError("only a reference by names has conditions")
 
@@ -53,7 +71,8 @@ class Condition:
 
     Attributes:
         relation: "near" and "beyond" compare the distance between shapes with `within`; the sides
-            are those of the reference as the asker sees it.
+            are those of the reference as the asker sees it; "visible from" needs a line of sight
+            without a wall; "with" holds for rooms in which there is such an object.
         reference: the place, room or objects that it refers to; any of the objects will do.
         within: a distance [m]; None for "next to" (`NEXT_TO` in `answer`).
         negated: whether the opposite is asked for.
@@ -105,19 +124,52 @@ class When:
 
 
 @dataclass(frozen=True)
+class Measured:
+    """A condition on measured values, such as temperatures.
+
+    Attributes:
+        layer: that has them; None for the only one.
+        above: the mean around an object, or the value of a place, is larger; None for any.
+        below: it is smaller; None for any.
+    """
+
+    layer: str | None = None
+    above: float | None = None
+    below: float | None = None
+
+    def __post_init__(self) -> None:
+        for limit in (self.above, self.below):
+            if limit is not None and math.isnan(limit):
+                raise ValueError("a limit of measured values is a number")
+
+    @property
+    def has_limits(self) -> bool:
+        """Whether only some values will do."""
+        return (self.above, self.below) != (None, None)
+
+
+@dataclass(frozen=True)
 class Query:
     """A question.
 
     Attributes:
         give: the objects, how many there are, whether there are any, how far they are, the rooms
-            that they are in ("room"), the rooms that have them ("rooms"; all without names), or
-            when they were last seen.
+            that they are in ("room"), the rooms that have them ("rooms"; all without names), when
+            they were last seen, the objects and what layers without objects say ("labels"), or the
+            places at which `measured` holds ("places").
         names: of the objects, any of which matches; none for all. A name matches the objects of a
             map that are called so, and those that are of that kind by the taxonomy.
+        exact: whether names are those of the map alone, without a taxonomy; rooms are objects, too.
         besides: names that the objects must not have.
+        ids: of the objects, any of which matches; none for all.
+        tags: which the objects have, all of them.
         rooms: names or kinds of rooms, if these and not objects are asked for.
         where: conditions, all of which the objects meet.
-        when: when the objects were seen; None for whenever.
+        when: conditions on when the objects were seen, all of which they meet.
+        as_of: the map of which time is asked, with its time zone; None for now.
+        measured: the values around the objects or at the places; None where they do not matter.
+        layers: those that are asked; none for all.
+        value: that cells of the layers have, for "labels".
         which: which of the objects are wanted; None for all.
         count: how many of those; None for one if `which` is given.
         start: from where distances are measured; None for where the asker is.
@@ -126,10 +178,17 @@ class Query:
 
     give: Give = "objects"
     names: tuple[str, ...] = ()
+    exact: bool = False
     besides: tuple[str, ...] = ()
+    ids: tuple[int, ...] = ()
+    tags: tuple[str, ...] = ()
     rooms: tuple[str, ...] = ()
     where: tuple[Condition, ...] = ()
-    when: When | None = None
+    when: tuple[When, ...] = ()
+    as_of: datetime | None = None
+    measured: Measured | None = None
+    layers: tuple[str, ...] = ()
+    value: float | None = None
     which: Which | None = None
     count: int | None = None
     start: Reference | None = None
@@ -139,10 +198,22 @@ class Query:
         for value, choices in ((self.give, Give), (self.which, Which), (self.by, Measure)):
             if value is not None and value not in get_args(choices):
                 raise ValueError(f"{value!r} is none of {', '.join(get_args(choices))}")
-        if self.rooms and (self.names or self.besides or self.where or self.when):
+        if self.rooms and self.describes_objects:
             raise ValueError("a query asks for rooms or for objects, not for both")
         if self.count is not None and self.count < 1:
             raise ValueError(f"count must be at least 1, got {self.count}")
+        if self.as_of is not None and self.as_of.tzinfo is None:
+            raise ValueError(f"{self.as_of.isoformat()} needs a time zone, as +01:00")
+        if self.give == "places" and (self.measured is None or not self.measured.has_limits):
+            raise ValueError("'places' needs measured values with a limit")
+        if self.value is not None and self.give != "labels":
+            raise ValueError("only 'labels' has the values of cells")
+
+    @property
+    def describes_objects(self) -> bool:
+        """Whether it says anything of the objects: of all, the answer is about some."""
+        which = (self.names, self.besides, self.ids, self.tags, self.where, self.when)
+        return any(which) or self.measured is not None
 
     @property
     def asks_rooms(self) -> bool:
@@ -151,7 +222,9 @@ class Query:
 
     def to_json(self) -> dict[str, Any]:
         """Return the query as JSON values, without what is left at its default."""
-        return _to_json(self)
+        from hypermap.questions.query_json import json_of  # which knows this class
+
+        return json_of(self)
 
     @classmethod
     def from_json(cls, values: Any) -> Query:
@@ -163,122 +236,15 @@ class Query:
         >>> Query.from_json({"names": ["cup"], "which": "nearest"}).which
         'nearest'
         """
-        given = _checked(values, "the query", cls)
-        where = given.get("where", ())
-        conditions = [_condition(one, f"where[{i}]") for i, one in enumerate(_list(where, "where"))]
-        given |= {"where": tuple(conditions)}
-        given |= {key: _names(given.get(key, ()), key) for key in ("names", "besides", "rooms")}
-        if given.get("when") is not None:
-            given["when"] = _when(given["when"])
-        if given.get("start") is not None:
-            given["start"] = _reference(given["start"], "start")
-        count = given.get("count")
-        if count is not None and (isinstance(count, bool) or not isinstance(count, int)):
-            raise FormatError("count: expected a whole number")
-        made: Query = _made(cls, given, "the query")
-        return made
+        from hypermap.questions.query_json import query_of  # which knows this class
+
+        return query_of(values)
 
 
-_DEEPEST = 8  # references within each other
-_JSON_KEYS = {"reference": "what", "is_asker": "asker", "point_xy": "point"}
-
-
-def _to_json(value: Any) -> dict[str, Any]:
-    result: dict[str, Any] = {}
-    for name, spec in value.__dataclass_fields__.items():
-        part = getattr(value, name)
-        if part == spec.default:
-            continue
-        key = _JSON_KEYS.get(name, name)
-        if isinstance(part, Reference | When):
-            result[key] = _to_json(part)
-        elif isinstance(part, datetime):
-            result[key] = part.isoformat()
-        elif isinstance(part, tuple):
-            result[key] = [_to_json(one) if isinstance(one, Condition) else one for one in part]
-        else:
-            result[key] = part
-    return result
-
-
-def _checked(values: Any, where: str, cls: type[Any]) -> dict[str, Any]:
-    """Return the values of a JSON object by the names of a class's attributes."""
-    names = {_JSON_KEYS.get(name, name): name for name in cls.__dataclass_fields__}
-    if not isinstance(values, Mapping):
-        raise FormatError(f"{where}: expected an object, got {type(values).__name__}")
-    for key in values:
-        if key not in names:
-            raise FormatError(f"{where}: there is no key {key!r}; known: {', '.join(names)}")
-    return {names[key]: value for key, value in values.items()}
-
-
-def _made(cls: type[Any], given: Mapping[str, Any], where: str) -> Any:
+def _check_area(text: str) -> None:
     try:
-        return cls(**given)
-    except (TypeError, ValueError) as error:
-        raise FormatError(f"{where}: {error}") from None
-
-
-def _list(values: Any, where: str) -> list[Any]:
-    if not isinstance(values, list | tuple):
-        raise FormatError(f"{where}: expected a list, got {type(values).__name__}")
-    return list(values)
-
-
-def _names(values: Any, where: str) -> tuple[str, ...]:
-    names = _list(values, where)
-    if not all(isinstance(name, str) for name in names):
-        raise FormatError(f"{where}: expected names")
-    return tuple(names)
-
-
-def _when(values: Any) -> When:
-    given = _checked(values, "when", When)
-    for key in ("since", "until"):
-        if given.get(key) is not None:
-            given[key] = parse_moment(given[key], f"when.{key}")
-    made: When = _made(When, given, "when")
-    return made
-
-
-def parse_moment(value: Any, where: str) -> datetime:
-    """Return a moment out of a text as 2026-11-20T10:00+01:00; without a zone, it is in UTC.
-
-    Raises:
-        FormatError: If it is none; it begins with `where`.
-    """
-    try:
-        moment = datetime.fromisoformat(str(value).strip().replace("Z", "+00:00"))
-    except ValueError:
-        raise FormatError(
-            f"{where}: {str(value)[:40]!r} is no date or time as 2026-11-20T10:00+01:00"
-        ) from None
-    return moment if moment.tzinfo else moment.replace(tzinfo=timezone.utc)
-
-
-def _condition(values: Any, where: str) -> Condition:
-    given = _checked(values, where, Condition)
-    if "reference" not in given:
-        raise FormatError(f"{where}: the key 'what' is missing")
-    given["reference"] = _reference(given["reference"], f"{where}.what")
-    made: Condition = _made(Condition, given, where)
-    return made
-
-
-def _reference(values: Any, where: str) -> Reference:
-    given = _checked(values, where, Reference)
-    conditions = _list(given.get("where", ()), f"{where}.where")
-    if where.count(".what") > _DEEPEST:
-        raise FormatError(f"{where}: more than {_DEEPEST} references within each other")
-    given["where"] = tuple(
-        _condition(one, f"{where}.where[{i}]") for i, one in enumerate(conditions)
-    )
-    given |= {key: _names(given.get(key, ()), f"{where}.{key}") for key in ("names", "rooms")}
-    if given.get("point_xy") is not None:
-        point = _list(given["point_xy"], f"{where}.point")
-        numbers = [one for one in point if isinstance(one, int | float) and math.isfinite(one)]
-        if len(point) != 2 or len(numbers) != 2:
-            raise FormatError(f"{where}.point: expected two finite numbers")
-        given["point_xy"] = (float(numbers[0]), float(numbers[1]))
-    made: Reference = _made(Reference, given, where)
-    return made
+        area = shapely.from_wkt(text)
+    except (shapely.GEOSException, NotImplementedError) as error:
+        raise ValueError(f"the area is not WKT: {error}") from None
+    if area.area == 0 or not area.is_valid:
+        raise ValueError("the area is empty, or its outline crosses itself")

@@ -1,40 +1,37 @@
-"""Relations between objects: how far apart they are, what is on what, and on which side.
+"""Relations between objects: what is on what, on which side, and what meets what.
 
 All take objects in the base frame, and none is its own other.
 """
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import shapely
 
-from hypermap.core.arrays import BoolArray, FloatArray, IntArray, ObjectArray, as_objects
+from hypermap.core.arrays import BoolArray, FloatArray, IntArray, ObjectArray
 from hypermap.core.errors import HypermapError
 from hypermap.core.frames import Pose2D
-from hypermap.core.hypermap import FoundObject
+from hypermap.core.hypermap import Matches
 
 _TOUCHING = 0.15  # [m] between what stands on a thing and that thing's top, as they are measured
-_ROUNDING = 1e-6  # [m]
 _AT_ONCE = 1000  # objects are compared with all others, so that memory stays bounded
 
 
 class Stacks:
     """Tells which objects are on or under others in whose footprints they are, by heights."""
 
-    def __init__(
-        self, relation: str, found: Sequence[FoundObject], others: Sequence[FoundObject]
-    ) -> None:
+    def __init__(self, relation: str, found: Matches, others: Matches) -> None:
         self._relation = relation
-        self._found, self._others = _heights(found), _heights(others)
-        self._areas = shapely.area(footprints(found)), shapely.area(footprints(others))
+        self._matches = found, others
+        self._areas = shapely.area(found.shapes), shapely.area(others.shapes)
 
     def __call__(self, at: IntArray, of: IntArray) -> BoolArray:
         """Return which of some pairs are so."""
-        (low, high), (other_low, other_high) = self._found[at].T, self._others[of].T
+        low, high = _heights(self._matches[0], at)
+        other_low, other_high = _heights(self._matches[1], of)
         is_known = ~np.isnan(low + high + other_low + other_high)
         if self._relation == "under":
             if not is_known.all():
@@ -48,16 +45,9 @@ class Stacks:
 class Sides:
     """Tells which objects are on a side of others, as someone sees these."""
 
-    def __init__(
-        self,
-        relation: str,
-        found: Sequence[FoundObject],
-        others: Sequence[FoundObject],
-        asker: Pose2D,
-    ) -> None:
+    def __init__(self, relation: str, found: Matches, others: Matches, asker: Pose2D) -> None:
         self._relation = relation
-        self._found = np.array([item.point_xy for item in found])
-        self._others = np.array([item.point_xy for item in others])
+        self._found, self._others = found.centroids, others.centroids
         self._asker_xy = np.array([asker.x, asker.y])
 
     def __call__(self, at: IntArray, of: IntArray) -> BoolArray:
@@ -73,8 +63,8 @@ class Sides:
 
 
 def any_pair(
-    found: Sequence[FoundObject],
-    others: Sequence[FoundObject],
+    found: Matches,
+    others: Matches,
     shapes: ObjectArray,
     predicate: Any,
     distance: float | None = None,
@@ -90,68 +80,30 @@ def any_pair(
         distance: for the predicate "dwithin" [m].
         is_so: what else must hold, for the places of objects and others.
     """
-    tree = shapely.STRtree(footprints(others))
-    numbers: dict[tuple[str, int | None], int] = {}
-    keys, other_keys = (
-        np.array([numbers.setdefault(key_of(one), len(numbers)) for one in each])
-        for each in (found, others)
-    )
+    tree = shapely.STRtree(others.shapes)
     holds = np.zeros(len(found), dtype=bool)
     for begin in range(0, len(found), _AT_ONCE):
-        part = shapes[begin : begin + _AT_ONCE]
+        part = shapely.force_2d(shapes[begin : begin + _AT_ONCE])  # copies may be prepared
         at, of = tree.query(part, predicate=predicate, distance=distance)
         at = at + begin
-        is_other = keys[at] != other_keys[of]
+        is_other = found.keys[at] != others.keys[of]
         at, of = at[is_other], of[is_other]
         holds[at if is_so is None else at[is_so(at, of)]] = True
     return holds
 
 
-def distances(
-    found: Sequence[FoundObject], others: Sequence[FoundObject], within: float | None = None
-) -> FloatArray:
-    """Return how far each object is from the nearest other one [m]; infinite if there is none.
-
-    Args:
-        found: the objects.
-        others: those that they are compared with.
-        within: larger distances do not matter [m]; None for any.
-    """
-    shapes, other_shapes = footprints(found), footprints(others)
-    counts = Counter(shapely.to_wkb(other_shapes).tolist())
-    own = {key_of(one) for one in others}.intersection(map(key_of, found))
-    far = np.full(len(found), np.inf)
-    # A shape is not compared with itself; those with twins are identified by their number.
-    (at, _), meters = shapely.STRtree(other_shapes).query_nearest(
-        shapes,
-        max_distance=None if within is None else within + _ROUNDING,
-        all_matches=False,
-        exclusive=bool(own),
-        return_distance=True,
-    )
-    far[at] = meters
-    if own:
-        equal = [counts[shape] for shape in shapely.to_wkb(shapes).tolist()]
-        has_twin = np.array(equal) > [key_of(one) in own for one in found]
-        far[has_twin] = 0.0
-    return far
+def are_near(found: Matches, others: Matches, within: float) -> BoolArray:
+    """Return which objects are within a distance [m] of another one that is not itself."""
+    return any_pair(found, others, found.shapes, "dwithin", within)
 
 
-def _heights(found: Sequence[FoundObject]) -> FloatArray:
-    """Return the lowest and highest point of objects [m], shape (N, 2); NaN where unknown."""
-    heights = np.full((len(found), 2), np.nan)
-    for row, item in zip(heights, found, strict=True):
-        values = [item.object.attributes.get(key) for key in ("z_min", "z_max")]
+def _heights(found: Matches, rows: IntArray) -> tuple[FloatArray, FloatArray]:
+    """Return the lowest and highest points of some objects [m], shape (N,); NaN where unknown."""
+    heights = np.full((len(rows), 2), np.nan)
+    if (found.keys < 0).any():  # places of the question
+        return heights[:, 0], heights[:, 1]
+    for row, own in zip(heights, found.take(rows).column("attributes"), strict=True):
+        values = [own.get(key) for key in ("z_min", "z_max")]
         if all(isinstance(value, int | float) for value in values):
             row[:] = values
-    return heights
-
-
-def key_of(item: FoundObject) -> tuple[str, int | None]:
-    """Return what tells an object from all others."""
-    return item.layer, item.object.id
-
-
-def footprints(found: Iterable[FoundObject]) -> ObjectArray:
-    """Return the footprints of objects, shape (N,)."""
-    return as_objects([item.object.footprint for item in found])
+    return heights[:, 0], heights[:, 1]

@@ -21,10 +21,27 @@ QUERY_SCHEMA: dict[str, Any] = {
             "properties": {
                 "give": {"enum": list(get_args(Give)), "default": "objects"},
                 "names": {**_NAMES, "description": "of objects, any of which matches"},
+                "exact": {
+                    "type": "boolean",
+                    "default": False,
+                    "description": "names as in the map, without synonyms and kinds",
+                },
                 "besides": {**_NAMES, "description": "that the objects must not have"},
+                "ids": {"type": "array", "items": {"type": "integer"}},
+                "tags": {**_NAMES, "description": "all of which the objects have"},
                 "rooms": {**_NAMES, "description": "or kinds of rooms, if these are asked for"},
                 "where": {**_CONDITIONS, "description": "conditions that the objects meet"},
-                "when": {"$ref": "#/$defs/when"},
+                "when": {
+                    "description": "one time, or several that all hold",
+                    "anyOf": [
+                        {"$ref": "#/$defs/when"},
+                        {"type": "array", "items": {"$ref": "#/$defs/when"}},
+                    ],
+                },
+                "as_of": {**_MOMENT, "description": "the map of this time is asked"},
+                "measured": {"$ref": "#/$defs/measured"},
+                "layers": {**_NAMES, "description": "that are asked; none for all"},
+                "value": {"type": "number", "description": "of cells, for labels"},
                 "which": {"enum": list(get_args(Which))},
                 "count": {"type": "integer", "minimum": 1},
                 "start": {
@@ -45,6 +62,16 @@ QUERY_SCHEMA: dict[str, Any] = {
             },
             "anyOf": [{"required": ["since"]}, {"required": ["until"]}],
         },
+        "measured": {
+            "type": "object",
+            "additionalProperties": False,
+            "description": "values around the objects, or at the places",
+            "properties": {
+                "layer": {"type": "string", "minLength": 1},
+                "above": {"type": "number"},
+                "below": {"type": "number"},
+            },
+        },
         "condition": {
             "type": "object",
             "additionalProperties": False,
@@ -59,7 +86,7 @@ QUERY_SCHEMA: dict[str, Any] = {
         "reference": {
             "type": "object",
             "additionalProperties": False,
-            "description": "exactly one of names, rooms, point and asker",
+            "description": "exactly one of names, rooms, point, area and asker",
             "properties": {
                 "names": {**_NAMES, "minItems": 1},
                 "where": _CONDITIONS,
@@ -71,9 +98,10 @@ QUERY_SCHEMA: dict[str, Any] = {
                     "maxItems": 2,
                     "description": "x and y in the base frame [m]",
                 },
+                "area": {"type": "string", "description": "in the base frame [m], as WKT"},
                 "asker": {"const": True},
             },
-            "oneOf": [{"required": [key]} for key in ("names", "rooms", "point", "asker")],
+            "oneOf": [{"required": [key]} for key in ("names", "rooms", "point", "area", "asker")],
         },
     },
 }

@@ -13,7 +13,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from hypermap.core.arrays import ObjectArray
+from hypermap.core.arrays import FloatArray, IntArray, ObjectArray, as_objects
 from hypermap.core.errors import FileMissing, FormatError
 from hypermap.core.semantic import SemanticObject
 from hypermap.rooms.rooms import Room, Rooms
@@ -125,15 +125,25 @@ def rooms_of(rooms: Rooms, places: Iterable[BaseGeometry]) -> list[int | None]:
 
     What is up to half a meter away from a room, as in its wall, is in it, too.
     """
-    points = np.array([place.centroid for place in places], dtype=object)
-    result: list[int | None] = [None] * len(points)
-    if not len(points) or not len(rooms):
-        return result
-    tree = shapely.STRtree([room.outline for room in rooms])
-    which, nearest = tree.query_nearest(points, max_distance=_IN_THE_WALL, all_matches=False)
-    for point, room in zip(which.tolist(), nearest.tolist(), strict=True):
-        result[point] = room
-    return result
+    centroids = shapely.centroid(as_objects(places))
+    found = rooms_of_points(rooms, shapely.get_coordinates(centroids)).tolist()
+    return [None if room < 0 else room for room in found]
+
+
+def rooms_of_points(rooms: Rooms, points_xy: FloatArray) -> IntArray:
+    """Return the place in `rooms` of the room that each point is in, or -1; like `rooms_of`.
+
+    Args:
+        rooms: the rooms.
+        points_xy: in their frame [m], shape (N, 2).
+    """
+    found = np.full(len(points_xy), -1, dtype=np.int64)
+    if len(points_xy) and len(rooms):
+        tree = shapely.STRtree([room.outline for room in rooms])
+        points = shapely.points(points_xy)
+        which, nearest = tree.query_nearest(points, max_distance=_IN_THE_WALL, all_matches=False)
+        found[which] = nearest
+    return found
 
 
 def _inside(rooms: Rooms, objects: Iterable[SemanticObject]) -> list[list[str]]:

@@ -7,12 +7,11 @@ import re
 from collections.abc import Iterable, Sequence
 
 import numpy as np
-import shapely
 
 from hypermap.core.arrays import BoolArray, PointsLike, as_points_xy
 from hypermap.core.errors import HypermapError, did_you_mean
 from hypermap.core.hypermap import FoundObject, Hypermap
-from hypermap.rooms.kinds import rooms_of
+from hypermap.rooms.kinds import rooms_of_points
 from hypermap.rooms.room_graph import graph
 from hypermap.rooms.rooms import Room, Rooms, rooms_on
 
@@ -63,8 +62,8 @@ def rooms_at(rooms: Rooms, points_xy: PointsLike) -> list[Room | None]:
         rooms: those of the map.
         points_xy: in their frame [m], shape (N, 2).
     """
-    places = rooms_of(rooms, map(shapely.Point, as_points_xy(points_xy).tolist()))
-    return [None if place is None else rooms.rooms[place] for place in places]
+    places = rooms_of_points(rooms, as_points_xy(points_xy)).tolist()
+    return [None if place < 0 else rooms.rooms[place] for place in places]
 
 
 def room_of(hypermap: Hypermap, what: FoundObject | PointsLike) -> Room | None:

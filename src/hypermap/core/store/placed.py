@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import shapely
@@ -44,7 +45,7 @@ class Placed:
     def __len__(self) -> int:
         return len(self.keys)
 
-    def take(self, rows: IntArray | BoolArray) -> Placed:
+    def take(self, rows: IntArray | BoolArray | slice) -> Placed:
         """Return some of the shapes."""
         return Placed(self.shapes[rows], self.centroids[rows], self.keys[rows])
 
@@ -127,6 +128,10 @@ class PlacedLayer:
             return self.store.with_names(names, asked)
         return self.store.rows if asked is None else self.store.in_area(asked)
 
+    def column(self, name: str, rows: IntArray) -> NDArray[Any]:
+        """Return a column of `ObjectTable`, or `names`, for some rows."""
+        return self.store.names(rows) if name == "names" else self.store.column(name, rows)
+
     def found(self, rows: IntArray, distances: Sequence[float | None]) -> list[FoundObject]:
         """Return some objects, transformed into the base frame."""
         table = self.store.take(rows)
@@ -190,6 +195,20 @@ class PlacedLayers:
         own = (self._layers[number].store.object(row).tags for number, row in places)
         return np.fromiter((tags.issubset(texts) for texts in own), dtype=bool, count=len(keys))
 
+    def column(self, name: str, keys: NDArray[np.int64]) -> NDArray[Any]:
+        """Return a column of `ObjectTable`, or `names`, for the objects with these keys, (N,)."""
+        numbers, rows = np.divmod(keys, _ROWS)
+        parts = [np.flatnonzero(numbers == number) for number in range(len(self._layers))]
+        columns = [
+            layer.column(name, rows[part]) for layer, part in zip(self._layers, parts, strict=True)
+        ]
+        if len(columns) == 1:
+            return columns[0]
+        values = np.empty(len(keys), dtype=np.result_type(*columns) if columns else object)
+        for part, column in zip(parts, columns, strict=True):
+            values[part] = column
+        return values
+
     def found(
         self, keys: NDArray[np.int64], distances: NDArray[np.float64] | None = None
     ) -> list[FoundObject]:
@@ -210,20 +229,75 @@ class PlacedLayers:
 
 @dataclass(frozen=True, eq=False)
 class Matches:
-    """The objects in the answer to a query, in order.
+    """The objects in the answer to a query, in order; as columns, which are fast for many.
 
     Attributes:
         layers: their layers.
-        keys: of each, as in `Placed`.
+        placed: their shapes in the base frame, and a key of each.
         distances: of each [m]; None if the query has no distance.
     """
 
     layers: PlacedLayers
-    keys: NDArray[np.int64]
+    placed: Placed
     distances: NDArray[np.float64] | None = None
 
+    @classmethod
+    def of_shapes(cls, shapes: ObjectArray) -> Matches:
+        """Return shapes of a question in the base frame, which are no objects of a map."""
+        centroids = shapely.get_coordinates(shapely.centroid(shapes))
+        keys = np.full(len(shapes), NO_OBJECT, dtype=np.int64)
+        return cls(PlacedLayers([]), Placed(shapes, centroids, keys))
+
     def __len__(self) -> int:
-        return len(self.keys)
+        return len(self.placed)
+
+    @property
+    def shapes(self) -> ObjectArray:
+        """Their shapes in the base frame, shape (N,)."""
+        return self.placed.shapes
+
+    @property
+    def centroids(self) -> NDArray[np.float64]:
+        """Where they are in the base frame [m], shape (N, 2)."""
+        return self.placed.centroids
+
+    @property
+    def keys(self) -> NDArray[np.int64]:
+        """A number that tells an object of the map from all others, shape (N,); -1 for none."""
+        return self.placed.keys
+
+    def take(self, rows: IntArray | BoolArray | slice) -> Matches:
+        """Return some of them, in the order of the rows."""
+        far = None if self.distances is None else self.distances[rows]
+        return Matches(self.layers, self.placed.take(rows), far)
+
+    def with_distances(self, distances: NDArray[np.float64]) -> Matches:
+        """Return the same with other distances [m], shape (N,)."""
+        return Matches(self.layers, self.placed, distances)
+
+    def distances_to(self, others: Matches, limit: float = np.inf) -> NDArray[np.float64]:
+        """Return the distance from each to the nearest of the others that is not itself.
+
+        Returns:
+            Meters, shape (N,); infinite where there is none within the limit [m].
+        """
+        return self.placed.distances_to(others.placed, limit)
+
+    def centroid_distances_to(self, others: Matches) -> NDArray[np.float64]:
+        """Return the distance from each centroid to the only other; zeros if there are several."""
+        return self.placed.centroid_distances_to(others.placed)
+
+    def column(self, name: str) -> NDArray[Any]:
+        """Return a column of `ObjectTable` or `names` for these objects, shape (N,)."""
+        return self.layers.column(name, self.keys)
+
+    def are_of(self, layer: str) -> BoolArray:
+        """Return which of them are in a layer, shape (N,)."""
+        return self.layers.are_of(layer, self.keys)
+
+    def have_tags(self, tags: set[str]) -> BoolArray:
+        """Return which of them have all these tags, shape (N,)."""
+        return self.layers.have_tags(self.keys, tags)
 
     def first(self, count: int | None = None) -> list[FoundObject]:
         """Return the first `count` objects; None for all."""

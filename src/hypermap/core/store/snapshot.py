@@ -61,11 +61,13 @@ class Snapshot:
         return self.log.table.take_with(rows, ObjectTable.of(objects, self.log.codes))
 
     def column(self, name: str, rows: IntArray) -> NDArray[Any]:
-        """Return a column of an `ObjectTable` or of `Written`, for some rows."""
+        """Return a column of an `ObjectTable`, for some rows; those of `Written` at once."""
         column: NDArray[Any] = getattr(self.log.table, name)
         first = self.log.first
         if self.count == first:
             return of_rows(column, rows)
+        if not hasattr(self.log.written, name):
+            return np.asarray(getattr(self.take(rows), name))
         is_behind = rows >= first
         values = np.empty((len(rows), *column.shape[1:]), dtype=column.dtype)
         values[~is_behind] = of_rows(column, rows[~is_behind])

@@ -40,12 +40,12 @@ def answer_in_words(hypermap: Hypermap, path: str, values: Mapping[str, Any]) ->
     except NotUnderstood as error:
         others = [f"You can ask: {other}" for other in error.nearest]
         raise Refused("\n".join([str(error), *others])) from None
-    found = () if answer.query.asks_rooms else answer.objects
+    found = () if answer.query.asks_rooms else answer.first(MOST_FOUND)
     return {
         "question": question,
         "understood": [list(part) for part in understood(answer.query)],
         "words": _words(hypermap, answer),
-        "rows": rows_of(hypermap, found[:MOST_FOUND]),
+        "rows": rows_of(hypermap, found),
         "total": answer.count,
         **snippets_for_question(path, question, place),
     }

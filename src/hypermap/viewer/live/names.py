@@ -5,17 +5,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Sequence
 
-import numpy as np
-
-from hypermap.core.objects import ObjectTable
-
 _MOST = 20  # that are suggested
-
-
-def names_of(table: ObjectTable) -> set[str]:
-    """Return the names that objects have; the vocabulary may have others, of removed objects."""
-    used = set(np.unique(table.codes).tolist())
-    return {name for name, code in table.vocabulary.items() if code in used}
 
 
 def similar_names(name: str, known: Sequence[str]) -> list[str]:

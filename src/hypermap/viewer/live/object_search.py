@@ -12,7 +12,10 @@ import shapely
 from hypermap.core.found import FoundObject
 from hypermap.core.hypermap import ROOMS, Hypermap
 from hypermap.core.semantic import SemanticLayer
-from hypermap.viewer.live.names import names_of, similar_names
+from hypermap.questions.answer import ask
+from hypermap.questions.frames import pose_of_frame
+from hypermap.questions.query import Condition, Query, Reference
+from hypermap.viewer.live.names import similar_names
 from hypermap.viewer.live.request_errors import Refused
 from hypermap.viewer.live.requests import corners_in, number_in, text_in, whole_number_in
 from hypermap.viewer.live.room_names import means_rooms, names_of_rooms
@@ -24,7 +27,7 @@ _FOUND = 100  # rows, unless another limit is asked for
 
 
 @dataclass(frozen=True)
-class ObjectQuery:
+class Search:
     """A search for objects; None where there is no condition.
 
     Attributes:
@@ -45,8 +48,37 @@ class ObjectQuery:
     frame: str | None = None
     limit: int = _FOUND
 
+    def as_query(self, hypermap: Hypermap) -> Query:
+        """Return the search as a query, in the base frame of the map.
 
-def query_in(values: Mapping[str, Any], hypermap: Hypermap) -> ObjectQuery:
+        Raises:
+            FrameError: If the frame is unknown.
+        """
+        pose = pose_of_frame(hypermap, self.frame)
+        near = None
+        if isinstance(self.near, str):
+            near = Reference(names=(self.near,))
+        elif self.near is not None:
+            x, y = pose.apply(self.near)[0].tolist()
+            near = Reference(point_xy=(x, y))
+        where = []
+        if self.corners is not None:
+            area = pose.apply_geometry(shapely.Polygon(self.corners))
+            where.append(Condition("at", Reference(area=shapely.to_wkt(area, -1))))
+        if self.inside is not None:
+            where.append(Condition("in", Reference(names=(self.inside,))))
+        if near is not None and self.within is not None:
+            where.append(Condition("near", near, self.within))
+        return Query(
+            "objects" if near is None else "distance",
+            () if self.name is None else (self.name,),
+            exact=True,
+            where=tuple(where),
+            start=near,
+        )
+
+
+def search_in(values: Mapping[str, Any], hypermap: Hypermap) -> Search:
     """Return the search of a request.
 
     Raises:
@@ -61,7 +93,7 @@ def query_in(values: Mapping[str, Any], hypermap: Hypermap) -> ObjectQuery:
         raise Refused("within: needs near, from which the distance is measured")
     if within is not None and within < 0:
         raise Refused(f"within: must not be negative, got {within:g}")
-    query = ObjectQuery(
+    search = Search(
         name=text_in(values, "name"),
         near=None if near is None else _place_or_name(near, hypermap),
         within=within,
@@ -70,13 +102,13 @@ def query_in(values: Mapping[str, Any], hypermap: Hypermap) -> ObjectQuery:
         frame=text_in(values, "frame"),
         limit=limit,
     )
-    is_near = isinstance(query.near, str) or within is not None
-    if not (query.name or is_near or query.inside or query.corners):
+    is_near = isinstance(search.near, str) or within is not None
+    if not (search.name or is_near or search.inside or search.corners):
         raise Refused("name: missing; give name, near, inside or polygon")
-    return query
+    return search
 
 
-def find(hypermap: Hypermap, path: str, query: ObjectQuery) -> dict[str, Any]:
+def find(hypermap: Hypermap, path: str, search: Search) -> dict[str, Any]:
     """Return the objects that meet all conditions, as the page shows them.
 
     With `near`, the nearest come first. `name`, `near` and `inside` are returned as they were
@@ -95,34 +127,27 @@ def find(hypermap: Hypermap, path: str, query: ObjectQuery) -> dict[str, Any]:
         unknown[asked] = similar_names(asked, known)
         return unknown[asked][0] if len(unknown[asked]) == 1 else asked
 
-    near = meant(query.near) if isinstance(query.near, str) else query.near
-    is_room = query.inside is not None and means_rooms(hypermap, query.inside)
-    inside = query.inside if is_room else meant(query.inside)
-    understood = replace(query, name=meant(query.name), near=near, inside=inside)
-    matches = hypermap.matching(
-        understood.name,
-        near=understood.near,
-        within=understood.within,
-        inside=understood.inside,
-        area=None if query.corners is None else shapely.Polygon(query.corners),
-        frame_id=query.frame,
-    )
+    near = meant(search.near) if isinstance(search.near, str) else search.near
+    is_room = search.inside is not None and means_rooms(hypermap, search.inside)
+    inside = search.inside if is_room else meant(search.inside)
+    understood = replace(search, name=meant(search.name), near=near, inside=inside)
+    answer = ask(hypermap, understood.as_query(hypermap))
     return {
         "name": understood.name,
         "near": understood.near,
         "inside": understood.inside,
-        "rows": rows_of(hypermap, matches.first(query.limit)),
-        "total": len(matches),
-        "names": [] if query.name is None else similar_names(query.name, known),
+        "rows": rows_of(hypermap, answer.first(search.limit)),
+        "total": answer.count,
+        "names": [] if search.name is None else similar_names(search.name, known),
         "unknown": unknown,
         **snippets_for_search(
             path,
             understood.name,
             near=understood.near,
-            within=query.within,
+            within=search.within,
             inside=understood.inside,
-            corners=query.corners,
-            frame=query.frame,
+            corners=search.corners,
+            frame=search.frame,
         ),
     }
 
@@ -150,7 +175,7 @@ def _row(found: FoundObject, room: str | None) -> dict[str, Any]:
 def known_names(hypermap: Hypermap) -> list[str]:
     """Return the sorted names of all objects in layers that a transform places."""
     layers = [layer for layer in hypermap.placed_layers() if isinstance(layer, SemanticLayer)]
-    return sorted({name for layer in layers for name in names_of(layer.table)})
+    return sorted({name for layer in layers for name in layer.table.names_in_use})
 
 
 def _place_or_name(text: str, hypermap: Hypermap) -> str | tuple[float, float]:

@@ -13,7 +13,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.arrays import IntArray
-from hypermap.core.errors import FrameError, HypermapError, ObjectNotFound, did_you_mean
+from hypermap.core.errors import HypermapError, ObjectNotFound
 from hypermap.core.frames import Pose2D
 from hypermap.core.hypermap import ROOMS, Hypermap
 from hypermap.core.layer import Layer
@@ -21,8 +21,9 @@ from hypermap.core.objects import ObjectTable
 from hypermap.core.occupancy import FREE, LABELS, OCCUPIED, OccupancyLayer
 from hypermap.core.opaque import OpaqueLayer
 from hypermap.core.semantic import SemanticLayer
+from hypermap.questions.frames import pose_of_frame
 from hypermap.viewer.live.layers import LayerViews
-from hypermap.viewer.live.object_search import find, query_in
+from hypermap.viewer.live.object_search import find, search_in
 from hypermap.viewer.live.room_names import names_of_rooms
 from hypermap.viewer.live.snippets import snippets_at, snippets_in_area
 
@@ -105,7 +106,7 @@ class Questions:
             Refused: If the request says nothing of that, or something wrong.
             FrameError: If the frame is unknown.
         """
-        return find(self.hypermap, self._path, query_in(values, self.hypermap))
+        return find(self.hypermap, self._path, search_in(values, self.hypermap))
 
     def details(self, layer_name: str, number: int) -> dict[str, Any]:
         """Return all that is known of an object; its shape exactly, in the base frame.
@@ -205,12 +206,7 @@ class Questions:
         Raises:
             FrameError: If the map does not know it.
         """
-        base = self.hypermap.base_frame
-        known = [base, *(layer.frame_id for layer in self.hypermap), *self.hypermap.frames.frames]
-        if frame is not None and frame not in known:
-            hint = did_you_mean(frame, dict.fromkeys(known))
-            raise FrameError(f"frame {frame!r} is unknown to the map; {hint}")
-        return self.hypermap.frames.lookup(base, frame or base)
+        return pose_of_frame(self.hypermap, frame)
 
 
 def _object_rows(

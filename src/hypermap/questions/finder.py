@@ -1,0 +1,285 @@
+"""Finds the objects that are of some names and meet conditions, and what these refer to."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
+
+from hypermap.core.arrays import BoolArray, ObjectArray, as_objects
+from hypermap.core.errors import HypermapError, did_you_mean
+from hypermap.core.frames import Pose2D
+from hypermap.core.hypermap import ROOMS, Hypermap, Matches
+from hypermap.core.layer import Layer
+from hypermap.core.semantic import SemanticLayer
+from hypermap.questions.query import Condition, Reference
+from hypermap.questions.relations import Sides, Stacks, any_pair, are_near
+from hypermap.questions.taxonomy import Taxonomy
+from hypermap.rooms.questions import rooms_asked, rooms_at, rooms_called
+from hypermap.rooms.rooms import Room, Rooms, rooms_on
+
+if TYPE_CHECKING:
+    from hypermap.paths import Planner
+
+NEXT_TO = 1.0  # [m] between the shapes of things that are next to each other
+ASKER = Reference(is_asker=True)
+
+_FEW = 100  # places, around which objects are looked up
+_IN_SIGHT = 2.0  # [m] from a thing is what is beside it, or in front of it or behind it
+
+
+class Finder:
+    """Finds objects for one query; what several of its parts need is found once.
+
+    Attributes:
+        notes: what is to be said next to the answer.
+
+    Args:
+        hypermap: the map.
+        exact: whether names are those of the map alone; rooms are objects, too.
+        asker: where the asker is, in the base frame; None if that is not known.
+        taxonomy: names and kinds of things.
+        robot_radius: of the robot that distances by path are for [m].
+    """
+
+    def __init__(
+        self,
+        hypermap: Hypermap,
+        exact: bool,
+        asker: Pose2D | None,
+        taxonomy: Taxonomy,
+        robot_radius: float,
+    ) -> None:
+        self._hypermap, self._exact, self._asker = hypermap, exact, asker
+        self._taxonomy, self._robot_radius = taxonomy, robot_radius
+        self._known: dict[Reference, Matches] = {}
+        self.notes: list[str] = []
+
+    @cached_property
+    def _names(self) -> list[str]:
+        """The names of the map's objects."""
+        layers = (layer for layer in self._hypermap if isinstance(layer, SemanticLayer))
+        names = {n for one in layers if one.name != ROOMS for n in one.table.names_in_use}
+        return sorted(names)
+
+    def matching(self, name: str) -> list[str]:
+        """Return the names of the map's objects that a name means, none for a name and an id."""
+        if self._exact:
+            return [name]
+        return self._taxonomy.matching(name, self._names)
+
+    def objects(
+        self,
+        names: tuple[str, ...],
+        where: tuple[Condition, ...],
+        layers: Sequence[Layer] | None = None,
+    ) -> Matches:
+        """Return the objects of some names, of any if there are none, that meet conditions.
+
+        Args:
+            names: any of which matches.
+            where: all of which hold.
+            layers: of the objects; None for all.
+        """
+        if not all(one.negated or one.relation == "beyond" or self._is_there(one) for one in where):
+            return Matches.of_shapes(as_objects([]))
+        found = self._called(names, self._reached(where), layers)
+        if not self._exact and not any(each.name == ROOMS for each in layers or ()):
+            found = found.take(~found.are_of(ROOMS))
+        for condition in where:
+            found = found.take(self._holds(condition, found) ^ condition.negated)
+        if any(one.relation == "at" and one.reference.point_xy for one in where):
+            found = found.take(np.argsort(shapely.area(found.shapes), kind="stable"))
+        return found
+
+    def _called(
+        self, names: tuple[str, ...], area: BaseGeometry | None, layers: Sequence[Layer] | None
+    ) -> Matches:
+        """Return the objects of names or kinds, and those of a name and an id, as "chair 14".
+
+        Args:
+            names: any of which matches; none for any object.
+            area: that they reach into; None for anywhere.
+            layers: of the objects; None for all.
+        """
+        wanted: dict[str, set[int]] = {}  # by name; no ids for any
+        for name in names:
+            by_id = None if self._exact else re.fullmatch(r"(.+) (\d+)", name)
+            what, number = name, set[int]()
+            if by_id is not None and name not in self._names:
+                what, number = by_id[1], {int(by_id[2])}
+            matching = self.matching(what)
+            for one in matching:
+                ids = wanted.setdefault(one, set(number))
+                wanted[one] = ids | number if ids and number else set()
+            if not matching:
+                is_known = self._taxonomy.usual_name(what) is not None
+                hint = "" if is_known else f"; {did_you_mean(what, self._names)}"
+                self.notes.append(f"there is no {what} in the map{hint}")
+        only = [layer.name for layer in layers or () if isinstance(layer, SemanticLayer)]
+        if (names and not wanted) or (layers is not None and not only):
+            return Matches.of_shapes(as_objects([]))
+        layer = only[0] if len(only) == 1 else None
+        found = self._hypermap.matching([*wanted] if names else None, area=area, layer=layer)
+        if len(only) > 1:
+            found = found.take(np.any([found.are_of(name) for name in only], axis=0))
+        if not any(wanted.values()):
+            return found
+        pairs = zip(found.column("names").tolist(), found.column("ids").tolist(), strict=True)
+        is_one = [not wanted[name] or number in wanted[name] for name, number in pairs]
+        return found.take(np.array(is_one, dtype=bool))
+
+    def _is_there(self, condition: Condition) -> bool:
+        """Return whether there is anything that a condition refers to."""
+        if condition.relation == "in" and self._rooms_meant(condition.reference):
+            return True
+        return len(self.others(condition.reference)) > 0
+
+    def _reached(self, where: Iterable[Condition]) -> BaseGeometry | None:
+        """Return an area outside of which no object meets conditions; None where it is not known.
+
+        This is for speed alone: so few objects are looked at where a question is about few places.
+        """
+        for condition in where:
+            if condition.negated or condition.relation in ("beyond", "visible from", "with"):
+                continue
+            if condition.relation == "in" and self._rooms_meant(condition.reference):
+                continue
+            others = self.others(condition.reference)
+            if 0 < len(others) <= _FEW:
+                within = max(condition.within or 0.0, _IN_SIGHT)
+                boxes = shapely.box(*shapely.bounds(others.shapes).T)
+                return shapely.union_all(shapely.buffer(boxes, within, join_style="mitre"))
+        return None
+
+    # Rooms
+
+    @cached_property
+    def rooms(self) -> Rooms:
+        """The rooms of the map; raises HypermapError if it has none."""
+        rooms = rooms_on(self._hypermap)
+        if rooms is None:
+            raise HypermapError("the map has no rooms; `hypermap rooms MAP -o OUT` finds them")
+        return rooms
+
+    def _rooms_called(self, names: Iterable[str]) -> list[Room]:
+        return [room for name in names for room in rooms_asked(self._hypermap, name)]
+
+    def _rooms_meant(self, reference: Reference) -> list[Room]:
+        """Return the rooms that the names of things mean."""
+        if not reference.names or reference.where or ROOMS not in self._hypermap:
+            return []
+        return [room for name in reference.names for room in rooms_called(self.rooms, name)]
+
+    def rooms_of(self, found: Matches) -> list[Room | None]:
+        """Return the rooms in which there are some objects."""
+        there = rooms_at(self.rooms, found.centroids) if len(found) else []
+        ids = {room.id for room in there if room is not None}
+        return [room for room in self.rooms if room.id in ids]
+
+    def _are_in(self, rooms: Sequence[Room], found: Matches) -> BoolArray:
+        """Return which objects are in one of some rooms; no room is in another."""
+        ids = {room.id for room in rooms}
+        there = rooms_at(self.rooms, found.centroids) if len(found) else []
+        is_in = np.array([room is not None and room.id in ids for room in there], dtype=bool)
+        return is_in & ~found.are_of(ROOMS)
+
+    def _have(self, reference: Reference, found: Matches) -> BoolArray:
+        """Return which objects are rooms in which there is an object of a reference."""
+        ids = [room.id for room in self.rooms_of(self.others(reference)) if room is not None]
+        return found.are_of(ROOMS) & np.isin(found.column("ids"), ids)
+
+    # Conditions
+
+    def _holds(self, condition: Condition, found: Matches) -> BoolArray:
+        """Return for which objects a condition holds, before it is negated."""
+        reference, relation = condition.reference, condition.relation
+        if reference.rooms and relation == "in":
+            return self._are_in(self._rooms_called(reference.rooms), found)
+        if relation == "in" and (rooms := self._rooms_meant(reference)):
+            is_in = self._are_in(rooms, found)
+            if not self._is_thing(reference):
+                return is_in
+            return is_in | self._meet(condition, found, self.others(reference))
+        if relation == "with":
+            return self._have(reference, found)
+        return self._meet(condition, found, self.others(reference))
+
+    def _meet(self, condition: Condition, found: Matches, others: Matches) -> BoolArray:
+        """Return for which objects a condition on some others holds, before it is negated."""
+        relation = condition.relation
+        if not len(found) or not len(others):
+            return np.full(len(found), relation == "beyond" and bool(len(found)))
+        if relation in ("near", "beyond"):
+            is_near = are_near(
+                found, others, NEXT_TO if condition.within is None else condition.within
+            )
+            return is_near if relation == "near" else ~is_near
+        if relation == "at":
+            return any_pair(found, others, found.shapes, "intersects")
+        if relation in ("in", "on", "under"):
+            middles: ObjectArray = np.asarray(shapely.points(found.centroids))
+            is_so = None if relation == "in" else Stacks(relation, found, others)
+            return any_pair(found, others, middles, "intersects", is_so=is_so)
+        if relation == "visible from":
+            return self._are_seen(condition.reference, found)
+        is_beside = Sides(relation, found, others, self._asker_pose())
+        return any_pair(found, others, found.shapes, "dwithin", _IN_SIGHT, is_beside)
+
+    def _are_seen(self, reference: Reference, found: Matches) -> BoolArray:
+        """Return which objects have a line of sight from a place without a wall between."""
+        place, own = self.place(reference), self.others(reference).keys[0]
+        sight = self.planner.sight
+        pairs = zip(found.keys.tolist(), found.shapes, strict=True)
+        return np.array([key != own and sight.sees(place, shape) for key, shape in pairs], bool)
+
+    def others(self, reference: Reference) -> Matches:
+        """Return what a reference refers to; a point, an area or a room as one without an id."""
+        if reference not in self._known:
+            self._known[reference] = self._looked_up(reference)
+        return self._known[reference]
+
+    def _looked_up(self, reference: Reference) -> Matches:
+        if reference.names:
+            return self.objects(reference.names, reference.where)
+        if reference.rooms:
+            outlines = [room.outline for room in self._rooms_called(reference.rooms)]
+            return Matches.of_shapes(as_objects(outlines))
+        if reference.area is not None:
+            return Matches.of_shapes(as_objects([shapely.from_wkt(reference.area)]))
+        if reference.point_xy is not None:
+            return Matches.of_shapes(as_objects([shapely.Point(reference.point_xy)]))
+        pose = self._asker_pose()
+        return Matches.of_shapes(as_objects([shapely.Point(pose.x, pose.y)]))
+
+    def _is_thing(self, reference: Reference) -> bool:
+        """Return whether an object of the map has one of the names."""
+        return any(set(self.matching(name)) & {*self._names} for name in reference.names)
+
+    def place(self, reference: Reference) -> NDArray[np.float64]:
+        """Return the one point that a reference refers to, shape (2,)."""
+        others = self.others(reference)
+        if len(others) != 1:
+            raise HypermapError(f"this needs one place; the question names {len(others)}")
+        return np.asarray(others.centroids[0])
+
+    def _asker_pose(self) -> Pose2D:
+        if self._asker is None:
+            raise HypermapError(
+                "the answer depends on where you are; say it in the question, or give --pose "
+                "X,Y or X,Y,YAW"
+            )
+        return self._asker
+
+    @cached_property
+    def planner(self) -> Planner:
+        """Plans paths on the map, and knows what is in sight."""
+        from hypermap.paths import PathSettings, Planner  # with loops that take time to load
+
+        return Planner(self._hypermap, PathSettings(self._robot_radius))

@@ -1,0 +1,21 @@
+"""Frames in which people give points and areas; a `Query` has all in the base frame."""
+
+from __future__ import annotations
+
+from hypermap.core.errors import FrameError, did_you_mean
+from hypermap.core.frames import Pose2D
+from hypermap.core.hypermap import Hypermap
+
+
+def pose_of_frame(hypermap: Hypermap, frame_id: str | None) -> Pose2D:
+    """Return the pose of a frame in the base frame of a map; None is the base frame.
+
+    Raises:
+        FrameError: If the map does not know it.
+    """
+    base = hypermap.base_frame
+    known = dict.fromkeys([base, *(one.frame_id for one in hypermap), *hypermap.frames.frames])
+    if frame_id is not None and frame_id not in known:
+        hint = did_you_mean(frame_id, known)
+        raise FrameError(f"frame {frame_id!r} is unknown to the map; {hint}")
+    return hypermap.frames.lookup(base, frame_id or base)

@@ -1,0 +1,185 @@
+"""Queries as JSON values, and back."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from datetime import datetime, timezone
+from typing import Any
+
+from hypermap.core.errors import FormatError
+from hypermap.questions.query import Condition, Measured, Query, Reference, When
+
+_DEEPEST = 8  # references within each other
+_JSON_KEYS = {"reference": "what", "is_asker": "asker", "point_xy": "point"}
+_PARTS = (Reference, Condition, When, Measured)
+
+
+def json_of(query: Query) -> dict[str, Any]:
+    """Return a query as JSON values, without what is left at its default."""
+    return _object(query)
+
+
+def query_of(values: Any) -> Query:
+    """Return the query that JSON values describe.
+
+    Raises:
+        FormatError: If they describe none; it names the key.
+    """
+    given = _checked(values, "the query", Query)
+    where = _list(given.get("where", ()), "where")
+    given["where"] = tuple(_condition(one, f"where[{i}]") for i, one in enumerate(where))
+    for key in ("names", "besides", "tags", "rooms", "layers"):
+        given[key] = _names(given.get(key, ()), key)
+    given["ids"] = tuple(_whole(one, "ids") for one in _list(given.get("ids", ()), "ids"))
+    given["when"] = _times(given.get("when"))
+    if given.get("as_of") is not None:
+        given["as_of"] = parse_moment(given["as_of"], "as_of")
+    if given.get("measured") is not None:
+        given["measured"] = _measured(given["measured"])
+    if given.get("start") is not None:
+        given["start"] = _reference(given["start"], "start")
+    if given.get("count") is not None:
+        given["count"] = _whole(given["count"], "count")
+    if given.get("value") is not None:
+        given["value"] = _number(given["value"], "value")
+    if not isinstance(given.get("exact", False), bool):
+        raise FormatError("exact: expected true or false")
+    made: Query = _made(Query, given, "the query")
+    return made
+
+
+def _object(value: Any) -> dict[str, Any]:
+    result: dict[str, Any] = {}
+    for name, spec in value.__dataclass_fields__.items():
+        part = getattr(value, name)
+        if part == spec.default:
+            continue
+        shown = [_value(one) for one in part] if isinstance(part, tuple) else _value(part)
+        # One time stands for itself, as it did when there could be no more.
+        is_one_time = name == "when" and len(part) == 1
+        result[_JSON_KEYS.get(name, name)] = shown[0] if is_one_time else shown
+    return result
+
+
+def _value(part: Any) -> Any:
+    if isinstance(part, _PARTS):
+        return _object(part)
+    return part.isoformat() if isinstance(part, datetime) else part
+
+
+def _checked(values: Any, where: str, cls: type[Any]) -> dict[str, Any]:
+    """Return the values of a JSON object by the names of a class's attributes."""
+    names = {_JSON_KEYS.get(name, name): name for name in cls.__dataclass_fields__}
+    if not isinstance(values, Mapping):
+        raise FormatError(f"{where}: expected an object, got {type(values).__name__}")
+    for key in values:
+        if key not in names:
+            raise FormatError(f"{where}: there is no key {key!r}; known: {', '.join(names)}")
+    return {names[key]: value for key, value in values.items()}
+
+
+def _made(cls: type[Any], given: Mapping[str, Any], where: str) -> Any:
+    try:
+        return cls(**given)
+    except (TypeError, ValueError) as error:
+        raise FormatError(f"{where}: {error}") from None
+
+
+def _list(values: Any, where: str) -> list[Any]:
+    if not isinstance(values, list | tuple):
+        raise FormatError(f"{where}: expected a list, got {type(values).__name__}")
+    return list(values)
+
+
+def _names(values: Any, where: str) -> tuple[str, ...]:
+    names = _list(values, where)
+    if not all(isinstance(name, str) for name in names):
+        raise FormatError(f"{where}: expected names")
+    return tuple(names)
+
+
+def _whole(value: Any, where: str) -> int:
+    if isinstance(value, bool) or not isinstance(value, int):
+        raise FormatError(f"{where}: expected a whole number")
+    return value
+
+
+def _number(value: Any, where: str) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise FormatError(f"{where}: expected a number")
+    return float(value)
+
+
+def _times(values: Any) -> tuple[When, ...]:
+    """Return the times of a query: a list, or one alone."""
+    if values is None:
+        return ()
+    if isinstance(values, Mapping):
+        return (_when(values, "when"),)
+    return tuple(_when(one, f"when[{i}]") for i, one in enumerate(_list(values, "when")))
+
+
+def _when(values: Any, where: str) -> When:
+    given = _checked(values, where, When)
+    for key in ("since", "until"):
+        if given.get(key) is not None:
+            given[key] = parse_moment(given[key], f"{where}.{key}")
+    made: When = _made(When, given, where)
+    return made
+
+
+def _measured(values: Any) -> Measured:
+    given = _checked(values, "measured", Measured)
+    if not isinstance(given.get("layer") or "", str):
+        raise FormatError("measured.layer: expected a name")
+    for key in ("above", "below"):
+        if given.get(key) is not None:
+            given[key] = _number(given[key], f"measured.{key}")
+    made: Measured = _made(Measured, given, "measured")
+    return made
+
+
+def parse_moment(value: Any, where: str) -> datetime:
+    """Return a moment out of a text as 2026-11-20T10:00+01:00; without a zone, it is in UTC.
+
+    Raises:
+        FormatError: If it is none; it begins with `where`.
+    """
+    try:
+        moment = datetime.fromisoformat(str(value).strip().replace("Z", "+00:00"))
+    except ValueError:
+        raise FormatError(
+            f"{where}: {str(value)[:40]!r} is no date or time as 2026-11-20T10:00+01:00"
+        ) from None
+    return moment if moment.tzinfo else moment.replace(tzinfo=timezone.utc)
+
+
+def _condition(values: Any, where: str) -> Condition:
+    given = _checked(values, where, Condition)
+    if "reference" not in given:
+        raise FormatError(f"{where}: the key 'what' is missing")
+    given["reference"] = _reference(given["reference"], f"{where}.what")
+    made: Condition = _made(Condition, given, where)
+    return made
+
+
+def _reference(values: Any, where: str) -> Reference:
+    given = _checked(values, where, Reference)
+    conditions = _list(given.get("where", ()), f"{where}.where")
+    if where.count(".what") > _DEEPEST:
+        raise FormatError(f"{where}: more than {_DEEPEST} references within each other")
+    given["where"] = tuple(
+        _condition(one, f"{where}.where[{i}]") for i, one in enumerate(conditions)
+    )
+    given |= {key: _names(given.get(key, ()), f"{where}.{key}") for key in ("names", "rooms")}
+    if given.get("point_xy") is not None:
+        point = _list(given["point_xy"], f"{where}.point")
+        numbers = [one for one in point if isinstance(one, int | float) and math.isfinite(one)]
+        if len(point) != 2 or len(numbers) != 2:
+            raise FormatError(f"{where}.point: expected two finite numbers")
+        given["point_xy"] = (float(numbers[0]), float(numbers[1]))
+    if not isinstance(given.get("area") or "", str):
+        raise FormatError(f"{where}.area: expected WKT")
+    made: Reference = _made(Reference, given, where)
+    return made
