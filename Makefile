@@ -16,7 +16,7 @@ ENDING := $(if $(shell command -v timeout),timeout --foreground --kill-after=60 
 WORKERS := $(shell expr $$(getconf _NPROCESSORS_ONLN) + 2)
 PAGE := src/hypermap/viewer/page/app.js
 
-.PHONY: demo test bench campaign docs ros1 chromium pictures lint types tests coverage core-tests package platforms lowest newest sbom audit format lock clean help
+.PHONY: demo test bench campaign docs ros1 postgres chromium pictures lint types tests coverage core-tests package platforms lowest newest sbom audit format lock clean help
 
 help:  ## list what can be made
 	@grep -hE '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -24,10 +24,13 @@ help:  ## list what can be made
 demo: $(VENV)/.hypermap  ## see a map being made: a simulated room, mapped and drawn
 	$(BIN)/hypermap demo
 
-test: ros1 chromium lint types tests core-tests package platforms  ## everything that CI checks
+test: ros1 postgres chromium lint types tests core-tests package platforms  ## everything that CI checks
 
 ros1:  ## install ROS 1 for its tests, where that is possible: on Debian 12, as root
 	scripts/ros1.sh
+
+postgres:  ## install PostgreSQL with PostGIS for its tests, where that is possible: on Debian 12, as root
+	scripts/postgres.sh
 
 pictures: .venv/.dev $(PAGE)  ## take the pictures of the page, a run and rviz that the documents show
 	$(BIN)/python scripts/pictures.py

@@ -108,6 +108,7 @@ def _for_the_core(name: str) -> Any:
     others = {
         "ask_map": "hypermap.questions.asking",
         "nearest_by_path": "hypermap.paths.planner",
+        "open_site": "hypermap.fleet.store.stored_map",
         "stand_in_rooms": "hypermap.rooms.questions",
         "write_file": "hypermap.formats.atomic",
     }

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from hypermap.core.arrays import BoolArray, PointsLike
     from hypermap.core.found import Found
+    from hypermap.core.hypermap import Hypermap
 
 _offered: Callable[[str], Callable[..., Any]] | None = None
 
@@ -36,6 +37,16 @@ def write_file(path: str | Path, content: bytes) -> None:
         HypermapError: If it cannot be written; the old file is untouched then.
     """
     _outside("write_file")(path, content)
+
+
+def open_site(address: str | Path) -> Hypermap:
+    """Return the map of a site in a shared store, by its address.
+
+    Raises:
+        HypermapError: If the store cannot be reached, or there is no such site.
+    """
+    opened: Hypermap = _outside("open_site")(address)
+    return opened
 
 
 class OutsideMethods:

@@ -20,9 +20,9 @@ from hypermap.core.evidence import EvidenceTable
 from hypermap.core.layer import Hits, Layer, ShapesPicture, check_count
 from hypermap.core.objects import ObjectTable, Rejected, SemanticObject
 from hypermap.core.pictures import ObjectPicture
-from hypermap.core.store import ObjectStore
+from hypermap.core.store import KeptObjects, ObjectStore
 
-__all__ = ["EMPTY", "Rejected", "SemanticLayer", "SemanticObject"]
+__all__ = ["EMPTY", "KeptObjects", "Rejected", "SemanticLayer", "SemanticObject"]
 
 EMPTY = "Empty"  # the label where there is no object
 NO_OBJECT = -1  # the value there
@@ -75,7 +75,7 @@ class SemanticLayer(Layer):
         self.kept_evidence = evidence
         self.kept_pictures: Mapping[int, tuple[ObjectPicture, ...]] = {}
         self._writing = threading.Lock()
-        self._now = ObjectStore.of(ObjectTable.of([]), next_id=0)
+        self._now: KeptObjects = ObjectStore.of(ObjectTable.of([]), next_id=0)
         self.add(objects)
 
     @classmethod
@@ -164,7 +164,7 @@ class SemanticLayer(Layer):
         return self._now.table
 
     @property
-    def snapshot(self) -> ObjectStore:
+    def snapshot(self) -> KeptObjects:
         """The current contents of the layer; later changes to the layer do not affect it."""
         return self._now
 
@@ -402,7 +402,7 @@ class SemanticLayer(Layer):
         table = self._now.table
         return ShapesPicture(table.names, np.asarray(shapely.force_2d(table.footprints)))
 
-    def _rows_there(self, now: ObjectStore, ids: Iterable[int]) -> dict[int, int]:
+    def _rows_there(self, now: KeptObjects, ids: Iterable[int]) -> dict[int, int]:
         """Return the row of each id, in ascending order of ids.
 
         Raises:
@@ -421,7 +421,7 @@ def _as_ids(ids: int | Iterable[int]) -> Iterable[int]:
     return ids if isinstance(ids, Iterable) else [ids]
 
 
-def _check_unused(ids: list[int], now: ObjectStore, layer: str) -> None:
+def _check_unused(ids: list[int], now: KeptObjects, layer: str) -> None:
     """Raise a ValueError if an id occurs twice, or the layer already has it."""
     counts = Counter(ids)
     for number in sorted(counts):

@@ -17,6 +17,7 @@ from hypermap.core.errors import FileMissing, FormatError, HypermapError
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.layer import Layer, Store
 from hypermap.core.opaque import OpaqueLayer
+from hypermap.core.outside import open_site
 from hypermap.formats.archive import read_archive, write_archive
 from hypermap.formats.atomic import is_folder, write_files
 from hypermap.formats.config import (
@@ -46,17 +47,19 @@ _YAML_ENDINGS = (".yaml", ".yml")
 
 
 def open_map(path: str | Path) -> Hypermap:
-    """Return the map in a file.
+    """Return the map in a file, or of a site in a store.
 
     Args:
-        path: an `.hmap` archive, a configuration YAML in a folder or that folder, or a
-            map_server YAML.
+        path: an `.hmap` archive, a configuration YAML in a folder or that folder, a
+            map_server YAML, or the address of a site: "postgresql://HOST/DATABASE?site=SITE".
 
     Raises:
         FileMissing: If there is no such file.
         FormatError: If it, or a file that belongs to it, is wrong or missing.
         HypermapError: If a plug-in for one of its layers does not work.
     """
+    if str(path).startswith(("postgresql:/", "postgres:/")):
+        return open_site(path)
     path = Path(path)
     if is_folder(path):
         try:
@@ -101,6 +104,24 @@ def save_map(hypermap: Hypermap, path: str | Path, semantic: SemanticForm = "aut
         write_files(path.parent, {**files, path.name: config})
     else:
         write_archive(path, _write_map(hypermap, CONFIG_NAME, semantic))
+
+
+def files_of_map(hypermap: Hypermap) -> dict[str, bytes]:
+    """Return the files of a map by name, as an archive holds them.
+
+    Raises:
+        HypermapError: If there is no plug-in for one of its layers.
+    """
+    return _write_map(hypermap, CONFIG_NAME, "auto")
+
+
+def map_of_files(files: Mapping[str, bytes], where: str) -> Hypermap:
+    """Return the map in files of `files_of_map`; messages name them by `where`.
+
+    Raises:
+        FormatError: If one is wrong or missing.
+    """
+    return _read_map(MemoryStore(files, where=where), CONFIG_NAME)
 
 
 def _open_yaml(path: Path) -> Hypermap:

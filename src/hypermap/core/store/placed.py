@@ -15,7 +15,7 @@ from shapely.geometry.base import BaseGeometry
 from hypermap.core.arrays import BoolArray, IntArray, ObjectArray, as_objects
 from hypermap.core.found import FoundObject
 from hypermap.core.frames import Pose2D
-from hypermap.core.store.object_store import ObjectStore
+from hypermap.core.store.kept_objects import KeptObjects
 
 NO_OBJECT = -1
 _ROWS = 2**32  # a key is layer * _ROWS + row
@@ -113,7 +113,7 @@ class PlacedLayer:
     """The objects of a semantic layer at one moment, and the layer's pose in the base frame."""
 
     name: str
-    store: ObjectStore
+    store: KeptObjects
     base_T_layer: Pose2D
 
     def rows(self, names: Collection[str] | None, area: BaseGeometry | None) -> IntArray:

@@ -176,7 +176,9 @@ def _attribute_columns(attributes: ObjectArray) -> dict[str, Column]:
         for mapping in attributes
     ]
     if any(rest):
-        columns["attributes"] = _words([_text(mapping) if mapping else None for mapping in rest])
+        columns["attributes"] = _words(
+            [attributes_as_text(mapping) if mapping else None for mapping in rest]
+        )
     return columns
 
 
@@ -194,7 +196,7 @@ def _attribute_column(values: list[Any], kind: type) -> Column | None:
     return None
 
 
-def _text(attributes: Mapping[Any, Any]) -> str:
+def attributes_as_text(attributes: Mapping[Any, Any]) -> str:
     """Return attributes as JSON, or as YAML if JSON cannot represent them."""
     plain = plain_value(attributes)
     if _is_json(plain):
@@ -295,7 +297,7 @@ def _attributes(columns: Mapping[str, Column], count: int, path: str) -> ObjectA
     rest = _column(columns, "attributes", Words, path)
     if rest is not None:
         for number in np.flatnonzero(rest.codes >= 0).tolist():
-            rows[number].update(_mapping(rest.vocabulary[rest.codes[number]], path))
+            rows[number].update(attributes_of_text(rest.vocabulary[rest.codes[number]], path))
     return as_objects(rows)
 
 
@@ -305,8 +307,12 @@ def _values(column: Words | Numbers) -> list[Any]:
     return [v if t else None for v, t in zip(column.values.tolist(), column.there, strict=True)]
 
 
-def _mapping(text: str, path: str) -> dict[Any, Any]:
-    """Return the attributes in a text."""
+def attributes_of_text(text: str, path: str) -> dict[Any, Any]:
+    """Return the attributes in a text of `attributes_as_text`.
+
+    Raises:
+        FormatError: If it holds none.
+    """
     if text.startswith("{"):
         try:
             attributes = pydantic_core.from_json(text, allow_inf_nan=False)

@@ -1,0 +1,45 @@
+"""Arguments and options of the commands that use a shared store."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from hypermap.core.errors import HypermapError
+
+if TYPE_CHECKING:
+    from hypermap.fleet.store.address import Address
+
+StoreAddress = Annotated[
+    str,
+    typer.Argument(
+        metavar="STORE",
+        show_default=False,
+        help="A PostgreSQL database: postgresql://USER@HOST/DATABASE, as libpq has it. Give the "
+        "password by PGPASSWORD or ~/.pgpass.",
+    ),
+]
+
+SiteName = Annotated[
+    str | None,
+    typer.Option(
+        "--site", metavar="SITE", show_default="the one in STORE", help="Name of the site."
+    ),
+]
+
+
+def address_with_site(text: str, site: str | None) -> tuple[Address, str]:
+    """Return an address, and the site that it or the option names.
+
+    Raises:
+        HypermapError: If neither names one, or both name different ones.
+    """
+    from hypermap.fleet.store.address import parse_address
+
+    address = parse_address(text)
+    names = {name for name in (address.site, site) if name}
+    if len(names) != 1:
+        problem = "two sites are named" if names else "name the site"
+        raise HypermapError(f"{address.shown}: {problem}: --site SITE")
+    return address, names.pop()

@@ -1,0 +1,1 @@
+"""Beyond one machine: many recordings, many robots, one store."""

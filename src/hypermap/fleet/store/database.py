@@ -1,0 +1,198 @@
+"""A connection to the database of a store, whose errors are single lines without passwords."""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any, LiteralString
+
+from hypermap.core.errors import MissingExtra
+from hypermap.fleet.store.address import Address, StoreAway, StoreError
+
+try:
+    import psycopg
+    from psycopg import errors
+except ImportError:  # the whole package rests on it
+    raise MissingExtra("a store in PostgreSQL", "store") from None
+
+if TYPE_CHECKING:
+    from psycopg import Connection, Cursor
+
+__all__ = ["SCHEMA_VERSION", "Database", "connect", "errors"]
+
+SCHEMA_VERSION = "1"
+"""The newest of `migrations/versions`, which this program reads and writes."""
+
+_OF_THE_QUESTION = ("LINE ", "^", "CONTEXT")
+_CONNECT_SECONDS = 10
+_SESSION = "-c search_path=hypermap,public -c timezone=UTC"
+
+
+class Database:
+    """One connection; it is made at the first question, and once again when it is lost.
+
+    Threads may share it; they ask one after the other.
+    """
+
+    def __init__(self, address: Address) -> None:
+        self.address = address
+        self._connection: Connection[Any] | None = None
+        self._lock = threading.RLock()
+        self._depth = 0  # of `transaction`
+
+    def rows(self, sql: LiteralString, *values: Any) -> list[tuple[Any, ...]]:
+        """Return the rows of a question that changes nothing.
+
+        It is asked again, once, if the connection turns out to be lost.
+
+        Raises:
+            StoreAway: If the database does not answer.
+            StoreError: If it refuses.
+        """
+        with self._lock:
+            try:
+                return self._rows(sql, values)
+            except StoreAway:
+                if self._depth:
+                    raise
+                self.close()
+                return self._rows(sql, values)
+
+    def _rows(self, sql: LiteralString, values: Sequence[Any]) -> list[tuple[Any, ...]]:
+        connection = self.connected()
+        with self.explained(), connection.cursor(binary=True) as cursor:
+            return cursor.execute(sql, values).fetchall()
+
+    @contextlib.contextmanager
+    def snapshot(self) -> Iterator[None]:
+        """Let all questions within see the store at one moment."""
+        with self._lock:
+            if self._depth:  # within a moment already
+                yield
+                return
+            connection = self.connected()
+            connection.isolation_level = psycopg.IsolationLevel.REPEATABLE_READ
+            try:
+                with self.transaction():
+                    yield
+            finally:
+                if not connection.closed:
+                    connection.isolation_level = None
+
+    @contextlib.contextmanager
+    def transaction(self) -> Iterator[Cursor[Any]]:
+        """Do all within, or nothing.
+
+        Raises:
+            StoreAway: If the connection is lost: whether all or nothing was done is not known.
+            StoreError: If the database refuses something.
+        """
+        with self._lock:
+            connection = self.connected()
+            self._depth += 1
+            try:
+                with (
+                    self.explained(),
+                    connection.transaction(),
+                    connection.cursor(binary=True) as cursor,
+                ):
+                    yield cursor
+            finally:
+                self._depth -= 1
+
+    def connected(self) -> Connection[Any]:
+        """Return the connection, to a store of this program's schema.
+
+        Raises:
+            StoreAway: If the database does not answer.
+            StoreError: If it refuses, or holds no store that this program knows.
+        """
+        with self._lock:
+            if self._connection is None or self._connection.closed:
+                self._connection = connect(self.address)
+                try:
+                    with self.explained():
+                        self._check_schema(self._connection)
+                except StoreError:
+                    self.close()
+                    raise
+            return self._connection
+
+    def _check_schema(self, connection: Connection[Any]) -> None:
+        where = self.address.shown
+        try:
+            row = connection.execute("SELECT version_num FROM hypermap.store_version").fetchone()
+        except (errors.UndefinedTable, errors.InvalidSchemaName):
+            row = None
+        except errors.InsufficientPrivilege:
+            raise StoreError(
+                f"{where}: this user may not read the store; an administrator gives it a role: "
+                "GRANT hypermap_reader TO ..."
+            ) from None
+        if row is None:
+            raise StoreError(f"{where}: there is no store yet; make one: hypermap migrate URL")
+        if row[0] != SCHEMA_VERSION:
+            remedy = "hypermap migrate URL" if row[0] < SCHEMA_VERSION else "update Hypermap"
+            raise StoreError(
+                f"{where}: the store has schema version {row[0]}, this program needs "
+                f"{SCHEMA_VERSION}: {remedy}"
+            )
+
+    @contextlib.contextmanager
+    def explained(self) -> Iterator[None]:
+        """Turn errors of the driver into ours."""
+        try:
+            yield
+        except errors.InsufficientPrivilege as error:
+            raise StoreError(f"{self.address.shown}: not allowed: {_reason(error)}") from None
+        except (psycopg.OperationalError, psycopg.InterfaceError) as error:
+            connection = self._connection
+            if connection is None or connection.closed or connection.broken:
+                reason = _reason(error)
+                raise StoreAway(f"{self.address.shown}: the database is away: {reason}") from None
+            raise StoreError(f"{self.address.shown}: {_reason(error)}") from None
+        except psycopg.DataError as error:
+            raise StoreError(f"{self.address.shown}: {_reason(error)}") from None
+
+    def __del__(self) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the connection; a later question makes another."""
+        with self._lock:
+            if self._connection is not None:
+                self._connection.close()
+            self._connection = None
+
+
+def connect(address: Address) -> Connection[Any]:
+    """Return a new connection, in which every statement is a transaction of its own.
+
+    Raises:
+        StoreAway: If nobody answers at the address.
+        StoreError: If the database refuses, as for a wrong password.
+    """
+    given = psycopg.conninfo.conninfo_to_dict(address.database)
+    more = {
+        "options": f"{given.get('options') or ''} {_SESSION}".strip(),
+        "connect_timeout": given.get("connect_timeout") or _CONNECT_SECONDS,
+        "application_name": given.get("application_name") or "hypermap",
+    }
+    try:
+        return psycopg.connect(
+            psycopg.conninfo.make_conninfo(address.database, **more), autocommit=True
+        )
+    except psycopg.OperationalError as error:
+        reason = _reason(error)
+        if password := given.get("password"):
+            reason = reason.replace(str(password), "***")
+        is_refusal = "FATAL:" in reason and "starting up" not in reason
+        kind = StoreError if is_refusal and "shutting down" not in reason else StoreAway
+        raise kind(f"{address.shown}: cannot connect: {reason}") from None
+
+
+def _reason(error: Exception) -> str:
+    """Return the first lines of an error, without what the program has asked."""
+    lines = [line.strip() for line in str(error).splitlines()]
+    return "; ".join(line for line in lines if line and not line.startswith(_OF_THE_QUESTION))

@@ -1,0 +1,70 @@
+"""Creates the tables of a store, or brings them to this program's version."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from hypermap.core.errors import MissingExtra
+from hypermap.fleet.store.address import Address, StoreError
+from hypermap.fleet.store.database import connect, errors
+
+VERSION_TABLE = "store_version"
+_FOLDER = Path(__file__).parent / "migrations"
+
+
+def migrate(address: Address) -> str:
+    """Create the tables, indexes and roles of a store, or bring them to this program's version.
+
+    Returns:
+        The version of the schema.
+
+    Raises:
+        StoreError: If PostGIS is not installed, the user may not create tables and roles, or a
+            later program has made the store.
+        MissingExtra: If Alembic is not installed.
+    """
+    try:
+        from alembic import command
+        from alembic.config import Config
+        from alembic.script import ScriptDirectory
+        from alembic.util.exc import CommandError
+        from sqlalchemy import create_engine, exc, pool
+    except ImportError:
+        raise MissingExtra("making a store in PostgreSQL", "store") from None
+    _add_extensions(address)
+    config = Config()
+    config.set_main_option("script_location", str(_FOLDER).replace("%", "%%"))
+    engine = create_engine(
+        "postgresql+psycopg://", creator=lambda: connect(address), poolclass=pool.NullPool
+    )
+    try:
+        with engine.begin() as connection:
+            config.attributes["connection"] = connection
+            command.upgrade(config, "head")
+    except CommandError:
+        raise StoreError(
+            f"{address.shown}: a later program has made this store; update Hypermap"
+        ) from None
+    except exc.DBAPIError as error:
+        reason = str(error.orig).splitlines()[0]
+        raise StoreError(f"{address.shown}: cannot make the tables: {reason}") from None
+    return ScriptDirectory.from_config(config).get_current_head() or ""
+
+
+def _add_extensions(address: Address) -> None:
+    with connect(address) as connection:
+        try:
+            with connection.transaction():
+                connection.execute("CREATE SCHEMA IF NOT EXISTS hypermap")
+                connection.execute("CREATE EXTENSION IF NOT EXISTS postgis SCHEMA public")
+                connection.execute("CREATE EXTENSION IF NOT EXISTS btree_gist SCHEMA public")
+        except (errors.FeatureNotSupported, errors.UndefinedFile):
+            raise StoreError(
+                f"{address.shown}: the server has no PostGIS; install it there: apt-get install "
+                "postgresql-15-postgis-3"
+            ) from None
+        except errors.InsufficientPrivilege:
+            raise StoreError(
+                f"{address.shown}: this user may not add PostGIS; let an administrator run "
+                "`hypermap migrate`"
+            ) from None

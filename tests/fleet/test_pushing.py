@@ -1,0 +1,229 @@
+"""A map comes out of a store as it went in, in every version, or there is one clear line."""
+
+from __future__ import annotations
+
+import uuid
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("psycopg", reason="psycopg is missing")
+
+
+from hypermap import Hypermap, open_map, save_map
+from hypermap.cli.main import main
+from hypermap.core.evidence import EvidenceTable
+from hypermap.core.semantic import SemanticLayer
+from hypermap.fleet.store.address import StoreError, parse_address
+from hypermap.fleet.store.database import Database
+from hypermap.fleet.store.pushing import Conflict, SiteExists, pull, push
+from hypermap.fleet.store.sites import SiteNotFound, history, list_sites
+from hypermap.testing import assert_same_map, occupancy_from_text, square
+from hypermap.testing.builders import jpeg_picture
+
+pytestmark = pytest.mark.xdist_group("store")
+
+GOLDEN = Path(__file__).parents[2] / "campaign" / "golden"
+
+
+def evidence_for(*ids: int) -> EvidenceTable:
+    """Return an observation of each object, all in one view."""
+    shapes = np.array([square("", number, 0).footprint for number in ids], dtype=object)
+    return EvidenceTable(
+        object_ids=np.array(ids),
+        views=np.zeros(len(ids), dtype=np.int64),
+        scores=np.full(len(ids), 0.1 + 0.2),
+        footprints=shapes,
+        heights=np.tile([0.1, 0.7], (len(ids), 1)),
+        stamps=np.array([1234.5678]),
+        poses=np.eye(4)[np.newaxis] / 3,
+        areas=np.array([square("", 0, 0, 9).footprint], dtype=object),
+    )
+
+
+@pytest.fixture(scope="module")
+def lab(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The file of a map with all that a store keeps in rows."""
+    path = tmp_path_factory.mktemp("lab") / "lab.hmap"
+    chairs = [square("chair", x, 0, attributes={"nr": x, 7: [None, 1.5]}) for x in range(3)]
+    layer = SemanticLayer("semantic", "map", chairs, evidence=evidence_for(0, 1, 2))
+    layer.kept_pictures = {1: (jpeg_picture("red"), jpeg_picture("blue", azimuth=2.0))}
+    cells = "\n".join(["#" + "." * 298 + "?"] * 140)
+    hypermap = Hypermap([occupancy_from_text(cells, 0.1), layer], metadata={"made": "by hand"})
+    hypermap.mapper_state = b"what mapping knows"
+    save_map(hypermap, path)
+    return path
+
+
+@pytest.fixture
+def a_map(lab: Path) -> Hypermap:
+    return open_map(lab)
+
+
+def same_file(tmp_path: Path, one: Hypermap, other: Hypermap) -> bool:
+    save_map(one, tmp_path / "one.hmap")
+    save_map(other, tmp_path / "other.hmap")
+    return (tmp_path / "one.hmap").read_bytes() == (tmp_path / "other.hmap").read_bytes()
+
+
+def test_a_pulled_map_is_the_same_file(
+    database: Database, site: str, lab: Path, a_map: Hypermap, tmp_path: Path
+) -> None:
+    push(database, a_map, site)
+    pulled = pull(database, site)
+    assert_same_map(pulled, a_map)
+    save_map(pulled, tmp_path / "pulled.hmap")
+    assert (tmp_path / "pulled.hmap").read_bytes() == lab.read_bytes()
+
+
+@pytest.mark.parametrize("name", [path.name for path in sorted(GOLDEN.glob("*.hmap"))])
+def test_maps_of_all_kinds_come_back_as_the_same_file(
+    database: Database, site: str, tmp_path: Path, name: str
+) -> None:
+    original = open_map(GOLDEN / name)
+    push(database, original, site)
+    assert same_file(tmp_path, pull(database, site), original)
+
+
+def test_former_versions_stay(database: Database, store: str, site: str, lab: Path) -> None:
+    first, second = open_map(lab), open_map(lab)
+    second.semantic().remove(1)
+    second.semantic().add(square("table", 5, 5))
+    second.remove("occupancy")
+    push(database, first, site)
+    pushed = push(database, second, site, update=True, note="a table came")
+    assert pushed.version == 2
+    assert pushed.changes["objects"] == 1  # the others are not written again
+    assert_same_map(pull(database, site, 1), first)
+    assert_same_map(pull(database, site, 2), second)
+    assert_same_map(open_map(f"{store}&site={site}&version=1"), first)
+    assert [each.note for each in history(database, site)] == ["a table came", ""]
+    (listed,) = [each for each in list_sites(database) if each.name == site]
+    assert (listed.version, listed.objects) == (2, 3)
+
+
+def test_a_push_that_was_done_is_not_done_again(
+    database: Database, site: str, a_map: Hypermap
+) -> None:
+    number = uuid.uuid4()
+    once = push(database, a_map, site, update_id=number)
+    assert push(database, a_map, site, update_id=number) == once
+    assert [each.version for each in history(database, site)] == [1]
+
+
+def test_an_equal_map_changes_nothing(database: Database, site: str, a_map: Hypermap) -> None:
+    push(database, a_map, site)
+    assert push(database, a_map, site, update=True).changes == {}
+
+
+def test_another_map_of_the_same_name_is_refused(
+    database: Database, site: str, a_map: Hypermap
+) -> None:
+    push(database, a_map, site)
+    with pytest.raises(SiteExists, match="give --update"):
+        push(database, Hypermap([SemanticLayer("other", "map")]), site)
+    with pytest.raises(Conflict, match="has version 1 by now, not 7"):
+        push(database, a_map, site, update=True, expected=7)
+    assert_same_map(pull(database, site), a_map)
+
+
+def test_what_fails_halfway_leaves_nothing(
+    database: Database, site: str, a_map: Hypermap, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: Any) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("hypermap.fleet.store.pushing.add_version", fail)  # the last step
+    with pytest.raises(KeyboardInterrupt):
+        push(database, a_map, site)
+    with pytest.raises(SiteNotFound):
+        pull(database, site)
+    assert database.rows("SELECT count(*) FROM objects WHERE valid_from = 0") == [(0,)]
+
+
+def run(capfd: pytest.CaptureFixture[str], *words: str) -> tuple[Any, str, str]:
+    with pytest.raises(SystemExit) as ended:
+        main(words)
+    out, err = capfd.readouterr()
+    return ended.value.code, out, err
+
+
+def test_the_commands_push_and_pull_the_same_file(
+    store: str, site: str, lab: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    code, out, _ = run(capfd, "push", str(lab), store, "--site", site)
+    assert (code, out.splitlines()[0]) == (0, f"{site}: version 1")
+    back = tmp_path / "back.hmap"
+    assert run(capfd, "pull", f"{store}&site={site}", "-o", str(back))[0] == 0
+    assert back.read_bytes() == lab.read_bytes()
+    assert site in run(capfd, "sites", store)[1]
+    assert "owner" in run(capfd, "log", store, "--site", site)[1]
+    code, out, _ = run(capfd, "query", f"{store}&site={site}", "--name", "chair")
+    assert (code, out.count("chair")) == (0, 3)
+
+
+@pytest.mark.parametrize(
+    ("address", "message"),
+    [
+        ("postgresql://me:secret@127.0.0.1:1/maps", "cannot connect"),
+        ("postgresql:///nobody_made_this?host={folder}&user=owner&password=secret", "not exist"),
+        ("postgresql:///postgres?host={folder}&user=owner&password=secret", "hypermap migrate"),
+        ("postgresql:///store?host={folder}&user=nobody&password=secret", "nobody"),
+        ("postgresql:///store?host={folder}&user=owner&port=a&password=secret", "port"),
+        ("mysql://me:secret@host/maps", "no address of a store"),
+    ],
+)
+def test_a_wrong_address_is_one_line_without_the_password(
+    store: str, address: str, message: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    folder = store.partition("host=")[2]
+    code, out, err = run(capfd, "sites", address.format(folder=folder))
+    assert (code, out) == (2, "")
+    assert err.count("\n") == 1
+    assert message in err
+    assert "secret" not in err
+
+
+def test_a_wrong_site_and_a_wrong_version_are_named(
+    store: str,
+    site: str,
+    database: Database,
+    a_map: Hypermap,
+    capfd: pytest.CaptureFixture[str],
+    tmp_path: Path,
+) -> None:
+    push(database, a_map, site)
+    out = str(tmp_path / "x.hmap")
+    assert f"did you mean {site!r}" in run(capfd, "pull", store, "--site", site + "x", "-o", out)[2]
+    wrong = run(capfd, "pull", store, "--site", site, "--version", "9", "-o", out)
+    assert wrong[0] == 2
+    assert "no version 9: 1 to 1" in wrong[2]
+    assert "name the site" in run(capfd, "log", store)[2]
+    assert not Path(out).exists()
+
+
+def test_another_schema_version_is_refused(database: Database) -> None:
+    database.connected().execute("UPDATE hypermap.store_version SET version_num = '0'")
+    try:
+        database.close()
+        with pytest.raises(StoreError, match="has schema version 0, this program needs"):
+            list_sites(database)
+    finally:
+        from hypermap.fleet.store.database import SCHEMA_VERSION, connect
+
+        with connect(database.address) as connection:
+            connection.execute(
+                "UPDATE hypermap.store_version SET version_num = %s", (SCHEMA_VERSION,)
+            )
+
+
+def test_an_address_hides_its_password_and_survives_being_a_path() -> None:
+    address = parse_address("postgresql://me:se/cret@db:5433/maps?sslmode=require&site=a b")
+    assert "cret" not in repr(address) + address.shown
+    assert address.site == "a b"
+    assert parse_address(Path("postgresql://me@db/maps")).shown == "postgresql://me@db/maps"
+    assert parse_address(Path("postgresql:///maps?host=/run")).shown == (
+        "postgresql:///maps?host=/run"
+    )

@@ -1,0 +1,73 @@
+"""A map in a store keeps the laws of layers, and answers as the same map in memory."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+import shapely
+
+pytest.importorskip("psycopg", reason="psycopg is missing")
+
+from hypermap import Hypermap, open_map
+from hypermap.core.frames import Pose2D
+from hypermap.core.layer import Layer
+from hypermap.core.semantic import SemanticLayer, SemanticObject
+from hypermap.fleet.store.address import parse_address
+from hypermap.fleet.store.database import Database
+from hypermap.fleet.store.pushing import push
+from hypermap.testing import occupancy_from_text, square
+from hypermap.testing.contract import LayerContract
+
+pytestmark = pytest.mark.xdist_group("store")
+
+ROOMS = """
+##########
+#....#???#
+#....#???#
+#........#
+##########
+"""
+
+
+@pytest.fixture(scope="module")
+def opened(store: str) -> Iterator[Hypermap]:
+    """A map of two layers, opened from a store."""
+    database = Database(parse_address(store))
+    origin = Pose2D(-8.0, -20.8, 0.3)
+    push(database, Hypermap([occupancy_from_text(ROOMS, 0.5, origin), some_objects()]), "contract")
+    database.close()
+    hypermap: Any = open_map(f"{store}&site=contract")
+    yield hypermap
+    hypermap.database.close()
+
+
+class TestStoredOccupancyLayer(LayerContract):
+    class_name = "OccupancyGridLayer"
+
+    @pytest.fixture
+    def layer(self, opened: Hypermap) -> Layer:
+        return opened["occupancy"]
+
+
+def some_objects() -> SemanticLayer:
+    bow_tie = shapely.Polygon([(4, 0), (6, 2), (6, 0), (4, 2)])
+    return SemanticLayer(
+        "semantic",
+        "map",
+        [
+            square("chair", 0, 0, tags=("chair", "stool"), confidence=(0.75, 0.25)),
+            square("chair", 0.25, 0.25, 0.5, id=7, existence=2.5, last_seen=12.0),
+            square("potted plant", 2, 3, attributes={"color": "green"}),
+            SemanticObject("table", bow_tie),
+        ],
+    )
+
+
+class TestStoredSemanticLayer(LayerContract):
+    class_name = "SemanticLayer"
+
+    @pytest.fixture
+    def layer(self, opened: Hypermap) -> Layer:
+        return opened["semantic"]
