@@ -53,7 +53,8 @@ def corrected(
             correction = mapper.correct(trajectory, tell)
     except CannotCorrect as error:
         raise HypermapError(f"{poses}: {error}") from error
-    note(correction.sentence())
+    if correction is not None:
+        note(correction.sentence())
     return mapper.hypermap()
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hypermap.core.errors import HypermapError
-from hypermap.core.trajectory import Trajectory
+from hypermap.core.trajectory import Trajectory, invert, trajectory_of
 from hypermap.mapping.completion import FreeShare
 from hypermap.mapping.config import MappingConfig
 from hypermap.mapping.drives import Drive
@@ -71,7 +71,7 @@ class MappedAgain:
 
 
 def corrected_poses(
-    log: FrameLog, drives: Sequence[Drive], trajectory: Trajectory
+    log: FrameLog, drives: Sequence[Drive], trajectory: Trajectory, is_under_way: bool = False
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Return the poses of all logged frames, and which of them the trajectory gives.
 
@@ -81,6 +81,8 @@ def corrected_poses(
         log: the frames.
         drives: which they belong to, by their stamps.
         trajectory: of the camera's optical frame in the map.
+        is_under_way: whether the last drive goes on: its frames before and after the trajectory
+            are corrected, too, as the nearest one within.
 
     Returns:
         Shapes (N, 4, 4) and (N,).
@@ -88,9 +90,11 @@ def corrected_poses(
     Raises:
         CannotCorrect: If it has no pose for some frames of a drive, or for no frame at all.
     """
-    stamps, poses = log.stamps, log.poses.copy()
-    is_covered = trajectory.covers(stamps) if len(stamps) else np.empty(0, dtype=bool)
-    begin, end = trajectory.stamps[0], trajectory.stamps[-1]
+    stamps, poses = log.stamps, log.poses
+    begin, end = float(trajectory.stamps[0]), float(trajectory.stamps[-1])
+    is_covered = trajectory.covers(stamps)
+    if is_under_way and is_covered.any():
+        is_covered |= (stamps >= drives[-1].first) & (stamps <= drives[-1].last)
     for drive in drives:
         of_drive = (stamps >= drive.first) & (stamps <= drive.last)
         missing = of_drive & ~is_covered
@@ -98,7 +102,7 @@ def corrected_poses(
             raise CannotCorrect(
                 f"no pose for {missing.sum()} of the {of_drive.sum()} frames of the drive "
                 f"{drive.name!r}, the first at {stamps[missing][0]:.6f} s: the poses reach from "
-                f"{begin:.6f} to {end:.6f} s"
+                f"{begin:.6f} to {end:.6f} s, and gaps up to {trajectory.max_gap:g} s are bridged"
             )
     if not is_covered.any():
         known = f", from {stamps.min():.6f} to {stamps.max():.6f} s" if len(stamps) else ""
@@ -106,8 +110,26 @@ def corrected_poses(
             f"the poses, from {begin:.6f} to {end:.6f} s, are of none of the {len(stamps)} frames "
             f"that the map keeps for this{known}"
         )
-    poses[is_covered] = trajectory.at(stamps[is_covered])
+    poses[is_covered] = _moved_along(stamps[is_covered], poses[is_covered], trajectory)
     return poses, is_covered
+
+
+def _moved_along(
+    stamps: NDArray[np.float64], poses: NDArray[np.float64], trajectory: Trajectory
+) -> NDArray[np.float64]:
+    """Return the poses as the trajectory corrects them, shape (N, 4, 4).
+
+    The corrections are interpolated, and not the poses: they change slowly while the camera turns.
+    Frames outside of the trajectory get the nearest correction.
+    """
+    own_stamps, rows = np.unique(stamps, return_index=True)
+    own = trajectory_of(own_stamps, poses[rows])
+    known = trajectory.stamps[own.covers(trajectory.stamps)]
+    if len(known) == 0:  # all frames are between two of its poses
+        known = np.clip(own_stamps, trajectory.stamps[0], trajectory.stamps[-1])
+        known = np.unique(known)
+    corrections = trajectory_of(known, trajectory.at(known) @ invert(own.at(known)))
+    return corrections.at(np.clip(stamps, known[0], known[-1])) @ poses
 
 
 def map_again(

@@ -272,8 +272,13 @@ class Mapper:
             self._aligner.replace_map(occupancy)
 
     def correct(
-        self, trajectory: Trajectory, on_progress: Callable[[int, int], None] | None = None
-    ) -> Correction:
+        self,
+        trajectory: Trajectory,
+        on_progress: Callable[[int, int], None] | None = None,
+        *,
+        is_under_way: bool = False,
+        least: float = -1.0,
+    ) -> Correction | None:
         """Replace the poses of the newest frames, as after a loop closure, and map them again.
 
         The map becomes that of the corrected poses, without the images: objects and their evidence
@@ -283,15 +288,24 @@ class Mapper:
 
         Args:
             trajectory: of the camera's optical frame in the map, over all frames of the drives that
-                are to be corrected; those of others stay.
+                are to be corrected; those of others stay. It may have fewer poses than frames.
             on_progress: called with how many frames are mapped again so far, and of how many.
+            is_under_way: whether the drive goes on: frames before and after the trajectory are
+                corrected, too, as the nearest one within.
+            least: how far a frame must move for the map to change [m]; by default it always does.
+
+        Returns:
+            What became of the poses; None if no frame moves that far.
 
         Raises:
             CannotCorrect: If it lacks a pose for a frame of these drives, or the map has no frames
                 that could be mapped again; the map stays as it was.
         """
-        poses, is_moved = corrected_poses(self._log, self._drives(), trajectory)
+        drives = self._drives()
+        poses, is_moved = corrected_poses(self._log, drives, trajectory, is_under_way)
         correction = Correction.between(self._log.poses, poses, is_moved)
+        if correction.most <= least:
+            return None
         made = map_again(
             self._log, poses, self.evidence, self.config, self.evidence.is_free, on_progress
         )

@@ -6,13 +6,16 @@ import threading
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hypermap.core.errors import HypermapError
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.semantic import SemanticLayer
+from hypermap.core.trajectory import Trajectory
 from hypermap.formats import open_map
 from hypermap.mapping.config import MappingConfig, chosen_config
+from hypermap.mapping.correcting import Correction
 from hypermap.mapping.going_on import CannotGoOn, config_to_go_on_with, replaced
 from hypermap.mapping.mapper import Mapper, why_unusable
 from hypermap.perception.detections import Detections
@@ -95,6 +98,32 @@ class LiveMap:
             self._given = layer
             self._mapper.correct_poses_by(layer)
             self.revision += 1
+
+    def logged_poses(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return stamps and poses of the frames that can be corrected, as `Mapper` does."""
+        with self._lock:
+            return self._mapper.logged_poses()
+
+    def correct(self, trajectory: Trajectory, least: float) -> Correction | None:
+        """Correct the poses of the frames as `Mapper.correct` does, those after its end, too.
+
+        Frames wait meanwhile.
+
+        Args:
+            trajectory: of the camera in the map.
+            least: how far a frame must move for the map to change [m].
+
+        Returns:
+            What became of the poses; None if no frame moves that far.
+
+        Raises:
+            CannotCorrect: If the trajectory is of none of the frames.
+        """
+        with self._lock:
+            correction = self._mapper.correct(trajectory, is_under_way=True, least=least)
+            if correction is not None:
+                self.revision += 1
+            return correction
 
     def clear(self) -> None:
         """Forget all frames, and the map with which mapping went on."""

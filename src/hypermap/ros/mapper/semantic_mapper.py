@@ -18,6 +18,7 @@ from hypermap.ros.mapper.frames import FrameMaker
 from hypermap.ros.mapper.inputs import LiveInputs
 from hypermap.ros.mapper.live_map import LiveMap
 from hypermap.ros.mapper.outputs import LiveOutputs, PolygonTopics
+from hypermap.ros.mapper.path_corrections import PathCorrections
 from hypermap.ros.mapper.saving import Saving
 from hypermap.ros.mapper.settings import OCCUPANCY, PARAMETERS, LiveSettings
 from hypermap.ros.mapper.statistics import Report, State, Statistics
@@ -135,6 +136,8 @@ class _Life:
         self._others: list[Closable] = [port.timer(1.0, self._diagnose), *self._serve()]
         if settings.frontiers:
             self._others.append(LiveExploration(port, settings, live_map, self._log))
+        if settings.path_topic:
+            self._others.append(PathCorrections(port, settings, live_map, self._log))
         # Before the images, for which a player of bags waits: a bag tells its map but once.
         if settings.map_topic:
             self._others.append(

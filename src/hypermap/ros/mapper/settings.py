@@ -14,6 +14,7 @@ IMAGE = "sensor_msgs/Image"
 COMPRESSED = "sensor_msgs/CompressedImage"
 CAMERA_INFO = "sensor_msgs/CameraInfo"
 OCCUPANCY = "nav_msgs/OccupancyGrid"
+PATH = "nav_msgs/Path"
 DARKNET = "darknet_ros_msgs/BoundingBoxes"
 VISION = "vision_msgs/Detection2DArray"
 
@@ -76,6 +77,9 @@ class LiveSettings:
     map_topic: str = _setting(
         "", "Occupancy map of another node, to save in place of our own; poses are corrected by it."
     )
+    path_topic: str = _setting(
+        "", "Path of base_frame as optimized by SLAM: when a loop closure moves it, the map moves."
+    )
     register: bool = _setting(
         False, "Whether to register depth to color, by the camera info next to color, and tf."
     )
@@ -108,7 +112,7 @@ class LiveSettings:
         False, "Whether to publish where to look next: frontiers and uncertain objects."
     )
     frontiers_every: float = _setting(2.0, "Seconds between searches for frontiers.", 0.1, 3600)
-    base_frame: str = _setting("base_link", "Frame of the robot, where paths to frontiers start.")
+    base_frame: str = _setting("base_link", "Frame of the robot, for frontiers and path_topic.")
     robot_radius: float = _setting(0.3, "Radius of the robot [m].", 0, 10)
     through_unknown: bool = _setting(False, "Whether the robot may drive over unknown cells.")
     sensor_range: float = _setting(4.0, "Maximum range of its sensor on the floor [m].", 0.1, 100)
