@@ -176,7 +176,7 @@ def wkt(_: Path) -> Target:
 def evidence(folder: Path) -> Target:
     """What objects were made of, alone and behind the objects of a map."""
     packed = dump_evidence(of_tests("viewer.seen_map").evidence())
-    members = _write_map(a_map(), CONFIG_NAME, "auto")
+    members = _write_map(a_map(), CONFIG_NAME, "auto").files
     name = next(name for name, content in members.items() if content == packed)
     path = folder / "map.hmap"
 

@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     from hypermap.core.grid import GridGeometry
     from hypermap.core.hypermap import Hypermap
     from hypermap.core.layer import Hits, Layer
+    from hypermap.core.notes import Note
+    from hypermap.core.notes_layer import NotesLayer
     from hypermap.core.occupancy import OccupancyLayer
     from hypermap.core.opaque import OpaqueLayer
     from hypermap.core.semantic import SemanticLayer, SemanticObject
@@ -49,6 +51,8 @@ _HOMES = {
         "hypermap.core.grid": "GridGeometry",
         "hypermap.core.hypermap": "Hypermap",
         "hypermap.core.layer": "Hits Layer",
+        "hypermap.core.notes": "Note",
+        "hypermap.core.notes_layer": "NotesLayer",
         "hypermap.core.occupancy": "OccupancyLayer",
         "hypermap.core.opaque": "OpaqueLayer",
         "hypermap.core.semantic": "SemanticLayer SemanticObject",
@@ -76,6 +80,8 @@ __all__ = [
     "Layer",
     "LayerNotFound",
     "MissingExtra",
+    "Note",
+    "NotesLayer",
     "OccupancyLayer",
     "OpaqueLayer",
     "Pose2D",

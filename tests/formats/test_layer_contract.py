@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from datetime import datetime, timedelta, timezone
+
 import numpy as np
 import pytest
 import shapely
@@ -7,9 +9,12 @@ import shapely
 from hypermap.core.frames import Pose2D
 from hypermap.core.grid import GridGeometry
 from hypermap.core.layer import Layer
+from hypermap.core.notes import Note
+from hypermap.core.notes_layer import NotesLayer
 from hypermap.core.samples import Samples
 from hypermap.core.semantic import SemanticLayer, SemanticObject
 from hypermap.core.value_layer import ValueLayer
+from hypermap.notes import attachment_of_bytes
 from hypermap.testing import occupancy_from_text, square
 from hypermap.testing.contract import LayerContract
 
@@ -66,6 +71,26 @@ class TestValueLayer(LayerContract):
             stamps=[[1e9, nan, nan], [nan, 1.5e9, nan]],
             samples=Samples.of([[2.1, -0.9], [2.9, 0.1]], [19.0, 22.1], [False, True], [1e9, nan]),
             made_by={"method": "gmrf", "length": 2.5},
+        )
+
+
+class TestNotesLayer(LayerContract):
+    class_name = "NotesLayer"
+
+    @pytest.fixture
+    def layer(self) -> Layer:
+        evening = datetime(2026, 5, 4, 18, 30, tzinfo=timezone(timedelta(hours=2)))
+        log = attachment_of_bytes(b"battery low\n", "robot.log")
+        hall = shapely.MultiPolygon([shapely.box(0, 0, 2, 1), shapely.box(2.5, 0, 4, 1)])
+        return NotesLayer(
+            "notes",
+            "map",
+            [
+                Note(shapely.Point(1.5, 0.25), "# Loose tile\nGo *slowly*.", "Ada", evening),
+                Note(shapely.Point(4, 3), "", "", evening, (log,), ("https://example.org/a?b",)),
+                Note(hall, "wet floor", "robot 7", evening, id=9, changed=evening),
+            ],
+            next_id=12,
         )
 
 

@@ -95,6 +95,7 @@ def describe_map(hypermap: Hypermap) -> dict[str, Any]:
 
 
 def _describe_layer(layer: Layer) -> dict[str, Any]:
+    from hypermap.core.notes_layer import NotesLayer
     from hypermap.core.occupancy import OccupancyLayer
     from hypermap.core.semantic import SemanticLayer
     from hypermap.core.value_layer import ValueLayer
@@ -129,6 +130,12 @@ def _describe_layer(layer: Layer) -> dict[str, Any]:
         content["min"], content["mean"], content["max"] = found.least, found.mean, found.most
         content["samples"] = None if samples is None else len(samples)
         content["made_by"] = layer.made_by
+        content["summary"] = layer.summary()
+    elif isinstance(layer, NotesLayer):
+        files = [each for note in layer for each in note.attachments]
+        content["notes"] = len(layer)
+        content["files"] = len(files)
+        content["missing_files"] = [each.name for each in files if not each.is_there]
         content["summary"] = layer.summary()
     return content
 
@@ -169,6 +176,8 @@ def show_map(content: dict[str, Any], with_settings: bool) -> None:
         for entry in layer.get("rejected", ()):
             name, reason = printable(entry["name"]), printable(entry["reason"], 200)
             say(f"rejected: object {entry['position']} ({name}): {reason}")
+        for name in layer.get("missing_files", ()):
+            say(f"missing: {printable(name, 60)}, attached to a note, is not next to the map")
     for frame in content["frames"]:
         x, y, yaw = frame["pose"]
         say(f"frame {frame['child']} is in {frame['parent']} at x {x:g}, y {y:g}, yaw {yaw:g}")

@@ -41,6 +41,7 @@ _MODULES = {
     "render": "render",
     "rooms": "rooms",
     "values": "values",
+    "notes": "notes",
     "path": "path",
     "connect": "connect",
     "align": "align",

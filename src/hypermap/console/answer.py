@@ -42,8 +42,8 @@ def shown(answered: Answered) -> Shown:
     is_at_point = any(one.reference.point_xy is not None for one in query.where)
     is_some = query.names or query.ids or query.value is not None or query.give == "places"
     cells_are_counted = not (is_some or is_at_point)
-    listed = [row for row in rows if "object" in row] if cells_are_counted else rows
-    of_cells = [row for row in rows if cells_are_counted and "object" not in row]
+    listed = [row for row in rows if _is_thing(row)] if cells_are_counted else rows
+    of_cells = [row for row in rows if cells_are_counted and not _is_thing(row)]
     cells = Counter((row["layer"], row["label"]) for row in of_cells if "unit" not in row)
     optional = ("deviation", "distance", "area")
     numbers = ["value", "x", "y", *(key for key in optional if any(key in row for row in listed))]
@@ -58,6 +58,11 @@ def shown(answered: Answered) -> Shown:
     more = max(0, len(listed) - _MOST_ROWS)
     columns = [name.replace("_", " ") for name in (*names, *numbers)]
     return Shown(columns, texts, counts, more, len(names))
+
+
+def _is_thing(row: Row) -> bool:
+    """Return whether a row is about an object or a note, not about a cell."""
+    return "object" in row or "note" in row
 
 
 def _ranges(rows: Sequence[Row]) -> list[str]:

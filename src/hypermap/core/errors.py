@@ -48,7 +48,7 @@ class LayerNotFound(HypermapError, KeyError):
 
 
 class ObjectNotFound(HypermapError, KeyError):
-    """A semantic layer has no object with that id."""
+    """A layer has no object, or no note, with that id."""
 
     def __str__(self) -> str:  # KeyError would show the message in quotes
         return str(self.args[0])
@@ -60,6 +60,10 @@ class FrameError(HypermapError):
 
 class AreaError(HypermapError, ValueError):
     """An area has an outline that cannot be used in a query."""
+
+
+class NoteError(HypermapError, ValueError):
+    """A note, or a file attached to it, cannot be kept as it is."""
 
 
 class MissingExtra(HypermapError, ImportError):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, ClassVar, Protocol
 
 import numpy as np
@@ -17,6 +18,11 @@ from hypermap.core.grid import GridGeometry
 
 class Store(Protocol):
     """The storage of a layer's files; a layer does not know whether it is a zip or a folder."""
+
+    @property
+    def folder(self) -> Path | None:
+        """The folder in which the map is; None if it was not read from a file."""
+        ...
 
     def read(self, name: str) -> bytes:
         """Return the content of a file.

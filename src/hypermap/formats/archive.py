@@ -39,7 +39,7 @@ def read_archive(path: str | Path) -> MemoryStore:
     path = Path(path)
     with open_file(path, limits.MAX_ARCHIVE_BYTES) as file:
         files = _files_in(file, path)
-    return MemoryStore(files, where=str(path))
+    return MemoryStore(files, where=str(path), folder=path.absolute().parent)
 
 
 def _files_in(file: BinaryIO, path: Path) -> dict[str, bytes]:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import copy
 from pathlib import Path
 
 from hypermap.core.errors import FileMissing, HypermapError
+from hypermap.core.hypermap import Hypermap
 from hypermap.formats.archive import read_archive
 from hypermap.formats.atomic import write_file
 from hypermap.formats.config import CONFIG_NAME, parse_config
@@ -61,6 +63,25 @@ def keep_backup(path: Path, *, spare_edited: bool = False) -> Path | None:
     except (OSError, HypermapError) as error:
         raise HypermapError(f"cannot keep a backup, so nothing is saved: {error}") from error
     return backup
+
+
+def save_edited(hypermap: Hypermap, path: Path, editor: str) -> None:
+    """Save a map that a person has changed, and keep a copy of the file that it replaces.
+
+    Args:
+        hypermap: the map; it is marked as edited, so that mapping does not replace it unasked.
+        path: its file.
+        editor: the program, as "hypermap notes".
+
+    Raises:
+        HypermapError: If that is not possible; the old file then remains.
+    """
+    keep_backup(path)
+    marked = copy.copy(hypermap)
+    known = hypermap.metadata.get(MAP_VERSION)
+    marked.metadata[EDITED_WITH] = editor
+    marked.metadata[MAP_VERSION] = 1 + (known if type(known) is int else 0)
+    save_map(marked, path)
 
 
 def may_go_on(archive: Path) -> bool:

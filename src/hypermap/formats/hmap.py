@@ -20,6 +20,7 @@ from hypermap.core.opaque import OpaqueLayer
 from hypermap.core.outside import open_site
 from hypermap.formats.archive import read_archive, write_archive
 from hypermap.formats.atomic import is_folder, write_files
+from hypermap.formats.beside import folder_beside, put_beside
 from hypermap.formats.config import (
     BINARY_FILE,
     CONFIG_NAME,
@@ -97,13 +98,18 @@ def save_map(hypermap: Hypermap, path: str | Path, semantic: SemanticForm = "aut
     path = Path(path)
     if is_folder(path):
         path = path / CONFIG_NAME
-    if path.suffix.lower() in _YAML_ENDINGS:
-        files = _write_map(hypermap, path.name, semantic)
+    is_config = path.suffix.lower() in _YAML_ENDINGS
+    beside = folder_beside(path)
+    store = _write_map(hypermap, path.name if is_config else CONFIG_NAME, semantic, beside)
+    # Large files are in place before the map that names them, and those of the old map stay.
+    put_beside(path.parent / beside, store.large)
+    files = store.files
+    if is_config:
         config = files.pop(path.name)
         # The configuration comes last: it tells readers that the files are from another save.
         write_files(path.parent, {**files, path.name: config})
     else:
-        write_archive(path, _write_map(hypermap, CONFIG_NAME, semantic))
+        write_archive(path, files)
 
 
 def files_of_map(hypermap: Hypermap) -> dict[str, bytes]:
@@ -112,7 +118,7 @@ def files_of_map(hypermap: Hypermap) -> dict[str, bytes]:
     Raises:
         HypermapError: If there is no plug-in for one of its layers.
     """
-    return _write_map(hypermap, CONFIG_NAME, "auto")
+    return _write_map(hypermap, CONFIG_NAME, "auto").files
 
 
 def map_of_files(files: Mapping[str, bytes], where: str) -> Hypermap:
@@ -212,6 +218,7 @@ class _Claims:
         self.names: set[str] = set()
         self.write = store.write
         self.path_of = store.path_of
+        self.folder = store.folder
 
     def read(self, name: str) -> bytes:
         content = self._store.read(name)
@@ -223,8 +230,10 @@ class _Claims:
         return [name for name in self._store.names_of(file) if name not in self.names]
 
 
-def _write_map(hypermap: Hypermap, config_name: str, semantic: SemanticForm) -> dict[str, bytes]:
-    """Return the files of a map, the configuration first."""
+def _write_map(
+    hypermap: Hypermap, config_name: str, semantic: SemanticForm, beside: str | None = None
+) -> MemoryStore:
+    """Return the files of a map, the configuration first, and the large ones in `beside`."""
     # A name stands for one content. Opaque layers cannot choose theirs, so they come first.
     taken: dict[str, bytes | None] = {config_name: None}
     for layer in hypermap.layers:
@@ -234,30 +243,33 @@ def _write_map(hypermap: Hypermap, config_name: str, semantic: SemanticForm) -> 
                     f"layer {layer.name!r} cannot be saved: another file is named {clash!r}"
                 )
             taken.update(layer.files)
-    files: dict[str, bytes] = {config_name: b""}
+    store = MemoryStore({config_name: b""})
     entries = []
     for layer in hypermap.layers:
-        entry, written = _write_layer(layer, taken, semantic)
+        entry, staged = _write_layer(layer, taken, semantic, beside)
         entries.append(entry)
-        files.update(written)
-        taken.update(written)
+        store.files.update(staged.files)
+        store.large += staged.large
+        taken.update(staged.files)
     metadata = dict(hypermap.metadata)
     others = dict(metadata.pop(OTHER_KEYS, {}))
     if (state := hypermap.mapper_state) is not None:
         numbered = (f"{MAPPER_STATE}_{number}" for number in itertools.count(2))
         names = itertools.chain([MAPPER_STATE], numbered)
         others[MAPPER_STATE] = next(name for name in names if name not in taken)
-        files[others[MAPPER_STATE]] = state() if callable(state) else state
-    files[config_name] = dump_config(MapConfig(entries, hypermap.frames, metadata, others))
-    return files
+        store.files[others[MAPPER_STATE]] = state() if callable(state) else state
+    config = MapConfig(entries, hypermap.frames, metadata, others)
+    store.files[config_name] = dump_config(config)
+    return store
 
 
 def _write_layer(
-    layer: Layer, taken: Mapping[str, bytes | None], semantic: SemanticForm
-) -> tuple[LayerEntry, dict[str, bytes]]:
+    layer: Layer, taken: Mapping[str, bytes | None], semantic: SemanticForm, beside: str | None
+) -> tuple[LayerEntry, MemoryStore]:
     """Return a layer's configuration and its files, whose names clash with no other."""
     if isinstance(layer, OpaqueLayer):
-        return _entry(layer, layer.load_file, layer.settings), layer.files
+        entry = _entry(layer, layer.load_file, layer.settings)
+        return entry, MemoryStore(layer.files)
     plugin = plugin_for(layer.class_name)
     if plugin is None:
         raise HypermapError(
@@ -266,14 +278,14 @@ def _write_layer(
         )
     chosen: LayerPlugin = SemanticFiles(semantic) if isinstance(plugin, SemanticFiles) else plugin
     for file in _file_names(layer):
-        staged = MemoryStore()
+        staged = MemoryStore(beside=beside)
         with blamed_on_plugin(layer.class_name, f"cannot write layer {layer.name!r}"):
             keys = chosen.save(layer, staged, file) or {}
         if not staged.files:
-            return _entry(layer, False, layer.settings), {}
+            return _entry(layer, False, layer.settings), staged
         if not _clash(staged.files, taken):
             settings = {**layer.settings, "file": file, **keys}
-            return _entry(layer, BINARY_FILE not in keys, settings), staged.files
+            return _entry(layer, BINARY_FILE not in keys, settings), staged
     raise HypermapError(f"layer {layer.name!r} cannot be saved: its files' names are all taken")
 
 

@@ -46,6 +46,15 @@ MAX_EVIDENCE_BYTES = 64 * MIB
 MAX_PICTURES_BYTES = 256 * MIB
 """Size of all pictures of the objects of a layer."""
 
+MAX_NOTES_BYTES = 64 * MIB
+"""The texts of a layer of notes."""
+
+MAX_ATTACHED_INSIDE = 256 * MIB
+"""Size of all files attached to the notes of a layer within an archive; more are next to it."""
+
+MAX_ATTACHED_MEMBERS = 2000
+"""How many of them are within an archive."""
+
 MAX_PLACE = 1e9
 """Meters from the origin of a frame; farther out, cells and outlines have no room in a number."""
 

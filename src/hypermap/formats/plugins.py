@@ -20,6 +20,7 @@ _OURS = {
     "OccupancyGridLayer": "hypermap.formats.grid.map_server:PLUGIN",
     "SemanticLayer": "hypermap.formats.semantic.yaml_files:PLUGIN",
     "ValueLayer": "hypermap.formats.grid.value_files:PLUGIN",
+    "NotesLayer": "hypermap.formats.notes_files:PLUGIN",
 }
 
 

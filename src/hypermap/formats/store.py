@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from hypermap.core.errors import FileMissing, FormatError, HypermapError
+from hypermap.core.notes import Attachment
 from hypermap.formats import limits
 from hypermap.formats.atomic import is_folder, write_files
 
@@ -23,6 +24,10 @@ class MemoryStore:
     Attributes:
         where: name of the whole in messages, such as "office.hmap"; may be empty.
         files: content by name, in the order of writing.
+        folder: the folder of the archive that was read; None without one.
+        beside: name of the folder, next to the archive that will be written, for large files;
+            None if all must be in the archive.
+        large: the files that belong there.
 
     >>> store = MemoryStore(where="office.hmap")
     >>> store.write("semantic", b"[]")
@@ -30,9 +35,19 @@ class MemoryStore:
     (b'[]', 'office.hmap/semantic')
     """
 
-    def __init__(self, files: Mapping[str, bytes] | None = None, where: str = "") -> None:
+    def __init__(
+        self,
+        files: Mapping[str, bytes] | None = None,
+        where: str = "",
+        *,
+        folder: Path | None = None,
+        beside: str | None = None,
+    ) -> None:
         self.where = where
         self.files = dict(files or {})
+        self.folder = folder
+        self.beside = beside
+        self.large: list[Attachment] = []
 
     def read(self, name: str) -> bytes:
         """Return the content of a file.

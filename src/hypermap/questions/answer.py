@@ -12,11 +12,12 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from hypermap.core.arrays import IntArray, as_objects
+from hypermap.core.arrays import IntArray, PointsLike, as_objects
 from hypermap.core.errors import HypermapError
 from hypermap.core.frames import Pose2D
 from hypermap.core.hypermap import FoundObject, Hypermap, Matches
 from hypermap.core.layer import Layer
+from hypermap.core.notes_layer import NotesLayer
 from hypermap.core.opaque import OpaqueLayer
 from hypermap.core.semantic import SemanticLayer
 from hypermap.questions.cells import (
@@ -28,6 +29,7 @@ from hypermap.questions.cells import (
     values_around,
 )
 from hypermap.questions.finder import ASKER, Finder
+from hypermap.questions.noted import notes_at, notes_in
 from hypermap.questions.query import Query
 from hypermap.questions.seen import seen_in
 from hypermap.questions.taxonomy import Taxonomy, load_taxonomy
@@ -179,12 +181,12 @@ class _Asking:
         point = self._point()
         if point is not None:
             silent = [layer for layer in layers if not found.are_of(layer.name).any()]
-            return [cell_at(hypermap, layer, point) for layer in silent]
+            return [cell for layer in silent for cell in _cells_at(hypermap, layer, point)]
         what: list[str | float] = [*query.names, *([] if query.value is None else [query.value])]
         area = self._area()
         start = self._finder.place(query.start or ASKER) if query.which == "nearest" else None
         others = [layer for layer in layers if not isinstance(layer, SemanticLayer)]
-        return [cell for layer in others for cell in cells_in(hypermap, layer, what, area, start)]
+        return [cell for layer in others for cell in _cells_in(hypermap, layer, what, area, start)]
 
     def _places(self) -> Iterable[Cell]:
         """Return the places at which a quantity is within limits."""
@@ -313,3 +315,20 @@ def _order(which: str, found: Matches) -> IntArray:
     else:
         keys = -np.nan_to_num(found.column("last_seen"), nan=-np.inf, neginf=-np.inf)
     return np.argsort(keys, kind="stable")
+
+
+def _cells_at(hypermap: Hypermap, layer: Layer, point_xy: PointsLike) -> list[Cell]:
+    notes = notes_at(hypermap, layer, point_xy) if isinstance(layer, NotesLayer) else []
+    return notes or [cell_at(hypermap, layer, point_xy)]
+
+
+def _cells_in(
+    hypermap: Hypermap,
+    layer: Layer,
+    what: Sequence[str | float],
+    area: BaseGeometry | None,
+    start: NDArray[np.float64] | None,
+) -> Iterable[Cell]:
+    if isinstance(layer, NotesLayer):
+        return notes_in(hypermap, layer, what, area, start)
+    return cells_in(hypermap, layer, what, area, start)

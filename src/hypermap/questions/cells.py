@@ -31,6 +31,7 @@ class Cell:
         point_xy: in the base frame [m], shape (2,).
         distance: from where distances are measured [m]; None if nothing asked for them.
         more: of measured values: `unit`, `deviation`, `stamp`, `area` [m^2], `outline` (WKT).
+            Of notes: `note`.
     """
 
     layer: str

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 from collections.abc import Sequence
 from typing import Any
 
@@ -12,6 +13,7 @@ import shapely
 from hypermap.core.evidence import EvidenceTable
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.layer import Layer
+from hypermap.core.notes_layer import NotesLayer
 from hypermap.core.objects import SemanticObject
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.opaque import OpaqueLayer
@@ -50,6 +52,11 @@ def assert_same_layer(actual: Layer, expected: Layer) -> None:
         for key in ("cells", "deviations", "stamps"):
             _same_arrays(f"{where}: the {key}", getattr(actual, key), getattr(expected, key))
         _same_samples(f"{where}: the samples", actual.samples, expected.samples)
+    elif isinstance(actual, NotesLayer) and isinstance(expected, NotesLayer):
+        _same(f"{where}: the notes", actual.notes(), expected.notes())
+        _same(f"{where}: next_id", actual.next_id, expected.next_id)
+        hashes = [_hashes_of_contents(layer) for layer in (actual, expected)]
+        _same(f"{where}: the attached files", *hashes)
     elif isinstance(actual, OpaqueLayer) and isinstance(expected, OpaqueLayer):
         _same(f"{where}: the files", actual.files, expected.files)
     else:
@@ -95,6 +102,15 @@ def assert_same_answers(actual: Layer, expected: Layer) -> None:
         hits = [getattr(layer, question)(extents[1]) for layer in (actual, expected)]
         _same_arrays(f"{where}: {question}", hits[0].values, hits[1].values)
         _same_arrays(f"{where}: locations", hits[0].points_xy, hits[1].points_xy)
+
+
+def _hashes_of_contents(layer: NotesLayer) -> list[str]:
+    """Return the hash of what can be read of each file."""
+    hashes = []
+    for each in (each for note in layer for each in note.attachments):
+        with each.open() as opened:
+            hashes.append(hashlib.sha256(opened.read()).hexdigest())
+    return hashes
 
 
 def _same_samples(what: str, actual: Samples | None, expected: Samples | None) -> None:

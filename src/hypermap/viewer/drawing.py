@@ -27,7 +27,9 @@ from hypermap.viewer.paper import (
     FAINT,
     FONT,
     INK,
+    MARK,
     NAME,
+    NOTE,
     PAPER,
     SHAPE_ALPHA,
     SMALL,
@@ -122,6 +124,7 @@ def _draw_map(axes: Axes, drawing: Drawing, vector: bool) -> None:
     _draw_shapes(axes, drawing)
     _draw_doors(axes, drawing)
     _draw_links(axes, drawing)
+    _draw_marks(axes, drawing)
 
 
 def _style_axes(axes: Axes, drawing: Drawing) -> None:
@@ -220,6 +223,36 @@ def _draw_links(axes: Axes, drawing: Drawing) -> None:
                 shrinkA=0,
                 shrinkB=0,
             )
+        )
+
+
+def _draw_marks(axes: Axes, drawing: Drawing) -> None:
+    """Draw the number of each note in a dot at its place, and the outline of its area."""
+    for mark in drawing.marks:
+        if mark.area is not None:
+            axes.add_patch(PathPatch(_rings(mark.area), **line_style(NOTE), linestyle=(0, (4, 3))))
+    for mark in drawing.marks:
+        # Text in a box would not be round, and a circle in meters would not keep its size.
+        axes.plot(
+            mark.x,
+            mark.y,
+            marker="o",
+            markersize=MARK,
+            color=NOTE,
+            markeredgecolor=PAPER,
+            markeredgewidth=0.9,
+            zorder=5,
+        )
+        axes.annotate(
+            str(mark.number),
+            (mark.x, mark.y),
+            fontsize=NAME,
+            color=PAPER,
+            weight="bold",
+            ha="center",
+            va="center_baseline",
+            zorder=6,
+            annotation_clip=True,
         )
 
 

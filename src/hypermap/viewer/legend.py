@@ -11,7 +11,16 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 
 from hypermap.text import printable
-from hypermap.viewer.paper import FAINT, INK, SHAPE_ALPHA, SMALL, fill_style, line_style, text_width
+from hypermap.viewer.paper import (
+    FAINT,
+    INK,
+    NOTE,
+    SHAPE_ALPHA,
+    SMALL,
+    fill_style,
+    line_style,
+    text_width,
+)
 
 if TYPE_CHECKING:
     from hypermap.colors import Color
@@ -24,13 +33,14 @@ _MIN_ROWS, _MAX_COLUMNS = 16, 3
 
 @dataclass(frozen=True)
 class Row:
-    """A line of the legend: a heading where it has no color."""
+    """A line of the legend: a heading where it has no color, a note where it has a number."""
 
     text: str
     color: Color | None = None
     count: str = ""
     alpha: float = 1.0
     is_outline: bool = False
+    number: str = ""
 
 
 @dataclass(frozen=True)
@@ -61,6 +71,10 @@ def draw_legend(page: Axes, columns: Sequence[LegendColumn], left: float, top: f
             if row.color is None:
                 page.text(left, y, row.text, fontsize=SMALL, color=FAINT)
                 continue
+            if row.number:
+                page.text(left, y, row.number, fontsize=SMALL, color=row.color, weight="bold")
+                page.text(left + _INDENT, y, row.text, fontsize=SMALL, color=INK)
+                continue
             style = line_style(row.color) if row.is_outline else fill_style(row.color, row.alpha)
             page.add_patch(Rectangle((left, y - 2), _SWATCH, _SWATCH, **style))
             page.text(left + _INDENT, y, row.text, fontsize=SMALL, color=INK)
@@ -82,6 +96,13 @@ def _rows(drawing: Drawing) -> list[Row]:
                 part.are_outlines,
             )
             for name in sorted(counts, key=lambda name: (-counts[name], name))
+        ]
+    for layer in dict.fromkeys(mark.layer for mark in drawing.marks):
+        rows += [Row(""), Row(printable(layer))] if rows else [Row(printable(layer))]
+        rows += [
+            Row(printable(mark.title), NOTE, number=str(mark.number))
+            for mark in drawing.marks
+            if mark.layer == layer
         ]
     for raster in drawing.rasters:
         rows += [Row(""), Row(printable(raster.layer))] if rows else [Row(printable(raster.layer))]

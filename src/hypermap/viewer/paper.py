@@ -14,6 +14,8 @@ DPI = 144
 SMALL, TITLE, NAME = 8.0, 13.0, 7.5  # points
 FONT = "DejaVu Sans"  # comes with matplotlib, so that a picture is the same everywhere
 INK, FAINT, PAPER = "#1c1c1c", "#6b6b6b", "#ffffff"
+NOTE = (0.70, 0.11, 0.28)  # of the marks of notes
+MARK = 11.5  # points across a mark
 SHAPE_ALPHA = 0.55
 
 _measure = TextToPath()

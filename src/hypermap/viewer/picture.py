@@ -22,6 +22,7 @@ from hypermap.core.shapes import valid_copies
 from hypermap.core.value_layer import ValueLayer
 from hypermap.formats.atomic import write_file
 from hypermap.text import counted
+from hypermap.viewer.note_marks import Mark, marks_of
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
@@ -94,6 +95,7 @@ class Drawing:
         walls: what of the rasters is drawn once more, above the others.
         arrows: from x, y to x, y [m], shape (N, 2, 2).
         contours: of the value layers, if asked for.
+        marks: of notes.
     """
 
     rasters: tuple[Raster, ...]
@@ -108,6 +110,7 @@ class Drawing:
     walls: tuple[Raster, ...] = ()
     arrows: NDArray[np.float64] = field(default_factory=lambda: _NONE)
     contours: tuple[Contours, ...] = ()
+    marks: tuple[Mark, ...] = ()
 
 
 def render(
@@ -205,8 +208,10 @@ def compose(
     colors = class_colors(name for part in [*shapes, borders] for name in part.names)
     if names is not None:
         shapes = [_only(part, names, colors) for part in shapes]
-    view = _view(rasters, shapes, full) if area is None else area.bounds
-    if not np.isfinite(view).all() or not (rasters or any(len(s.names) for s in shapes)):
+    marks = marks_of(hypermap, shown) if names is None else ()
+    view = _view(rasters, shapes, marks, full) if area is None else area.bounds
+    is_empty = not (rasters or marks or any(len(s.names) for s in shapes))
+    if not np.isfinite(view).all() or is_empty:
         raise HypermapError("there is nothing to draw: the layers are empty or have no picture")
     subtitle = f"{_objects(shapes)}frame {hypermap.base_frame}"
     if frontiers:
@@ -223,6 +228,7 @@ def compose(
         _links(frontiers),
         tuple(walls),
         contours=_contours(hypermap, shown) if contours else (),
+        marks=marks,
     )
 
 
@@ -302,12 +308,14 @@ def _objects(shapes: Sequence[Shapes]) -> str:
 
 
 def _view(
-    rasters: Sequence[Raster], shapes: Sequence[Shapes], full: bool
+    rasters: Sequence[Raster], shapes: Sequence[Shapes], marks: Sequence[Mark], full: bool
 ) -> tuple[float, float, float, float]:
     """Return the box around everything known [m]; NaN if there is nothing."""
     corners = [raster.pose.apply(_known_corners(raster.picture, full)) for raster in rasters]
     boxes = [shapely.bounds(part.shapes).reshape(-1, 2) for part in shapes]
-    points = np.concatenate([*corners, *boxes, np.empty((0, 2))])
+    areas = [np.reshape(mark.area.bounds, (2, 2)) for mark in marks if mark.area is not None]
+    places = np.array([(mark.x, mark.y) for mark in marks]).reshape(-1, 2)
+    points = np.concatenate([*corners, *boxes, *areas, places, np.empty((0, 2))])
     points = points[np.isfinite(points).all(axis=1)]
     if len(points) == 0:
         return (np.nan, np.nan, np.nan, np.nan)

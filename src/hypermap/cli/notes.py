@@ -1,0 +1,528 @@
+"""`hypermap notes`: notes and media at places on a map."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from hypermap.cli.negative_points import PointsCommand
+from hypermap.cli.options import AsJson, Force, MapPath, check_output
+from hypermap.cli.terminal import facts, note, out, say, say_json, table, visible
+from hypermap.console.options import AN_AREA
+from hypermap.core.errors import HypermapError
+from hypermap.text import counted, printable
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from shapely.geometry.base import BaseGeometry
+
+    from hypermap.core.frames import Pose2D
+    from hypermap.core.hypermap import Hypermap
+    from hypermap.core.notes import Attachment, Note
+    from hypermap.core.notes_layer import NotesLayer
+    from hypermap.notes import FoundNote
+
+COMMAND_CLASS = PointsCommand
+
+_FIND, _CHANGE = "Which notes", "Change"
+_EDITOR = "hypermap notes"
+_LARGE = 100_000_000  # bytes, of files that take a while
+
+
+def command(
+    path: MapPath,
+    write: Annotated[
+        str | None,
+        typer.Option(
+            "--write",
+            metavar="TEXT",
+            help="Add a note with this text (Markdown) at --place; - reads it from standard input.",
+            rich_help_panel=_CHANGE,
+        ),
+    ] = None,
+    edit: Annotated[
+        int | None,
+        typer.Option(
+            "--edit",
+            metavar="ID",
+            help="Change a note: --text replaces its text, --place moves it, --attach and --link "
+            "add to it.",
+            rich_help_panel=_CHANGE,
+        ),
+    ] = None,
+    text: Annotated[
+        str | None,
+        typer.Option(
+            "--text", metavar="TEXT", help="New text for --edit.", rich_help_panel=_CHANGE
+        ),
+    ] = None,
+    remove: Annotated[
+        list[int] | None,
+        typer.Option(
+            "--remove", metavar="ID", help="Remove a note (repeatable).", rich_help_panel=_CHANGE
+        ),
+    ] = None,
+    attach: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--attach",
+            metavar="FILE",
+            help="Attach a picture, sound, video or any other file (repeatable).",
+            rich_help_panel=_CHANGE,
+        ),
+    ] = None,
+    link: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--link", metavar="URL", help="Attach a link (repeatable).", rich_help_panel=_CHANGE
+        ),
+    ] = None,
+    author: Annotated[
+        str | None,
+        typer.Option(
+            "--author", metavar="NAME", help="Author: of the new note, or of the notes to find."
+        ),
+    ] = None,
+    time: Annotated[
+        str | None,
+        typer.Option(
+            "--time",
+            metavar="TIME",
+            show_default="now",
+            help="Time of the note.",
+            rich_help_panel=_CHANGE,
+        ),
+    ] = None,
+    place: Annotated[
+        str | None,
+        typer.Option(
+            "--place",
+            metavar="X,Y|AREA",
+            help="Place of the note: a point, an area as for --in, or a room.",
+            rich_help_panel=_CHANGE,
+        ),
+    ] = None,
+    area: Annotated[
+        str | None,
+        typer.Option(
+            "--in", metavar="AREA|ROOM", help=f"Only this area: {AN_AREA}; or rooms of this name."
+        ),
+    ] = None,
+    word: Annotated[
+        str | None,
+        typer.Option(
+            "--word",
+            metavar="WORDS",
+            help="Each word is in the text, the author or a file's name.",
+            rich_help_panel=_FIND,
+        ),
+    ] = None,
+    around: Annotated[
+        str | None,
+        typer.Option(
+            "--around", metavar="X,Y", help="Nearest to this place first.", rich_help_panel=_FIND
+        ),
+    ] = None,
+    radius: Annotated[
+        float | None,
+        typer.Option(
+            "--radius",
+            metavar="METERS",
+            help="Largest distance to --around.",
+            rich_help_panel=_FIND,
+        ),
+    ] = None,
+    after: Annotated[
+        str | None,
+        typer.Option("--after", metavar="TIME", help="Not older.", rich_help_panel=_FIND),
+    ] = None,
+    before: Annotated[
+        str | None,
+        typer.Option("--before", metavar="TIME", help="Not newer.", rich_help_panel=_FIND),
+    ] = None,
+    show: Annotated[
+        int | None,
+        typer.Option(
+            "--show", metavar="ID", help="Show one note with its whole text.", rich_help_panel=_FIND
+        ),
+    ] = None,
+    export: Annotated[
+        Path | None,
+        typer.Option(
+            "--export",
+            metavar="DIR",
+            help="Write the attached files of the found notes into this folder.",
+            rich_help_panel=_FIND,
+        ),
+    ] = None,
+    layer: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--layer",
+            metavar="NAME",
+            show_default="the only one",
+            help="Only this layer: a change needs one.",
+        ),
+    ] = None,
+    frame: Annotated[
+        str | None,
+        typer.Option(
+            "--frame",
+            metavar="FRAME",
+            show_default="the map's base frame",
+            help="Frame of the coordinates: of --place, --in and --around.",
+        ),
+    ] = None,
+    inside_up_to: Annotated[
+        float | None,
+        typer.Option(
+            "--inside-up-to",
+            metavar="MB",
+            min=0,
+            show_default="2, or what the layer says",
+            help="Larger files are kept next to the map, not in it.",
+            rich_help_panel=_CHANGE,
+        ),
+    ] = None,
+    tidy: Annotated[
+        bool,
+        typer.Option(
+            "--tidy",
+            help="Delete files next to the map that neither it nor its backup uses.",
+            rich_help_panel=_CHANGE,
+        ),
+    ] = False,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "-o",
+            "--output",
+            metavar="OUT",
+            show_default="MAP",
+            help="Save here: a changed map, .hmap.",
+        ),
+    ] = None,
+    as_json: AsJson = False,
+    force: Force = False,
+) -> None:
+    """List the notes of a map, find some, or add, change and remove notes.
+
+    A note has a place, a text in Markdown, files, links, an author and a time. Without --write,
+    --edit, --remove or --show, the notes are listed. Changes are saved in MAP, and its old version
+    stays as MAP.bak. Small files are kept in the map, larger ones next to it in MAP.media.
+
+    Examples:
+        hypermap notes office.hmap --write "Loose tile" --place 2.1,0.8 --attach tile.jpg
+        hypermap notes office.hmap --word tile --in kitchen
+        hypermap notes office.hmap --show 1
+        hypermap notes office.hmap --export attached
+    """
+    from hypermap.formats import open_map
+    from hypermap.notes import described
+
+    changes = [option for option in (write, edit, remove) if option is not None]
+    if len(changes) > 1:
+        raise HypermapError("give only one of --write, --edit and --remove")
+    if layer is not None and len(layer) > 1:
+        raise HypermapError("give --layer once")
+    name = layer[0] if layer else None
+    asked = _Asked(name, frame, author, place, area, time, text, attach or [], link or [])
+    asked.check(write is not None, edit is not None)
+    if output is not None:
+        check_output(output, force)
+    hypermap = open_map(path)
+    if inside_up_to is not None:
+        _layer(hypermap, asked, make=write is not None).inside_up_to = round(inside_up_to * 1e6)
+    if write is not None:
+        shown = [_add(hypermap, sys.stdin.read() if write == "-" else write, asked)]
+    elif edit is not None:
+        shown = [_edit(hypermap, edit, asked)]
+    elif remove is not None:
+        shown = _remove(hypermap, remove, name)
+    else:
+        shown = _found(hypermap, asked, word, around, radius, after, before, show)
+    if changes or inside_up_to is not None:
+        _save(hypermap, path, output)
+    if as_json:
+        say_json({"frame_id": hypermap.base_frame, "notes": [described(each) for each in shown]})
+    elif show is not None or write is not None or edit is not None:
+        _show(shown[0])
+    elif not (tidy or remove):
+        _list(shown)
+    if export is not None:
+        _export(shown, export)
+    if tidy:
+        _tidy(output or path)
+
+
+class _Asked:
+    """The options that say what a note holds and where it is."""
+
+    def __init__(
+        self,
+        layer: str | None,
+        frame: str | None,
+        author: str | None,
+        place: str | None,
+        area: str | None,
+        time: str | None,
+        text: str | None,
+        files: Sequence[Path],
+        links: Sequence[str],
+    ) -> None:
+        self.layer, self.frame, self.author = layer, frame, author
+        self.where, self.area, self.time, self.text = place, area, time, text
+        self.files, self.links = files, tuple(links)
+
+    def check(self, is_new: bool, is_edited: bool) -> None:
+        """Raise a HypermapError for options that mean nothing together."""
+        if is_new and self.where is None:
+            raise HypermapError("where is the note? give --place X,Y")
+        if is_new and self.text is not None:
+            raise HypermapError("--text belongs to --edit; --write TEXT is the text of a new note")
+        if (is_new or is_edited) and self.area is not None:
+            raise HypermapError("--in finds notes; the place of a note is --place")
+        if not is_new and not is_edited:
+            given = {
+                "--text": self.text,
+                "--time": self.time,
+                "--attach": self.files or None,
+                "--link": self.links or None,
+                "--place": self.where,
+            }
+            for option, value in given.items():
+                if value is not None:
+                    hint = "; --around finds notes there" if option == "--place" else ""
+                    raise HypermapError(f"{option} belongs to --write or --edit{hint}")
+
+    def place(self, hypermap: Hypermap) -> BaseGeometry | None:
+        """Return the place of a note in the base frame; None if none was given."""
+        import shapely
+
+        from hypermap.console.places import parse_point
+
+        if self.where is None or len(self.where.split(",")) != 2 or " " in self.where.strip():
+            return self._area(hypermap, self.where, "--place")
+        return shapely.Point(self.in_base(hypermap).apply(parse_point(self.where, "--place"))[0])
+
+    def area_in_base(self, hypermap: Hypermap) -> BaseGeometry | None:
+        """Return the area in which notes are looked for, in the base frame; None for any."""
+        return self._area(hypermap, self.area, "--in")
+
+    def in_base(self, hypermap: Hypermap) -> Pose2D:
+        """Return the pose of the frame of coordinates in the base frame."""
+        return hypermap.frames.lookup(hypermap.base_frame, self.frame or hypermap.base_frame)
+
+    def _area(self, hypermap: Hypermap, text: str | None, option: str) -> BaseGeometry | None:
+        import shapely
+
+        from hypermap.console.places import names_rooms, parse_area
+        from hypermap.rooms.questions import rooms_asked
+
+        if text is None:
+            return None
+        if names_rooms(text):
+            rooms: BaseGeometry = shapely.union_all(
+                [room.outline for room in rooms_asked(hypermap, text)]
+            )
+            return rooms
+        return self.in_base(hypermap).apply_geometry(parse_area(text, option))
+
+    def attachments(self) -> tuple[Attachment, ...]:
+        """Return the files, looked into."""
+        from hypermap.notes import attachment_of
+
+        for file in self.files:
+            if file.is_file() and (size := file.stat().st_size) > _LARGE:
+                note(f"copying {file}, {size / 1e6:.0f} MB")
+        return tuple(map(attachment_of, self.files))
+
+
+def _layer(hypermap: Hypermap, asked: _Asked, *, make: bool) -> NotesLayer:
+    from hypermap.notes.on_map import layer_to_add_to, notes_layer
+
+    return (layer_to_add_to if make else notes_layer)(hypermap, asked.layer)
+
+
+def _add(hypermap: Hypermap, text: str, asked: _Asked) -> FoundNote:
+    from hypermap.core.notes import now
+    from hypermap.notes import Note, add_note
+    from hypermap.questions.times import parse_moment
+
+    place = asked.place(hypermap)
+    assert place is not None
+    when = now() if asked.time is None else parse_moment(asked.time, "--time")
+    new = Note(place, text, asked.author or "", when, asked.attachments(), asked.links)
+    return add_note(hypermap, new, asked.layer)
+
+
+def _edit(hypermap: Hypermap, number: int, asked: _Asked) -> FoundNote:
+    from hypermap.notes import FoundNote
+    from hypermap.questions.times import parse_moment
+
+    layer = _layer(hypermap, asked, make=False)
+    base_T_layer = hypermap.frames.lookup(hypermap.base_frame, layer.frame_id)
+    place, files = asked.place(hypermap), asked.attachments()
+    given: dict[str, Any] = {
+        "text": asked.text,
+        "author": asked.author,
+        "time": None if asked.time is None else parse_moment(asked.time, "--time"),
+        "place": None if place is None else base_T_layer.inverse().apply_geometry(place),
+    }
+    given = {key: value for key, value in given.items() if value is not None}
+
+    def changed(old: Note) -> Note:
+        return replace(
+            old, **given, attachments=old.attachments + files, links=old.links + asked.links
+        )
+
+    new = layer.update(number, changed)
+    return FoundNote(layer.name, new.with_place(base_T_layer.apply_geometry(new.place)))
+
+
+def _remove(hypermap: Hypermap, numbers: Sequence[int], layer: str | None) -> list[FoundNote]:
+    from hypermap.notes import FoundNote, notes_layer
+
+    chosen = notes_layer(hypermap, layer)
+    base_T_layer = hypermap.frames.lookup(hypermap.base_frame, chosen.frame_id)
+    gone = [chosen.remove(number) for number in dict.fromkeys(numbers)]
+    return [
+        FoundNote(chosen.name, each.with_place(base_T_layer.apply_geometry(each.place)))
+        for each in gone
+    ]
+
+
+def _found(
+    hypermap: Hypermap,
+    asked: _Asked,
+    word: str | None,
+    around: str | None,
+    radius: float | None,
+    after: str | None,
+    before: str | None,
+    show: int | None,
+) -> list[FoundNote]:
+    from hypermap.console.places import parse_point
+    from hypermap.core.errors import ObjectNotFound
+    from hypermap.notes import find_notes
+    from hypermap.questions.times import parse_moment
+
+    if radius is not None and around is None:
+        raise HypermapError("--radius needs --around: a distance from what?")
+    point = None
+    if around is not None:
+        point = asked.in_base(hypermap).apply(parse_point(around, "--around"))[0]
+    found = find_notes(
+        hypermap,
+        word or "",
+        area=asked.area_in_base(hypermap),
+        near=point,
+        within=radius,
+        since=None if after is None else parse_moment(after, "--after"),
+        until=None if before is None else parse_moment(before, "--before"),
+        author=asked.author or "",
+        layer=asked.layer,
+    )
+    if show is None:
+        return found
+    chosen = [each for each in found if each.note.id == show]
+    if not chosen:
+        raise ObjectNotFound(f"there is no note {show}; list them with: hypermap notes MAP")
+    return chosen
+
+
+def _save(hypermap: Hypermap, path: Path, output: Path | None) -> None:
+    from hypermap.formats import save_map
+    from hypermap.formats.backup import save_edited
+
+    if output is None and path.suffix.lower() != ".hmap":
+        raise HypermapError(f"{path}: notes are kept in .hmap files; give -o OUT.hmap")
+    if output is None:
+        save_edited(hypermap, path, _EDITOR)
+    elif output.suffix.lower() != ".hmap":
+        raise HypermapError(f"{output}: a map with notes is saved as .hmap")
+    else:
+        save_map(hypermap, output)
+    note(f"saved {output or path}")
+
+
+def _list(shown: Sequence[FoundNote]) -> None:
+    from hypermap.notes.on_map import point_of
+    from hypermap.questions.times import minute_of
+
+    if not shown:
+        say("no notes found")
+        return
+    rows = table("id", "note", "time", "author", "x", "y", "attached", right=("id", "x", "y"))
+    for found in shown:
+        one = found.note
+        x, y = point_of(one)
+        place = (f"{x:.2f}", f"{y:.2f}")
+        about = (minute_of(one.time), printable(one.author), *place, _attached(one))
+        rows.add_row(str(one.id), printable(one.title, 60), *about)
+    out().print(rows)
+
+
+def _attached(one: Note) -> str:
+    kinds = [each.kind for each in one.attachments] + ["link"] * len(one.links)
+    return ", ".join(counted(kinds.count(kind), kind) for kind in dict.fromkeys(kinds))
+
+
+def _show(found: FoundNote) -> None:
+    from hypermap.notes.on_map import point_of
+    from hypermap.questions.times import minute_of
+
+    one = found.note
+    x, y = point_of(one)
+    area = "" if one.place.area == 0 else f", {one.place.area:.1f} m2 around it"
+    rows = [
+        ("note", f"{one.id} in layer {printable(found.layer)}"),
+        ("at", f"{x:.2f}, {y:.2f}{area}"),
+        ("time", minute_of(one.time)),
+    ]
+    if one.changed is not None:
+        rows.append(("changed", minute_of(one.changed)))
+    if one.author:
+        rows.append(("author", printable(one.author, 100)))
+    for each in one.attachments:
+        missing = "" if each.is_there else ", missing"
+        kind = each.kind if each.kind != "file" else each.media_type
+        rows.append(("file", f"{printable(each.name, 60)} ({kind}, {_size(each.size)}{missing})"))
+    rows += [("link", printable(link, 200)) for link in one.links]
+    out().print(facts(rows))
+    if one.text.strip():
+        say()
+        for line in one.text.splitlines():
+            say(visible(line))
+
+
+def _size(count: int) -> str:
+    return f"{count / 1e6:.1f} MB" if count >= 100_000 else f"{count / 1e3:.1f} kB"
+
+
+def _export(shown: Iterable[FoundNote], folder: Path) -> None:
+    from hypermap.formats.beside import export_files
+
+    written = export_files([each.note for each in shown], folder)
+    note(f"wrote {counted(len(written), 'file')} to {folder}")
+
+
+def _tidy(path: Path) -> None:
+    """Delete the files next to a map that neither it nor its backup refers to."""
+    from hypermap.core.notes_layer import NotesLayer
+    from hypermap.formats import open_map
+    from hypermap.formats.backup import backup_of
+    from hypermap.formats.beside import folder_beside, unused_beside
+
+    maps = [open_map(file) for file in (path, backup_of(path)) if file.exists()]
+    layers = (layer for each in maps for layer in each if isinstance(layer, NotesLayer))
+    used = [file for layer in layers for one in layer for file in one.attachments]
+    unused = unused_beside(path.with_name(folder_beside(path)), used)
+    for file in unused:
+        file.unlink()
+    note(f"deleted {counted(len(unused), 'file')} that no note uses")

@@ -1,0 +1,128 @@
+"""Large files next to a map, in a folder named after it; each is named by the hash of its content.
+
+So a file never changes: it is written before the map that names it, and all maps saved before still
+find theirs.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import logging
+import re
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import BinaryIO
+
+from hypermap.core.errors import HypermapError
+from hypermap.core.notes import Attachment, Note
+from hypermap.formats.atomic import file_beside
+
+logger = logging.getLogger(__name__)
+
+_ENDING = ".media"
+_PIECE = 1 << 20  # bytes
+_HASH = re.compile(r"[0-9a-f]{64}")
+_UNFIT = re.compile(r"[^\w .()-]")  # in names of files
+
+
+def folder_beside(path: Path) -> str:
+    """Return the name of the folder for the large files of a map.
+
+    >>> folder_beside(Path("maps/office.hmap"))
+    'office.hmap.media'
+    """
+    return path.name + _ENDING
+
+
+def put_beside(folder: Path, files: Iterable[Attachment]) -> None:
+    """Copy files into a folder, which is made for the first one; those that are there stay.
+
+    A file that was next to the map already, and is missing there, is logged.
+
+    Raises:
+        FileMissing: If a file that was attached is not there any more.
+        HypermapError: If it has changed since, or the copy cannot be written.
+    """
+    for each in files:
+        target = folder / each.sha256
+        if target.is_file() and target.stat().st_size == each.size:
+            continue
+        if not each.is_there and is_kept(each):
+            logger.warning("%s is missing: the attached file %r", each.content, each.name)
+            continue
+        try:
+            folder.mkdir(exist_ok=True)
+        except OSError as error:
+            raise HypermapError(f"{folder}: cannot be made: {error.strerror}") from error
+        copy_to(target, each)
+
+
+def is_kept(attachment: Attachment) -> bool:
+    """Return whether a file is next to a map already, or was."""
+    content = attachment.content
+    return isinstance(content, Path) and content.name == attachment.sha256
+
+
+def copy_to(target: Path, attachment: Attachment) -> None:
+    """Write the content of an attachment to a file, wholly or not at all, piece by piece.
+
+    Raises:
+        FileMissing: If it is not there.
+        HypermapError: If it has changed since it was attached, or cannot be written.
+    """
+    with attachment.open() as source, file_beside(target) as temporary, temporary.open("wb") as to:
+        if _copied(source, to) != attachment.sha256:
+            where = attachment.content if isinstance(attachment.content, Path) else attachment.name
+            raise HypermapError(f"{where}: the file has changed since it was attached")
+
+
+def export_files(notes: Iterable[Note], folder: Path) -> list[Path]:
+    """Write the files attached to notes into a folder, and return their paths.
+
+    They get the names that people know, with the id of the note in front, without what could lead
+    elsewhere. A file that was next to the map and is missing there is logged and left out.
+
+    Raises:
+        HypermapError: If a file cannot be written, or is there already with another content.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise HypermapError(f"{folder}: cannot be made: {error.strerror}") from error
+    written: list[Path] = []
+    for note in notes:
+        for name, each in zip(_names(note), note.attachments, strict=True):
+            if not each.is_there:
+                logger.warning("%s is missing: the attached file %r", each.content, each.name)
+                continue
+            copy_to(folder / name, each)
+            written.append(folder / name)
+    return written
+
+
+def unused_beside(folder: Path, used: Iterable[Attachment]) -> list[Path]:
+    """Return the files in a folder next to a map to which no note refers any more."""
+    names = {each.sha256 for each in used}
+    if not folder.is_dir():
+        return []
+    found = (path for path in folder.iterdir() if _HASH.fullmatch(path.name))
+    return sorted(path for path in found if path.name not in names)
+
+
+def _copied(source: BinaryIO, target: BinaryIO) -> str:
+    """Copy a file, and return the SHA-256 of what was copied."""
+    digest = hashlib.sha256()
+    while piece := source.read(_PIECE):
+        digest.update(piece)
+        target.write(piece)
+    return digest.hexdigest()
+
+
+def _names(note: Note) -> Sequence[str]:
+    """Return a different name for each file of a note."""
+    names: list[str] = []
+    for number, each in enumerate(note.attachments, 1):
+        name = _UNFIT.sub("_", each.name).lstrip(". ") or "file"
+        full = f"{note.id}-{name}"
+        names.append(f"{note.id}-{number}-{name}" if full in names else full)
+    return names
