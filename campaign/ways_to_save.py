@@ -15,9 +15,9 @@ from campaign.in_process_port import InProcessPort
 from hypermap import HypermapError, OccupancyLayer, Pose2D, SemanticLayer, open_map, save_map
 from hypermap.core.evidence import EvidenceTable
 from hypermap.core.grid import GridGeometry
+from hypermap.core.history import MAP_VERSION
 from hypermap.core.hypermap import Hypermap
 from hypermap.formats.any_file import open_any
-from hypermap.formats.backup import MAP_VERSION
 from hypermap.formats.store import read_file
 from hypermap.perception.detections import Detections
 from hypermap.perception.detectors.recorded import RecordedDetections

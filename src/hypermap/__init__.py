@@ -112,6 +112,7 @@ def __getattr__(name: str) -> Any:
 
 def _for_the_core(name: str) -> Any:
     others = {
+        "as_of": "hypermap.history",
         "ask_map": "hypermap.questions.asking",
         "nearest_by_path": "hypermap.paths.planner",
         "open_site": "hypermap.fleet.store.stored_map",

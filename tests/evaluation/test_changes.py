@@ -22,8 +22,8 @@ from hypermap import (
     SemanticLayer,
     SemanticObject,
 )
+from hypermap.core.history import KINDS
 from hypermap.evaluation import Change, Changes, changes_between, knowledge_of, objects_in_frame
-from hypermap.evaluation.changes import KINDS
 from hypermap.viewer.changes import render_changes
 
 CHAIR = shapely.box(0, 0, 0.5, 0.5)

@@ -46,7 +46,8 @@ def drive() -> list[RgbdFrame]:
 
 def contents(path: Path) -> dict[str, bytes]:
     with zipfile.ZipFile(path) as archive:
-        return {n: archive.read(n) for n in archive.namelist() if n not in OF_THE_DRIVES}
+        names = (n for n in archive.namelist() if not n.startswith("history."))
+        return {n: archive.read(n) for n in names if n not in OF_THE_DRIVES}
 
 
 @functools.cache

@@ -71,8 +71,9 @@ def command(
     """
     from hypermap.alignment import align, in_frame_of
     from hypermap.core.errors import HypermapError
+    from hypermap.core.history import MAP_ID
     from hypermap.formats import open_map, save_map
-    from hypermap.formats.backup import ALIGNED_TO, MAP_ID
+    from hypermap.formats.backup import ALIGNED_TO
     from hypermap.questions.asking import parse_pose
 
     if output is not None:

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from collections import Counter
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from hypermap.cli.change_rows import described, distance_of, named, place_of
 from hypermap.cli.options import AsJson, MapPath, check_picture
 from hypermap.cli.terminal import note, out, say, say_json, table
 from hypermap.cli.two_maps import SameFrame, pose_on
-from hypermap.text import counted, printable
+from hypermap.text import counted
 
 if TYPE_CHECKING:
-    from hypermap.core.semantic import SemanticObject
-    from hypermap.evaluation import Change, Changes
+    from hypermap.evaluation import Changes
 
 
 def command(
@@ -65,9 +65,9 @@ def command(
         hypermap diff monday.hmap tuesday.hmap --name chair --min-moved 0.5 --json
     """
     from hypermap.core.frames import Pose2D
+    from hypermap.core.history import MAP_ID
     from hypermap.evaluation import changes_between, knowledge_of, objects_in_frame
     from hypermap.formats import open_map
-    from hypermap.formats.backup import MAP_ID
     from hypermap.viewer.changes import render_changes
     from hypermap.viewer.picture import check_suffix
 
@@ -88,7 +88,7 @@ def command(
     if picture is not None:
         render_changes(first, changes, picture, title=f"{path.stem} to {other.stem}")
     if as_json:
-        rows = [_described(change) for change in changes.changes]
+        rows = [described(change) for change in changes.changes]
         say_json({"frame_id": first.base_frame, "changes": rows, "unchanged": changes.unchanged})
     else:
         _show(changes)
@@ -102,41 +102,12 @@ def _show(changes: Changes) -> None:
         for change in changes.changes:
             rows.add_row(
                 change.kind,
-                _named(change),
-                _place(change.before),
-                _place(change.after),
-                _distance(change),
+                named(change),
+                place_of(change.before),
+                place_of(change.after),
+                distance_of(change),
             )
         out().print(rows)
     counts = Counter(change.kind for change in changes.changes)
     words = [f"{count} {kind}" for kind, count in counts.items()]
     say(", ".join([*words, f"{counted(changes.unchanged, 'object')} unchanged"]))
-
-
-def _named(change: Change) -> str:
-    names = dict.fromkeys(one.name for one in (change.before, change.after) if one is not None)
-    name = printable(" → ".join(names), 80)
-    return name if change.layer == "semantic" else f"{name} ({printable(change.layer, 40)})"
-
-
-def _place(thing: SemanticObject | None) -> str:
-    if thing is None:
-        return "-"
-    center = thing.footprint.centroid
-    return f"{center.x:.2f}, {center.y:.2f}"
-
-
-def _distance(change: Change) -> str:
-    if change.kind != "moved" or change.distance is None or change.confidence is None:
-        return ""
-    return f"{change.distance:.2f} m ({change.confidence:.0%})"
-
-
-def _described(change: Change) -> dict[str, Any]:
-    row: dict[str, Any] = {"change": change.kind, "layer": change.layer}
-    for when, thing in (("before", change.before), ("after", change.after)):
-        if thing is not None:
-            center = thing.footprint.centroid
-            row[when] = {"id": thing.id, "name": thing.name, "x": center.x, "y": center.y}
-    values = {"distance": change.distance, "confidence": change.confidence}
-    return row | {key: value for key, value in values.items() if value is not None}

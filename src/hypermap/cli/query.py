@@ -56,6 +56,7 @@ def command(
     since: Annotated[str | None, _option("--since", _WHEN)] = None,
     new_since: Annotated[str | None, _option("--new-since", _WHEN)] = None,
     not_seen_for: Annotated[str | None, _option("--not-seen-for", _WHEN)] = None,
+    as_of: Annotated[str | None, _option("--as-of", _WHEN)] = None,
     last_seen: Annotated[bool, _option("--last-seen", _WHEN)] = False,
     evidence: Annotated[bool, _option("--evidence", _WHAT)] = False,
     pictures: Annotated[
@@ -88,6 +89,7 @@ def command(
         hypermap query lab.hmap --name chair --near sink --within 2
         hypermap query lab.hmap --name chair --in "1,2 2,2 2,3 1,3" --json
         hypermap query lab.hmap --name cup --last-seen
+        hypermap query lab.hmap --name cup --as-of 2026-11-20T10:00
         hypermap query lab.hmap --new-since yesterday
         hypermap query lab.hmap --name chair --not-seen-for 7d
         hypermap query lab.hmap --id 7 --evidence
@@ -121,13 +123,13 @@ def command(
         "--since": since,
         "--new-since": new_since,
         "--not-seen-for": not_seen_for,
+        "--as-of": as_of,
         "--last-seen": last_seen,
         "--layer": layer,
         "--frame": frame_id,
     }
-    hypermap = open_map(path)
-    found = answered(hypermap, given)
-    rows = found.rows
+    found = answered(open_map(path), given)
+    hypermap, rows = found.hypermap, found.rows
     if evidence:
         from hypermap.console.evidence import add_evidence
         from hypermap.viewer.live.object_evidence import describe_evidence

@@ -36,8 +36,9 @@ def pose_on(
     """
     from hypermap.alignment import NotAligned, align
     from hypermap.core.frames import Pose2D
+    from hypermap.core.history import MAP_ID
     from hypermap.core.occupancy import OccupancyLayer
-    from hypermap.formats.backup import ALIGNED_TO, MAP_ID
+    from hypermap.formats.backup import ALIGNED_TO
 
     known = first.metadata.get(MAP_ID)
     is_one = known is not None and second.metadata.get(MAP_ID) == known

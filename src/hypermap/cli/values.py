@@ -345,8 +345,6 @@ def _frame(hypermap: Hypermap, walls: OccupancyLayer | None, named: str | None) 
 
 def _with_layer(hypermap: Hypermap, layer: ValueLayer) -> Hypermap:
     """Return the map with the layer, which replaces an older one of that name."""
-    from hypermap.core.hypermap import Hypermap
-
     layers: Sequence[Any] = list(hypermap)
     if layer.name in hypermap:
         older = hypermap[layer.name]
@@ -354,7 +352,7 @@ def _with_layer(hypermap: Hypermap, layer: ValueLayer) -> Hypermap:
         layers = [layer if each is older else each for each in layers]
     else:
         layers = [*layers, layer]
-    return Hypermap(layers, hypermap.frames, hypermap.metadata)
+    return hypermap.with_layers(layers)
 
 
 def _describe(layer: ValueLayer, left_out: dict[str, int]) -> dict[str, Any]:

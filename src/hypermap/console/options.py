@@ -68,6 +68,9 @@ OPTIONS = {
     ),
     "--new-since": Option("TIME", "Only objects first seen at this time or later."),
     "--not-seen-for": Option("TIME", "Only objects that were not seen for this long: 7d, 2h."),
+    "--as-of": Option(
+        "TIME", "The map as it was: yesterday, 2026-11-20T10:00, 7d, or v3 for version 3."
+    ),
     "--last-seen": Option("", "Show when objects were last seen, the latest first.", bool),
     "--evidence": Option("", "Show the evidence for the objects.", bool),
     "--layer": Option("NAME", "Only this layer: may be repeated.", repeats=True),

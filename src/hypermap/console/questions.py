@@ -12,6 +12,7 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
+from hypermap.console.moments import map_at
 from hypermap.console.places import names_rooms, parse_area, parse_point
 from hypermap.core.errors import HypermapError, did_you_mean
 from hypermap.core.hypermap import ROOMS, FoundObject, Hypermap
@@ -38,11 +39,13 @@ class Answered:
     """A map's answer to a question by options.
 
     Attributes:
+        hypermap: the map that was asked: as it was, if an earlier time was given.
         answer: that.
         rows: each with layer, label, value, x and y in the base frame.
         remarks: what is to be said next to it.
     """
 
+    hypermap: Hypermap
     answer: Answer
     rows: list[Row]
     remarks: list[str]
@@ -52,13 +55,15 @@ def answered(hypermap: Hypermap, given: Options) -> Answered:
     """Return the answer to the question that options ask.
 
     Raises:
-        HypermapError: If a value is none of its kind, the question has no meaning, or it names an
-            unknown layer or frame.
+        HypermapError: If a value is none of its kind, the question has no meaning, names an
+            unknown layer or frame, or asks for a time that the map does not know.
     """
+    hypermap, now = map_at(hypermap, given.get("--as-of"))
     query = query_of(hypermap, given)
-    answer = ask(hypermap, query, robot_radius=given.get("--robot-radius") or 0.0)
+    radius = given.get("--robot-radius") or 0.0
+    answer = ask(hypermap, query, robot_radius=radius, now=now)
     rows = rows_of(hypermap, answer)
-    return Answered(answer, rows, _remarks(hypermap, given, rows))
+    return Answered(hypermap, answer, rows, _remarks(hypermap, given, rows))
 
 
 def query_of(hypermap: Hypermap, given: Options) -> Query:

@@ -15,6 +15,7 @@ from hypermap.core.arrays import BoolArray, ObjectArray, PointsLike, as_point_xy
 from hypermap.core.errors import FrameError, HypermapError, LayerNotFound, did_you_mean
 from hypermap.core.found import Found, FoundObject
 from hypermap.core.frames import FrameTree, Pose2D
+from hypermap.core.history import History
 from hypermap.core.layer import Hits, Layer, check_count
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.outside import OutsideMethods
@@ -44,6 +45,7 @@ class Hypermap(OutsideMethods):
         metadata: saved with the map, such as the configuration that made it.
         mapper_state: what mapping needs to go on with the map, which it alone understands: the
             bytes, or a function that makes them; None for a map that mapping cannot go on with.
+        history: what has changed so far; None for a map that keeps none.
 
     Raises:
         HypermapError: If two layers have the same name.
@@ -58,6 +60,7 @@ class Hypermap(OutsideMethods):
         self.frames = FrameTree() if frames is None else frames
         self.metadata: dict[str, Any] = dict(metadata or {})
         self.mapper_state: bytes | Callable[[], bytes] | None = None
+        self.history: History | None = None
         self._layers: dict[str, Layer] = {}
         self._warned: set[str] = set()
         for layer in layers:
@@ -191,6 +194,7 @@ class Hypermap(OutsideMethods):
         """
         other = Hypermap(layers, self.frames, self.metadata)
         other.mapper_state = self.mapper_state
+        other.history = self.history
         return other
 
     # Queries to one layer

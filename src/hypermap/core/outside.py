@@ -7,6 +7,7 @@ the functions here call theirs by name.
 from __future__ import annotations
 
 from collections.abc import Callable
+from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -120,6 +121,19 @@ class OutsideMethods:
         """
         asked = {"taxonomy": taxonomy, "robot_radius": robot_radius}
         return _outside("ask_map")(self, question, pose, **asked)
+
+    def as_of(self, moment: datetime | str | float) -> Hypermap:
+        """Return the map as it was at a time; the same as `hypermap.history.as_of`.
+
+        Args:
+            moment: a datetime or its ISO 8601 form, without a zone that of this computer; or
+                seconds since 1970.
+
+        Raises:
+            HypermapError: If the map keeps no history, or it does not reach back so far.
+        """
+        past: Hypermap = _outside("as_of")(self, moment)
+        return past
 
     # Called by notebooks
 

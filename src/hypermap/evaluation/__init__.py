@@ -1,6 +1,7 @@
 """How good a map is, measured against another."""
 
-from hypermap.evaluation.changes import Change, Changes, changes_between, knowledge_of
+from hypermap.core.history import Change
+from hypermap.evaluation.changes import Changes, changes_between, knowledge_of
 from hypermap.evaluation.closest import ClosestShape, closest_shapes
 from hypermap.evaluation.comparison import Comparison, compare
 from hypermap.evaluation.maps import MapObjects, map_objects, objects_in_frame

@@ -9,70 +9,40 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
-from shapely import affinity
 from shapely.geometry.base import BaseGeometry
 
-from hypermap.core.arrays import as_objects
 from hypermap.core.errors import HypermapError, did_you_mean
 from hypermap.core.frames import Pose2D
+from hypermap.core.history import (
+    ADDED,
+    FIRST_SEEN,
+    GONE,
+    KINDS,
+    MOVED,
+    NOT_REVISITED,
+    RENAMED,
+    RESHAPED,
+    Change,
+)
 from hypermap.core.hypermap import ROOMS, Hypermap
 from hypermap.core.occupancy import UNKNOWN, OccupancyLayer
 from hypermap.core.semantic import SemanticObject
-from hypermap.core.shapes import valid_copies
 from hypermap.evaluation.closest import centroids
 from hypermap.evaluation.maps import MapObjects
 from hypermap.evaluation.matching import iou_matrix, match_objects
-
-ADDED, GONE = "added", "gone"
-MOVED, RESHAPED, RENAMED = "moved", "reshaped", "renamed"
-FIRST_SEEN, NOT_REVISITED = "first seen", "not revisited"
-KINDS = (ADDED, GONE, MOVED, RESHAPED, RENAMED, FIRST_SEEN, NOT_REVISITED)
-"""Kinds of changes. The last two are of places that only one of the maps knows."""
-
-MIN_MOVED = 0.3
-"""Meters; nearer objects of one name are the same one in the same place."""
+from hypermap.history.likeness import (
+    FARTHEST,
+    MAY_BE,
+    MIN_MOVED,
+    SAME_SHAPE,
+    distance_between,
+    likeness,
+)
 
 _SAME_PLACE = 0.3  # IoU from which on an object of the same name has not moved
-_SAME_SHAPE = 0.5  # IoU of shapes whose centroids coincide
 _RENAMED = 0.5  # IoU of an object and one with another name in its place
-_MAY_BE = 0.3  # likeness from which on one object may be the other, moved
-_FARTHEST = 20.0  # [m] that an object is moved
-_TURNS = range(0, 180, 15)  # [degrees] by which it may be turned
 _AROUND = 0.3  # [m] around an object; what is known there tells whether its place is known
 _KNOWN = 0.3  # share of what is around it
-
-
-@dataclass(frozen=True, eq=False)
-class Change:
-    """One object that differs between two maps.
-
-    Attributes:
-        kind: one of `KINDS`.
-        layer: name of its layer.
-        before: the object in the first map; None if it is not there.
-        after: the object in the second map, in the frame of the first; None if it is not there.
-        distance: between the centroids [m]; None unless it is in both.
-        confidence: how likely the two are one object, 0..1; None unless it was moved.
-    """
-
-    kind: str
-    layer: str
-    before: SemanticObject | None
-    after: SemanticObject | None
-    distance: float | None = None
-    confidence: float | None = None
-
-    @property
-    def object(self) -> SemanticObject:
-        """The object as it is now, or as it was."""
-        found = self.after or self.before
-        assert found is not None
-        return found
-
-    @property
-    def names(self) -> set[str]:
-        """Its name; if it was renamed, both."""
-        return {one.name for one in (self.before, self.after) if one is not None}
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,9 +165,9 @@ class _Pair:
             one, other = self.before[i], self.after[j]
             if one.name != other.name:
                 self._add(RENAMED, one, other)
-            elif _likeness(one.footprint, other.footprint) < _SAME_SHAPE:
+            elif likeness(one.footprint, other.footprint) < SAME_SHAPE:
                 self._add(RESHAPED, one, other)
-            elif _distance(one, other) >= self.min_moved:
+            elif distance_between(one, other) >= self.min_moved:
                 self._add(MOVED, one, other, 1.0)
             else:
                 self.unchanged.append(one.name)
@@ -209,12 +179,12 @@ class _Pair:
         pairs = []
         for match in matches:
             one, other = self.before[match.ground_truth], self.after[match.estimate]
-            distance = _distance(one, other)
-            alike = _likeness(one.footprint, other.footprint)
+            distance = distance_between(one, other)
+            alike = likeness(one.footprint, other.footprint)
             if match.iou < _SAME_PLACE and distance >= self.min_moved:
                 continue  # perhaps another one
             pairs.append((match.ground_truth, match.estimate))
-            if alike < _SAME_SHAPE and match.iou < _SAME_PLACE:
+            if alike < SAME_SHAPE and match.iou < _SAME_PLACE:
                 self._add(RESHAPED, one, other)
             else:
                 self.unchanged.append(one.name)
@@ -237,10 +207,10 @@ class _Pair:
             cols = [j for j, one in enumerate(self.after) if one.name == name]
             here, there = [self.before[i] for i in rows], [self.after[j] for j in cols]
             alike = np.array(
-                [[_likeness(a.footprint, b.footprint) for b in there] for a in here]
+                [[likeness(a.footprint, b.footprint) for b in there] for a in here]
             ).reshape(len(rows), len(cols))
             ways = np.linalg.norm(centroids(here)[:, None] - centroids(there), axis=2)
-            may_be = (ways < self.min_moved) | ((alike >= _MAY_BE) & (ways <= _FARTHEST))
+            may_be = (ways < self.min_moved) | ((alike >= MAY_BE) & (ways <= FARTHEST))
             cost = np.where(may_be, ways, 1e6)
             for i, j in _assigned(cost):
                 if not may_be[i, j]:
@@ -273,7 +243,7 @@ class _Pair:
         after: SemanticObject,
         confidence: float | None = None,
     ) -> None:
-        distance = _distance(before, after)
+        distance = distance_between(before, after)
         self.changes.append(Change(kind, self.layer, before, after, distance, confidence))
 
     def _take(self, pairs: Iterable[tuple[int, int]]) -> None:
@@ -285,24 +255,6 @@ class _Pair:
 
 def _shapes(objects: Sequence[SemanticObject]) -> list[BaseGeometry]:
     return [thing.footprint for thing in objects]
-
-
-def _distance(one: SemanticObject, other: SemanticObject) -> float:
-    here, there = centroids([one, other])
-    return float(np.hypot(*(there - here)))
-
-
-def _likeness(one: BaseGeometry, other: BaseGeometry) -> float:
-    """Return the largest IoU of two shapes whose centroids coincide, over turns of one."""
-    a, b = valid_copies(as_objects([one, other]))
-    smaller, larger = sorted((a.area, b.area))
-    if larger == 0 or smaller / larger < _MAY_BE:
-        return float(smaller / larger) if larger else 0.0  # no IoU is larger
-    (ax, ay), (bx, by) = shapely.get_coordinates(shapely.centroid([a, b]))
-    b = affinity.translate(b, ax - bx, ay - by)
-    turned = as_objects(affinity.rotate(b, degrees, (ax, ay)) for degrees in _TURNS)
-    shared = shapely.area(shapely.intersection(a, turned))
-    return float((shared / (a.area + b.area - shared)).max())
 
 
 def _assigned(cost: NDArray[np.float64]) -> list[tuple[int, int]]:

@@ -18,6 +18,9 @@ from hypermap.formats import limits
 from hypermap.formats.atomic import write_file
 from hypermap.formats.store import MemoryStore, open_file, safe_name
 
+EXPENDABLE = "history."
+"""How the names of files begin without which a map opens, if they are damaged."""
+
 _NO_TIME = (1980, 1, 1, 0, 0, 0)  # the zip format's zero
 _ENCRYPTED = 0x1
 _LEVEL, _FAST_LEVEL = 6, 1  # large files: a third of the time, an eighth more
@@ -38,11 +41,11 @@ def read_archive(path: str | Path) -> MemoryStore:
     """
     path = Path(path)
     with open_file(path, limits.MAX_ARCHIVE_BYTES) as file:
-        files = _files_in(file, path)
-    return MemoryStore(files, where=str(path), folder=path.absolute().parent)
+        return _files_in(file, path)
 
 
-def _files_in(file: BinaryIO, path: Path) -> dict[str, bytes]:
+def _files_in(file: BinaryIO, path: Path) -> MemoryStore:
+    store = MemoryStore(where=str(path), folder=path.absolute().parent)
     try:
         start = file.read(2)
         if start != b"PK":
@@ -51,7 +54,15 @@ def _files_in(file: BinaryIO, path: Path) -> dict[str, bytes]:
         with zipfile.ZipFile(file) as archive:
             members = [info for info in archive.infolist() if not info.filename.endswith("/")]
             _check_members(members)
-            return {safe_name(info.filename): _unpacked(archive, info) for info in members}
+            for info in members:
+                name = safe_name(info.filename)
+                try:
+                    store.files[name] = _unpacked(archive, info)
+                except _BROKEN as error:
+                    if not name.startswith(EXPENDABLE):
+                        raise
+                    store.damaged[name] = str(error) or type(error).__name__
+            return store
     except FormatError as error:
         raise FormatError(str(error), path=path) from error
     except _BROKEN as error:

@@ -6,6 +6,7 @@ import copy
 from pathlib import Path
 
 from hypermap.core.errors import FileMissing, HypermapError
+from hypermap.core.history import MAP_VERSION
 from hypermap.core.hypermap import Hypermap
 from hypermap.formats.archive import read_archive
 from hypermap.formats.atomic import write_file
@@ -17,9 +18,6 @@ EDITED_WITH = "edited_with"
 
 BY_HAND = "by_hand"
 """Where objects and a map's metadata say what people have done to what mapping made."""
-
-MAP_ID, MAP_VERSION = "map_id", "map_version"
-"""Where a map's metadata hold its id, and a number that counts up with its changes."""
 
 ALIGNED_TO = "aligned_to"
 """Where a map's metadata hold the id of the map to which `hypermap align` has aligned it."""

@@ -9,11 +9,13 @@ import contextlib
 import itertools
 import logging
 import re
+import time
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 from hypermap.core.errors import FileMissing, FormatError, HypermapError
+from hypermap.core.history import MAP_VERSION, History
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.layer import Layer, Store
 from hypermap.core.opaque import OpaqueLayer
@@ -30,11 +32,14 @@ from hypermap.formats.config import (
     parse_config,
 )
 from hypermap.formats.grid.map_server import load_occupancy
+from hypermap.formats.history_file import KEY as HISTORY
+from hypermap.formats.history_file import HistoryFiles, history_files
 from hypermap.formats.journal import read_as_saved
 from hypermap.formats.plugins import LayerPlugin, blamed_on_plugin, installed_layers, plugin_for
 from hypermap.formats.semantic.yaml_files import SemanticFiles, SemanticForm
 from hypermap.formats.store import FolderStore, MemoryStore, read_file, safe_name
 from hypermap.formats.yaml_text import read_yaml
+from hypermap.history import HistoryPolicy, begun, grown, keeps_history
 
 logger = logging.getLogger(__name__)
 
@@ -78,7 +83,9 @@ def open_map(path: str | Path) -> Hypermap:
 def save_map(hypermap: Hypermap, path: str | Path, semantic: SemanticForm = "auto") -> None:
     """Write a map so that `open_map` returns an equal one.
 
-    The same map gives the same bytes each time. If saving fails, the old file stays.
+    The same map gives the same bytes each time. If saving fails, the old file stays. What has
+    changed since the map was opened or saved is added to its history, if it keeps one, and its
+    version counts up.
 
     Args:
         hypermap: the map.
@@ -98,6 +105,7 @@ def save_map(hypermap: Hypermap, path: str | Path, semantic: SemanticForm = "aut
     path = Path(path)
     if is_folder(path):
         path = path / CONFIG_NAME
+    given, hypermap = hypermap, grown(hypermap, time.time())
     is_config = path.suffix.lower() in _YAML_ENDINGS
     beside = folder_beside(path)
     store = _write_map(hypermap, path.name if is_config else CONFIG_NAME, semantic, beside)
@@ -110,6 +118,9 @@ def save_map(hypermap: Hypermap, path: str | Path, semantic: SemanticForm = "aut
         write_files(path.parent, {**files, path.name: config})
     else:
         write_archive(path, files)
+    if hypermap is not given:  # saving it again adds nothing
+        given.history = hypermap.history
+        given.metadata[MAP_VERSION] = hypermap.metadata[MAP_VERSION]
 
 
 def files_of_map(hypermap: Hypermap) -> dict[str, bytes]:
@@ -154,6 +165,7 @@ def _read_map(store: MemoryStore | FolderStore, config_name: str) -> Hypermap:
     # Files that no known layer reads belong to the unknown ones.
     layers = [_read_layer(entry, claims) for entry in config.layers]
     mapper_state = _read_mapper_state(config.others.pop(MAPPER_STATE, None), claims)
+    history = _read_history(config.others.pop(HISTORY, None), claims)
     opaque = [layer for layer in layers if isinstance(layer, OpaqueLayer)]
     for layer in opaque:
         if (file := layer.settings.get("file")) is not None:
@@ -170,6 +182,8 @@ def _read_map(store: MemoryStore | FolderStore, config_name: str) -> Hypermap:
         metadata[OTHER_KEYS] = config.others
     hypermap = Hypermap(layers, config.frames, metadata)
     hypermap.mapper_state = mapper_state
+    if keeps_history(hypermap):
+        hypermap.history = begun(hypermap, history)
     return hypermap
 
 
@@ -181,6 +195,22 @@ def _read_mapper_state(name: Any, store: Store) -> bytes | None:
         return store.read(name)
     except FormatError as error:
         logger.warning("mapping cannot continue this map: %s", error)
+        return None
+
+
+def _read_history(names: Any, store: Store) -> History | None:
+    """Return the history of a map, unparsed; a file of it that is lost is logged."""
+    if not isinstance(names, list) or not names:
+        return None
+    files = {str(name): _read_part(str(name), store) for name in names}
+    return History(earlier=HistoryFiles(files, store.path_of(HISTORY)))
+
+
+def _read_part(name: str, store: Store) -> bytes | None:
+    try:
+        return store.read(name)
+    except FormatError as error:
+        logger.warning("a part of the map's history is lost: %s", error)
         return None
 
 
@@ -258,6 +288,14 @@ def _write_map(
         names = itertools.chain([MAPPER_STATE], numbered)
         others[MAPPER_STATE] = next(name for name in names if name not in taken)
         store.files[others[MAPPER_STATE]] = state() if callable(state) else state
+        taken[others[MAPPER_STATE]] = None
+    if hypermap.history is not None:
+        kept = history_files(hypermap.history, HistoryPolicy.of(hypermap.metadata))
+        if clash := _clash(kept, taken):
+            raise HypermapError(f"the history cannot be saved: another file is named {clash!r}")
+        if kept:
+            others[HISTORY] = list(kept)
+        store.files.update(kept)
     config = MapConfig(entries, hypermap.frames, metadata, others)
     store.files[config_name] = dump_config(config)
     return store

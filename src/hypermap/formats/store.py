@@ -28,6 +28,7 @@ class MemoryStore:
         beside: name of the folder, next to the archive that will be written, for large files;
             None if all must be in the archive.
         large: the files that belong there.
+        damaged: what is wrong with files that a map can do without, by name.
 
     >>> store = MemoryStore(where="office.hmap")
     >>> store.write("semantic", b"[]")
@@ -48,14 +49,17 @@ class MemoryStore:
         self.folder = folder
         self.beside = beside
         self.large: list[Attachment] = []
+        self.damaged: dict[str, str] = {}
 
     def read(self, name: str) -> bytes:
         """Return the content of a file.
 
         Raises:
-            FormatError: If there is no such file.
+            FormatError: If there is no such file, or it is damaged.
         """
         content = self.files.get(safe_name(name, self.where))
+        if name in self.damaged:
+            raise FormatError(f"is damaged: {self.damaged[name]}", path=self.path_of(name))
         if content is None:
             held = ", ".join(self.files) or "nothing"
             raise FormatError(f"there is no such file, only {held}", path=self.path_of(name))

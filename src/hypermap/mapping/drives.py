@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime, timezone
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 from hypermap.perception.frame import RgbdFrame
 
 _EVERY = 8  # rows and columns of a depth image that identify it
+_AHEAD = 86_400  # seconds that another clock may be ahead of ours
 _NO_CLOCK = 1e8  # seconds; smaller stamps count from the start of something, not from 1970
 
 
@@ -48,6 +50,14 @@ class Drive:
         """Add a mapped frame."""
         self.first, self.last = min(self.first, frame.stamp), max(self.last, frame.stamp)
         self.keys.append(frame_key(frame))
+
+    @property
+    def time(self) -> float | None:
+        """When it ended, in seconds since 1970; None if its clock does not say so.
+
+        A clock that began at 0, or is ahead of ours, does not.
+        """
+        return self.last if self.keys and _NO_CLOCK < self.last < time.time() + _AHEAD else None
 
     def described(self) -> dict[str, Any]:
         """Return its entry in a map's metadata: times in UTC if the stamps allow it."""

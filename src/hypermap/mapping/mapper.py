@@ -15,12 +15,13 @@ from numpy.typing import NDArray
 
 from hypermap._version import __version__
 from hypermap.core.errors import HypermapError
+from hypermap.core.history import MAP_ID, MAP_VERSION, History, Mapped
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.layer import Layer
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.semantic import SemanticObject
 from hypermap.core.trajectory import Trajectory
-from hypermap.formats.backup import BY_HAND, MAP_ID, MAP_VERSION
+from hypermap.formats.backup import BY_HAND
 from hypermap.mapping.alignment import Aligner
 from hypermap.mapping.by_hand import ids_by_edit
 from hypermap.mapping.completion import free_share
@@ -358,7 +359,12 @@ class Mapper:
             metadata[BY_HAND] = edits
         made = Hypermap(replaced(self._base, layers), self._base.frames, metadata)
         made.mapper_state = cache(partial(dump_state, self._state(published)))
+        made.history = replace(self._base.history or History(), mapped=self._mapped())
         return made
+
+    def _mapped(self) -> Mapped:
+        """Return what the map is being made from, for its history."""
+        return Mapped(self._drive.name, self._drive.time)
 
     def _state(self, published: list[SemanticObject]) -> MapperState:
         """Return what is needed to go on; later frames do not change it."""

@@ -99,7 +99,9 @@ def with_connector(hypermap: Hypermap, connector: Connector) -> Hypermap:
         }
         for each in [*kept, connector]
     ]
-    return Hypermap(hypermap, hypermap.frames, {**hypermap.metadata, CONNECTORS: entries})
+    other = hypermap.with_layers(hypermap)
+    other.metadata[CONNECTORS] = entries
+    return other
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -20,6 +21,7 @@ from hypermap.core.layer import Layer
 from hypermap.core.notes_layer import NotesLayer
 from hypermap.core.opaque import OpaqueLayer
 from hypermap.core.semantic import SemanticLayer
+from hypermap.history import as_of, in_force
 from hypermap.questions.cells import (
     Cell,
     cell_at,
@@ -87,8 +89,11 @@ def ask(
     asker: Pose2D | None = None,
     taxonomy: Taxonomy | None = None,
     robot_radius: float = 0.0,
+    now: float | None = None,
 ) -> Answer:
     """Return the answer of a map to a query.
+
+    Objects that have expired are no answer.
 
     Args:
         hypermap: the map.
@@ -96,11 +101,12 @@ def ask(
         asker: where the asker is, and where he or she looks, in the base frame.
         taxonomy: names and kinds of things; None for ours.
         robot_radius: of the robot that distances by path are for [m].
+        now: the time by which objects expire, in seconds since 1970; None for the present.
 
     Raises:
         HypermapError: If the query needs to know where the asker is, asks for rooms of a map that
             has none, for an unknown room or layer, for heights that the map does not have, or for
-            an earlier state of a map that keeps none.
+            a time that the map does not know.
 
     >>> from hypermap import SemanticLayer, SemanticObject
     >>> things = [SemanticObject("couch", shapely.box(x, 0, x + 1, 1)) for x in (0, 4)]
@@ -108,8 +114,10 @@ def ask(
     >>> ask(hypermap, Query("count", ("seating",))).count
     2
     """
-    if query.as_of is not None:
-        raise HypermapError("this map keeps no history, so it cannot be asked as of another time")
+    if query.as_of is None:
+        hypermap = in_force(hypermap, time.time() if now is None else now)
+    else:
+        hypermap = as_of(hypermap, query.as_of)
     return _Asking(hypermap, query, asker, taxonomy or load_taxonomy(), robot_radius).answer()
 
 

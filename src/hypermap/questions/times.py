@@ -108,6 +108,23 @@ def parse_moment(text: str, option: str, now: datetime | None = None) -> datetim
     )
 
 
+def parse_later(text: str, option: str, now: datetime | None = None) -> datetime:
+    """Return a time as `parse_moment` does, but spans count from now on: "2h", "in 30 minutes".
+
+    Raises:
+        HypermapError: If it is no such time.
+
+    >>> from datetime import timezone
+    >>> parse_later("in 2 hours", "--at", datetime(2026, 11, 23, 12, tzinfo=timezone.utc)).hour
+    14
+    """
+    begin = datetime.now().astimezone() if now is None else now
+    words = re.sub(r"^in +(.*)", r"\1 ago", text.strip(), flags=re.IGNORECASE)
+    moment = parse_moment(words, option, begin)
+    is_span = words != text.strip() or re.fullmatch(r"\d{1,4} ?[a-z]+", text.strip().lower())
+    return begin + (begin - moment) if is_span else moment
+
+
 class _Clock:
     """What times mean, seen from now."""
 

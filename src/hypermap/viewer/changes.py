@@ -12,20 +12,22 @@ from shapely.geometry.base import BaseGeometry
 
 from hypermap.colors import Color
 from hypermap.core.arrays import as_objects
-from hypermap.core.hypermap import Hypermap
-from hypermap.core.occupancy import OccupancyLayer
-from hypermap.core.semantic import SemanticLayer
-from hypermap.core.shapes import valid_copies
-from hypermap.evaluation.changes import (
+from hypermap.core.history import (
     ADDED,
+    EDITED,
+    EXPIRED,
     FIRST_SEEN,
     GONE,
     MOVED,
     NOT_REVISITED,
     RENAMED,
     RESHAPED,
-    Changes,
 )
+from hypermap.core.hypermap import Hypermap
+from hypermap.core.occupancy import OccupancyLayer
+from hypermap.core.semantic import SemanticLayer
+from hypermap.core.shapes import valid_copies
+from hypermap.evaluation.changes import Changes
 from hypermap.evaluation.closest import centroids
 from hypermap.formats.atomic import write_file
 from hypermap.text import counted
@@ -35,9 +37,11 @@ from hypermap.viewer.picture import Drawing, Shapes, check_suffix, compose
 COLORS: dict[str, Color] = {
     ADDED: (0.0, 0.62, 0.45),
     GONE: (0.85, 0.0, 0.25),
+    EXPIRED: (0.55, 0.25, 0.3),
     MOVED: (0.0, 0.45, 0.7),
     RESHAPED: (0.8, 0.47, 0.65),
     RENAMED: (0.95, 0.6, 0.0),
+    EDITED: (0.8, 0.75, 0.2),
     FIRST_SEEN: (0.55, 0.75, 0.65),
     NOT_REVISITED: (0.6, 0.6, 0.6),
 }

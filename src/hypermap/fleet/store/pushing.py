@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 import uuid
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -20,6 +21,7 @@ from hypermap.fleet.store.address import StoreError
 from hypermap.fleet.store.database import Database, errors
 from hypermap.fleet.store.sites import add_version, find_site, lock_site
 from hypermap.formats.hmap import files_of_map, map_of_files
+from hypermap.history import begun, grown
 
 if TYPE_CHECKING:
     from psycopg import Cursor
@@ -86,6 +88,7 @@ def push(
         StoreError: If the store refuses, as for a user who may not write.
     """
     update_id = update_id or uuid.uuid4()
+    hypermap = grown(hypermap, time.time())
     # Before anything is written: what cannot be stored is an error here.
     files = list(files_of_map(_skeleton(hypermap)).items())
     with database.transaction() as cursor:
@@ -125,7 +128,10 @@ def pull(database: Database, site: str, version: int | None = None) -> Hypermap:
             read_layer(database, layer, ids[layer.name], wanted) if layer.name in ids else layer
             for layer in hypermap
         ]
-    return hypermap.with_layers(filled)
+    pulled = hypermap.with_layers(filled)
+    if pulled.history is not None:  # which began with a skeleton
+        pulled.history = begun(pulled, pulled.history)
+    return pulled
 
 
 def skeleton_of(database: Database, site_id: int, version: int, site: str) -> Hypermap:

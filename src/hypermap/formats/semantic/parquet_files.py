@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import itertools
 import json
-import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
@@ -32,7 +31,7 @@ from hypermap.formats.columns.geoparquet import (
     write_geoparquet,
 )
 from hypermap.formats.columns.ragged import as_tuples
-from hypermap.formats.semantic.records import KNOWN_KEYS
+from hypermap.formats.semantic.records import KNOWN_KEYS, is_json
 from hypermap.formats.yaml_text import plain_value, read_yaml, write_yaml
 
 NOTES = "hypermap"
@@ -199,19 +198,9 @@ def _attribute_column(values: list[Any], kind: type) -> Column | None:
 def attributes_as_text(attributes: Mapping[Any, Any]) -> str:
     """Return attributes as JSON, or as YAML if JSON cannot represent them."""
     plain = plain_value(attributes)
-    if _is_json(plain):
+    if is_json(plain):
         return json.dumps(plain, ensure_ascii=False)
     return write_yaml(plain).decode()
-
-
-def _is_json(plain: Any) -> bool:
-    if isinstance(plain, dict):
-        return all(type(key) is str and _is_json(value) for key, value in plain.items())
-    if isinstance(plain, list):
-        return all(map(_is_json, plain))
-    if isinstance(plain, float):
-        return math.isfinite(plain)
-    return plain is None or isinstance(plain, bool | int | str)
 
 
 def _notes(rejected: Iterable[Rejected]) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Annotated, Any
 
@@ -76,3 +77,14 @@ def record_from_object(item: SemanticObject) -> dict[str, Any]:
         record["attributes"] = dict(hidden)
     record.update((k, v) for k, v in item.attributes.items() if k not in KNOWN_KEYS)
     return record
+
+
+def is_json(plain: Any) -> bool:
+    """Return whether plain values, as of attributes, are all of what JSON can hold."""
+    if isinstance(plain, dict):
+        return all(type(key) is str and is_json(value) for key, value in plain.items())
+    if isinstance(plain, list):
+        return all(map(is_json, plain))
+    if isinstance(plain, float):
+        return math.isfinite(plain)
+    return plain is None or isinstance(plain, bool | int | str)

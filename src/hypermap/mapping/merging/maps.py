@@ -126,7 +126,7 @@ def merge_maps(first: Hypermap, second: Hypermap, a_T_b: Pose2D) -> Merged:
     merged = Hypermap(
         [*_layers_of(first, occupancy, second), *others.layers], others.frames, first.metadata
     )
-    merged.mapper_state = dump_state(state)
+    merged.mapper_state, merged.history = dump_state(state), first.history
     hypermap = Mapper.onto(merged, None).hypermap()
     return _counted(hypermap, (first, second), joined, others.renamed)
 

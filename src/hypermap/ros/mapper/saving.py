@@ -6,8 +6,9 @@ import threading
 from pathlib import Path
 
 from hypermap.core.errors import HypermapError
+from hypermap.core.history import MAP_VERSION
 from hypermap.formats import save_map
-from hypermap.formats.backup import MAP_VERSION, keep_backup
+from hypermap.formats.backup import keep_backup
 from hypermap.ros.mapper.live_map import LiveMap
 from hypermap.ros.mapper.settings import LiveSettings
 from hypermap.ros.port import Level, Port

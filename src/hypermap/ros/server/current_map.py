@@ -110,8 +110,7 @@ class CurrentMap:
                 if layer.name in hypermap:
                     self._hypermap = hypermap.with_layer(layer)
                 else:
-                    layers = [*hypermap, layer]
-                    self._hypermap = Hypermap(layers, hypermap.frames, hypermap.metadata)
+                    self._hypermap = hypermap.with_layers([*hypermap, layer])
             self.show_again()
 
     def show_on(self, parts: Sequence[MapPart]) -> None:

@@ -13,10 +13,11 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from hypermap.core.history import MAP_VERSION
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.semantic import SemanticLayer
 from hypermap.formats import open_map, save_map
-from hypermap.formats.backup import EDITED_WITH, MAP_VERSION, keep_backup
+from hypermap.formats.backup import EDITED_WITH, keep_backup
 from hypermap.mapping.going_on import with_marks
 from hypermap.viewer.live.changes import AnyChange, Change, Draft, applied, undoing
 from hypermap.viewer.live.map_file import MapFile
@@ -171,6 +172,7 @@ class MapDocument:
                 opened = known if type(known) is int else 0
                 hypermap.metadata[MAP_VERSION] = opened + self._edited_saves + 1
             save_map(hypermap, file.path)
+            self._current.hypermap.history = hypermap.history
             self._edited_saves += is_edited
             self.file = MapFile.of(file.path, hypermap)
             self._saved_content = self._content

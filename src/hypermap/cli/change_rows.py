@@ -1,0 +1,44 @@
+"""One change of an object in tables and in JSON."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from hypermap.text import printable
+
+if TYPE_CHECKING:
+    from hypermap.core.history import Change
+    from hypermap.core.semantic import SemanticObject
+
+
+def named(change: Change) -> str:
+    """Return what changed, as tables show it."""
+    names = dict.fromkeys(one.name for one in (change.before, change.after) if one is not None)
+    name = printable(" → ".join(names), 80)
+    return name if change.layer == "semantic" else f"{name} ({printable(change.layer, 40)})"
+
+
+def place_of(thing: SemanticObject | None) -> str:
+    """Return where an object is [m]."""
+    if thing is None:
+        return "-"
+    center = thing.footprint.centroid
+    return f"{center.x:.2f}, {center.y:.2f}"
+
+
+def distance_of(change: Change) -> str:
+    """Return how far an object was moved, and how likely it is the same."""
+    if change.kind != "moved" or change.distance is None or change.confidence is None:
+        return ""
+    return f"{change.distance:.2f} m ({change.confidence:.0%})"
+
+
+def described(change: Change) -> dict[str, Any]:
+    """Return a change as JSON values."""
+    row: dict[str, Any] = {"change": change.kind, "layer": change.layer}
+    for when, thing in (("before", change.before), ("after", change.after)):
+        if thing is not None:
+            center = thing.footprint.centroid
+            row[when] = {"id": thing.id, "name": thing.name, "x": center.x, "y": center.y}
+    values = {"distance": change.distance, "confidence": change.confidence}
+    return row | {key: value for key, value in values.items() if value is not None}

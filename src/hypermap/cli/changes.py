@@ -1,0 +1,114 @@
+"""`hypermap changes`: what changed in a map over time."""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from hypermap.cli.change_rows import described, distance_of, named, place_of
+from hypermap.cli.options import AsJson, MapPath, check_picture
+from hypermap.cli.terminal import note, out, say, say_json, table
+from hypermap.text import printable
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from hypermap.core.history import Change, Revision
+
+
+def command(
+    path: MapPath,
+    since: Annotated[
+        str | None,
+        typer.Option(
+            metavar="TIME",
+            show_default="all that is kept",
+            help="Only changes from then on: yesterday, monday, 2026-11-20T10:00, 7d, or v3: those "
+            "after version 3.",
+        ),
+    ] = None,
+    names: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--name", metavar="NAME", help="Only objects with this name: may be repeated."
+        ),
+    ] = None,
+    picture: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            show_default=False,
+            help="Draw the changes on the map, with arrows: .png or .svg.",
+        ),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Show what changed in MAP: added, gone, moved, reshaped, renamed or edited objects.
+
+    Each line says when and by what: by which drive, or by hand. The times of drives are those of
+    their recordings. `hypermap diff` compares two maps instead.
+
+    Examples:
+        hypermap changes office.hmap --since monday
+        hypermap changes office.hmap --since 7d --name chair --picture chairs.png
+        hypermap changes office.hmap --since v3 --json
+    """
+    from hypermap.console.moments import changes_since
+    from hypermap.formats import open_map
+    from hypermap.viewer.picture import check_suffix
+
+    if picture is not None:
+        check_suffix(picture)
+        check_picture(picture)
+    hypermap = open_map(path)
+    found = [
+        (revision, change)
+        for revision, change in changes_since(hypermap, since)
+        if not names or change.names & set(names)
+    ]
+    if as_json:
+        rows = [_facts(revision) | described(change) for revision, change in found]
+        say_json({"frame_id": hypermap.base_frame, "changes": rows})
+    else:
+        _show(found)
+    if picture is not None:
+        from hypermap.evaluation import Changes
+        from hypermap.viewer.changes import render_changes
+
+        shown = Changes(tuple(change for _, change in found), 0)
+        render_changes(hypermap, shown, picture, title=path.stem)
+        note(f"saved {picture}")
+
+
+def _show(found: Sequence[tuple[Revision, Change]]) -> None:
+    from hypermap.console.moments import when
+
+    if found:
+        rows = table("when", "change", "object", "before", "now", "distance", "by")
+        for revision, change in found:
+            rows.add_row(
+                when(revision),
+                change.kind,
+                named(change),
+                place_of(change.before),
+                place_of(change.after),
+                distance_of(change),
+                printable(revision.drive, 40) or revision.cause,
+            )
+        out().print(rows)
+    counts = Counter(change.kind for _, change in found)
+    say(", ".join(f"{count} {kind}" for kind, count in counts.items()) or "nothing changed")
+
+
+def _facts(revision: Revision) -> dict[str, Any]:
+    from hypermap.console.moments import iso_of
+
+    return {
+        "version": revision.version,
+        "time": None if revision.time is None else iso_of(revision.time),
+        "cause": revision.cause,
+        "drive": revision.drive,
+    }

@@ -1,0 +1,73 @@
+"""`hypermap expire`: say until when an object or a zone is in force."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from hypermap.cli.options import MapPath
+from hypermap.cli.terminal import say
+from hypermap.core.errors import HypermapError, ObjectNotFound
+from hypermap.text import printable
+
+if TYPE_CHECKING:
+    from datetime import datetime
+
+
+def command(
+    path: MapPath,
+    object_id: Annotated[
+        int, typer.Option("--id", metavar="N", show_default=False, help="Id of the object.")
+    ],
+    at: Annotated[
+        str,
+        typer.Option(
+            metavar="TIME|never",
+            show_default=False,
+            help="2026-11-25T18:00, 18:00 (today), 'in 2 hours', 2h, 7d; never removes the limit.",
+        ),
+    ],
+    layer: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME", show_default="the only one of objects", help="Layer of the object."
+        ),
+    ] = None,
+) -> None:
+    """Say until when an object of MAP is in force, such as a zone of a cleaning or of roadworks.
+
+    After that time it is not an answer to any query, nodes do not publish it, and it is only in
+    the history of the map.
+
+    Examples:
+        hypermap expire office.hmap --layer zones --id 3 --at 2026-11-25T18:00
+        hypermap expire office.hmap --layer zones --id 3 --at 2h
+        hypermap expire office.hmap --layer zones --id 3 --at never
+    """
+    from dataclasses import replace
+
+    from hypermap.formats import open_map, save_map
+    from hypermap.history import EXPIRES
+
+    moment = _later(at)
+    hypermap = open_map(path)
+    objects = hypermap.semantic(layer)
+    try:
+        item = objects.get(object_id)
+    except ObjectNotFound as error:
+        raise HypermapError(f"{path}: {error}") from None
+    attributes = {key: value for key, value in item.attributes.items() if key != EXPIRES}
+    if moment is not None:
+        attributes[EXPIRES] = moment.isoformat(timespec="seconds")
+    objects.update(object_id, replace(item, attributes=attributes))
+    save_map(hypermap, path)
+    said = "never expires" if moment is None else f"expires on {moment:%Y-%m-%d at %H:%M %Z}"
+    say(f"{printable(item.name)} {object_id} {said}".rstrip())
+
+
+def _later(text: str) -> datetime | None:
+    """Return the time that a text names, spans counted from now; None for never."""
+    from hypermap.questions.times import parse_later
+
+    return None if text.strip().lower() == "never" else parse_later(text, "--at")

@@ -1,0 +1,88 @@
+"""The map at the time that a question asks for, and what changed since."""
+
+from __future__ import annotations
+
+import math
+import re
+import time
+from datetime import datetime
+
+from hypermap.core.errors import HypermapError
+from hypermap.core.history import Change, Revision
+from hypermap.core.hypermap import Hypermap
+from hypermap.history import as_of, at_version
+from hypermap.questions.times import parse_moment, time_of
+
+
+def version_in(text: str) -> int | None:
+    """Return the version that a text names; None if it names none.
+
+    >>> version_in("v12"), version_in("monday")
+    (12, None)
+    """
+    found = re.fullmatch(r"v(\d{1,9})", text.strip())
+    return None if found is None else int(found[1])
+
+
+def map_at(hypermap: Hypermap, moment: str | None) -> tuple[Hypermap, float]:
+    """Return the map that a question asks, and the time that is now for it, since 1970 [s].
+
+    Args:
+        hypermap: the map.
+        moment: a time or a version, as a user writes it; None for now.
+
+    Raises:
+        HypermapError: If it is no time, or one that the map does not know.
+    """
+    if moment is None:
+        return hypermap, time.time()
+    version = version_in(moment)
+    if version is not None:
+        return at_version(hypermap, version), -math.inf
+    stamp = parse_moment(moment, "--as-of").timestamp()
+    return as_of(hypermap, stamp), stamp
+
+
+def changes_since(
+    hypermap: Hypermap, moment: str | None, option: str = "--since"
+) -> list[tuple[Revision, Change]]:
+    """Return what changed in a map after a time or a version, oldest first.
+
+    Args:
+        hypermap: the map.
+        moment: as a user writes it; None for all that is known.
+        option: what it was given for, in messages.
+
+    Raises:
+        HypermapError: If the map keeps no history, or it is no time.
+    """
+    if hypermap.history is None:
+        raise HypermapError("this map keeps no history; `hypermap history --keep 90d` begins one")
+    dated = list(hypermap.history.dated())
+    version = None if moment is None else version_in(moment)
+    if version is not None:
+        later = [revision for _, revision in dated if revision.version > version]
+    elif moment is not None:
+        begin = parse_moment(moment, option).timestamp()
+        if dated and all(revision.time is None for _, revision in dated):
+            raise HypermapError(
+                f"{option} {moment}: the clocks of the recordings do not say on which day they "
+                "were made; give a version, such as v1"
+            )
+        later = [revision for stamp, revision in dated if stamp >= begin]
+    else:
+        later = [revision for _, revision in dated]
+    return [(revision, change) for revision in later for change in revision.changes]
+
+
+def when(revision: Revision) -> str:
+    """Return when a version was made, as people write it; else its number."""
+    return f"v{revision.version}" if revision.time is None else time_of(revision.time)
+
+
+def iso_of(stamp: float) -> str:
+    """Return a time in the form of ISO 8601, in the zone of this computer."""
+    try:
+        return datetime.fromtimestamp(stamp).astimezone().isoformat(timespec="seconds")
+    except (ValueError, OverflowError, OSError):  # beyond the year 9999
+        return f"{stamp:.0f} s"

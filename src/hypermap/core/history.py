@@ -1,0 +1,123 @@
+"""The history of a map: which objects changed, in which version, when and why."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+from hypermap.core.semantic import SemanticLayer, SemanticObject
+
+MAP_ID, MAP_VERSION = "map_id", "map_version"
+"""Where a map's metadata hold its id, and a number that counts up with its changes."""
+
+ADDED, GONE, EXPIRED = "added", "gone", "expired"
+MOVED, RESHAPED, RENAMED, EDITED = "moved", "reshaped", "renamed", "edited"
+FIRST_SEEN, NOT_REVISITED = "first seen", "not revisited"
+KINDS = (ADDED, GONE, EXPIRED, MOVED, RESHAPED, RENAMED, EDITED, FIRST_SEEN, NOT_REVISITED)
+"""Kinds of changes. The last two are of places that only one of two maps knows."""
+
+Cause = Literal["mapping", "edit"]
+"""What made a revision: frames that were mapped, or a person or a program that changed objects."""
+
+
+@dataclass(frozen=True, eq=False)
+class Change:
+    """One object that changed.
+
+    Attributes:
+        kind: one of `KINDS`.
+        layer: name of its layer.
+        before: the object before; None if it was not there.
+        after: the object after; None if it is not there any more.
+        distance: between the centroids [m]; None unless it was there before and after.
+        confidence: how likely the two are one object, 0..1; None unless it was moved.
+    """
+
+    kind: str
+    layer: str
+    before: SemanticObject | None
+    after: SemanticObject | None
+    distance: float | None = None
+    confidence: float | None = None
+
+    @property
+    def object(self) -> SemanticObject:
+        """The object as it is now, or as it was."""
+        found = self.after or self.before
+        assert found is not None
+        return found
+
+    @property
+    def names(self) -> set[str]:
+        """Its name; if it was renamed, both."""
+        return {one.name for one in (self.before, self.after) if one is not None}
+
+
+@dataclass(frozen=True, eq=False)
+class Revision:
+    """What changed from one version of a map to the next.
+
+    Attributes:
+        version: of the map after it.
+        time: when, in seconds since 1970; None where the recording's clock does not say it.
+        cause: what made it.
+        drive: name of the recording; empty for edits.
+        changes: of objects; may be empty.
+        follows_loss: whether revisions right before this one are lost.
+    """
+
+    version: int
+    time: float | None
+    cause: Cause
+    drive: str
+    changes: tuple[Change, ...]
+    follows_loss: bool = False
+
+
+@dataclass(frozen=True)
+class Mapped:
+    """The frames that a map was just made from, which its next revision names.
+
+    Attributes:
+        drive: name of the recording.
+        time: stamp of its last frame in seconds since 1970; None if its clock does not say it.
+    """
+
+    drive: str
+    time: float | None
+
+
+@dataclass(frozen=True, eq=False)
+class History:
+    """The log of a map, which only grows. Saving adds what has changed since.
+
+    Attributes:
+        earlier: returns the revisions in the map's file, oldest first; None for none.
+        added: the revisions after those.
+        version: of the map after the last revision.
+        layers: copies of the semantic layers as they were then, by name.
+        mapped: what the map was made from since; None if it was not.
+    """
+
+    earlier: Callable[[], Sequence[Revision]] | None = None
+    added: tuple[Revision, ...] = ()
+    version: int = 0
+    layers: Mapping[str, SemanticLayer] = field(default_factory=dict)
+    mapped: Mapped | None = None
+
+    def revisions(self) -> list[Revision]:
+        """Return all revisions, oldest first."""
+        return [*(self.earlier() if self.earlier is not None else ()), *self.added]
+
+    def dated(self) -> Iterator[tuple[float, Revision]]:
+        """Yield each revision with the time from which on it was in force, oldest first.
+
+        A recording may be mapped after later ones. As times never fall, its changes are in force
+        from the time of what was there already. Before the first known time it is -inf.
+        """
+        latest = -math.inf
+        for revision in self.revisions():
+            latest = latest if revision.time is None else max(latest, revision.time)
+            yield latest, revision

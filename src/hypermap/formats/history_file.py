@@ -1,0 +1,252 @@
+"""The history of a map as files of lines of JSON, one line per version.
+
+The specification is docs/formats/history.md.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import math
+import threading
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from datetime import datetime, timedelta, timezone
+from typing import Any
+
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from hypermap.core.errors import FormatError
+from hypermap.core.history import KINDS, Change, History, Revision
+from hypermap.core.objects import SemanticObject
+from hypermap.formats import limits
+from hypermap.formats.semantic.records import is_json, object_from_record, record_from_object
+from hypermap.formats.yaml_text import plain_value, read_yaml, write_yaml
+from hypermap.history.policy import HistoryPolicy
+
+logger = logging.getLogger(__name__)
+
+KEY = "history"
+"""The configuration's key that lists the files of the history, oldest first."""
+
+_PER_METER = 10_000  # the unit of coordinates is 0.1 mm
+_FULL = 256 * 1024  # bytes of a file, from which on another one is begun
+_LOST = b'{"lost":true}\n'
+_EPOCH = datetime(1970, 1, 1, tzinfo=timezone.utc)
+_WRONG = (
+    *(KeyError, TypeError, ValueError, IndexError, OverflowError, RecursionError),
+    *(AttributeError, FormatError, shapely.GEOSException),
+)
+
+
+class HistoryFiles:
+    """The files of a history, parsed at the first access.
+
+    Attributes:
+        files: their contents by name, oldest first; None for one that is lost.
+        where: how messages name the map.
+    """
+
+    def __init__(self, files: Mapping[str, bytes | None], where: str = "") -> None:
+        self.files = dict(files)
+        self.where = where
+        self._revisions: tuple[Revision, ...] | None = None
+        self._reading = threading.Lock()
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {"files": self.files, "where": self.where}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        HistoryFiles.__init__(self, **state)
+
+    def __call__(self) -> tuple[Revision, ...]:
+        """Return the revisions that can be read, oldest first; others are counted and logged."""
+        with self._reading:
+            if self._revisions is None:
+                self._revisions = self._parsed()
+            return self._revisions
+
+    def _parsed(self) -> tuple[Revision, ...]:
+        revisions: list[Revision] = []
+        is_lost, lost = False, 0
+        for line in _lines({name: content or _LOST for name, content in self.files.items()}):
+            revision = _revision_in(line)
+            if revision is not None:
+                revisions.append(replace(revision, follows_loss=is_lost))
+            is_lost = revision is None
+            lost += is_lost
+        if lost:
+            places = f"{lost} line{'' if lost == 1 else 's'} or files of it cannot be read"
+            logger.warning("%s: a part of the map's history is lost: %s", self.where, places)
+        return tuple(revisions)
+
+
+def history_files(history: History, policy: HistoryPolicy) -> dict[str, bytes]:
+    """Return the files of a history, by name, without what a policy drops.
+
+    In the place of a lost file stands one with a line that says so.
+    """
+    earlier, added = history.earlier, history.added
+    if isinstance(earlier, HistoryFiles):
+        kept = {name: content or _LOST for name, content in earlier.files.items()}
+    else:
+        kept, added = {}, tuple(history.revisions())
+    for revision in added:
+        name = next(reversed(kept), None)
+        if name is None or len(kept[name]) > _FULL:
+            name = f"{KEY}.{revision.version:06}.jsonl"
+        kept[name] = kept.get(name, b"") + dump_revision(revision) + b"\n"
+    return _bounded(kept, policy) if added else kept
+
+
+def _bounded(files: dict[str, bytes], policy: HistoryPolicy) -> dict[str, bytes]:
+    """Return files without their oldest lines, as far as a policy drops these."""
+    newest = max((time for time in map(_time_in, _lines(files)) if time is not None), default=None)
+    begin = -math.inf if newest is None else newest - policy.seconds
+    surplus = sum(map(len, files.values())) - policy.max_mb * 1e6
+    bounded: dict[str, bytes] = {}
+    for name, content in files.items():
+        lines = content.splitlines(keepends=True)
+        while lines and not bounded:
+            time = _time_in(lines[0])
+            if surplus <= 0 and (time is None or time >= begin):
+                break
+            surplus -= len(lines.pop(0))
+        if lines:
+            bounded[name] = b"".join(lines)
+    return bounded
+
+
+def _lines(files: Mapping[str, bytes]) -> Iterator[bytes]:
+    for content in files.values():
+        yield from content.splitlines()
+
+
+def _time_in(line: bytes) -> float | None:
+    """Return the time of a line, without reading what changed; None if there is none."""
+    head, _, _ = line.partition(b',"changes"')
+    try:
+        return _stamp(json.loads(head + b"}")["time"])
+    except _WRONG:
+        return None
+
+
+def dump_revision(revision: Revision) -> bytes:
+    """Return a line of the file, without its end."""
+    document = {
+        "version": revision.version,
+        "time": None if revision.time is None else _clock(revision.time),
+        "cause": revision.cause,
+        "drive": revision.drive,
+        "changes": [_dumped(change) for change in revision.changes],
+    }
+    text = json.dumps(document, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
+    return text.encode()
+
+
+def _revision_in(line: bytes) -> Revision | None:
+    """Return the revision in a line; None if it is damaged."""
+    try:
+        return parse_revision(line)
+    except _WRONG:
+        return None
+
+
+def parse_revision(line: bytes) -> Revision:
+    """Return the revision in a line; raises one of several errors for anything else."""
+    document = json.loads(line)
+    cause = document["cause"]
+    if cause not in ("mapping", "edit"):
+        raise ValueError(f"unknown cause {cause!r}")
+    return Revision(
+        version=int(document["version"]),
+        time=_stamp(document["time"]),
+        cause=cause,
+        drive=str(document["drive"]),
+        changes=tuple(map(_parsed, document["changes"])),
+    )
+
+
+def _dumped(change: Change) -> dict[str, Any]:
+    row: dict[str, Any] = {"what": change.kind, "layer": change.layer, "id": change.object.id}
+    for key in ("distance", "confidence"):
+        if (value := getattr(change, key)) is not None:
+            row[key] = round(value, 4)
+    for key, item in (("before", change.before), ("after", change.after)):
+        if item is not None:
+            row[key] = _record(item)
+    return row
+
+
+def _parsed(row: Mapping[str, Any]) -> Change:
+    if row["what"] not in KINDS:
+        raise ValueError(f"unknown change {row['what']!r}")
+    before, after = (
+        _object(row[key], row["id"]) if key in row else None for key in ("before", "after")
+    )
+    if before is None and after is None:
+        raise ValueError("neither an object before nor after")
+    return Change(
+        row["what"],
+        str(row["layer"]),
+        before,
+        after,
+        row.get("distance"),
+        row.get("confidence"),
+    )
+
+
+def _record(item: SemanticObject) -> dict[str, Any]:
+    record = plain_value(record_from_object(item))
+    if not is_json(record):  # attributes of other types
+        record = {"yaml": write_yaml(record).decode()}
+    return {**record, "shape": _steps(item.footprint)}
+
+
+def _object(record: Mapping[str, Any], number: int) -> SemanticObject:
+    others = {key: value for key, value in record.items() if key != "shape"}
+    if "yaml" in others:
+        others = read_yaml(others["yaml"].encode(), KEY)
+    return object_from_record({**others, "id": number}, _shape(record["shape"]))
+
+
+def _steps(shape: BaseGeometry) -> list[list[list[int]]]:
+    """Return the rings of each polygon of a shape: the first point, then the steps from it."""
+    found = []
+    for polygon in shapely.get_parts(shape).tolist():
+        rings = [polygon.exterior, *polygon.interiors]
+        units = [np.rint(shapely.get_coordinates(r)[:-1] * _PER_METER).astype(int) for r in rings]
+        found.append([np.diff(points, axis=0, prepend=0).ravel().tolist() for points in units])
+    return found
+
+
+def _shape(polygons: Sequence[Sequence[Sequence[int]]]) -> BaseGeometry:
+    parts = []
+    for rings in polygons:
+        points = [np.cumsum(np.array(r, float).reshape(-1, 2), axis=0) / _PER_METER for r in rings]
+        if any(np.abs(ring).max(initial=0) > limits.MAX_PLACE for ring in points):
+            raise ValueError("a point is too far away")
+        parts.append(shapely.Polygon(points[0], points[1:]))
+    return parts[0] if len(parts) == 1 else shapely.MultiPolygon(parts)
+
+
+def _clock(stamp: float) -> str:
+    """Return a time in UTC, in the form of ISO 8601; beyond the year 9999, the stamp."""
+    try:
+        moment = _EPOCH + timedelta(seconds=round(stamp, 3))
+    except OverflowError:
+        return repr(stamp)
+    return moment.isoformat(timespec="milliseconds").replace("+00:00", "Z")
+
+
+def _stamp(text: str | None) -> float | None:
+    if text is None:
+        return None
+    if text.endswith("Z"):
+        return (datetime.fromisoformat(text.replace("Z", "+00:00")) - _EPOCH).total_seconds()
+    stamp = float(text)
+    if not math.isfinite(stamp):
+        raise ValueError("a time is not finite")
+    return stamp

@@ -1,0 +1,24 @@
+"""Maps over time: what changed, and how a map was."""
+
+from hypermap.history.differences import differences
+from hypermap.history.expiry import EXPIRES, expiry_of, in_force, next_expiry
+from hypermap.history.grown import begin_history, begun, grown, keeps_history, version_of
+from hypermap.history.past import as_of, at_version
+from hypermap.history.policy import POLICY, HistoryPolicy
+
+__all__ = [
+    "EXPIRES",
+    "POLICY",
+    "HistoryPolicy",
+    "as_of",
+    "at_version",
+    "begin_history",
+    "begun",
+    "differences",
+    "expiry_of",
+    "grown",
+    "in_force",
+    "keeps_history",
+    "next_expiry",
+    "version_of",
+]

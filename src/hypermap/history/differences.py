@@ -1,0 +1,129 @@
+"""What changed between two states of one layer, object by object: equal ids are one object."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import shapely
+
+from hypermap.core.history import (
+    ADDED,
+    EDITED,
+    EXPIRED,
+    GONE,
+    MOVED,
+    RENAMED,
+    RESHAPED,
+    Cause,
+    Change,
+)
+from hypermap.core.objects import ObjectTable
+from hypermap.core.semantic import SemanticLayer, SemanticObject
+from hypermap.history.expiry import expiry_of
+from hypermap.history.likeness import MIN_MOVED, SAME_SHAPE, distance_between, likeness
+
+MOVE = "moved"
+"""The attribute in which mapping says of an object that it was moved, and how likely it is that
+one: `confidence`, 0..1."""
+
+_MEASURED = {"evidence", "z_min", "z_max", "by_hand", MOVE}  # attributes that mapping writes
+_TOLERANCE = 1e-6  # meters between points that are the same
+_SAME_WHEN_EDITED = 0.9  # likeness of shapes from which on a person has moved an object
+
+
+def differences(
+    before: SemanticLayer | None, after: SemanticLayer | None, cause: Cause, now: float
+) -> list[Change]:
+    """Return what changed in a layer, in the order of the ids.
+
+    Mapping always changes shapes and times a little; of its changes, only those count that
+    `hypermap diff` shows. Of an edit, all count.
+
+    Args:
+        before: the layer before; None if it was not there.
+        after: the layer after; None if it is not there any more.
+        cause: what has changed it.
+        now: in seconds since 1970; what is gone by then may have expired.
+    """
+    layer = before if after is None else after
+    assert layer is not None
+    old, new = (_table(one) for one in (before, after))
+    if old is new:
+        return []
+    at = {int(number): row for row, number in enumerate(new.ids)}
+    found: dict[int, Change] = {}
+    for row, number in enumerate(old.ids.tolist()):
+        if number not in at:
+            found[number] = _left(layer.name, old.object(row), now)
+    was = {number: row for row, number in enumerate(old.ids.tolist())}
+    for number, row in at.items():
+        if number not in was:
+            found[number] = Change(ADDED, layer.name, None, new.object(row))
+    both = [number for number in at if number in was]
+    rows = np.array([[was[number], at[number]] for number in both], np.int64).reshape(-1, 2)
+    for i in _suspicious(old, new, rows):
+        pair = old.object(int(rows[i, 0])), new.object(int(rows[i, 1]))
+        if (change := _changed(layer.name, *pair, cause)) is not None:
+            found[both[i]] = change
+    return [found[number] for number in sorted(found)]
+
+
+def _table(layer: SemanticLayer | None) -> ObjectTable:
+    return ObjectTable.of([]) if layer is None else layer.table
+
+
+def _suspicious(old: ObjectTable, new: ObjectTable, rows: Any) -> list[int]:
+    """Return which pairs of rows may differ; comparing all of them this way is fast."""
+    a, b = rows.T
+    same = shapely.equals_exact(old.footprints[a], new.footprints[b], _TOLERANCE)
+    same &= np.asarray(old.names[a] == new.names[b], dtype=bool)
+    same &= np.asarray(old.tags[a] == new.tags[b], dtype=bool)
+    same &= np.asarray(old.attributes[a] == new.attributes[b], dtype=bool)
+    return np.flatnonzero(~same).tolist()
+
+
+def _left(layer: str, item: SemanticObject, now: float) -> Change:
+    moment = expiry_of(item)
+    is_over = moment is not None and moment <= now
+    return Change(EXPIRED if is_over else GONE, layer, item, None)
+
+
+def _changed(layer: str, old: SemanticObject, new: SemanticObject, cause: Cause) -> Change | None:
+    """Return how an object changed; None if that does not count."""
+    distance = distance_between(old, new)
+    kind = _kind(old, new, distance, cause)
+    if kind is None:
+        return None
+    confidence = _confidence(old, new) if kind == MOVED else None
+    return Change(kind, layer, old, new, distance, confidence)
+
+
+def _kind(old: SemanticObject, new: SemanticObject, distance: float, cause: Cause) -> str | None:
+    is_edit = cause == "edit"
+    if old.name != new.name:
+        return RENAMED
+    if not shapely.equals_exact(old.footprint, new.footprint, _TOLERANCE):
+        alike = likeness(old.footprint, new.footprint)
+        if alike < (_SAME_WHEN_EDITED if is_edit else SAME_SHAPE):
+            return RESHAPED
+        if is_edit or distance >= MIN_MOVED:
+            return MOVED
+    if is_edit and (old.tags != new.tags or _free(old.attributes) != _free(new.attributes)):
+        return EDITED
+    return None
+
+
+def _free(attributes: Mapping[str, Any]) -> dict[str, Any]:
+    return {key: value for key, value in attributes.items() if key not in _MEASURED}
+
+
+def _confidence(old: SemanticObject, new: SemanticObject) -> float:
+    """Return how likely it is that an object is the same one, as mapping has found."""
+    said = new.attributes.get(MOVE)
+    if isinstance(said, Mapping) and said != old.attributes.get(MOVE):
+        value = said.get("confidence")
+        if isinstance(value, int | float):
+            return float(value)
+    return 1.0

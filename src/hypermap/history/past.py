@@ -1,0 +1,105 @@
+"""A map as it was."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from datetime import datetime
+
+from hypermap.core.errors import HypermapError
+from hypermap.core.history import MAP_VERSION, Change, Revision
+from hypermap.core.hypermap import Hypermap
+from hypermap.core.semantic import SemanticLayer, SemanticObject
+from hypermap.history.expiry import in_force
+
+
+def as_of(hypermap: Hypermap, moment: datetime | str | float) -> Hypermap:
+    """Return a map as it was at a time: its objects with their names and shapes.
+
+    Grids, values and transforms are those of today, and layers that are not there any more are
+    left out. Mapping cannot continue such a map.
+
+    Args:
+        hypermap: a map with a history.
+        moment: a datetime or its ISO 8601 form, without a zone that of this computer; or seconds
+            since 1970.
+
+    Raises:
+        HypermapError: If the map keeps no history, or it does not reach back so far.
+        ValueError: If the text is no time.
+    """
+    stamp = _stamp(moment)
+    past = _before(hypermap, lambda time, _: time > stamp, f"at {_said(stamp)}")
+    return in_force(past, stamp)
+
+
+def at_version(hypermap: Hypermap, version: int) -> Hypermap:
+    """Return a map as it was in one of its versions; see `as_of`.
+
+    Raises:
+        HypermapError: If the map keeps no history, or it does not reach back so far.
+    """
+    return _before(hypermap, lambda _, one: one.version > version, f"in version {version}")
+
+
+def _before(hypermap: Hypermap, is_later: Callable[[float, Revision], bool], when: str) -> Hypermap:
+    """Return a map before its later revisions."""
+    dated = [] if hypermap.history is None else list(hypermap.history.dated())
+    if not dated:
+        raise HypermapError("the map keeps no history, so only its present is known")
+    undone = [revision for time, revision in dated if is_later(time, revision)]
+    if len(undone) == len(dated):
+        began, first = dated[0]
+        said = "it was begun" if first.version == 1 else "its history begins"
+        raise HypermapError(
+            f"{when} the map is not known: {said} with version {first.version}, {_said(began)}"
+        )
+    if any(revision.follows_loss for revision in undone):
+        raise HypermapError(f"{when} the map is not known: a later part of its history is lost")
+    return _without(hypermap, undone, dated[len(dated) - len(undone) - 1][1].version)
+
+
+def _without(hypermap: Hypermap, undone: list[Revision], version: int) -> Hypermap:
+    """Return a map before its last revisions."""
+    layers = {layer.name: layer for layer in hypermap if isinstance(layer, SemanticLayer)}
+    objects = {name: {item.id: item for item in layer} for name, layer in layers.items()}
+    for revision in reversed(undone):
+        for change in revision.changes:
+            _undo(objects.get(change.layer, {}), change)
+    past = hypermap.with_layers(
+        _holding(layer, objects[layer.name]) if isinstance(layer, SemanticLayer) else layer
+        for layer in hypermap
+    )
+    past.metadata[MAP_VERSION] = version
+    past.mapper_state = past.history = None
+    return past
+
+
+def _undo(objects: dict[int | None, SemanticObject], change: Change) -> None:
+    if change.before is None:
+        objects.pop(change.object.id, None)
+    else:
+        objects[change.object.id] = change.before
+
+
+def _holding(layer: SemanticLayer, objects: dict[int | None, SemanticObject]) -> SemanticLayer:
+    """Return a layer of other objects, in the order of their ids."""
+    ordered = sorted(objects.values(), key=lambda item: -1 if item.id is None else item.id)
+    evidence = layer.kept_evidence
+    other = SemanticLayer(
+        layer.name, layer.frame_id, ordered, layer.settings, layer.rejected, evidence
+    )
+    other.kept_pictures = layer.kept_pictures
+    return other
+
+
+def _stamp(moment: datetime | str | float) -> float:
+    if isinstance(moment, str):
+        moment = datetime.fromisoformat(moment.replace("Z", "+00:00"))
+    return moment.timestamp() if isinstance(moment, datetime) else float(moment)
+
+
+def _said(stamp: float) -> str:
+    try:
+        return datetime.fromtimestamp(stamp).astimezone().strftime("%Y-%m-%d %H:%M %Z").strip()
+    except (ValueError, OverflowError, OSError):
+        return "an unknown time"

@@ -1,0 +1,109 @@
+"""`hypermap changes`, `history`, `expire` and `query --as-of`: a map over time."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+import shapely
+
+from hypermap import Hypermap, SemanticLayer, SemanticObject, open_map, save_map
+from hypermap.history import begin_history
+
+from .conftest import Result, assert_one_error
+
+Run = Callable[..., Result]
+
+
+@pytest.fixture
+def office(tmp_path: Path) -> Path:
+    """Return a map of which, after its first version, the chair was moved and the sofa removed."""
+    things = [
+        SemanticObject(name, shapely.box(x, 0, x + 1, 1))
+        for x, name in enumerate(("chair", "sofa", "table"))
+    ]
+    hypermap = Hypermap([SemanticLayer("semantic", "map", things)])
+    assert begin_history(hypermap)
+    layer = hypermap.semantic()
+    layer.rename(2, "desk")
+    save_map(hypermap, tmp_path / "office.hmap")
+    layer.update(0, SemanticObject("chair", shapely.box(0, 3, 1, 4)))
+    layer.remove(1)
+    save_map(hypermap, tmp_path / "office.hmap")
+    return tmp_path / "office.hmap"
+
+
+def test_changes_tells_what_changed_since_a_time_or_a_version(hypermap: Run, office: Path) -> None:
+    for since, changes in (
+        (["--since", "yesterday"], ["renamed", "moved", "gone"]),
+        (["--since", "v2"], ["moved", "gone"]),
+        (["--since", "v2", "--name", "sofa"], ["gone"]),
+        ([], ["renamed", "moved", "gone"]),
+    ):
+        result = hypermap("changes", office, *since, "--json")
+        assert result.code == 0
+        found = json.loads(result.out)["changes"]
+        assert [row["change"] for row in found] == changes
+        assert {row["cause"] for row in found} == {"edit"}
+    lines = hypermap("changes", office, "--since", "v2").out.splitlines()
+    assert "3.00 m (100%)" in lines[2]
+    assert lines[-1] == "1 moved, 1 gone"
+
+
+def test_changes_draws_them(hypermap: Run, office: Path, tmp_path: Path) -> None:
+    picture = tmp_path / "changes.svg"
+    assert hypermap("changes", office, "--picture", picture).code == 0
+    assert "moved" in picture.read_text()
+
+
+def test_a_query_may_ask_the_map_as_it_was(hypermap: Run, office: Path) -> None:
+    assert "sofa" not in hypermap("query", office, "--in", "0,0,9,9").out
+    assert "sofa" in hypermap("query", office, "--in", "0,0,9,9", "--as-of", "v2").out
+    result = hypermap("query", office, "--name", "sofa", "--as-of", "2020-01-01")
+    assert_one_error(result, "the map is not known: its history begins with version 2")
+    assert_one_error(
+        hypermap("query", office, "--as-of", "soon"), "--as-of 'soon': expected a time"
+    )
+
+
+def test_history_lists_versions_and_bounds_and_exports_them(
+    hypermap: Run, office: Path, tmp_path: Path
+) -> None:
+    lines = hypermap("history", office).out.splitlines()
+    assert lines[-1] == "2 versions; changes of 90d, at most 100 MB, are kept"
+    assert "1 moved, 1 gone" in lines[3]
+    table = tmp_path / "changes.csv"
+    assert hypermap("history", office, "--export", table, "--keep", "1h").code == 0
+    assert open_map(office).metadata["history"] == {"keep": "1h", "max_mb": 100.0}
+    header, *rows = table.read_text().splitlines()
+    assert header.startswith("version,time,cause,drive,layer,id,what,name_before,name,")
+    assert [row.split(",")[6] for row in rows] == ["renamed", "moved", "gone"]
+    assert_one_error(hypermap("history", office, "--keep", "long"), "keep: expected a time")
+
+
+def test_history_begins_where_a_map_keeps_none(hypermap: Run, tmp_path: Path) -> None:
+    path = tmp_path / "old.hmap"
+    save_map(Hypermap([SemanticLayer("semantic", "map")]), path)
+    assert "keeps no history" in hypermap("history", path).out
+    assert_one_error(hypermap("changes", path), "this map keeps no history")
+    assert hypermap("history", path, "--keep", "30d").code == 0
+    hypermap_ = open_map(path)
+    hypermap_.semantic().add(SemanticObject("cup", shapely.box(0, 0, 1, 1)))
+    save_map(hypermap_, path)
+    assert "1 added" in hypermap("changes", path).out
+
+
+def test_an_expired_object_answers_no_query(hypermap: Run, office: Path) -> None:
+    assert (
+        "expires on 2020-01-01" in hypermap("expire", office, "--id", "2", "--at", "2020-01-01").out
+    )
+    assert hypermap("query", office, "--name", "desk").out == ""
+    assert "desk" in hypermap("query", office, "--name", "desk", "--as-of", "v3").out
+    assert hypermap("expire", office, "--id", "2", "--at", "never").out == "desk 2 never expires\n"
+    assert "desk" in hypermap("query", office, "--name", "desk").out
+    assert_one_error(hypermap("expire", office, "--id", "9", "--at", "2h"), "no object with id 9")
+    assert_one_error(
+        hypermap("expire", office, "--id", "2", "--at", "x"), "--at 'x': expected a time"
+    )

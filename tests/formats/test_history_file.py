@@ -1,0 +1,145 @@
+"""The files of a history: what they keep, what a policy drops, and damage."""
+
+from __future__ import annotations
+
+import datetime
+import logging
+import zipfile
+from pathlib import Path
+
+import pytest
+import shapely
+
+from hypermap import Hypermap, HypermapError, SemanticLayer, SemanticObject, open_map
+from hypermap.core.history import MAP_ID, MAP_VERSION, Change, History, Revision
+from hypermap.formats.history_file import (
+    HistoryFiles,
+    dump_revision,
+    history_files,
+    parse_revision,
+)
+from hypermap.history import at_version, begun
+from hypermap.history.policy import HistoryPolicy
+
+DAY = 86_400.0
+RING = shapely.box(0, 0, 4, 4).difference(shapely.box(1, 1, 2, 2))
+
+
+def chair(x: float = 0.0) -> SemanticObject:
+    return SemanticObject("chair", shapely.box(x, 0, x + 1, 1.23456), id=3)
+
+
+def revision(version: int, time: float | None = None) -> Revision:
+    moved = Change("moved", "semantic", chair(), chair(version), float(version), 0.5)
+    return Revision(version, time, "mapping", f"day {version}", (moved,))
+
+
+def versions(files: dict[str, bytes]) -> list[int]:
+    return [one.version for one in HistoryFiles(files)()]
+
+
+def test_a_revision_is_read_as_it_was_written() -> None:
+    item = SemanticObject(
+        "Anna's cup",
+        shapely.MultiPolygon(
+            [*RING.geoms] if hasattr(RING, "geoms") else [RING, chair(9).footprint]
+        ),
+        id=7,
+        tags=("mug",),
+        confidence=(0.25,),
+        existence=3.5,
+        first_seen=1.7e9,
+        last_seen=1.7e9 + 0.25,
+        attributes={"bought": datetime.date(2026, 11, 20), "id": "x"},
+    )
+    change = Change("gone", "semantic", item, None)
+    read = parse_revision(dump_revision(Revision(4, 1.7e9 + 0.125, "edit", "", (change,))))
+    (again,) = read.changes
+    assert again.before is not None
+    assert (read.version, read.time, read.cause, read.drive) == (4, 1.7e9 + 0.125, "edit", "")
+    assert vars(again.before) | {"footprint": 0} == vars(item) | {"footprint": 0}
+    assert shapely.equals_exact(again.before.footprint, item.footprint, 1e-4)
+
+
+def test_lines_are_appended_and_large_files_are_followed_by_others() -> None:
+    policy = HistoryPolicy()
+    first = history_files(History(added=(revision(1), revision(2))), policy)
+    assert list(first) == ["history.000001.jsonl"]
+    full = {"history.000001.jsonl": first["history.000001.jsonl"] * 1000}
+    more = history_files(History(earlier=HistoryFiles(full), added=(revision(3),)), policy)
+    assert list(more) == ["history.000001.jsonl", "history.000003.jsonl"]
+    assert more["history.000001.jsonl"] == full["history.000001.jsonl"]
+
+
+def test_a_policy_drops_the_oldest_by_age_and_by_size() -> None:
+    history = History(added=tuple(revision(n, n * DAY) for n in range(1, 101)))
+    everything = history_files(history, HistoryPolicy(keep="999d"))
+    assert versions(everything) == list(range(1, 101))
+    assert versions(history_files(history, HistoryPolicy(keep="10d"))) == list(range(90, 101))
+    size = len(everything["history.000001.jsonl"])
+    half = versions(history_files(history, HistoryPolicy(keep="999d", max_mb=size / 2e6)))
+    assert half == list(range(101 - len(half), 101))
+    assert 48 <= len(half) <= 52
+
+
+def office(path: Path) -> Hypermap:
+    """Return a map with four versions, each saved after a rename."""
+    hypermap = Hypermap(
+        [SemanticLayer("semantic", "map", [chair()])], metadata={MAP_ID: "00ff", MAP_VERSION: 1}
+    )
+    hypermap.history = begun(hypermap)
+    for name in ("armchair", "seat", "stool"):
+        hypermap.semantic().rename(3, name)
+        hypermap.save(path)
+    return hypermap
+
+
+def damaged(path: Path, line: bytes) -> None:
+    """Overwrite a line of the history in an archive, whose checksums then fit again."""
+    with zipfile.ZipFile(path) as archive:
+        files = {name: archive.read(name) for name in archive.namelist()}
+    with zipfile.ZipFile(path, "w") as archive:
+        for name, content in files.items():
+            is_history = name.startswith("history.")
+            archive.writestr(
+                name, content.replace(line, b"#" * len(line)) if is_history else content
+            )
+
+
+def test_of_a_damaged_history_the_rest_is_read_and_what_is_lost_is_said(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    path = tmp_path / "office.hmap"
+    office(path)
+    damaged(path, b'"version":3')
+    opened = open_map(path)
+    assert opened.semantic().names.tolist() == ["stool"]
+    assert opened.history is not None
+    with caplog.at_level(logging.WARNING):
+        assert [(one.version, one.follows_loss) for one in opened.history.revisions()] == [
+            (2, False),
+            (4, True),
+        ]
+    assert "a part of the map's history is lost: 1 line" in caplog.text
+    with pytest.raises(HypermapError, match="in version 2 the map is not known: a later part"):
+        at_version(opened, 2)
+
+
+def test_a_map_opens_without_the_file_of_its_history(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    path = tmp_path / "office.hmap"
+    office(path)
+    content = bytearray(path.read_bytes())
+    at = content.find(b"history.000002.jsonl") + len(b"history.000002.jsonl")
+    content[at + 20] ^= 0xFF  # within the packed lines
+    path.write_bytes(bytes(content))
+    with caplog.at_level(logging.WARNING):
+        opened = open_map(path)
+    assert opened.semantic().names.tolist() == ["stool"]
+    assert "a part of the map's history is lost" in caplog.text
+    opened.semantic().rename(3, "bench")
+    opened.save(path)
+    again = open_map(path)
+    assert again.history is not None
+    assert [(one.version, one.follows_loss) for one in again.history.revisions()] == [(5, True)]

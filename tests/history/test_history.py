@@ -1,0 +1,163 @@
+"""The history of a map: what saving adds to it, and the map as it was."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from datetime import datetime, timezone
+from pathlib import Path
+
+import pytest
+import shapely
+from shapely import affinity
+
+from hypermap import Hypermap, HypermapError, SemanticLayer, SemanticObject, open_map
+from hypermap.core.history import MAP_ID, MAP_VERSION, Mapped, Revision
+from hypermap.history import as_of, at_version, begun, grown, in_force, next_expiry
+from hypermap.history.policy import HistoryPolicy
+
+MONDAY, TUESDAY, WEDNESDAY = 1.7e9, 1.7e9 + 86_400, 1.7e9 + 2 * 86_400
+
+
+def box(name: str, x: float, number: int, **attributes: object) -> SemanticObject:
+    return SemanticObject(name, shapely.box(x, 0, x + 1, 1), id=number, attributes=attributes)
+
+
+def office() -> Hypermap:
+    """Return a map that keeps its history, and has no revision yet."""
+    layer = SemanticLayer("semantic", "map", [box("table", 0, 0), box("chair", 2, 1)])
+    hypermap = Hypermap([layer], metadata={MAP_ID: "00ff", MAP_VERSION: 1})
+    hypermap.history = begun(hypermap)
+    return hypermap
+
+
+def moved(hypermap: Hypermap, number: int, by: float) -> None:
+    item = hypermap.semantic()[number]
+    shape = affinity.translate(item.footprint, by)
+    hypermap.semantic().update(number, dataclasses.replace(item, footprint=shape))
+
+
+def revisions(hypermap: Hypermap) -> list[Revision]:
+    assert hypermap.history is not None
+    return hypermap.history.revisions()
+
+
+def test_a_map_that_has_not_changed_gets_no_new_version() -> None:
+    hypermap = office()
+    assert grown(hypermap, MONDAY) is hypermap
+
+
+def edits() -> dict[str, Callable[[SemanticLayer], object]]:
+    wide = shapely.box(2, 0, 5, 1)
+    return {
+        "renamed": lambda layer: layer.rename(1, "stool"),
+        "gone": lambda layer: layer.remove(1),
+        "added": lambda layer: layer.add(box("cup", 5, 7)),
+        "reshaped": lambda layer: layer.update(1, SemanticObject("chair", wide)),
+        "moved": lambda layer: layer.update(1, box("chair", 2.01, 1)),
+        "edited": lambda layer: layer.update(1, box("chair", 2, 1, owner="Anna")),
+    }
+
+
+@pytest.mark.parametrize("kind", list(edits()))
+def test_each_edit_is_a_change_of_the_next_version_and_can_be_undone(kind: str) -> None:
+    hypermap = office()
+    edits()[kind](hypermap.semantic())
+    saved = grown(hypermap, MONDAY)
+    (revision,) = revisions(saved)
+    assert [change.kind for change in revision.changes] == [kind]
+    assert (revision.version, revision.cause, revision.time) == (2, "edit", MONDAY)
+    assert saved.metadata[MAP_VERSION] == 2
+    assert grown(saved, TUESDAY) is saved
+    states = [sorted(vars(item).items(), key=str) for item in saved.semantic()]
+    saved.semantic().remove(0)
+    both = grown(saved, TUESDAY)
+    past = at_version(both, 2).semantic()
+    assert [sorted(vars(item).items(), key=str) for item in past] == states
+    with pytest.raises(HypermapError, match="its history begins with version 2"):
+        at_version(both, 1)
+
+
+def test_a_map_is_known_at_every_time_since_its_history_began(tmp_path: Path) -> None:
+    hypermap = office()
+    states = []
+    for time, by in ((MONDAY, 0.5), (TUESDAY, 1.5), (WEDNESDAY, 2.5)):
+        moved(hypermap, 1, by)
+        hypermap = grown(hypermap, time)
+        states.append(hypermap.semantic()[1].footprint.bounds[0])
+    hypermap.save(tmp_path / "office.hmap")
+    for opened in (hypermap, open_map(tmp_path / "office.hmap")):
+        for time, x in zip((MONDAY, TUESDAY, WEDNESDAY), states, strict=True):
+            past = opened.as_of(datetime.fromtimestamp(time + 60, timezone.utc))
+            assert past.semantic()[1].footprint.bounds[0] == pytest.approx(x, abs=1e-4)
+            assert past.mapper_state is past.history is None
+    with pytest.raises(HypermapError, match="its history begins with version 2"):
+        as_of(hypermap, MONDAY - 1)
+
+
+def test_mapping_logs_what_diff_would_show_and_an_edit_everything() -> None:
+    for mapped, kinds in ((Mapped("day2", MONDAY), []), (None, ["moved"])):
+        hypermap = office()
+        moved(hypermap, 1, 0.1)
+        assert hypermap.history is not None
+        hypermap.history = dataclasses.replace(hypermap.history, mapped=mapped)
+        (revision,) = revisions(grown(hypermap, MONDAY))
+        assert [change.kind for change in revision.changes] == kinds
+        assert revision.drive == ("" if mapped is None else "day2")
+
+
+def test_a_drive_that_is_mapped_late_does_not_turn_time_back() -> None:
+    hypermap = office()
+    for time, by in ((TUESDAY, 1.0), (MONDAY, 1.0)):
+        moved(hypermap, 1, by)
+        assert hypermap.history is not None
+        hypermap.history = dataclasses.replace(hypermap.history, mapped=Mapped("day", time))
+        hypermap = grown(hypermap, WEDNESDAY)
+    assert as_of(hypermap, TUESDAY).semantic()[1].footprint.bounds[0] == 4
+
+
+def test_saving_adds_what_changed_and_saving_again_gives_the_same_bytes(tmp_path: Path) -> None:
+    hypermap = office()
+    hypermap.semantic().rename(0, "desk")
+    for name in ("a", "b"):
+        hypermap.save(tmp_path / f"{name}.hmap")
+    assert (tmp_path / "a.hmap").read_bytes() == (tmp_path / "b.hmap").read_bytes()
+    assert hypermap.metadata[MAP_VERSION] == 2
+    opened = open_map(tmp_path / "a.hmap")
+    opened.save(tmp_path / "b.hmap")
+    assert (tmp_path / "a.hmap").read_bytes() == (tmp_path / "b.hmap").read_bytes()
+
+
+def test_a_map_without_an_identity_keeps_no_history(tmp_path: Path) -> None:
+    hypermap = Hypermap([SemanticLayer("semantic", "map", [box("table", 0, 0)])])
+    hypermap.save(tmp_path / "a.hmap")
+    opened = open_map(tmp_path / "a.hmap")
+    assert opened.history is None
+    with pytest.raises(HypermapError, match="keeps no history"):
+        opened.as_of(MONDAY)
+
+
+def test_what_has_expired_is_not_in_force_and_is_logged_when_it_is_removed() -> None:
+    hypermap = office()
+    until = datetime.fromtimestamp(TUESDAY, timezone.utc).isoformat()
+    hypermap.semantic().add([box("wet floor", 5, 5, expires=until), box("zone", 7, 6, expires="?")])
+    hypermap = grown(hypermap, MONDAY)
+    assert next_expiry(hypermap) == TUESDAY
+    assert in_force(hypermap, TUESDAY - 1) is hypermap
+    left = in_force(hypermap, TUESDAY)
+    assert left.semantic().names.tolist() == ["table", "chair", "zone"]
+    assert [change.kind for change in revisions(grown(left, TUESDAY))[-1].changes] == ["expired"]
+
+
+@pytest.mark.parametrize(
+    ("said", "message"),
+    [
+        ({"keep": "90"}, "keep: expected a time such as 90d, got '90'"),
+        ({"max_mb": 0}, "max_mb: expected 0 to 500, got 0"),
+        ({"keeps": "9d"}, "expected keep and max_mb"),
+        ("9d", "expected keep and max_mb"),
+    ],
+)
+def test_a_wrong_policy_is_refused(said: object, message: str) -> None:
+    with pytest.raises(HypermapError, match=message):
+        HistoryPolicy.of({"history": said})
