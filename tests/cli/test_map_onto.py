@@ -102,6 +102,7 @@ def test_corrected_poses_move_the_map_without_its_recording(hypermap, drive, tmp
     assert re.search(r"corrected the poses of \d+ frames by 0\.50 m on average", result.err)
     moved = [one.object.footprint.centroid.x for one in open_map(out).objects()]
     assert moved == pytest.approx([o.object.footprint.centroid.x + 0.5 for o in before], abs=0.02)
+    assert "corrected poses" in hypermap("changes", out).out  # nobody has moved anything
 
 
 @pytest.mark.parametrize(

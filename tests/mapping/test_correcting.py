@@ -125,9 +125,12 @@ def test_a_corrected_map_is_that_of_the_corrected_poses(name: str) -> None:
     after = mapper.hypermap()
     assert correction.frames == len(drive())
     assert np.mean(best_ious(objects(exact), objects(before))) < 0.7
-    surplus = len(objects(after)) - len(objects(exact))
-    assert abs(surplus) <= (name == "thesis")  # which has an object at the threshold
-    assert np.mean(best_ious(objects(exact), objects(after))) >= 0.95
+    # Rounding may tip whether an area covers what is on its border: `thesis` asks that.
+    odd = int(name == "thesis")
+    assert abs(len(objects(after)) - len(objects(exact))) <= odd
+    ious = sorted(best_ious(objects(exact), objects(after)))[odd:]
+    assert np.mean(ious) >= 0.95
+    assert ious[0] > 0.7
     assert cells_alike(exact, after) > 0.93 > cells_alike(exact, before)
 
 

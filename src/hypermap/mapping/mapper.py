@@ -151,6 +151,7 @@ class Mapper:
         self._counts_before = Counts()
         self._base = Hypermap()  # with which the map began
         self._log = FrameLog()
+        self._is_corrected = False
 
     @classmethod
     def onto(
@@ -312,6 +313,7 @@ class Mapper:
         )
         self.evidence, self._occupancy, self._log = made.evidence, made.occupancy, made.log
         self._keyframes.go_on_from(poses[-1])
+        self._is_corrected = True
         return correction
 
     def logged_poses(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -364,7 +366,8 @@ class Mapper:
 
     def _mapped(self) -> Mapped:
         """Return what the map is being made from, for its history."""
-        return Mapped(self._drive.name, self._drive.time)
+        name = self._drive.name or ("corrected poses" if self._is_corrected else "")
+        return Mapped(name, self._drive.time)
 
     def _state(self, published: list[SemanticObject]) -> MapperState:
         """Return what is needed to go on; later frames do not change it."""
