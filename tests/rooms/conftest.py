@@ -54,3 +54,12 @@ def along_a_corridor() -> Plan:
             plan.clear(left, low, left + 4, low + 4)
             plan.clear(left + 1.5, door, left + 2.4, door + 0.2)
     return plan
+
+
+def cubicles_along_a_narrow_corridor() -> Plan:
+    """Four cubicles of 2.2 x 2.2 m on either side of a corridor of 1.2 m, open along 1.9 m each."""
+    plan = Plan(13.6, 8).clear(0.5, 3.4, 13.1, 4.6)
+    for left in (2.1, 4.5, 6.9, 9.3):
+        plan.clear(left, 1.0, left + 2.2, 3.2).clear(left, 4.8, left + 2.2, 7.0)
+        plan.clear(left, 3.2, left + 1.9, 3.4).clear(left + 0.3, 4.6, left + 2.2, 4.8)
+    return plan

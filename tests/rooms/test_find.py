@@ -14,7 +14,14 @@ from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.semantic import SemanticObject
 from hypermap.rooms import RoomSettings, find_rooms
 
-from .conftest import SIDE, Plan, along_a_corridor, layer_of, two_rooms
+from .conftest import (
+    SIDE,
+    Plan,
+    along_a_corridor,
+    cubicles_along_a_narrow_corridor,
+    layer_of,
+    two_rooms,
+)
 
 
 def areas(rooms):
@@ -72,6 +79,23 @@ def test_a_corridor_that_widens_in_places_is_a_corridor():
 def test_a_cubicle_that_stands_open_to_a_corridor_is_a_room():
     plan = Plan(16, 7).clear(0.5, 0.5, 15.5, 3).clear(4, 3.2, 7, 5.6).clear(4.5, 3, 6.5, 3.2)
     assert areas(find_rooms(plan.layer())) == pytest.approx([7.4, 37.6], abs=0.4)
+
+
+@pytest.mark.parametrize("turns", range(4))
+@pytest.mark.parametrize("step", [1, -1])
+def test_cubicles_on_both_sides_of_a_narrow_corridor_are_rooms_however_the_map_lies(turns, step):
+    plan = cubicles_along_a_narrow_corridor()
+    cells = np.ascontiguousarray(np.rot90(plan.cells[:, ::step], turns))
+    rooms = find_rooms(layer_of(cells))
+    assert len(rooms) == 9
+    assert sum(4.5 < room.area < 5.5 for room in rooms) == 8
+
+
+def test_the_end_of_a_corridor_beyond_its_last_doors_is_part_of_it():
+    plan = Plan(14, 12).clear(0.5, 5.2, 13.5, 7)
+    for low, door in ((1, 5), (7.2, 7)):
+        plan.clear(0.5, low, 5, low + 4).clear(2.7, door, 3.6, door + 0.2)
+    assert areas(find_rooms(plan.layer())) == pytest.approx([18.2, 18.2, 23.4], abs=0.4)
 
 
 def test_furniture_does_not_divide_a_room():

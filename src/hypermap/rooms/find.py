@@ -24,6 +24,7 @@ from hypermap.rooms.kinds import Kinds, guess_kinds, load_kinds
 from hypermap.rooms.openings import openings
 from hypermap.rooms.pieces import Pieces
 from hypermap.rooms.rooms import Room, Rooms
+from hypermap.rooms.sections import across_corridors
 from hypermap.rooms.settings import RoomSettings
 from hypermap.rooms.watershed import basins, clearance, in_order, spread
 
@@ -142,6 +143,7 @@ def _without_rays(blocked: BoolArray, side: float) -> BoolArray:
 def _cut(walls: BoolArray, side: float, settings: RoomSettings) -> NDArray[np.int32]:
     """Return rooms as labels from 1, by their first cell; 0 where there is none."""
     lines = _lines(walls, side, settings)
+    lines = lines[~across_corridors(lines, walls, side)]
     closed = walls.copy()
     for begin, end in lines:
         _draw(closed, begin, end)

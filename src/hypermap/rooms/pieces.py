@@ -7,6 +7,7 @@ is no door and neither side is a room that stands open.
 from __future__ import annotations
 
 import heapq
+import math
 from collections.abc import Callable, Iterable
 
 from hypermap.core.arrays import FloatArray
@@ -15,7 +16,8 @@ from hypermap.rooms.settings import RoomSettings
 # Shares, of what the names say.
 _OPEN = 0.27  # of a room's outline is open at most; of a square without one wall 0.25 is
 _COUNTS = 0.6  # of a piece's width is a passage at least that makes it open
-_LARGE = 4.0  # [m^2] what is smaller is part of what it opens to, as a niche
+_ROOM = 2.0  # [m^2] is a room's area at least, if nothing but its shape says that it is one
+_LARGE = 4.0  # [m^2] what is smaller and no room is part of what it opens to, as a niche
 _LONG = 2.5  # times its width is a corridor's length at least
 _DOOR = 0.8  # of the narrower side's width is a door at most
 _BOTTLENECK = 0.65  # of the narrower corridor's width is a passage between corridors at most
@@ -65,10 +67,12 @@ class Pieces:
     # Whether two pieces with a passage of some width [m] between them are one
 
     def _smaller(self, a: int, b: int, width: float, area: float, *, any_width: bool) -> bool:
+        small = a if self.area[a] < self.area[b] else b
         if any_width:
-            small = a if self.area[a] < self.area[b] else b
             return self.area[small] < area and width == max(self._widths[small].values())
-        return min(self.area[a], self.area[b]) < area and not self._is_door(a, b, width)
+        return (
+            self.area[small] < area and not self._is_room(small) and not self._is_door(a, b, width)
+        )
 
     def _goes_on(self, a: int, b: int, width: float) -> bool:
         """Return whether a corridor goes on in the other piece, as wide as before."""
@@ -113,7 +117,7 @@ class Pieces:
     def _is_room(self, piece: int) -> bool:
         """Return whether a piece is a room by its shape, though it may stand open."""
         return (
-            self.area[piece] >= _LARGE
+            self.area[piece] >= _ROOM
             and self._length(piece) < _LONG
             and self._openness(piece) <= _OPEN
         )
@@ -162,7 +166,9 @@ class Pieces:
         self._widths[b] = {}
         self._parent[b] = a
         self.area[a] += self.area[b]
-        self.perimeter[a] += self.perimeter[b] - 2 * between
+        outline = self.perimeter[a] + self.perimeter[b] - 2 * between
+        # That of a sliver is too short, as it is simplified. No outline is shorter than a circle.
+        self.perimeter[a] = max(outline, 2 * math.sqrt(math.pi * self.area[a]))
         self.clear[a] = max(self.clear[a], self.clear[b])
         return a
 
