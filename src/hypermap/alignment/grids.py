@@ -121,14 +121,38 @@ class Field:
 
     def at(self, points_xy: FloatArray) -> tuple[FloatArray, BoolArray]:
         """Return the distance at each point, between cells linearly, and whether it is known."""
-        positions = ((points_xy - self.origin_xy) / self.resolution - 0.5).T[::-1]
-        distance = ndimage.map_coordinates(self.distance, positions, order=1, mode="nearest")
-        rows, cols = np.rint(positions).astype(int)
+        cols, rows = np.rint(self._cells_of(points_xy)).astype(int).T
         height, width = self.known.shape
         inside = (rows >= 0) & (rows < height) & (cols >= 0) & (cols < width)
         known = np.zeros(len(points_xy), dtype=bool)
         known[inside] = self.known[rows[inside], cols[inside]]
-        return distance, known
+        return self.near(points_xy)[0], known
+
+    def near(self, points_xy: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the distance at each point [m], and how it grows along x and y, shape (N, 2).
+
+        Between the centers of cells it is interpolated; outside, it is that of the nearest cell.
+        """
+        height, width = self.distance.shape
+        most = np.array([width, height]) - 1
+        cells = self._cells_of(points_xy)
+        places = np.clip(cells, 0, most)
+        first = np.minimum(places.astype(int), most - 1)
+        right, up = (places - first).T
+        index = first[:, 1] * width + first[:, 0]
+        flat = self.distance.ravel()
+        low, low_right = flat[index], flat[index + 1]
+        high, high_right = flat[index + width], flat[index + width + 1]
+        below, above = low + right * (low_right - low), high + right * (high_right - high)
+        along_cols = (1 - up) * (low_right - low) + up * (high_right - high)
+        slope = np.column_stack([along_cols, above - below]) / self.resolution
+        slope[places != cells] = 0.0
+        return below + up * (above - below), slope
+
+    def _cells_of(self, points_xy: FloatArray) -> FloatArray:
+        """Return points in cells, counted from the center of the first one: columns, rows."""
+        cells: FloatArray = (points_xy - self.origin_xy) / self.resolution - 0.5
+        return cells
 
 
 def _raster(

@@ -241,34 +241,68 @@ def _least_squares(
     pose: Pose2D, on_a: Field, on_b: Field, a_xy: FloatArray, b_xy: FloatArray, center: FloatArray
 ) -> Pose2D:
     """Return the pose nearby in which walls are nearest to walls, by a robust loss."""
-    start = pose.apply(center)[0]
-
-    def pose_of(parameters: FloatArray) -> Pose2D:
-        yaw = pose.yaw + parameters[2]
-        x, y = start + parameters[:2] - Pose2D(0, 0, yaw).apply(center)[0]
-        return Pose2D(float(x), float(y), math.remainder(yaw, 2 * math.pi))
-
+    parameters = np.array([*pose.apply(center)[0], pose.yaw])  # b's middle in a, and the yaw
     for reach in (1.0, 0.3, 0.1):  # [m] of the loss, from far to near
-
-        def distances(parameters: FloatArray, reach: float = reach) -> FloatArray:
-            moved = pose_of(parameters)
-            there, _ = on_a.at(moved.apply(b_xy))
-            back, _ = on_b.at(moved.inverse().apply(a_xy))
-            far: FloatArray = np.concatenate([there, back])
-            return far.clip(max=3 * reach)
-
-        solved = optimize.least_squares(
-            distances,
-            np.zeros(3),
+        far_and_slope = _Distances(on_a, on_b, a_xy, b_xy, center, most=3 * reach)
+        parameters = optimize.least_squares(
+            far_and_slope.at,
+            parameters,
+            jac=far_and_slope.slope_at,
             loss="cauchy",
             f_scale=reach / 2,
-            diff_step=np.full(3, 1e-3),
             x_scale=[1, 1, 0.1],
+            ftol=1e-5,
             max_nfev=40,
-        )
-        pose = pose_of(solved.x)
-        start = pose.apply(center)[0]
-    return pose
+        ).x
+    x, y = parameters[:2] - _rotation(parameters[2]) @ center
+    return Pose2D(float(x), float(y), math.remainder(parameters[2], 2 * math.pi))
+
+
+@dataclass(frozen=True, eq=False)
+class _Distances:
+    """How far walls of one map are from those of the other, up to a limit, by the pose.
+
+    A pose is given as where the middle of b lies in a, and the yaw: x, y, yaw.
+    """
+
+    on_a: Field
+    on_b: Field
+    a_xy: FloatArray
+    b_xy: FloatArray
+    center: FloatArray
+    most: float
+
+    def at(self, parameters: FloatArray) -> FloatArray:
+        """Return the distances [m], first of b's points, then of a's."""
+        there, back = self._moved(parameters)
+        far: FloatArray = np.concatenate([self.on_a.near(there)[0], self.on_b.near(back)[0]])
+        return far.clip(max=self.most)
+
+    def slope_at(self, parameters: FloatArray) -> FloatArray:
+        """Return the derivatives of the distances by the parameters, shape (N, 3)."""
+        there, back = self._moved(parameters)
+        far_a, up_a = self.on_a.near(there)
+        far_b, up_b = self.on_b.near(back)
+        by_b = np.column_stack([up_a, _cross(there - parameters[:2], up_a)])
+        turned = up_b @ _rotation(parameters[2]).T
+        by_a = -np.column_stack([turned, _cross(back - self.center, up_b)])
+        slope: FloatArray = np.concatenate([by_b, by_a])
+        slope[np.concatenate([far_a, far_b]) >= self.most] = 0.0
+        return slope
+
+    def _moved(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the points of b in a, and those of a in b."""
+        turn = _rotation(parameters[2])
+        there = (self.b_xy - self.center) @ turn.T + parameters[:2]
+        return there, (self.a_xy - parameters[:2]) @ turn + self.center
+
+
+def _rotation(yaw: float) -> FloatArray:
+    return np.array([[math.cos(yaw), -math.sin(yaw)], [math.sin(yaw), math.cos(yaw)]])
+
+
+def _cross(one: FloatArray, other: FloatArray) -> FloatArray:
+    return np.asarray(one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0])
 
 
 def _fit(pose: Pose2D, a: Scan, b: Scan, on_a: Field, on_b: Field) -> _Fit:
