@@ -27,6 +27,8 @@ from PIL import Image
 
 from hypermap import open_map
 
+from ..prepared import Command, run
+
 HYPERMAP = [sys.executable, "-m", "hypermap", "mcp"]
 TOKEN = "a token of a test"
 LIMIT = 60  # [s] for a whole conversation
@@ -62,9 +64,9 @@ async def refused(client: Client, tool: str, /, **arguments: Any) -> str:
 
 
 @contextlib.contextmanager
-def serving(office: Path, *options: str) -> Iterator[tuple[str, subprocess.Popen[str]]]:
-    command = [*HYPERMAP, str(office), "--http", "--port", "0", *options]
-    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
+def serving(office: Path, *options: str) -> Iterator[tuple[str, Command]]:
+    words = ["mcp", office, "--http", "--port", 0, *options]
+    with Command(*words, stderr=subprocess.PIPE) as process:
         try:
             assert process.stderr is not None
             line = process.stderr.readline()
@@ -220,7 +222,7 @@ def test_the_server_ends_in_silence(office: Path, number: signal.Signals) -> Non
     with serving(office, "--token", TOKEN) as (_, process):
         process.send_signal(number)
         _, said = process.communicate(timeout=30)
-        assert (said, process.returncode) == ("", 0)
+        assert (said, process.wait()) == ("", 0)
 
 
 def test_ctrl_c_at_a_terminal_ends_it(office: Path) -> None:
@@ -251,27 +253,24 @@ def test_a_client_that_goes_away_ends_it(office: Path) -> None:
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (["--http", "--token", "short"], b"at least 16"),
-        (["--port", "9000"], b"need --http"),
-        (["--taxonomy", "missing.yaml"], b"missing.yaml"),
+        (["--http", "--token", "short"], "at least 16"),
+        (["--port", "9000"], "need --http"),
+        (["--taxonomy", "missing.yaml"], "missing.yaml"),
     ],
 )
-def test_wrong_options_are_one_error(office: Path, options: list[str], words: bytes) -> None:
-    done = subprocess.run(
-        [*HYPERMAP, str(office), *options], capture_output=True, timeout=60, check=False
-    )
+def test_wrong_options_are_one_error(office: Path, options: list[str], words: str) -> None:
+    done = run("mcp", office, *options, timeout=LIMIT)
     assert done.returncode == 2
     assert words in done.stderr
-    assert b"Traceback" not in done.stderr
+    assert "Traceback" not in done.stderr
 
 
 def test_a_port_in_use_and_a_file_that_is_no_map_are_errors(office: Path, tmp_path: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = str(taken.getsockname()[1])
-        command = [*HYPERMAP, str(office), "--http", "--port", port]
-        done = subprocess.run(command, capture_output=True, timeout=60, check=False)
-    assert (done.returncode, port.encode() in done.stderr) == (2, True)
+        done = run("mcp", office, "--http", "--port", port, timeout=LIMIT)
+    assert (done.returncode, port in done.stderr) == (2, True)
     broken = tmp_path / "broken.hmap"
     broken.write_bytes(b"no map")
-    done = subprocess.run([*HYPERMAP, str(broken)], capture_output=True, timeout=60, check=False)
-    assert (done.returncode, b"broken.hmap" in done.stderr) == (2, True)
+    done = run("mcp", broken, timeout=LIMIT)
+    assert (done.returncode, "broken.hmap" in done.stderr) == (2, True)

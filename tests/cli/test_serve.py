@@ -17,6 +17,7 @@ from hypermap.formats import open_map
 from hypermap.ros.nodes import found_middleware, split_arguments
 from hypermap.ros.typestore import message_class
 
+from ..prepared import Command
 from ..ros.foxglove_client import Client, ServiceFailed
 from .conftest import Result, assert_one_error
 
@@ -29,15 +30,9 @@ class Server:
 
     def __init__(self, log, *arguments):
         self.log = log
-        python = [sys.executable, "-X", "faulthandler"]  # which shows where one was aborted
-        words = [*python, "-m", "hypermap", "serve", "--foxglove", "--port", "0"]
+        words = ["serve", "--foxglove", "--port", "0", *arguments]
         with log.open("wb") as output:
-            self.process = subprocess.Popen(
-                [*words, *map(str, arguments)],
-                stdin=subprocess.DEVNULL,
-                stdout=output,
-                stderr=output,
-            )
+            self.process = Command(*words, stdout=output, stderr=output)
 
     @property
     def output(self):

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 from hypermap.formats import open_map
 from hypermap.recordings import open_recording
+
+from ..prepared import run
 
 WORLD = """
 name: studio
@@ -29,8 +30,7 @@ def world(tmp_path: Path) -> Path:
 
 
 def hypermap(*words: str | Path) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "hypermap", *map(str, words)]
-    return subprocess.run(command, capture_output=True, text=True, check=False)
+    return run(*words)
 
 
 def test_a_folder_can_be_mapped_and_compared_with_the_truth(world: Path, tmp_path: Path) -> None:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import csv
 import json
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -28,6 +26,7 @@ from hypermap import (
 from hypermap.values import Samples
 from hypermap.viewer.picture import compose
 
+from ..prepared import run
 from ..recordings.test_samples import START, BagBuilder, add_drive, add_temperature
 from .conftest import assert_one_error
 
@@ -92,10 +91,8 @@ def warm(flat, table, tmp_path_factory):
     In a process of its own: loggers that it set up here would stay so for all later tests.
     """
     path = tmp_path_factory.mktemp("warm") / "warm.hmap"
-    files = [str(table), "--onto", str(flat), "-o", str(path)]
     units = ["--sample-unit", "degF", "--unit", "degC", *SETTINGS]
-    command = [sys.executable, "-m", "hypermap", "values", *files, *units]
-    subprocess.run(command, check=True, capture_output=True)
+    run("values", table, "--onto", flat, "-o", path, *units).check_returncode()
     return path
 
 

@@ -24,6 +24,8 @@ from hypermap.simulation import SimulatedRecording, errors_of_level
 from hypermap.simulation.trajectory import DrivePlan
 from hypermap.simulation.world import FloorPlan, World, WorldObject
 
+from ..prepared import run
+
 pytestmark = pytest.mark.xdist_group("thesis")  # they share what takes long to make
 
 WORLD = """
@@ -36,8 +38,7 @@ drive: {waypoints: [[0.5, 1], [1.2, 1.6, 30]], speed: 0.3, turn_rate_deg: 15}
 
 
 def hypermap(*words: str | Path) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "hypermap", *map(str, words)]
-    return subprocess.run(command, capture_output=True, text=True, check=False)
+    return run(*words)
 
 
 @pytest.fixture(scope="module")

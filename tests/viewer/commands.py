@@ -4,37 +4,24 @@ from __future__ import annotations
 
 import os
 import shlex
-import signal
 import subprocess
-import sys
 import time
 from pathlib import Path
 from typing import Any
+
+from ..prepared import Command, run
 
 PATIENCE = 240.0  # s; the machine may be busy, and loops may have to be compiled
 
 
 def hypermap(*arguments: object, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
     """Run the command to its end."""
-    return subprocess.run(
-        command(*arguments),
-        cwd=cwd,
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE,
-        check=False,
-    )
+    return run(*arguments, cwd=cwd, timeout=PATIENCE)
 
 
-def started(*arguments: object, **options: Any) -> subprocess.Popen[str]:
-    """Start the command so that Ctrl-C reaches it, which some shells keep from programs."""
-    return subprocess.Popen(
-        command(*arguments),
-        stdout=subprocess.PIPE,
-        text=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
-        **options,
-    )
+def started(*arguments: object, **options: Any) -> Command:
+    """Start the command, with a pipe from its standard output."""
+    return Command(*arguments, stdout=subprocess.PIPE, **options)
 
 
 def said_and_opened(folder: Path, *arguments: object) -> tuple[str, str]:
@@ -60,11 +47,6 @@ def said_and_opened(folder: Path, *arguments: object) -> tuple[str, str]:
     finally:
         process.terminate()
         process.communicate(timeout=PATIENCE)
-
-
-def command(*arguments: object) -> list[str]:
-    """Return the words of a command of this checkout."""
-    return [sys.executable, "-m", "hypermap", *map(str, arguments)]
 
 
 def at(url: str, path: str) -> str:

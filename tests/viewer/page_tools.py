@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import contextlib
 import io
-import multiprocessing
 import os
 import re
 import shutil
 import signal
+import subprocess
 import threading
 import time
 from collections.abc import Iterator
-from multiprocessing.process import BaseProcess
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 from urllib.parse import urlsplit
 
 import numpy as np
@@ -24,6 +23,8 @@ from PIL import Image
 from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_playwright
 
 import hypermap.viewer
+
+from ..prepared import Command
 
 SHADE = 30  # pixels around a panel that its shadow darkens
 PATIENCE = 120.0  # s; the machine may be busy
@@ -71,59 +72,27 @@ def a_window(browser: Browser, url: str, **options: Any) -> Iterator[Window]:
         yield Window(context, url)
 
 
-# A process that has imported what `hypermap view` needs, and of which each server is a copy:
-# a copy starts in a fraction of the time, and is the command all the same.
-_PREPARED = multiprocessing.get_context("forkserver")
-_PREPARED.set_forkserver_preload(["hypermap.cli.main", "hypermap.cli.view", "hypermap.viewer.live"])
-_RUN_HYPERMAP = """
-import os
-import sys
-
-os.setsid()
-os.environ.clear()
-os.environ.update(environment)
-for standard in (1, 2):
-    os.dup2(output.fileno(), standard)
-output.close()
-sys.stdout, sys.stderr = open(1, "w"), open(2, "w")
-
-from hypermap.cli.main import main
-
-main(words)
-"""
-
-
 @contextlib.contextmanager
 def a_server(path: Path, *options: str) -> Iterator[str]:
     """Serve a map with `hypermap view` and yield the page's address."""
-    words = ["view", str(path), "--no-browser", "--port", "0", *options]
-    said, output = _PREPARED.Pipe(duplex=False)
-    names = {"words": words, "output": output, "environment": dict(os.environ)}
-    process = _PREPARED.Process(target=exec, args=(_RUN_HYPERMAP, names))
-    process.start()
-    output.close()
-    with said, open(said.fileno(), encoding="utf-8", closefd=False) as lines:
-        try:
-            yield _address(lines, process)
-            os.kill(_pid(process), signal.SIGINT)
-            lines.read()  # to its end: it would wait for someone to read
-            process.join(PATIENCE)
-        finally:
-            process.kill()
-            process.join()
+    words = ["view", path, "--no-browser", "--port", "0", *options]
+    server = Command(*words, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+    try:
+        yield _address(server)
+        server.send_signal(signal.SIGINT)
+        server.communicate(PATIENCE)
+    finally:
+        server.kill()
+        server.communicate()
 
 
-def _pid(process: BaseProcess) -> int:
-    assert process.pid is not None
-    return process.pid
-
-
-def _address(lines: IO[str], process: BaseProcess) -> str:
+def _address(server: Command) -> str:
+    assert server.stdout is not None
     said = ""
-    too_late = threading.Timer(2 * PATIENCE, process.kill)
+    too_late = threading.Timer(2 * PATIENCE, server.kill)
     too_late.start()
     try:
-        for line in lines:
+        for line in server.stdout:
             said += line
             if found := re.search(r"http://127\.0\.0\.1:\d+/\S*", line):
                 return found.group()

@@ -10,6 +10,7 @@ import shutil
 import signal
 import socket
 import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -29,6 +30,7 @@ from hypermap.formats import save_map
 from hypermap.testing import square
 from hypermap.viewer.live.page import is_page_built
 
+from ..prepared import Command
 from .commands import PATIENCE, at, hypermap, said_and_opened, started
 from .live_tools import pixels_of, saved
 
@@ -37,7 +39,7 @@ from .live_tools import pixels_of, saved
 class Server:
     """A running `hypermap view`."""
 
-    process: subprocess.Popen[str]
+    process: Command
     url: str
 
     def get(self, path: str) -> Any:
@@ -60,7 +62,7 @@ class Server:
         """Send a signal, and return the exit code and what was said on standard error."""
         self.process.send_signal(number)
         _, said = self.process.communicate(timeout=PATIENCE)
-        return self.process.returncode, said
+        return self.process.wait(), said
 
 
 @contextlib.contextmanager
@@ -262,7 +264,8 @@ def test_nothing_is_begun_where_the_page_is_missing(tmp_path, monkeypatch, argum
     shutil.copytree(Path(hypermap_package.__file__).parent, tmp_path / "src/hypermap", ignore=page)
     monkeypatch.setenv("PYTHONPATH", str(tmp_path / "src"))
     saved(tmp_path)
-    done = hypermap(*arguments, cwd=tmp_path)
+    words = [sys.executable, "-m", "hypermap", *map(str, arguments)]
+    done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout) == (2, "")
     assert f"{tmp_path}/src/hypermap/viewer/page: the page is not built; build" in done.stderr
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -22,6 +20,7 @@ from hypermap.formats import open_map
 from hypermap.viewer.live.embedded_raster import MAX_PIXELS
 from hypermap.viewer.live.export import export_page
 
+from ..prepared import run
 from .page_tools import Window, a_window
 from .small_map import EVIL, METRES_PER_PIXEL, PLACES, saved_small_map
 from .test_page_maps import Shown, check_area, check_clicks, check_colors, check_names, zoomed
@@ -31,8 +30,7 @@ pytestmark = pytest.mark.xdist_group("page")
 
 def export(path: Path) -> Path:
     html = path.with_suffix(".html")
-    command = [sys.executable, "-m", "hypermap", "view", str(path), "--html", str(html)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    done = run("view", path, "--html", html)
     assert done.returncode == 0, done.stderr
     assert f"saved {html}" in done.stderr
     return html
@@ -78,8 +76,7 @@ def test_an_existing_file_stays_without_force(tmp_path: Path) -> None:
     path = saved_small_map(tmp_path)
     html = tmp_path / "out.html"
     html.write_text("mine")
-    command = [sys.executable, "-m", "hypermap", "view", str(path), "--html", str(html)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    done = run("view", path, "--html", html)
     assert done.returncode == 2
     assert done.stderr.strip().endswith("out.html exists already; give --force to replace it")
     assert html.read_text() == "mine"

@@ -1,0 +1,87 @@
+"""Imports what commands need, and runs each command that it is asked for in a copy of itself.
+
+It ends when nobody can ask any more. See `prepared.py`.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import gc
+import importlib
+import json
+import os
+import pkgutil
+import runpy
+import signal
+import socket
+import struct
+import sys
+import tempfile
+from typing import Any
+
+import hypermap
+from hypermap.core.errors import HypermapError
+
+# These need ROS, or start threads.
+APART = ("hypermap.ros.ros1", "hypermap.ros.ros2", "hypermap.ros.rviz", "hypermap.viewer.logs")
+
+
+def import_all() -> None:
+    """Import the program's modules as far as their libraries are here."""
+    for module in pkgutil.walk_packages(hypermap.__path__, "hypermap."):
+        if not module.name.startswith((*APART, "hypermap.__main__")):
+            with contextlib.suppress(ImportError, HypermapError):
+                importlib.import_module(module.name)
+
+
+def next_job(channel: socket.socket) -> dict[str, Any]:
+    """Return the next job, in the process that is to do it."""
+    while True:
+        text, fds, _, _ = socket.recv_fds(channel, 1 << 20, 4)
+        if not text:
+            sys.exit()
+        if os.fork() == 0:
+            status, *streams = fds
+            signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+            report_the_end(status, streams)
+            channel.close()
+            os.close(status)
+            for standard, stream in enumerate(streams):
+                os.dup2(stream, standard)
+            for stream in set(streams):
+                os.close(stream)
+            sys.stdin = os.fdopen(0, closefd=False)
+            sys.stdout = os.fdopen(1, "w", closefd=False)
+            sys.stderr = os.fdopen(2, "w", buffering=1, errors="backslashreplace", closefd=False)
+            job: dict[str, Any] = json.loads(text)
+            return job
+        for fd in fds:
+            os.close(fd)
+
+
+def report_the_end(status: int, streams: list[int]) -> None:
+    """Return in a new process; this one writes which that is, and at its end how it has ended."""
+    child = os.fork()
+    if not child:
+        return
+    for stream in set(streams):
+        os.close(stream)
+    number = struct.Struct("i")
+    os.write(status, number.pack(child))
+    os.write(status, number.pack(os.waitpid(child, 0)[1]))
+    os._exit(0)
+
+
+if __name__ == "__main__":
+    import_all()
+    gc.freeze()  # else each copy looks at all objects, which copies the memory they lie in
+    signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # nobody waits for those that report an end
+    job = next_job(socket.socket(fileno=int(sys.argv[1])))
+    if job["is_session"]:
+        os.setsid()
+    os.chdir(job["folder"])
+    os.environ.clear()
+    os.environ.update(job["environment"])
+    tempfile.tempdir = None  # to be found in this environment
+    sys.argv[1:] = job["words"]
+    runpy.run_module("hypermap", run_name="__main__", alter_sys=True)
