@@ -15,7 +15,7 @@ Method: TypeAlias = Literal["exact", "normal"]
 
 TIE = 1e-9  # differences within this are equal, or zero
 MOST_EXACT = 15  # differences up to which the exact distribution is the default
-_RESAMPLES = 10_000  # of the bootstrap
+_RESAMPLES, _AT_ONCE = 10_000, 100  # of the bootstrap
 _MOST = 1000  # differences up to which it is possible; beyond, float64 underflows
 
 
@@ -114,7 +114,10 @@ def effect_of(differences: ArrayLike) -> Effect:
     if (count := len(given)) == 0:
         raise ValueError("there must be at least one difference")
     rng = np.random.default_rng(0)
-    means = np.array([given[rng.integers(count, size=count)].mean() for _ in range(_RESAMPLES)])
+    means = [
+        given[rng.integers(count, size=(_AT_ONCE, count))].mean(axis=1)
+        for _ in range(_RESAMPLES // _AT_ONCE)
+    ]
     low, high = np.percentile(means, [2.5, 97.5]).tolist()
     used = given[np.abs(given) > TIE]
     ranks = _ranks(np.abs(used))
