@@ -14,7 +14,6 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -60,22 +59,30 @@ def test_the_page_leads_to_a_map(
         "HYPERMAP": str(ROOT),
         "COLUMNS": "100",
     }
-    preamble, running = "", []
+    running: list[Process] = []
     for command, wanted in steps(PAGE.read_text(encoding="utf-8")):
         if command == "^C":
             assert running.pop().stop() == 0
         elif command == "roscore":
             continue  # there is one
         elif command.startswith(("eval ", "export ")):
-            preamble += f"{command}\n"
+            environment = environment_after(command, environment)
         elif command.startswith(STAYS):
-            running.append(start("bash", "-c", f"{preamble}exec {command}", env=environment))
+            running.append(start("bash", "-c", f"exec {command}", env=environment))
             for line in wanted.strip().splitlines():
                 wait_for_line(running[-1], line)
         else:
-            run(f"{preamble}{command}", wanted, environment)
+            run(command, wanted, environment)
     while running:
         running.pop().stop()
+
+
+def environment_after(command: str, environment: dict[str, str]) -> dict[str, str]:
+    """Return the environment that a command of the shell leaves."""
+    done = subprocess.run(
+        ["bash", "-c", f"{command}\nenv -0"], env=environment, capture_output=True, check=True
+    )
+    return dict(line.split("=", 1) for line in done.stdout.decode().split("\0") if line)
 
 
 def wait_for_line(process: Process, line: str) -> None:
@@ -84,7 +91,7 @@ def wait_for_line(process: Process, line: str) -> None:
     )
 
 
-def run(command: str, wanted: str, environment: dict[str, Any]) -> None:
+def run(command: str, wanted: str, environment: dict[str, str]) -> None:
     """Run a command until it ends as the page shows."""
     fails = any(sign in command for sign in FAILS)
     for _ in range(5):
