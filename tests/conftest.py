@@ -7,6 +7,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import settings
@@ -27,6 +28,14 @@ def shared_data() -> Path:
     if not SHARED_DATA.is_dir():
         pytest.skip("the real maps and recordings are not here (put them into ../shared/data)")
     return SHARED_DATA
+
+
+@pytest.fixture(scope="session")
+def json_validator() -> Any:
+    """The class that checks values by a JSON schema; its library takes seconds to import."""
+    from jsonschema import Draft202012Validator
+
+    return Draft202012Validator
 
 
 @pytest.fixture

@@ -8,7 +8,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import jsonschema
 import pytest
 import shapely
 from hypothesis import given
@@ -178,14 +177,16 @@ def test_wrong_arguments_are_refused_by_name(
     assert len(str(refused.value)) < 1500
 
 
-def test_schemas_are_valid_and_accept_what_the_tools_accept(office: Path) -> None:
+def test_schemas_are_valid_and_accept_what_the_tools_accept(
+    office: Path, json_validator: Any
+) -> None:
     tools = {tool.name: tool for tool in tools_for(office, allow_edits=True)}
     assert len(tools) == 13
     for tool in tools.values():
-        jsonschema.Draft202012Validator.check_schema(tool.parameters)
+        json_validator.check_schema(tool.parameters)
         assert tool.parameters["type"] == "object"
         assert tool.description
-    find = jsonschema.Draft202012Validator(tools["find_objects"].parameters)
+    find = json_validator(tools["find_objects"].parameters)
     assert find.is_valid({"names": ["cup"], "near": [1, 2], "within": 3})
     assert not find.is_valid({"names": "cup"})
     assert not find.is_valid({"colour": "red"})

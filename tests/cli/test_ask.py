@@ -8,7 +8,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import jsonschema
 import pytest
 
 from .conftest import Result, assert_one_error
@@ -47,7 +46,7 @@ def test_a_point_may_be_negative(hypermap: Run, room_map: Path) -> None:
     assert result.out == "potted plant 2 at (7.50, 2.50), 9.50 m away\n"
 
 
-def test_json_is_for_programs(hypermap: Run, room_map: Path) -> None:
+def test_json_is_for_programs(hypermap: Run, room_map: Path, json_validator: Any) -> None:
     answer = hypermap("ask", room_map, "which is the closest chair to the plant", "--json").json
     assert answer["query"] == {
         "names": ["chair"],
@@ -60,7 +59,8 @@ def test_json_is_for_programs(hypermap: Run, room_map: Path) -> None:
     again = hypermap("ask", room_map, json.dumps(answer["query"]), "--json").json
     assert again == answer
     schema = hypermap("ask", "--schema").json
-    jsonschema.validate(answer["query"], schema, jsonschema.Draft202012Validator)
+    json_validator.check_schema(schema)
+    json_validator(schema).validate(answer["query"])
 
 
 def test_more_names_come_from_a_file(hypermap: Run, room_map: Path, tmp_path: Path) -> None:

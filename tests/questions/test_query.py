@@ -5,7 +5,6 @@ from __future__ import annotations
 from datetime import datetime, timedelta, timezone
 from typing import Any, get_args
 
-import jsonschema
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -65,9 +64,9 @@ QUERIES = st.builds(
 
 
 @given(QUERIES)
-def test_json_keeps_a_query_and_follows_the_schema(query: Query) -> None:
+def test_json_keeps_a_query_and_follows_the_schema(json_validator: Any, query: Query) -> None:
     values = query.to_json()
-    jsonschema.validate(values, QUERY_SCHEMA, jsonschema.Draft202012Validator)
+    json_validator(QUERY_SCHEMA).validate(values)
     assert Query.from_json(values) == query
 
 
