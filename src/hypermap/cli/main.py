@@ -56,6 +56,7 @@ _MODULES = {
     "pull": "pull",
     "sites": "sites",
     "log": "log",
+    "find": "find",
     "evaluate": "evaluate",
     "convert": "convert",
     "simulate": "simulate",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, LiteralString
 
 from hypermap.core.errors import MissingExtra
@@ -41,8 +41,8 @@ class Database:
         self._lock = threading.RLock()
         self._depth = 0  # of `transaction`
 
-    def rows(self, sql: LiteralString, *values: Any) -> list[tuple[Any, ...]]:
-        """Return the rows of a question that changes nothing.
+    def rows(self, sql: LiteralString, *values: Any, **named: Any) -> list[tuple[Any, ...]]:
+        """Return the rows of a question that changes nothing, with values or named values.
 
         It is asked again, once, if the connection turns out to be lost.
 
@@ -52,14 +52,16 @@ class Database:
         """
         with self._lock:
             try:
-                return self._rows(sql, values)
+                return self._rows(sql, named or values)
             except StoreAway:
                 if self._depth:
                     raise
                 self.close()
-                return self._rows(sql, values)
+                return self._rows(sql, named or values)
 
-    def _rows(self, sql: LiteralString, values: Sequence[Any]) -> list[tuple[Any, ...]]:
+    def _rows(
+        self, sql: LiteralString, values: Sequence[Any] | Mapping[str, Any]
+    ) -> list[tuple[Any, ...]]:
         connection = self.connected()
         with self.explained(), connection.cursor(binary=True) as cursor:
             return cursor.execute(sql, values).fetchall()

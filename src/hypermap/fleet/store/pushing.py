@@ -222,9 +222,10 @@ def _layer_ids(cursor: Cursor[Any], site_id: int, hypermap: Hypermap) -> dict[st
     """Return the ids of the map's layers, made where they are new."""
     for layer in hypermap:
         cursor.execute(
-            "INSERT INTO layers (site_id, name, kind) VALUES (%s, %s, %s) "
-            "ON CONFLICT (site_id, name) DO UPDATE SET kind = EXCLUDED.kind",
-            (site_id, layer.name, layer.class_name),
+            "INSERT INTO layers (site_id, name, kind, frame_id) VALUES (%s, %s, %s, %s) "
+            "ON CONFLICT (site_id, name) DO UPDATE "
+            "SET kind = EXCLUDED.kind, frame_id = EXCLUDED.frame_id",
+            (site_id, layer.name, layer.class_name, layer.frame_id),
         )
     found = cursor.execute("SELECT name, id FROM layers WHERE site_id = %s", (site_id,)).fetchall()
     return {name: number for name, number in found if name in hypermap}

@@ -40,6 +40,7 @@ CREATE TABLE hypermap.layers (
     site_id integer NOT NULL REFERENCES hypermap.sites,
     name text NOT NULL,
     kind text NOT NULL,
+    frame_id text NOT NULL,
     next_id integer NOT NULL DEFAULT 0,
     next_position bigint NOT NULL DEFAULT 0,
     UNIQUE (site_id, name)
