@@ -57,6 +57,7 @@ _MODULES = {
     "sites": "sites",
     "log": "log",
     "find": "find",
+    "api": "api",
     "evaluate": "evaluate",
     "convert": "convert",
     "simulate": "simulate",

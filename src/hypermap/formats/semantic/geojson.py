@@ -74,7 +74,7 @@ def to_geojson(layer: SemanticLayer) -> str:
         "name": layer.name,
         "frame_id": layer.frame_id,
         "crs": {"type": "name", "properties": {"name": engineering_wkt(layer.frame_id)}},
-        "features": [_feature(item) for item in layer.objects()],
+        "features": [feature_of(item) for item in layer.objects()],
     }
     try:
         return json.dumps(collection, ensure_ascii=False, allow_nan=False, indent=1) + "\n"
@@ -131,7 +131,8 @@ def _system(collection: _Collection) -> System | None:
     return System.of_name(name if isinstance(name, str) else "a crs that is not known here")
 
 
-def _feature(item: SemanticObject) -> dict[str, Any]:
+def feature_of(item: SemanticObject) -> dict[str, Any]:
+    """Return an object as a feature of GeoJSON, with its id as the feature's and as a property."""
     return {
         "type": "Feature",
         "id": item.id,
