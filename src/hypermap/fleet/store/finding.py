@@ -119,7 +119,7 @@ def find_in_store(
         before=last_seen_before,
         wall=IN_ITS_WALL,
     )
-    found = [Sighting(*row[:-1], shapely.from_wkb(row[-1])) for row in rows]
+    found = [Sighting(*row[:-1], shape=shapely.from_wkb(row[-1])) for row in rows]
     return [each for each in found if _is_unseen(each, last_seen_before)]
 
 
@@ -224,18 +224,19 @@ def _in_map(
         if found.layer == ROOMS:
             continue
         room = room_of(hypermap, found) if has_rooms else None
-        item = found.object
+        x, y = found.point_xy.tolist()
         here.append(
             Sighting(
                 site,
                 found.layer,
-                item.id or 0,
-                item.name,
-                *found.point_xy.tolist(),
+                found.object.id or 0,
+                found.object.name,
+                x,
+                y,
                 float(found.distance or 0.0),
                 "" if room is None else room.name,
-                item.last_seen,
-                item.footprint,
+                found.object.last_seen,
+                found.object.footprint,
             )
         )
     return here

@@ -78,11 +78,8 @@ def apply(database: Database, update: Update) -> Applied:
         )
         if done := cursor.fetchone():
             return Applied(*done)
-        found = lock_site(cursor, update.site)
-        if found is None:
-            raise _not_to_write(database, update.site)
-        site_id, before = found
-        layer_id = _layer_to_write(cursor, site_id, update.layer)
+        site_id, before = locked_site(cursor, database, update.site)
+        layer_id = layer_to_write(cursor, site_id, update.layer)
         version = before + 1
         places = _check_seen(cursor, database, layer_id, update)
         ids = _write(cursor, layer_id, version, update, places)
@@ -91,14 +88,27 @@ def apply(database: Database, update: Update) -> Applied:
     return Applied(version, ids)
 
 
-def _not_to_write(database: Database, site: str) -> StoreError:
-    """Return why a site cannot be written: there is none, or it is not this user's."""
-    if database.rows("SELECT FROM sites WHERE name = %s", site):
-        return StoreError(f"{database.address.shown}: this user may not write to site {site!r}")
-    return no_site(database, site)
+def locked_site(cursor: Cursor[Any], database: Database, site: str) -> tuple[int, int]:
+    """Let no other write to a site until the transaction ends; return its id and version.
+
+    Raises:
+        SiteNotFound: If there is none.
+        StoreError: If this user may not write to it.
+    """
+    found = lock_site(cursor, site)
+    if found is not None:
+        return found
+    if database.rows("SELECT 1 FROM sites WHERE name = %s", site):
+        raise StoreError(f"{database.address.shown}: this user may not write to site {site!r}")
+    raise no_site(database, site)
 
 
-def _layer_to_write(cursor: Cursor[Any], site_id: int, layer: str) -> int:
+def layer_to_write(cursor: Cursor[Any], site_id: int, layer: str) -> int:
+    """Return the id of a semantic layer.
+
+    Raises:
+        LayerNotFound: If the site has none of that name.
+    """
     cursor.execute(
         "SELECT name, id FROM layers WHERE site_id = %s AND kind = 'SemanticLayer'", (site_id,)
     )

@@ -112,7 +112,7 @@ def collections(database: Database, wanted: str | None = None) -> list[Collectio
         ORDER BY sites.name, layers.name""",
         wanted=wanted,
     )
-    return [Collection(*row[:6], None if row[6] is None else row[6:]) for row in rows]
+    return [Collection(*row[:6], box=None if row[6] is None else row[6:]) for row in rows]
 
 
 def features(

@@ -45,6 +45,18 @@ CREATE TABLE hypermap.layers (
     next_position bigint NOT NULL DEFAULT 0,
     UNIQUE (site_id, name)
 );
+CREATE TABLE hypermap.tracks (
+    layer_id integer NOT NULL,
+    source text NOT NULL,
+    local_id integer NOT NULL,
+    object_id integer NOT NULL,
+    written integer NOT NULL,
+    existence float8,
+    first_seen float8,
+    last_seen float8,
+    PRIMARY KEY (layer_id, source, local_id)
+);
+CREATE INDEX tracks_object ON hypermap.tracks (layer_id, object_id);
 CREATE TABLE hypermap.files (
     site_id integer NOT NULL,
     name text NOT NULL,
@@ -165,6 +177,7 @@ GRANT SELECT ON public.spatial_ref_sys TO hypermap_reader;
 GRANT INSERT, UPDATE ON hypermap.versions, hypermap.layers, hypermap.files, hypermap.grids,
     hypermap.tiles, hypermap.objects, hypermap.views, hypermap.observations, hypermap.pictures
     TO hypermap_robot, hypermap_editor;
+GRANT INSERT, UPDATE, DELETE ON hypermap.tracks TO hypermap_robot, hypermap_editor;
 GRANT UPDATE ON hypermap.sites TO hypermap_robot;
 GRANT INSERT, UPDATE ON hypermap.sites TO hypermap_editor;
 GRANT INSERT, UPDATE, DELETE ON hypermap.writers TO hypermap_editor;
@@ -195,7 +208,7 @@ def upgrade() -> None:
     op.execute(INDEXES)
     op.execute(SYSTEM)
     op.execute(ROLES)
-    for table in ("sites", "versions", "layers", *KEYS):
+    for table in ("sites", "versions", "layers", "tracks", *KEYS):
         _protect(table)
 
 
