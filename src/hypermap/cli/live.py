@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import enum
+import platform
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -30,13 +33,17 @@ from hypermap.cli.node_options import (
 from hypermap.cli.onto import is_same_file
 from hypermap.cli.options import ForceMap, check_map_output
 from hypermap.cli.recording_options import OPTIONS
+from hypermap.cli.terminal import note
+from hypermap.text import counted
 
 if TYPE_CHECKING:
+    from hypermap.ros.mapper.semantic_mapper import SemanticMapper
     from hypermap.ros.port import Value
 
 COMMAND_CLASS = NodeCommand
 
 _TOPICS = "What to listen to"
+_STORE = "A shared store"
 _TYPES = {
     "darknet": "darknet_ros_msgs/BoundingBoxes",
     "vision": "vision_msgs/Detection2DArray",
@@ -113,6 +120,35 @@ def command(
     onto: Onto = None,
     profile: Profile = None,
     config: Config = None,
+    store: Annotated[
+        str | None,
+        typer.Option(
+            "--store",
+            metavar="STORE",
+            show_default=False,
+            help="Also write to a site of a shared store: postgresql://USER@HOST/DATABASE?site=SITE.",
+            rich_help_panel=_STORE,
+        ),
+    ] = None,
+    robot: Annotated[
+        str | None,
+        typer.Option(
+            "--robot",
+            metavar="NAME",
+            show_default="that of the machine",
+            help="Name of this robot in the store.",
+            rich_help_panel=_STORE,
+        ),
+    ] = None,
+    spool: Annotated[
+        Path,
+        typer.Option(
+            "--spool",
+            metavar="FILE",
+            help="Where observations wait while the database is away.",
+            rich_help_panel=_STORE,
+        ),
+    ] = Path("hypermap.spool"),
     ros1: Ros1 = False,
     ros2: Ros2 = False,
     param: Params = None,
@@ -123,7 +159,8 @@ def command(
     --detector, --detections-topic or --detections. It publishes /semantic_map and saves the file -o
     every --save-every seconds and at the end. The service save_map saves it at once. If the machine
     is too slow, frames are dropped, not queued. --onto continues a map of an earlier run,
-    also after a crash; if it is the file of -o, it need not exist at the first start. --param sets
+    also after a crash; if it is the file of -o, it need not exist at the first start. --store also
+    writes objects and their evidence to a site of a shared store, each second. --param sets
     parameters of the node. ROS arguments (NAME:=VALUE, --ros-args ...) are passed to ROS.
 
     Examples:
@@ -162,8 +199,28 @@ def command(
 
     port = make_port(SemanticMapper, arguments, middleware, {**given, **parse_params(param)})
     node = SemanticMapper(port)
-    with status_line(node.report, node.__len__):
+    with status_line(node.report, node.__len__), _written(node, store, spool, robot):
         run_node(port, node)
+
+
+@contextlib.contextmanager
+def _written(
+    node: SemanticMapper, store: str | None, spool: Path, robot: str | None
+) -> Iterator[None]:
+    """Write what the node maps to a store meanwhile, if there is one."""
+    if store is None:
+        yield
+        return
+    from hypermap.fleet.store.address import site_address
+    from hypermap.fleet.store.live_writer import LiveWriter
+
+    address = site_address(store)
+    writer = LiveWriter(node.semantic, address, spool, robot or platform.node(), note)
+    try:
+        yield
+    finally:
+        if waiting := writer.close():
+            note(f"{counted(waiting, 'message')} for the store wait in {spool} for the next run")
 
 
 def _absolute(path: Path | str | None) -> str | None:

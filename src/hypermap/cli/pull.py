@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import contextlib
+import threading
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from hypermap.cli.options import ForceMap, check_map_output
 from hypermap.cli.store_options import SiteName, StoreAddress, address_with_site
 from hypermap.cli.terminal import note
+from hypermap.core.errors import HypermapError
+
+if TYPE_CHECKING:
+    from hypermap.fleet.store.address import Address
 
 
 def command(
@@ -29,13 +35,23 @@ def command(
             help="Version of the site; `hypermap log` lists them.",
         ),
     ] = None,
+    follow: Annotated[
+        bool,
+        typer.Option(
+            "--follow", help="Go on until Ctrl-C: save OUT again whenever the site changes."
+        ),
+    ] = False,
     force: ForceMap = False,
 ) -> None:
     """Get a map from a shared store, as it was pushed, in its present or in a former version.
 
+    With --follow, OUT is kept up to date: programs that watch the file, such as `hypermap view`,
+    see within a second what others write to the site.
+
     Examples:
         hypermap pull postgresql://me@db.example/maps --site lab -o lab.hmap
         hypermap pull postgresql://me@db.example/maps --site lab --version 3 -o before.hmap
+        hypermap pull postgresql://me@db.example/maps --site lab -o lab.hmap --follow
     """
     from hypermap.fleet.store.database import Database
     from hypermap.fleet.store.pushing import pull
@@ -43,6 +59,8 @@ def command(
     from hypermap.formats.backup import keep_backup
 
     address, name = address_with_site(store, site)
+    if follow and (version or address.version):
+        raise HypermapError("--follow is for the present version; leave the version out")
     check_map_output(output, force)
     database = Database(address)
     hypermap = pull(database, name, version or address.version)
@@ -52,3 +70,20 @@ def command(
     if backup is not None:
         note(f"the previous map is kept as {backup}")
     note(f"saved {output}")
+    if follow:
+        with contextlib.suppress(KeyboardInterrupt):
+            _follow(address.at(name), output)
+
+
+def _follow(address: Address, output: Path) -> None:
+    """Save each new version of a site."""
+    from hypermap.fleet.store.database import Database
+    from hypermap.fleet.store.followers import follow
+    from hypermap.fleet.store.pushing import pull
+    from hypermap.formats import save_map
+
+    database = Database(address)
+    note("following the site; press Ctrl-C to stop")
+    for version in follow(address, threading.Event()):
+        save_map(pull(database, address.site or ""), output)
+        note(f"version {version}")

@@ -19,7 +19,7 @@ except ImportError:  # the whole package rests on it
 if TYPE_CHECKING:
     from psycopg import Connection, Cursor
 
-__all__ = ["SCHEMA_VERSION", "Database", "connect", "errors"]
+__all__ = ["SCHEMA_VERSION", "Database", "connect", "errors", "psycopg"]
 
 SCHEMA_VERSION = "1"
 """The newest of `migrations/versions`, which this program reads and writes."""

@@ -119,7 +119,10 @@ def find_in_store(
         before=last_seen_before,
         wall=IN_ITS_WALL,
     )
-    found = [Sighting(*row[:-1], shape=shapely.from_wkb(row[-1])) for row in rows]
+    found = [
+        Sighting(site, layer, number, name, x, y, distance, room, seen, shapely.from_wkb(shape))
+        for site, layer, number, name, x, y, distance, room, seen, shape in rows
+    ]
     return [each for each in found if _is_unseen(each, last_seen_before)]
 
 

@@ -141,7 +141,8 @@ class _Writing:
         self._cursor.execute(
             "INSERT INTO tracks VALUES (%s, %s, %s, %s, %s, %s, %s, %s) "
             "ON CONFLICT (layer_id, source, local_id) DO UPDATE "
-            "SET existence = EXCLUDED.existence, first_seen = EXCLUDED.first_seen, last_seen = EXCLUDED.last_seen",
+            "SET existence = EXCLUDED.existence, first_seen = EXCLUDED.first_seen, "
+            "last_seen = EXCLUDED.last_seen",
             (
                 self._layer_id,
                 self._observed.source,

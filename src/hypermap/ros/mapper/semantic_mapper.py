@@ -10,6 +10,7 @@ from pathlib import Path
 
 from hypermap.core.errors import HypermapError
 from hypermap.core.hypermap import Hypermap
+from hypermap.core.semantic import SemanticLayer
 from hypermap.recordings.messages.header import clean_frame
 from hypermap.recordings.messages.occupancy import occupancy_of_grid
 from hypermap.ros.mapper import diagnostics
@@ -91,6 +92,11 @@ class SemanticMapper:
         """Return the map so far; an empty one if the node is not configured."""
         live_map = self._map
         return Hypermap() if live_map is None else live_map.hypermap()
+
+    def semantic(self) -> SemanticLayer:
+        """Return the objects so far; an empty layer if the node is not configured."""
+        live_map = self._map
+        return SemanticLayer("semantic", "map") if live_map is None else live_map.semantic()
 
     def __len__(self) -> int:
         """Return how many objects are in the map."""

@@ -112,7 +112,10 @@ def collections(database: Database, wanted: str | None = None) -> list[Collectio
         ORDER BY sites.name, layers.name""",
         wanted=wanted,
     )
-    return [Collection(*row[:6], box=None if row[6] is None else row[6:]) for row in rows]
+    return [
+        Collection(name, site, layer, layer_id, frame_id, version, None if None in box else box)
+        for name, site, layer, layer_id, frame_id, version, *box in rows
+    ]
 
 
 def features(

@@ -1,0 +1,119 @@
+"""Writes to a store what a running mapper learns."""
+
+from __future__ import annotations
+
+import threading
+import uuid
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from hypermap.core.evidence import EvidenceTable
+from hypermap.core.objects import SemanticObject
+from hypermap.core.semantic import SemanticLayer
+from hypermap.fleet.store.address import Address, StoreError
+from hypermap.fleet.store.observed import Observed
+from hypermap.fleet.store.spool import Delivery, Spool
+
+_EVERY = 1.0  # s
+
+
+class Changes:
+    """What is new in a layer that grows, each time it is looked at."""
+
+    def __init__(self, site: str, source: str) -> None:
+        self._site = site
+        self._source = source
+        self._sent: dict[int, SemanticObject] = {}
+        self._sent_rows: set[tuple[int, float]] = set()  # object and stamp of each observation
+
+    def since_last(self, layer: SemanticLayer) -> Observed | None:
+        """Return what was learned since the last call; None if nothing was."""
+        now = {item.id or 0: item for item in layer}
+        changed = [item for n, item in now.items() if not _is_same(self._sent.get(n), item)]
+        removed = [number for number in self._sent if number not in now]
+        evidence = self._new_evidence(layer)
+        self._sent = now
+        if not changed and not removed and evidence is None:
+            return None
+        return Observed(self._site, layer.name, self._source, changed, removed, evidence)
+
+    def _new_evidence(self, layer: SemanticLayer) -> EvidenceTable | None:
+        """Return the observations that were not sent before, also those of an object's start."""
+        table = layer.evidence()
+        if table is None or not len(table):
+            return None
+        keys = list(zip(table.object_ids.tolist(), table.stamps[table.views].tolist(), strict=True))
+        rows = np.array([i for i, key in enumerate(keys) if key not in self._sent_rows], np.int64)
+        if not len(rows):
+            return None
+        self._sent_rows.update(keys)
+        views, view_of_row = np.unique(table.views[rows], return_inverse=True)
+        return EvidenceTable(
+            object_ids=table.object_ids[rows],
+            views=view_of_row.astype(np.int64),
+            scores=table.scores[rows],
+            footprints=table.footprints[rows],
+            heights=table.heights[rows],
+            stamps=table.stamps[views],
+            poses=table.poses[views],
+            areas=table.areas[views],
+        )
+
+
+class LiveWriter:
+    """Looks at a live map each second, and sends to a site of a store what is new.
+
+    Args:
+        layer: returns the objects that are mapped at the moment.
+        address: of the site.
+        spool: the file in which observations wait for the database.
+        robot: the robot's name; each run counts as a source of its own.
+        on_trouble: called with a line when the database is away or refuses.
+    """
+
+    def __init__(
+        self,
+        layer: Callable[[], SemanticLayer],
+        address: Address,
+        spool: Path,
+        robot: str,
+        on_trouble: Callable[[str], None],
+    ) -> None:
+        if address.site is None:
+            raise StoreError(f"{address.shown}: name the site: ?site=SITE")
+        self._layer = layer
+        self._changes = Changes(address.site, f"{robot} {uuid.uuid4().hex[:8]}")
+        self._spool = Spool(spool)
+        self._delivery = Delivery(self._spool, address, on_trouble)
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="store", daemon=True)
+        self._thread.start()
+
+    def close(self) -> int:
+        """Send the rest, and end; return how much still waits in the spool."""
+        self._ended.set()
+        self._thread.join()
+        waiting = self._delivery.close()
+        self._spool.close()
+        return waiting
+
+    def _run(self) -> None:
+        while not self._ended.wait(_EVERY):
+            self._look()
+        self._look()
+
+    def _look(self) -> None:
+        observed = self._changes.since_last(self._layer())
+        if observed is not None:
+            self._spool.put(observed)
+            self._delivery.wake()
+
+
+def _is_same(one: SemanticObject | None, other: SemanticObject) -> bool:
+    if one is None:
+        return False
+    keys = ("name", "tags", "confidence", "existence", "first_seen", "last_seen", "attributes")
+    is_same = all(getattr(one, key) == getattr(other, key) for key in keys)
+    return is_same and one.footprint.equals_exact(other.footprint, 0.0)

@@ -1,0 +1,195 @@
+"""Observations on their way to a store, in a local file until the store has them.
+
+Each is written to the file before anyone tries to send it, and removed when the database has
+confirmed it. It has an id by which the store knows one that it has already: nothing is lost and
+nothing is stored twice, whichever side fails in between.
+"""
+
+from __future__ import annotations
+
+import base64
+import contextlib
+import json
+import logging
+import sqlite3
+import threading
+import uuid
+from collections.abc import Callable
+from pathlib import Path
+
+from hypermap.core.errors import FormatError, HypermapError
+from hypermap.core.hypermap import Hypermap
+from hypermap.core.semantic import SemanticLayer
+from hypermap.fleet.store.address import Address
+from hypermap.fleet.store.database import Database
+from hypermap.fleet.store.observed import Observed, apply_observed
+from hypermap.fleet.store.pushing import SiteExists, push
+from hypermap.fleet.store.sites import SiteNotFound
+from hypermap.formats.semantic.evidence_file import dump_evidence, parse_evidence
+from hypermap.formats.semantic.geojson import from_geojson, to_geojson
+
+_log = logging.getLogger(__name__)
+
+_PATIENCE = 1.0  # s between two tries to reach the database
+
+
+class Spool:
+    """A file of observations in the order in which they were put.
+
+    Raises:
+        HypermapError: If the file cannot be opened, or is no spool.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._lock = threading.Lock()
+        try:
+            self._file = sqlite3.connect(path, check_same_thread=False, isolation_level=None)
+            self._file.execute("PRAGMA synchronous = FULL")
+            self._file.execute(
+                "CREATE TABLE IF NOT EXISTS waiting "
+                "(number INTEGER PRIMARY KEY AUTOINCREMENT, content TEXT NOT NULL)"
+            )
+        except sqlite3.Error as error:
+            raise HypermapError(f"{path}: cannot keep observations in this file: {error}") from None
+
+    def put(self, observed: Observed) -> None:
+        """Write observations to the file."""
+        with self._lock:
+            self._file.execute("INSERT INTO waiting (content) VALUES (?)", (_dump(observed),))
+
+    def first(self) -> tuple[int, Observed] | None:
+        """Return the number and the content of what has waited longest; None if nothing waits.
+
+        Raises:
+            FormatError: If the file is damaged.
+        """
+        with self._lock:
+            row = self._file.execute(
+                "SELECT number, content FROM waiting ORDER BY number LIMIT 1"
+            ).fetchone()
+        return None if row is None else (row[0], _parse(row[1], self.path))
+
+    def remove(self, number: int) -> None:
+        """Forget what the store has."""
+        with self._lock:
+            self._file.execute("DELETE FROM waiting WHERE number = ?", (number,))
+
+    def __len__(self) -> int:
+        with self._lock:
+            return int(self._file.execute("SELECT count(*) FROM waiting").fetchone()[0])
+
+    def close(self) -> None:
+        """Close the file; what waits stays in it."""
+        with self._lock:
+            self._file.close()
+
+
+class Delivery:
+    """Sends what waits in a spool to a store, in a thread of its own, until it is closed."""
+
+    def __init__(
+        self, spool: Spool, address: Address, on_trouble: Callable[[str], None] = _log.warning
+    ) -> None:
+        self._spool = spool
+        self._database = Database(address)
+        self._on_trouble = on_trouble
+        self._said = ""
+        self._wakes = threading.Event()
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="delivery", daemon=True)
+        self._thread.start()
+
+    def wake(self) -> None:
+        """Say that something waits."""
+        self._wakes.set()
+
+    def close(self, patience: float = 5.0) -> int:
+        """Send what can be sent within so many seconds, and end.
+
+        Returns:
+            How much still waits in the spool, for the next time.
+        """
+        self._ended.set()
+        self._wakes.set()
+        self._thread.join(patience)
+        if not self._thread.is_alive():
+            self._database.close()
+        return len(self._spool)
+
+    def _run(self) -> None:
+        while True:
+            is_last = self._ended.is_set()
+            try:
+                self._send_all()
+                self._said = ""
+            except HypermapError as error:  # away, or what an administrator can mend
+                self._complain(f"{error}; observations wait in {self._spool.path}")
+            if is_last:
+                return
+            self._wakes.wait(_PATIENCE)
+            self._wakes.clear()
+
+    def _send_all(self) -> None:
+        while (found := self._spool.first()) is not None:
+            number, observed = found
+            deliver(self._database, observed)
+            self._spool.remove(number)
+
+    def _complain(self, text: str) -> None:
+        """Say what is wrong, once until it is another."""
+        if text != self._said:
+            self._said = text
+            self._on_trouble(text)
+
+
+def deliver(database: Database, observed: Observed) -> None:
+    """Put observations into the store; a site that is not there is made, empty.
+
+    Raises:
+        StoreAway: If the database does not answer.
+        StoreError: If it refuses.
+    """
+    try:
+        apply_observed(database, observed)
+    except SiteNotFound:
+        empty = Hypermap([SemanticLayer(observed.layer, "map")])
+        with contextlib.suppress(SiteExists):  # if another robot has made it just now
+            push(database, empty, observed.site, note=observed.source)
+        apply_observed(database, observed)
+
+
+def _dump(observed: Observed) -> str:
+    layer = SemanticLayer(observed.layer, "map", observed.objects)
+    evidence = observed.evidence
+    content = None if evidence is None else base64.b64encode(dump_evidence(evidence)).decode()
+    return json.dumps(
+        {
+            "id": str(observed.id),
+            "site": observed.site,
+            "source": observed.source,
+            "objects": to_geojson(layer),
+            "removed": [int(number) for number in observed.removed],
+            "evidence": content,
+        }
+    )
+
+
+def _parse(content: str, path: Path) -> Observed:
+    try:
+        kept = json.loads(content)
+        layer = from_geojson(kept["objects"])
+        evidence = kept["evidence"]
+        if evidence is not None:
+            evidence = parse_evidence(base64.b64decode(evidence), str(path))
+        return Observed(
+            kept["site"],
+            layer.name,
+            kept["source"],
+            layer.objects(),
+            kept["removed"],
+            evidence,
+            uuid.UUID(kept["id"]),
+        )
+    except (ValueError, KeyError, TypeError) as error:
+        raise FormatError(f"is damaged: {error}", path=path) from None

@@ -1,0 +1,186 @@
+"""What a robot maps reaches the store, all of it and once, also if the database dies meanwhile."""
+
+from __future__ import annotations
+
+import sqlite3
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("psycopg", reason="psycopg is missing")
+
+from hypermap import Hypermap, HypermapError, SemanticLayer
+from hypermap.core.evidence import EvidenceTable
+from hypermap.fleet.store.address import parse_address
+from hypermap.fleet.store.database import Database
+from hypermap.fleet.store.followers import follow
+from hypermap.fleet.store.live_writer import Changes, LiveWriter
+from hypermap.fleet.store.observed import Observed, apply_observed
+from hypermap.fleet.store.pushing import pull, push
+from hypermap.fleet.store.spool import Delivery, Spool
+from hypermap.fleet.store.updates import Update, apply
+from hypermap.testing import assert_same_objects, square
+from hypermap.testing.comparing import assert_same_evidence
+
+pytestmark = pytest.mark.xdist_group("store")
+
+
+def mapped(count: int, views: int) -> SemanticLayer:
+    """Return what a robot has mapped: cups that were all seen in some views."""
+    cups = [square("cup", 2.0 * n, 0, existence=float(views)) for n in range(count)]
+    ids = np.repeat(np.arange(count), views)
+    evidence = EvidenceTable(
+        object_ids=ids,
+        views=np.tile(np.arange(views), count),
+        scores=np.full(len(ids), 0.5),
+        footprints=np.array([cups[n].footprint for n in ids], dtype=object),
+        heights=np.tile([0.0, 1.0], (len(ids), 1)),
+        stamps=1000.0 + np.arange(views),
+        poses=np.tile(np.eye(4), (views, 1, 1)),
+        areas=np.array([square("", 0, 0, 9).footprint] * views, dtype=object),
+    )
+    return SemanticLayer("semantic", "map", cups, evidence=evidence)
+
+
+def wait_until(is_so: Callable[[], bool]) -> None:
+    end = time.monotonic() + 60
+    while not is_so():
+        assert time.monotonic() < end, "this takes too long"
+        time.sleep(0.05)
+
+
+def test_only_what_is_new_is_sent() -> None:
+    changes = Changes("lab", "anna")
+    first = changes.since_last(mapped(2, 1))
+    assert first is not None
+    assert ([item.id for item in first.objects], len(first.evidence or ())) == ([0, 1], 2)
+    assert changes.since_last(mapped(2, 1)) is None
+    # A third cup was seen from the start, but only now is it sure enough to be an object.
+    second = changes.since_last(mapped(3, 2))
+    assert second is not None
+    assert second.evidence is not None
+    assert second.evidence.object_ids.tolist() == [0, 1, 2, 2]
+    third = changes.since_last(mapped(1, 2))
+    assert third is not None
+    assert third.removed == [1, 2]
+
+
+def test_the_spool_keeps_observations_exactly_and_in_order(tmp_path: Path) -> None:
+    layer = mapped(2, 3)
+    evidence = layer.evidence()
+    observed = Observed("lab", "semantic", "anna", layer.objects(), [7], evidence)
+    spool = Spool(tmp_path / "spool")
+    spool.put(observed)
+    spool.put(Observed("lab", "semantic", "anna", removed=[8]))
+    spool.close()
+    again = Spool(tmp_path / "spool")
+    number, kept = again.first() or (0, observed)
+    assert (kept.id, kept.site, kept.source, kept.removed) == (observed.id, "lab", "anna", [7])
+    assert_same_objects(kept.objects, observed.objects)
+    assert_same_evidence(kept.evidence, evidence)
+    again.remove(number)
+    assert len(again) == 1
+    again.close()
+
+
+def test_a_file_that_is_no_spool_is_named(tmp_path: Path) -> None:
+    (tmp_path / "text").write_text("this is no database, but a text that is long enough" * 9)
+    with pytest.raises(HypermapError, match="text: cannot keep observations in this file"):
+        Spool(tmp_path / "text")
+    damaged = Spool(tmp_path / "damaged")
+    with sqlite3.connect(tmp_path / "damaged") as file:
+        file.execute("INSERT INTO waiting (content) VALUES ('{}')")
+    file.close()
+    with pytest.raises(HypermapError, match="damaged: is damaged"):
+        damaged.first()
+    damaged.close()
+
+
+def test_a_database_that_dies_costs_nothing(
+    server: Any, store: str, site: str, tmp_path: Path
+) -> None:
+    """The robot goes on while the database is dead, and all comes later, once."""
+    now, troubles = [mapped(1, 1)], []
+    address = parse_address(f"{store}&site={site}")
+    writer = LiveWriter(lambda: now[-1], address, tmp_path / "spool", "anna", troubles.append)
+    database = Database(address)
+
+    def stored() -> int:
+        rows = database.rows(
+            "SELECT count(*) FROM observations JOIN layers ON layers.id = layer_id "
+            "JOIN sites ON sites.id = site_id WHERE sites.name = %s",
+            site,
+        )
+        return int(rows[0][0])
+
+    wait_until(lambda: stored() == 1)
+    server.stop()
+    try:
+        now.append(mapped(2, 5))
+        wait_until(lambda: bool(troubles))
+        assert "observations wait in" in troubles[0]
+    finally:
+        server.start()
+    now.append(mapped(3, 6))
+    wait_until(lambda: stored() == 18)
+    assert writer.close() == 0
+    final = pull(database, site).semantic()
+    assert [item.name for item in final] == ["cup"] * 3
+    assert [len(final.evidence_of(number)) for number in final.ids.tolist()] == [6, 6, 6]
+    assert [item.existence for item in final] == [6.0] * 3
+    database.close()
+
+
+def test_what_waits_is_sent_by_the_next_run(
+    store: str, site: str, database: Database, tmp_path: Path
+) -> None:
+    nowhere = parse_address(f"postgresql://owner@/store?host={tmp_path}&site={site}")
+    writer = LiveWriter(lambda: mapped(2, 2), nowhere, tmp_path / "spool", "anna", lambda _: None)
+    assert writer.close() == 1
+    spool = Spool(tmp_path / "spool")
+    first = spool.first()
+    assert first is not None
+    push(database, Hypermap([SemanticLayer("semantic", "map")]), site)
+    apply_observed(database, first[1])  # confirmed by the store, but the robot fell before it heard
+    delivery = Delivery(spool, parse_address(store))
+    wait_until(lambda: len(spool) == 0)
+    assert delivery.close() == 0
+    spool.close()
+    assert len(pull(database, site).semantic().evidence() or ()) == 4
+
+
+def test_followers_hear_of_a_change_within_a_second(
+    store: str, site: str, database: Database
+) -> None:
+    push(database, Hypermap([SemanticLayer("semantic", "map")]), site)
+    heard: list[tuple[int, float]] = []
+    ended = threading.Event()
+    address = parse_address(store).at(site)
+
+    def listening() -> None:
+        for version in follow(address, ended):
+            heard.append((version, time.monotonic()))  # noqa: PERF401 - seen one by one
+
+    thread = threading.Thread(target=listening)
+    thread.start()
+    try:
+        wait_until(lambda: len(heard) == 1)
+        apply(database, Update(site, "semantic", [square("cup", 0, 0)]))
+        written = time.monotonic()
+        wait_until(lambda: len(heard) == 2)
+        assert [version for version, _ in heard] == [1, 2]
+        assert heard[1][1] - written < 1.0
+        database.rows(
+            "SELECT pg_terminate_backend(pid) FROM pg_stat_activity "
+            "WHERE application_name = 'hypermap' AND pid <> pg_backend_pid()"
+        )
+        wait_until(lambda: len(heard) == 3)  # connected again
+        assert heard[2][0] == 2
+    finally:
+        ended.set()
+        thread.join()
