@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import uuid
 from pathlib import Path
 from typing import Any
@@ -51,7 +52,9 @@ def lab(tmp_path_factory: pytest.TempPathFactory) -> Path:
     layer = SemanticLayer("semantic", "map", chairs, evidence=evidence_for(0, 1, 2))
     layer.kept_pictures = {1: (jpeg_picture("red"), jpeg_picture("blue", azimuth=2.0))}
     cells = "\n".join(["#" + "." * 298 + "?"] * 140)
-    hypermap = Hypermap([occupancy_from_text(cells, 0.1), layer], metadata={"made": "by hand"})
+    hypermap = Hypermap(
+        [occupancy_from_text(cells, 0.1), layer], metadata={"map_id": "lab", "map_version": 3}
+    )
     hypermap.mapper_state = b"what mapping knows"
     save_map(hypermap, path)
     return path
@@ -97,6 +100,7 @@ def test_former_versions_stay(database: Database, store: str, site: str, lab: Pa
     assert pushed.version == 2
     assert pushed.changes["objects"] == 1  # the others are not written again
     assert_same_map(pull(database, site, 1), first)
+    second.metadata["map_version"] = 4  # of its history, to which the change was added
     assert_same_map(pull(database, site, 2), second)
     assert_same_map(open_map(f"{store}&site={site}&version=1"), first)
     assert [each.note for each in history(database, site)] == ["a table came", ""]
@@ -124,9 +128,14 @@ def test_another_map_of_the_same_name_is_refused(
     push(database, a_map, site)
     with pytest.raises(SiteExists, match="give --update"):
         push(database, Hypermap([SemanticLayer("other", "map")]), site)
+    renamed = copy.copy(a_map)
+    renamed.metadata["map_id"] = "another"
+    with pytest.raises(SiteExists, match="holds another map, with the id lab, not another"):
+        push(database, renamed, site, update=True)
     with pytest.raises(Conflict, match="has version 1 by now, not 7"):
         push(database, a_map, site, update=True, expected=7)
     assert_same_map(pull(database, site), a_map)
+    assert push(database, renamed, site, update=True, force=True).version == 2
 
 
 def test_what_fails_halfway_leaves_nothing(

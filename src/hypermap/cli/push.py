@@ -28,6 +28,10 @@ def command(
             help="With --update: only if the site still has this version.",
         ),
     ] = None,
+    force: Annotated[
+        bool,
+        typer.Option("--force", "-f", help="With --update: even if the site holds another map."),
+    ] = False,
     message: Annotated[
         str, typer.Option("--note", metavar="TEXT", help="What `hypermap log` says of it.")
     ] = "",
@@ -54,7 +58,9 @@ def command(
     database.connected()
     objects = sum(len(layer) for layer in hypermap if isinstance(layer, SemanticLayer))
     note(f"pushing {counted(objects, 'object')} ...")
-    pushed = push(database, hypermap, name, update=update, expected=expect, note=message)
+    pushed = push(
+        database, hypermap, name, update=update, force=force, expected=expect, note=message
+    )
     database.close()
     if as_json:
         say_json({"site": name, "version": pushed.version, "changes": pushed.changes})

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hypermap.core.errors import LayerNotFound
+from hypermap.core.history import MAP_ID
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.layer import Layer
 from hypermap.core.occupancy import UNKNOWN, OccupancyLayer
@@ -64,6 +65,7 @@ def push(
     site: str,
     *,
     update: bool = False,
+    force: bool = False,
     expected: int | None = None,
     note: str = "",
     update_id: uuid.UUID | None = None,
@@ -78,12 +80,13 @@ def push(
         hypermap: the map.
         site: the name of the site.
         update: whether there may be such a site already.
+        force: whether it may hold another map, of another id.
         expected: the version that it has to have; None for any.
         note: what the history says of it.
         update_id: made by the caller, who may not hear whether the push was done.
 
     Raises:
-        SiteExists: If there is such a site, and it is not to be updated.
+        SiteExists: If there is such a site, and it is not to be updated, or holds another map.
         Conflict: If it has another version than expected.
         StoreError: If the store refuses, as for a user who may not write.
     """
@@ -97,6 +100,8 @@ def push(
             return Pushed(*done)
         site_id, before = _site_to_write(cursor, database, site, update, expected)
         version = before + 1
+        if before and not force:
+            _check_same_map(database, hypermap, site_id, before, site)
         changes = {"files": tables.FILES.replace(cursor, site_id, version, files)}
         layer_ids = _layer_ids(cursor, site_id, hypermap)
         for layer in hypermap:
@@ -216,6 +221,19 @@ def _site_to_write(
     if expected is not None and found[1] != expected:
         raise Conflict(f"{where}: site {site!r} has version {found[1]} by now, not {expected}")
     return found
+
+
+def _check_same_map(
+    database: Database, hypermap: Hypermap, site_id: int, version: int, site: str
+) -> None:
+    """Raise a SiteExists if a site holds a map of another id."""
+    there = skeleton_of(database, site_id, version, site).metadata.get(MAP_ID)
+    given = hypermap.metadata.get(MAP_ID)
+    if there is not None and there != given:
+        raise SiteExists(
+            f"{database.address.shown}: site {site!r} holds another map, with the id {there}, not "
+            f"{given or 'one without an id'}; give --force to replace it, or another name"
+        )
 
 
 def _layer_ids(cursor: Cursor[Any], site_id: int, hypermap: Hypermap) -> dict[str, int]:

@@ -12,6 +12,7 @@ from shapely.geometry.base import BaseGeometry
 from hypermap.core.arrays import PointsLike, as_points_xy
 from hypermap.core.evidence import EvidenceTable
 from hypermap.core.grid import GridGeometry
+from hypermap.core.history import History
 from hypermap.core.hypermap import Hypermap, Matches
 from hypermap.core.layer import Hits, Layer
 from hypermap.core.objects import SemanticObject
@@ -79,6 +80,15 @@ class StoredHypermap(Hypermap):
         stored.mapper_state = skeleton.mapper_state
         stored.database, stored.site = database, site
         return stored
+
+    @property
+    def history(self) -> History | None:
+        """What has changed so far; loads the whole map, to know what changes from now on."""
+        return self.loaded().history
+
+    @history.setter
+    def history(self, history: History | None) -> None:
+        """Do nothing: the history is in the store."""
 
     @property
     def version(self) -> int:
