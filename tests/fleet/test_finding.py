@@ -135,7 +135,7 @@ def test_the_command_lists_sites(
     sites = json.loads(out)["sites"]
     assert code == 0
     assert [(each["site"], each["count"]) for each in sites] == [("berlin", 4), ("paris", 1)]
-    code, out, _ = run(capfd, THING, "--in", str(folder), "--not-seen-for", "30d", "--from", "-1,0")
+    code, out, _ = run(capfd, THING, "--in", str(folder), "--not-seen-for", "30d", "--point", "-1,0")
     assert out.splitlines()[-1] == "2 at 2 sites"
     assert run(capfd, "unicorn", "--in", str(folder))[1] == "found nowhere\n"
 
@@ -146,7 +146,7 @@ def test_the_command_lists_sites(
         ([], "say where to look"),
         (["--in", "nowhere_at_all"], "no .hmap file"),
         (["--in", ".", "--in-store", "postgresql:///maps"], "say where to look"),
-        (["--in", ".", "--from", "x"], "--from"),
+        (["--in", ".", "--point", "x"], "--point"),
         (["--in", ".", "--not-seen-for", "soon"], "--not-seen-for"),
     ],
 )

@@ -44,7 +44,7 @@ def command(
     start: Annotated[
         str,
         typer.Option(
-            "--from", metavar="X,Y", help="From where to measure, in each site's own frame [m]."
+            "--point", metavar="X,Y", help="From where to measure, in each site's own frame [m]."
         ),
     ] = "0,0",
     not_seen_for: Annotated[
@@ -63,7 +63,7 @@ def command(
     Examples:
         hypermap find "fire extinguisher" --in-store postgresql://me@db.example/maps
         hypermap find "fire extinguisher" --in maps
-        hypermap find chair stool --in maps --from 2,-1 --json
+        hypermap find chair stool --in maps --point 2,-1 --json
         hypermap find "fire extinguisher" --in maps --not-seen-for 30d
     """
     from hypermap.console.places import parse_point
@@ -72,7 +72,7 @@ def command(
 
     if (store is None) == (folder is None):
         raise HypermapError("say where to look: --in-store STORE or --in FOLDER")
-    point = parse_point(start, "--from")
+    point = parse_point(start, "--point")
     before = None
     if not_seen_for is not None:
         before = parse_moment(not_seen_for, "--not-seen-for").timestamp()

@@ -28,9 +28,9 @@ def command(
             help="With --update: only if the site still has this version.",
         ),
     ] = None,
-    force: Annotated[
+    another_map: Annotated[
         bool,
-        typer.Option("--force", "-f", help="With --update: even if the site holds another map."),
+        typer.Option("--another-map", help="With --update: even if the site holds another map."),
     ] = False,
     message: Annotated[
         str, typer.Option("--note", metavar="TEXT", help="What `hypermap log` says of it.")
@@ -59,7 +59,7 @@ def command(
     objects = sum(len(layer) for layer in hypermap if isinstance(layer, SemanticLayer))
     note(f"pushing {counted(objects, 'object')} ...")
     pushed = push(
-        database, hypermap, name, update=update, force=force, expected=expect, note=message
+        database, hypermap, name, update=update, force=another_map, expected=expect, note=message
     )
     database.close()
     if as_json:
