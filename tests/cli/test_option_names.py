@@ -18,7 +18,6 @@ from hypermap.formats import open_map
 
 from .conftest import INTRINSICS
 
-
 # Commands of which an option is about other things than those of a map: there, "in" is a folder.
 OF_THEIR_OWN = [("find", "--in")]
 

@@ -135,7 +135,9 @@ def test_the_command_lists_sites(
     sites = json.loads(out)["sites"]
     assert code == 0
     assert [(each["site"], each["count"]) for each in sites] == [("berlin", 4), ("paris", 1)]
-    code, out, _ = run(capfd, THING, "--in", str(folder), "--not-seen-for", "30d", "--point", "-1,0")
+    code, out, _ = run(
+        capfd, THING, "--in", str(folder), "--not-seen-for", "30d", "--point", "-1,0"
+    )
     assert out.splitlines()[-1] == "2 at 2 sites"
     assert run(capfd, "unicorn", "--in", str(folder))[1] == "found nowhere\n"
 

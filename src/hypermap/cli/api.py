@@ -18,7 +18,10 @@ _SHORTEST_TOKEN = 16  # characters
 def command(
     store: StoreAddress,
     host: Annotated[
-        str, typer.Option("--host", metavar="ADDRESS", help="Address to listen on: one of this machine's.")
+        str,
+        typer.Option(
+            "--host", metavar="ADDRESS", help="Address to listen on: one of this machine's."
+        ),
     ] = "127.0.0.1",
     port: Annotated[
         int | None,
@@ -40,7 +43,10 @@ def command(
         ),
     ] = None,
     allow_edits: Annotated[
-        bool, typer.Option("--allow-edits", help="Let clients change the map: add, replace and remove objects.")
+        bool,
+        typer.Option(
+            "--allow-edits", help="Let clients change the map: add, replace and remove objects."
+        ),
     ] = False,
 ) -> None:
     """Serve the objects of a shared store over HTTP, for programs and for GIS such as QGIS.
