@@ -31,6 +31,7 @@ GROUPS = (
     "files",
     "startup",
     "asking",
+    "likeness",
     "rooms",
     "paths",
     "values",

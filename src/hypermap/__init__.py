@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from hypermap.formats.hmap import open_map, save_map
     from hypermap.formats.semantic.geojson import from_geojson, to_geojson
     from hypermap.formats.semantic.geopandas_bridge import from_geodataframe, to_geodataframe
+    from hypermap.perception.embedders.load import load_embedder
     from hypermap.viewer.object_pictures import image_of
     from hypermap.viewer.picture import render
     from hypermap.viewer.plot import plot
@@ -61,6 +62,7 @@ _HOMES = {
         "hypermap.formats.semantic.geopandas_bridge": "from_geodataframe to_geodataframe",
         "hypermap.formats.hmap": "open_map save_map",
         "hypermap.formats.grid.map_server": "load_occupancy",
+        "hypermap.perception.embedders.load": "load_embedder",
         "hypermap.viewer.object_pictures": "image_of",
         "hypermap.viewer.picture": "render",
         "hypermap.viewer.plot": "plot",
@@ -93,6 +95,7 @@ __all__ = [
     "from_geodataframe",
     "from_geojson",
     "image_of",
+    "load_embedder",
     "load_occupancy",
     "open_map",
     "plot",
@@ -114,6 +117,7 @@ def _for_the_core(name: str) -> Any:
     others = {
         "as_of": "hypermap.history",
         "ask_map": "hypermap.questions.asking",
+        "embedder_in_use": "hypermap.perception.embedders.load",
         "nearest_by_path": "hypermap.paths.planner",
         "open_site": "hypermap.fleet.store.stored_map",
         "stand_in_rooms": "hypermap.rooms.questions",

@@ -82,6 +82,7 @@ def test_tools_answer_over_standard_input_and_output(office: Path) -> None:
         tools = (await client.list_tools()).tools
         assert {tool.name for tool in tools} == {
             "find_objects",
+            "find_like",
             "nearest",
             "what_is_at",
             "list_rooms",

@@ -181,7 +181,7 @@ def test_schemas_are_valid_and_accept_what_the_tools_accept(
     office: Path, json_validator: Any
 ) -> None:
     tools = {tool.name: tool for tool in tools_for(office, allow_edits=True)}
-    assert len(tools) == 13
+    assert len(tools) == 14
     for tool in tools.values():
         json_validator.check_schema(tool.parameters)
         assert tool.parameters["type"] == "object"

@@ -29,7 +29,7 @@ from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.pictures import MOST_PICTURES
 from hypermap.core.semantic import SemanticLayer
 from hypermap.questions.answer import Answer, ask
-from hypermap.questions.query import Condition, Query, Reference, When
+from hypermap.questions.query import MOST_LETTERS, Condition, Query, Reference, When
 from hypermap.questions.query_json import parse_moment
 from hypermap.questions.taxonomy import load_taxonomy
 from hypermap.rooms.questions import room_called, rooms_asked, rooms_at
@@ -108,6 +108,27 @@ class Looking:
         start_at = Reference(point_xy=start)
         query = Query("objects", (name,), which="nearest", count=limit, start=start_at, by=by)
         return self._objects(self._answer(query), limit)
+
+    def find_like(
+        self,
+        *,
+        text: Annotated[
+            str, Field(min_length=1, max_length=MOST_LETTERS, description="what they look like")
+        ],
+        room: Annotated[Name | None, Field(description="in this room, or kind of room")] = None,
+        limit: Limit = 5,
+    ) -> dict[str, Any]:
+        """Find the objects that look most like a text, such as: something to sit on.
+
+        For what no name says, such as colors. It needs a map whose objects were embedded. Compare
+        similarities only with each other: even the best may be wrong.
+        """
+        where = () if room is None else (Condition("in", Reference(rooms=(room,))),)
+        hypermap, answer = self._answer(Query(like=text, where=where, count=limit))
+        rows = object_rows(hypermap, answer.first(limit))
+        for row, similarity in zip(rows, answer.similarities, strict=True):
+            row["similarity"] = round(similarity, 3)
+        return answer_of(hypermap, count=answer.count, objects=rows)
 
     def what_is_at(
         self, *, point: Annotated[Point, Field(description="as [x, y]")]

@@ -37,6 +37,7 @@ def tools_of(opened: OpenMap, looking: Looking, allow_edits: bool) -> list[Tool]
     looks: list[ToolFunction] = [
         looking.find_objects,
         looking.nearest,
+        looking.find_like,
         looking.what_is_at,
         looking.list_rooms,
         looking.describe_room,

@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from hypermap.mapping.counts import Counts
     from hypermap.mapping.mapper import MappedFrame, Mapper, Progress
     from hypermap.mapping.preflight import Preflight
+    from hypermap.perception.embedders.embedder import Embedder
     from hypermap.perception.frame import DetectionSource
     from hypermap.perception.recording import Recording
 
@@ -109,6 +110,16 @@ def command(
             "--pictures-of-people", help="Keep pictures of people, too; by default none are kept."
         ),
     ] = False,
+    embedder: Annotated[
+        str | None,
+        typer.Option(
+            "--embedder",
+            metavar="FOLDER",
+            show_default=False,
+            help="Encoders of images and texts: then the map can be asked what looks like a text; "
+            "see docs/embeddings.md.",
+        ),
+    ] = None,
     max_bad: Annotated[
         float,
         typer.Option(
@@ -179,7 +190,8 @@ def command(
     source = detection_source(
         recording, detector, labels, settings.perception.min_score, detections, objects
     )
-    job = _Job(recording, source, settings, occupancy, base, onto, 0.0 if strict else max_bad)
+    least = 0.0 if strict else max_bad
+    job = _Job(recording, source, settings, occupancy, base, onto, least, _embedder(embedder))
     frames = len(recording)  # which reads a bag through once
     name, notes = recording.path.name, PreflightNotes()
     preflight = Preflight(notes.add, settings.perception.max_depth, options.world_pose())
@@ -209,6 +221,7 @@ class _Job:
     base: Hypermap | None
     onto: Path | None
     max_bad: float
+    embedder: Embedder | None
 
 
 @dataclass(frozen=True)
@@ -218,6 +231,12 @@ class _Made:
     hypermap: Hypermap
     counts: Counts
     is_whole: bool
+
+
+def _embedder(path: str | None) -> Embedder | None:
+    from hypermap.perception.embedders.load import load_embedder
+
+    return None if path is None else load_embedder(path)
 
 
 def _occupancy(map_file: Path | None, recording: Recording) -> OccupancyLayer | None:
@@ -267,6 +286,7 @@ def _make_map(
                     preflight,
                     job.max_bad,
                     job.base,
+                    job.embedder,
                 )
         except HypermapError:
             if stoppable.ended_early:

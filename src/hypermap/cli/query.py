@@ -49,6 +49,10 @@ def command(
     near: Annotated[str | None, _option("--near", _WHERE)] = None,
     within: Annotated[float | None, _option("--within", _WHERE)] = None,
     inside: Annotated[str | None, _option("--inside", _WHERE)] = None,
+    like: Annotated[str | None, _option("--like", _WHAT)] = None,
+    embedder: Annotated[
+        str | None, _option("--embedder", _WHAT, "HYPERMAP_EMBEDDER of the environment")
+    ] = None,
     having: Annotated[str | None, _option("--with", _WHAT)] = None,
     above: Annotated[float | None, _option("--above", _WHAT)] = None,
     below: Annotated[float | None, _option("--below", _WHAT)] = None,
@@ -94,6 +98,7 @@ def command(
         hypermap query lab.hmap --name chair --not-seen-for 7d
         hypermap query lab.hmap --id 7 --evidence
         hypermap query lab.hmap --name cup --pictures cups
+        hypermap query lab.hmap --like "something to sit on" --embedder mobileclip
         hypermap query lab.hmap --layer temperature --above 25
         hypermap query lab.hmap --layer noise --below 40 --nearest --from 1,1
         hypermap query lab.hmap --layer rooms --measured temperature
@@ -116,6 +121,8 @@ def command(
         "--near": near,
         "--within": within,
         "--inside": inside,
+        "--like": like,
+        "--embedder": embedder,
         "--with": having,
         "--above": above,
         "--below": below,

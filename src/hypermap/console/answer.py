@@ -45,7 +45,7 @@ def shown(answered: Answered) -> Shown:
     listed = [row for row in rows if _is_thing(row)] if cells_are_counted else rows
     of_cells = [row for row in rows if cells_are_counted and not _is_thing(row)]
     cells = Counter((row["layer"], row["label"]) for row in of_cells if "unit" not in row)
-    optional = ("deviation", "distance", "area")
+    optional = ("deviation", "distance", "similarity", "area")
     numbers = ["value", "x", "y", *(key for key in optional if any(key in row for row in listed))]
     also = (key for key in ("room", "measured", "last_seen") if any(key in row for row in listed))
     names = ("layer", "label", *also)

@@ -36,6 +36,8 @@ def understood(query: Query) -> list[tuple[str, str]]:
     what = what or ("any" if query.give != "rooms" or query.where else "")
     what += f", but not {' or '.join(query.besides)}" if query.besides else ""
     parts = [("asked", _GIVES[query.give]), ("what", what)]
+    if query.like is not None:
+        parts.append(("looks like", query.like))
     parts += [("where", _condition(one)) for one in query.where]
     parts += [("when", _when(when)) for when in query.when]
     if query.which is not None:

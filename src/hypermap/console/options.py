@@ -50,6 +50,8 @@ OPTIONS = {
     "--near": Option("NAME|X,Y", "Only objects near this one."),
     "--within": Option("METERS", "Largest distance of --near.", float, least=0),
     "--inside": Option("NAME|AREA", "Only objects whose center is inside this one."),
+    "--like": Option("TEXT", 'The 5 objects, or -k, that look most like this: "a place to sit".'),
+    "--embedder": Option("FOLDER", "Encoders of images and texts: those that `map` used."),
     "--with": Option("NAME", "Only rooms in which there is an object of this name."),
     "--above": Option(
         "N", "Where a measured value is above this; with --measured, what has such a mean.", float

@@ -18,6 +18,7 @@ from hypermap.core.errors import HypermapError, did_you_mean
 from hypermap.core.hypermap import ROOMS, FoundObject, Hypermap
 from hypermap.core.semantic import SemanticLayer
 from hypermap.core.value_layer import ValueLayer
+from hypermap.perception.embedders.load import load_embedder
 from hypermap.questions.answer import Answer, ask
 from hypermap.questions.cells import Cell
 from hypermap.questions.frames import pose_of_frame
@@ -30,7 +31,7 @@ Row: TypeAlias = dict[str, Any]
 Options: TypeAlias = Mapping[str, Any]
 """What is given, by the names of the options; None where one is not given."""
 
-_OF_OBJECTS = ("--near", "--inside", "--with", "--measured", "--since", "--new-since")
+_OF_OBJECTS = ("--like", "--near", "--inside", "--with", "--measured", "--since", "--new-since")
 _TIMES: dict[str, Seen] = {"--since": "seen", "--new-since": "new", "--not-seen-for": "not seen"}
 
 
@@ -60,8 +61,10 @@ def answered(hypermap: Hypermap, given: Options) -> Answered:
     """
     hypermap, now = map_at(hypermap, given.get("--as-of"))
     query = query_of(hypermap, given)
+    folder = given.get("--embedder")
+    encoder = None if folder is None else load_embedder(folder)
     radius = given.get("--robot-radius") or 0.0
-    answer = ask(hypermap, query, robot_radius=radius, now=now)
+    answer = ask(hypermap, query, robot_radius=radius, encoder=encoder, now=now)
     rows = rows_of(hypermap, answer)
     return Answered(hypermap, answer, rows, _remarks(hypermap, given, rows))
 
@@ -97,8 +100,9 @@ def query_of(hypermap: Hypermap, given: Options) -> Query:
         measured=measured,
         layers=layers or (() if number is None else _semantic(hypermap)),
         value=float(number) if number is not None and give == "labels" else None,
+        like=given.get("--like"),
         which=None if count is None else "nearest",
-        count=count,
+        count=given.get("-k") if given.get("--like") is not None else count,
         start=start,
         by="path" if given.get("--by") == "path" else "air",
     )
@@ -109,6 +113,8 @@ def rows_of(hypermap: Hypermap, answer: Answer) -> list[Row]:
     rows = [_row_of_object(item) for item in answer.objects]
     for row, measured in zip(rows, answer.measured, strict=False):
         row["measured"] = measured
+    for row, similarity in zip(rows, answer.similarities, strict=False):
+        row["similarity"] = similarity
     query = answer.query
     is_at_point = query.give == "labels" and any(one.relation == "at" for one in query.where)
     is_at_point &= all(one.reference.area is None for one in query.where)
@@ -199,6 +205,9 @@ def _thing_or_point(hypermap: Hypermap, text: str, frame: _Frame) -> Reference:
 
 
 def _count(given: Options) -> int | None:
+    """Return how many of the nearest are asked for; None for all objects."""
+    if given.get("--like") is not None:
+        return None
     most: int | None = given.get("-k")
     return most if most is not None else 1 if given.get("--nearest") else None
 
@@ -241,7 +250,7 @@ def _check(given: Options) -> None:
     if (by := given.get("--by") or "air") not in ("air", "path"):
         raise HypermapError(f"--by {by!r}: expected air or path")
     times = (*_TIMES, "--last-seen")
-    asked = names or has("--in", "--near", "--inside", "--with", *times)
+    asked = names or has("--in", "--like", "--near", "--inside", "--with", *times)
     if has("--at") and (asked or has("-k", "--nearest", "--measured", "--above", "--below")):
         raise HypermapError(
             "--at asks what is at a point; combine it only with --layer and --frame"
@@ -257,7 +266,11 @@ def _check(given: Options) -> None:
         return
     if not has("--at") and not asked and not (has("--measured") and has("--layer")):
         raise HypermapError("there is no query; give --at X,Y, --in AREA or --name NAME")
-    is_nearest = has("-k", "--nearest")
+    if has("--like") and has("--nearest", "--near"):
+        raise HypermapError("--like gives the most similar: give no --nearest or --near with it")
+    if has("--embedder") and not has("--like"):
+        raise HypermapError("--embedder needs --like: what are the objects to look like?")
+    is_nearest = has("-k", "--nearest") and not has("--like")
     if is_nearest and not names:
         raise HypermapError("the nearest what? give --name NAME")
     if is_nearest and has("--near"):

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from hypermap.core.arrays import BoolArray, PointsLike
+    from hypermap.core.embeddings import TextEncoder
     from hypermap.core.found import Found
     from hypermap.core.hypermap import Hypermap
 
@@ -48,6 +49,16 @@ def open_site(address: str | Path) -> Hypermap:
     """
     opened: Hypermap = _outside("open_site")(address)
     return opened
+
+
+def text_encoder() -> TextEncoder:
+    """Return the encoder of texts that the environment variable HYPERMAP_EMBEDDER names.
+
+    Raises:
+        HypermapError: If it names none, or a wrong one.
+    """
+    encoder: TextEncoder = _outside("embedder_in_use")()
+    return encoder
 
 
 class OutsideMethods:
@@ -104,6 +115,7 @@ class OutsideMethods:
         *,
         taxonomy: str | Path | None = None,
         robot_radius: float = 0.0,
+        encoder: TextEncoder | None = None,
     ) -> Any:
         """Return the answer to a question; the same as `hypermap.questions.ask_map`.
 
@@ -112,6 +124,8 @@ class OutsideMethods:
             pose: where the asker is in the base frame: a `Pose2D`, or (x, y) [m]; None if unknown.
             taxonomy: a file of more names of things.
             robot_radius: of the robot that distances by path are for [m].
+            encoder: of texts that objects are to look like; None for the one that the environment
+                variable HYPERMAP_EMBEDDER names.
 
         Returns:
             An `Answer`, with `objects`, `rooms`, `count` and `notes`.
@@ -119,7 +133,7 @@ class OutsideMethods:
         Raises:
             HypermapError: If the question cannot be read or answered.
         """
-        asked = {"taxonomy": taxonomy, "robot_radius": robot_radius}
+        asked = {"taxonomy": taxonomy, "robot_radius": robot_radius, "encoder": encoder}
         return _outside("ask_map")(self, question, pose, **asked)
 
     def as_of(self, moment: datetime | str | float) -> Hypermap:
@@ -134,6 +148,21 @@ class OutsideMethods:
         """
         past: Hypermap = _outside("as_of")(self, moment)
         return past
+
+    def find_like(self, text: str, k: int = 5, encoder: TextEncoder | None = None) -> list[Found]:
+        """Return the k objects that look most like a text, the most similar first.
+
+        Args:
+            text: such as "something to sit on".
+            k: how many at most.
+            encoder: as `hypermap.load_embedder` returns it; None for the one that the environment
+                variable HYPERMAP_EMBEDDER names. It must be the one that mapping used.
+
+        Raises:
+            HypermapError: If the map's objects were not embedded, or by other encoders.
+        """
+        answer = self.ask({"like": text, "count": k}, encoder=encoder)
+        return [*answer.objects]
 
     # Called by notebooks
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.arrays import ObjectArray, PointsLike, as_point_xy, as_points_xy, single_xy
+from hypermap.core.embeddings import Embeddings
 from hypermap.core.errors import ObjectNotFound
 from hypermap.core.evidence import EvidenceTable
 from hypermap.core.layer import Hits, Layer, ShapesPicture, check_count
@@ -48,6 +49,7 @@ class SemanticLayer(Layer):
             returns it on demand. It may include objects that were removed.
         kept_pictures: pictures of the objects, by id, best first. It may include objects that were
             removed.
+        kept_embeddings: what encoders made of the objects, for `find_like`; None if none did.
 
     Raises:
         ValueError: If two objects have the same id.
@@ -74,6 +76,7 @@ class SemanticLayer(Layer):
         self.rejected = tuple(rejected)
         self.kept_evidence = evidence
         self.kept_pictures: Mapping[int, tuple[ObjectPicture, ...]] = {}
+        self.kept_embeddings: Embeddings | None = None
         self._writing = threading.Lock()
         self._now: KeptObjects = ObjectStore.of(ObjectTable.of([]), next_id=0)
         self.add(objects)
@@ -103,6 +106,7 @@ class SemanticLayer(Layer):
         settings, evidence = self.settings, self.kept_evidence
         other = SemanticLayer(self.name, self.frame_id, (), settings, self.rejected, evidence)
         other.kept_pictures = self.kept_pictures
+        other.kept_embeddings = self.kept_embeddings
         other._now = self._now
         return other
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from hypermap.core.arrays import ObjectArray
 from hypermap.core.errors import FormatError
 
-_TYPES = {"<f8", "<f4", "<i8", "<u4", "|u1"}
+_TYPES = {"<f8", "<f4", "<f2", "<i8", "<u4", "|u1"}
 _MOST_HEADER = 16_000_000  # bytes
 _WRONG = (KeyError, TypeError, ValueError, OverflowError, shapely.GEOSException)
 
@@ -30,7 +30,7 @@ class ArrayFile:
 
     Attributes:
         facts: of what JSON can hold.
-        arrays: by name; of float64, float32, int64, uint32 or uint8.
+        arrays: by name; of float64, float32, float16, int64, uint32 or uint8.
     """
 
     facts: Mapping[str, Any] = field(default_factory=dict)

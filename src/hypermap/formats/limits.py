@@ -55,6 +55,9 @@ MAX_ATTACHED_INSIDE = 256 * MIB
 MAX_ATTACHED_MEMBERS = 2000
 """How many of them are within an archive."""
 
+MAX_EMBEDDINGS_BYTES = 1024 * MIB
+"""Size of the embeddings of the objects of a layer; of more, none are kept."""
+
 MAX_PLACE = 1e9
 """Meters from the origin of a frame; farther out, cells and outlines have no room in a number."""
 

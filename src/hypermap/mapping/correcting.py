@@ -199,7 +199,7 @@ def set_of_ids(state: MapperState) -> frozenset[int]:
 def with_known_ids(
     tracks: TrackTable, known: TrackTable, fixed: frozenset[int], config: MappingConfig
 ) -> TrackTable:
-    """Return tracks with the ids and pictures that the same objects have in another table.
+    """Return tracks with what the same objects have in another table: ids, pictures, embeddings.
 
     Two tracks are of one object if they share observations; those that share most come first.
 
@@ -214,13 +214,14 @@ def with_known_ids(
     for track in tracks.objects:
         if track.id not in ids:
             ids[track.id], number = number, number + 1
-    pictures = {track.id: track.buffer.pictures for track in known.objects}
+    kept = {track.id: track.buffer for track in known.objects}
     table = TrackTable(config.evidence.max_existence)
     for row in sorted(range(len(tracks.objects)), key=lambda row: ids[tracks.objects[row].id]):
         track = renumbered(tracks.objects[row], ids[tracks.objects[row].id])
         counts = {ids[n]: count for n, count in track.co_occurrences.items() if n in ids}
         track.co_occurrences = Counter(counts)
-        track.buffer.pictures = pictures.get(track.id, ())
+        if (before := kept.get(track.id)) is not None:
+            track.buffer.pictures, track.buffer.embedding = before.pictures, before.embedding
         shape, heights = tracks.shapes.polygons[row], tracks.shapes.heights[row].tolist()
         table.add(track, 0, shape, tuple(heights), float(tracks.existence[row]))
     table.next_id = max(table.next_id, number)

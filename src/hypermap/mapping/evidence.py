@@ -13,6 +13,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from hypermap.core.embeddings import Embedding, Embeddings
 from hypermap.core.objects import ObjectTable
 from hypermap.core.pictures import ObjectPicture
 from hypermap.core.semantic import SemanticLayer, SemanticObject
@@ -165,6 +166,8 @@ class EvidenceMap:
         layer = SemanticLayer.of_table(name, frame_id, table, evidence=evidence, next_id=next_id)
         pictures = {track.id: track.buffer.pictures for track in self._tracks.objects}
         layer.kept_pictures = {n: kept for n, kept in pictures.items() if kept and n in ids}
+        looks = {t.id: t.buffer.embedding for t in self._tracks.objects if t.id in ids}
+        layer.kept_embeddings = Embeddings.of({n: e for n, e in looks.items() if e is not None})
         return layer
 
     def evidence(self, object_id: int) -> tuple[Evidence, ...]:
@@ -192,6 +195,17 @@ class EvidenceMap:
         """Keep pictures for an object instead of those before, if it is still there."""
         for row in self._tracks.rows_of([object_id]):
             self._tracks.objects[row].buffer.pictures = pictures
+
+    def add_embedding(self, object_id: int, embedding: Embedding) -> None:
+        """Add what a view of an object looks like, if it is still there."""
+        for row in self._tracks.rows_of([object_id]):
+            buffer = self._tracks.objects[row].buffer
+            buffer.embedding = embedding.plus(buffer.embedding)
+
+    def embedding_model(self) -> str | None:
+        """Return which encoders made the embeddings of the objects; None if there are none."""
+        looks = (track.buffer.embedding for track in self._tracks.objects)
+        return next((look.model for look in looks if look is not None), None)
 
     def _misclassified(self, name: str, evidence: Evidence) -> int | None:
         """Return the id of the confirmed track of another class that this really is."""

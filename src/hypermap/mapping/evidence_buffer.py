@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.arrays import ObjectArray, as_objects
+from hypermap.core.embeddings import Embedding
 from hypermap.core.pictures import ObjectPicture, best_pictures
 from hypermap.mapping.columns import Column
 from hypermap.mapping.prepared_polygon import PreparedPolygon
@@ -116,6 +117,7 @@ class EvidenceBuffer:
         first_seen: the oldest stamp of all [s].
         last_seen: the newest stamp of all [s].
         pictures: the best ones, best first.
+        embedding: of all views; None if none was embedded.
     """
 
     def __init__(self, limit: int) -> None:
@@ -128,6 +130,7 @@ class EvidenceBuffer:
         self.first_seen = np.inf
         self.last_seen = -np.inf
         self.pictures: tuple[ObjectPicture, ...] = ()
+        self.embedding: Embedding | None = None
 
     @classmethod
     def of(
@@ -172,6 +175,8 @@ class EvidenceBuffer:
         for other in others:
             self.items.extend(other.items)
             self.pictures = best_pictures([*self.pictures, *other.pictures])
+            if other.embedding is not None:
+                self.embedding = other.embedding.plus(self.embedding)
             self._count(other.count, other.score_sum, other.first_seen, other.last_seen)
         self.items = sorted(self.items, key=lambda evidence: evidence.stamp)[-self._limit :]
         self._centroids = Column(np.empty((0, 2)))

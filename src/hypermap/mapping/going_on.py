@@ -82,6 +82,9 @@ def state_of(hypermap: Hypermap, config: MappingConfig) -> MapperState:
     for track in state.tracks.objects:
         if layer is not None and (pictures := layer.kept_pictures.get(track.id)):
             track.buffer.pictures = pictures
+        if layer is not None and layer.kept_embeddings is not None:
+            own = layer.kept_embeddings.embedding(track.id)
+            track.buffer.embedding = own or track.buffer.embedding
     return state
 
 

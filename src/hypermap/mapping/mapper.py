@@ -41,12 +41,14 @@ from hypermap.mapping.going_on import (
     state_of,
 )
 from hypermap.mapping.keyframes import KeyframeSelector
+from hypermap.mapping.looks import embed_objects
 from hypermap.mapping.mapper_state import MapperState, dump_before, dump_state
 from hypermap.mapping.occupancy import OccupancyMapper
 from hypermap.mapping.pictures import keep_pictures
 from hypermap.mapping.preflight import Preflight
 from hypermap.perception.detections import Detections
 from hypermap.perception.detectors.sources import detections_of
+from hypermap.perception.embedders.embedder import Embedder
 from hypermap.perception.frame import DetectionSource, RgbdFrame
 from hypermap.perception.observation import Observation
 from hypermap.perception.observe import observe, usable_detections
@@ -109,6 +111,8 @@ class Mapper:
         first_reason: why the first frame was skipped as unusable; empty if none was.
         surplus: detections dropped so far, because their frames had too many.
         watch: called after each mapped frame; None for no observer.
+        embedder: encodes what frames show of objects; None to keep the embeddings that there are.
+            Set it by `embed_with`.
     """
 
     def __init__(
@@ -138,6 +142,7 @@ class Mapper:
         self.first_reason = ""
         self.surplus = 0
         self.watch: Callable[[MappedFrame, Mapper], None] | None = None
+        self.embedder: Embedder | None = None
         self._source = source or _no_detections
         self._has_objects = self._looks_for_objects = source is not None
         self._keyframes = KeyframeSelector(config.keyframes)
@@ -203,6 +208,20 @@ class Mapper:
         mapper._log = FrameLog(state.log)
         return mapper
 
+    def embed_with(self, embedder: Embedder | None) -> None:
+        """Embed from now on what frames show of objects; None for no more.
+
+        Raises:
+            CannotGoOn: If the map has embeddings that were made by another one.
+        """
+        before = self.evidence.embedding_model()
+        if embedder is not None and before not in (None, embedder.model):
+            raise CannotGoOn(
+                f"the objects of the map were embedded by {before!r}, not by {embedder.model!r}; "
+                "embeddings of different encoders cannot be compared"
+            )
+        self.embedder = embedder
+
     def add(self, frame: RgbdFrame) -> Observation | None:
         """Map one frame.
 
@@ -258,6 +277,9 @@ class Mapper:
         self._count(used=1)
         if self._looks_for_objects and self.config.pictures.enabled:
             keep_pictures(frame, detections, self.evidence, self.config.pictures)
+        if self._looks_for_objects and self.embedder is not None:
+            people = self.config.pictures.people
+            embed_objects(frame, detections, self.evidence, self.embedder, people)
         if self.watch is not None:
             self.watch(MappedFrame(frame, detections, observation), self)
         return observation
@@ -464,6 +486,7 @@ def map_recording(
     preflight: Preflight | None = None,
     max_bad: float = MAX_BAD,
     onto: Hypermap | None = None,
+    embedder: Embedder | None = None,
 ) -> Hypermap:
     """Return the map of a recording.
 
@@ -487,6 +510,7 @@ def map_recording(
             first.
         onto: a map to go on with, as `Mapper.onto` does; its occupancy layer goes on, too, and
             that of the recording is left out.
+        embedder: encodes what frames show of objects; None for no embeddings.
 
     Raises:
         HypermapError: If the recording or the source fails too often, no frame is usable, or
@@ -501,6 +525,7 @@ def map_recording(
         occupancy = recording.occupancy() if occupancy is None else occupancy
         mapper = Mapper(config, source, occupancy, recording.frame_id, recording.path.name)
     mapper.watch = watch
+    mapper.embed_with(embedder)
     preflight = preflight or Preflight(max_depth=config.perception.max_depth)
     bad = _BadFrames(mapper, recording, max_bad)
     for frame in recording.frames(bad.add):

@@ -16,6 +16,7 @@ import shapely
 from numpy.typing import NDArray
 
 from hypermap.core.arrays import ObjectArray, as_objects
+from hypermap.core.embeddings import Embeddings
 from hypermap.core.errors import FormatError
 from hypermap.core.objects import SemanticObject
 from hypermap.formats.array_file import (
@@ -25,6 +26,7 @@ from hypermap.formats.array_file import (
     parse_arrays,
     unpacked_shapes,
 )
+from hypermap.formats.semantic.embeddings_file import packed_embeddings, unpacked_embeddings
 from hypermap.formats.semantic.pictures_file import packed_pictures, unpacked_pictures
 from hypermap.formats.semantic.yaml_files import dump_objects, parse_objects
 from hypermap.formats.yaml_text import read_yaml, write_yaml
@@ -55,8 +57,8 @@ class MapperState:
     """A mapper between two frames.
 
     Attributes:
-        tracks: all tracks, also those that are not published. Pictures of published objects are
-            not in the file, but with their layer.
+        tracks: all tracks, also those that are not published. Pictures and embeddings of published
+            objects are not in the file, but with their layer.
         keyframe: pose of the last keyframe, shape (4, 4); None if there is none.
         first_cell: row and column of the first cell of `log_odds`, from the frame's origin.
         log_odds: of the cells of the occupancy layer, NaN for never seen, float32, shape (H, W);
@@ -83,7 +85,7 @@ def dump_before(state: MapperState) -> bytes:
     """Return the file of a state from which frames will be mapped again, without pictures."""
     tracks = state.tracks.snapshot()
     for track in tracks.objects:
-        track.buffer.pictures = ()
+        track.buffer.pictures, track.buffer.embedding = (), None
     return dump_state(replace(state, tracks=tracks, published=(), log=()))
 
 
@@ -111,6 +113,14 @@ def dump_state(state: MapperState) -> bytes:
         if track.id not in published and not track.is_deleted
     }
     arrays |= packed_pictures(hidden)
+    looks = {
+        track.id: track.buffer.embedding
+        for track in state.tracks.objects
+        if track.id in hidden and track.buffer.embedding is not None
+    }
+    if (embeddings := Embeddings.of(looks)) is not None:
+        facts["embedding_model"] = embeddings.model
+        arrays |= packed_embeddings(embeddings)
     if state.log:
         arrays |= packed_log(state.log)
     return dump_arrays(ArrayFile(facts, arrays | _packed(state.tracks)), FORMAT, VERSION)
@@ -140,8 +150,12 @@ def parse_state(content: bytes, config: EvidenceConfig, path: str = "mapper_stat
         published, edits = _published(arrays, path)
         tracks = _unpacked(facts, arrays, config)
         pictures = unpacked_pictures(arrays) if "picture.object" in arrays else {}
+        looks = None
+        if "embedding_model" in facts:
+            looks = unpacked_embeddings(facts["embedding_model"], arrays)
         for track in tracks.objects:
             track.by_hand = edits.get(track.id)
+            track.buffer.embedding = None if looks is None else looks.embedding(track.id)
             track.buffer.pictures = pictures.get(track.id, ())
         return MapperState(
             tracks=tracks,

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.arrays import IntArray, PointsLike, as_objects
+from hypermap.core.embeddings import TextEncoder
 from hypermap.core.errors import HypermapError
 from hypermap.core.frames import Pose2D
 from hypermap.core.hypermap import FoundObject, Hypermap, Matches
@@ -31,6 +32,7 @@ from hypermap.questions.cells import (
     values_around,
 )
 from hypermap.questions.finder import ASKER, Finder
+from hypermap.questions.likeness import most_like
 from hypermap.questions.noted import notes_at, notes_in
 from hypermap.questions.query import Query
 from hypermap.questions.seen import seen_in
@@ -49,6 +51,7 @@ class Answer:
             query measures any, nearest first.
         rooms: those asked for, for "room" in the order of `found`; None where one is in no room.
         cells: what layers without objects say, for "labels" and "places".
+        similarities: for each object the cosine with the text that it is to look like.
         measured: for each object the values around it, where the query asks for them.
         notes: what is to be said next to it, such as that there is no object of a name.
     """
@@ -58,6 +61,7 @@ class Answer:
     rooms: tuple[Room | None, ...] = ()
     cells: tuple[Cell, ...] = ()
     measured: tuple[Mapping[str, Any], ...] = ()
+    similarities: tuple[float, ...] = ()
     notes: tuple[str, ...] = ()
 
     @cached_property
@@ -90,6 +94,7 @@ def ask(
     taxonomy: Taxonomy | None = None,
     robot_radius: float = 0.0,
     now: float | None = None,
+    encoder: TextEncoder | None = None,
 ) -> Answer:
     """Return the answer of a map to a query.
 
@@ -102,6 +107,8 @@ def ask(
         taxonomy: names and kinds of things; None for ours.
         robot_radius: of the robot that distances by path are for [m].
         now: the time by which objects expire, in seconds since 1970; None for the present.
+        encoder: of the texts that objects are to look like; None for the one that the environment
+            variable HYPERMAP_EMBEDDER names.
 
     Raises:
         HypermapError: If the query needs to know where the asker is, asks for rooms of a map that
@@ -118,7 +125,8 @@ def ask(
         hypermap = in_force(hypermap, time.time() if now is None else now)
     else:
         hypermap = as_of(hypermap, query.as_of)
-    return _Asking(hypermap, query, asker, taxonomy or load_taxonomy(), robot_radius).answer()
+    finder = Finder(hypermap, query.exact, asker, taxonomy or load_taxonomy(), robot_radius)
+    return _Asking(hypermap, query, finder, encoder).answer()
 
 
 class _Asking:
@@ -128,12 +136,12 @@ class _Asking:
         self,
         hypermap: Hypermap,
         query: Query,
-        asker: Pose2D | None,
-        taxonomy: Taxonomy,
-        robot_radius: float,
+        finder: Finder,
+        encoder: TextEncoder | None,
     ) -> None:
         self._hypermap, self._query = hypermap, query
-        self._finder = Finder(hypermap, query.exact, asker, taxonomy, robot_radius)
+        self._finder, self._encoder = finder, encoder
+        self._similarities: tuple[float, ...] = ()
 
     def answer(self) -> Answer:
         query = self._query
@@ -165,7 +173,8 @@ class _Asking:
         measured: Iterable[Mapping[str, Any]] = (),
     ) -> Answer:
         notes = tuple(dict.fromkeys(self._finder.notes))
-        return Answer(self._query, found, tuple(rooms), tuple(cells), tuple(measured), notes)
+        parts = tuple(rooms), tuple(cells), tuple(measured)
+        return Answer(self._query, found, *parts, self._similarities, notes)
 
     # Layers
 
@@ -271,7 +280,11 @@ class _Asking:
             if unsure:
                 said = f"{unsure} more were seen before and after, and may have been then"
                 self._finder.notes.append(said)
-        return self._chosen(found)
+        if query.like is None:
+            return self._chosen(found)
+        rows, cosines = most_like(self._hypermap, query.like, found, query.count, self._encoder)
+        self._similarities = tuple(cosines.tolist())
+        return found.take(rows)
 
     # Which of them
 

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from hypermap.core.embeddings import TextEncoder
 from hypermap.core.errors import FormatError, HypermapError
 from hypermap.core.frames import Pose2D
 from hypermap.core.hypermap import ROOMS, Hypermap
@@ -23,6 +25,10 @@ if TYPE_CHECKING:
     from hypermap.questions.model import LanguageModel
     from hypermap.questions.words import Vocabulary
 
+_LOOKS_LIKE = re.compile(
+    r"\s*(?:(?:what|which (?:things|objects)) looks? )?like:?\s+(\S.*)", re.IGNORECASE | re.DOTALL
+)
+
 
 def answer_to(
     hypermap: Hypermap,
@@ -31,6 +37,7 @@ def answer_to(
     taxonomy: str | Path | None = None,
     robot_radius: float = 0.0,
     model: LanguageModel | None = None,
+    encoder: TextEncoder | None = None,
 ) -> Answer:
     """Return the answer to a question in English, or to a query as JSON, which begins with "{".
 
@@ -41,6 +48,7 @@ def answer_to(
         taxonomy: a file of more names of things.
         robot_radius: of the robot that distances by path are for [m].
         model: reads what the grammar cannot; None for none.
+        encoder: as `ask` takes it.
 
     Raises:
         NotUnderstood: If the question cannot be read, and there is no model.
@@ -48,8 +56,11 @@ def answer_to(
     """
     names = load_taxonomy(taxonomy)
     notes: tuple[str, ...] = ()
+    looks = _LOOKS_LIKE.fullmatch(question)
     if question.lstrip().startswith("{"):
         query = Query.from_json(_parsed(question))
+    elif looks is not None:
+        query = Query.from_json({"like": looks[1].strip(" ?")})
     else:
         # With a parser that takes time to load.
         from hypermap.questions.english import NotUnderstood, understand
@@ -62,7 +73,8 @@ def answer_to(
                 raise
             query = model.read(question, vocabulary)
             notes = (f"the language model {model.name} read the question",)
-    answer = ask(hypermap, query, asker=asker, taxonomy=names, robot_radius=robot_radius)
+    radius = robot_radius
+    answer = ask(hypermap, query, asker=asker, taxonomy=names, robot_radius=radius, encoder=encoder)
     return replace(answer, notes=(*notes, *answer.notes))
 
 
@@ -73,6 +85,7 @@ def ask_map(
     *,
     taxonomy: str | Path | None = None,
     robot_radius: float = 0.0,
+    encoder: TextEncoder | None = None,
 ) -> Answer:
     """Return the answer to a question; `Hypermap.ask`.
 
@@ -82,6 +95,7 @@ def ask_map(
         pose: where the asker is in the base frame: a pose, or (x, y) [m]; None if unknown.
         taxonomy: a file of more names of things.
         robot_radius: of the robot that distances by path are for [m].
+        encoder: as `ask` takes it.
 
     Raises:
         NotUnderstood: If the text cannot be read.
@@ -89,10 +103,10 @@ def ask_map(
     """
     asker = pose if pose is None or isinstance(pose, Pose2D) else Pose2D(*pose)
     if isinstance(question, str):
-        return answer_to(hypermap, question, asker, taxonomy, robot_radius)
+        return answer_to(hypermap, question, asker, taxonomy, robot_radius, encoder=encoder)
     query = question if isinstance(question, Query) else Query.from_json(question)
-    names = load_taxonomy(taxonomy)
-    return ask(hypermap, query, asker=asker, taxonomy=names, robot_radius=robot_radius)
+    names, radius = load_taxonomy(taxonomy), robot_radius
+    return ask(hypermap, query, asker=asker, taxonomy=names, robot_radius=radius, encoder=encoder)
 
 
 def vocabulary_of(hypermap: Hypermap, taxonomy: Taxonomy) -> Vocabulary:

@@ -30,6 +30,9 @@ Which: TypeAlias = Literal["nearest", "farthest", "largest", "smallest", "surest
 Measure: TypeAlias = Literal["air", "path"]
 Seen: TypeAlias = Literal["seen", "not seen", "new"]
 
+MOST_LETTERS = 500
+"""The longest text that objects are to look like."""
+
 WITH_DISTANCE = ("near", "beyond")
 
 
@@ -163,6 +166,8 @@ class Query:
         besides: names that the objects must not have.
         ids: of the objects, any of which matches; none for all.
         tags: which the objects have, all of them.
+        like: what the objects look like, such as "something to sit on": the most similar `count` of
+            them, in a map whose objects were embedded.
         rooms: names or kinds of rooms, if these and not objects are asked for.
         where: conditions, all of which the objects meet.
         when: conditions on when the objects were seen, all of which they meet.
@@ -182,6 +187,7 @@ class Query:
     besides: tuple[str, ...] = ()
     ids: tuple[int, ...] = ()
     tags: tuple[str, ...] = ()
+    like: str | None = None
     rooms: tuple[str, ...] = ()
     where: tuple[Condition, ...] = ()
     when: tuple[When, ...] = ()
@@ -206,13 +212,17 @@ class Query:
             raise ValueError(f"{self.as_of.isoformat()} needs a time zone, as +01:00")
         if self.give == "places" and (self.measured is None or not self.measured.has_limits):
             raise ValueError("'places' needs measured values with a limit")
+        if self.like is not None and (self.which is not None or not self.like.strip()):
+            raise ValueError("'like' is a text, and gives the most similar instead of 'which'")
+        if len(self.like or "") > MOST_LETTERS:
+            raise ValueError(f"'like' is a text of at most {MOST_LETTERS} letters")
         if self.value is not None and self.give != "labels":
             raise ValueError("only 'labels' has the values of cells")
 
     @property
     def describes_objects(self) -> bool:
         """Whether it says anything of the objects: of all, the answer is about some."""
-        which = (self.names, self.besides, self.ids, self.tags, self.where, self.when)
+        which = (self.names, self.besides, self.ids, self.tags, self.like, self.where, self.when)
         return any(which) or self.measured is not None
 
     @property

@@ -45,6 +45,8 @@ def query_of(values: Any) -> Query:
         given["value"] = _number(given["value"], "value")
     if not isinstance(given.get("exact", False), bool):
         raise FormatError("exact: expected true or false")
+    if not isinstance(given.get("like") or "", str):
+        raise FormatError("like: expected a text")
     made: Query = _made(Query, given, "the query")
     return made
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, get_args
 
-from hypermap.questions.query import Give, Measure, Relation, Seen, Which
+from hypermap.questions.query import MOST_LETTERS, Give, Measure, Relation, Seen, Which
 
 _NAMES = {"type": "array", "items": {"type": "string", "minLength": 1}}
 _MOMENT = {"type": "string", "description": "ISO 8601, as 2026-11-20T10:00+01:00; else in UTC"}
@@ -29,6 +29,12 @@ QUERY_SCHEMA: dict[str, Any] = {
                 "besides": {**_NAMES, "description": "that the objects must not have"},
                 "ids": {"type": "array", "items": {"type": "integer"}},
                 "tags": {**_NAMES, "description": "all of which the objects have"},
+                "like": {
+                    "type": "string",
+                    "minLength": 1,
+                    "maxLength": MOST_LETTERS,
+                    "description": "what the objects look like; instead of which",
+                },
                 "rooms": {**_NAMES, "description": "or kinds of rooms, if these are asked for"},
                 "where": {**_CONDITIONS, "description": "conditions that the objects meet"},
                 "when": {

@@ -23,6 +23,11 @@ from hypermap.formats.columns.arrow import has_pyarrow
 from hypermap.formats.columns.footprints import footprint_from_wkt
 from hypermap.formats.columns.geoparquet import MAGIC
 from hypermap.formats.config import BINARY_FILE
+from hypermap.formats.semantic.embeddings_file import (
+    load_embeddings,
+    save_embeddings,
+    without_embeddings,
+)
 from hypermap.formats.semantic.evidence_file import load_evidence, save_evidence, without_evidence
 from hypermap.formats.semantic.parquet_files import dump_parquet, parse_parquet
 from hypermap.formats.semantic.pictures_file import (
@@ -53,8 +58,8 @@ _TEXT = {("*", "name"), ("*", "shape"), ("*", "tags", "*")}
 class SemanticFiles:
     """The files of semantic layers: `file` NAME means the YAML file NAME or NAME.parquet.
 
-    The evidence for the objects and their pictures are next to it, in the files that the keys
-    `evidence` and `pictures` name.
+    The evidence for the objects, their pictures and their embeddings are next to it, in the files
+    that the keys `evidence`, `pictures` and `embeddings` name.
 
     Attributes:
         form: `yaml`, `parquet`, or `auto`, which is Parquet for layers of many objects, or too
@@ -89,6 +94,7 @@ class SemanticFiles:
             name, frame_id, table, _own(settings), rejected, evidence, free
         )
         layer.kept_pictures = load_pictures(store, settings)
+        layer.kept_embeddings = load_embeddings(store, settings)
         return layer
 
     def save(self, layer: SemanticLayer, store: Store, file: str) -> Mapping[str, Any]:
@@ -118,10 +124,11 @@ PLUGIN = SemanticFiles()
 
 
 def _about(layer: SemanticLayer, store: Store, file: str) -> dict[str, Any]:
-    """Write evidence and pictures next to the layer's file, and return the keys about all of it."""
+    """Write evidence, pictures and embeddings next to the layer's file, and return their keys."""
     return {
         **save_evidence(layer, store, file),
         **save_pictures(layer, store, file),
+        **save_embeddings(layer, store, file),
         **_ids_of(layer),
     }
 
@@ -134,7 +141,7 @@ def _ids_of(layer: SemanticLayer) -> dict[str, int]:
 
 def _own(settings: Mapping[str, Any]) -> dict[str, Any]:
     """Return the settings without those that name files, which saving sets again."""
-    others = without_pictures(without_evidence(settings))
+    others = without_embeddings(without_pictures(without_evidence(settings)))
     return {k: v for k, v in others.items() if k not in (BINARY_FILE, NEXT_ID)}
 
 

@@ -40,6 +40,7 @@ def moved_tracks(tracks: TrackTable, a_T_b: Pose2D, config: EvidenceConfig) -> T
         buffer.pictures = tuple(
             dataclasses.replace(each, azimuth=each.azimuth + a_T_b.yaw) for each in old.pictures
         )
+        buffer.embedding = old.embedding
         by_hand = None if track.by_hand is None else _moved_edit(track.by_hand, a_T_b)
         low, high = tracks.shapes.heights[row].tolist()
         table.add(

@@ -48,7 +48,7 @@ class OnnxModel:
             raise FileMissing(f"{path}: there is no such model")
         if not path.is_file():
             raise FormatError("a folder; expected an ONNX file", path=path)
-        session = _open_session(path, threads)
+        session = open_session(path, threads)
         metadata = dict(session.get_modelmeta().custom_metadata_map)
         return cls(path, metadata, _input_size(path, session.get_inputs(), metadata), session)
 
@@ -91,7 +91,12 @@ class OnnxModel:
         }
 
 
-def _open_session(path: Path, threads: int | None) -> Any:
+def open_session(path: Path, threads: int | None) -> Any:
+    """Return ONNX Runtime's session of a file; `threads` is how many it may use, None for all.
+
+    Raises:
+        FormatError: If it is no network that can be run here.
+    """
     # Some builds report what is loaded to their vendor; turn that off.
     os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")
     import onnxruntime  # slow to import
