@@ -20,17 +20,20 @@ import tempfile
 from typing import Any
 
 import hypermap
-from hypermap.core.errors import HypermapError
 
 # These need ROS, or start threads.
 APART = ("hypermap.ros.ros1", "hypermap.ros.ros2", "hypermap.ros.rviz", "hypermap.viewer.logs")
 
 
 def import_all() -> None:
-    """Import the program's modules as far as their libraries are here."""
+    """Import the program's modules.
+
+    Not all can be: some need libraries that are not here, or a program around them. A command that
+    does not find a module here imports it itself.
+    """
     for module in pkgutil.walk_packages(hypermap.__path__, "hypermap."):
         if not module.name.startswith((*APART, "hypermap.__main__")):
-            with contextlib.suppress(ImportError, HypermapError):
+            with contextlib.suppress(Exception):
                 importlib.import_module(module.name)
 
 

@@ -31,6 +31,7 @@ PAGES = [
     and re.search(r"^```(python|console)$", page.read_text(encoding="utf-8"), re.MULTILINE)
 ]
 BLOCK = re.compile(r"^```(python|console)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+QUOTED = re.compile(r"""'[^']*'|"[^"$`\\!]*\"""")  # text in which the shell replaces nothing
 DOCTEST_FLAGS = doctest.NORMALIZE_WHITESPACE | doctest.ELLIPSIS
 
 pytestmark = pytest.mark.xdist_group("demo")
@@ -79,8 +80,9 @@ def _run_console(source: str, where: str) -> None:
 def _plain_command(command: str) -> list[str]:
     """Return the words of a call of `hypermap` alone; none if it needs a shell."""
     line = command.replace("\\\n", " ")
-    is_plain = line.startswith("hypermap ") and not set(line) & set("|&;<>()$`\\*?[]#~!{}")
-    return shlex.split(line) if is_plain else []
+    unquoted = re.sub(r"\s#.*", "", QUOTED.sub("", line))
+    is_plain = line.startswith("hypermap ") and not set(unquoted) & set("|&;<>()$`\\*?[]#~!{}\"'")
+    return shlex.split(line, comments=True) if is_plain else []
 
 
 def _run_hypermap(words: list[str], where: str) -> None:
