@@ -10,6 +10,7 @@ import { watchKeys } from "./keys";
 import { LayersPanel } from "./layers";
 import { insets, NARROW, toggleSidebar } from "./layout";
 import { drawnLayer, isVisible, MapView } from "./mapview";
+import { Notes } from "./notes";
 import { Panel } from "./panel";
 import { PathTool } from "./pathtool";
 import { placeFromHash, placeToHash } from "./place";
@@ -33,6 +34,7 @@ export class App {
   private readonly search: Search;
   private readonly conditions: Conditions;
   private readonly layers: LayersPanel;
+  private readonly notes: Notes;
   private readonly status: StatusLine;
   private readonly toolbar: Toolbar;
   private readonly editor: Editor | null;
@@ -69,7 +71,17 @@ export class App {
       this.search.name = sought.name ?? "";
       this.conditions.show(sought);
     };
-    this.layers = new LayersPanel(this.view, () => this.linkPlace());
+    this.notes = new Notes(this.view, source, this.panel, this.context, {
+      hint: (text) => this.hint(text),
+      changed: (change) => this.onChange(change),
+      clear: () => this.ask.forget(),
+      listed: () => this.layers.draw(),
+    });
+    this.layers = new LayersPanel(
+      this.view,
+      () => this.linkPlace(),
+      (layer) => this.notes.list(layer),
+    );
     this.status = new StatusLine((frame) => this.setFrame(frame));
     this.toolbar = new Toolbar(
       {
@@ -82,6 +94,7 @@ export class App {
     );
     this.editor = this.makeEditor();
     this.toolbar.offerEdit(this.editor !== null);
+    this.toolbar.offerNotes(this.editor !== null);
   }
 
   start(): void {
@@ -128,6 +141,7 @@ export class App {
     this.status.setFrames(info.frames, this.context.frame);
     this.view.setFrame(this.context.frame);
     this.editor?.update();
+    void this.notes.setInfo(info).catch(complain);
     const mark = info.unsaved ? "• " : "";
     document.title = `${mark}${info.name} – Hypermap`;
     byId("title").textContent = info.name;
@@ -179,7 +193,12 @@ export class App {
     this.hint(null);
     this.isSearching = false;
     if (NARROW.matches) toggleSidebar(false);
-    if (this.paths.active) this.paths.click(place);
+    const note = this.notes.at(place);
+    if (this.notes.active) {
+      this.toolbar.showTool("point");
+      this.notes.write(place);
+    } else if (this.paths.active) this.paths.click(place);
+    else if (note) this.notes.show(note);
     else if (this.editor?.active) void this.editor.pick(place).catch(complain);
     else this.ask.point(place);
   }
@@ -188,8 +207,10 @@ export class App {
     this.editor?.stop();
     this.drawing.stop();
     this.paths.stop();
+    this.notes.stop();
     this.toolbar.showTool(tool);
     if (tool === "path") return this.paths.begin();
+    if (tool === "note") return this.notes.begin();
     if (tool === "point") {
       this.hint("Click the map to query a point");
       return;
@@ -261,6 +282,10 @@ export class App {
       const goesBack = this.isSearching && byId("panel").contains(document.activeElement);
       this.panel.close();
       if (goesBack) this.search.focus();
+    } else if (this.notes.active) {
+      this.notes.stop();
+      this.toolbar.showTool("point");
+      this.hint(null);
     } else if (this.paths.active) {
       this.stopPaths();
       this.ask.forget();
@@ -275,6 +300,7 @@ export class App {
   private panelClosed(): void {
     this.view.makeRoom();
     this.editor?.letGo();
+    this.notes.letGo();
     this.ask.forget();
   }
 

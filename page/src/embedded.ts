@@ -20,6 +20,7 @@ import {
   type Frame,
   type LayerAnswer,
   type MapInfo,
+  type Note,
   type ObjectDetails,
   type Point,
   type PointAnswer,
@@ -39,6 +40,10 @@ export class EmbeddedSource implements DataSource {
 
   async map(): Promise<MapInfo> {
     return { ...this.blob.map, editable: false, can_undo: false, can_redo: false, unsaved: false };
+  }
+
+  async notes(): Promise<Note[]> {
+    return this.blob.notes ?? [];
   }
 
   async tile(layer: string, zoom: number, column: number, row: number): Promise<HTMLCanvasElement> {

@@ -15,6 +15,8 @@ export class LayersPanel {
   constructor(
     private readonly view: MapView,
     private readonly changed: () => void,
+    /** The list of the notes of a layer. */
+    private readonly notes: (layer: string) => HTMLElement,
   ) {}
 
   /** Redraws the list: the topmost layer first, as on the map. */
@@ -92,6 +94,7 @@ export class LayersPanel {
       el("label", { class: "slider" }, el("span", { text: "Opacity" }), slider, percent),
       info.legend.length && info.kind === "raster" ? legend(info.legend) : null,
       shown.shapes && info.classes.length ? this.classes(shown) : null,
+      shown.notes ? this.notes(info.name) : null,
     );
   }
 
@@ -166,6 +169,7 @@ export class LayersPanel {
 function aboutLayer({ kind, count, resolution, class_name, problem }: LayerInfo): string {
   if (problem) return "cannot be drawn";
   if (kind === "shapes") return plural(count, "object");
+  if (kind === "notes") return plural(count, "note");
   if (kind === "none") return class_name;
   return resolution ? `${length(resolution)} cells` : "cells";
 }

@@ -213,6 +213,28 @@ export function editedLook(resolution: number): Style[] {
   return [...chosenLook(), corners, arm, handle];
 }
 
+/** A note: its number in a disc, or the outline of its area. */
+export function noteLook(number: number | null, isShown: boolean): Style[] {
+  const color = cssColor("--note");
+  if (number === null)
+    return [new Style({ stroke: new Stroke({ color, width: 2, lineDash: [6, 4] }) })];
+  return [
+    new Style({
+      image: new CircleStyle({
+        radius: isShown ? 13 : 10,
+        fill: new Fill({ color: isShown ? cssColor("--ink") : color }),
+        stroke: new Stroke({ color: cssColor("--halo"), width: 2 }),
+      }),
+      text: new Text({
+        text: String(number),
+        font: `700 11px ${FONT}`,
+        fill: new Fill({ color: cssColor(isShown ? "--card" : "--on-note") }),
+      }),
+      zIndex: isShown ? 1 : 0,
+    }),
+  ];
+}
+
 /** One of the matches: its rank in a disc. */
 export function matchLook(rank: number, isLookedAt: boolean): Style[] {
   return [

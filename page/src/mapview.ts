@@ -13,9 +13,26 @@ import type TileLayer from "ol/layer/Tile.js";
 import type ImageTile from "ol/source/ImageTile.js";
 import { EvidenceLayer, type ShownEvidence } from "./evidencelayer";
 import { GridLines } from "./gridlines";
-import { areaLook, chosenLook, doorLook, matchLook, pathLook, placeLook, ROOMS } from "./looks";
+import {
+  areaLook,
+  chosenLook,
+  doorLook,
+  matchLook,
+  noteLook,
+  pathLook,
+  placeLook,
+  ROOMS,
+} from "./looks";
 import type { Place } from "./place";
-import { calm, featureLayer, fitView, planeView, setFeatures, type Insets } from "./plane";
+import {
+  calm,
+  featureLayer,
+  fitView,
+  planeView,
+  setFeatures,
+  type FeatureLayer,
+  type Insets,
+} from "./plane";
 import type { Settings } from "./settings";
 import { ShapesLayer } from "./shapeslayer";
 import type { DataSource, Extent, Frame, LayerInfo, MapInfo, Point, Polygon, Ring } from "./source";
@@ -28,6 +45,7 @@ export interface ShownLayer {
   version?: number;
   tiles?: TileLayer<ImageTile>;
   shapes?: ShapesLayer;
+  notes?: FeatureLayer;
 }
 
 const FINEST = 0.0001; // meters per pixel
@@ -109,7 +127,8 @@ export class MapView {
     const version = info.version ?? map.version;
     const shown = this.layers.get(info.name) ?? this.addLayer(info);
     const isRooms = info.name === ROOMS; // which hold all others, so they lie below them
-    drawnLayer(shown)?.setZIndex(isRooms ? 19 : order + (info.kind === "shapes" ? 20 : 0));
+    if (!shown.notes)
+      drawnLayer(shown)?.setZIndex(isRooms ? 19 : order + (info.kind === "shapes" ? 20 : 0));
     shown.info = info;
     if (shown.version === version) return;
     shown.version = version;
@@ -122,6 +141,12 @@ export class MapView {
     if (info.kind === "raster") {
       shown.tiles = tileLayer();
       this.map.addLayer(shown.tiles);
+    } else if (info.kind === "notes") {
+      shown.notes = featureLayer(76);
+      shown.notes.setStyle((feature) =>
+        noteLook(feature.get("number") as number | null, feature.get("shown") === true),
+      );
+      this.map.addLayer(shown.notes);
     } else if (info.kind === "shapes") {
       shown.shapes = new ShapesLayer(info, this.source, this.shapesChanged);
       this.map.addLayer(shown.shapes.layer);
@@ -267,7 +292,14 @@ export class MapView {
     this.view.animate({ center, duration: calm() ? 0 : 300, easing: easeOut });
   }
 
+  /** Whether a layer is there and visible. */
+  isShown(name: string): boolean {
+    const shown = this.layers.get(name);
+    return shown !== undefined && isVisible(shown);
+  }
+
   restyle(settings: Settings): void {
+    for (const { notes } of this.layers.values()) notes?.changed();
     for (const { shapes } of this.layers.values()) {
       shapes?.restyle(settings.labels ? settings.labelSize : null);
     }
@@ -339,11 +371,11 @@ export class MapView {
 }
 
 /** The OpenLayers layer of a map layer; none if it cannot be drawn. */
-export function drawnLayer({ tiles, shapes }: ShownLayer): DrawnLayer | undefined {
-  return tiles ?? shapes?.layer;
+export function drawnLayer({ tiles, shapes, notes }: ShownLayer): DrawnLayer | undefined {
+  return tiles ?? shapes?.layer ?? notes;
 }
 
-export type DrawnLayer = TileLayer<ImageTile> | ShapesLayer["layer"];
+export type DrawnLayer = TileLayer<ImageTile> | ShapesLayer["layer"] | FeatureLayer;
 
 export function isVisible(shown: ShownLayer): boolean {
   return drawnLayer(shown)?.getVisible() ?? true;

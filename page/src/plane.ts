@@ -57,15 +57,17 @@ export function fitView(view: View, extent: Extent, insets: Insets, fitting: Fit
 /** Whether the user prefers reduced motion. */
 export const calm = (): boolean => window.matchMedia("(prefers-reduced-motion: reduce)").matches;
 
+export type FeatureLayer = VectorLayer<VectorSource>;
+
 export function featureLayer(
   zIndex: number,
   options: { declutter?: boolean; updateWhileInteracting?: boolean } = {},
-): VectorLayer<VectorSource> {
+): FeatureLayer {
   const source = new VectorSource();
   return new VectorLayer({ source, zIndex, updateWhileAnimating: true, ...options });
 }
 
-export function setFeatures(layer: VectorLayer<VectorSource>, features: Feature[]): void {
+export function setFeatures(layer: FeatureLayer, features: Feature[]): void {
   layer.getSource()?.clear(true);
   layer.getSource()?.addFeatures(features);
 }

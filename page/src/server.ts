@@ -11,6 +11,7 @@ import {
   type Extent,
   type FindAnswer,
   type MapInfo,
+  type Note,
   type ObjectDetails,
   type PathAnswer,
   type Operation,
@@ -109,6 +110,17 @@ export class ServerSource implements DataSource, Editing {
 
   path(start: Point, goal: Point, radius: number): Promise<PathAnswer> {
     return this.get("/api/path", { from: start.join(","), to: goal.join(","), radius });
+  }
+
+  notes(): Promise<Note[]> {
+    return this.get("/api/notes", {});
+  }
+
+  async upload(file: File): Promise<{ sha256: string }> {
+    const headers = { "X-Hypermap-Token": this.token };
+    const url = address("/api/files", { name: file.name });
+    const answer = await ask(url, { method: "POST", headers, body: file });
+    return answer.json() as Promise<{ sha256: string }>;
   }
 
   edit(version: number, operations: Operation[]): Promise<Change> {

@@ -31,7 +31,7 @@ export interface LayerInfo {
   name: string;
   class_name: string;
   frame_id: string;
-  kind: "raster" | "shapes" | "none";
+  kind: "raster" | "shapes" | "notes" | "none";
   count: number;
   extent: Extent | null;
   /** Meters per cell, of raster layers. */
@@ -261,9 +261,53 @@ export interface Evidence extends Partial<Snippets> {
   fused: Fused[];
 }
 
+/** A file attached to a note. */
+export interface NoteFile {
+  name: string;
+  /** "file" is for download alone. */
+  kind: "picture" | "sound" | "video" | "file";
+  /** In bytes. */
+  size: number;
+  sha256: string;
+  /** False if it lay next to the map and was left behind. */
+  is_there: boolean;
+  /** Absent in a single-file page that does not hold it. */
+  url?: string;
+}
+
+/** A note at a place. */
+export interface Note {
+  layer: string;
+  id: number;
+  title: string;
+  /** Markdown, and the same as safe HTML. */
+  text: string;
+  html: string;
+  author: string;
+  /** ISO 8601, with the zone of the author. */
+  time: string;
+  changed: string | null;
+  /** Where it is marked. */
+  at: Point;
+  /** Of an area; empty for a point. */
+  polygons: Polygon[];
+  links: string[];
+  files: NoteFile[];
+}
+
 export interface Operation {
   /** "add_layer" adds one without objects; a following "add" may draw on it. */
-  op: "add" | "add_layer" | "find_rooms" | "update" | "merge" | "split" | "remove";
+  op:
+    | "add"
+    | "add_layer"
+    | "find_rooms"
+    | "update"
+    | "merge"
+    | "split"
+    | "remove"
+    | "add_note"
+    | "update_note"
+    | "remove_note";
   layer: string;
   id?: number;
   name?: string;
@@ -275,6 +319,12 @@ export interface Operation {
   others?: number[];
   /** Of "split": across the room. */
   line?: Point[];
+  /** Of a note: where it is, what it says, and the hashes of all its files. */
+  point?: Point;
+  text?: string;
+  author?: string;
+  links?: string[];
+  files?: string[];
 }
 
 export interface Change extends Partial<EditState> {
@@ -330,6 +380,8 @@ export interface Questions {
   find(wanted: ObjectQuery, limit: number): Promise<FindAnswer>;
   object(layer: string, id: number): Promise<ObjectDetails>;
   evidence(layer: string, id: number): Promise<Evidence>;
+  /** All notes. */
+  notes?(): Promise<Note[]>;
   /** A question in English, asked from a place. Absent if nobody can read it. */
   ask?(question: string, place: Point): Promise<WordsAnswer>;
   /** For a robot of a radius [m]. Absent if there is no planner. */
@@ -340,6 +392,8 @@ export interface Editing {
   /** An object, or null if it was deleted. */
   objectIfThere(layer: string, id: number): Promise<ObjectDetails | null>;
   edit(version: number, operations: Operation[]): Promise<Change>;
+  /** Sends a file, which a note may have then. */
+  upload(file: File): Promise<{ sha256: string }>;
   undo(version: number): Promise<Change>;
   redo(version: number): Promise<Change>;
   save(request: SaveRequest): Promise<Change>;
@@ -362,6 +416,7 @@ export interface EmbeddedMap {
   shapes: Record<string, EmbeddedShape[]>;
   /** By layer and id. */
   evidence?: Record<string, Record<string, Evidence>>;
+  notes?: Note[];
 }
 
 export interface EmbeddedRaster {

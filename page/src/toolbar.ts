@@ -2,7 +2,7 @@
 
 import { byId, el, icon, iconButton, type ICONS } from "./dom";
 
-export type Tool = "point" | "rectangle" | "polygon" | "path";
+export type Tool = "point" | "rectangle" | "polygon" | "path" | "note";
 
 export interface ToolVerbs {
   menu: () => void;
@@ -16,6 +16,11 @@ const TOOLS: { tool: Tool; label: string; title: string }[] = [
   { tool: "rectangle", label: "Rectangle", title: "Query a rectangle: drag it" },
   { tool: "polygon", label: "Polygon", title: "Query an area: click its corners" },
   { tool: "path", label: "Path", title: "Find the shortest path: click its start and its goal" },
+  {
+    tool: "note",
+    label: "Note",
+    title: "Leave a note: click its place, or drop a file on the map",
+  },
 ];
 
 export class Toolbar {
@@ -49,6 +54,11 @@ export class Toolbar {
 
   offerPath(offered: boolean): void {
     const button = this.tools.get("path");
+    if (button) button.hidden = !offered;
+  }
+
+  offerNotes(offered: boolean): void {
+    const button = this.tools.get("note");
     if (button) button.hidden = !offered;
   }
 

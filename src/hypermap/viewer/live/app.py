@@ -17,6 +17,12 @@ from starlette.responses import Response, StreamingResponse
 from starlette.routing import Route
 
 from hypermap.core.errors import HypermapError, LayerNotFound, ObjectNotFound
+from hypermap.viewer.live.attached import (
+    Uploads,
+    attached_file,
+    describe_notes,
+    file_reply,
+)
 from hypermap.viewer.live.cache import ByteCache
 from hypermap.viewer.live.changes import Change
 from hypermap.viewer.live.description import describe_map
@@ -80,6 +86,7 @@ class MapApp:
         self._views = LayerViews()
         self._tiles = ByteCache(_CACHE)
         self._paths = Paths()
+        self._uploads = Uploads()
         self.app = Starlette(
             routes=[
                 Route("/", self._page),
@@ -95,6 +102,9 @@ class MapApp:
                 Route("/api/path", self._path),
                 Route("/api/objects/{layer:path}/{id}/evidence", self._evidence),
                 Route("/api/objects/{layer:path}/{id}", self._object),
+                Route("/api/notes", self._notes),
+                Route("/api/notes/{layer:path}/{id}/{sha256}", self._attached),
+                Route("/api/files", self._upload, methods=["POST"]),
                 Route("/api/edit", self._edit, methods=["POST"]),
                 Route("/api/undo", self._undo, methods=["POST"]),
                 Route("/api/redo", self._redo, methods=["POST"]),
@@ -226,7 +236,24 @@ class MapApp:
         answer = describe_evidence(self.document.current.hypermap, layer, number)
         return json_reply({**answer, **snippets_for_evidence(path, layer, number)})
 
+    def _notes(self, _: Request) -> Response:
+        return json_reply(describe_notes(self.document.current.hypermap))
+
+    def _attached(self, request: Request) -> Response:
+        layer, sha256 = request.path_params["layer"], request.path_params["sha256"]
+        number = whole_number_in(request.path_params, "id")
+        hypermap = self.document.current.hypermap
+        return file_reply(attached_file(hypermap, layer, number, sha256))
+
     # Changes
+
+    async def _upload(self, request: Request) -> Response:
+        if not self.document.is_editable:
+            raise Refused("the map is read-only", 403)
+        name = text_in(request.query_params, "name") or "file"
+        path = self.document.file.path
+        found = await self._uploads.receive(request.stream(), name, path)
+        return json_reply({"sha256": found.sha256, "name": found.name, "kind": found.kind})
 
     async def _edit(self, request: Request) -> Response:
         body = await read_body(request)
@@ -234,7 +261,8 @@ class MapApp:
         ids: list[int] = []
 
         def change(draft: Any) -> None:
-            made = [apply_operation(draft, operation) for operation in operations]
+            files = self._uploads.files
+            made = [apply_operation(draft, operation, files) for operation in operations]
             ids.extend(number for number in made if number is not None)
 
         draft = await run_in_threadpool(self.document.edit, version, change)

@@ -9,13 +9,15 @@ from typing import TypeAlias
 from hypermap.core.errors import HypermapError
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.layer import Layer
+from hypermap.core.notes import Note
+from hypermap.core.notes_layer import NotesLayer
 from hypermap.core.objects import SemanticObject
 from hypermap.core.semantic import SemanticLayer
 
 
 @dataclass(frozen=True)
 class Change:
-    """One object that was added, replaced or removed.
+    """One object or note that was added, replaced or removed.
 
     Attributes:
         layer: name of the layer that holds it.
@@ -26,8 +28,8 @@ class Change:
 
     layer: str
     id: int
-    before: SemanticObject | None
-    after: SemanticObject | None
+    before: SemanticObject | Note | None
+    after: SemanticObject | Note | None
 
     def inverse(self) -> Change:
         """Return the change that undoes this one."""
@@ -36,19 +38,21 @@ class Change:
 
 @dataclass(frozen=True)
 class LayerChange:
-    """A layer without objects that was added or removed.
+    """A layer without objects or notes that was added or removed.
 
     Attributes:
         layer: its name.
         is_there: whether it exists after the change.
+        has_notes: whether it is a layer of notes, not of objects.
     """
 
     layer: str
     is_there: bool
+    has_notes: bool = False
 
     def inverse(self) -> LayerChange:
         """Return the change that undoes this one."""
-        return LayerChange(self.layer, not self.is_there)
+        return LayerChange(self.layer, not self.is_there, self.has_notes)
 
 
 AnyChange: TypeAlias = Change | LayerChange
@@ -87,6 +91,7 @@ class Draft:
         self.changes: list[AnyChange] = []
         self._check = check
         self._own: dict[str, SemanticLayer] = {}
+        self._notes: dict[str, NotesLayer] = {}
 
     def add(self, layer: str, item: SemanticObject) -> int:
         """Add an object, its footprint in the layer's frame, and return its id."""
@@ -116,6 +121,45 @@ class Draft:
         self.layer(layer).remove([number])
         self.changes.append(Change(layer, number, before, None))
 
+    def put_note(self, layer: str, note: Note) -> int:
+        """Add a note, its place in the layer's frame, or replace the one with its id.
+
+        Returns:
+            Its id.
+
+        Raises:
+            ObjectNotFound: If it has an id, and the layer has no such note.
+        """
+        before = None if note.id is None else self.get_note(layer, note.id)
+        if before is not None and before.id is not None:
+            self.notes(layer).remove(before.id)
+        number = self.notes(layer).add(note)
+        self.changes.append(Change(layer, number, before, self.notes(layer)[number]))
+        return number
+
+    def get_note(self, layer: str, number: int) -> Note:
+        """Return a note in order to change it; raises like `get`."""
+        self._check(layer, number)
+        return self.notes(layer)[number]
+
+    def remove_note(self, layer: str, number: int) -> None:
+        """Remove a note; raises like `get`."""
+        before = self.get_note(layer, number)
+        self.notes(layer).remove(number)
+        self.changes.append(Change(layer, number, before, None))
+
+    def add_notes_layer(self, name: str) -> None:
+        """Add an empty layer of notes in the base frame.
+
+        Raises:
+            HypermapError: If there is a layer of that name.
+        """
+        if name in self.hypermap:
+            raise HypermapError(f"layer {name!r} already exists; choose another name for notes")
+        self._notes[name] = NotesLayer(name, self.hypermap.base_frame)
+        self._replace_layers([*self.hypermap, self._notes[name]])
+        self.changes.append(LayerChange(name, True, has_notes=True))
+
     def add_layer(self, name: str) -> None:
         """Add an empty semantic layer in the base frame, drawn beneath other objects.
 
@@ -141,19 +185,43 @@ class Draft:
         """
         removed = self.hypermap[name]
         self._own.pop(name, None)
+        self._notes.pop(name, None)
         self._replace_layers([layer for layer in self.hypermap if layer is not removed])
-        self.changes.append(LayerChange(name, False))
+        self.changes.append(LayerChange(name, False, isinstance(removed, NotesLayer)))
 
     def apply(self, change: AnyChange) -> None:
         """Make a change."""
         if isinstance(change, LayerChange):
-            (self.add_layer if change.is_there else self.remove_layer)(change.layer)
+            add = self.add_notes_layer if change.has_notes else self.add_layer
+            (add if change.is_there else self.remove_layer)(change.layer)
+        elif isinstance(change.before or change.after, Note):
+            self._apply_to_note(change)
         elif change.after is None:
             self.remove(change.layer, change.id)
-        elif change.before is None:
+        elif isinstance(change.after, SemanticObject) and change.before is None:
             self.add(change.layer, change.after)
-        else:
+        elif isinstance(change.after, SemanticObject):
             self.update(change.layer, change.id, change.after)
+
+    def _apply_to_note(self, change: Change) -> None:
+        """Make a change of a note, so that it is as it was or will be, to the second."""
+        if change.before is not None:
+            self.notes(change.layer).remove(change.id)
+        if isinstance(change.after, Note):
+            self.notes(change.layer).add(change.after)
+        self.changes.append(change)
+
+    def notes(self, name: str) -> NotesLayer:
+        """Return a copy of a layer of notes that may be changed.
+
+        Raises:
+            LayerNotFound: If there is none of that name.
+            HypermapError: If it is of another kind.
+        """
+        if name not in self._notes:
+            self._notes[name] = self.hypermap.layer(name, NotesLayer).copy()
+            self.hypermap = self.hypermap.with_layer(self._notes[name])
+        return self._notes[name]
 
     def layer(self, name: str) -> SemanticLayer:
         """Return a copy of a layer that may be changed.

@@ -106,6 +106,8 @@ def _kind(view: LayerView) -> dict[str, Any]:
         }
     if view.shapes is not None:
         return {"kind": "shapes", "count": len(view.shapes.ids)}
+    if view.notes is not None:
+        return {"kind": "notes", "count": len(view.notes)}
     return {"kind": "none", "count": 0}
 
 

@@ -10,10 +10,12 @@ import shapely
 
 from hypermap.core.arrays import as_objects
 from hypermap.core.hypermap import ROOMS
+from hypermap.core.notes import Attachment
 from hypermap.core.objects import SemanticObject
 from hypermap.core.shapes import valid_copies
 from hypermap.rooms.rooms import Rooms
 from hypermap.viewer.live.changes import Draft
+from hypermap.viewer.live.note_edits import NOTE_KINDS, apply_to_note
 from hypermap.viewer.live.request_errors import Refused
 from hypermap.viewer.live.requests import footprint_in, line_in, text_in, whole_number_in
 from hypermap.viewer.live.room_edits import find_rooms, set_doors, split_room
@@ -21,7 +23,7 @@ from hypermap.viewer.live.room_edits import find_rooms, set_doors, split_room
 MOST_OPERATIONS = 500
 """How many operations one request may hold."""
 
-_KINDS = ("add", "update", "merge", "split", "remove", "add_layer", "find_rooms")
+_KINDS = ("add", "update", "merge", "split", "remove", "add_layer", "find_rooms", *NOTE_KINDS)
 _SEEN = "evidence"  # the attribute that says how often an object was seen
 _LONGEST = 200  # characters of a name or tag
 _MOST_TAGS = 100
@@ -43,8 +45,15 @@ def operations_in(body: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     return operations
 
 
-def apply_operation(draft: Draft, operation: Mapping[str, Any]) -> int | None:
+def apply_operation(
+    draft: Draft, operation: Mapping[str, Any], files: Mapping[str, Attachment] | None = None
+) -> int | None:
     """Make the change that an operation asks for, and return the object's id; None for layers.
+
+    Args:
+        draft: the map.
+        operation: what to do.
+        files: that may be attached to notes, by their hashes.
 
     Raises:
         Refused: If the operation is incomplete or wrong.
@@ -55,6 +64,8 @@ def apply_operation(draft: Draft, operation: Mapping[str, Any]) -> int | None:
     layer = text_in(operation, "layer")
     if layer is None:
         raise Refused("layer: the operation must name one")
+    if kind in NOTE_KINDS:
+        return apply_to_note(draft, layer, operation, files or {})
     if kind == "add_layer":
         draft.add_layer(_checked(layer, "layer"))
         return None

@@ -14,6 +14,7 @@ from typing import Any
 from hypermap.core.errors import HypermapError
 from hypermap.core.hypermap import Hypermap
 from hypermap.formats.atomic import write_file
+from hypermap.viewer.live.attached import embed_notes
 from hypermap.viewer.live.description import describe_map
 from hypermap.viewer.live.embedded_evidence import embed_evidence
 from hypermap.viewer.live.embedded_raster import MAX_PIXELS, EmbeddedRaster, embed_raster
@@ -97,7 +98,8 @@ def _blob(
     notes += described.get("notes", [])
     shown = {"name": map_path.name, "path": map_path.name, **still, **described, "notes": notes}
     parts = {"rasters": rasters, "shapes": shapes, "evidence": evidence}
-    return {"version": 1, "map": shown, **parts}, tuple(notes)
+    noted = embed_notes(hypermap)
+    return {"version": 1, "map": shown, **parts, "notes": noted}, tuple(notes)
 
 
 def _notes(name: str, raster: EmbeddedRaster) -> list[str]:

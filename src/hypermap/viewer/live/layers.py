@@ -14,6 +14,7 @@ from hypermap.core.errors import FrameError
 from hypermap.core.frames import Pose2D
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.layer import Layer, RasterPicture
+from hypermap.core.notes_layer import NotesLayer
 from hypermap.core.occupancy import COLORS, OccupancyLayer
 from hypermap.viewer.live.pyramid import Pyramid
 from hypermap.viewer.live.shapes import LayerShapes
@@ -25,6 +26,7 @@ class LayerView:
 
     Attributes:
         base_T_layer: pose of its frame in the base frame.
+        notes: the layer, if it holds notes.
         pyramid: of a layer that is drawn as a grid.
         shapes: of a layer that is drawn as shapes.
         legend: text for single colors of a grid: label -> (r, g, b), 0..255.
@@ -36,6 +38,7 @@ class LayerView:
     shapes: LayerShapes | None = None
     legend: Mapping[str, tuple[int, int, int]] = field(default_factory=dict)
     problem: str = ""
+    notes: NotesLayer | None = None
 
     @property
     def bounds(self) -> tuple[float, float, float, float] | None:
@@ -45,6 +48,8 @@ class LayerView:
         elif self.shapes is not None and len(self.shapes.ids):
             box = shapely.box(*self.shapes.bounds)
             points = self.base_T_layer.apply(shapely.get_coordinates(box))
+        elif self.notes is not None and len(self.notes):
+            points = self.base_T_layer.apply(shapely.get_coordinates(self.notes.extent()))
         else:
             return None
         low, high = np.min(points, axis=0), np.max(points, axis=0)
@@ -74,6 +79,8 @@ def _view(hypermap: Hypermap, layer: Layer) -> LayerView:
         return LayerView(Pose2D(), problem=str(error))
     if isinstance(layer, OccupancyLayer):
         return LayerView(base_T_layer, pyramid=Pyramid.of(layer), legend=COLORS)
+    if isinstance(layer, NotesLayer):
+        return LayerView(base_T_layer, notes=layer)
     picture = layer.picture()
     if isinstance(picture, RasterPicture):
         return LayerView(base_T_layer, Pyramid.of_picture(picture), legend=picture.legend)
