@@ -250,7 +250,7 @@ def _flat(values: dict[str, Any], prefix: str = "") -> list[tuple[str, str]]:
 
 def describe_recording(info: RecordingInfo) -> dict[str, Any]:
     """Return what `--json` prints of a recording."""
-    from hypermap.cli.detection_source import has_recorded_detections, no_detections
+    from hypermap.perception.detectors.origin import has_recorded_detections, no_detections
 
     content = asdict(info)
     content.pop("path")

@@ -6,7 +6,8 @@ import shlex
 import signal
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NoReturn
@@ -38,13 +39,17 @@ if TYPE_CHECKING:
     from hypermap.cli.watching import Watched
     from hypermap.core.hypermap import Hypermap
     from hypermap.core.occupancy import OccupancyLayer
+    from hypermap.fleet.ahead import LookedAtAhead
     from hypermap.mapping.config import MappingConfig
     from hypermap.mapping.counts import Counts
     from hypermap.mapping.mapper import MappedFrame, Mapper, Progress
     from hypermap.mapping.preflight import Preflight
+    from hypermap.perception.detectors.origin import DetectionOrigin
     from hypermap.perception.embedders.embedder import Embedder
     from hypermap.perception.frame import DetectionSource
-    from hypermap.perception.recording import Recording
+    from hypermap.perception.recording import PendingRecording, Recording
+
+MOST_WORKERS = 256  # a computer has no more cores
 
 
 @takes_recording_options
@@ -134,6 +139,16 @@ def command(
     strict: Annotated[
         bool, typer.Option("--strict", help="Stop at the first frame that fails.")
     ] = False,
+    workers: Annotated[
+        int,
+        typer.Option(
+            "--workers",
+            metavar="N",
+            min=1,
+            max=MOST_WORKERS,
+            help="Let N processes look at frames ahead of the mapping. The map is the same.",
+        ),
+    ] = 1,
     force: ForceMap = False,
     log: Log = None,
     view: View = False,
@@ -167,9 +182,10 @@ def command(
         hypermap map --onto office.hmap --poses corrected.txt -o office.hmap
         hypermap map desk --log desk.rrd -o desk.hmap
         hypermap map heads --level auto -o heads.hmap
+        hypermap map drive.bag --detector yolox-nano --workers 8 -o office.hmap
     """
-    from hypermap.cli.detection_source import detection_source
     from hypermap.mapping.preflight import Preflight
+    from hypermap.perception.detectors.origin import detection_origin
 
     check_map_output(output, force or is_same_file(output, onto))
     base = map_to_go_on_with(onto, map_file)
@@ -187,11 +203,23 @@ def command(
         pictures = replace(settings.pictures, enabled=not no_pictures, people=people)
         settings = replace(settings, pictures=pictures)
     occupancy = _occupancy(map_file, recording)
-    source = detection_source(
+    origin = detection_origin(
         recording, detector, labels, settings.perception.min_score, detections, objects
     )
-    least = 0.0 if strict else max_bad
-    job = _Job(recording, source, settings, occupancy, base, onto, least, _embedder(embedder))
+    _note_origin(origin)
+    source = None if origin is None else origin.open()
+    job = _Job(
+        recording=recording,
+        origin=origin,
+        source=source,
+        settings=settings,
+        occupancy=occupancy,
+        base=base,
+        onto=onto,
+        max_bad=0.0 if strict else max_bad,
+        embedder=_embedder(embedder),
+        workers=workers,
+    )
     frames = len(recording)  # which reads a bag through once
     name, notes = recording.path.name, PreflightNotes()
     preflight = Preflight(notes.add, settings.perception.max_depth, options.world_pose())
@@ -214,7 +242,8 @@ def command(
 class _Job:
     """What is mapped, onto what, and how; `base` is the map of the file `onto`."""
 
-    recording: Recording
+    recording: PendingRecording
+    origin: DetectionOrigin | None
     source: DetectionSource | None
     settings: MappingConfig
     occupancy: OccupancyLayer | None
@@ -222,6 +251,7 @@ class _Job:
     onto: Path | None
     max_bad: float
     embedder: Embedder | None
+    workers: int
 
 
 @dataclass(frozen=True)
@@ -237,6 +267,16 @@ def _embedder(path: str | None) -> Embedder | None:
     from hypermap.perception.embedders.load import load_embedder
 
     return None if path is None else load_embedder(path)
+
+
+def _note_origin(origin: DetectionOrigin | None) -> None:
+    """Say where detections come from, if the user did not."""
+    if origin is None or origin.detector is not None:
+        return
+    if origin.file is None:
+        note("taking the detections recorded in the bag")
+    elif origin.is_found:
+        note(f"taking detections from {origin.file}")
 
 
 def _occupancy(map_file: Path | None, recording: Recording) -> OccupancyLayer | None:
@@ -261,8 +301,8 @@ def _make_map(
 
     started, pace, rate = time.monotonic(), Pace(), 0.0
     counts = Counts()
-    with mapping_progress(frames) as report:
-        stoppable = StoppableRecording(job.recording, stop)
+    with mapping_progress(frames) as report, _looking_ahead(job) as ahead:
+        stoppable = StoppableRecording(ahead or job.recording, stop)
 
         def watch(mapped: MappedFrame, mapper: Mapper) -> None:
             for watcher in watchers:
@@ -287,6 +327,7 @@ def _make_map(
                     job.max_bad,
                     job.base,
                     job.embedder,
+                    ahead,
                 )
         except HypermapError:
             if stoppable.ended_early:
@@ -295,6 +336,19 @@ def _make_map(
             raise
     _note_frames(hypermap, counts, job.settings, time.monotonic() - started, rate)
     return _Made(hypermap, counts, not stoppable.ended_early)
+
+
+@contextmanager
+def _looking_ahead(job: _Job) -> Iterator[LookedAtAhead | None]:
+    """Yield the recording as workers look at it, if there are to be any."""
+    if job.workers == 1:
+        yield None
+        return
+    from hypermap.fleet.ahead import LookedAtAhead
+    from hypermap.fleet.workers import Processes
+
+    with Processes(job.workers) as workers:
+        yield LookedAtAhead(job.recording, workers, job.origin)
 
 
 def _end_unchanged(output: Path, name: str, stop: Stop, made: _Made) -> NoReturn:

@@ -18,7 +18,7 @@ import typer
 from hypermap.core.errors import HypermapError
 
 if TYPE_CHECKING:
-    from hypermap.perception.recording import Recording
+    from hypermap.perception.recording import PendingRecording
     from hypermap.recordings import RecordingOptions
 
 PANEL = "What the recording does not contain"
@@ -109,7 +109,7 @@ class RecordingRequest:
     options: RecordingOptions
     measured: frozenset[str] = frozenset()
 
-    def open(self, path: Path) -> tuple[Recording, RecordingOptions]:
+    def open(self, path: Path) -> tuple[PendingRecording, RecordingOptions]:
         """Return the recording, and the options with what was measured.
 
         Raises:

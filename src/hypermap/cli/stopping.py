@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import signal
 from collections.abc import Iterator
-from pathlib import Path
 
 from hypermap.cli.signals import Stop
 from hypermap.cli.terminal import note
-from hypermap.core.occupancy import OccupancyLayer
 from hypermap.perception.frame import RgbdFrame
-from hypermap.perception.recording import OnBadFrame, Recording, RecordingInfo
+from hypermap.perception.recording import OnBadFrame, Recording, SameRecording
 
 
-class StoppableRecording:
+class StoppableRecording(SameRecording):
     """A recording that ends early when the user stops it; otherwise unchanged.
 
     Attributes:
@@ -22,21 +20,8 @@ class StoppableRecording:
 
     def __init__(self, recording: Recording, stop: Stop) -> None:
         self.ended_early = False
-        self._recording = recording
+        super().__init__(recording)
         self._stop = stop
-
-    @property
-    def path(self) -> Path:
-        """Where it lies."""
-        return self._recording.path
-
-    @property
-    def frame_id(self) -> str:
-        """The fixed frame of its poses."""
-        return self._recording.frame_id
-
-    def __len__(self) -> int:
-        return len(self._recording)
 
     def frames(self, on_bad: OnBadFrame | None = None) -> Iterator[RgbdFrame]:
         """Yield the frames in order of time, until the user stops it."""
@@ -47,11 +32,3 @@ class StoppableRecording:
                 note(f"stopping; saving the map so far{way_out}")
                 return
             yield frame
-
-    def info(self) -> RecordingInfo:
-        """Say what is inside and what is missing."""
-        return self._recording.info()
-
-    def occupancy(self) -> OccupancyLayer | None:
-        """Return the recorded occupancy map, if there is one."""
-        return self._recording.occupancy()

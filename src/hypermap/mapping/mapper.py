@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache, partial
-from typing import Any
+from typing import Any, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,14 +44,13 @@ from hypermap.mapping.keyframes import KeyframeSelector
 from hypermap.mapping.looks import embed_objects
 from hypermap.mapping.mapper_state import MapperState, dump_before, dump_state
 from hypermap.mapping.occupancy import OccupancyMapper
+from hypermap.mapping.perceived import Perceived, Perceiver, no_detections
 from hypermap.mapping.pictures import keep_pictures
 from hypermap.mapping.preflight import Preflight
 from hypermap.perception.detections import Detections
-from hypermap.perception.detectors.sources import detections_of
 from hypermap.perception.embedders.embedder import Embedder
 from hypermap.perception.frame import DetectionSource, RgbdFrame
 from hypermap.perception.observation import Observation
-from hypermap.perception.observe import observe, usable_detections
 from hypermap.perception.recording import Recording
 
 _log = logging.getLogger(__name__)
@@ -62,6 +61,9 @@ _MAX_FAILED_FIRST = 100  # frames that may fail before the first usable one
 
 _OCCUPANCY = "occupancy"
 _FARTHEST = 1e9  # meters; beyond, geometry on the floor loses its precision
+
+
+Perceive: TypeAlias = "Callable[[RgbdFrame, Perceiver], Perceived]"
 
 
 class BadFrame(HypermapError):
@@ -113,6 +115,9 @@ class Mapper:
         watch: called after each mapped frame; None for no observer.
         embedder: encodes what frames show of objects; None to keep the embeddings that there are.
             Set it by `embed_with`.
+        perceive: says what a frame shows by itself: the perceiver that it is given does, unless
+            somebody has looked at the frame before.
+        keyframes: skips frames whose camera has hardly moved.
     """
 
     def __init__(
@@ -143,9 +148,10 @@ class Mapper:
         self.surplus = 0
         self.watch: Callable[[MappedFrame, Mapper], None] | None = None
         self.embedder: Embedder | None = None
-        self._source = source or _no_detections
+        self.perceive: Perceive = _now
+        self._source = source or no_detections
         self._has_objects = self._looks_for_objects = source is not None
-        self._keyframes = KeyframeSelector(config.keyframes)
+        self.keyframes = KeyframeSelector(config.keyframes)
         self._given_occupancy = occupancy
         self._aligner = None if occupancy is None else Aligner(occupancy, config.alignment)
         self._frame_id = frame_id
@@ -197,7 +203,7 @@ class Mapper:
         mapper = cls(own_config, source, occupancy, hypermap.base_frame, drive)
         mapper._has_objects = mapper._has_objects or layer_of_objects(hypermap) is not None
         mapper.evidence.go_on_with(state.tracks, edits_of(hypermap, state))
-        mapper._keyframes.go_on_from(state.keyframe)
+        mapper.keyframes.go_on_from(state.keyframe)
         if state.log_odds is not None:
             mapper._occupancy.go_on_with(state.first_cell, state.log_odds)
         if mapper._aligner is not None and state.alignment is not None:
@@ -237,34 +243,30 @@ class Mapper:
             self.leave_out(frame.stamp, reason)
             return None
         if self._earlier.with_frame(frame) is not None:
-            self._keyframes.go_on_from(frame.map_T_camera)
+            self.keyframes.go_on_from(frame.map_T_camera)
             self._count(repeated=1)
             return None
-        if not self._keyframes.accept(frame.map_T_camera):
+        if not self.keyframes.accept(frame.map_T_camera):
             self._count(skipped=1)
             return None
         recorded = frame
         if self._aligner is not None:
             frame = self._aligner.align(frame)
-        is_watched = self.watch is not None
         try:
-            if is_watched:
-                _ = frame.color  # decoded now, so that a damaged one leaves the map as it was
-            detections = self._detections(frame)
+            perceived = self.perceive(frame, self.perceiver)
         except HypermapError as error:
-            self._keyframes.undo()
+            self.keyframes.undo()
             raise BadFrame(str(error)) from error
-        # Only observers need the segments, which refer to the usable detections.
-        observation = observe(frame, detections, self.config.perception, keep_segments=is_watched)
-        seen = self._occupancy.seen_in(frame) if self.makes_occupancy else None
+        self._count_surplus(frame, perceived)
+        observation = perceived.observation
         if self._log.is_full:
             self._log.begin_part(dump_before(self._state([])))
         change: Callable[[], None] | None = None
         if self.makes_occupancy:
             try:
-                change = self._occupancy.change_by(seen)
+                change = self._occupancy.change_by(perceived.cells)
             except HypermapError as error:  # one bad pose must not end an hour of mapping
-                self._keyframes.undo()
+                self.keyframes.undo()
                 self.leave_out(frame.stamp, str(error))
                 return None
         if self._looks_for_objects:  # otherwise nothing that is not found would be missing
@@ -272,16 +274,16 @@ class Mapper:
         if change is not None:  # last, as nothing can stop it
             change()
         self._drive.add(recorded)
-        logged = packed_frame(LoggedFrame(observation, seen, self._looks_for_objects))
+        logged = packed_frame(LoggedFrame(observation, perceived.cells, self._looks_for_objects))
         self._log.add(frame.stamp, logged, frame.map_T_camera)
         self._count(used=1)
         if self._looks_for_objects and self.config.pictures.enabled:
-            keep_pictures(frame, detections, self.evidence, self.config.pictures)
+            keep_pictures(frame, perceived.detections, self.evidence, self.config.pictures)
         if self._looks_for_objects and self.embedder is not None:
             people = self.config.pictures.people
-            embed_objects(frame, detections, self.evidence, self.embedder, people)
+            embed_objects(frame, perceived.detections, self.evidence, self.embedder, people)
         if self.watch is not None:
-            self.watch(MappedFrame(frame, detections, observation), self)
+            self.watch(MappedFrame(frame, perceived.detections, observation), self)
         return observation
 
     def correct_poses_by(self, occupancy: OccupancyLayer) -> None:
@@ -334,7 +336,7 @@ class Mapper:
             self._log, poses, self.evidence, self.config, self.evidence.is_free, on_progress
         )
         self.evidence, self._occupancy, self._log = made.evidence, made.occupancy, made.log
-        self._keyframes.go_on_from(poses[-1])
+        self.keyframes.go_on_from(poses[-1])
         self._is_corrected = True
         return correction
 
@@ -396,7 +398,7 @@ class Mapper:
         first_cell, log_odds = self._occupancy.log_odds()
         return MapperState(
             tracks=self.evidence.tracks(),
-            keyframe=self._keyframes.last,
+            keyframe=self.keyframes.last,
             first_cell=first_cell,
             log_odds=None if self._given_occupancy is not None else log_odds,
             drives=self._drives(),
@@ -450,30 +452,40 @@ class Mapper:
         if more:
             _log.warning("%d more frames were left out for the same reasons (-v lists them)", more)
 
-    def _detections(self, frame: RgbdFrame) -> Detections:
-        """Return the usable detections of a frame."""
-        found = detections_of("the source of detections", lambda: self._source(frame))
-        masks, shape = found.masks, frame.depth.shape
-        if masks is not None and len(masks) and masks.shape[1:] != shape:
-            raise HypermapError(
-                f"the masks of the detections have the shape {masks.shape[1:]}, the image {shape}"
-            )
-        usable = usable_detections(found, self.config.perception)
-        surplus = np.count_nonzero(found.scores >= self.config.perception.min_score) - len(usable)
-        if surplus:
+    @property
+    def perceiver(self) -> Perceiver:
+        """What looks at single frames."""
+        occupancy = self.config.occupancy if self.makes_occupancy else None
+        return Perceiver(
+            self._source, self.config.perception, occupancy, is_watched=self.watch is not None
+        )
+
+    def _count_surplus(self, frame: RgbdFrame, seen: Perceived) -> None:
+        """Count the detections that were dropped because there were too many, and log the first."""
+        if seen.surplus:
             log = _log.debug if self.surplus else _log.warning
             log(
                 "frame %.6f: dropped %d detections, because only the best %d of a frame are used "
                 "(max_detections); later frames like this one are only counted",
                 frame.stamp,
-                surplus,
-                len(usable),
+                seen.surplus,
+                len(seen.detections),
             )
-            self.surplus += int(surplus)
-        return usable
+            self.surplus += seen.surplus
 
     def _count(self, **fates: int) -> None:
         self.counts += Counts(**fates)
+
+
+class Ahead(Protocol):
+    """Looks at the frames of a recording before they are mapped."""
+
+    def begin(self, mapper: Mapper) -> None:
+        """Look at frames as this mapper would."""
+
+    def perceive(self, frame: RgbdFrame, perceiver: Perceiver) -> Perceived:
+        """Return what a frame shows; see `Mapper.perceive`."""
+        ...
 
 
 def map_recording(
@@ -487,6 +499,7 @@ def map_recording(
     max_bad: float = MAX_BAD,
     onto: Hypermap | None = None,
     embedder: Embedder | None = None,
+    ahead: Ahead | None = None,
 ) -> Hypermap:
     """Return the map of a recording.
 
@@ -511,6 +524,7 @@ def map_recording(
         onto: a map to go on with, as `Mapper.onto` does; its occupancy layer goes on, too, and
             that of the recording is left out.
         embedder: encodes what frames show of objects; None for no embeddings.
+        ahead: looks at the frames of this recording before they are mapped.
 
     Raises:
         HypermapError: If the recording or the source fails too often, no frame is usable, or
@@ -526,6 +540,9 @@ def map_recording(
         mapper = Mapper(config, source, occupancy, recording.frame_id, recording.path.name)
     mapper.watch = watch
     mapper.embed_with(embedder)
+    if ahead is not None:
+        mapper.perceive = ahead.perceive
+        ahead.begin(mapper)
     preflight = preflight or Preflight(max_depth=config.perception.max_depth)
     bad = _BadFrames(mapper, recording, max_bad)
     for frame in recording.frames(bad.add):
@@ -592,8 +609,8 @@ class _BadFrames:
             )
 
 
-def _no_detections(_frame: RgbdFrame) -> Detections:
-    return Detections.of([], [])
+def _now(frame: RgbdFrame, perceiver: Perceiver) -> Perceived:
+    return perceiver(frame)
 
 
 def why_unusable(frame: RgbdFrame) -> str | None:

@@ -6,7 +6,7 @@ import copy
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -97,6 +97,9 @@ class RgbdFrame:
             raise ValueError(f"cloud must have shape {(*shape, 3)}, got {self.cloud.shape}")
         if self.cloud is not None and self.cloud.dtype not in _FLOATS:
             raise ValueError(f"cloud must be meters as float32, got {self.cloud.dtype}")
+
+    def __getstate__(self) -> dict[str, Any]:  # to travel from one process to another
+        return {name: value for name, value in vars(self).items() if name != "_points"}
 
     def moved_to(self, map_T_camera: NDArray[np.float64]) -> RgbdFrame:
         """Return the same images as taken from another pose, shape (4, 4)."""

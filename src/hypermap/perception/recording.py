@@ -7,6 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol, TypeAlias, TypeVar
 
+import numpy as np
+from numpy.typing import NDArray
+
 from hypermap.core.errors import HypermapError
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.perception.frame import RgbdFrame
@@ -59,6 +62,21 @@ class RecordingInfo:
     notes: tuple[str, ...] = ()
 
 
+@dataclass(frozen=True, eq=False)
+class PendingFrame:
+    """A frame that is not yet read; it may be pickled and read by another process.
+
+    Attributes:
+        stamp: of its depth image [s].
+        map_T_camera: its pose, shape (4, 4); None if it is known only once the frame is read.
+        load: returns the frame, or raises a HypermapError if it cannot be read.
+    """
+
+    stamp: float
+    map_T_camera: NDArray[np.float64] | None
+    load: Callable[[], RgbdFrame]
+
+
 class Recording(Protocol):
     """A recording that can be turned into frames."""
 
@@ -95,6 +113,49 @@ class Recording(Protocol):
     def occupancy(self) -> OccupancyLayer | None:
         """Return the recorded occupancy map, if there is one."""
         ...
+
+
+class PendingRecording(Recording, Protocol):
+    """A recording whose frames can be read in any order, by several processes."""
+
+    def pending(self, on_bad: OnBadFrame | None = None) -> Iterator[PendingFrame]:
+        """Yield what `frames` yields, not yet read.
+
+        Args:
+            on_bad: called for each part of the recording that is known to be damaged.
+
+        Raises:
+            FormatError: As `frames` does.
+        """
+        ...
+
+
+class SameRecording:
+    """A recording that is another one in all but its frames."""
+
+    def __init__(self, recording: Recording) -> None:
+        self._recording = recording
+
+    @property
+    def path(self) -> Path:
+        """Where it lies."""
+        return self._recording.path
+
+    @property
+    def frame_id(self) -> str:
+        """The fixed frame of its poses."""
+        return self._recording.frame_id
+
+    def __len__(self) -> int:
+        return len(self._recording)
+
+    def info(self) -> RecordingInfo:
+        """Say what is inside and what is missing."""
+        return self._recording.info()
+
+    def occupancy(self) -> OccupancyLayer | None:
+        """Return the recorded occupancy map, if there is one."""
+        return self._recording.occupancy()
 
 
 def or_report(read: Callable[[], _Part], stamp: float, on_bad: OnBadFrame | None) -> _Part | None:

@@ -7,6 +7,7 @@ points stay where they are in the map.
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,7 +45,7 @@ def _turned_once(frame: RgbdFrame) -> RgbdFrame:
         depth=_clockwise(frame.depth),
         camera=new,
         map_T_camera=compose(frame.map_T_camera, _OLD_T_NEW),
-        color=None if frame.color_stamp is None else lambda: _color(frame),
+        color=None if frame.color_stamp is None else partial(_color, frame),
         color_stamp=frame.color_stamp,
         detections=None if found is None else _detections(found, camera.height),
         cloud=None if cloud is None else _clockwise(cloud)[..., [1, 0, 2]] * _SIGNS,

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from hypermap.core.errors import FileMissing, FormatError, HypermapError
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.perception.frame import Camera, RgbdFrame
-from hypermap.perception.recording import OnBadFrame, or_report
+from hypermap.perception.recording import OnBadFrame, PendingFrame, or_report
 from hypermap.perception.turning import turned
 from hypermap.recordings.options import RecordingOptions
 from hypermap.recordings.pictures import (
@@ -55,6 +55,52 @@ class Shot:
     pose: Callable[[], NDArray[np.float64]]
 
 
+@dataclass(frozen=True, eq=False)
+class ShotReader:
+    """Reads the frames of a folder.
+
+    Attributes:
+        depth_camera: of all depth images.
+        units_per_meter: of their integers.
+        registration: of depth to color; None if depth is already registered.
+        rotate: degrees by which to rotate the images clockwise.
+    """
+
+    depth_camera: Camera
+    units_per_meter: float
+    registration: Registration | None
+    rotate: int
+
+    def pose(self, shot: Shot) -> NDArray[np.float64]:
+        """Return `map_T_camera` of a frame, shape (4, 4), before its images are rotated.
+
+        Raises:
+            HypermapError: If its pose cannot be read.
+        """
+        pose = shot.pose()
+        return pose if self.registration is None else self.registration.pose(pose)
+
+    def frame(self, shot: Shot) -> RgbdFrame:
+        """Return a frame.
+
+        Raises:
+            HypermapError: If its pose or its depth image cannot be read.
+        """
+        pose, camera = self.pose(shot), self.depth_camera
+        depth = load_depth(shot.depth, camera, self.units_per_meter)
+        if self.registration is not None:
+            depth, camera = self.registration.depth(depth, camera), self.registration.camera
+        frame = RgbdFrame(
+            stamp=shot.stamp,
+            depth=depth,
+            camera=camera,
+            map_T_camera=pose,
+            color=partial(load_color, shot.color, camera) if shot.color else None,
+            color_stamp=shot.color_stamp,
+        )
+        return turned(frame, self.rotate)
+
+
 class ImageFolder(ABC):
     """A recording that is a folder of depth and color images with poses.
 
@@ -87,28 +133,23 @@ class ImageFolder(ABC):
             FormatError: If a list, an image, a pose or the intrinsics are broken.
             FileMissing: If one of them is missing.
         """
+        for pending in self.pending():
+            if (frame := or_report(pending.load, pending.stamp, on_bad)) is not None:
+                yield frame
+
+    def pending(self, on_bad: OnBadFrame | None = None) -> Iterator[PendingFrame]:  # noqa: ARG002
+        """Yield the frames before they are read; see `PendingRecording.pending`."""
         shots, depth_camera, registration = self._shots(), self._camera, self._registration
-        camera = depth_camera if registration is None else registration.camera
         for note in self._left_out:
             _log.warning("%s: %s", self._path, note)
         scale = self._options.depth_scale or self.depth_scale
+        reader = ShotReader(depth_camera, scale, registration, self._options.rotate)
         for shot in shots:
-            load = partial(load_depth, shot.depth, depth_camera, scale)
-            pose = or_report(shot.pose, shot.stamp, on_bad)
-            if pose is None or (depth := or_report(load, shot.stamp, on_bad)) is None:
-                continue
-            if registration is not None:
-                depth = registration.depth(depth, depth_camera)
-                pose = registration.pose(pose)
-            frame = RgbdFrame(
-                stamp=shot.stamp,
-                depth=depth,
-                camera=camera,
-                map_T_camera=pose,
-                color=partial(load_color, shot.color, camera) if shot.color else None,
-                color_stamp=shot.color_stamp,
-            )
-            yield turned(frame, self._options.rotate)
+            try:
+                pose = reader.pose(shot)
+            except HypermapError:  # `load` will raise it, too
+                pose = None
+            yield PendingFrame(shot.stamp, pose, partial(reader.frame, shot))
 
     def occupancy(self) -> OccupancyLayer | None:
         """Return None: such a folder holds no occupancy map."""

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from hypermap.core.errors import FileMissing, FormatError
-from hypermap.perception.recording import Recording
+from hypermap.perception.recording import PendingRecording
 from hypermap.recordings.options import RecordingOptions
 
 _LOOKED_FOR = (
@@ -18,7 +18,7 @@ _LOOKED_FOR = (
 _BAG_ENDINGS = (".bag", ".active", ".db3", ".mcap")
 
 
-def open_recording(path: str | Path, options: RecordingOptions | None = None) -> Recording:
+def open_recording(path: str | Path, options: RecordingOptions | None = None) -> PendingRecording:
     """Return the recording at a path, recognized by its files.
 
     Only names are looked at: what is inside, and what is wrong with it, `info` tells.
@@ -47,7 +47,7 @@ def open_recording(path: str | Path, options: RecordingOptions | None = None) ->
     return open_it(path, options or RecordingOptions())
 
 
-def _recognise(path: Path) -> Callable[[Path, RecordingOptions], Recording] | None:
+def _recognise(path: Path) -> Callable[[Path, RecordingOptions], PendingRecording] | None:
     # Each kind is imported where it is needed: rosbags and Pillow take their time.
     if path.is_file():
         return _bag() if path.suffix in _BAG_ENDINGS else None
@@ -66,7 +66,7 @@ def _recognise(path: Path) -> Callable[[Path, RecordingOptions], Recording] | No
     return None
 
 
-def _bag() -> Callable[[Path, RecordingOptions], Recording]:
+def _bag() -> Callable[[Path, RecordingOptions], PendingRecording]:
     from hypermap.recordings.bag.recording import BagRecording
 
     return BagRecording

@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hypermap.core.errors import FormatError
+from hypermap.perception.frame import Camera
 from hypermap.recordings.bag.file import Topic
 from hypermap.recordings.bag.topics import CLOUD, COMPRESSED
 from hypermap.recordings.messages.clouds import points_of_cloud
@@ -54,3 +56,26 @@ def decode_color(topic: Topic, message: Any) -> NDArray[np.uint8]:
         FormatError: If the message has no color that can be read, or is damaged.
     """
     return color_of_compressed(message) if topic.type == COMPRESSED else color_of_image(message)
+
+
+def check_depth(geometry: Geometry, camera: Camera) -> None:
+    """Raise a FormatError unless a frame's depth has the size of the camera's images."""
+    if geometry.size != (camera.width, camera.height):
+        raise FormatError(
+            f"the depth image has {geometry.size[0]} x {geometry.size[1]} pixels, but the "
+            f"first one has {camera.width} x {camera.height}"
+        )
+
+
+def check_color(
+    color: NDArray[np.uint8], size: tuple[int, int], topic: Topic, depth_topic: Topic
+) -> None:
+    """Raise a FormatError unless a color image has the columns and rows of the frames."""
+    height, width, _ = color.shape
+    if (width, height) != size:
+        raise FormatError(
+            f"color images on {topic.name} have {width} x {height} pixels, "
+            f"but depth images on {depth_topic.name} have {size[0]} x {size[1]}; record depth "
+            "that is registered to color, give --register, or choose other topics with "
+            "--depth-topic and --color-topic"
+        )

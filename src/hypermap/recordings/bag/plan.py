@@ -15,7 +15,12 @@ from hypermap.core.moving_frames import Motion, MovingFrames
 from hypermap.perception.detections import Detections
 from hypermap.perception.frame import Camera
 from hypermap.recordings.bag.contents import Contents, seconds
-from hypermap.recordings.bag.decode import Geometry, decode_color, decode_geometry
+from hypermap.recordings.bag.decode import (
+    Geometry,
+    check_color,
+    decode_color,
+    decode_geometry,
+)
 from hypermap.recordings.bag.file import Topic
 from hypermap.recordings.bag.topics import ChosenTopics
 from hypermap.recordings.messages.camera import camera_of_info, has_distortion
@@ -111,7 +116,7 @@ class BagPlan:
                     raise error
             return None
         if not self._options.register:
-            self.check_color(self._first_color)
+            check_color(self._first_color, self._first.size, topic, self.geometry_topic)
         return topic
 
     @cached_property
@@ -282,29 +287,6 @@ class BagPlan:
         for frame, detections in zip(*pairs, strict=True):
             matched[frame] = in_order[detections]
         return matched
-
-    def check_depth(self, geometry: Geometry) -> None:
-        """Raise a FormatError unless a frame's depth has the size of the camera's images."""
-        if geometry.size != (self.camera.width, self.camera.height):
-            raise FormatError(
-                f"the depth image has {geometry.size[0]} x {geometry.size[1]} pixels, but the "
-                f"first one has {self.camera.width} x {self.camera.height}"
-            )
-
-    def check_color(self, color: NDArray[np.uint8]) -> None:
-        """Raise a FormatError unless a color image has the size of the frames."""
-        (color_height, color_width, _), (width, height) = color.shape, self._first.size
-        if self.registration is not None:
-            width, height = self.registration.camera.width, self.registration.camera.height
-        if (color_width, color_height) != (width, height):
-            depth_topic = self.geometry_topic
-            color_topic = self._topics.color or depth_topic
-            raise FormatError(
-                f"color images on {color_topic.name} have {color_width} x {color_height} pixels, "
-                f"but depth images on {depth_topic.name} have {width} x {height}; record depth "
-                "that is registered to color, give --register, or choose other topics with "
-                "--depth-topic and --color-topic"
-            )
 
     @cached_property
     def _first(self) -> Geometry:

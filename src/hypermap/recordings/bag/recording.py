@@ -3,24 +3,24 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterator
 from functools import cached_property, partial
 from pathlib import Path
-from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
 
 from hypermap.core.errors import FormatError, HypermapError
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.perception.frame import RgbdFrame
-from hypermap.perception.recording import OnBadFrame, RecordingInfo, Stream, or_report
-from hypermap.perception.turning import turned
+from hypermap.perception.recording import (
+    OnBadFrame,
+    PendingFrame,
+    RecordingInfo,
+    Stream,
+    or_report,
+)
 from hypermap.recordings.bag.contents import read_contents
-from hypermap.recordings.bag.decode import Geometry, decode_color, decode_geometry
-from hypermap.recordings.bag.file import BagFile, Topic
+from hypermap.recordings.bag.file import BagFile
 from hypermap.recordings.bag.plan import BagPlan
+from hypermap.recordings.bag.reader import FrameMessages, MessageReader
 from hypermap.recordings.bag.stream import stream_frames
 from hypermap.recordings.bag.topics import ChosenTopics, choose_topics
 from hypermap.recordings.messages.header import as_seconds
@@ -67,6 +67,16 @@ class BagRecording:
         Raises:
             FormatError: If something that mapping needs is missing or broken.
         """
+        for pending in self.pending(on_bad):
+            if (frame := or_report(pending.load, pending.stamp, on_bad)) is not None:
+                yield frame
+
+    def pending(self, on_bad: OnBadFrame | None = None) -> Iterator[PendingFrame]:
+        """Yield the frames before they are decoded; see `PendingRecording.pending`.
+
+        Raises:
+            FormatError: If something that mapping needs is missing or broken.
+        """
         self._require_no_problems()
         plan = self._plan
         for note in (*plan.map_frame_notes, *plan.left_out()):
@@ -75,32 +85,14 @@ class BagRecording:
             if on_bad is None:
                 raise damage
             on_bad(as_seconds(log_time), damage)
-        topics = [topic for topic in (plan.geometry_topic, plan.color_topic) if topic]
-        parts = stream_frames(self._bag, [topic.name for topic in topics], plan.stamps)
-        for i, messages in enumerate(parts):
-            stamps = plan.stamps[i]
-            decode = partial(self._geometry, topics, messages[0], stamps[0])
-            if (geometry := or_report(decode, as_seconds(stamps[0]), on_bad)) is None:
-                continue
-            color: NDArray[np.uint8] | Callable[[], NDArray[np.uint8]] | None = geometry.color
-            if len(topics) > 1:
-                color = partial(self._color, topics, messages[1], stamps[0])
-            camera, pose = plan.camera, plan.frames.map_T_camera[i]
-            if (registration := plan.registration) is not None:
-                depth = registration.depth(geometry.depth, camera, geometry.cloud)
-                geometry = Geometry(depth)
-                camera, pose = registration.camera, registration.pose(pose)
-            frame = RgbdFrame(
-                stamp=as_seconds(stamps[0]),
-                depth=geometry.depth,
-                camera=camera,
-                map_T_camera=pose,
-                color=color,
-                color_stamp=None if color is None else as_seconds(stamps[-1]),
-                detections=plan.detections[i],
-                cloud=geometry.cloud,
+        reader = MessageReader.of(self._path, plan, self._options.rotate)
+        names = [topic.name for topic in reader.topics]
+        for i, messages in enumerate(stream_frames(self._bag, names, plan.stamps)):
+            parts = FrameMessages(
+                tuple(messages), plan.stamps[i], plan.frames.map_T_camera[i], plan.detections[i]
             )
-            yield turned(frame, self._options.rotate)
+            pose = reader.pose(parts)
+            yield PendingFrame(as_seconds(parts.stamps[0]), pose, partial(reader.frame, parts))
 
     def info(self) -> RecordingInfo:
         """Return what is in the bag and what is missing."""
@@ -153,28 +145,6 @@ class BagRecording:
         except FormatError as error:
             raise FormatError(str(error), path=self._path, key=topic.name) from None
         return layer if layer.frame_id == self._plan.map_frame else None
-
-    def _geometry(self, topics: Sequence[Topic], message: Any, stamp: int) -> Geometry:
-        with self._naming(topics, stamp):
-            geometry = decode_geometry(topics[0], message, self._plan.depth_scale)
-            self._plan.check_depth(geometry)
-            return geometry
-
-    def _color(self, topics: Sequence[Topic], message: Any, stamp: int) -> NDArray[np.uint8]:
-        with self._naming(topics, stamp):
-            color = decode_color(topics[1], message)
-            self._plan.check_color(color)
-            return color
-
-    @contextmanager
-    def _naming(self, topics: Sequence[Topic], stamp: int) -> Iterator[None]:
-        """Add the position in the bag to an error."""
-        try:
-            yield
-        except FormatError as error:
-            names = " and ".join(topic.name for topic in topics)
-            key = f"{names} at {as_seconds(stamp):.3f} s"
-            raise FormatError(str(error), path=self._path, key=key) from None
 
     def _occupancy_note(self) -> list[str]:
         if self._topics.occupancy is None:

@@ -1,36 +1,70 @@
-"""Where `hypermap map` takes detections from: as the user says, or from the recording."""
+"""Where the detections of a recording come from: as a user says, or from the recording itself."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from hypermap.cli.terminal import note
 from hypermap.core.errors import HypermapError
-
-if TYPE_CHECKING:
-    from hypermap.perception.frame import DetectionSource
-    from hypermap.perception.recording import Recording, RecordingInfo
+from hypermap.perception.detectors import sources
+from hypermap.perception.detectors.load import load_detector
+from hypermap.perception.frame import DetectionSource
+from hypermap.perception.recording import Recording, RecordingInfo
 
 FILE = "detections.json"  # in the recording's folder
 
 
-def detection_source(
+@dataclass(frozen=True)
+class DetectionOrigin:
+    """Says how to open a source of detections, which each process does for itself.
+
+    Without a detector and a file, they are those recorded with the frames.
+
+    Attributes:
+        detector: see `load_detector`.
+        labels: file of its class names.
+        score: detections of a network with a lower score are dropped.
+        file: of recorded detections.
+        is_found: whether the file was found in the recording, and not named by the user.
+    """
+
+    detector: str | None = None
+    labels: Path | None = None
+    score: float = 0.3
+    file: Path | None = None
+    is_found: bool = False
+
+    def open(self, threads: int | None = None) -> DetectionSource:
+        """Return the source.
+
+        Args:
+            threads: how many a network may use; by default all cores.
+
+        Raises:
+            HypermapError: If it cannot be made.
+        """
+        if self.detector is not None:
+            detector = load_detector(self.detector, self.labels, self.score, threads=threads)
+            return sources.detections_from_detector(detector)
+        if self.file is not None:
+            return sources.detections_from_file(self.file)
+        return sources.detections_from_recording()
+
+
+def detection_origin(
     recording: Recording,
     detector: str | None,
     labels: Path | None,
     score: float,
     detections: Path | None,
     objects: bool = True,
-) -> DetectionSource | None:
-    """Return what says what is on the images; None if there are to be no objects.
+) -> DetectionOrigin | None:
+    """Return where detections come from; None if there are to be no objects.
 
     Raises:
         HypermapError: If the user says two things, there are no detections, or the recording in
             which these are looked for cannot be mapped at all.
     """
-    from hypermap.perception.detectors import load_detector, sources
-
     if detector is not None and detections is not None:
         raise HypermapError("give either --detector or --detections, not both")
     if labels is not None and detector is None:
@@ -39,19 +73,15 @@ def detection_source(
         if detector is not None or detections is not None:
             raise HypermapError("--no-objects leaves no work for --detector or --detections")
         return None
-    if detector is not None:
-        return sources.detections_from_detector(load_detector(detector, labels, score))
-    if detections is not None:
-        return sources.detections_from_file(detections)
+    if detector is not None or detections is not None:
+        return DetectionOrigin(detector, labels, score, detections)
     own_file = recording.path / FILE
     if own_file.is_file():
-        note(f"taking detections from {own_file}")
-        return sources.detections_from_file(own_file)
+        return DetectionOrigin(file=own_file, is_found=True)
     len(recording)  # if it is damaged or incomplete, that comes first
     info = recording.info()
     if has_recorded_detections(info):
-        note("taking the detections recorded in the bag")
-        return sources.detections_from_recording()
+        return DetectionOrigin()
     raise HypermapError(f"{recording.path}: {no_detections(info)}")
 
 

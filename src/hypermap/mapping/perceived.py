@@ -1,0 +1,101 @@
+"""What one frame shows by itself: everything that does not depend on the frames before it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hypermap.core.errors import HypermapError
+from hypermap.mapping.occupancy import OccupancyMapper
+from hypermap.mapping.seen_cells import SeenCells
+from hypermap.mapping.stages import OccupancyConfig
+from hypermap.perception.config import PerceptionConfig
+from hypermap.perception.detections import Detections
+from hypermap.perception.detectors.sources import detections_of
+from hypermap.perception.frame import DetectionSource, RgbdFrame
+from hypermap.perception.observation import Observation
+from hypermap.perception.observe import observe, usable_detections
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """The detections of one frame, whatever its pose.
+
+    Attributes:
+        detections: those that are used.
+        surplus: how many were dropped because there were too many.
+    """
+
+    detections: Detections
+    surplus: int
+
+
+@dataclass(frozen=True, eq=False)
+class Perceived(Found):
+    """What one frame shows.
+
+    Attributes:
+        observation: the footprints of the objects on the floor.
+        cells: the cells that it shows blocked or free; None if that is not asked or there are none.
+    """
+
+    observation: Observation
+    cells: SeenCells | None
+
+
+@dataclass(frozen=True)
+class Perceiver:
+    """Looks at single frames; what it returns depends on the frame alone.
+
+    Attributes:
+        source: says what a frame shows.
+        perception: how objects are cut out.
+        occupancy: how depth becomes cells; None if it does not.
+        is_watched: whether an observer needs the color and the segments of the objects.
+    """
+
+    source: DetectionSource
+    perception: PerceptionConfig
+    occupancy: OccupancyConfig | None
+    is_watched: bool = False
+
+    def __call__(self, frame: RgbdFrame) -> Perceived:
+        """Return what a frame shows.
+
+        Raises:
+            HypermapError: As `found` does.
+        """
+        return self.perceived(frame, self.found(frame))
+
+    def found(self, frame: RgbdFrame) -> Found:
+        """Return the detections of a frame.
+
+        Raises:
+            HypermapError: If the source cannot say them, or its color cannot be read.
+        """
+        if self.is_watched:
+            _ = frame.color  # decoded now, so that a damaged one leaves the map as it was
+        found = detections_of("the source of detections", lambda: self.source(frame))
+        masks, shape = found.masks, frame.depth.shape
+        if masks is not None and len(masks) and masks.shape[1:] != shape:
+            raise HypermapError(
+                f"the masks of the detections have the shape {masks.shape[1:]}, the image {shape}"
+            )
+        usable = usable_detections(found, self.perception)
+        surplus = np.count_nonzero(found.scores >= self.perception.min_score) - len(usable)
+        return Found(usable, int(surplus))
+
+    def perceived(self, frame: RgbdFrame, found: Found) -> Perceived:
+        """Return what a frame with these detections shows from its pose."""
+        # Only observers need the segments, which refer to the usable detections.
+        observation = observe(
+            frame, found.detections, self.perception, keep_segments=self.is_watched
+        )
+        cells = None if self.occupancy is None else OccupancyMapper(self.occupancy).seen_in(frame)
+        return Perceived(found.detections, found.surplus, observation, cells)
+
+
+def no_detections(_frame: RgbdFrame) -> Detections:
+    """Return none, for a map without objects."""
+    return Detections.of([], [])
