@@ -132,21 +132,12 @@ def test_a_map_is_continued_as_by_one_process(
     folder: Path, workers: Processes, tmp_path: Path
 ) -> None:
     origin = DetectionOrigin(file=folder / "detections.json")
-    part = RecordingOptions(every=3)
+    part = RecordingOptions(every=4)
     base = made(open_recording(folder, part), profile("default"), origin, None)
     assert_same(folder, workers, tmp_path, profile("default"), origin, onto=base)
 
 
-@pytest.mark.parametrize("name", ["default", "thesis"])
-def test_the_map_of_a_real_desk_is_the_same(
-    shared_data: Path, workers: Processes, tmp_path: Path, name: str
-) -> None:
-    desk = shared_data / "desk"
-    origin = DetectionOrigin(file=desk / "detections.json")
-    assert_same(desk, workers, tmp_path, profile(name), origin, RecordingOptions(every=4))
-
-
-def test_the_map_is_the_same_with_a_network(
+def test_the_map_of_a_real_desk_by_a_network_is_the_same(
     shared_data: Path, workers: Processes, tmp_path: Path
 ) -> None:
     origin = DetectionOrigin(str(shared_data / "models" / "yolox_nano.onnx"))
@@ -157,14 +148,13 @@ def test_the_map_is_the_same_with_a_network(
 def test_a_worker_that_is_killed_does_not_change_the_map(
     folder: Path, workers: Processes, tmp_path: Path
 ) -> None:
-    before = set(workers.pids)
-
     def kill_one(progress: Progress) -> None:
         if progress.done == 5:
             os.kill(workers.pids[0], signal.SIGKILL)
 
-    recordings = [open_recording(folder) for _ in range(2)]
+    before = set(workers.pids)
     origin = DetectionOrigin(file=folder / "detections.json")
+    recordings = [open_recording(folder, RecordingOptions(every=2)) for _ in range(2)]
     one = made(recordings[0], profile("default"), origin, None)
     many = made(recordings[1], profile("default"), origin, workers, on_progress=kill_one)
     assert saved(many, tmp_path / "many.hmap") == saved(one, tmp_path / "one.hmap")
