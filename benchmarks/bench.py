@@ -35,6 +35,7 @@ GROUPS = (
     "rooms",
     "paths",
     "values",
+    "fleet",
 )
 CHECKOUT = Path(__file__).resolve().parent.parent
 WRONG, BAD_INPUT, INTERRUPTED = 1, 2, 130  # exit codes

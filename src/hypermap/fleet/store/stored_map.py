@@ -109,6 +109,8 @@ class StoredHypermap(Hypermap):
 
     def nearest(self, *asked: Any, **others: Any) -> list[Any]:
         """Return the nearest objects of all layers at one moment; see `Hypermap.nearest`."""
+        if sum(isinstance(layer, SemanticLayer) for layer in self) < 2:
+            return super().nearest(*asked, **others)  # a single question
         with self.database.snapshot():
             return super().nearest(*asked, **others)
 

@@ -16,7 +16,7 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from hypermap.core.arrays import IntArray, ObjectArray
+from hypermap.core.arrays import IntArray, ObjectArray, as_objects
 from hypermap.core.objects import MAX_ID, ObjectTable, SemanticObject
 from hypermap.core.shapes import as_area
 from hypermap.fleet.store.database import Database
@@ -129,10 +129,9 @@ class StoredObjects:
         )
         rows = self._found([each[1:] for each in found], in_order=False)
         points = np.array([each[0] - 1 for each in found], dtype=np.int64)
-        table = self.take(rows)
-        meets = shapely.intersects(shapely.points(points_xy[points]), table.shapes)
+        meets = shapely.intersects(shapely.points(points_xy[points]), self._shapes(rows))
         # The smallest comes last, so it overwrites the others.
-        order = np.lexsort((rows, table.areas))[::-1]
+        order = np.lexsort((rows, self._areas(rows)))[::-1]
         order = order[meets[order]]
         smallest = np.full(len(points_xy), _NOWHERE)
         smallest[points[order]] = rows[order]
@@ -141,9 +140,8 @@ class StoredObjects:
     def all_at(self, point_xy: NDArray[np.float64]) -> IntArray:
         """Return the rows of all objects at a point of shape (2,), the smallest first."""
         rows = self._found(self._asked(f"{_NOW} AND shape && {_POINT}", *point_xy.tolist()))
-        table = self.take(rows)
-        meets = shapely.intersects(shapely.Point(point_xy), table.shapes)
-        return rows[meets][np.argsort(table.areas[meets], kind="stable")]
+        rows = rows[shapely.intersects(shapely.Point(point_xy), self._shapes(rows))]
+        return rows[np.argsort(self._areas(rows), kind="stable")]
 
     def in_area(self, area: BaseGeometry) -> IntArray:
         """Return the rows of the objects that meet an area."""
@@ -187,9 +185,9 @@ class StoredObjects:
             )
         else:
             rows = self.named(what)
-        table = self.take(rows)
-        distances = shapely.distance(table.shapes, shapely.Point(point_xy))
-        to_centroids = np.hypot(*(table.centroids - point_xy).T)
+        distances = shapely.distance(self._shapes(rows), shapely.Point(point_xy))
+        centroids = np.array([self._known[row][6:8] for row in rows.tolist()]).reshape(-1, 2)
+        to_centroids = np.hypot(*(centroids - point_xy).T)
         order = np.lexsort((to_centroids, distances))[:k]
         return rows[order], distances[order]
 
@@ -201,7 +199,7 @@ class StoredObjects:
         question = f"{_NOW} AND shape && {_BOX}{more}"
         rows = self._found(self._asked(question, *asked.bounds, *values))
         shapely.prepare(asked)
-        return rows[shapely.intersects(asked, self.take(rows).shapes)]
+        return rows[shapely.intersects(asked, self._shapes(rows))]
 
     # Changes
 
@@ -219,6 +217,14 @@ class StoredObjects:
         if gone or new:
             self._write({number: self._known[row][-1] for number, row in gone.items()}, new)
         return StoredObjects(self._database, self._layer_id, self._write)
+
+    def _shapes(self, rows: IntArray) -> ObjectArray:
+        """Return the shapes of some rows, without all else of `take`."""
+        wkb = as_objects(self._known[row][3] for row in rows.tolist())
+        return as_objects(shapely.from_wkb(wkb))
+
+    def _areas(self, rows: IntArray) -> NDArray[np.float64]:
+        return np.array([self._known[row][5] for row in rows.tolist()], dtype=float)
 
     def _asked(self, question: str, *values: Any) -> list[Row]:
         return self._database.rows(question, self._layer_id, *values)

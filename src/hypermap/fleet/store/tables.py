@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -15,7 +16,7 @@ SRID = 990001
 """The coordinate system of all shapes: meters on the floor of one site."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Table:
     """A table of rows that versions bring and replace.
 
@@ -48,7 +49,6 @@ class Table:
         self._bring(cursor, rows)
         ended = cursor.execute(self._statement(_END_OTHERS), (version, owner)).rowcount
         added = cursor.execute(self._statement(_ADD_MISSING), (owner, version, owner)).rowcount
-        cursor.execute(self._statement("DROP TABLE pg_temp.{incoming}"))
         return max(ended, added)
 
     def put(
@@ -58,17 +58,18 @@ class Table:
         self._bring(cursor, rows)
         cursor.execute(self._statement(_END_REPLACED), (version, owner))
         cursor.execute(self._statement(_ADD_ALL), (owner, version))
-        cursor.execute(self._statement("DROP TABLE pg_temp.{incoming}"))
 
     def _bring(self, cursor: Cursor[Any], rows: Iterable[tuple[Any, ...]]) -> None:
-        """Copy rows into a table of this session alone."""
-        cursor.execute(self._statement("CREATE TEMPORARY TABLE {incoming} ({types})"))
+        """Copy rows into a table of this session alone, which stays for the next time."""
+        cursor.execute(self._statement(_INCOMING))
+        cursor.execute(self._statement("DELETE FROM pg_temp.{incoming}"))
         copying = self._statement("COPY pg_temp.{incoming} FROM STDIN (FORMAT BINARY)")
         with cursor.copy(copying) as copy:
             copy.set_types([_COPIED_AS.get(kind, kind) for kind in self.columns.values()])
             for row in rows:
                 copy.write_row(row)
 
+    @functools.cache  # noqa: B019 - the tables are those of this module
     def _statement(self, text: str) -> sql.Composed:
         """Return a statement with the names of this table, all of which stand in this module."""
         names = [sql.Identifier(name) for name in self.columns]
@@ -94,6 +95,8 @@ class Table:
         )
 
 
+_INCOMING = """
+CREATE TEMPORARY TABLE IF NOT EXISTS {incoming} ({types}) ON COMMIT DELETE ROWS"""
 _END_OTHERS = """
 UPDATE {table} AS old SET valid_to = %s
 WHERE old.{owner} = %s AND old.valid_to IS NULL AND NOT EXISTS (
