@@ -65,10 +65,11 @@ def site_table(count: int, seed: int) -> ObjectTable:
     names = [*(f"thing {number}" for number in range(NAMES)), RARE]
     codes = rng.integers(0, NAMES, count).astype(np.int32)
     codes[rng.choice(count, RARE_COUNT, replace=False)] = NAMES
+    boxes: Any = shapely.box(*xy.T, *(xy.T + size))
     return ObjectTable(
         ids=np.arange(count),
         codes=codes,
-        footprints=as_objects(shapely.box(*xy.T, *(xy.T + size))),
+        footprints=as_objects(boxes),
         tags=as_objects((names[code],) for code in codes.tolist()),
         confidence=as_objects([(0.9,)] * count),
         existence=rng.uniform(0, 5, count),

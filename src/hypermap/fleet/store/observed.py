@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import shapely
+from psycopg import sql
 
 from hypermap.core.evidence import EvidenceTable
 from hypermap.core.objects import ObjectTable, SemanticObject
@@ -103,8 +104,7 @@ class _Writing:
 
     def run(self) -> dict[str, int]:
         """Do all of it, and return what became of the objects."""
-        for item in self._observed.objects:
-            self._associate(item)
+        self._associate()
         self._add_evidence()
         self._write_objects()
         self._remove(self._observed.removed)
@@ -123,37 +123,41 @@ class _Writing:
 
     # Which object of the site each is
 
-    def _associate(self, item: SemanticObject) -> None:
-        """Find the object of the site that the robot's is, or make it a new one."""
-        local = item.id or 0
-        if local not in self._tracks:
+    def _associate(self) -> None:
+        """Find the object of the site that each of the robot's is, or make it a new one."""
+        new = [item for item in self._observed.objects if (item.id or 0) not in self._tracks]
+        for item in new:
             track = self._same_of_others(item)
-            if track is None:
-                self._cursor.execute(
-                    "UPDATE layers SET next_id = next_id + 1 WHERE id = %s RETURNING next_id - 1",
-                    (self._layer_id,),
-                )
-                track = _Track(self._cursor.fetchall()[0][0], 0, is_new=True)
-                self._counts["added"] += 1
-            else:
+            if track is not None:
+                self._tracks[item.id or 0] = track
                 self._counts["merged"] += 1
-            self._tracks[local] = track
-        self._cursor.execute(
+        unknown = [item.id or 0 for item in new if (item.id or 0) not in self._tracks]
+        first = self._reserved("next_id", len(unknown))
+        for number, local in enumerate(unknown, first):
+            self._tracks[local] = _Track(number, 0, is_new=True)
+        self._counts["added"] += len(unknown)
+        self._cursor.executemany(
             "INSERT INTO tracks VALUES (%s, %s, %s, %s, %s, %s, %s, %s) "
             "ON CONFLICT (layer_id, source, local_id) DO UPDATE "
             "SET existence = EXCLUDED.existence, first_seen = EXCLUDED.first_seen, "
             "last_seen = EXCLUDED.last_seen",
-            (
-                self._layer_id,
-                self._observed.source,
-                local,
-                self._tracks[local].object_id,
-                self._tracks[local].written,
-                item.existence,
-                item.first_seen,
-                item.last_seen,
-            ),
+            [self._track_row(item) for item in self._observed.objects],
         )
+
+    def _track_row(self, item: SemanticObject) -> tuple[Any, ...]:
+        track = self._tracks[item.id or 0]
+        key = (self._layer_id, self._observed.source, item.id or 0)
+        return *key, track.object_id, track.written, item.existence, item.first_seen, item.last_seen
+
+    def _reserved(self, column: str, count: int) -> int:
+        """Return the first of some numbers that a layer gives to nobody else."""
+        self._cursor.execute(
+            sql.SQL("UPDATE layers SET {0} = {0} + %s WHERE id = %s RETURNING {0} - %s").format(
+                sql.Identifier(column)
+            ),
+            (count, self._layer_id, count),
+        )
+        return int(self._cursor.fetchall()[0][0])
 
     def _same_of_others(self, item: SemanticObject) -> _Track | None:
         """Return the object of the site that overlaps the robot's the most, and enough."""
@@ -193,8 +197,8 @@ class _Writing:
         if len(kept):
             views = rows.rows_of_views(kept, first_view)
             observations = rows.rows_of_observations(kept, first, first_view)
-            tables.VIEWS.put(self._cursor, self._layer_id, self._version, views)
-            tables.OBSERVATIONS.put(self._cursor, self._layer_id, self._version, observations)
+            tables.VIEWS.add(self._cursor, self._layer_id, self._version, views)
+            tables.OBSERVATIONS.add(self._cursor, self._layer_id, self._version, observations)
 
     def _next_number(self, question: str) -> int:
         self._cursor.execute(question, (self._layer_id,))
@@ -206,6 +210,8 @@ class _Writing:
     def _write_objects(self) -> None:
         given = {self._tracks[item.id or 0].object_id: item for item in self._observed.objects}
         now = self._rows_now(given)
+        of_all = self._of_all(given)
+        free = self._reserved("next_position", len(given))
         written, positions = [], []
         for number, item in given.items():
             track = self._tracks[item.id or 0]
@@ -214,10 +220,10 @@ class _Writing:
                 self._counts["kept"] += 1
                 continue
             if position is None:
-                position = self._next_position()
+                position, free = free, free + 1
             else:
                 self._counts["changed"] += 1
-            written.append(self._of_all(item, number).with_id(number))
+            written.append(of_all.get(number, item).with_id(number))
             positions.append(position)
         table = ObjectTable.of(written)
         objects = rows.rows_of_objects(table, np.array(positions, dtype=np.int64))
@@ -236,36 +242,28 @@ class _Writing:
         )
         return {number: (position, version) for number, position, version in self._cursor}
 
-    def _next_position(self) -> int:
+    def _of_all(self, given: Mapping[int, SemanticObject]) -> dict[int, SemanticObject]:
+        """Return the objects that several robots see, as all of them together have seen them."""
         self._cursor.execute(
-            "UPDATE layers SET next_position = next_position + 1 WHERE id = %s "
-            "RETURNING next_position - 1",
-            (self._layer_id,),
+            "SELECT object_id, sum(existence), min(first_seen), max(last_seen) FROM tracks "
+            "WHERE layer_id = %s AND object_id = ANY (%s) GROUP BY object_id HAVING count(*) > 1",
+            (self._layer_id, list(given)),
         )
-        return int(self._cursor.fetchall()[0][0])
-
-    def _of_all(self, item: SemanticObject, number: int) -> SemanticObject:
-        """Return an object as all robots together have seen it."""
-        self._cursor.execute(
-            "SELECT count(*), sum(existence), min(first_seen), max(last_seen) FROM tracks "
-            "WHERE layer_id = %s AND object_id = %s",
-            (self._layer_id, number),
-        )
-        sources, existence, first_seen, last_seen = self._cursor.fetchall()[0]
-        if sources < 2:
-            return item
-        evidence = self._evidence_of(number)
-        footprint = item.footprint
-        if len(evidence):
-            config = config_of({})
-            footprint = fused_shapes(evidence, config, item.name)[config.fusion]
-        return dataclasses.replace(
-            item,
-            footprint=footprint,
-            existence=existence,
-            first_seen=first_seen,
-            last_seen=last_seen,
-        )
+        shared = {}
+        for number, existence, first_seen, last_seen in self._cursor.fetchall():
+            item, evidence = given[number], self._evidence_of(number)
+            footprint = item.footprint
+            if len(evidence):
+                config = config_of({})
+                footprint = fused_shapes(evidence, config, item.name)[config.fusion]
+            shared[number] = dataclasses.replace(
+                item,
+                footprint=footprint,
+                existence=existence,
+                first_seen=first_seen,
+                last_seen=last_seen,
+            )
+        return shared
 
     def _evidence_of(self, number: int) -> EvidenceTable:
         key = (self._layer_id, number)

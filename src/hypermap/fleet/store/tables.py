@@ -59,6 +59,13 @@ class Table:
         cursor.execute(self._statement(_END_REPLACED), (version, owner))
         cursor.execute(self._statement(_ADD_ALL), (owner, version))
 
+    def add(
+        self, cursor: Cursor[Any], owner: int, version: int, rows: Iterable[tuple[Any, ...]]
+    ) -> None:
+        """Let an owner have these rows, of new keys, from a version on."""
+        self._bring(cursor, rows)
+        cursor.execute(self._statement(_ADD_ALL), (owner, version))
+
     def _bring(self, cursor: Cursor[Any], rows: Iterable[tuple[Any, ...]]) -> None:
         """Copy rows into a table of this session alone, which stays for the next time."""
         cursor.execute(self._statement(_INCOMING))
