@@ -195,6 +195,16 @@ def test_a_wrong_address_is_one_line_without_the_password(
     assert "secret" not in err
 
 
+@pytest.mark.parametrize("command", [["info"], ["view"], ["rooms"], ["diff", "lab.hmap"]])
+def test_no_command_shows_the_password_of_an_address(
+    command: list[str], capfd: pytest.CaptureFixture[str]
+) -> None:
+    address = "postgresql://me:secret@127.0.0.1:1/maps?site=lab"
+    code, out, err = run(capfd, *command, address)
+    assert (code, out) == (2, "")
+    assert "secret" not in err
+
+
 def test_a_wrong_site_and_a_wrong_version_are_named(
     store: str,
     site: str,

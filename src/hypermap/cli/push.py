@@ -66,5 +66,5 @@ def command(
         say_json({"site": name, "version": pushed.version, "changes": pushed.changes})
         return
     say(f"{name}: version {pushed.version}")
-    changes = ", ".join(f"{count} {what}" for what, count in pushed.changes.items())
+    changes = ", ".join(f"{what} {count}" for what, count in pushed.changes.items())
     say(f"  new, changed or gone: {changes or 'nothing'}")

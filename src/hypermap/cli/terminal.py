@@ -7,6 +7,7 @@ import io
 import json
 import logging
 import os
+import re
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 
 NO_MEMORY, BAD_INPUT, INTERRUPTED = 1, 2, 130  # exit codes
 _LONGEST = 2000  # characters of a message
+_PASSWORD = re.compile(r"(\bpostgres(?:ql)?:/+[^:/@\s]*):[^@\s]*@")
 _PIPED_WIDTH = 160  # columns of a table that goes to a file or another program
 
 
@@ -64,9 +66,14 @@ def complain(text: str) -> None:
 def visible(text: str) -> str:
     r"""Return a text of ours with names from outside in it, safe for a terminal and not endless.
 
+    The password in the address of a store is left out.
+
     >>> visible("\x1b[31m.hmap: there is no such file")
     '\\x1b[31m.hmap: there is no such file'
+    >>> visible("postgresql://me:secret@db.example/maps: no file")
+    'postgresql://me@db.example/maps: no file'
     """
+    text = _PASSWORD.sub(r"\1@", text)
     if len(text) > _LONGEST:
         text = f"{text[: _LONGEST // 2]} ... {text[-_LONGEST // 2 :]}"
     return "".join(c if c.isprintable() or c == "\n" else ascii(c)[1:-1] for c in text)
