@@ -4,10 +4,11 @@ Maps the same simulated drives with the profile, and with one idea after the oth
 drives with one kind of error left out after the other: an error budget. At the levels `rough` and
 `harsh`, kinds of lasting errors are taken back to `robot`. Prints means over the drives: the
 Jaccard index and the distance of centroids as in the 2019 thesis; precision, recall and F1 at an
-IoU of 0.25; and F1 at 0.5.
+IoU of 0.25; and F1 at 0.5. `--ideas` compares some of the ideas alone, without the error budget.
 
     python benchmarks/ablation.py [--worlds lab,floor] [--seeds 10] [--first-seed 1000] [--jobs 2]
                                   [--errors robot|rough|harsh] [--no-ideas] [--rate 2]
+                                  [--ideas "default,without landmarks"]
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ from hypermap.simulation import (
     PoseNoise,
     built_in_world,
     errors_of_level,
+    varied,
 )
 
 
@@ -48,6 +50,7 @@ def variants() -> dict[str, MappingConfig]:
         "without aligning": replace(rules, align=0.0),
         "best shape, no votes": replace(rules, fusion="best_shape"),
         "without sizes of classes": replace(rules, class_sizes="any"),
+        "without landmarks": replace(rules, landmarks=False),
         "without completing": replace(rules, completion="none"),
     }
     named = {name: replace(whole, evidence=changed) for name, changed in without.items()}
@@ -111,15 +114,23 @@ def main() -> None:
     parser.add_argument("--rate", type=float, default=2.0, help="frames per second")
     parser.add_argument("--errors", choices=("robot", "rough", "harsh"), default="robot")
     parser.add_argument("--no-ideas", action="store_true", help="only the error budget")
+    parser.add_argument("--ideas", help="only these rows, with commas between them, and no budget")
     arguments = parser.parse_args()
+    ideas = variants()
+    if arguments.ideas:
+        ideas = {name: ideas[name] for name in arguments.ideas.split(",")}
     seeds = range(arguments.first_seed, arguments.first_seed + arguments.seeds)
     print("world    what                             IoU   off     P     R    F1    F1 at 0.5")
     for name in arguments.worlds.split(","):
         world = built_in_world(name)
         for kind, errors in budget(arguments.errors).items():
+            if arguments.ideas and kind != "all errors":
+                continue
             is_whole = kind == "all errors" and not arguments.no_ideas
-            methods = variants() if is_whole else {"default": profile("default")}
-            drives = [SimulatedDrive(world, seed, errors, arguments.rate) for seed in seeds]
+            methods = ideas if is_whole else {"default": profile("default")}
+            drives = [
+                SimulatedDrive(varied(world, seed), seed, errors, arguments.rate) for seed in seeds
+            ]
             result = WorldResult.of(list(map_drives(drives, methods, arguments.jobs)))
             for method in methods:
                 show(name, method if is_whole else kind, result, method)

@@ -118,6 +118,7 @@ _PROFILES: Mapping[str, MappingConfig] = {
             association="jaccard",
             combine="matches",
             fusion="best_shape",
+            landmarks=False,
             completion="none",
             renewal=0.0,
             gain=1.0,

@@ -11,6 +11,7 @@ from collections.abc import Collection, Mapping
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.embeddings import Embedding, Embeddings
@@ -24,7 +25,8 @@ from hypermap.mapping.completion import FreeShare, completed
 from hypermap.mapping.evidence_buffer import Evidence, evidence_from
 from hypermap.mapping.evidence_table import lazy_evidence_table
 from hypermap.mapping.footprint_iou import at_same_height, footprint_ious
-from hypermap.mapping.fusion import FUSIONS
+from hypermap.mapping.fusion import FUSIONS, votes
+from hypermap.mapping.landmarks import landmark_moves
 from hypermap.mapping.missed_detections import penalize_missed, prune
 from hypermap.mapping.protection import protected
 from hypermap.mapping.stages import EvidenceConfig
@@ -136,14 +138,16 @@ class EvidenceMap:
         An object keeps its id between calls. Merged objects keep the oldest id.
 
         Args:
-            ids: which of them; None for all.
+            ids: which of them; None for all. Objects are landmarks for each other (`landmarks`)
+                only where all are asked for.
         """
         rows = self._published_rows()
-        return [
-            self._published(row)
-            for row in rows
-            if ids is None or self._tracks.objects[row].id in ids
-        ]
+        if ids is not None:
+            return [self._published(row) for row in rows if self._tracks.objects[row].id in ids]
+        if not self.config.landmarks or self.config.fusion != "votes":
+            return [self._published(row) for row in rows]
+        shifts = landmark_moves([track.buffer for track in self._tracks.objects])
+        return [self._published(row, shifts[row]) for row in rows]
 
     def summary(self) -> list[tuple[int, int, float]]:
         """Return id, number of pieces of evidence and existence of each object of `objects`.
@@ -364,8 +368,8 @@ class EvidenceMap:
         rows: list[int] = np.flatnonzero(is_published).tolist()
         return rows
 
-    def _published(self, row: int) -> SemanticObject:
-        """Return a track as users of the map see it."""
+    def _published(self, row: int, shifts: NDArray[np.float64] | None = None) -> SemanticObject:
+        """Return a track as users of the map see it, its footprints moved by `shifts`."""
         track = self._tracks.objects[row]
         buffer, edit = track.buffer, track.by_hand
         if edit is not None and edit.drawn is not None:
@@ -373,7 +377,7 @@ class EvidenceMap:
         z_min, z_max = buffer.heights()
         found = SemanticObject(
             name=track.name,
-            footprint=self._footprint(row),
+            footprint=self._footprint(row, shifts),
             id=track.id,
             tags=(track.name,),
             confidence=(buffer.score_sum / buffer.count,),
@@ -384,14 +388,21 @@ class EvidenceMap:
         )
         return found if edit is None else edit.applied_to(found)
 
-    def _footprint(self, row: int) -> BaseGeometry:
-        """Return a track's footprint as it is published."""
+    def _footprint(self, row: int, shifts: NDArray[np.float64] | None = None) -> BaseGeometry:
+        """Return a track's footprint as it is published.
+
+        Args:
+            row: of the track.
+            shifts: by how much its evidence is moved first [m], shape (N, 2); None for not.
+        """
         track = self._tracks.objects[row]
         # The stale shape stays: a question must not change the map.
-        is_stale = track.pending > 0
-        fused = (
-            self._fuse(track.buffer, self.config) if is_stale else self._tracks.shapes.polygons[row]
-        )
+        if shifts is not None and shifts.any():
+            fused = votes(track.buffer, self.config, shifts)
+        elif track.pending > 0:
+            fused = self._fuse(track.buffer, self.config)
+        else:
+            fused = self._tracks.shapes.polygons[row]
         if self.config.completion != "class_depth":
             return fused.geometry
         cameras_xy = np.array([item.map_T_camera[:2, 3] for item in track.buffer.items])

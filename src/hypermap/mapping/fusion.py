@@ -28,9 +28,11 @@ def convex_hull(buffer: EvidenceBuffer, config: EvidenceConfig) -> PreparedPolyg
     return _hull(shapely.get_coordinates(buffer.footprints()))
 
 
-def votes(buffer: EvidenceBuffer, config: EvidenceConfig) -> PreparedPolygon:
+def votes(
+    buffer: EvidenceBuffer, config: EvidenceConfig, shifts: NDArray[np.float64] | None = None
+) -> PreparedPolygon:
     """Return the convex hull of what enough views agree on: see `agreed_points`."""
-    points_xy = agreed_points(buffer, config)
+    points_xy = agreed_points(buffer, config, shifts)
     if len(points_xy) == 0:  # smaller than a cell
         return best_shape(buffer, config)
     return _hull(points_xy)

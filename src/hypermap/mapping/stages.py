@@ -97,6 +97,8 @@ class EvidenceConfig:
         align: footprints are aligned with the others before they vote if they are off by at most
             this [m]; 0 turns it off.
         vote_resolution: side of a voting cell [m]; coarser for objects above 128 cells.
+        landmarks: whether, for the published shapes by "votes", each frame's footprints are first
+            moved so that frames agree on where the objects are.
         completion: "class_depth" makes the published shape of what was seen from one side as deep
             as its class usually is, away from the cameras; "none" does not.
         renewal: an object's shape is fused again when its evidence has grown by this share; 0 means
@@ -137,6 +139,7 @@ class EvidenceConfig:
     half_weight: float = 2.0
     align: float = 0.1
     vote_resolution: float = 0.01
+    landmarks: bool = True
     completion: Literal["class_depth", "none"] = "class_depth"
     renewal: float = 0.1
     max_evidence: int = 100

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hypermap._loops import loop
-from hypermap.core.arrays import IntArray
+from hypermap.core.arrays import BoolArray, IntArray
 from hypermap.core.frames import Pose2D
 from hypermap.core.grid import GridGeometry
 from hypermap.mapping.evidence_buffer import EvidenceBuffer
@@ -19,7 +19,9 @@ _MAX_CELLS_PER_SIDE = 128
 _WHOLE = 0.6  # of the upper quartile of the areas: a footprint of this size shows the whole object
 
 
-def agreed_points(buffer: EvidenceBuffer, config: EvidenceConfig) -> NDArray[np.float64]:
+def agreed_points(
+    buffer: EvidenceBuffer, config: EvidenceConfig, shifts: NDArray[np.float64] | None = None
+) -> NDArray[np.float64]:
     """Return the corners of the cells that enough views agree on; their hull is the shape.
 
     The ground under the footprints is divided into cells. Each view votes, with its detection's
@@ -28,6 +30,11 @@ def agreed_points(buffer: EvidenceBuffer, config: EvidenceConfig) -> NDArray[np.
     the object if it gets `vote_share` of the votes cast on it.
 
     Near views weigh more (`half_weight`). Footprints are first aligned with each other (`align`).
+
+    Args:
+        buffer: the evidence.
+        config: the settings.
+        shifts: by how much the footprints are moved before that [m], shape (N, 2); None for not.
 
     Returns:
         Points in the map frame [m], shape (N, 2); none if no cell belongs to the object.
@@ -40,10 +47,10 @@ def agreed_points(buffer: EvidenceBuffer, config: EvidenceConfig) -> NDArray[np.
         scores /= 1 + (distances / config.half_weight) ** 2
     footprints = [evidence.prepared for evidence in buffer.items]
     areas_seen = [evidence.prepared_area for evidence in buffer.items]
-    moves = np.zeros((len(buffer), 2))
+    moves = np.zeros((len(buffer), 2)) if shifts is None else shifts
     if config.align > 0:
         areas = np.array([polygon.area for polygon in footprints])
-        moves = aligning_moves(areas, buffer.centroids, scores, config.align)
+        moves = moves + aligning_moves(areas, buffer.centroids + moves, scores, config.align)
 
     edges, first = _joined(footprints)
     boxes = np.array([polygon.box for polygon in footprints])
@@ -83,12 +90,7 @@ def aligning_moves(
     Returns:
         Moves [m], shape (N, 2).
     """
-    ranked = np.sort(areas)
-    place = 0.75 * (len(areas) - 1)
-    below = int(place)
-    above, share = min(below + 1, len(areas) - 1), place - below
-    least = _WHOLE * (ranked[below] * (1 - share) + ranked[above] * share)
-    is_part = areas < least
+    is_part = ~shows_whole(areas)
     moves = np.empty(centroids.shape)
     for axis, order in enumerate(np.argsort(centroids, axis=0, kind="stable").T):
         whole = order[~is_part[order]]
@@ -97,6 +99,15 @@ def aligning_moves(
         moves[:, axis] = median - centroids[:, axis]
     moves[is_part | (np.hypot(moves[:, 0], moves[:, 1]) > limit)] = 0
     return moves
+
+
+def shows_whole(areas: NDArray[np.float64]) -> BoolArray:
+    """Return which footprints, by their areas [m²], show about the whole object, shape (N,)."""
+    ranked = np.sort(areas)
+    place = 0.75 * (len(areas) - 1)
+    below = int(place)
+    above, share = min(below + 1, len(areas) - 1), place - below
+    return np.asarray(areas >= _WHOLE * (ranked[below] * (1 - share) + ranked[above] * share))
 
 
 def _joined(polygons: Sequence[PreparedPolygon]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:

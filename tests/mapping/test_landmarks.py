@@ -1,0 +1,133 @@
+"""Frames that are off by different amounts come to agree on where the objects are."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from hypermap.mapping.config import profile
+from hypermap.mapping.evidence import EvidenceMap
+from hypermap.mapping.evidence_buffer import Evidence, EvidenceBuffer
+from hypermap.mapping.landmarks import landmark_moves
+from hypermap.perception.observation import Observation, ObservedObject
+
+Array = NDArray[np.float64]
+
+SIDES = (0.06, 0.4, 0.5, 0.8, 1.2)  # of a cup, and of four larger things
+PLACES = np.array([[1.0, 0.2], [1.2, 0.6], [0.5, -0.4], [1.6, 0.1], [0.3, 0.9]])
+CAMERA = np.array([-1.0, 0.0])
+EVERYWHERE = shapely.box(-9, -9, 9, 9)
+
+
+def drawn_errors(frames: int, position: float, turn: float = 0.0) -> Array:
+    """Return x, y and turn by which the poses of frames are off, shape (frames, 3)."""
+    rng = np.random.default_rng(3)
+    return rng.normal(size=(frames, 3)) * [position, position, turn]
+
+
+def centroid(place: Array, error: Array) -> Array:
+    ray = place - CAMERA
+    return np.asarray(place + error[:2] + error[2] * np.array([-ray[1], ray[0]]))
+
+
+def pose(error: Array) -> Array:
+    map_T_camera = np.eye(4)
+    map_T_camera[:2, 3] = CAMERA + error[:2]
+    return map_T_camera
+
+
+def buffers_of(errors: Array, cup_in: Sequence[int], noise: float = 0.004) -> list[EvidenceBuffer]:
+    """Return the evidence for all things, of which some frames alone show the cup."""
+    rng = np.random.default_rng(4)
+    buffers = [EvidenceBuffer(100) for _ in SIDES]
+    for i, error in enumerate(errors):
+        for thing, (buffer, side) in enumerate(zip(buffers, SIDES, strict=True)):
+            xy = centroid(PLACES[thing], error) + rng.normal(size=2) * noise
+            if thing > 0 or i in cup_in:
+                shape = shapely.Point(xy).buffer(side / 2)
+                buffer.add(Evidence(i, pose(error), EVERYWHERE, 0.8, shape, xy, 0.0, 0.5))
+    return buffers
+
+
+def test_a_cup_in_two_frames_comes_to_where_its_neighbors_say() -> None:
+    buffers = buffers_of(drawn_errors(30, 0.04, 0.01), cup_in=[3, 4])
+    cup = buffers[0]
+    before = np.linalg.norm(cup.centroids.mean(axis=0) - PLACES[0])
+    after = np.linalg.norm((cup.centroids + landmark_moves(buffers)[0]).mean(axis=0) - PLACES[0])
+    assert before > 0.03
+    assert after < 0.015
+
+
+def test_exact_poses_stay_as_they_are() -> None:
+    buffers = buffers_of(np.zeros((30, 3)), cup_in=[3, 12])
+    assert not any(moves.any() for moves in landmark_moves(buffers))
+
+
+def test_a_frame_is_not_pulled_by_one_thing_that_was_carried_away() -> None:
+    errors = drawn_errors(20, 0.03)
+    buffers = buffers_of(errors, cup_in=[])[1:]
+    before = landmark_moves(buffers)[1]
+    carried = list(buffers[0].items)
+    for item in carried[-5:]:
+        item.centroid_xy[:] += 0.5
+    buffers[0] = EvidenceBuffer.of(carried, 100, 20, 16.0, 0.0, 19.0)
+    assert np.abs(landmark_moves(buffers)[1] - before).max() < 0.02
+
+
+def test_things_without_company_stay_and_no_evidence_gives_no_moves() -> None:
+    alone = buffers_of(drawn_errors(1, 0.04), cup_in=[])
+    assert all(not moves.any() for moves in landmark_moves(alone))
+    assert landmark_moves([]) == []
+
+
+def test_frames_of_two_drives_with_the_same_stamps_are_not_one() -> None:
+    errors = np.array([[0.05, 0.0, 0.0], [-0.05, 0.0, 0.0]] * 8)
+    buffers = buffers_of(errors, cup_in=[0, 1])
+    for buffer in buffers[1:]:
+        buffer.items[:] = [
+            dataclasses.replace(item, stamp=item.stamp // 2) for item in buffer.items
+        ]
+    buffers[0].items[:] = [dataclasses.replace(item, stamp=0.0) for item in buffers[0].items]
+    one, other = landmark_moves(buffers)[0]
+    assert one[0] < -0.03 < 0.03 < other[0]
+
+
+def observations(errors: Array, cup_in: Sequence[int]) -> list[Observation]:
+    found = []
+    for i, error in enumerate(errors):
+        shown = [thing for thing in range(len(SIDES)) if thing > 0 or i in cup_in]
+        objects = tuple(
+            ObservedObject(
+                name=f"thing {thing}",
+                score=0.9,
+                footprint=shapely.Point(centroid(PLACES[thing], error)).buffer(SIDES[thing] / 2),
+                z_max=0.5,
+            )
+            for thing in shown
+        )
+        found.append(Observation(float(i), pose(error), objects, EVERYWHERE))
+    return found
+
+
+def test_published_shapes_agree_and_those_in_between_do_not_wait_for_it() -> None:
+    config = profile("default").evidence
+    errors = drawn_errors(20, 0.02)
+    landmarks = EvidenceMap(config)
+    plain = EvidenceMap(dataclasses.replace(config, landmarks=False))
+    for observation in observations(errors, cup_in=[16, 17, 18]):
+        landmarks.update(observation)
+        plain.update(observation)
+
+    def off(evidence: EvidenceMap) -> float:
+        (cup,) = [item for item in evidence.objects() if item.name == "thing 0"]
+        return float(np.linalg.norm(np.array(cup.footprint.centroid.coords[0]) - PLACES[0]))
+
+    assert off(landmarks) < 0.6 * off(plain)
+    ids = [number for number, _, _ in plain.summary()]
+    assert [item.footprint for item in landmarks.objects(ids)] == [
+        item.footprint for item in plain.objects(ids)
+    ]
