@@ -92,6 +92,7 @@ def test_tools_answer_over_standard_input_and_output(office: Path) -> None:
             "ask",
             "render_view",
             "show_object",
+            "find_notes",
         }
         assert all(tool.annotations and tool.annotations.read_only_hint for tool in tools)
         found = await asked(client, "find_objects", names=["sofa"])

@@ -121,7 +121,7 @@ def test_notes_are_removed_and_unused_files_tidied_away(hypermap, noted):
 
 
 def test_attached_files_are_exported(hypermap, noted, tmp_path):
-    result = hypermap("notes", noted, "--export", tmp_path / "out", "--word", "tile")
+    result = hypermap("notes", noted, "--save-files", tmp_path / "out", "--word", "tile")
     assert "wrote 1 file" in result.err
     assert [path.name for path in (tmp_path / "out").iterdir()] == ["1-tile.jpg"]
 

@@ -10,6 +10,8 @@ from pydantic import Field
 from hypermap.agents.looking import Name, Point
 from hypermap.agents.open_map import OpenMap
 from hypermap.agents.shown import layer_of_object
+from hypermap.core.notes_layer import NotesLayer
+from hypermap.notes.on_map import NOTES
 from hypermap.viewer.live.changes import Draft
 from hypermap.viewer.live.editing import apply_operation
 
@@ -53,6 +55,26 @@ class Editing:
 
         self._opened.edit(change)
         return {"id": made[0], "layer": layer, "name": name}
+
+    def add_note(
+        self,
+        *,
+        text: Annotated[str, Field(min_length=1, max_length=20_000, description="in Markdown")],
+        point: Annotated[Point, Field(description="where, as [x, y] [m]")],
+        author: Annotated[Name, Field(description="who writes it")] = "agent",
+    ) -> dict[str, Any]:
+        """Leave a note at a place for people and robots, and save the map."""
+        made: list[tuple[str, int | None]] = []
+
+        def change(draft: Draft) -> None:
+            layers = [each.name for each in draft.hypermap if isinstance(each, NotesLayer)]
+            layer = layers[0] if layers else NOTES
+            note = {"text": text, "author": author, "point": list(point)}
+            operation = {"op": "add_note", "layer": layer, **note}
+            made.append((layer, apply_operation(draft, operation)))
+
+        self._opened.edit(change)
+        return {"layer": made[0][0], "id": made[0][1]}
 
     def rename(self, *, id: Id, name: Name, layer: LayerName = None) -> dict[str, Any]:  # noqa: A002
         """Give an object or a room another name, and save the map."""

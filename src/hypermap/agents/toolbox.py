@@ -46,8 +46,14 @@ def tools_of(opened: OpenMap, looking: Looking, allow_edits: bool) -> list[Tool]
         looking.ask,
         looking.render_view,
         looking.show_object,
+        looking.find_notes,
     ]
     editing = Editing(opened)
-    edits: list[ToolFunction] = [editing.add_zone, editing.rename, editing.mark_gone]
+    edits: list[ToolFunction] = [
+        editing.add_zone,
+        editing.rename,
+        editing.mark_gone,
+        editing.add_note,
+    ]
     changing = [Tool(edit, is_edit=True) for edit in edits]
     return [Tool(look) for look in looks] + (changing if allow_edits else [])

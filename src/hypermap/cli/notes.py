@@ -154,7 +154,7 @@ def command(
     export: Annotated[
         Path | None,
         typer.Option(
-            "--export",
+            "--save-files",
             metavar="DIR",
             help="Write the attached files of the found notes into this folder.",
             rich_help_panel=_FIND,
@@ -220,7 +220,7 @@ def command(
         hypermap notes office.hmap --write "Loose tile" --place 2.1,0.8 --attach tile.jpg
         hypermap notes office.hmap --word tile --in kitchen
         hypermap notes office.hmap --show 1
-        hypermap notes office.hmap --export attached
+        hypermap notes office.hmap --save-files attached
     """
     from hypermap.formats import open_map
     from hypermap.notes import described

@@ -145,6 +145,12 @@ def open_ring(ring: shapely.LinearRing) -> NDArray[np.float64]:
     return shapely.get_coordinates(ring)[:-1]
 
 
+def octets(message_class: type[Any], content: bytes) -> Any:
+    """Return bytes as a field `uint8[]` of a message holds them; genpy takes nothing else."""
+    is_genpy = hasattr(message_class, "_md5sum")
+    return content if is_genpy else numbers(message_class, np.frombuffer(content, np.uint8))
+
+
 def numbers(message_class: type[Any], values: NDArray[Any]) -> Any:
     """Return numbers as the messages of a class carry them fastest.
 

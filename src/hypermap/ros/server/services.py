@@ -14,6 +14,7 @@ from hypermap.ros.server.health import Tally
 from hypermap.ros.server.layer_topics import global_layers
 from hypermap.ros.server.map_files import MapFiles
 from hypermap.ros.server.nav2_loading import SERVICE, TYPE, Nav2Loading
+from hypermap.ros.server.note_queries import NoteQueries
 from hypermap.ros.server.object_queries import ObjectQueries
 from hypermap.ros.server.plans import Plans
 from hypermap.ros.server.queries import Queries
@@ -43,6 +44,7 @@ class Services:
         self._queries = queries = Queries(port, current, requests)
         new = ObjectQueries(port, current, requests)
         rooms = RoomQueries(port, current)
+        notes = NoteQueries(port, current, requests)
         self._layers: dict[str, str] = {}  # of the services that hand out a grid
         self._fixed: dict[str, tuple[str, Handler]] = {
             "get_string_at_point": ("hypermap_msgs/GetStringAtPoint", queries.string_at_point),
@@ -67,6 +69,8 @@ class Services:
             "get_room_of": ("hypermap_msgs/GetRoomOf", rooms.room_of),
             "get_rooms_with": ("hypermap_msgs/GetRoomsWith", rooms.rooms_with),
             "is_room_reachable": ("hypermap_msgs/IsRoomReachable", rooms.is_reachable),
+            "find_notes": ("hypermap_msgs/FindNotes", notes.find),
+            "add_note": ("hypermap_msgs/AddNote", notes.add),
             "make_plan": ("nav_msgs/GetPlan", plans.make_plan),
             "load_map": ("hypermap_msgs/LoadMap", files.load),
             "store_map": ("hypermap_msgs/StoreMap", files.store),
