@@ -50,7 +50,8 @@ types: $(VENV)/.dev  ## strict type check, with Python 3.11
 	scripts/types.sh
 
 tests: $(VENV)/.dev $(PAGE)  ## all tests and the examples in the documents
-	$(BIN)/hypermap warm-up  # else each worker compiles the same loops
+	# Else each worker compiles the same loops, and the same tests.
+	PYTHONDONTWRITEBYTECODE= $(BIN)/pytest -n0 -q --collect-only >/dev/null & $(BIN)/hypermap warm-up && wait
 	$(ENDING) $(BIN)/pytest -n $(WORKERS) --dist loadgroup
 
 coverage: $(VENV)/.dev $(PAGE)  ## all tests, and which lines they reach: takes half as long again
