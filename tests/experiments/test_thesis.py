@@ -72,6 +72,15 @@ def test_all_methods_are_measured_on_the_same_drives(report: tuple[str, dict, st
     assert all(0 <= method["p_iou"] <= 1 for method in others if method["p_iou"] is not None)
 
 
+def test_the_figures_and_the_page_say_how_far_confidence_can_be_trusted(
+    report: tuple[str, dict, str],
+) -> None:
+    _, figures, page = report
+    ours = figures["worlds"][0]["methods"][OURS]
+    assert sum(one["objects"] for one in ours["reliability"]) == pytest.approx(2 * ours["objects"])
+    assert f"Expected calibration error: {ours['calibration_error']:.2f}." in page
+
+
 def test_the_table_and_the_page_show_the_figures(report: tuple[str, dict, str]) -> None:
     text, figures, page = report
     for name, method in figures["worlds"][0]["methods"].items():

@@ -61,6 +61,7 @@ def write_report(results: Sequence[WorldResult], data: Data, path: Path, command
             f"to {seeds[-1]}) of {world['frames']} frames.</p>"
         )
         parts += [_overall(world), _by_class(world, "iou"), _by_class(world, "distance")]
+        parts += [_reliability(world["methods"][OURS])] if OURS in world["methods"] else []
         shown = [name for name in (OURS, "best shape, overlap") if name in world["methods"]]
         parts += [_picture(result, name) for name in shown]
     page = (
@@ -122,6 +123,25 @@ def _by_class(world: Data, measure: str) -> str:
         for class_ in world["methods"][names[0]]["classes"]
     ]
     return _table((title, *names), rows)
+
+
+def _reliability(method: Data) -> str:
+    """Return how often objects are true, by how sure the map is of them."""
+    head = (f"confidence of {OURS}", "objects", "mean confidence", "true, at an IoU of 0.25")
+    rows = [
+        (
+            [
+                f"{one['low']:.1f} to {one['high']:.1f}",
+                str(one["objects"]),
+                number(one["confidence"]),
+                _bar(one["right"]),
+            ],
+            False,
+        )
+        for one in method["reliability"]
+    ]
+    error = number(method["calibration_error"])
+    return f"{_table(head, rows)}<p class=note>Expected calibration error: {error}.</p>"
 
 
 def _picture(result: WorldResult, method: str) -> str:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from hypermap.core.semantic import SemanticObject
 from hypermap.evaluation.metrics import Evaluation, evaluate
 from hypermap.evaluation.significance import effect_of, signed_rank
+from hypermap.experiments.calibration import Bin, calibration_error, judged, reliability
 from hypermap.experiments.drives import Mapped
 from hypermap.experiments.methods import OURS, PUBLISHED
 from hypermap.simulation import World
@@ -98,6 +99,11 @@ class WorldResult:
             ],
         }
 
+    def reliability(self, method: str) -> tuple[Bin, ...]:
+        """Return how often a method's objects are true, by how sure its maps are of them."""
+        objects = [mapped.objects[method] for mapped in self.mapped]
+        return reliability(*judged(objects, self.evaluations[method]))
+
     def gains(self, method: str, other: str, measure: str) -> NDArray[np.float64]:
         """Return by how much a method is better than another, for each true object, shape (N,).
 
@@ -149,6 +155,7 @@ def _world(result: WorldResult) -> Data:
 def _method(result: WorldResult, name: str) -> Data:
     iou, distance = result.shape(name)
     published = PUBLISHED.get((name, result.world.name))
+    bins = result.reliability(name)
     data = {
         "iou": iou,
         "distance": distance,
@@ -158,6 +165,8 @@ def _method(result: WorldResult, name: str) -> Data:
             for class_ in result.classes()
         },
         **result.found(name),
+        "reliability": [vars(one) for one in bins],
+        "calibration_error": calibration_error(bins),
     }
     if name != OURS and OURS in result.evaluations:
         for measure in ("iou", "distance"):
