@@ -341,7 +341,7 @@ def test_existence_is_bounded_and_no_evidence_is_lost_by_combining(
 
 @given(config=profiles)
 def test_what_is_never_seen_again_is_forgotten(config: EvidenceConfig) -> None:
-    evidence = EvidenceMap(config)
+    evidence = EvidenceMap(dataclasses.replace(config, moves=False))
     for _ in range(40):
         evidence.update(seen(square(0)))
     for _ in range(126):  # from 20 to below -5 in steps of 0.2

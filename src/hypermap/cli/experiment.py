@@ -22,10 +22,17 @@ if TYPE_CHECKING:
 
 
 def command(
-    name: Annotated[str, typer.Argument(metavar="thesis", help="Which experiment.")],
+    name: Annotated[str, typer.Argument(metavar="thesis|days", help="Which experiment.")],
     output: Annotated[
-        Path, typer.Option("-o", "--output", metavar="OUT", help="Save here: a report, .html.")
-    ] = Path("thesis.html"),
+        Path | None,
+        typer.Option(
+            "-o",
+            "--output",
+            metavar="OUT",
+            show_default="thesis.html, days.json",
+            help="Save here: a report, .html; of days, all figures, .json.",
+        ),
+    ] = None,
     worlds: Annotated[
         str,
         typer.Option(
@@ -42,7 +49,12 @@ def command(
             help="Methods by the first letters of their names: default, best, convex, ...",
         ),
     ] = "all",
-    seeds: Annotated[int, typer.Option(min=1, max=1000, help="Drives through each world.")] = 10,
+    seeds: Annotated[
+        int, typer.Option(min=1, max=1000, help="Drives through each world; of days, series.")
+    ] = 10,
+    drives: Annotated[
+        int, typer.Option(min=2, max=1000, help="Drives in each series, a day apart: for days.")
+    ] = 5,
     first_seed: Annotated[
         int | None,
         typer.Option(
@@ -68,11 +80,17 @@ def command(
     of the thesis do not. The tables have the form of the thesis. A JSON file next to the report
     contains all values.
 
+    days: drives a day apart, each mapped onto the map before, between which things are moved,
+    taken away, brought and swapped. It prints how many of these changes the map reports, how many
+    that it reports there were, and how often objects change their ids.
+
     Examples:
         hypermap experiment thesis
         hypermap experiment thesis --seeds 2 --worlds lab -o quick.html
         hypermap experiment thesis --worlds dev --errors rough --sensor tof --methods default
+        hypermap experiment days --worlds lab --seeds 2 --drives 3 --rate 1
     """
+    from hypermap.cli.experiment_days import SeriesPlan, run_days
     from hypermap.experiments.drives import SimulatedDrive
     from hypermap.experiments.methods import chosen_methods
     from hypermap.experiments.report import write_report
@@ -80,22 +98,30 @@ def command(
     from hypermap.experiments.sets import first_seed_of, worlds_named
     from hypermap.simulation import varied
 
-    if name != "thesis":
-        raise HypermapError(f"there is no experiment {name!r}; known: thesis")
-    figures = output.with_suffix(".json")
-    for file in (output, figures):
-        check_output(file, replace)
+    if name not in ("thesis", "days"):
+        raise HypermapError(f"there is no experiment {name!r}; known: thesis, days")
     words = worlds_named(worlds)
     described = [world_of(word) for word in words]
     _check_names([world.name for world in described], words)
     chosen, methods = errors_of(errors, sensor), chosen_methods(wanted)
     first = first_seed_of(words) if first_seed is None else first_seed
-    drives = [
+    jobs = jobs or len(os.sched_getaffinity(0))
+    if name == "days":
+        figures = output or Path("days.json")
+        check_output(figures, replace)
+        plan = SeriesPlan(tuple(described), range(first, first + seeds), chosen, rate, drives)
+        run_days(plan, jobs, figures, as_json)
+        return
+    output = output or Path("thesis.html")
+    figures = output.with_suffix(".json")
+    for file in (output, figures):
+        check_output(file, replace)
+    planned = [
         SimulatedDrive(varied(world, seed), seed, chosen, rate)
         for world in described
         for seed in range(first, first + seeds)
     ]
-    mapped = _map(drives, methods, jobs or len(os.sched_getaffinity(0)))
+    mapped = _map(planned, methods, jobs)
     results = [
         WorldResult.of([m for m in mapped if m.drive.world.name == world.name])
         for world in described

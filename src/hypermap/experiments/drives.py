@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import multiprocessing
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from functools import partial
 
 from hypermap.core.semantic import SemanticObject
+from hypermap.experiments.parallel import in_processes
 from hypermap.mapping.alignment import Aligner
 from hypermap.mapping.completion import free_share
 from hypermap.mapping.config import MappingConfig
@@ -101,21 +100,4 @@ def map_drives(
         methods: by name.
         jobs: how many drives are mapped at the same time, each in a process of its own.
     """
-    if jobs == 1:
-        yield from (map_drive(drive, methods) for drive in drives)
-        return
-    # A forked process would inherit the threads of the compiled loops in an unknown state.
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(jobs, mp_context=context) as pool:
-        try:
-            # Signals come to the main thread. One that came amid the start of a process would leave
-            # a pool that never ends.
-            with ThreadPoolExecutor(1) as starter:
-                starting = [starter.submit(pool.submit, map_drive, d, methods) for d in drives]
-            for done in as_completed([future.result() for future in starting]):
-                yield done.result()
-        except BaseException:  # Ctrl-C or SIGTERM, of which not all of them need hear
-            pool.shutdown(wait=False, cancel_futures=True)
-            for child in multiprocessing.active_children():
-                child.terminate()
-            raise
+    yield from in_processes(partial(map_drive, methods=methods), drives, jobs)

@@ -17,8 +17,9 @@ from hypermap.core.objects import SemanticObject
 from hypermap.core.semantic import SemanticLayer
 from hypermap.formats.backup import BY_HAND
 from hypermap.formats.semantic.records import object_from_record, record_from_object
+from hypermap.history.differences import MOVE
 
-_MEASURED = {"evidence", "z_min", "z_max"}  # attributes that mapping writes
+_MEASURED = {"evidence", "z_min", "z_max", MOVE}  # attributes that mapping writes
 _TOLERANCE = 1e-6  # meters between points that are the same
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Collection, Mapping
+from typing import Any
 
 import numpy as np
 import shapely
@@ -18,6 +19,7 @@ from hypermap.core.embeddings import Embedding, Embeddings
 from hypermap.core.objects import ObjectTable
 from hypermap.core.pictures import ObjectPicture
 from hypermap.core.semantic import SemanticLayer, SemanticObject
+from hypermap.history.differences import MOVE
 from hypermap.mapping.association import ASSOCIATIONS
 from hypermap.mapping.by_hand import HandEdit
 from hypermap.mapping.class_sizes import has_usual_size
@@ -28,6 +30,7 @@ from hypermap.mapping.footprint_iou import at_same_height, footprint_ious
 from hypermap.mapping.fusion import FUSIONS, votes
 from hypermap.mapping.landmarks import landmark_moves
 from hypermap.mapping.missed_detections import penalize_missed, prune
+from hypermap.mapping.moved import CONFIRMED, find_moves, moved_within_place
 from hypermap.mapping.protection import protected
 from hypermap.mapping.stages import EvidenceConfig
 from hypermap.mapping.track_shapes import Rows
@@ -36,7 +39,6 @@ from hypermap.perception.observation import Observation, ObservedObject
 
 _log = logging.getLogger(__name__)
 
-_CONFIRMED = 4  # observations that confirm a track, or that two are not one
 _SAME_PLACE = 0.5  # Jaccard index of published footprints from which two tracks are one object
 _CO_OCCURRENCE_SHARE = 0.2  # share of a track's frames that also show another: then they are two
 
@@ -108,8 +110,10 @@ class EvidenceMap:
             self._count_co_occurrences()
         self.shown = [(item, track) for (item, _), track in zip(found, tracks, strict=True)]
         penalize_missed(self._tracks, observation, observed, self.config)
-        for track in prune(self._tracks, self.config.forget_below):
+        for track in prune(self._tracks, self.config):
             self._forget_co_occurrences(track)
+        if self.config.moves:
+            self._follow_moves()
 
     def tracks(self) -> TrackTable:
         """Return all tracks as they are now; later frames do not change them."""
@@ -127,6 +131,8 @@ class EvidenceMap:
         for row, track in enumerate(self._tracks.objects):
             class_ = self._classes.setdefault(track.name, len(self._classes))
             self._tracks.shapes.classes[row] = class_
+        if self.config.moves:
+            self._follow_moves()
 
     def hand_edits(self) -> dict[int, HandEdit]:
         """Return what people have done to objects, by their ids."""
@@ -223,7 +229,7 @@ class EvidenceMap:
             if shapes.classes[row] == class_:
                 if iou >= self.config.slip / 2:
                     return None
-            elif objects[row].buffer.count >= _CONFIRMED and iou > best and self._may_be(row):
+            elif objects[row].buffer.count >= CONFIRMED and iou > best and self._is_there(row):
                 actual, best = objects[row].id, iou
         return actual if best >= self.config.slip else None
 
@@ -246,6 +252,13 @@ class EvidenceMap:
         track = self._touch(row)
         track.buffer.add(evidence)
         track.pending += 1
+        if self.config.moves and track.by_hand is None:
+            fresh = moved_within_place(track.buffer, self._fuse, self.config)
+            if fresh is not None:
+                track.buffer, track.moved = fresh
+                track.pending = len(track.buffer)
+        if self.config.moves and self._tracks.existence[row] <= self.config.forget_below:
+            self._tracks.change_existence(row, -float(self._tracks.existence[row]))  # it is back
         gain = self.config.gain * (evidence.score if self.config.gain_by_score else 1.0)
         self._tracks.change_existence(row, gain)
         if track.pending > self.config.renewal * len(track.buffer):
@@ -272,6 +285,10 @@ class EvidenceMap:
     def _may_be(self, row: int) -> bool:
         """Return whether a track may be there: not if people have deleted it."""
         return not (self._edited and self._tracks.objects[row].is_deleted)
+
+    def _is_there(self, row: int) -> bool:
+        """Return whether a track may be there, and is not long gone."""
+        return self._may_be(row) and self._tracks.existence[row] > self.config.forget_below
 
     def _mergeable(self, rows: Rows) -> Rows:
         """Return the rows that may become one track, first that which stays: the oldest.
@@ -311,7 +328,7 @@ class EvidenceMap:
             return False
         together = one.co_occurrences[other.id]
         most = max(1, _CO_OCCURRENCE_SHARE * min(one.buffer.count, other.buffer.count))
-        return together <= most or (together < _CONFIRMED and self._fill_one_place(row, match))
+        return together <= most or (together < CONFIRMED and self._fill_one_place(row, match))
 
     def _fill_one_place(self, row: int, match: int) -> bool:
         """Return whether two tracks would be published in the same place."""
@@ -352,6 +369,26 @@ class EvidenceMap:
             self._tracks.shapes.heights[row] = track.buffer.heights()
         track.pending = 0
 
+    def _follow_moves(self) -> None:
+        """Give the ids of objects that were moved to the tracks that they have become."""
+        for move in find_moves(self._tracks, self.config):
+            (row,), (other,) = (self._tracks.rows_of([n]) for n in (move.gone, move.there))
+            track, there = self._touch(row), self._touch(other)
+            self._forget_co_occurrences(track)
+            track.co_occurrences.clear()
+            self._transfer_co_occurrences(there, track)
+            first_seen = track.buffer.first_seen
+            track.buffer = there.buffer.copy()
+            track.buffer.first_seen = first_seen
+            track.pending, track.moved = there.pending, move.confidence
+            shapes = self._tracks.shapes
+            shapes.replace(row, shapes.polygons[other])
+            shapes.heights[row] = shapes.heights[other]
+            self._tracks.existence[row] = self._tracks.existence[other]
+            self._tracks.remove([other])
+            self._observed = {move.gone if n == move.there else n for n in self._observed}
+            self.shown = [(one, move.gone if n == move.there else n) for one, n in self.shown]
+
     def _touch(self, row: int) -> Track:
         """Return a track that is about to change, and keep a copy from before this frame."""
         track = self._tracks.objects[row]
@@ -375,6 +412,9 @@ class EvidenceMap:
         if edit is not None and edit.drawn is not None:
             return edit.drawn
         z_min, z_max = buffer.heights()
+        attributes: dict[str, Any] = {"evidence": buffer.count, "z_min": z_min, "z_max": z_max}
+        if track.moved is not None:
+            attributes[MOVE] = {"confidence": round(track.moved, 3)}
         found = SemanticObject(
             name=track.name,
             footprint=self._footprint(row, shifts),
@@ -384,7 +424,7 @@ class EvidenceMap:
             existence=float(self._tracks.existence[row]),
             first_seen=buffer.first_seen,
             last_seen=buffer.last_seen,
-            attributes={"evidence": buffer.count, "z_min": z_min, "z_max": z_max},
+            attributes=attributes,
         )
         return found if edit is None else edit.applied_to(found)
 

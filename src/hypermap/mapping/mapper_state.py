@@ -106,6 +106,7 @@ def dump_state(state: MapperState) -> bytes:
     }
     facts["names"] = [track.name for track in state.tracks.objects]
     facts["next_id"] = state.tracks.next_id
+    facts["moved"] = [track.moved for track in state.tracks.objects]
     published = {item.id for item in state.published}  # whose pictures are with their layer
     hidden = {
         track.id: track.buffer.pictures
@@ -261,12 +262,16 @@ def _unpacked(facts: Mapping[str, Any], arrays: _Arrays, config: EvidenceConfig)
         ),
         *(arrays[f"track.{name}"].tolist() for name in _TRACK_COLUMNS),
     )
+    moved = {
+        n: float(c) for n, c in zip(ids, facts.get("moved", ()), strict=False) if c is not None
+    }
     begin = 0
     for (id_, name, shape, existence, heights, pending, count, times), end in zip(
         zip(*columns, strict=True), ends, strict=True
     ):
         buffer = EvidenceBuffer.of(items[begin:end], config.max_evidence, count, *times)
         track = Track(id_, str(name), buffer, co_occurrences[id_], pending)
+        track.moved = moved.get(id_)
         tracks.add(track, 0, shape, tuple(heights), existence)
         begin = end
     tracks.next_id = max(tracks.next_id, int(facts["next_id"]))

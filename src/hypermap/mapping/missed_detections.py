@@ -9,6 +9,7 @@ import numpy as np
 import shapely
 
 from hypermap.mapping.footprint_iou import footprint_ious
+from hypermap.mapping.moved import CONFIRMED, STALE
 from hypermap.mapping.occlusion import sample_points, visible_shares
 from hypermap.mapping.stages import EvidenceConfig
 from hypermap.mapping.tracks import Track, TrackTable
@@ -17,6 +18,7 @@ from hypermap.perception.observation import Observation
 
 _VISIBLE = 0.5  # share of an object that a frame must be able to see for it to count as missed
 _ABSENT = 0.9  # share of what can be observed of it that rays must pass for it to be absent
+_MOST_GONE = 50  # tracks that are gone and stay
 _EVERYWHERE = (-math.inf, -math.inf, math.inf, math.inf)
 
 
@@ -32,29 +34,49 @@ def penalize_missed(
         config: how to tell what the frame should have shown, and what a miss costs.
     """
     if config.sight == "rays" and observation.view is not None:
-        _penalize_by_rays(tracks, observation.view, observed, config)
+        _penalize_by_rays(tracks, observation.stamp, observation.view, observed, config)
     else:
         _penalize_by_area(tracks, observation, observed, config)
     if config.contested > 0:
         _penalize_conflicts(tracks, observed, config)
 
 
-def prune(tracks: TrackTable, below: float) -> list[Track]:
-    """Remove the tracks with less existence than a limit, and return them.
+def prune(tracks: TrackTable, config: EvidenceConfig) -> list[Track]:
+    """Remove the tracks with less existence than `config` says, and return them.
 
-    Those that people have edited stay, at the limit.
+    At the limit stay those that people have edited, and the newest of those that are gone and may
+    be at another place.
     """
+    below = config.forget_below
     rows = np.flatnonzero(tracks.existence < below).tolist()
-    tracks.existence[[row for row in rows if tracks.objects[row].by_hand is not None]] = below
-    rows = [row for row in rows if tracks.objects[row].by_hand is None]
+    kept = {row for row in rows if tracks.objects[row].by_hand is not None}
+    if config.moves and len(kept) < len(rows):
+        kept |= _newest_gone(tracks, below)
+    low = sorted(kept.intersection(rows))
+    tracks.existence[low] = below
+    rows = [row for row in rows if row not in kept]
     pruned = [tracks.objects[row] for row in rows]
     if rows:
         tracks.remove(rows)
     return pruned
 
 
+def _newest_gone(tracks: TrackTable, below: float) -> set[int]:
+    """Return the rows of the tracks that are gone and were seen last, so that they may be back."""
+    gone = [
+        row
+        for row in np.flatnonzero(tracks.existence <= below).tolist()
+        if tracks.objects[row].buffer.count >= CONFIRMED
+    ]
+    return set(sorted(gone, key=lambda row: -tracks.objects[row].buffer.last_seen)[:_MOST_GONE])
+
+
 def _penalize_by_rays(
-    tracks: TrackTable, view: DepthView, observed: Set[int], config: EvidenceConfig
+    tracks: TrackTable,
+    stamp: float,
+    view: DepthView,
+    observed: Set[int],
+    config: EvidenceConfig,
 ) -> None:
     """Lower the existence of the tracks that the rays should have shown."""
     near = tracks.shapes.within(_EVERYWHERE, view.position[:2], config.max_range)
@@ -62,8 +84,12 @@ def _penalize_by_rays(
     samples = [tracks.shapes.polygons[row].cached(sample_points) for row in rows]
     visible, through = visible_shares(view, samples, tracks.shapes.heights[rows], config.tolerance)
     is_absent = through >= _ABSENT * visible
-    for i in np.flatnonzero(visible >= _VISIBLE):
-        tracks.change_existence(rows[i], -(config.gone_loss if is_absent[i] else config.loss))
+    for i in np.flatnonzero(visible >= _VISIBLE).tolist():
+        loss = config.loss
+        if is_absent[i]:
+            unseen = stamp - tracks.objects[rows[i]].buffer.last_seen
+            loss = config.stale_loss if unseen > STALE else config.gone_loss
+        tracks.change_existence(rows[i], -loss)
 
 
 def _penalize_by_area(

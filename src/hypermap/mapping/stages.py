@@ -115,6 +115,9 @@ class EvidenceConfig:
         margin: how far inside the visible area an object must be to be missed [m].
         tolerance: by how much the measured surface of an object may be off, for "rays" [m].
         gone_loss: existence lost where the rays went through the object's place, for "rays".
+        stale_loss: the same for an object that was not seen for an hour, as since another drive.
+        moves: whether an object that is gone, while one of its class and shape appears at another
+            place, is the same one, moved.
         contested: existence lost where a frame shows an object of another class in its place.
         min_contested: Jaccard index from which on two objects claim the same place.
         slip: Jaccard index with a confirmed track of another class from which on an observed shape
@@ -151,6 +154,8 @@ class EvidenceConfig:
     margin: float = 0.1
     tolerance: float = 0.15
     gone_loss: float = 1.0
+    stale_loss: float = 7.0
+    moves: bool = True
     contested: float = 0.5
     min_contested: float = 0.2
     slip: float = 0.4
@@ -174,6 +179,7 @@ class EvidenceConfig:
             "margin",
             "tolerance",
             "gone_loss",
+            "stale_loss",
             "contested",
         )
         for amount in amounts:

@@ -30,6 +30,8 @@ class Track:
         co_occurrences: how many frames also showed another track of its class, by that track's id.
         pending: pieces of evidence that are not in its shape yet.
         by_hand: edits made by hand; None for none.
+        moved: how likely it is the object that was at another place before, 0..1; None if it was
+            not moved.
     """
 
     id: int
@@ -38,6 +40,7 @@ class Track:
     co_occurrences: Counter[int] = dataclasses.field(default_factory=Counter)
     pending: int = 0
     by_hand: HandEdit | None = None
+    moved: float | None = None
 
     def copy(self) -> Track:
         """Return an independent copy."""
@@ -48,6 +51,7 @@ class Track:
             self.co_occurrences.copy(),
             self.pending,
             self.by_hand,
+            self.moved,
         )
 
     @property

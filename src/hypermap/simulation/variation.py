@@ -30,7 +30,7 @@ def varied(world: World, seed: int) -> World:
     if world.variation is None:
         return world
     rng = np.random.default_rng([seed, len(world.objects)])
-    room = _Room(world)
+    room = Room(world)
     for root in rng.permutation(len(world.objects)).tolist():
         group = room.group_of(root)
         for _ in range(_TRIES if group else 0):
@@ -40,10 +40,11 @@ def varied(world: World, seed: int) -> World:
     return replace(world, objects=tuple(room.objects))
 
 
-class _Room:
+class Room:
     """The things of a world while they are moved, one after the other."""
 
     def __init__(self, world: World) -> None:
+        """Take the things as they are."""
         self.objects = list(world.objects)
         self._bases = bases(world)
         self._bodies, self._walls = bodies_of(world), walls_of(world)
@@ -69,16 +70,30 @@ class _Room:
         """Take over changed things if there is room for them; return whether there was."""
         bodies = [Body.of(placed(thing)) for thing in changed]
         others = [b for i, b in enumerate(self._bodies) if i not in group] + self._walls
-        is_free = (
-            self._floor.covers(bodies[0].outline)
-            and not any(body.outline.intersects(self._way) for body in bodies)
-            and not any(body.hits(other) for body in bodies for other in others)
-            and not any(a.hits(b) for k, a in enumerate(bodies) for b in bodies[:k])
+        is_free = self._are_free(bodies, others) and not any(
+            a.hits(b) for k, a in enumerate(bodies) for b in bodies[:k]
         )
         if is_free:
             for i, thing, body in zip(group, changed, bodies, strict=True):
                 self.objects[i], self._bodies[i] = thing, body
         return is_free
+
+    def has_room_for(self, thing: WorldObject, *, in_a_gap: bool = False) -> bool:
+        """Return whether there is room for one more thing.
+
+        Args:
+            thing: the new one.
+            in_a_gap: whether it may touch the walls, as a door does.
+        """
+        walls = [] if in_a_gap else self._walls
+        return self._are_free([Body.of(placed(thing))], [*self._bodies, *walls])
+
+    def _are_free(self, bodies: list[Body], others: list[Body]) -> bool:
+        return (
+            self._floor.covers(bodies[0].outline)
+            and not any(body.outline.intersects(self._way) for body in bodies)
+            and not any(body.hits(other) for body in bodies for other in others)
+        )
 
 
 def _changed(
@@ -94,12 +109,14 @@ def _changed(
     changed = []
     for k, thing in enumerate(group):
         low = 0.0 if k == 0 and len(group) > 1 else -variation.size
-        moved = _moved(thing, about, (float(dx), float(dy)), turn)
+        moved = moved_by(thing, about, (float(dx), float(dy)), turn)
         changed.append(replace(moved, size=_resized(thing, low, variation.size, rng)))
     return changed
 
 
-def _moved(thing: WorldObject, about: Point, by: Point, turn: float) -> WorldObject:
+def moved_by(thing: WorldObject, about: Point, by: Point, turn: float) -> WorldObject:
+    """Return a thing at another place [m], turned about a point [degrees]."""
+
     def moved_points(points: tuple[Point, ...]) -> tuple[Point, ...]:
         turned = affinity.rotate(shapely.MultiPoint(points), turn, origin=about)
         return tuple((p.x + by[0], p.y + by[1]) for p in turned.geoms)

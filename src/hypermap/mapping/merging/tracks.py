@@ -84,7 +84,7 @@ def join_tracks(
                 float(second.existence[row]),
             )
     _add_co_occurrences(tracks, second, ids, pairs)
-    gone = {track.id for track in prune(tracks, config.forget_below)}
+    gone = {track.id for track in prune(tracks, config)}
     for track in tracks.objects:
         for number in gone & track.co_occurrences.keys():
             del track.co_occurrences[number]
@@ -197,7 +197,7 @@ def _count_misses(
         shares = shapely.area(shapely.intersection(near, shape)) / shape.area
         if until[row] == math.inf and is_free(shape):
             misses = int((shares >= _VISIBLE).sum())
-            too_much = float(tracks.existence[row]) - config.publish_above
+            too_much = float(tracks.existence[row]) - min(config.publish_above, 0.0)
             loss = config.gone_loss * misses + (max(too_much, 0) if misses else 0)
         else:
             loss = config.loss * int((shares >= _WHOLE).sum())

@@ -1,0 +1,126 @@
+"""`hypermap experiment days`: what maps say of worlds that change from day to day."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from hypermap.cli.progress import counting
+from hypermap.cli.terminal import out, say, say_json, table
+
+if TYPE_CHECKING:
+    from hypermap.experiments.days import Tally
+    from hypermap.simulation import Errors, World
+
+
+@dataclass(frozen=True)
+class SeriesPlan:
+    """Which drives there are.
+
+    Attributes:
+        worlds: as they are on the first day, before each seed varies them.
+        seeds: one series each.
+        errors: of camera, localization and detector.
+        rate: frames per second.
+        drives: in each series.
+    """
+
+    worlds: tuple[World, ...]
+    seeds: Sequence[int]
+    errors: Errors
+    rate: float
+    drives: int
+
+
+def run_days(plan: SeriesPlan, jobs: int, figures: Path, as_json: bool) -> None:
+    """Map all series, show what came of them, and save it as JSON."""
+    from hypermap.experiments.days import Series, map_series
+    from hypermap.formats.atomic import write_file
+    from hypermap.mapping.config import profile
+    from hypermap.simulation import varied
+
+    found: dict[str, list[Tally]] = {}
+    series = [
+        Series(varied(world, seed), seed, plan.errors, plan.rate, plan.drives)
+        for world in plan.worlds
+        for seed in plan.seeds
+    ]
+    with counting("mapping", len(series), "series of drives") as count:
+        for tally in map_series(series, profile("default"), jobs):
+            found.setdefault(tally.world, []).append(tally)
+            count()
+    data: dict[str, Any] = {
+        "drives": plan.drives,
+        "rate": plan.rate,
+        "seeds": list(plan.seeds),
+        "worlds": {name: _figures(tallies) for name, tallies in found.items()},
+        "series": [asdict(tally) for tallies in found.values() for tally in tallies],
+    }
+    write_file(figures, json.dumps(data, indent=1).encode())
+    if as_json:
+        say_json(data)
+        return
+    for name, world in data["worlds"].items():
+        _show(name, world)
+    say(f"\nfigures  {figures}")
+
+
+def _figures(tallies: Sequence[Tally]) -> dict[str, Any]:
+    """Return the figures of a world over all its series."""
+    from hypermap.experiments.days import KINDS
+
+    changes = {}
+    for kind in KINDS:
+        true, right, said = (
+            sum(getattr(tally, name)[kind] for tally in tallies)
+            for name in ("true", "right", "reported")
+        )
+        changes[kind] = {
+            "true": true,
+            "precision": _share(right, said),
+            "recall": _share(right, true),
+            "f1": _share(2 * right, true + said),
+        }
+    kept, switched = (sum(getattr(t, name) for t in tallies) for name in ("kept", "switched"))
+    swapped, said = (sum(getattr(t, n) for t in tallies) for n in ("swapped", "swapped_found"))
+    return {
+        "changes": changes,
+        "swapped": {"true": swapped, "reported_as_moved": said},
+        "id_switches": _share(switched, kept),
+        "kept": kept,
+        "first_map": _precision_and_recall([tally.first for tally in tallies]),
+        "last_map": _precision_and_recall([tally.last for tally in tallies]),
+    }
+
+
+def _precision_and_recall(counts: Sequence[tuple[int, int, int]]) -> dict[str, float | None]:
+    found, true, matched = map(sum, zip(*counts, strict=True))
+    return {"precision": _share(matched, found), "recall": _share(matched, true)}
+
+
+def _share(part: int, whole: int) -> float | None:
+    return part / whole if whole else None
+
+
+def _show(name: str, world: dict[str, Any]) -> None:
+    from hypermap.experiments.report import number
+
+    columns = ("changes", "precision", "recall", "F1")
+    rows = table("kind", *columns, right=columns)
+    for kind, row in world["changes"].items():
+        shares = (number(row[key]) for key in ("precision", "recall", "f1"))
+        rows.add_row(kind, str(row["true"]), *shares)
+    say(f"\n{name}\n")
+    out().print(rows)
+    swapped = world["swapped"]
+    say(f"of {swapped['true']} swapped, {swapped['reported_as_moved']} are said to have moved")
+    switches = world["id_switches"]
+    share = "-" if switches is None else f"{switches:.1%}"
+    say(f"ids that changed: {share} of {world['kept']}")
+    for when in ("first_map", "last_map"):
+        shares = world[when]
+        words = (f"{key} {number(shares[key])}" for key in ("precision", "recall"))
+        say(f"{when.replace('_', ' ')}: {', '.join(words)}")

@@ -1,0 +1,41 @@
+"""Work in several processes at once."""
+
+from __future__ import annotations
+
+import multiprocessing
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor, as_completed
+from typing import TypeVar
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+
+
+def in_processes(
+    work: Callable[[Item], Result], items: Sequence[Item], jobs: int
+) -> Iterator[Result]:
+    """Yield what becomes of each item, in the order in which they are done.
+
+    Args:
+        work: done to each item; can be pickled, as items and results.
+        items: what there is to do.
+        jobs: how many are worked on at the same time, each in a process of its own; 1 for here.
+    """
+    if jobs == 1:
+        yield from map(work, items)
+        return
+    # A forked process would inherit the threads of the compiled loops in an unknown state.
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(jobs, mp_context=context) as pool:
+        try:
+            # Signals come to the main thread. One that came amid the start of a process would leave
+            # a pool that never ends.
+            with ThreadPoolExecutor(1) as starter:
+                starting = [starter.submit(pool.submit, work, item) for item in items]
+            for done in as_completed([future.result() for future in starting]):
+                yield done.result()
+        except BaseException:  # Ctrl-C or SIGTERM, of which not all of them need hear
+            pool.shutdown(wait=False, cancel_futures=True)
+            for child in multiprocessing.active_children():
+                child.terminate()
+            raise

@@ -1,0 +1,212 @@
+"""Objects that were moved: gone from one place, while one of their class and shape is at another.
+
+A track that is gone stays in the table, unpublished. If one of its class and shape appears where
+the robot had looked before, the two are one object, which keeps its id. What was moved by less
+than its size is one track all the time; then the evidence from before is dropped.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+from shapely.geometry.base import BaseGeometry
+
+from hypermap.core.arrays import as_objects
+from hypermap.history.likeness import FARTHEST, MAY_BE, SAME_SHAPE, likeness
+from hypermap.mapping.evidence_buffer import Evidence, EvidenceBuffer
+from hypermap.mapping.fusion import Fusion
+from hypermap.mapping.stages import EvidenceConfig
+from hypermap.mapping.tracks import TrackTable
+
+CONFIRMED = 4
+"""Observations that confirm a track."""
+
+STALE = 3600.0
+"""Seconds after which a place may have changed unnoticed: another drive, or much later in one."""
+
+_GONE = 0.0  # existence at which a track is surely gone, and not only unsure
+_BEFORE = 1.0  # [s] before an object was seen first, when its place was still without it
+_VIEWS = 2  # of the place without it
+_COVERED = 0.5  # share of the place that such a view must cover
+_ON_FLOOR = 0.3  # [m] above which an object's place is not on the floor, and its views only near
+_NEAR = 0.25  # [m]
+_BESIDE = 0.2  # [m] between the old place and one that it is moved to without a look between
+_LEAST = 0.2  # [m] between centroids that are a move within an object's place
+_PER_AREA = 0.4  # [m] per square meter: of large things, a drive may see but one side
+
+
+@dataclass(frozen=True)
+class Move:
+    """A track that is gone, and the one that it has become.
+
+    Attributes:
+        gone: the id of the first.
+        there: the id of the second.
+        confidence: how likely they are one object, 0..1.
+    """
+
+    gone: int
+    there: int
+    confidence: float
+
+
+def find_moves(tracks: TrackTable, config: EvidenceConfig) -> list[Move]:
+    """Return which tracks are gone, and appeared at another place since.
+
+    Of several that may be the same, the ones with the shortest ways are. A track also counts as
+    gone where one that is there came beside it since it was seen, in another drive: rays that meet
+    the one do not tell that the other is gone. Tracks that people have edited are never among them.
+    """
+    buffers = [track.buffer for track in tracks.objects]
+    if not buffers:
+        return []
+    is_own = np.array([track.by_hand is None for track in tracks.objects])
+    is_confirmed = is_own & np.array([buffer.count >= CONFIRMED for buffer in buffers])
+    first, last = (
+        np.array([getattr(buffer, name) for buffer in buffers], np.float64)
+        for name in ("first_seen", "last_seen")
+    )
+    is_there = is_own & (tracks.existence > config.publish_above)
+    newest = first[is_there].max(initial=-np.inf)
+    is_gone = (tracks.existence <= _GONE) & (last < newest)
+    is_gone |= is_there & (last < newest - STALE)
+    gone = np.flatnonzero(is_confirmed & is_gone).tolist()
+    there = np.flatnonzero(is_there & (first > last[gone].min(initial=np.inf))).tolist()
+    if not (gone and there):
+        return []
+    alike, ways = _compared(tracks, gone, there)
+    _leave_out_others(alike, tracks, gone, there)
+    rows, cols = linear_sum_assignment(np.where(alike > 0, ways, 1e6))
+    found = []
+    for i, j in zip(rows.tolist(), cols.tolist(), strict=True):
+        if alike[i, j] > 0:
+            rivals = max(alike[i].sum(), alike[:, j].sum())
+            ids = tracks.objects[gone[i]].id, tracks.objects[there[j]].id
+            found.append(Move(*ids, float(alike[i, j] ** 2 / rivals)))
+    return found
+
+
+def _leave_out_others(
+    alike: NDArray[np.float64], tracks: TrackTable, gone: Sequence[int], there: Sequence[int]
+) -> None:
+    """Set to 0 what cannot be the same: not gone, or in a place where nobody had looked before."""
+    views: list[Evidence] | None = None
+    for j, row in enumerate(there):
+        for i in np.flatnonzero(alike[:, j]).tolist():
+            if _takes_place_of(tracks, row, gone[i]):
+                continue
+            views = _views(tracks) if views is None else views
+            if tracks.existence[gone[i]] > _GONE or not _was_without(tracks, row, views):
+                alike[i, j] = 0
+
+
+def _takes_place_of(tracks: TrackTable, row: int, other: int) -> bool:
+    """Return whether a track is beside where another was, not seen since another drive."""
+    begin, end = tracks.objects[row].buffer.first_seen, tracks.objects[other].buffer.last_seen
+    shape, was = (tracks.shapes.polygons[one].geometry for one in (row, other))
+    return begin > end + STALE and bool(shapely.dwithin(shape, was, _BESIDE))
+
+
+def moved_within_place(
+    buffer: EvidenceBuffer, fuse: Fusion, config: EvidenceConfig
+) -> tuple[EvidenceBuffer, float] | None:
+    """Return the evidence since an object was moved by less than its size, and how alike it is.
+
+    The evidence of the newest drive, or since the object was not seen for long, must agree on
+    another place, and have seen the floor where the object was. This is looked at when there are
+    4, 8, 16, ... pieces of it.
+
+    Args:
+        buffer: the evidence for an object; stays as it is.
+        fuse: makes a shape of evidence.
+        config: how.
+
+    Returns:
+        None for an object that was not moved.
+    """
+    stamps = np.array([item.stamp for item in buffer.items])
+    gaps = np.flatnonzero(np.diff(stamps) > STALE)
+    if not len(gaps):
+        return None
+    since = int(gaps[-1]) + 1
+    fresh = buffer.items[since:]
+    is_time = len(fresh) >= CONFIRMED and len(fresh).bit_count() == 1
+    if not is_time or since < CONFIRMED:
+        return None
+    newer = _buffer_of(fresh, buffer, config)
+    older = _buffer_of(buffer.items[:since], buffer, config)
+    here, was = fuse(newer, config).geometry, fuse(older, config).geometry
+    shift = shapely.distance(shapely.centroid(here), shapely.centroid(was))
+    if shift < max(_LEAST, _PER_AREA * min(here.area, was.area)):
+        return None
+    left = was.difference(shapely.buffer(here, 0.05))
+    if left.is_empty or not _saw(left, fresh):
+        return None
+    alike = likeness(was, here)
+    return (newer, alike) if alike >= SAME_SHAPE else None
+
+
+def _buffer_of(
+    items: list[Evidence], whole: EvidenceBuffer, config: EvidenceConfig
+) -> EvidenceBuffer:
+    """Return a buffer of some evidence, with the statistics of all of it."""
+    part = EvidenceBuffer.of(
+        items,
+        config.max_evidence,
+        whole.count,
+        whole.score_sum,
+        whole.first_seen,
+        whole.last_seen,
+    )
+    part.pictures = whole.pictures
+    return part
+
+
+def _saw(area: BaseGeometry, items: Sequence[Evidence]) -> bool:
+    """Return whether some of the views of an object saw an area of the floor."""
+    seen = as_objects(item.visible_area for item in items)
+    shares = shapely.area(shapely.intersection(seen, area)) / area.area
+    return int(np.count_nonzero(shares >= _COVERED)) >= _VIEWS
+
+
+def _compared(
+    tracks: TrackTable, gone: Sequence[int], there: Sequence[int]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return how alike tracks are, 0 where they cannot be one object, and how far apart [m]."""
+    shapes = tracks.shapes
+    centers = [shapely.centroid(shapes.geometries(rows)) for rows in (gone, there)]
+    ways = np.asarray(shapely.distance(centers[0][:, None], centers[1][None, :]))
+    alike = np.zeros_like(ways)
+    for i, row in enumerate(gone):
+        last_seen = tracks.objects[row].buffer.last_seen
+        for j, other in enumerate(there):
+            is_later = tracks.objects[other].buffer.first_seen > last_seen
+            is_same_class = tracks.objects[row].name == tracks.objects[other].name
+            if is_later and is_same_class and ways[i, j] <= FARTHEST:
+                value = likeness(shapes.polygons[row].geometry, shapes.polygons[other].geometry)
+                alike[i, j] = value if value >= MAY_BE else 0.0
+    return alike, ways
+
+
+def _views(tracks: TrackTable) -> list[Evidence]:
+    """Return one piece of the kept evidence of each view."""
+    items = (item for track in tracks.objects for item in track.buffer.items)
+    return list({(item.stamp, id(item.visible_area)): item for item in items}.values())
+
+
+def _was_without(tracks: TrackTable, row: int, views: Sequence[Evidence]) -> bool:
+    """Return whether the robot had looked at the place of a track before it was seen there."""
+    begin = tracks.objects[row].buffer.first_seen - _BEFORE
+    earlier = [view.visible_area for view in views if view.stamp < begin]
+    if not earlier:
+        return False
+    shape, areas = tracks.shapes.polygons[row].geometry, as_objects(earlier)
+    if tracks.shapes.heights[row][0] > _ON_FLOOR:
+        return int(np.count_nonzero(shapely.dwithin(areas, shape, _NEAR))) >= _VIEWS
+    shares = shapely.area(shapely.intersection(areas, shape)) / shape.area
+    return int(np.count_nonzero(shares >= _COVERED)) >= _VIEWS

@@ -1,0 +1,35 @@
+"""What is counted of maps of worlds that change."""
+
+from __future__ import annotations
+
+import functools
+
+from hypermap.experiments.days import Series, Tally, map_one
+from hypermap.mapping.config import profile
+from hypermap.simulation.levels import errors_of_level
+from hypermap.simulation.world import built_in_world
+
+
+@functools.cache
+def demo() -> Tally:
+    """Return what comes of two sparse drives through the demo's room without errors."""
+    series = Series(built_in_world("demo"), 3, errors_of_level("none"), 0.5, 2)
+    return map_one(series, profile("default"))
+
+
+def test_without_errors_most_changes_are_found_and_ids_stay() -> None:
+    tally = demo()
+    true, right = sum(tally.true.values()), sum(tally.right.values())
+    assert 1 <= right <= true
+    assert all(tally.right[kind] <= tally.reported[kind] for kind in tally.reported)
+    assert tally.switched <= 0.1 * tally.kept
+    found, there, matched = tally.last
+    assert matched >= 0.8 * there
+    assert matched <= found
+
+
+def test_misses_and_errors_are_listed() -> None:
+    tally = demo()
+    missed = sum(tally.true.values()) - sum(tally.right.values())
+    wrong = sum(tally.reported.values()) - sum(tally.right.values())
+    assert len(tally.notes) == missed + wrong

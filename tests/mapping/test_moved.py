@@ -1,0 +1,143 @@
+"""Objects that are moved keep their ids, within a drive and from one to the next."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import pytest
+import shapely
+
+from hypermap.core.semantic import SemanticObject
+from hypermap.mapping.by_hand import HandEdit
+from hypermap.mapping.evidence import EvidenceMap
+from hypermap.mapping.stages import EvidenceConfig
+
+from .evidence_tools import DEFAULT, NOWHERE, ROOM, THESIS, only, seen, square
+
+DAY = 86_400.0
+LEFT = shapely.box(-10, -10, 0, 10)
+"""Where the chair stands first, at (-3, 0); from here it comes to (3, 0)."""
+
+
+def after_a_move(
+    config: EvidenceConfig = DEFAULT,
+    *,
+    other_area: shapely.Polygon = ROOM,
+    other: shapely.Polygon | None = None,
+    name: str = "chair",
+    edit: HandEdit | None = None,
+) -> EvidenceMap:
+    """Return a map of a chair that was seen at (-3, 0), and then not there but at another place.
+
+    Args:
+        config: of the map.
+        other_area: what is seen while the chair is at its first place.
+        other: the shape at the other place; as it was before if None.
+        name: its class there.
+        edit: by hand, between the two.
+    """
+    evidence = EvidenceMap(config)
+    for second in range(6):
+        evidence.update(seen(square(-3), area=other_area, stamp=second))
+    if edit is not None:
+        evidence.go_on_with(evidence.tracks(), {0: edit})
+    for second in range(60):
+        there = square(3) if other is None else other
+        evidence.update(seen(there, name=name, stamp=DAY + second))
+    return evidence
+
+
+def test_an_object_that_was_moved_keeps_its_id_and_says_how_surely() -> None:
+    chair = only(after_a_move())
+    assert (chair.id, chair.first_seen, chair.last_seen) == (0, 0.0, DAY + 59)
+    assert chair.footprint.intersection(square(3)).area == pytest.approx(1, abs=0.1)
+    assert chair.attributes["moved"] == {"confidence": pytest.approx(1.0, abs=0.1)}
+
+
+@pytest.mark.parametrize(
+    "what",
+    [
+        {"other_area": LEFT},  # the other place had not been looked at: perhaps it was there
+        {"other": square(3, side=2)},
+        {"name": "table"},
+        {"config": THESIS},
+        {"edit": HandEdit(name="Anna's chair")},
+        {"edit": HandEdit(footprint=square(-3, side=0.5))},
+    ],
+    ids=["not looked at", "another size", "another class", "thesis", "renamed", "reshaped"],
+)
+def test_otherwise_it_is_another_object(what: dict[str, object]) -> None:
+    found = {item.id: item for item in after_a_move(**what).objects()}  # type: ignore[arg-type]
+    (new,) = (item for number, item in found.items() if number != 0)
+    assert "moved" not in new.attributes
+    assert new.first_seen == DAY
+
+
+def test_of_two_equal_objects_that_were_moved_neither_is_sure() -> None:
+    evidence = EvidenceMap(DEFAULT)
+    for second in range(6):
+        evidence.update(seen(square(-3), square(-3, 2), square(0, 3), stamp=second))
+    for second in range(60):
+        evidence.update(seen(square(3), square(3, 2), square(0, 3), stamp=DAY + second))
+    *found, third = evidence.objects()
+    assert [item.id for item in (*found, third)] == [0, 1, 2]
+    assert "moved" not in third.attributes
+    for item in found:
+        assert item.attributes["moved"]["confidence"] == pytest.approx(0.5, abs=0.1)
+
+
+def test_an_object_that_comes_back_is_the_same() -> None:
+    evidence = after_a_move(other=NOWHERE)
+    assert evidence.objects() == []
+    for second in range(3):
+        evidence.update(seen(square(-3), stamp=2 * DAY + second))
+    assert only(evidence).id == 0
+
+
+def test_of_what_was_moved_by_less_than_its_size_the_old_evidence_is_dropped() -> None:
+    evidence = EvidenceMap(DEFAULT)
+    for second in range(8):
+        evidence.update(seen(square(0), stamp=second))
+    for second in range(4):
+        evidence.update(seen(square(0.4), stamp=DAY + second))
+    chair = only(evidence)
+    assert chair.id == 0
+    assert chair.footprint.centroid.x == pytest.approx(0.4, abs=0.02)
+    assert chair.attributes["moved"]["confidence"] > 0.9
+
+
+def test_what_stands_in_a_part_of_its_old_place_was_moved_there() -> None:
+    evidence = EvidenceMap(DEFAULT)
+    for second in range(8):
+        evidence.update(seen(square(0), stamp=second))
+    for second in range(4):
+        evidence.update(seen(square(0.8), stamp=DAY + second))
+    chair = only(evidence)
+    assert (chair.id, chair.first_seen) == (0, 0.0)
+    assert chair.footprint.centroid.x == pytest.approx(0.8, abs=0.02)
+
+
+def test_frames_of_one_drive_that_differ_a_little_are_no_move() -> None:
+    evidence = EvidenceMap(DEFAULT)
+    for second in range(16):
+        evidence.update(seen(square(0.4 if second % 2 else 0.0), stamp=second))
+    assert "moved" not in only(evidence).attributes
+
+
+def test_what_is_gone_for_long_costs_little() -> None:
+    evidence = EvidenceMap(dataclasses.replace(DEFAULT, gone_loss=10.0, loss=10.0))
+    for number in range(60):
+        place = square(-3 + 0.1 * number, side=0.05)
+        for second in range(4):
+            name = f"thing {number}"
+            evidence.update(seen(place, name=name, stamp=1000.0 * number + second))
+        for second in range(5):
+            evidence.update(seen(stamp=1000.0 * number + 10 + second))
+    assert evidence.objects() == []
+    assert len(evidence.tracks().objects) == 50
+
+
+def test_a_drawn_object_stays_where_it_is() -> None:
+    drawn = SemanticObject("chair", square(-3), id=0)
+    found = after_a_move(edit=HandEdit(drawn=drawn)).objects()
+    assert shapely.equals(found[0].footprint, square(-3))
