@@ -225,6 +225,11 @@ class ObjectTable:
         return frozenset(name for name, code in self.vocabulary.items() if used[code])
 
     @cached_property
+    def attribute_keys(self) -> frozenset[str]:
+        """The keys of the attributes that any object has."""
+        return frozenset().union(*set(map(tuple, self.attributes.tolist())))
+
+    @cached_property
     def _known_names(self) -> ObjectArray:
         return as_objects(self.vocabulary)
 

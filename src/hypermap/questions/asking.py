@@ -7,6 +7,7 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -120,8 +121,14 @@ def vocabulary_of(hypermap: Hypermap, taxonomy: Taxonomy) -> Vocabulary:
         taxonomy,
         tuple(sorted(things)),
         tuple(dict.fromkeys(room.name for room in rooms)),
-        tuple(dict.fromkeys([*load_kinds().votes, *(room.kind for room in rooms if room.kind)])),
+        tuple(dict.fromkeys([*_kinds(), *(room.kind for room in rooms if room.kind)])),
     )
+
+
+@cache
+def _kinds() -> tuple[str, ...]:
+    """Return the kinds of rooms that every map knows."""
+    return tuple(load_kinds().votes)
 
 
 def parse_pose(text: str, option: str = "--pose") -> Pose2D:

@@ -7,6 +7,7 @@ what cannot be read, or has two meanings, is an error that says so.
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Iterator
 from dataclasses import replace
 from datetime import datetime
@@ -30,7 +31,7 @@ from hypermap.questions.query import (
 )
 from hypermap.questions.taxonomy import EVERYTHING
 from hypermap.questions.times import Span, find_times
-from hypermap.questions.words import TIME_MARKS, Vocabulary, meters_of, tokens_of
+from hypermap.questions.words import KEYWORDS, TIME_MARKS, Vocabulary, meters_of, tokens_of
 
 EXAMPLES = (
     "where is the nearest cup?",
@@ -68,7 +69,14 @@ _WHICH: dict[str, Which] = {
     "most recent": "newest",
 }
 
-_RELATIONS: dict[str, Relation] = {"IN": "in", "ON": "on", "UNDER": "under", "NEXT_TO": "near"}
+_RELATIONS: dict[str, Relation] = {
+    "IN": "in",
+    "ON": "on",
+    "UNDER": "under",
+    "NEXT_TO": "near",
+    "VISIBLE": "visible from",
+}
+_ADDRESS = re.compile(r"\s*(?:(?:hey|hi|hello|ok|okay|dear)\s+)?robot\s*[,:!]", re.IGNORECASE)
 
 
 class NotUnderstood(HypermapError):
@@ -97,18 +105,18 @@ def understand(text: str, vocabulary: Vocabulary, now: datetime | None = None) -
     """
     if len(text) > _LONGEST:
         raise NotUnderstood(f"a question has at most {_LONGEST} characters, not {len(text)}")
+    if (address := _ADDRESS.match(text)) is not None:
+        text = text[address.end() :]
     marked, times = _marked(text, now)
     tokens = tokens_of(marked, vocabulary)
     for token in tokens:
         if token.type == "AMBIGUOUS":
-            raise NotUnderstood(
-                f'{str(token)!r} is both a room and a thing here; write "{token}" in quotation '
-                f"marks for the thing, or 'room' and its number for the room"
-            )
+            raise NotUnderstood(_two_meanings(str(token), vocabulary))
     unknown = [str(token) for token in tokens if token.type == "UNKNOWN"]
     if unknown:
         words = ", ".join(map(repr, unknown[:5]))
-        hint = _similar(unknown[0], vocabulary)
+        close = [one for word in unknown[:5] if (one := _similar(word, vocabulary))]
+        hint = f"; did you mean {', '.join(map(repr, close))}?" if close else ""
         raise NotUnderstood(f"cannot read {words}{hint}", _nearest(text))
     try:
         query: Query = _Parts(times).transform(_parser().parse(tokens))
@@ -130,12 +138,22 @@ def _marked(text: str, now: datetime | None) -> tuple[str, list[Span]]:
     return text, [span for _, _, span in found]
 
 
-def _similar(word: str, vocabulary: Vocabulary) -> str:
-    like = [
-        one for one in vocabulary.phrases if one[0] == word[0] and abs(len(one) - len(word)) < 4
-    ]
+def _two_meanings(word: str, vocabulary: Vocabulary) -> str:
+    meanings = vocabulary.phrases[word]
+    if len({token for token, _ in meanings}) > 1:
+        return (
+            f'{word!r} is both a room and a thing here; write "{word}" in quotation marks for the '
+            "thing, or 'room' and its number for the room"
+        )
+    return f"{word!r} may mean {' or '.join(repr(name) for _, name in meanings)}; say which"
+
+
+def _similar(word: str, vocabulary: Vocabulary) -> str | None:
+    """Return the most similar word that is known; None if there is none."""
+    known = (*vocabulary.phrases, *KEYWORDS)
+    like = [one for one in known if one[0] == word[0] and abs(len(one) - len(word)) < 4]
     close = difflib.get_close_matches(word, like[:_MOST_COMPARED], n=1, cutoff=0.75)
-    return f"; did you mean {close[0]!r}?" if close else ""
+    return close[0] if close else None
 
 
 def _nearest(text: str) -> tuple[str, ...]:
@@ -305,6 +323,8 @@ class _Parts(Transformer[Token, Query]):
             return Condition("beyond", reference, _only(parts, float), is_negated)
         if "WITHIN" in types:
             return Condition("near", reference, _only(parts, float), is_negated)
+        if "VISIBLE" in types:
+            return Condition("visible from", reference, negated=is_negated)
         if "NEXT_TO" in types or "HERE" in types:
             return Condition("near", reference, negated=is_negated)
         return Condition("in" if reference.rooms else "at", reference, negated=is_negated)

@@ -76,14 +76,16 @@ def any_pair(
         found: the objects.
         others: those that they are compared with.
         shapes: of the objects.
-        predicate: of shapely's STRtree.
+        predicate: of shapely's STRtree; None compares bounding boxes alone.
         distance: for the predicate "dwithin" [m].
         is_so: what else must hold, for the places of objects and others.
     """
     tree = shapely.STRtree(others.shapes)
     holds = np.zeros(len(found), dtype=bool)
     for begin in range(0, len(found), _AT_ONCE):
-        part = shapely.force_2d(shapes[begin : begin + _AT_ONCE])  # copies may be prepared
+        part = shapes[begin : begin + _AT_ONCE]
+        if predicate is not None:  # which prepares them, and threads must not share prepared ones
+            part = shapely.force_2d(part)
         at, of = tree.query(part, predicate=predicate, distance=distance)
         at = at + begin
         is_other = found.keys[at] != others.keys[of]
@@ -94,7 +96,14 @@ def any_pair(
 
 def are_near(found: Matches, others: Matches, within: float) -> BoolArray:
     """Return which objects are within a distance [m] of another one that is not itself."""
-    return any_pair(found, others, found.shapes, "dwithin", within)
+    x0, y0, x1, y1 = shapely.bounds(found.shapes).T
+    boxes = np.asarray(shapely.box(x0 - within, y0 - within, x1 + within, y1 + within))
+
+    def is_near(at: IntArray, of: IntArray) -> BoolArray:
+        near: BoolArray = shapely.dwithin(found.shapes[at], others.shapes[of], within)
+        return near
+
+    return any_pair(found, others, boxes, None, is_so=is_near)
 
 
 def _heights(found: Matches, rows: IntArray) -> tuple[FloatArray, FloatArray]:

@@ -27,13 +27,15 @@ _KEYWORDS = {
         "|what do you have|what do you know|what did you see|what have you seen"
     ),
     "WHEN": (
-        "when did you last see|when did you see|when have you seen|when have you last seen"
+        "what is the last time you saw|when was the last time you saw|the last time you saw"
+        "|when did you last see|when did you see|when have you seen|when have you last seen"
         "|when was|when were|when did you notice|when did you last notice"
     ),
     "SEEN": "seen|last seen|has been seen|have been seen|was seen|were seen|been seen",
     "UNSEEN": (
         "have you not seen|did you not see|has not been seen|have not been seen|not been seen"
-        "|was not seen|were not seen|not seen|unseen|have not seen"
+        "|have not you seen|did not you see|was not seen|were not seen|not seen|unseen"
+        "|have not seen"
     ),
     "NEW": "new|added|newly seen|first seen|appeared|was added|were added|has appeared"
     "|has been added|have been added|have appeared",
@@ -41,9 +43,10 @@ _KEYWORDS = {
     "HOW_MANY": "how many|count|number of|the number of|how much",
     "HOW_FAR": (
         "how far|how far away|how far off|how close|what is the distance|distance"
-        "|how many meters|how many metres|how long is the way|how long is the path"
+        "|how many meters|how many metres|how many feet|how many yards|how many centimeters"
+        "|how long is the way|how long is the path"
     ),
-    "IS": "is|are|was|were|is it|are they|stand|stands|lie|lies|be|exist|exists",
+    "IS": "is|are|was|were|stood|lay|is it|are they|stand|stands|lie|lies|be|exist|exists",
     "THERE": "there",
     "HAVE": (
         "have|has|having|contain|contains|with|do you have|have you got|can you see|do you see"
@@ -78,7 +81,7 @@ _KEYWORDS = {
         "|in front of|behind|at the back of|left from|right from|on the left side of"
         "|on the right side of"
     ),
-    "NOT": "not|not one|outside|outside of|anywhere but",
+    "NOT": "not|not one|outside|outside of|anywhere but|except those|except the ones|but not those",
     "AND": "and|and also|and are|and is|but|as well as|that are also|plus",
     "OR": "or|and or",
     "OF": "of",
@@ -87,6 +90,7 @@ _KEYWORDS = {
     "BETWEEN": "between",
     "ME": "me|you|us|here|where i am|my position|the robot|yourself|where you are|this place",
     "HERE": "around here|near here|close by|in the vicinity|near by",
+    "VISIBLE": "visible from|in sight of|within sight of|in view of|can be seen from|seen from",
     "BY_PATH": (
         "by path|on foot|walking|to walk|by walking|driving|to drive|along the path|by road"
         "|by driving"
@@ -100,7 +104,19 @@ _KEYWORDS = {
     ),
     "BUT": ("except|besides|except for|apart from|other than|but not|but no|that is no|excluding"),
 }
-_OF_CONDITIONS = {"IN", "AT", "ON", "UNDER", "NEXT_TO", "WITHIN", "BEYOND", "SIDE", "NOT", "IS"}
+_OF_CONDITIONS = {
+    "VISIBLE",
+    "IN",
+    "AT",
+    "ON",
+    "UNDER",
+    "NEXT_TO",
+    "WITHIN",
+    "BEYOND",
+    "SIDE",
+    "NOT",
+    "IS",
+}
 _DROPPED = (
     "please|the|a|an|my|our|your|his|her|their|its|some|any|all|all the|every|each|robot"
     "|hey|hi|hello|ok|okay|can you tell me|could you tell me|do you know|tell me|actually"
@@ -113,7 +129,7 @@ _DROPPED = (
     "|does the house|does this house|does the building"
     "|does this building|does the map|does the flat|does this floor|in the flat"
     "|in this house|in this flat|of them|have to be|one that|other|whole|entire|it|this"
-    "|me know|let me know|stored"
+    "|me know|let me know|stored|still|in them|in there"
 )
 _NUMBER_WORDS = (
     "zero|one|two|three|four|five|six|seven|eight|nine|ten|eleven|twelve|thirteen|fourteen|fifteen"
@@ -133,10 +149,14 @@ _PHRASES: dict[str, str] = {
     phrase: token for token, phrases in _KEYWORDS.items() for phrase in reversed(phrases.split("|"))
 }
 _PHRASES |= dict.fromkeys(_DROPPED.split("|"), "")
+KEYWORDS = tuple(phrase for phrase in _PHRASES if len(phrase) > 3)
+"""Words and phrases with a meaning in all questions, of which people mistype."""
 _NUMBER_OF = {word: number for number, word in enumerate(_NUMBER_WORDS.split("|"))}
 _UNIT_OF = {unit: meters for meters, units in _UNITS.items() for unit in units.split("|")}
 _CONTRACTED = {
     "what's": "what is",
+    "whats": "what is",
+    "wheres": "where is",
     "where's": "where is",
     "where're": "where are",
     "who's": "who is",
@@ -158,7 +178,7 @@ _CONTRACTED = {
 _NUMBER = r"\d+(?:\.\d+)?"
 _POINT = rf"(?:\(\s*)?-?{_NUMBER}\s*,\s*-?{_NUMBER}\s*\)?"
 _PIECES = re.compile(rf'"[^"]*"|{_POINT}|{_NUMBER}|[^\W\d]+(?:[\'_-][^\W\d]+)*|\S')
-_LONGEST = 6  # words of a phrase
+_LONGEST = 7  # words of a phrase
 _ALSO_ROOMS = {
     "hallway": "corridor",
     "hall": "corridor",
@@ -196,8 +216,9 @@ class Vocabulary:
             if (token, value) not in meanings:
                 meanings.append((token, value))
 
-        for name, usual in {**self.taxonomy.plurals, **self.taxonomy.usual}.items():
-            add(name, "THING", usual)
+        for names in (self.taxonomy.plurals, self.taxonomy.usual):
+            for name, usual in names.items():
+                add(name, "THING", usual)
         for name in self.objects:
             known = self.taxonomy.usual_name(name)
             for form in (as_key(name), f"{as_key(name)}s"):
@@ -208,6 +229,7 @@ class Vocabulary:
                 add(as_key(name), "ROOM_NAME", name)
         own = {as_key(name) for name in self.rooms}
         names = {kind: kind for kind in self.kinds}
+        names |= {f"{kind} room": kind for kind in self.kinds if not kind.endswith("room")}
         names |= {also: kind for also, kind in _ALSO_ROOMS.items() if kind in names}
         for name, kind in names.items():
             for form in sorted({name, f"{name}s", f"{name.removesuffix('y')}ies"} - own):
@@ -263,6 +285,8 @@ def _next(words: list[str], at: int, vocabulary: Vocabulary) -> tuple[Token | No
         return Token("POINT", word.strip("( )")), 1
     if word == "room" and at + 1 < len(words) and words[at + 1].isdigit():
         return Token("ROOM_NAME", f"room {words[at + 1]}"), 2
+    if word in ("a", "an") and words[at + 1 : at + 2] and words[at + 1] in _UNIT_OF:
+        return Token("NUMBER", "1"), 1
     for length in range(min(_LONGEST, len(words) - at), 0, -1):
         phrase = " ".join(words[at : at + length])
         if meanings := vocabulary.phrases.get(phrase):
@@ -300,8 +324,11 @@ def _keyword(token: str, phrase: str, rest: list[str]) -> Token | None:
 def _noun(
     words: list[str], at: int, length: int, meanings: list[tuple[str, str]]
 ) -> tuple[Token, int]:
-    """Return the token of a thing or room, with the number after it, as of "chair 14"."""
-    if len({token for token, _ in meanings}) > 1:
+    """Return the token of a thing or room, with the number after it, as of "chair 14".
+
+    A word with several meanings is AMBIGUOUS.
+    """
+    if len(meanings) > 1:
         return Token("AMBIGUOUS", " ".join(words[at : at + length])), length
     token, value = meanings[0]
     after = words[at + length] if at + length < len(words) else ""
