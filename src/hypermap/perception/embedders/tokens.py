@@ -51,8 +51,9 @@ class Tokens:
             raise FormatError(f"is no tokenizer: {error}", path=path) from None
         settings = _settings(folder / "tokenizer_config.json")
         longest = settings.get("model_max_length")
-        is_length = isinstance(longest, int | float) and 0 < longest <= _LONGEST
-        self._length = int(longest) if is_length else None
+        self._length: int | None = None
+        if isinstance(longest, int | float) and 0 < longest <= _LONGEST:
+            self._length = int(longest)
         padding: dict[str, Any] = self._tokenizer.padding or {}
         name = settings.get("pad_token")
         named = self._tokenizer.token_to_id(name) if isinstance(name, str) else None
