@@ -218,3 +218,18 @@ def test_real_surveys_are_predicted_as_well_as_by_a_gaussian_process(shared_data
         within.extend(np.abs(errors[heard]) <= 2 * spread[heard])
     assert np.sqrt(np.mean(squares)) < 3.3  # dB
     assert 0.92 <= np.mean(within) <= 0.98
+
+
+def test_limits_among_louder_samples_leave_the_field_within_what_was_measured():
+    """A few samples that heard nothing where others did are misses, and must not tear it away."""
+    random = np.random.default_rng(3)
+    points = random.uniform([0, 0], [12, 4], size=(150, 2))
+    level = -40 - 3 * points[:, 0] + random.normal(0, 2, len(points))
+    is_below = level < -70
+    is_below[[3, 40, 90]] = True  # missed
+    values = np.where(is_below, -70.0, level)
+    settings = FieldSettings(length=12.0, deviation=16.0, noise=2.3, through_walls=0.0)
+    found = interpolate(Samples.of(points, values, is_below), settings=settings)
+    known = found.values[np.isfinite(found.values)]
+    assert known.min() > -85
+    assert known.max() < -30

@@ -19,6 +19,7 @@ LEAST_SAMPLES = 5  # with a value, needed to estimate length, deviation and nois
 _NOISE = (0.02, 20.0)  # as a multiple of the field's deviation
 _THROUGH_WALLS = (0.0, 0.03, 0.3)
 _STEPS = 40  # of the search
+_LEAST_PRECISION = 1e-6  # of a limit, as multiples of a sample's
 _ROUNDS = 12  # of expectation propagation
 _DROPOUTS = 0.05  # share of the samples that miss an existing signal
 _CLOSE = 1e-3  # change of a site's mean, in units of noise, at which the rounds end
@@ -104,22 +105,24 @@ def with_limits(
     scale = settings.deviation
     relative_noise = settings.noise / scale
     variance = settings.noise**2
-    precision = np.full(len(limits.values), 1e-6)  # of the sites, as multiples of a sample's
-    means = limits.values.copy()
-    together = _joined(heard, limits, means, precision)
+    # Precision, as multiples of a sample's, and precision times mean of the sites. These are what
+    # can be averaged: a site that says next to nothing may have its mean anywhere.
+    precision = np.full(len(limits.values), _LEAST_PRECISION)
+    shift = precision * limits.values
+    together = _joined(heard, limits, shift / precision, precision)
     for _ in range(_ROUNDS):
         posterior = Posterior(prior, together, relative_noise)
         mean = limits.weights @ posterior.mean()
         spread = limits.weights @ posterior.variance() * scale**2
         left = 1 / np.maximum(1 / spread - precision / variance, 1e-9 / spread)  # without the site
-        center = left * (mean / spread - means * precision / variance)
+        center = left * (mean / spread - shift / variance)
         new_mean, new_spread = _below(center, left, limits.values, variance)
-        new_precision = np.maximum(variance * (1 / new_spread - 1 / left), 1e-6)
-        new_means = center + (new_mean - center) * left / np.maximum(left - new_spread, 1e-12)
+        new_precision = np.maximum(variance * (1 / new_spread - 1 / left), _LEAST_PRECISION)
+        new_shift = new_mean * (variance / left + new_precision) - center * variance / left
         change = float(np.abs(new_mean - mean).max(initial=0)) / settings.noise
         precision = 0.5 * (precision + new_precision)
-        means = 0.5 * (means + new_means)
-        together = _joined(heard, limits, means, precision)
+        shift = 0.5 * (shift + new_shift)
+        together = _joined(heard, limits, shift / precision, precision)
         if change < _CLOSE:
             break
     return together
