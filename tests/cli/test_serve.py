@@ -143,6 +143,37 @@ def test_maps_are_loaded_from_the_named_folder_alone(serve, room_map, tmp_path):
     assert server.stop(signal.SIGINT) == 0
 
 
+def test_agents_see_the_map_that_is_served_now(serve, room_map, tmp_path):
+    mcp = pytest.importorskip("mcp", reason="mcp is not installed")
+    import anyio
+
+    folder = tmp_path / "maps"
+    folder.mkdir()
+    (folder / "room.hmap").write_bytes(room_map.read_bytes())
+    server = serve("--map-directory", folder, "--allow-edits", "--mcp")
+    url = server.expect(r"http://\S+/mcp")[0]
+    token = server.expect(r"Bearer (\S+)")[1]
+
+    async def chairs() -> int:
+        import httpx2
+        from mcp.client.streamable_http import streamable_http_client
+
+        headers = {"Authorization": f"Bearer {token}"}
+        async with (
+            httpx2.AsyncClient(headers=headers) as http,
+            mcp.Client(streamable_http_client(url, http_client=http)) as client,
+        ):
+            found = await client.call_tool("find_objects", {"names": ["chair"]})
+            assert "add_zone" not in {tool.name for tool in (await client.list_tools()).tools}
+            return found.structured_content["count"]
+
+    assert anyio.run(chairs) == 0
+    with server.client() as client:
+        assert client.call(*LOAD_MAP, filename="room.hmap").success
+        assert anyio.run(chairs) == 2
+    assert server.stop(signal.SIGINT) == 0
+
+
 def test_clients_change_nothing_unless_they_may_and_what_they_replace_is_kept(
     serve, room_map, tmp_path
 ):

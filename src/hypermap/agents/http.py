@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import secrets
-from collections.abc import Callable
+import socket
+import threading
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import uvicorn
@@ -19,6 +21,7 @@ PATH = "/mcp"
 
 _HOST = "127.0.0.1"
 _MOST_BODY = 1_000_000  # bytes of a request
+_LAST_CALLS = 5.0  # seconds that calls under way have when the server ends
 _SHORTEST_TOKEN = 16  # characters
 
 
@@ -36,10 +39,36 @@ def serve_http(
     Raises:
         HypermapError: If the port is in use, or the token is too short.
     """
+    listening, config = _prepared(server, port, token)
+    with contextlib.closing(listening), contextlib.suppress(KeyboardInterrupt):
+        _Server(config, lambda: on_start(_url(listening))).run(sockets=[listening])
+
+
+@contextlib.contextmanager
+def served_beside(
+    server: Server[Any], port: int | None, token: str, on_start: Callable[[str], None]
+) -> Iterator[None]:
+    """Serve in a thread while the context lasts; takes and raises the same as `serve_http`."""
+    listening, config = _prepared(server, port, token)
+    beside = _Server(config, lambda: on_start(_url(listening)))
+    thread = threading.Thread(
+        target=beside.run, kwargs={"sockets": [listening]}, name="mcp", daemon=True
+    )
+    with contextlib.closing(listening):
+        thread.start()
+        try:
+            yield
+        finally:
+            beside.should_exit = True
+            thread.join(_LAST_CALLS)
+
+
+def _prepared(
+    server: Server[Any], port: int | None, token: str
+) -> tuple[socket.socket, uvicorn.Config]:
+    """Return a socket that listens, and how it is served."""
     if len(token) < _SHORTEST_TOKEN or not token.isascii() or not token.isprintable():
         raise HypermapError(f"a token has at least {_SHORTEST_TOKEN} ASCII characters, no blanks")
-    listening = listen(_HOST, port)
-    url = f"http://{_HOST}:{listening.getsockname()[1]}{PATH}"
     config = uvicorn.Config(
         http_app(server, token),
         log_config=None,
@@ -49,8 +78,11 @@ def serve_http(
         proxy_headers=False,
         timeout_graceful_shutdown=1,
     )
-    with contextlib.closing(listening), contextlib.suppress(KeyboardInterrupt):
-        _Server(config, lambda: on_start(url)).run(sockets=[listening])
+    return listen(_HOST, port), config
+
+
+def _url(listening: socket.socket) -> str:
+    return f"http://{_HOST}:{listening.getsockname()[1]}{PATH}"
 
 
 def http_app(server: Server[Any], token: str) -> ASGIApp:

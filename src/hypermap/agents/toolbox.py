@@ -34,6 +34,19 @@ def tools_for(
 
 def tools_of(opened: OpenMap, looking: Looking, allow_edits: bool) -> list[Tool]:
     """Return the tools for an open map."""
+    editing = Editing(opened)
+    edits: list[ToolFunction] = [
+        editing.add_zone,
+        editing.rename,
+        editing.mark_gone,
+        editing.add_note,
+    ]
+    changing = [Tool(edit, is_edit=True) for edit in edits]
+    return tools_to_look(looking) + (changing if allow_edits else [])
+
+
+def tools_to_look(looking: Looking) -> list[Tool]:
+    """Return the tools that look at a map, wherever it comes from."""
     looks: list[ToolFunction] = [
         looking.find_objects,
         looking.nearest,
@@ -48,12 +61,4 @@ def tools_of(opened: OpenMap, looking: Looking, allow_edits: bool) -> list[Tool]
         looking.show_object,
         looking.find_notes,
     ]
-    editing = Editing(opened)
-    edits: list[ToolFunction] = [
-        editing.add_zone,
-        editing.rename,
-        editing.mark_gone,
-        editing.add_note,
-    ]
-    changing = [Tool(edit, is_edit=True) for edit in edits]
-    return [Tool(look) for look in looks] + (changing if allow_edits else [])
+    return [Tool(look) for look in looks]

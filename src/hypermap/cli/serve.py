@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import os
+import secrets
+from collections.abc import Callable
+from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -22,7 +26,11 @@ from hypermap.cli.node_options import (
     parse_params,
     ros_arguments,
 )
+from hypermap.cli.terminal import note
 from hypermap.core.errors import FileMissing
+
+if TYPE_CHECKING:
+    from hypermap.core.hypermap import Hypermap
 
 COMMAND_CLASS = NodeCommand
 
@@ -54,6 +62,14 @@ def command(
             help="Let clients load and store maps in this folder only.",
         ),
     ] = None,
+    mcp: Annotated[
+        bool,
+        typer.Option(
+            "--mcp",
+            help="Also let language-model agents on this machine look at it, by MCP over HTTP; the "
+            "secret that they must know may be in HYPERMAP_MCP_TOKEN.",
+        ),
+    ] = False,
     param: Params = None,
 ) -> None:
     """Serve a map to robots and viewers: topics, services and transforms, until Ctrl-C.
@@ -66,6 +82,7 @@ def command(
     Examples:
         hypermap serve lab.hmap
         hypermap serve lab.hmap --foxglove
+        hypermap serve lab.hmap --mcp
         hypermap serve lab.hmap --map-directory maps --param label_height=0.5
         hypermap serve lab.hmap --ros2 --ros-args -r __ns:=/robot
     """
@@ -85,4 +102,25 @@ def command(
         middleware=middleware,
         values=values,
         address=address_of(host, port, middleware, allow_edits, allow_origin),
+        beside=_agents if mcp else None,
     )
+
+
+def _agents(current: Callable[[], Hypermap]) -> AbstractContextManager[None]:
+    """Return a context in which agents are answered, too."""
+    from hypermap.agents.http import served_beside
+    from hypermap.agents.looking import Looking
+    from hypermap.agents.mcp_server import server_of
+    from hypermap.agents.toolbox import tools_to_look
+
+    looking = Looking(current)
+    server = server_of(tools_to_look(looking), looking)
+    given = os.environ.get("HYPERMAP_MCP_TOKEN")
+    token = given or secrets.token_urlsafe(24)
+
+    def started(url: str) -> None:
+        note(f"serving agents at {url}")
+        if given is None:
+            note(f"they send the header Authorization: Bearer {token}")
+
+    return served_beside(server, None, token, started)

@@ -10,13 +10,15 @@ import contextlib
 import importlib.util
 import json
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 from hypermap.core.errors import HypermapError
 
 if TYPE_CHECKING:
+    from hypermap.core.hypermap import Hypermap
     from hypermap.ros.mapper.semantic_mapper import SemanticMapper
     from hypermap.ros.port import Node, Parameter, Port, Value
     from hypermap.ros.server.map_server import MapServer
@@ -51,6 +53,7 @@ def run_map_server(
     middleware: Middleware = "auto",
     values: Mapping[str, Value] | None = None,
     address: Address | None = None,
+    beside: Callable[[Callable[[], Hypermap]], AbstractContextManager[None]] | None = None,
 ) -> None:
     """Serve a map until Ctrl-C, SIGTERM or the middleware ends it.
 
@@ -60,6 +63,8 @@ def run_map_server(
         middleware: what to run on; "auto" takes the ROS that is there.
         values: parameters of the node; they come before what the middleware knows of them.
         address: where to listen with Foxglove.
+        beside: makes a context in which the node runs, such as that of another server, out of a
+            function that returns the map as it is now.
 
     Raises:
         HypermapError: If the middleware is missing, an argument or parameter is wrong, or the map
@@ -71,7 +76,9 @@ def run_map_server(
     if len(own) > 1:
         raise HypermapError(f"the map server takes one map, not {len(own)}: {' '.join(own)}")
     port = make_port(MapServer, ros, middleware, dict(values or {}), address)
-    run_node(port, MapServer(port, own[0] if own else None))
+    server = MapServer(port, own[0] if own else None)
+    with nullcontext() if beside is None else beside(lambda: server.hypermap):
+        run_node(port, server)
 
 
 def run_semantic_mapper(

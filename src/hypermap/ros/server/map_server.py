@@ -59,6 +59,11 @@ class MapServer:
         self._parts: tuple[MapPart, ...] = ()
         self._greeting: tuple[Level, str] = "info", ""
 
+    @property
+    def hypermap(self) -> Hypermap:
+        """The map as it is now; it is never changed, but replaced."""
+        return self._current.hypermap
+
     def configure(self) -> None:
         """Read the parameters and load the map that they name.
 
