@@ -233,3 +233,13 @@ def test_limits_among_louder_samples_leave_the_field_within_what_was_measured():
     known = found.values[np.isfinite(found.values)]
     assert known.min() > -85
     assert known.max() < -30
+
+
+def test_cells_finer_than_the_field_are_on_their_own_side_of_a_wall(two_rooms, mapped):
+    settings = settings_of(mapped)
+    fine = interpolate(warm_and_cold(), two_rooms, settings=settings, resolution=0.02)
+    assert fine.grid.width * fine.grid.height > 100_000
+    places = np.array([[1.0, 1.0], [2.5, 2.0], [5.5, 2.0], [7.0, 3.0]])
+    np.testing.assert_allclose(at(fine, places), at(mapped, places), atol=0.3)
+    beside = at(fine, [[3.85, 2.0], [4.15, 2.0]])
+    assert abs(beside[0] - beside[1]) > 3

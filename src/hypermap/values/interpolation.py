@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, get_args
 
@@ -27,6 +28,8 @@ _MARGIN = 2.0  # meters around the samples
 _RESOLUTION = 0.25  # meters; the finest automatic resolution
 _NODES = 20_000  # maximum at automatic resolution
 _MOST_NODES = 100_000  # a gigabyte of blocks if the floor is square
+_MOST_CELLS = 2_000_000  # of a grid; smaller than the nodes' where these are too many
+_ROWS_AT_ONCE = 50  # of cells
 _NODES_TO_FIT = 2_500
 _UNEXPLAINED = 0.5  # of the variance, above which there is no value
 _FARTHEST = 1e9  # meters from the origin
@@ -80,7 +83,9 @@ def interpolate(
         method: one of `METHODS`.
         settings: of the field; without them those that make the samples likeliest. The kernel
             takes the length for its width.
-        resolution: side of a cell [m]; without it 0.25 m, or more on a large floor.
+        resolution: side of a cell [m]; without it 0.25 m, or more on a large floor. The field of
+            more than 100,000 cells has at most 20,000 nodes, and cells take their values from the
+            nodes around them that they see.
 
     Raises:
         HypermapError: If there are too few samples with a value, they lie too far apart, a value is
@@ -130,11 +135,12 @@ def _by_field(
     occupancy: OccupancyLayer | None,
     settings: FieldSettings | None,
 ) -> Interpolation:
-    lattice = Lattice.over(grid, occupancy)
+    is_too_fine = grid.width * grid.height > _MOST_NODES
+    lattice = Lattice.over(_at_most(grid, _NODES) if is_too_fine else grid, occupancy)
     known = samples.chosen(~samples.is_below)
     if settings is None:
         coarse = _at_most(grid, _NODES_TO_FIT)
-        rough = lattice if coarse == grid else Lattice.over(coarse, occupancy)
+        rough = lattice if coarse == lattice.grid else Lattice.over(coarse, occupancy)
         settings = fit_settings(rough, _observed(rough, known))
     prior = Prior(lattice, settings.length, settings.through_walls)
     observed = _observed(lattice, known)
@@ -142,11 +148,12 @@ def _by_field(
         limits = _observed(lattice, samples.chosen(samples.is_below))
         observed = with_limits(prior, observed, limits, settings)
     posterior = Posterior(prior, observed, settings.noise / settings.deviation)
-    variance = posterior.variance().reshape(grid.shape)
-    nowhere = (variance > _UNEXPLAINED) | ~lattice.is_floor
+    mean, variance = _on_cells(grid, lattice, (posterior.mean(), posterior.variance()))
+    is_floor = lattice.is_floor if lattice.grid == grid else floor_cells(grid, occupancy)
+    nowhere = (variance > _UNEXPLAINED) | ~is_floor
     return Interpolation(
         grid,
-        np.where(nowhere, np.nan, posterior.mean().reshape(grid.shape)),
+        np.where(nowhere, np.nan, mean),
         np.where(nowhere, np.nan, settings.deviation * np.sqrt(variance)),
         settings.noise,
         "gmrf",
@@ -157,6 +164,25 @@ def _by_field(
             "through_walls": settings.through_walls,
         },
     )
+
+
+def _on_cells(
+    grid: GridGeometry, lattice: Lattice, nodes: Sequence[NDArray[np.float64]]
+) -> list[NDArray[np.float64]]:
+    """Return numbers of nodes as numbers of cells, (height, width) each.
+
+    Cells smaller than the lattice's take theirs from the nodes around them that they see.
+    """
+    if lattice.grid == grid:
+        return [numbers.reshape(grid.shape) for numbers in nodes]
+    cells = [np.empty(grid.shape) for _ in nodes]
+    for row in range(0, grid.height, _ROWS_AT_ONCE):
+        rows = np.arange(row, min(row + _ROWS_AT_ONCE, grid.height))
+        places = np.repeat(rows, grid.width), np.tile(np.arange(grid.width), len(rows))
+        weights = lattice.weights_at(grid.centers(*places))
+        for out, numbers in zip(cells, nodes, strict=True):
+            out[rows] = (weights @ numbers).reshape(len(rows), grid.width)
+    return cells
 
 
 def _by_kernel(
@@ -214,10 +240,10 @@ def _grid(samples: Samples, resolution: float | None) -> GridGeometry:
     if resolution is None:
         return _at_most(padded_grid(samples.points_xy, _MARGIN, _RESOLUTION), _NODES)
     grid = padded_grid(samples.points_xy, _MARGIN, resolution)
-    if grid.width * grid.height > _MOST_NODES:
+    if grid.width * grid.height > _MOST_CELLS:
         raise HypermapError(
             f"a resolution of {resolution:g} m makes {grid.width} x {grid.height} cells, more than "
-            f"the {_MOST_NODES} that can be interpolated; take a coarser one"
+            f"the {_MOST_CELLS} that can be interpolated; take a coarser one"
         )
     return grid
 
