@@ -33,6 +33,7 @@ from hypermap.core.errors import HypermapError
 _MODULES = {
     "demo": "demo",
     "map": "map_",
+    "batch": "batch",
     "detectors": "detectors",
     "info": "info",
     "query": "query",

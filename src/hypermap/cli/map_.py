@@ -146,7 +146,7 @@ def command(
             metavar="N",
             min=1,
             max=MOST_WORKERS,
-            help="Let N processes look at frames ahead of the mapping. The map is the same.",
+            help="Number of processes: they look at frames ahead; the map is the same.",
         ),
     ] = 1,
     force: ForceMap = False,

@@ -47,6 +47,11 @@ def open_recording(path: str | Path, options: RecordingOptions | None = None) ->
     return open_it(path, options or RecordingOptions())
 
 
+def is_recording(path: Path) -> bool:
+    """Return whether there is a recording of a known kind at a path, by the names of its files."""
+    return (path.is_file() or path.is_dir()) and _recognise(path) is not None
+
+
 def _recognise(path: Path) -> Callable[[Path, RecordingOptions], PendingRecording] | None:
     # Each kind is imported where it is needed: rosbags and Pillow take their time.
     if path.is_file():
