@@ -131,3 +131,6 @@ def test_published_shapes_agree_and_those_in_between_do_not_wait_for_it() -> Non
     assert [item.footprint for item in landmarks.objects(ids)] == [
         item.footprint for item in plain.objects(ids)
     ]
+    between, final = landmarks.layer(is_final=False), landmarks.layer()
+    assert [item.footprint for item in between] == [item.footprint for item in plain.objects()]
+    assert [item.footprint for item in final] == [item.footprint for item in landmarks.objects()]

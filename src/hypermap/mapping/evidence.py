@@ -166,9 +166,18 @@ class EvidenceMap:
             for row in self._published_rows()
         ]
 
-    def layer(self, name: str = "semantic", frame_id: str = "map") -> SemanticLayer:
-        """Return the objects with enough existence as a layer, with their evidence."""
-        objects = self.objects()
+    def layer(
+        self, name: str = "semantic", frame_id: str = "map", is_final: bool = True
+    ) -> SemanticLayer:
+        """Return the objects with enough existence as a layer, with their evidence.
+
+        Args:
+            name: of the layer.
+            frame_id: its frame.
+            is_final: whether objects are landmarks for each other (`landmarks`); if not, it is
+                quicker, as only shapes whose evidence has changed are made again.
+        """
+        objects = self.objects(None if is_final else {number for number, _, _ in self.summary()})
         ids = {item.id for item in objects}
         kept = {o.id: tuple(o.buffer.items) for o in self._tracks.objects if o.id in ids}
         table, evidence = ObjectTable.of(objects), lazy_evidence_table(kept)

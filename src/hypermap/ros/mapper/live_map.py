@@ -142,9 +142,9 @@ class LiveMap:
             return len(self._mapper.evidence)
 
     def semantic(self) -> SemanticLayer:
-        """Return the objects."""
+        """Return the objects as they are between two frames, before they become landmarks."""
         with self._lock:
-            return self._mapper.evidence.layer(frame_id=self._frame_id)
+            return self._mapper.evidence.layer(frame_id=self._frame_id, is_final=False)
 
     def hypermap(self) -> Hypermap:
         """Return the map so far: an occupancy layer, unless there is to be none, and objects.

@@ -104,7 +104,7 @@ class LoggedMapping:
         stamp = mapped.frame.stamp
         self._log.add_frame(mapped)
         occupancy = mapper.occupancy()
-        objects = mapper.evidence.layer(frame_id=occupancy.frame_id)
+        objects = mapper.evidence.layer(frame_id=occupancy.frame_id, is_final=False)
         layers = [occupancy, objects] if self._frames % _GRID_EVERY == 0 else [objects]
         self._log.add_map(Hypermap(layers), stamp)
         self._frames += 1
