@@ -17,6 +17,7 @@ from hypermap.core.semantic import SemanticLayer, SemanticObject
 from hypermap.fleet.store.address import parse_address
 from hypermap.fleet.store.database import Database
 from hypermap.fleet.store.pushing import push
+from hypermap.fleet.store.stored_objects import _NOW, _POINT
 from hypermap.testing import occupancy_from_text, square
 from hypermap.testing.contract import LayerContract
 
@@ -71,3 +72,15 @@ class TestStoredSemanticLayer(LayerContract):
     @pytest.fixture
     def layer(self, opened: Hypermap) -> Layer:
         return opened["semantic"]
+
+
+def test_a_question_at_a_point_uses_one_index_of_layers_and_places(store: str) -> None:
+    """A small number must not come as a smallint, for which that index is no use."""
+    database = Database(parse_address(store))
+    with database.transaction() as cursor:
+        cursor.execute("SET LOCAL enable_seqscan = off")
+        cursor.execute(f"EXPLAIN {_NOW} AND shape && {_POINT}", (1, 2.5, 3.5))
+        plan = "\n".join(line for (line,) in cursor)
+    database.close()
+    assert "using objects_shape" in plan
+    assert "Index Cond: ((layer_id = 1) AND (shape &&" in plan

@@ -26,7 +26,7 @@ SCHEMA_VERSION = "1"
 
 _OF_THE_QUESTION = ("LINE ", "^", "CONTEXT")
 _CONNECT_SECONDS = 10
-_SESSION = "-c search_path=hypermap,public -c timezone=UTC"
+_SESSION = "-c search_path=hypermap,public -c timezone=UTC -c plan_cache_mode=force_custom_plan"
 
 
 class Database:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from hypermap.core.arrays import as_objects
 from hypermap.core.errors import HypermapError, MissingExtra
 from hypermap.core.hypermap import ROOMS, Hypermap
 from hypermap.core.semantic import SemanticLayer
@@ -119,9 +120,12 @@ def find_in_store(
         before=last_seen_before,
         wall=IN_ITS_WALL,
     )
+    shapes = shapely.from_wkb(as_objects(row[-1] for row in rows))
     found = [
-        Sighting(site, layer, number, name, x, y, distance, room, seen, shapely.from_wkb(shape))
-        for site, layer, number, name, x, y, distance, room, seen, shape in rows
+        Sighting(site, layer, number, name, x, y, distance, room, seen, shape)
+        for (site, layer, number, name, x, y, distance, room, seen, _), shape in zip(
+            rows, shapes, strict=True
+        )
     ]
     return [each for each in found if _is_unseen(each, last_seen_before)]
 

@@ -165,7 +165,7 @@ class _Writing:
             f"""SELECT id, valid_from, ST_AsBinary(shape),
                 (SELECT max(written) FROM tracks
                 WHERE tracks.layer_id = objects.layer_id AND object_id = objects.id)
-            FROM objects WHERE layer_id = %s AND valid_to IS NULL AND name = %s
+            FROM objects WHERE layer_id = %s::integer AND valid_to IS NULL AND name = %s
                 AND shape && ST_MakeEnvelope(%s, %s, %s, %s, {tables.SRID})
                 AND NOT EXISTS (SELECT FROM tracks WHERE tracks.layer_id = objects.layer_id
                     AND object_id = objects.id AND source = %s)""",

@@ -25,7 +25,8 @@ from hypermap.fleet.store.tables import SRID
 
 _NOWHERE = -1
 _AT_ONCE = 10_000  # points in one question
-_NOW = f"SELECT {OBJECT} FROM objects WHERE layer_id = %s AND valid_to IS NULL"
+# Small numbers come as smallint, for which an index of integers by btree_gist is no use.
+_NOW = f"SELECT {OBJECT} FROM objects WHERE layer_id = %s::integer AND valid_to IS NULL"
 _BOX = f"ST_MakeEnvelope(%s, %s, %s, %s, {SRID})"
 _POINT = f"ST_SetSRID(ST_MakePoint(%s, %s), {SRID})"
 
@@ -122,7 +123,7 @@ class StoredObjects:
         found = self._database.rows(
             f"SELECT asked.number, {OBJECT} FROM unnest(%s::float8[], %s::float8[]) "
             "WITH ORDINALITY AS asked (asked_x, asked_y, number) JOIN objects "
-            "ON layer_id = %s AND valid_to IS NULL "
+            "ON layer_id = %s::integer AND valid_to IS NULL "
             f"AND shape && ST_SetSRID(ST_MakePoint(asked_x, asked_y), {SRID})",
             *points_xy.T.tolist(),
             self._layer_id,

@@ -16,7 +16,7 @@ from hypermap.text import fit_for_json
 
 _CONNECTIONS = 4
 _WHERE = """
-FROM objects WHERE layer_id = %(layer_id)s AND valid_to IS NULL
+FROM objects WHERE layer_id = %(layer_id)s::integer AND valid_to IS NULL
 AND (%(box)s::float8[] IS NULL OR (
     shape && ST_MakeEnvelope((%(box)s::float8[])[1], (%(box)s::float8[])[2],
         (%(box)s::float8[])[3], (%(box)s::float8[])[4], 990001)
