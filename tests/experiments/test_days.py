@@ -3,7 +3,12 @@
 from __future__ import annotations
 
 import functools
+import json
+from pathlib import Path
 
+import pytest
+
+from hypermap.cli.experiment_days import SeriesPlan, run_days
 from hypermap.experiments.days import Series, Tally, map_one
 from hypermap.mapping.config import profile
 from hypermap.simulation.levels import errors_of_level
@@ -33,3 +38,19 @@ def test_misses_and_errors_are_listed() -> None:
     missed = sum(tally.true.values()) - sum(tally.right.values())
     wrong = sum(tally.reported.values()) - sum(tally.right.values())
     assert len(tally.notes) == missed + wrong
+
+
+def test_the_command_prints_and_saves_the_figures(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def series(*_: object) -> list[Tally]:
+        return [demo()]
+
+    monkeypatch.setattr("hypermap.experiments.days.map_series", series)
+    world = built_in_world("demo")
+    plan = SeriesPlan((world,), range(3, 4), errors_of_level("none"), 0.5, 2)
+    run_days(plan, 1, tmp_path / "days.json", as_json=False)
+    assert "ids that changed" in capsys.readouterr().out
+    figures = json.loads((tmp_path / "days.json").read_text())["worlds"]["demo"]
+    assert figures["kept"] == demo().kept
+    assert figures["changes"]["moved"]["true"] == demo().true["moved"]

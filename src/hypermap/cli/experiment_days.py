@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -57,7 +57,7 @@ def run_days(plan: SeriesPlan, jobs: int, figures: Path, as_json: bool) -> None:
         "rate": plan.rate,
         "seeds": list(plan.seeds),
         "worlds": {name: _figures(tallies) for name, tallies in found.items()},
-        "series": [asdict(tally) for tallies in found.values() for tally in tallies],
+        "series": [vars(tally) for tallies in found.values() for tally in tallies],
     }
     write_file(figures, json.dumps(data, indent=1).encode())
     if as_json:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 import traceback
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
@@ -11,6 +12,7 @@ from typing import Generic, Protocol, TypeVar
 from hypermap.core.errors import HypermapError
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.layer import Layer
+from hypermap.history import in_force
 from hypermap.ros.port import Closable, Port, Value
 
 Thing = TypeVar("Thing", bound=Closable)
@@ -68,10 +70,10 @@ class CurrentMap:
         return self._files
 
     def replace(self, hypermap: Hypermap, file: Path | None = None) -> None:
-        """Put another map in its place, which was loaded from a file."""
+        """Put another map in its place, loaded from a file, without what has expired."""
         with self._showing:
             with self._writing:
-                self._hypermap = hypermap
+                self._hypermap = in_force(hypermap, time.time())
                 self._files = frozenset() if file is None else frozenset([file])
             self.show_again()
 

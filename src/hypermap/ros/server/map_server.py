@@ -10,6 +10,7 @@ from hypermap.core.hypermap import Hypermap
 from hypermap.formats import open_map
 from hypermap.ros.port import Level, Parameter, Port, Value
 from hypermap.ros.server.automap import AutoMap
+from hypermap.ros.server.changes import Changes
 from hypermap.ros.server.costmap_masks import CostmapMasks
 from hypermap.ros.server.current_map import CurrentMap, MapPart
 from hypermap.ros.server.floor_frames import FloorFrames
@@ -90,13 +91,15 @@ class MapServer:
         tally, requests = Tally(), Requests(frames)
         plans = Plans(port, current, requests)
         automap = AutoMap(port, current, requests)
+        changes = Changes(port, current)
         parts: list[MapPart] = [
             plans,
-            Services(port, current, requests, plans, files, tally),
+            Services(port, current, requests, plans, files, tally, changes),
             LayerTopics(port),
             LayerUpdates(port, current, frames),
             LayerMarkers(port),
             RoomGraph(port),
+            changes,
             CostmapMasks(port),
             automap,
             Health(port, current, tally, archive_to_save(self._values)),

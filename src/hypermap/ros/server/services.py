@@ -9,6 +9,7 @@ from hypermap.core.hypermap import Hypermap
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.ros.port import Closable, Message, Port, Value
 from hypermap.ros.server.ask import Ask
+from hypermap.ros.server.changes import Changes
 from hypermap.ros.server.current_map import CurrentMap, KeptOpen
 from hypermap.ros.server.health import Tally
 from hypermap.ros.server.layer_topics import global_layers
@@ -37,6 +38,7 @@ class Services:
         plans: Plans,
         files: MapFiles,
         tally: Tally,
+        changes: Changes,
     ) -> None:
         self._port = port
         self._tally = tally
@@ -71,6 +73,7 @@ class Services:
             "is_room_reachable": ("hypermap_msgs/IsRoomReachable", rooms.is_reachable),
             "find_notes": ("hypermap_msgs/FindNotes", notes.find),
             "add_note": ("hypermap_msgs/AddNote", notes.add),
+            "get_changes": ("hypermap_msgs/GetChanges", changes.get_changes),
             "make_plan": ("nav_msgs/GetPlan", plans.make_plan),
             "load_map": ("hypermap_msgs/LoadMap", files.load),
             "store_map": ("hypermap_msgs/StoreMap", files.store),
