@@ -1,7 +1,8 @@
 """How well free space is cut into rooms, beside what other programs reached, and how fast.
 
 The buildings, their true rooms and the figures of the others are those of the folder `rooms` of the
-real data, whose README tells the metric and how the others were run.
+real data, whose README tells the metric and how the others were run. The simulator's worlds know
+their rooms.
 """
 
 from __future__ import annotations
@@ -16,7 +17,10 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from hypermap import GridGeometry, OccupancyLayer
+from hypermap.core.occupancy import FREE
 from hypermap.rooms import find_rooms
+from hypermap.simulation.truth import true_objects, true_occupancy, true_rooms
+from hypermap.simulation.world import built_in_world
 from suite.race import Figure, Row, Settings
 
 SIDE = 0.05  # [m] of a cell
@@ -26,6 +30,7 @@ _OTHERS = {
     "furnished": "DuDe 0.743 / 0.799, IPA Voronoi 0.638 / 0.840, IPA morphological 0.557 / 0.639",
     "empty": "MAORIS 0.854 / 0.871, DuDe 0.697 / 0.766, IPA Voronoi 0.698 / 0.865",
 }
+_WORLDS = ("demo", "lab", "office", "floor", "apartment", "building")
 _ASKED = (0.92, 0.93)
 _SPEED = {1000: 1.0, 4000: 15.0}  # cells a side: seconds asked
 
@@ -46,6 +51,10 @@ def rows(settings: Settings) -> Iterator[Row]:
             asked = None if settings.quick else _ASKED[place]
             note = f"PQ / mIoU of others: {others}"
             yield Figure(f"mean of {len(figures)}, {variant}", (mean,), unit, asked, note=note)
+    for name in _WORLDS[:2] if settings.quick else _WORLDS:
+        pq, miou, found, true = _of_world(name)
+        note = f"mIoU {miou:.3f}; {found} rooms found of {true}"
+        yield Figure(f"simulated world {name}, furnished", (pq,), "PQ", note=note)
     cells = _cells(folder / "office_b" / "furnished.png")
     for side, asked in _SPEED.items():
         if settings.quick and side > 1000:
@@ -69,6 +78,20 @@ def _measured(building: Path, variant: str) -> tuple[float, float, int, int]:
     with Image.open(building / "rooms.png") as image:
         truth = np.asarray(image).astype(np.int64)[::-1]
     return score(truth, rooms.cells + 1, cells == 0)
+
+
+def _of_world(name: str) -> tuple[float, float, int, int]:
+    """Return the score on the true map of a simulated world, with its furniture."""
+    world = built_in_world(name)
+    layer = true_occupancy(world)
+    assert layer.grid is not None
+    assert layer.cells is not None
+    truth = np.zeros(layer.grid.shape, dtype=np.int64)
+    for label, room in enumerate(true_rooms(world), start=1):
+        truth[layer.grid.cells_in(room)] = label
+    rooms = find_rooms(layer, objects=true_objects(world))
+    assert rooms.cells is not None
+    return score(truth, rooms.cells + 1, layer.cells == FREE)
 
 
 def score(

@@ -79,9 +79,9 @@ def test_layers_are_had_as_what_they_are() -> None:
     assert str(error.value) == (
         "layer 'occupancy' is of the kind OccupancyLayer, not SemanticLayer"
     )
-    with pytest.raises(HypermapError, match="3 layers of SemanticLayer; name one of lab, hall, cr"):
+    with pytest.raises(HypermapError, match="3 semantic layers; name one of lab, hall, cr"):
         hypermap.semantic()
-    with pytest.raises(HypermapError, match="0 layers of OccupancyLayer; there is none"):
+    with pytest.raises(HypermapError, match="the map has no occupancy layer"):
         Hypermap().occupancy()
     with pytest.raises(LayerNotFound, match="did you mean 'hall'"):
         hypermap.semantic("hal")

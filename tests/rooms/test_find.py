@@ -98,6 +98,11 @@ def test_the_end_of_a_corridor_beyond_its_last_doors_is_part_of_it():
     assert areas(find_rooms(plan.layer())) == pytest.approx([18.2, 18.2, 23.4], abs=0.4)
 
 
+def test_a_narrow_room_along_a_corridor_is_no_part_of_it():
+    plan = Plan(12, 6).clear(0.5, 0.5, 11.5, 2.5).clear(2, 2.6, 10, 4.05).clear(5.5, 2.5, 6.5, 2.6)
+    assert areas(find_rooms(plan.layer())) == pytest.approx([11.6, 22.1], abs=0.3)
+
+
 def test_furniture_does_not_divide_a_room():
     plan = Plan(8, 6).clear(1, 1, 7, 5)
     for x in np.arange(1.5, 6.9, 0.6):

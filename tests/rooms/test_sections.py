@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hypermap.rooms.sections import across_corridors
+from hypermap.rooms.sections import across_corridors, gaps_in_walls
 
 from .conftest import SIDE, Plan, along_a_corridor, two_rooms
 
@@ -42,3 +42,14 @@ def test_where_a_corridor_ends_in_a_hall_is_no_line_across_it():
 
 def test_a_grid_ends_as_a_wall_does():
     assert is_across(Plan(10, 2).clear(0, 0, 10, 2), (5, 0), (5, 2))
+
+
+def test_a_door_in_a_wall_is_a_gap_and_a_frame_in_a_corridor_is_none():
+    def is_gap(plan: Plan, *ends: tuple[float, float]) -> bool:
+        (found,) = gaps_in_walls(np.array([ends]) / SIDE, plan.cells != 0, SIDE)
+        return bool(found)
+
+    assert is_gap(two_rooms(0.9), (4.4, 2.05), (4.4, 2.95))
+    frame = Plan(10, 3).clear(0.5, 0.5, 9.5, 2).fill(5, 0.5, 5.2, 0.75).fill(5, 1.75, 5.2, 2)
+    walls_are_thin = frame.clear(0.5, 0, 9.5, 0.3).clear(0.5, 2.2, 9.5, 3)
+    assert not is_gap(walls_are_thin, (5, 0.75), (5, 1.75))

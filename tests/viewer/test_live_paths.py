@@ -158,7 +158,7 @@ def test_rooms_are_found_once_all_are_deleted_and_that_is_one_step(window):
 
 @pytest.mark.parametrize(
     ("value", "reason"),
-    [(-1, "has no free cell"), (None, "the map has 0 layers of OccupancyLayer")],
+    [(-1, "has no free cell"), (None, "the map has no occupancy layer")],
 )
 def test_rooms_that_cannot_be_found_change_nothing(tmp_path, value, reason):
     hypermap = flat()

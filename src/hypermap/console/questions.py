@@ -264,15 +264,15 @@ def _check(given: Options) -> None:
         if len(given.get("--layer") or ()) > 1:
             raise HypermapError("--above and --below ask one layer; give --layer once")
         return
-    if not has("--at") and not asked and not (has("--measured") and has("--layer")):
-        raise HypermapError("there is no query; give --at X,Y, --in AREA or --name NAME")
     if has("--like") and has("--nearest", "--near"):
         raise HypermapError("--like gives the most similar: give no --nearest or --near with it")
     if has("--embedder") and not has("--like"):
         raise HypermapError("--embedder needs --like: what are the objects to look like?")
     is_nearest = has("-k", "--nearest") and not has("--like")
-    if is_nearest and not names:
+    if is_nearest and not names and by != "path":
         raise HypermapError("the nearest what? give --name NAME")
+    if not (has("--at") or asked or is_nearest or (has("--measured") and has("--layer"))):
+        raise HypermapError("there is no query; give --at X,Y, --in AREA or --name NAME")
     if is_nearest and has("--near"):
         raise HypermapError("give either --nearest (or -k) with --from, or --near")
     if by == "path" and not is_nearest:

@@ -131,8 +131,10 @@ class Hypermap(OutsideMethods):
     def _only(self, kind: type[Layer]) -> str:
         names = [layer.name for layer in self if isinstance(layer, kind)]
         if len(names) != 1:
-            known = f"name one of {', '.join(names)}" if names else "there is none"
-            raise HypermapError(f"the map has {len(names)} layers of {kind.__name__}; {known}")
+            what = f"{kind.__name__.removesuffix('Layer').lower()} layer"
+            if not names:
+                raise HypermapError(f"the map has no {what}")
+            raise HypermapError(f"the map has {len(names)} {what}s; name one of {', '.join(names)}")
         return names[0]
 
     def __contains__(self, name: object) -> bool:

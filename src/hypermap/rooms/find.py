@@ -19,12 +19,13 @@ from hypermap.core.grid import GridGeometry
 from hypermap.core.occupancy import OCCUPIED, OccupancyLayer
 from hypermap.core.semantic import SemanticLayer, SemanticObject
 from hypermap.rooms.doors import doors_between
+from hypermap.rooms.furniture import without_furniture
 from hypermap.rooms.kept import numbered
 from hypermap.rooms.kinds import Kinds, guess_kinds, load_kinds
 from hypermap.rooms.openings import openings
-from hypermap.rooms.pieces import Pieces
+from hypermap.rooms.pieces import Passage, Pieces
 from hypermap.rooms.rooms import Room, Rooms
-from hypermap.rooms.sections import across_corridors
+from hypermap.rooms.sections import across_corridors, gaps_in_walls
 from hypermap.rooms.settings import RoomSettings
 from hypermap.rooms.watershed import basins, clearance, in_order, spread
 
@@ -56,7 +57,8 @@ def find_rooms(
     Args:
         occupancy: the grid.
         settings: what a room is.
-        objects: the objects in the rooms, in the layer's frame, for guessing their kinds.
+        objects: the objects in the rooms, in the layer's frame: they tell the kinds of rooms, and
+            where they stand is no wall.
         kinds: the table of kinds; None for ours.
         previous: rooms that were found before, in the same frame: where they overlap, ids and names
             given by hand are kept.
@@ -72,7 +74,8 @@ def find_rooms(
         raise HypermapError(
             f"layer {occupancy.name!r} has no free cell: rooms are free space between walls"
         )
-    grid = occupancy.grid
+    grid, objects = occupancy.grid, list(objects)
+    free = without_furniture(free, (item.footprint for item in objects), grid)
     found = _Found.of(free, grid.resolution, chosen)
     shapes = _outlines(found.labels, grid)
     rooms = tuple(Room(number, "", shape) for number, shape in enumerate(shapes))
@@ -159,7 +162,7 @@ def _cut(walls: BoolArray, side: float, settings: RoomSettings) -> NDArray[np.in
     whole = spread(parts, walls)
     # By the spread parts, too: where two lines run side by side, there is no part between them.
     passages = [
-        *_passages_of(lines, whole, side),
+        *_passages_of(lines, gaps_in_walls(lines, walls, side), whole, side),
         *_passages_between(parts, far, side),
         *_passages_between(whole, clearance(walls), side),
     ]
@@ -193,11 +196,11 @@ def _draw(cells: BoolArray, begin: FloatArray, end: FloatArray) -> None:
 
 
 def _passages_of(
-    lines: FloatArray, parts: NDArray[np.int32], side: float
-) -> list[tuple[int, int, float]]:
-    """Return which parts lie on both sides of each line, and how long it is between them [m]."""
+    lines: FloatArray, in_walls: BoolArray, parts: NDArray[np.int32], side: float
+) -> list[Passage]:
+    """Return which parts lie on both sides of each line, and how long it is between them."""
     passages = []
-    for begin, end in lines:
+    for (begin, end), in_wall in zip(lines, in_walls.tolist(), strict=True):
         length = float(np.hypot(*(end - begin)))
         across = np.array([begin[1] - end[1], end[0] - begin[0]]) / length
         places = begin + _ALONG[:, np.newaxis] * (end - begin)
@@ -207,7 +210,7 @@ def _passages_of(
         for (low, high), count in Counter(map(tuple, between.tolist())).items():
             # What borders most of a line is divided by all of it.
             share = 1.0 if 2 * count > len(_ALONG) else count / len(_ALONG)
-            passages.append((low, high, share * length * side))
+            passages.append(Passage(low, high, share * length * side, in_wall))
     return passages
 
 
@@ -222,8 +225,8 @@ def _parts_at(parts: NDArray[np.int32], places: FloatArray) -> NDArray[np.int32]
 
 def _passages_between(
     parts: NDArray[np.int32], far: NDArray[np.float32], side: float
-) -> list[tuple[int, int, float]]:
-    """Return parts that touch each other, and how wide the way between them is [m]."""
+) -> list[Passage]:
+    """Return parts that touch each other, and how wide the way between them is."""
     pairs: list[IntArray] = []
     widths = []
     for here, there in (
@@ -241,7 +244,7 @@ def _passages_between(
     widest = np.zeros(len(found))
     np.maximum.at(widest, inverse.ravel(), np.concatenate(widths))
     return [
-        (one, other, 2 * width * side)
+        Passage(one, other, 2 * width * side)
         for (one, other), width in zip(found.tolist(), widest.tolist(), strict=True)
     ]
 

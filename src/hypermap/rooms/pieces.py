@@ -9,6 +9,7 @@ from __future__ import annotations
 import heapq
 import math
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 
 from hypermap.core.arrays import FloatArray
 from hypermap.rooms.settings import RoomSettings
@@ -22,7 +23,25 @@ _LONG = 2.5  # times its width is a corridor's length at least
 _DOOR = 0.8  # of the narrower side's width is a door at most
 _BOTTLENECK = 0.65  # of the narrower corridor's width is a passage between corridors at most
 _ALIKE = 0.9  # of each other's width is where a corridor goes on
+_SAME = 1.1  # of a gap's width is what it is measured as at most
 _HALL = 2.5  # times a corridor's width is a hall's, of which the corridor is no part
+
+
+@dataclass(frozen=True)
+class Passage:
+    """A way between two pieces.
+
+    Attributes:
+        one: number of a piece.
+        other: likewise.
+        width: meters.
+        in_wall: whether it is a gap in a wall that goes on at both sides.
+    """
+
+    one: int
+    other: int
+    width: float
+    in_wall: bool = False
 
 
 class Pieces:
@@ -39,7 +58,7 @@ class Pieces:
         area: FloatArray,
         perimeter: FloatArray,
         clear: FloatArray,
-        passages: Iterable[tuple[int, int, float]],
+        passages: Iterable[Passage],
         settings: RoomSettings,
     ) -> None:
         self.area: list[float] = area.tolist()
@@ -49,9 +68,11 @@ class Pieces:
         self._parent = list(range(len(self.area)))
         # Lines side by side, as at both ends of a deep door, lead to the same place: the widest.
         self._widths: list[dict[int, float]] = [{} for _ in self.area]
-        for one, other, width in passages:
-            widest = max(width, self._widths[one].get(other, 0.0))
-            self._widths[one][other] = self._widths[other][one] = widest
+        self._gaps: list[dict[int, float]] = [{} for _ in self.area]
+        for passage in passages:
+            self._add(self._widths, passage.one, passage.other, passage.width)
+            if passage.in_wall:
+                self._add(self._gaps, passage.one, passage.other, passage.width)
 
     def room_of(self) -> list[int]:
         """Join the pieces, and return the number of one piece of its room for each."""
@@ -83,6 +104,8 @@ class Pieces:
     def _are_corridors(self, a: int, b: int, width: float) -> bool:
         if self._is_room(a) or self._is_room(b) or self._is_hall(a, b, width):
             return False
+        if self._is_gap(a, b, width) and self._is_door(a, b, width):
+            return False
         return width > _BOTTLENECK * 2 * min(self.clear[a], self.clear[b])
 
     def _are_one_large_room(self, a: int, b: int, width: float) -> bool:
@@ -101,6 +124,10 @@ class Pieces:
 
     def _is_door(self, a: int, b: int, width: float) -> bool:
         return width <= _DOOR * 2 * min(self.clear[a], self.clear[b])
+
+    def _is_gap(self, a: int, b: int, width: float) -> bool:
+        """Return whether the passage is no wider than a gap in a wall; it may be a pixel wider."""
+        return width <= _SAME * self._gaps[a].get(b, 0.0)
 
     def _is_hall(self, a: int, b: int, width: float) -> bool:
         """Return whether one is a corridor that leads into the other, a hall."""
@@ -157,13 +184,13 @@ class Pieces:
     def _merge(self, a: int, b: int) -> int:
         if self.area[b] > self.area[a]:
             a, b = b, a
-        between = self._widths[a].pop(b)
-        del self._widths[b][a]
-        for other, width in self._widths[b].items():
-            widest = max(width, self._widths[a].get(other, 0.0))
-            del self._widths[other][b]
-            self._widths[other][a] = self._widths[a][other] = widest
-        self._widths[b] = {}
+        between = self._widths[a][b]
+        for widths in (self._widths, self._gaps):
+            for other, width in widths[b].items():
+                del widths[other][b]
+                if other != a:
+                    self._add(widths, a, other, width)
+            widths[b] = {}
         self._parent[b] = a
         self.area[a] += self.area[b]
         outline = self.perimeter[a] + self.perimeter[b] - 2 * between
@@ -171,6 +198,11 @@ class Pieces:
         self.perimeter[a] = max(outline, 2 * math.sqrt(math.pi * self.area[a]))
         self.clear[a] = max(self.clear[a], self.clear[b])
         return a
+
+    @staticmethod
+    def _add(widths: list[dict[int, float]], one: int, other: int, width: float) -> None:
+        """Note how wide the widest passage between two pieces is."""
+        widths[one][other] = widths[other][one] = max(width, widths[one].get(other, 0.0))
 
     def _find(self, piece: int) -> int:
         while self._parent[piece] != piece:

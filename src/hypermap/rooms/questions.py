@@ -46,10 +46,11 @@ def rooms_asked(hypermap: Hypermap, what: str) -> list[Room]:
     """Return the rooms of a map, in its base frame, with a name or of a kind.
 
     Raises:
-        HypermapError: If there are none, or the map has no rooms.
+        HypermapError: If there are none, the map has no rooms, or several rooms have that name,
+            which is no kind.
     """
     rooms = _rooms_on(hypermap)
-    found = rooms_called(rooms, what)
+    found = _all_called(rooms, what)
     if not found:
         raise _no_room(rooms, what)
     return found
@@ -85,11 +86,14 @@ def stand_in_rooms(hypermap: Hypermap, what: str, points_xy: PointsLike) -> Bool
         hypermap: the map.
         what: a name or a kind.
         points_xy: in the base frame [m], shape (N, 2).
+
+    Raises:
+        HypermapError: If several rooms have that name, which is no kind.
     """
     rooms = rooms_on(hypermap)
     if rooms is None:
         return None
-    ids = {room.id for room in rooms_called(rooms, what)}
+    ids = {room.id for room in _all_called(rooms, what)}
     if not ids:
         return None
     return np.array([room is not None and room.id in ids for room in rooms_at(rooms, points_xy)])
@@ -132,6 +136,14 @@ def is_reachable(hypermap: Hypermap, start: str, goal: str, robot_radius: float 
             raise _no_room(rooms, what)
         ids.append(room.id)
     return graph(rooms, robot_radius).is_reachable(*ids)
+
+
+def _all_called(rooms: Rooms, what: str) -> list[Room]:
+    """Return the rooms of a kind, or the one with a name; raises where several have that name."""
+    found = rooms_called(rooms, what)
+    if found and all(room.kind.lower() != what.lower() for room in found):
+        room_called(rooms, what)
+    return found
 
 
 def _no_room(rooms: Rooms, what: str) -> HypermapError:

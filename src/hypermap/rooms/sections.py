@@ -10,6 +10,7 @@ from hypermap.core.arrays import BoolArray, FloatArray
 _REACH = 2.0  # [m] sections lie so far to either side of a line, or as far as it is long
 _ALIKE = 0.15  # of a line's length may a wall lie off the place where it would go straight on
 _SLANTS = np.tan(np.radians([0.0, -15.0, 15.0, -30.0, 30.0]))  # of a corridor to a line across it
+_GOES_ON = 0.5  # [m] of wall beside a gap in it
 _SECTIONS = 10  # to each side
 _STEP = 0.5  # cells from place to place in a section
 
@@ -28,6 +29,27 @@ def across_corridors(lines: FloatArray, walls: BoolArray, side: float) -> BoolAr
     """
     found = np.zeros(len(lines), dtype=bool)
     look(np.ascontiguousarray(lines), walls, _REACH / side, _SLANTS, found)
+    return found
+
+
+def gaps_in_walls(lines: FloatArray, walls: BoolArray, side: float) -> BoolArray:
+    """Return which lines fill a gap in a wall: it goes on at both ends, for half a meter at least.
+
+    Arguments are those of `across_corridors`.
+    """
+    along = lines[:, 1] - lines[:, 0]
+    along /= np.maximum(np.hypot(*along.T), 1e-9)[:, np.newaxis]
+    across = np.column_stack([-along[:, 1], along[:, 0]])
+    beyond = np.arange(1.5, _GOES_ON / side)[:, np.newaxis]
+    found = np.ones(len(lines), dtype=bool)
+    for end, direction in ((0, -1), (1, 1)):
+        places = lines[:, end, np.newaxis] + direction * beyond * along[:, np.newaxis]
+        there = np.zeros(places.shape[:2], dtype=bool)
+        for off in (-1, 0, 1):  # cells: a line ends at a corner, so its wall lies beside it
+            cols, rows = np.floor(places + off * across[:, np.newaxis]).astype(np.int64).T
+            cols, rows = np.clip(cols, 0, walls.shape[1] - 1), np.clip(rows, 0, walls.shape[0] - 1)
+            there |= walls[rows, cols].T
+        found &= there.all(axis=1)
     return found
 
 

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
+from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.frames import Pose2D
@@ -21,6 +23,7 @@ from hypermap.simulation.world import World
 
 RESOLUTION = 0.05  # meters per cell
 BLOCKING = (0.05, 1.8)  # meters above the floor between which a body blocks a robot
+_LEAST_ROOM = 1.0  # square meters: less is a gap between a wall and the end of the floor
 _MARGIN = 0.5  # meters of the unknown around the world
 _STRAIGHT = 0.25  # meters of a wall that stay straight where a map is bent
 
@@ -69,6 +72,17 @@ def true_occupancy(
     cells[grid.cells_in(floor)] = FREE
     cells[_touched(grid, obstacles)] = OCCUPIED
     return OccupancyLayer("occupancy", frame_id, grid, cells)
+
+
+def true_rooms(world: World) -> list[Polygon]:
+    """Return the outlines of a world's rooms: its floor, divided by walls whose doors are closed.
+
+    What a robot could look over, as a half-high partition, divides no room.
+    """
+    floor = shapely.union_all([shapely.box(*area) for area in world.floor.all_rectangles])
+    walls = [replace(wall, doors=()) for wall in world.walls if wall.height >= BLOCKING[1]]
+    rest = floor - footprint(part for wall in walls for part in wall_parts(wall))
+    return [part for part in shapely.get_parts(rest) if part.area >= _LEAST_ROOM]
 
 
 def _object(index: int, name: str, parts: tuple[Part, ...]) -> SemanticObject:

@@ -1,0 +1,49 @@
+"""Cells that known objects take: furniture, which divides no room."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+from scipy import ndimage
+from shapely.geometry.base import BaseGeometry
+
+from hypermap.core.arrays import BoolArray
+from hypermap.core.grid import GridGeometry
+
+_MARGIN = 1.0  # cells by which an object reaches farther in a grid than its outline
+_EVERYWHERE = np.ones((3, 3), dtype=bool)
+
+
+def without_furniture(
+    free: BoolArray, outlines: Iterable[BaseGeometry], grid: GridGeometry
+) -> BoolArray:
+    """Return free cells, and with them those that objects take.
+
+    An object stays as it is where what is free around it hangs together only through it, as where
+    its outline reaches through a wall: so nothing is connected that was not.
+
+    Args:
+        free: shape (height, width).
+        outlines: of the objects, in the layer's frame.
+        grid: where the cells lie.
+    """
+    result = free.copy()
+    for outline in outlines:
+        if outline.is_empty:
+            continue
+        rows, cols = grid.cells_in(outline.buffer(_MARGIN * grid.resolution))
+        if not len(rows):
+            continue
+        window = (
+            slice(max(rows.min() - 2, 0), rows.max() + 3),
+            slice(max(cols.min() - 2, 0), cols.max() + 3),
+        )
+        inside = np.zeros(free[window].shape, dtype=bool)
+        inside[rows - window[0].start, cols - window[1].start] = True
+        around = free[window] & ~inside
+        parts, _ = ndimage.label(around)
+        beside = ndimage.binary_dilation(inside, _EVERYWHERE) & around
+        if len(np.unique(parts[beside])) == 1:
+            result[window] |= inside
+    return result
