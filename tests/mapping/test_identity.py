@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
+import logging
 from pathlib import Path
+
+import pytest
 
 from hypermap.core.hypermap import Hypermap
 from hypermap.formats import open_map, save_map
@@ -54,3 +57,13 @@ def test_the_id_stays_and_the_version_counts_up_with_drives_and_edits(tmp_path: 
         assert identity(open_map(path)) == (first.metadata["map_id"], version)
     made = map_recording(walk(), boxes, CONFIG, onto=open_map(path))
     assert identity(made) == (first.metadata["map_id"], 4)
+
+
+def test_a_clock_that_is_ahead_is_told_and_gives_no_time(caplog: pytest.LogCaptureFixture) -> None:
+    ahead = [dataclasses.replace(frame(i), stamp=9e9 + i) for i in range(3)]
+    with caplog.at_level(logging.WARNING):
+        made = map_recording(Frames(ahead), boxes, CONFIG)
+    assert "lie in the future (2255-03-14" in caplog.text
+    assert made.history is not None
+    assert made.history.mapped is not None
+    assert made.history.mapped.time is None

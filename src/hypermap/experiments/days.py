@@ -31,8 +31,8 @@ from hypermap.simulation import Errors, SimulatedRecording, World
 from hypermap.simulation.days import Day, WorldChange, next_day
 from hypermap.simulation.truth import true_objects
 
-FIRST_DAY = 1_795_420_800.0
-"""When the first drive begins, in seconds since 1970: 2026-11-23, 8:00 UTC."""
+FIRST_DAY = 1_763_971_200.0
+"""When the first drive begins, in seconds since 1970: 2025-11-24, 8:00 UTC."""
 
 DAY = 86_400.0  # seconds
 

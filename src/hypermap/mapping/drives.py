@@ -57,7 +57,12 @@ class Drive:
 
         A clock that began at 0, or is ahead of ours, does not.
         """
-        return self.last if self.keys and _NO_CLOCK < self.last < time.time() + _AHEAD else None
+        return self.last if self.keys and self.last > _NO_CLOCK and not self.is_ahead else None
+
+    @property
+    def is_ahead(self) -> bool:
+        """Whether its clock is more than a day ahead of ours, so that it is wrong."""
+        return bool(self.keys) and self.last > time.time() + _AHEAD
 
     def described(self) -> dict[str, Any]:
         """Return its entry in a map's metadata: times in UTC if the stamps allow it."""

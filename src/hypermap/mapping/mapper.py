@@ -29,7 +29,7 @@ from hypermap.mapping.config import MappingConfig, to_dict
 from hypermap.mapping.correcting import Correction, corrected_poses, map_again
 from hypermap.mapping.counts import Counts
 from hypermap.mapping.depth_check import why_implausible
-from hypermap.mapping.drives import Drive, EarlierDrives, map_id
+from hypermap.mapping.drives import Drive, EarlierDrives, map_id, wall_clock
 from hypermap.mapping.evidence import EvidenceMap
 from hypermap.mapping.frame_log import FrameLog, LoggedFrame, packed_frame
 from hypermap.mapping.going_on import (
@@ -447,10 +447,17 @@ class Mapper:
         self._count(unusable=1)
 
     def tell_left_out(self) -> None:
-        """Log how many frames more were left out for reasons that were logged once."""
+        """Log how many frames more were left out, and whether the drive's clock is wrong."""
         more = self._left_out.total() - len(self._left_out)
         if more:
             _log.warning("%d more frames were left out for the same reasons (-v lists them)", more)
+        if self._drive.is_ahead:
+            _log.warning(
+                "the stamps of %r lie in the future (%s), so the map does not know when this drive "
+                "was; is the robot's clock right?",
+                self._drive.name,
+                wall_clock(self._drive.last),
+            )
 
     @property
     def perceiver(self) -> Perceiver:
