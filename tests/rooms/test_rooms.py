@@ -165,3 +165,10 @@ def test_a_table_that_is_none_is_an_error(tmp_path, text, reason):
     with pytest.raises(FormatError, match=reason) as raised:
         load_kinds(file)
     assert str(file) in str(raised.value)
+
+
+def test_a_drawn_room_that_crosses_a_wall_ends_there_and_that_is_said(caplog):
+    drawn = SemanticLayer("rooms", "map", [SemanticObject("den", shapely.box(0.4, 0.5, 8.6, 4.5))])
+    rooms = find_rooms(two_rooms().layer(), previous=drawn)
+    assert sorted(room.name for room in rooms) == ["den", "room"]
+    assert "room 'den' (id 0) reached through a wall" in caplog.text

@@ -10,7 +10,7 @@ import shapely
 
 from hypermap.core.errors import HypermapError
 from hypermap.core.semantic import SemanticLayer
-from hypermap.rooms.rooms import Rooms
+from hypermap.rooms.rooms import Room, Rooms
 
 _SAME = 0.5  # of the smaller one's area is in both at least, where an old room is a new one
 _log = logging.getLogger(__name__)
@@ -43,6 +43,8 @@ def numbered(rooms: Rooms, previous: SemanticLayer | None) -> Rooms:
             continue
         before = old.rooms[same[place]]
         result.append(replace(before, outline=room.outline))
+        if before.is_named:
+            _tell_of_walls(before, [each for i, each in enumerate(rooms) if i not in same])
     for place in set(range(len(old))) - set(same.values()):
         if old.rooms[place].is_named:
             _log.warning(
@@ -51,6 +53,22 @@ def numbered(rooms: Rooms, previous: SemanticLayer | None) -> Rooms:
                 old.rooms[place].id,
             )
     return rooms.replaced(result)
+
+
+def _tell_of_walls(before: Room, added: list[Room]) -> None:
+    """Warn if a room that a person named or drew covered what are other rooms now."""
+    outline = shapely.make_valid(before.outline)
+    parts = [
+        each
+        for each in added
+        if shapely.intersection(outline, each.outline).area >= _SAME * each.area
+    ]
+    if parts:
+        _log.warning(
+            "room %r (id %d) reached through a wall or door: it ends there now, and beyond are others",
+            before.name,
+            before.id,
+        )
 
 
 def _same(new: Rooms, old: Rooms) -> dict[int, int]:
