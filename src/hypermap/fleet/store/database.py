@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import threading
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, LiteralString
+from typing import TYPE_CHECKING, Any
 
 from hypermap.core.errors import MissingExtra
 from hypermap.fleet.store.address import Address, StoreAway, StoreError
@@ -18,6 +18,7 @@ except ImportError:  # the whole package rests on it
 
 if TYPE_CHECKING:
     from psycopg import Connection, Cursor
+    from typing_extensions import LiteralString
 
 __all__ = ["SCHEMA_VERSION", "Database", "connect", "errors", "psycopg"]
 
