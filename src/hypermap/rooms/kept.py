@@ -65,7 +65,7 @@ def _tell_of_walls(before: Room, added: list[Room]) -> None:
     ]
     if parts:
         _log.warning(
-            "room %r (id %d) reached through a wall or door: it ends there now, and beyond are others",
+            "room %r (id %d) reached through a wall or door: it ends there now; beyond are others",
             before.name,
             before.id,
         )
