@@ -26,7 +26,7 @@ def command(
         typer.Option(
             metavar="TIME",
             show_default="all that is kept",
-            help="Only changes from then on: yesterday, monday, 2026-11-20T10:00, 7d, or v3: those "
+            help="Only from this time on: yesterday, monday, 2026-11-20T10:00, 7d, or v3: those "
             "after version 3.",
         ),
     ] = None,
@@ -41,7 +41,7 @@ def command(
         typer.Option(
             metavar="FILE",
             show_default=False,
-            help="Draw the changes on the map, with arrows: .png or .svg.",
+            help="Draw what was found: the changes on the map, with arrows, as .png or .svg.",
         ),
     ] = None,
     as_json: AsJson = False,

@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 def command(
     path: MapPath,
     object_id: Annotated[
-        int, typer.Option("--id", metavar="N", show_default=False, help="Id of the object.")
+        int, typer.Argument(metavar="ID", show_default=False, help="Id of the object.")
     ],
-    at: Annotated[
+    until: Annotated[
         str,
         typer.Option(
             metavar="TIME|never",
@@ -29,9 +29,9 @@ def command(
         ),
     ],
     layer: Annotated[
-        str | None,
+        list[str] | None,
         typer.Option(
-            metavar="NAME", show_default="the only one of objects", help="Layer of the object."
+            metavar="NAME", show_default="the only one", help="Only this layer: that of the object."
         ),
     ] = None,
 ) -> None:
@@ -41,18 +41,20 @@ def command(
     the history of the map.
 
     Examples:
-        hypermap expire office.hmap --layer zones --id 3 --at 2026-11-25T18:00
-        hypermap expire office.hmap --layer zones --id 3 --at 2h
-        hypermap expire office.hmap --layer zones --id 3 --at never
+        hypermap expire office.hmap 3 --layer zones --until 2026-11-25T18:00
+        hypermap expire office.hmap 3 --layer zones --until 2h
+        hypermap expire office.hmap 3 --layer zones --until never
     """
     from dataclasses import replace
 
     from hypermap.formats import open_map, save_map
     from hypermap.history import EXPIRES
 
-    moment = _later(at)
+    if layer is not None and len(layer) > 1:
+        raise HypermapError("give --layer once")
+    moment = _later(until)
     hypermap = open_map(path)
-    objects = hypermap.semantic(layer)
+    objects = hypermap.semantic(layer[0] if layer else None)
     try:
         item = objects.get(object_id)
     except ObjectNotFound as error:
@@ -70,4 +72,4 @@ def _later(text: str) -> datetime | None:
     """Return the time that a text names, spans counted from now; None for never."""
     from hypermap.questions.times import parse_later
 
-    return None if text.strip().lower() == "never" else parse_later(text, "--at")
+    return None if text.strip().lower() == "never" else parse_later(text, "--until")

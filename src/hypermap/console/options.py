@@ -66,7 +66,7 @@ OPTIONS = {
     ),
     "--since": Option(
         "TIME",
-        "Only objects last seen at this time or later: yesterday, monday, 2026-11-20T10:00, 7d.",
+        "Only from this time on: objects seen since yesterday, monday, 2026-11-20T10:00, 7d.",
     ),
     "--new-since": Option("TIME", "Only objects first seen at this time or later."),
     "--not-seen-for": Option("TIME", "Only objects that were not seen for this long: 7d, 2h."),
