@@ -32,7 +32,6 @@ from hypermap.questions.cells import (
     values_around,
 )
 from hypermap.questions.finder import ASKER, Finder
-from hypermap.questions.likeness import most_like
 from hypermap.questions.noted import notes_at, notes_in
 from hypermap.questions.query import Query
 from hypermap.questions.seen import seen_in
@@ -282,6 +281,9 @@ class _Asking:
                 self._finder.notes.append(said)
         if query.like is None:
             return self._chosen(found)
+        # Imported here: numba is slow to load, and most questions are about nothing like that.
+        from hypermap.questions.likeness import most_like
+
         rows, cosines = most_like(self._hypermap, query.like, found, query.count, self._encoder)
         self._similarities = tuple(cosines.tolist())
         return found.take(rows)
