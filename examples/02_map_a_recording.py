@@ -15,10 +15,12 @@ from hypermap.perception.detectors.sources import (
     detections_from_detector,
     detections_from_recording,
 )
+from hypermap.perception.recording import Recording
 from hypermap.recordings import open_recording
 from hypermap.simulation import SimulatedRecording, demo_world
 from hypermap.viewer.picture import render
 
+recording: Recording  # a protocol, which both of these have
 if len(sys.argv) > 2:
     recording = open_recording(sys.argv[1])
     source = detections_from_detector(load_detector(sys.argv[2]))
