@@ -162,6 +162,7 @@ def test_the_questions_of_query_are_answered(lab, line, answer):
         ("query --name chair --json=yes", "--json takes no value"),
         ("query --name chair -k 0", "-k 0: expected at least 1"),
         ("query --name chair -k two", "-k 'two': expected a whole number"),
+        ("query --name chair --near sink --within inf", "--within inf: expected a finite number"),
         ("query --name chair --near sink --within -1", "--within -1: expected at least 0"),
         ("query --id seven", "--value 'seven': expected a number"),
         ("query --at 1", "--at '1': a point is X,Y in meters"),

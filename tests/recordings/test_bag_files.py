@@ -126,10 +126,20 @@ def test_several_bags_that_are_not_parts_of_one_are_an_error(
     )
 
 
-def test_a_bag_with_other_types_of_the_same_names_is_an_error(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("right", "wrong", "reason"),
+    [
+        (b"uint32 step", b"uint32 stop", "a sensor_msgs/msg/Image has no step"),
+        (b"Transform transform", b"Transform trAnsform", "TransformStamped has no transform"),
+    ],
+)
+def test_a_bag_with_other_types_of_the_same_names_is_an_error(
+    tmp_path: Path, right: bytes, wrong: bytes, reason: str
+) -> None:
     path = write_bag(tmp_path, "ros1", SHOTS)
-    path.write_bytes(path.read_bytes().replace(b"uint32 step", b"uint32 stop"))
-    with pytest.raises(FormatError, match=r"by the bag, a sensor_msgs/msg/Image has no step"):
+    assert right in path.read_bytes()
+    path.write_bytes(path.read_bytes().replace(right, wrong))
+    with pytest.raises(FormatError, match=f"by the bag, .*{reason}"):
         list(open_recording(path).frames())
 
 

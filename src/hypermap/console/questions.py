@@ -244,6 +244,9 @@ def _check(given: Options) -> None:
     def has(*options: str) -> bool:
         return any(given.get(option) not in (None, [], (), False) for option in options)
 
+    for name, value in given.items():
+        if isinstance(value, float) and not math.isfinite(value):
+            raise HypermapError(f"{name} {value}: expected a finite number")
     names = has("--name", "--value")
     if has("--name") and has("--value"):
         raise HypermapError("give either --name or --value, not both")

@@ -171,10 +171,15 @@ def _types_of(connection: Connection) -> Typestore:
     of_ros = known_types().fielddefs
     for name in store.fielddefs.keys() & (of_ros.keys() - DETECTION_TYPES.keys()):
         here, there = (
-            {field.lower() for field, _ in f[name][1]} for f in (store.fielddefs, of_ros)
+            {_spelled(field) for field, _ in f[name][1]} for f in (store.fielddefs, of_ros)
         )
-        if missing := there - here:  # D or d, as ROS 1 and ROS 2 have it
+        if missing := there - here:
             raise FormatError(
                 f"by the bag, a {name} has no {min(missing)}; it does in ROS", key=connection.topic
             )
     return store
+
+
+def _spelled(field: str) -> str:
+    """Return a field's name as in ROS 2; camera info spells D, K, R and P like this in ROS 1."""
+    return field.lower() if len(field) == 1 else field
