@@ -67,8 +67,7 @@ class Command:
             }
             self._status, status = socket.socketpair()
             theirs.callback(status.close)
-            fds = [status.fileno(), read, write, other]
-            socket.send_fds(_original(), [json.dumps(job).encode()], fds)
+            _ask(json.dumps(job).encode(), [status.fileno(), read, write, other])
         (self.pid,) = _STARTED.unpack(self._status.recv(_STARTED.size))
 
     def poll(self) -> int | None:
@@ -176,6 +175,15 @@ def _end(
     if given is None:
         return standard, None
     return (given if isinstance(given, int) else given.fileno()), None
+
+
+def _ask(job: bytes, fds: list[int]) -> None:
+    """Ask the original for a copy; where it has been killed, another one."""
+    try:
+        socket.send_fds(_original(), [job], fds)
+    except BrokenPipeError:
+        _original.cache_clear()
+        socket.send_fds(_original(), [job], fds)
 
 
 @functools.cache

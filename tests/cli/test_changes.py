@@ -96,14 +96,12 @@ def test_history_begins_where_a_map_keeps_none(hypermap: Run, tmp_path: Path) ->
 
 
 def test_an_expired_object_answers_no_query(hypermap: Run, office: Path) -> None:
-    assert (
-        "expires on 2020-01-01" in hypermap("expire", office, "--id", "2", "--at", "2020-01-01").out
-    )
+    said = hypermap("expire", office, "2", "--until", "2020-01-01").out
+    assert "expires on 2020-01-01" in said
     assert hypermap("query", office, "--name", "desk").out == ""
     assert "desk" in hypermap("query", office, "--name", "desk", "--as-of", "v3").out
-    assert hypermap("expire", office, "--id", "2", "--at", "never").out == "desk 2 never expires\n"
+    assert hypermap("expire", office, "2", "--until", "never").out == "desk 2 never expires\n"
     assert "desk" in hypermap("query", office, "--name", "desk").out
-    assert_one_error(hypermap("expire", office, "--id", "9", "--at", "2h"), "no object with id 9")
-    assert_one_error(
-        hypermap("expire", office, "--id", "2", "--at", "x"), "--at 'x': expected a time"
-    )
+    assert_one_error(hypermap("expire", office, "9", "--until", "2h"), "no object with id 9")
+    wrong = hypermap("expire", office, "2", "--until", "x")
+    assert_one_error(wrong, "--until 'x': expected a time")

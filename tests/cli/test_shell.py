@@ -66,7 +66,7 @@ def test_a_map_that_cannot_be_opened_ends_the_shell(hypermap, tmp_path):
         ("help getC", ["getCoords", "getCoordsArea"]),
         ("query --nea", ["--nearest", "--near"]),
         ("query --name chair --na", ["--name"]),
-        ("query --name chair --e", ["--evidence"]),
+        ("query --name chair --ev", ["--evidence"]),
         ("query --name chair --json --j", []),
         ("query --near chair --nea", ["--nearest"]),
         ("query --name c", ["chair"]),

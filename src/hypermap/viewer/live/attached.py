@@ -110,10 +110,13 @@ def file_reply(attachment: Attachment) -> Response:
     """Return an attached file as a response that can do no harm.
 
     Raises:
-        FileMissing: If it was next to the map and is not there.
+        Refused: If it was next to the map and is not there.
     """
-    with attachment.open() as file:
-        media_type = media_type_of(file.read(HEAD))
+    try:
+        with attachment.open() as file:
+            media_type = media_type_of(file.read(HEAD))
+    except FileMissing as error:
+        raise Refused(str(error), 404) from error
     checked = replace(attachment, media_type=media_type)
     how = "inline" if may_be_shown(checked) else "attachment"
     headers = {
@@ -131,13 +134,13 @@ def attached_file(hypermap: Hypermap, layer: str, number: int, sha256: str) -> A
 
     Raises:
         LayerNotFound, ObjectNotFound: If there is no such layer or note.
-        FileMissing: If the note has no such file.
+        Refused: If the note has no such file.
     """
     note = hypermap.layer(layer, NotesLayer)[number]
     for each in note.attachments:
         if each.sha256 == sha256:
             return each
-    raise FileMissing(f"note {number} has no such file")
+    raise Refused(f"note {number} has no such file", 404)
 
 
 def describe_notes(hypermap: Hypermap) -> list[dict[str, Any]]:

@@ -8,7 +8,7 @@ from starlette.exceptions import HTTPException
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 
-from hypermap.core.errors import FileMissing, LayerNotFound, ObjectNotFound
+from hypermap.core.errors import LayerNotFound, ObjectNotFound
 from hypermap.viewer.live.json_text import json_bytes
 from hypermap.viewer.live.request_errors import Refused
 
@@ -29,7 +29,7 @@ def refuse(_: Request, error: Exception) -> Response:
     if isinstance(error, Refused):
         answer = {"error": str(error), "reason": error.reason, **error.others}
         return JSONResponse(answer, error.status)
-    is_missing = isinstance(error, LayerNotFound | ObjectNotFound | FileMissing)
+    is_missing = isinstance(error, LayerNotFound | ObjectNotFound)
     status = 404 if is_missing else 400
     return JSONResponse({"error": str(error)}, status)
 
