@@ -64,7 +64,7 @@ def test_errors_come_back_as_they_were(workers: Processes) -> None:
 
 
 def test_what_cannot_be_sent_is_an_error_of_its_own(workers: Processes) -> None:
-    with pytest.raises(Exception, match="pickle|local object"):
+    with pytest.raises(Exception, match=r"pickle|local object"):
         workers.submit(lambda: 1).result()
     assert workers.submit(eval, "8").result() == 8
 
