@@ -7,6 +7,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
+from rosbags.rosbag1 import Reader
 
 from hypermap.formats import open_map
 from hypermap.recordings import open_recording
@@ -81,6 +82,9 @@ def test_a_bag_of_large_images_with_errors_from_a_file(world: Path, tmp_path: Pa
     assert frame.camera.K[0].tolist() == [525, 0, 319.5]
     assert not len(frame.detections.names)
     assert open_map(tmp_path / "studio.truth.hmap")["semantic"]
+    with Reader(out) as bag:  # as SLAM has its topic, so that `rosbag play` plays it so
+        latched = [each.topic for each in bag.connections if each.ext.latching]
+    assert latched == ["/map"]
 
 
 @pytest.mark.parametrize(

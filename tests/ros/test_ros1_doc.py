@@ -24,7 +24,11 @@ pytestmark = [pytest.mark.xdist_group("ros"), pytest.mark.slow, pytest.mark.time
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "ros1.md"
 BLOCK = re.compile(r"^```console\n(.*?)^```$", re.MULTILINE | re.DOTALL)
-STAYS = ("hypermap serve ", "roslaunch hypermap record_map.launch")
+STAYS = (
+    "hypermap serve ",
+    "roslaunch hypermap record_map.launch",
+    "rosbag play --quiet --keep-alive",
+)
 FAILS = ("{layer: rooms}", "store_map")
 
 

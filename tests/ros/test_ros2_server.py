@@ -266,7 +266,7 @@ def test_updates_change_layers(graph: Graph, serve: Any) -> None:
         update = types.message("hypermap_msgs/SemanticMapUpdate")(to_delete=[7])
         node.create_publisher(type(update), f"{NODE}/semantic_semmap_updates", LATE).publish(update)
         assert string_at(graph, "semantic", 1.5, 0.5, "lab") == "Empty"
-    assert graph.latest(f"{NODE}/occupancy_map").data[0] == 50
+    wait_for(lambda: graph.latest(f"{NODE}/occupancy_map").data[0] == 50, "the grid as changed")
 
 
 def test_the_lifecycle_takes_topics_and_services_away_and_brings_them_back(

@@ -135,13 +135,13 @@ class _Bag:
             info=info,
             data=cells,
         )
-        self._add(MAP_TOPIC, stamp, message)
+        self._add(MAP_TOPIC, stamp, message, latching=1)
 
-    def _add(self, topic: str, stamp: float, message: Any) -> None:
+    def _add(self, topic: str, stamp: float, message: Any, latching: int | None = None) -> None:
         name = message.__msgtype__
         if topic not in self._connections:
             self._connections[topic] = self._writer.add_connection(
-                topic, name, typestore=self._store
+                topic, name, typestore=self._store, latching=latching
             )
         content = self._store.serialize_ros1(message, name)
         self._writer.write(self._connections[topic], _nanoseconds(stamp), content)

@@ -44,12 +44,7 @@ class Spool:
         self.path = path
         self._lock = threading.Lock()
         try:
-            self._file = sqlite3.connect(path, check_same_thread=False, isolation_level=None)
-            self._file.execute("PRAGMA synchronous = FULL")
-            self._file.execute(
-                "CREATE TABLE IF NOT EXISTS waiting "
-                "(number INTEGER PRIMARY KEY AUTOINCREMENT, content TEXT NOT NULL)"
-            )
+            self._file = _open(path)
         except sqlite3.Error as error:
             raise HypermapError(f"{path}: cannot keep observations in this file: {error}") from None
 
@@ -83,6 +78,19 @@ class Spool:
         """Close the file; what waits stays in it."""
         with self._lock:
             self._file.close()
+
+
+def _open(path: Path) -> sqlite3.Connection:
+    with contextlib.ExitStack() as closing:
+        file = sqlite3.connect(path, check_same_thread=False, isolation_level=None)
+        closing.callback(file.close)
+        file.execute("PRAGMA synchronous = FULL")
+        file.execute(
+            "CREATE TABLE IF NOT EXISTS waiting "
+            "(number INTEGER PRIMARY KEY AUTOINCREMENT, content TEXT NOT NULL)"
+        )
+        closing.pop_all()
+    return file
 
 
 class Delivery:
