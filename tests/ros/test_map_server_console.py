@@ -124,7 +124,7 @@ def test_what_is_typed_is_carried_out_on_the_map_that_is_served(terminal, rospy,
     served.ask(f"load {tmp_path}/saved.hmap", "loaded 1 layers")
     assert client.string("occupancy", 0.5, 0.5) == "Occupied"
     served.type("exit\r")
-    assert served.ends() == 0
+    assert served.ends() == 0, served.shown
     assert "Traceback" not in served.shown
 
 
@@ -137,7 +137,7 @@ def test_the_end_of_input_ends_the_console_alone_and_costs_nothing(terminal, ros
     wait_for(lambda: time.monotonic() > begin + 1.0, "a second")
     assert _seconds(served.popen.pid) - before < 0.5 * (time.monotonic() - begin)
     served.popen.send_signal(signal.SIGINT)
-    assert served.ends() == 0
+    assert served.ends() == 0, served.shown
     assert "Traceback" not in served.shown
 
 
@@ -152,7 +152,7 @@ def test_ctrl_c_ends_the_node_and_leaves_the_terminal_as_it_was(terminal, how):
         served.type("getLayer\x03")
     else:
         served.popen.send_signal(signal.SIGINT)
-    assert served.ends() == 0
+    assert served.ends() == 0, served.shown
     assert termios.tcgetattr(served._master)[3] & termios.ECHO
     assert "Traceback" not in served.shown
 

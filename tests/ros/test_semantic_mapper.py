@@ -192,7 +192,9 @@ def test_what_is_published(room: Callable[..., Room], rospy: Any, drive: list[Rg
     wait_for(lambda: last(f"{name}/map") and 100 in last(f"{name}/map").data, "obstacles")
     wait_for(lambda: last(f"{name}/semantic_markers"), "markers")
     wait_for(lambda: len(got[f"{name}/detected_shape"]) > 20, "shapes")
-    wait_for(lambda: len(got[f"{name}/observed_area"]) == 20, "an area for each frame")
+    assert node.totals == {Fate.MAPPED: 20}
+    areas = got[f"{name}/observed_area"]
+    wait_for(lambda: len(areas) == 20, f"an area for each frame, but {len(areas)} at first")
     area = last(f"{name}/observed_area")
     assert area.header.stamp.to_sec() == pytest.approx(drive[19].stamp)
     wait_for(lambda: last("/diagnostics") and "20" in diagnosed(last("/diagnostics")), "a report")
