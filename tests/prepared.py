@@ -67,8 +67,8 @@ class Command:
             }
             self._status, status = socket.socketpair()
             theirs.callback(status.close)
-            _ask(json.dumps(job).encode(), [status.fileno(), read, write, other])
-        (self.pid,) = _STARTED.unpack(self._status.recv(_STARTED.size))
+            files = [status.fileno(), read, write, other]
+            self.pid = _started(json.dumps(job).encode(), files, self._status)
 
     def poll(self) -> int | None:
         """Return the exit code; None while it runs."""
@@ -177,13 +177,20 @@ def _end(
     return (given if isinstance(given, int) else given.fileno()), None
 
 
-def _ask(job: bytes, fds: list[int]) -> None:
-    """Ask the original for a copy; where it has been killed, another one."""
-    try:
-        socket.send_fds(_original(), [job], fds)
-    except BrokenPipeError:
+def _started(job: bytes, files: list[int], status: socket.socket) -> int:
+    """Ask the original for a copy, and return which process that is.
+
+    Where somebody has killed the original, as one who ends all that is called `hypermap` does,
+    another one is asked.
+    """
+    for _ in range(3):
+        channel = _original()
+        with contextlib.suppress(ConnectionError):
+            socket.send_fds(channel, [job], files)
+            if status in select.select([status, channel], [], [])[0]:
+                return int(_STARTED.unpack(status.recv(_STARTED.size))[0])
         _original.cache_clear()
-        socket.send_fds(_original(), [job], fds)
+    raise RuntimeError("the process whose copies run commands was killed three times")
 
 
 @functools.cache

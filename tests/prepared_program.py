@@ -46,8 +46,9 @@ def next_job(channel: socket.socket) -> dict[str, Any]:
         if os.fork() == 0:
             status, *streams = fds
             signal.signal(signal.SIGCHLD, signal.SIG_DFL)
-            report_the_end(status, streams)
             channel.close()
+            job: dict[str, Any] = json.loads(text)
+            report_start_and_end(status, streams, is_session=job["is_session"])
             os.close(status)
             for standard, stream in enumerate(streams):
                 os.dup2(stream, standard)
@@ -56,21 +57,22 @@ def next_job(channel: socket.socket) -> dict[str, Any]:
             sys.stdin = os.fdopen(0, closefd=False)
             sys.stdout = os.fdopen(1, "w", closefd=False)
             sys.stderr = os.fdopen(2, "w", buffering=1, errors="backslashreplace", closefd=False)
-            job: dict[str, Any] = json.loads(text)
             return job
         for fd in fds:
             os.close(fd)
 
 
-def report_the_end(status: int, streams: list[int]) -> None:
-    """Return in a new process; this one writes which that is, and at its end how it has ended."""
+def report_start_and_end(status: int, streams: list[int], *, is_session: bool) -> None:
+    """Return in a new process, which has written its number; this one writes how that has ended."""
+    number = struct.Struct("i")
     child = os.fork()
     if not child:
+        if is_session:
+            os.setsid()  # before anyone knows the number, and sends a signal to all of the session
+        os.write(status, number.pack(os.getpid()))
         return
     for stream in set(streams):
         os.close(stream)
-    number = struct.Struct("i")
-    os.write(status, number.pack(child))
     os.write(status, number.pack(os.waitpid(child, 0)[1]))
     os._exit(0)
 
@@ -80,8 +82,6 @@ if __name__ == "__main__":
     gc.freeze()  # else each copy looks at all objects, which copies the memory they lie in
     signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # nobody waits for those that report an end
     job = next_job(socket.socket(fileno=int(sys.argv[1])))
-    if job["is_session"]:
-        os.setsid()
     os.chdir(job["folder"])
     os.environ.clear()
     os.environ.update(job["environment"])
