@@ -21,6 +21,7 @@ from hypermap.paths.settings import PathSettings
 from hypermap.paths.strips import Strips, strips_of
 
 _DECIMALS = 6  # of a cell; closer points count as on the border of cells
+_ROUNDING = 1e-9  # m; six cells of 0.05 m are not farther than 0.3 m
 _INSCRIBED = 252  # the highest cost of a cell where the robot may be
 _NEUTRAL, _FACTOR = 50, 0.8  # a cell costs 50 and 0.8 times its inflation
 
@@ -212,9 +213,10 @@ def _cost(blocked: BoolArray, resolution: float, settings: PathSettings) -> NDAr
         return np.where(blocked, np.float32(np.inf), np.float32(1))
     far = ndimage.distance_transform_edt(~blocked) * resolution
     cost = np.ones(blocked.shape, dtype=np.float32)
-    near = (far > settings.robot_radius) & (far <= settings.inflation_radius)
+    too_near = far <= settings.robot_radius + _ROUNDING
+    near = ~too_near & (far <= settings.inflation_radius)
     beyond = far[near] - settings.robot_radius
     inflated = _INSCRIBED * np.exp(-settings.cost_scaling * beyond)
     cost[near] = (_NEUTRAL + _FACTOR * inflated) / _NEUTRAL
-    cost[far <= settings.robot_radius] = np.inf
+    cost[too_near] = np.inf
     return cost
