@@ -20,7 +20,9 @@ from hypermap.core.grid import GridGeometry
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.semantic import SemanticLayer, SemanticObject
+from hypermap.exploration import Frontier
 from hypermap.formats import save_map
+from hypermap.ros.messages.exploration_messages import exploration_markers
 from hypermap.ros.rviz.config import RvizView, map_configuration, view_of
 from hypermap.testing import square
 
@@ -221,7 +223,9 @@ def test_without_a_display_the_window_asks_for_one(screen: Screen, start: Any, r
     assert "is there a display?" in window.output.splitlines()[-1]
 
 
-def test_the_window_follows_the_server(screen: Screen, serve: Any, start: Any, rospy: Any) -> None:
+def test_the_window_follows_the_server(
+    screen: Screen, serve: Any, start: Any, rospy: Any, ros1_types: Any
+) -> None:
     from hypermap.ros.ros1.messages import service_class
 
     serve("followed")
@@ -251,6 +255,23 @@ def test_the_window_follows_the_server(screen: Screen, serve: Any, start: Any, r
         return bool((np.minimum(red, blue) - green > 50).all())  # purple over white
 
     wait_for(shows_the_zone, "the keepout zone", PATIENCE)
+
+    # A frontier on the free floor, as the mapper of this namespace would publish it.
+    points = np.column_stack([np.arange(11.05, 13, 0.1), np.full(20, 5.45)])
+    stand = Pose2D(15.0, 3.4, math.pi / 2)
+    frontier = Frontier(points, 2.0, points[-1], stand, distance=3.0, gain=1.0)
+    markers = exploration_markers([frontier], [], "map", ros1_types)
+    publisher = rospy.Publisher(
+        "/semantic_mapper/frontiers", type(markers), latch=True, queue_size=1
+    )
+    publisher.publish(markers)
+
+    def shows_the_frontier() -> bool:
+        red, _, blue = Seen(screen.pixels(), view).colors(points[:12]).T
+        return bool((blue - red > 50).all())
+
+    wait_for(shows_the_frontier, "the frontier", PATIENCE)
+    publisher.unregister()
 
     assert window.stop(signal.SIGINT) == 130
     assert "Traceback" not in window.output

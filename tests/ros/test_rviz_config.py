@@ -23,6 +23,7 @@ from hypermap.core.opaque import OpaqueLayer
 from hypermap.core.semantic import SemanticLayer, SemanticObject
 from hypermap.core.value_layer import ValueLayer
 from hypermap.formats import open_map, save_map
+from hypermap.ros.mapper.semantic_mapper import SemanticMapper
 from hypermap.ros.rviz.config import RvizView, configuration, map_configuration, view_of
 from hypermap.ros.rviz.window import LayerDisplays
 from hypermap.testing import occupancy_from_text, square
@@ -48,7 +49,8 @@ def test_each_layer_has_a_display_with_its_topic() -> None:
     text = map_configuration(building(), "/robot/server")
     shown = displays(text)
     masks = ["Keepout zones", "Speed limits"]
-    assert list(shown) == ["Grid", "occupancy", "2nd floor", *masks, "Frames"]
+    look = "Where to look next"
+    assert list(shown) == ["Grid", "occupancy", "2nd floor", *masks, look, "Frames"]
     assert shown["occupancy"]["Class"] == "rviz/Map"
     assert shown["occupancy"]["Topic"] == "/robot/server/occupancy_map"
     assert shown["2nd floor"]["Class"] == "rviz/MarkerArray"
@@ -326,6 +328,19 @@ def test_doors_and_the_graph_have_a_display_where_the_map_has_rooms() -> None:
     LayerDisplays(window, window, "/server", RvizView())
     window.heard["/server/room_graph"](SimpleNamespace())
     assert [order["name"] for do, order in window.orders if do == "put"] == ["Doors and graph"]
+
+
+@pytest.mark.parametrize("ros2", [False, True])
+def test_frontiers_are_those_of_the_mapper_in_the_servers_namespace(ros2: bool) -> None:
+    shown = displays(map_configuration(building(), "/robot/server", ros2=ros2))
+    display = shown["Where to look next"]
+    heard = display["Topic"]["Value"] if ros2 else display["Marker Topic"]
+    assert heard == f"/robot/{SemanticMapper.NAME}/frontiers"
+    assert display["Enabled"]
+    window: Any = RecordingWindow()
+    LayerDisplays(window, window, "/server", RvizView())
+    window.heard[f"/{SemanticMapper.NAME}/frontiers"](SimpleNamespace())
+    assert [order["name"] for do, order in window.orders if do == "put"] == ["Where to look next"]
 
 
 # The package of launch files

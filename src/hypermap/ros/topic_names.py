@@ -6,6 +6,8 @@ import re
 
 ROOM_GRAPH = "room_graph"
 """Topic of the doors and the graph of rooms."""
+FRONTIERS = "frontiers"
+"""Topic of the semantic mapper that says where a robot should look next."""
 
 
 def topic_name(layer: str, suffix: str) -> str:

@@ -13,6 +13,7 @@ from hypermap.ros.mapper.settings import LiveSettings
 from hypermap.ros.messages.exploration_messages import exploration_markers, pose_array
 from hypermap.ros.port import Port
 from hypermap.ros.throttle import Throttle
+from hypermap.ros.topic_names import FRONTIERS
 
 _MOVED = 0.1  # meters that the robot must have moved, if the map is the same
 _NONE_LEFT = "the robot cannot reach any frontier from here"
@@ -29,7 +30,7 @@ class LiveExploration:
     ) -> None:
         self._port, self._settings, self._map, self._log = port, settings, live_map, log
         self._frame_id = settings.map_frame.strip("/")
-        self._markers = port.publisher("frontiers", "visualization_msgs/MarkerArray", latched=True)
+        self._markers = port.publisher(FRONTIERS, "visualization_msgs/MarkerArray", latched=True)
         self._frontiers = port.publisher("frontier_poses", "geometry_msgs/PoseArray", latched=True)
         self._views = port.publisher("next_view_poses", "geometry_msgs/PoseArray", latched=True)
         self._robot = PathSettings(settings.robot_radius, unknown_is_free=settings.through_unknown)

@@ -18,7 +18,7 @@ from hypermap.core.occupancy import UNKNOWN, OccupancyLayer
 from hypermap.core.semantic import SemanticLayer
 from hypermap.core.value_layer import ValueLayer
 from hypermap.recordings.messages.header import clean_frame
-from hypermap.ros.topic_names import ROOM_GRAPH, topic_name
+from hypermap.ros.topic_names import FRONTIERS, ROOM_GRAPH, topic_name
 
 DEFAULT_SERVER = "/hypermap_server"
 _SUFFIX = {
@@ -87,6 +87,7 @@ def map_configuration(
         displays.append(room_graph_display(server, ros2=ros2))
     # Switched off: rviz warns of what nobody publishes, and not every server has masks.
     displays += [mask_display(name, server, ros2=ros2, is_shown=False) for name in MASKS]
+    displays.append(exploration_display(server, ros2=ros2))
     return configuration(displays, clean_frame(hypermap.base_frame), view_of(hypermap), ros2=ros2)
 
 
@@ -119,6 +120,15 @@ def display(
 def room_graph_display(server: str = DEFAULT_SERVER, *, ros2: bool = False) -> dict[str, Any]:
     """Return the display of the doors and the graph of rooms for a `.rviz` file; as `display`."""
     return _markers("Doors and graph", f"{server}/{ROOM_GRAPH}", ros2)
+
+
+def exploration_display(server: str = DEFAULT_SERVER, *, ros2: bool = False) -> dict[str, Any]:
+    """Return the display of frontiers and next views for a `.rviz` file; as `display`.
+
+    They come from the node `semantic_mapper` in the namespace of the map server.
+    """
+    mapper = f"{server.rpartition('/')[0]}/semantic_mapper"
+    return _markers("Where to look next", f"{mapper}/{FRONTIERS}", ros2)
 
 
 def mask_display(

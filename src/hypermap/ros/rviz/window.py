@@ -27,6 +27,7 @@ from hypermap.ros.rviz.config import (
     RvizView,
     configuration,
     display,
+    exploration_display,
     ground,
     has_display,
     mask_display,
@@ -34,7 +35,7 @@ from hypermap.ros.rviz.config import (
     room_graph_display,
     views,
 )
-from hypermap.ros.topic_names import ROOM_GRAPH, topic_name
+from hypermap.ros.topic_names import topic_name
 
 _SCRIPT = Path(__file__).with_name("bindings.py")
 _PYTHONS = ("/usr/bin/python3", sys.executable)
@@ -180,10 +181,9 @@ class LayerDisplays:
         for name, topic in MASKS.items():
             show = partial(self.show_heard, mask_display(name, server))
             port.subscribe(f"{server}/{topic}", "nav_msgs/OccupancyGrid", show, latched=True)
-        show = partial(self.show_heard, room_graph_display(server))
-        port.subscribe(
-            f"{server}/{ROOM_GRAPH}", "visualization_msgs/MarkerArray", show, latched=True
-        )
+        for shown in (room_graph_display(server), exploration_display(server)):
+            show, topic = partial(self.show_heard, shown), shown["Marker Topic"]
+            port.subscribe(topic, "visualization_msgs/MarkerArray", show, latched=True)
 
     def show(self, metadata: Message) -> None:
         """Show the layers that a `hypermap_msgs/HypermapMetaData` names, and no others."""
