@@ -7,6 +7,7 @@ import {
   Refused,
   type AreaAnswer,
   type AreaRow,
+  type Coverage,
   type Download,
   type FindAnswer,
   type FoundRow,
@@ -130,6 +131,18 @@ export function pathContent(
         ({ place: [x, y], width }) => `${meters(x)}, ${meters(y)}: ${meters(width)} m wide`,
       ),
     ),
+  ];
+}
+
+export function coverageContent(coverage: Coverage): HTMLElement[] {
+  const { share, size, rest_size } = coverage;
+  const bar = el("progress", { id: "covered", aria: { label: "Covered" } });
+  Object.assign(bar, { max: 1, value: share });
+  return [
+    bar,
+    el("p", {
+      text: `${squareMeters(size)} are to be mapped, and ${squareMeters(rest_size)} of them are not covered yet: they are marked. The layer mapped_grid holds what is covered.`,
+    }),
   ];
 }
 

@@ -94,7 +94,7 @@ export class App {
     );
     this.editor = this.makeEditor();
     this.toolbar.offerEdit(this.editor !== null);
-    this.toolbar.offerNotes(this.editor !== null);
+    this.toolbar.offer("note", this.editor !== null);
   }
 
   start(): void {
@@ -133,7 +133,8 @@ export class App {
     this.context.frame = info.frames.find((one) => one.frame_id === frame_id) ?? baseFrame(info);
     this.view.setInfo(info);
     const hasGrid = info.layers.some(({ class_name }) => class_name === "OccupancyGridLayer");
-    this.toolbar.offerPath(hasGrid && this.source.path !== undefined);
+    this.toolbar.offer("path", hasGrid && this.source.path !== undefined);
+    this.toolbar.offer("cover", hasGrid && info.can_cover === true);
     this.search.setInfo(info);
     if (this.source.ask) this.search.offerQuestions();
     this.conditions.setInfo(info);
@@ -211,15 +212,17 @@ export class App {
     this.toolbar.showTool(tool);
     if (tool === "path") return this.paths.begin();
     if (tool === "note") return this.notes.begin();
+    if (tool === "cover") this.ask.coverage();
     if (tool === "point") {
       this.hint("Click the map to query a point");
       return;
     }
     this.hint(tool === "rectangle" ? "Drag a rectangle to list what is in it" : CORNERS);
-    this.drawing.start(tool, (ring) => {
+    this.drawing.start(tool === "cover" ? "polygon" : tool, (ring) => {
       this.hint(null);
       this.toolbar.showTool("point");
-      this.ask.area(ring);
+      if (tool === "cover") this.ask.cover(ring);
+      else this.ask.area(ring);
     });
   }
 

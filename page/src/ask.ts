@@ -3,6 +3,7 @@
 import {
   areaContent,
   areaSummary,
+  coverageContent,
   findContent,
   pathContent,
   pointContent,
@@ -20,6 +21,7 @@ import type { MapView } from "./mapview";
 import type { Panel } from "./panel";
 import {
   Refused,
+  type Coverage,
   type DataSource,
   type FindAnswer,
   type Frame,
@@ -135,6 +137,37 @@ export class Ask {
         }),
         snippets: isThere ? answer : undefined,
       });
+    });
+  }
+
+  /** Lets the camera cover an area. */
+  cover(ring: Ring): void {
+    const { frame } = this.context;
+    const asked = ring.map((point) => rounded(fromBase(frame, point)));
+    void this.source
+      .cover?.(asked, frame.frame_id)
+      .then(() => this.coverage())
+      .catch(complain);
+  }
+
+  /** What the camera has covered of the area that is being mapped, if there is one. */
+  coverage(): void {
+    this.run(async (isCurrent) => {
+      const answer = await this.source.coverage?.();
+      if (!isCurrent()) return;
+      if (!answer) return this.panel.close();
+      this.clear();
+      this.showCoverage(answer);
+    });
+  }
+
+  private showCoverage(coverage: Coverage): void {
+    this.view.markRest(coverage.rest);
+    this.view.markArea(coverage.area[0][0]);
+    this.panel.show({
+      title: "Automap",
+      summary: `${Math.round(100 * coverage.share)} % of the area is covered`,
+      content: coverageContent(coverage),
     });
   }
 

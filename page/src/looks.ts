@@ -159,6 +159,11 @@ export function areaLook(): Style[] {
   ];
 }
 
+/** What of an area is not covered by the camera. */
+export function restLook(): Style {
+  return new Style({ fill: new Fill({ color: withAlpha(cssColor("--accent"), 0.45) }) });
+}
+
 /** The selected object. */
 export function chosenLook(): Style[] {
   return [

@@ -15,6 +15,7 @@ import { EvidenceLayer, type ShownEvidence } from "./evidencelayer";
 import { GridLines } from "./gridlines";
 import {
   areaLook,
+  restLook,
   chosenLook,
   doorLook,
   matchLook,
@@ -48,6 +49,8 @@ export interface ShownLayer {
   notes?: FeatureLayer;
 }
 
+/** What automap has covered: unknown around it, so that it hides the grids below until it is asked for. */
+const MAPPED = "mapped_grid";
 const FINEST = 0.0001; // meters per pixel
 /** How far from a panel a marked place should lie [pixels]. */
 const EDGE = 30;
@@ -68,6 +71,7 @@ export class MapView {
   readonly frames = new FramesLayer();
   private readonly doors = featureLayer(50);
   private readonly marks = {
+    rest: featureLayer(78),
     path: featureLayer(79),
     area: featureLayer(80),
     chosen: featureLayer(81),
@@ -152,6 +156,7 @@ export class MapView {
       this.map.addLayer(shown.shapes.layer);
     }
     this.layers.set(info.name, shown);
+    if (info.name === MAPPED) drawnLayer(shown)?.setVisible(false);
     if (info.name === ROOMS) drawnLayer(shown)?.on("change:visible", () => this.showDoors());
     return shown;
   }
@@ -312,6 +317,7 @@ export class MapView {
     this.marks.path.setStyle(pathLook());
     this.marks.place.setStyle(placeLook());
     this.marks.area.setStyle(areaLook());
+    this.marks.rest.setStyle(restLook());
     this.marks.chosen.setStyle(chosenLook());
     this.marks.matches.setStyle((feature) =>
       matchLook(feature.get("rank") as number, feature.get("looked") === true),
@@ -333,6 +339,11 @@ export class MapView {
 
   markArea(ring: Ring | null): void {
     setFeatures(this.marks.area, ring ? [new Feature(new MultiPolygon([[ring]]))] : []);
+  }
+
+  /** What of an area is not covered. */
+  markRest(polygons: Polygon[]): void {
+    setFeatures(this.marks.rest, [new Feature(new MultiPolygon(polygons))]);
   }
 
   markChosen(polygons: Polygon[] | null): void {

@@ -4,6 +4,7 @@ import {
   Refused,
   type AreaAnswer,
   type Change,
+  type Coverage,
   type DataSource,
   type Download,
   type Editing,
@@ -110,6 +111,14 @@ export class ServerSource implements DataSource, Editing {
 
   path(start: Point, goal: Point, radius: number): Promise<PathAnswer> {
     return this.get("/api/path", { from: start.join(","), to: goal.join(","), radius });
+  }
+
+  coverage(): Promise<Coverage | null> {
+    return this.get("/api/coverage", {});
+  }
+
+  cover(polygon: Ring, frame: string): Promise<Coverage | null> {
+    return this.post("/api/coverage", { polygon, ...this.inFrame(frame) });
   }
 
   notes(): Promise<Note[]> {

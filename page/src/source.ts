@@ -74,6 +74,8 @@ export interface MapInfo extends EditState {
   frames: Frame[];
   layers: LayerInfo[];
   doors?: Door[];
+  /** Whether a node serves the map, and covers areas with its camera. */
+  can_cover?: boolean;
   token?: string;
   /** Notes on this map for the user. */
   notes?: string[];
@@ -218,6 +220,18 @@ export interface PathAnswer extends Snippets {
   points: Point[];
   rooms: { id: number; name: string }[];
   doors: { place: Point; width: number }[];
+}
+
+/** What a camera has covered of an area that is to be mapped. */
+export interface Coverage {
+  area: Polygon[];
+  /** Square meters. */
+  size: number;
+  /** The covered part, 0 to 1. */
+  share: number;
+  /** What is not covered. */
+  rest: Polygon[];
+  rest_size: number;
 }
 
 /** One observation of an object. */
@@ -386,6 +400,10 @@ export interface Questions {
   ask?(question: string, place: Point): Promise<WordsAnswer>;
   /** For a robot of a radius [m]. Absent if there is no planner. */
   path?(start: Point, goal: Point, radius: number): Promise<PathAnswer>;
+  /** What is covered of the area that is being mapped; null while there is none. */
+  coverage?(): Promise<Coverage | null>;
+  /** Begins with an area. Absent, as `coverage`, if no node can serve the map. */
+  cover?(ring: Ring, frame: string): Promise<Coverage | null>;
 }
 
 export interface Editing {

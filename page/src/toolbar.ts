@@ -2,7 +2,7 @@
 
 import { byId, el, icon, iconButton, type ICONS } from "./dom";
 
-export type Tool = "point" | "rectangle" | "polygon" | "path" | "note";
+export type Tool = "point" | "rectangle" | "polygon" | "path" | "cover" | "note";
 
 export interface ToolVerbs {
   menu: () => void;
@@ -16,6 +16,11 @@ const TOOLS: { tool: Tool; label: string; title: string }[] = [
   { tool: "rectangle", label: "Rectangle", title: "Query a rectangle: drag it" },
   { tool: "polygon", label: "Polygon", title: "Query an area: click its corners" },
   { tool: "path", label: "Path", title: "Find the shortest path: click its start and its goal" },
+  {
+    tool: "cover",
+    label: "Automap",
+    title: "Show what the camera covers of an area: click its corners",
+  },
   {
     tool: "note",
     label: "Note",
@@ -52,13 +57,8 @@ export class Toolbar {
     this.edit.hidden = !offered;
   }
 
-  offerPath(offered: boolean): void {
-    const button = this.tools.get("path");
-    if (button) button.hidden = !offered;
-  }
-
-  offerNotes(offered: boolean): void {
-    const button = this.tools.get("note");
+  offer(tool: Tool, offered: boolean): void {
+    const button = this.tools.get(tool);
     if (button) button.hidden = !offered;
   }
 

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import json
+import re
 import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+from urllib.request import Request, urlopen
 
 import numpy as np
 import pytest
@@ -15,8 +18,9 @@ from hypermap import GridGeometry, Hypermap, OccupancyLayer, SemanticLayer
 from hypermap.core.frames import FrameTree
 from hypermap.exploration import Explorer
 from hypermap.formats import open_map
+from hypermap.viewer.live.page import is_page_built
 
-from .conftest import Process
+from .conftest import Process, wait_for
 from .map_server_tools import LAB, Client, saved
 
 pytestmark = pytest.mark.xdist_group("ros")
@@ -39,6 +43,7 @@ def server(rospy: Any, directory: Path) -> Iterator[Process]:
     things = SemanticLayer("semantic", "lab")
     file = saved(Hypermap([grid, things], FrameTree([LAB])), directory / "floor.hmap")
     words = [str(file), "--ros1", "--map-directory", str(directory), "--param", "automap=true"]
+    words += ["--view"] if is_page_built() else []
     command = [sys.executable, "-m", "hypermap", "serve", *words, f"__name:={NODE}"]
     process = Process(command, directory / "log")
     process.expect("loaded")
@@ -100,6 +105,34 @@ def test_what_is_covered_of_an_area_becomes_known(
     assert explorer.frontiers()
     for publisher in (polygon, covered):
         publisher.unregister()
+
+
+def test_an_area_is_chosen_on_the_page(client: Client, server: Process) -> None:
+    if not is_page_built():
+        pytest.skip("the page is not built (make page)")
+    found = re.search(r"showing the map at (http://127\.0\.0\.1:\d+)/\?token=(\S+)", server.output)
+    assert found is not None
+    address, token = found.groups()
+
+    def ask(path: str, **body: Any) -> Any:
+        data = json.dumps(body).encode() if body else None
+        request = Request(f"{address}/api/{path}", data, {"X-Hypermap-Token": token})
+        with urlopen(request) as answer:
+            return json.load(answer)
+
+    wait_for(lambda: ask("map")["layers"], "the map that was loaded last")
+    begun = ask("coverage", polygon=[[2, 2], [8, 2], [8, 6], [2, 6]])
+    assert (begun["size"], begun["share"]) == (24.0, 0.0)
+    server.expect("automap: 24.0 m2 are to be mapped")
+    assert set(client.heard("mapped_grid_map", GRID).data) == {-1, 100}
+
+    covered = client.publisher("/mapping/complete_area_pg", "geometry_msgs/PolygonStamped")
+    covered.publish(area(client, 0, 0, 5, 8))
+    wait_for(lambda: 0.45 < ask("coverage")["share"] < 0.55, "the covered half")
+    assert ask("coverage")["rest_size"] == pytest.approx(12.0, abs=1.0)
+    names = wait_for(lambda: [layer["name"] for layer in ask("map")["layers"]][2:], "the layer")
+    assert names == ["mapped_grid"]
+    covered.unregister()
 
 
 def test_areas_that_are_none_are_ignored(client: Client, server: Process) -> None:

@@ -34,7 +34,7 @@ class OpenMap:
     def current(self) -> Hypermap:
         """Return the map as it is now; the last one that could be read, if the file is damaged."""
         with self._lock:
-            self._document.watch_file()
+            self._document.look()
             if self._document.file.state == "changed":
                 try:
                     self._document.reload()

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import os
 import secrets
-from collections.abc import Callable
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -31,6 +31,7 @@ from hypermap.core.errors import FileMissing
 
 if TYPE_CHECKING:
     from hypermap.core.hypermap import Hypermap
+    from hypermap.ros.server.map_server import MapServer
 
 COMMAND_CLASS = NodeCommand
 
@@ -70,6 +71,14 @@ def command(
             "secret that they must know may be in HYPERMAP_MCP_TOKEN.",
         ),
     ] = False,
+    view: Annotated[
+        bool,
+        typer.Option(
+            "--view",
+            help="Watch the map in the browser: as it is served, with a button for automap. The "
+            "page is for this machine; its address is printed.",
+        ),
+    ] = False,
     param: Params = None,
 ) -> None:
     """Serve a map to robots and viewers: topics, services and transforms, until Ctrl-C.
@@ -83,6 +92,7 @@ def command(
         hypermap serve lab.hmap
         hypermap serve lab.hmap --foxglove
         hypermap serve lab.hmap --mcp
+        hypermap serve lab.hmap --view
         hypermap serve lab.hmap --map-directory maps --param label_height=0.5
         hypermap serve lab.hmap --ros2 --ros-args -r __ns:=/robot
     """
@@ -102,8 +112,34 @@ def command(
         middleware=middleware,
         values=values,
         address=address_of(host, port, middleware, allow_edits, allow_origin),
-        beside=_agents if mcp else None,
+        beside=lambda server: _beside(server, mcp, view),
     )
+
+
+@contextmanager
+def _beside(server: MapServer, mcp: bool, view: bool) -> Iterator[None]:
+    """Serve the node's map to agents and browsers, too, as far as that is wanted."""
+    with ExitStack() as stack:
+        if mcp:
+            stack.enter_context(_agents(lambda: server.hypermap))
+        if view:
+            stack.enter_context(_page(server))
+        yield
+
+
+@contextmanager
+def _page(server: MapServer) -> Iterator[None]:
+    """Show the node's map on a page, on which areas can be chosen that are to be mapped."""
+    from hypermap.viewer.live.app import MapApp
+    from hypermap.viewer.live.followed_map import FollowedMap
+    from hypermap.viewer.live.page import require_page
+    from hypermap.viewer.live.serving import listen, serving, url_of
+
+    require_page()
+    app = MapApp(FollowedMap(server), areas=server)
+    with listen("127.0.0.1", None) as listening, serving(app, listening):
+        note(f"showing the map at {url_of(app, listening)}")
+        yield
 
 
 def _agents(current: Callable[[], Hypermap]) -> AbstractContextManager[None]:

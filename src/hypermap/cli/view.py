@@ -79,7 +79,8 @@ def command(
     from hypermap.viewer.live.serving import is_local, listen, open_browser, serve, url_of
 
     require_page()
-    app = MapApp(MapDocument(path, is_editable=not read_only), host, is_private=not no_token)
+    document = MapDocument(path, is_editable=not read_only)
+    app = MapApp(document, host, is_private=not no_token)
     listening = listen(host, port)
     url = url_of(app, listening)
 
@@ -100,8 +101,8 @@ def command(
         pass
     finally:
         listening.close()
-    if app.document.is_unsaved:
-        note(f"{app.document.file.path}: unsaved changes made in the browser are lost")
+    if document.is_unsaved:
+        note(f"{document.address}: unsaved changes made in the browser are lost")
 
 
 def _write(path: Path, html: Path, force: bool) -> None:

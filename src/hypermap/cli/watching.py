@@ -28,7 +28,7 @@ View = Annotated[
     typer.Option(
         "--view",
         rich_help_panel=PANEL,
-        help="Watch the map grow in the browser.",
+        help="Watch the map in the browser: how it grows, frame by frame.",
     ),
 ]
 Port = Annotated[

@@ -18,7 +18,6 @@ from typing import TYPE_CHECKING, Literal
 from hypermap.core.errors import HypermapError
 
 if TYPE_CHECKING:
-    from hypermap.core.hypermap import Hypermap
     from hypermap.ros.mapper.semantic_mapper import SemanticMapper
     from hypermap.ros.port import Node, Parameter, Port, Value
     from hypermap.ros.server.map_server import MapServer
@@ -53,7 +52,7 @@ def run_map_server(
     middleware: Middleware = "auto",
     values: Mapping[str, Value] | None = None,
     address: Address | None = None,
-    beside: Callable[[Callable[[], Hypermap]], AbstractContextManager[None]] | None = None,
+    beside: Callable[[MapServer], AbstractContextManager[None]] | None = None,
 ) -> None:
     """Serve a map until Ctrl-C, SIGTERM or the middleware ends it.
 
@@ -63,8 +62,7 @@ def run_map_server(
         middleware: what to run on; "auto" takes the ROS that is there.
         values: parameters of the node; they come before what the middleware knows of them.
         address: where to listen with Foxglove.
-        beside: makes a context in which the node runs, such as that of another server, out of a
-            function that returns the map as it is now.
+        beside: makes a context in which the node runs, such as that of another server of its map.
 
     Raises:
         HypermapError: If the middleware is missing, an argument or parameter is wrong, or the map
@@ -77,7 +75,7 @@ def run_map_server(
         raise HypermapError(f"the map server takes one map, not {len(own)}: {' '.join(own)}")
     port = make_port(MapServer, ros, middleware, dict(values or {}), address)
     server = MapServer(port, own[0] if own else None)
-    with nullcontext() if beside is None else beside(lambda: server.hypermap):
+    with nullcontext() if beside is None else beside(server):
         run_node(port, server)
 
 

@@ -53,6 +53,7 @@ class CurrentMap:
         self._port = port
         self._hypermap = Hypermap()
         self._files: frozenset[Path] = frozenset()
+        self._loaded_from: Path | None = None
         self._parts: tuple[MapPart, ...] = ()
         self._changed: set[str] = set()  # layers that are not shown as they are
         self._showing = threading.RLock()  # taken before the next, if both are
@@ -69,12 +70,18 @@ class CurrentMap:
         """The files that hold this map, as it was loaded or stored."""
         return self._files
 
+    @property
+    def loaded_from(self) -> Path | None:
+        """The file that it was loaded from; None for none."""
+        return self._loaded_from
+
     def replace(self, hypermap: Hypermap, file: Path | None = None) -> None:
         """Put another map in its place, loaded from a file, without what has expired."""
         with self._showing:
             with self._writing:
                 self._hypermap = in_force(hypermap, time.time())
                 self._files = frozenset() if file is None else frozenset([file])
+                self._loaded_from = file
             self.show_again()
 
     def stored(self, file: Path) -> None:

@@ -5,8 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
+from shapely.geometry.base import BaseGeometry
+
 from hypermap.core.errors import HypermapError
 from hypermap.core.hypermap import Hypermap
+from hypermap.exploration.coverage import Coverage
 from hypermap.formats import open_map
 from hypermap.ros.port import Level, Parameter, Port, Value
 from hypermap.ros.server.automap import AutoMap
@@ -59,11 +62,37 @@ class MapServer:
         self._values: dict[str, Value] = {}
         self._parts: tuple[MapPart, ...] = ()
         self._greeting: tuple[Level, str] = "info", ""
+        self._automap: AutoMap | None = None
 
     @property
     def hypermap(self) -> Hypermap:
         """The map as it is now; it is never changed, but replaced."""
         return self._current.hypermap
+
+    @property
+    def name(self) -> str:
+        """The name of the file that the map was loaded from, or else that of the node."""
+        file = self._current.loaded_from
+        return self.NAME if file is None else file.name
+
+    @property
+    def address(self) -> str:
+        """The file that the map was loaded from, or else a name that stands for one."""
+        return str(self._current.loaded_from or "MAP.hmap")
+
+    def begin(self, area: BaseGeometry) -> None:
+        """Begin to show what a camera covers of an area of the base frame; see `AutoMap`.
+
+        Raises:
+            HypermapError: If the node is not active, or no cell of the map is in the area.
+        """
+        if self._automap is None:
+            raise HypermapError("the map server is not active")
+        self._automap.begin(area)
+
+    def coverage(self) -> Coverage | None:
+        """Return what is covered of that area by now; None while there is none."""
+        return None if self._automap is None else self._automap.coverage()
 
     def configure(self) -> None:
         """Read the parameters and load the map that they name.
@@ -90,7 +119,7 @@ class MapServer:
         files.directory = Path(directory).expanduser() if directory else None
         tally, requests = Tally(), Requests(frames)
         plans = Plans(port, current, requests)
-        automap = AutoMap(port, current, requests)
+        self._automap = automap = AutoMap(port, current, requests)
         changes = Changes(port, current)
         parts: list[MapPart] = [
             plans,
@@ -114,7 +143,7 @@ class MapServer:
 
     def deactivate(self) -> None:
         """Stop all that; the map stays."""
-        parts, self._parts = self._parts, ()
+        parts, self._parts, self._automap = self._parts, (), None
         self._current.show_no_more()
         for part in reversed(parts):
             part.close()

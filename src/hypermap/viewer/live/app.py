@@ -8,6 +8,7 @@ from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from typing import Any
 
+import shapely
 from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
@@ -17,6 +18,8 @@ from starlette.responses import Response, StreamingResponse
 from starlette.routing import Route
 
 from hypermap.core.errors import HypermapError, LayerNotFound, ObjectNotFound
+from hypermap.questions.frames import pose_of_frame
+from hypermap.viewer.live.area_mapping import AreaMapping, describe_coverage
 from hypermap.viewer.live.attached import (
     Uploads,
     attached_file,
@@ -26,7 +29,7 @@ from hypermap.viewer.live.attached import (
 from hypermap.viewer.live.cache import ByteCache
 from hypermap.viewer.live.changes import Change
 from hypermap.viewer.live.description import describe_map
-from hypermap.viewer.live.document import MapDocument, MapVersion
+from hypermap.viewer.live.document import MapDocument
 from hypermap.viewer.live.downloads import rows_as_csv, rows_as_geojson
 from hypermap.viewer.live.editing import apply_operation, operations_in
 from hypermap.viewer.live.english import answer_in_words
@@ -53,6 +56,7 @@ from hypermap.viewer.live.requests import (
     text_in,
     whole_number_in,
 )
+from hypermap.viewer.live.shown_map import MapVersion, ShownMap
 from hypermap.viewer.live.snippets import snippets_for_evidence
 from hypermap.viewer.live.tiles import Tile, draw_tile
 from hypermap.web.hosts import known_hosts
@@ -60,7 +64,7 @@ from hypermap.web.hosts import known_hosts
 _CACHE = 64_000_000  # bytes of tiles
 _FOREVER = "private, max-age=31536000, immutable"
 _MOST_DIGITS = 20  # of a version
-_LOOK = 1.0  # seconds between two looks at the file
+_LOOK = 0.5  # seconds between two looks at what others have changed
 
 
 class MapApp:
@@ -68,6 +72,7 @@ class MapApp:
 
     Attributes:
         document: the map.
+        areas: lets a camera cover areas, if a node can do so.
         token: the access token.
         is_private: whether reading needs the token, too.
         once: tokens that open the page a single time.
@@ -76,9 +81,14 @@ class MapApp:
     """
 
     def __init__(
-        self, document: MapDocument, host: str = "127.0.0.1", is_private: bool = True
+        self,
+        document: ShownMap,
+        host: str = "127.0.0.1",
+        is_private: bool = True,
+        areas: AreaMapping | None = None,
     ) -> None:
         self.document = document
+        self.areas = areas
         self.token = secrets.token_urlsafe(24)
         self.is_private = is_private
         self.once: set[str] = set()
@@ -100,6 +110,8 @@ class MapApp:
                 Route("/api/find", self._find),
                 Route("/api/ask", self._ask),
                 Route("/api/path", self._path),
+                Route("/api/coverage", self._coverage),
+                Route("/api/coverage", self._cover, methods=["POST"]),
                 Route("/api/objects/{layer:path}/{id}/evidence", self._evidence),
                 Route("/api/objects/{layer:path}/{id}", self._object),
                 Route("/api/notes", self._notes),
@@ -125,17 +137,17 @@ class MapApp:
 
     @asynccontextmanager
     async def _lifespan(self, _: Starlette) -> AsyncIterator[None]:
-        watching = asyncio.create_task(self._watch_file())
+        watching = asyncio.create_task(self._watch())
         try:
             yield
         finally:
             self.is_closing = True
             watching.cancel()
 
-    async def _watch_file(self) -> None:
+    async def _watch(self) -> None:
         while True:
             await asyncio.sleep(_LOOK)
-            await run_in_threadpool(self.document.watch_file)
+            await run_in_threadpool(self.document.look)
 
     # The page, and what it draws
 
@@ -150,9 +162,9 @@ class MapApp:
         described = describe_map(current.hypermap, self._views, document.is_editable)
         for layer in described["layers"]:
             layer["version"] = current.changed_in[layer["name"]]
-        name = document.file.path.name
-        answer = {"name": name, "path": str(document.file.path), "token": self.token, **status}
-        return json_reply({**answer, **described, "version": current.version})
+        answer = {"name": document.name, "path": document.address, "token": self.token, **status}
+        offered = {"can_cover": self.areas is not None}
+        return json_reply({**answer, **described, **offered, "version": current.version})
 
     def _tile(self, request: Request) -> Response:
         current, view = self._layer(request)
@@ -212,13 +224,11 @@ class MapApp:
         return json_reply(self._questions().find(request.query_params))
 
     def _ask(self, request: Request) -> Response:
-        document = self.document
-        path, hypermap = str(document.file.path), document.current.hypermap
+        path, hypermap = self.document.address, self.document.current.hypermap
         return json_reply(answer_in_words(hypermap, path, request.query_params))
 
     def _path(self, request: Request) -> Response:
-        document = self.document
-        path, hypermap = str(document.file.path), document.current.hypermap
+        path, hypermap = self.document.address, self.document.current.hypermap
         return json_reply(self._paths.answer(hypermap, path, request.query_params))
 
     def _object(self, request: Request) -> Response:
@@ -232,7 +242,7 @@ class MapApp:
 
     def _evidence(self, request: Request) -> Response:
         layer, number = request.path_params["layer"], whole_number_in(request.path_params, "id")
-        path = str(self.document.file.path)
+        path = self.document.address
         answer = describe_evidence(self.document.current.hypermap, layer, number)
         return json_reply({**answer, **snippets_for_evidence(path, layer, number)})
 
@@ -245,13 +255,31 @@ class MapApp:
         hypermap = self.document.current.hypermap
         return file_reply(attached_file(hypermap, layer, number, sha256))
 
+    # Areas that a camera is to cover
+
+    def _coverage(self, _: Request) -> Response:
+        return json_reply(describe_coverage(self._areas().coverage()))
+
+    async def _cover(self, request: Request) -> Response:
+        body, areas = await read_body(request), self._areas()
+        polygon = shapely.Polygon(corners_in(body, "polygon"))
+        hypermap = self.document.current.hypermap
+        area = pose_of_frame(hypermap, text_in(body, "frame")).apply_geometry(polygon)
+        await run_in_threadpool(areas.begin, area)
+        return json_reply(describe_coverage(areas.coverage()))
+
+    def _areas(self) -> AreaMapping:
+        if self.areas is None:
+            raise Refused("this map is not that of a node that automaps", 404)
+        return self.areas
+
     # Changes
 
     async def _upload(self, request: Request) -> Response:
         if not self.document.is_editable:
             raise Refused("the map is read-only", 403)
         name = text_in(request.query_params, "name") or "file"
-        path = self.document.file.path
+        path = self._file().file.path
         found = await self._uploads.receive(request.stream(), name, path)
         return json_reply({"sha256": found.sha256, "name": found.name, "kind": found.kind})
 
@@ -265,14 +293,14 @@ class MapApp:
             made = [apply_operation(draft, operation, files) for operation in operations]
             ids.extend(number for number in made if number is not None)
 
-        draft = await run_in_threadpool(self.document.edit, version, change)
+        draft = await run_in_threadpool(self._file().edit, version, change)
         return self._changed({change.layer for change in draft.changes}, ids=ids)
 
     async def _undo(self, request: Request) -> Response:
-        return await self._go(request, self.document.undo)
+        return await self._go(request, self._file().undo)
 
     async def _redo(self, request: Request) -> Response:
-        return await self._go(request, self.document.redo)
+        return await self._go(request, self._file().redo)
 
     async def _go(self, request: Request, go: Callable[[int], Any]) -> Response:
         version = whole_number_in(await read_body(request), "version")
@@ -283,12 +311,12 @@ class MapApp:
     async def _save(self, request: Request) -> Response:
         body = await read_body(request)
         overwrite = body.get("overwrite") is True
-        await run_in_threadpool(self.document.save, text_in(body, "path"), overwrite)
-        return self._changed(set(), saved=True, name=self.document.file.path.name)
+        await run_in_threadpool(self._file().save, text_in(body, "path"), overwrite)
+        return self._changed(set(), saved=True, name=self.document.name)
 
     async def _reload(self, request: Request) -> Response:
         await read_body(request)
-        await run_in_threadpool(self.document.reload)
+        await run_in_threadpool(self._file().reload)
         return self._changed({layer.name for layer in self.document.current.hypermap})
 
     def _changed(self, layers: set[str], **others: Any) -> Response:
@@ -304,9 +332,15 @@ class MapApp:
 
     # Parts of the above
 
+    def _file(self) -> MapDocument:
+        """Return the map as a file that can be edited, saved and loaded again."""
+        if not isinstance(self.document, MapDocument):
+            raise Refused("the map is read-only", 403)
+        return self.document
+
     def _questions(self) -> Questions:
         document = self.document
-        return Questions(document.current.hypermap, self._views, str(document.file.path))
+        return Questions(document.current.hypermap, self._views, document.address)
 
     def _layer(self, request: Request) -> tuple[MapVersion, LayerView]:
         current = self.document.current

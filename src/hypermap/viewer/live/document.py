@@ -22,25 +22,11 @@ from hypermap.mapping.going_on import with_marks
 from hypermap.viewer.live.changes import AnyChange, Change, Draft, applied, undoing
 from hypermap.viewer.live.map_file import MapFile
 from hypermap.viewer.live.request_errors import Refused
+from hypermap.viewer.live.shown_map import MapVersion
 
 _MOST_STEPS = 1000  # that can be undone
 _EDITOR = "hypermap view"  # the editor's name in a saved file
 _OPENED = 0  # the number of the content that was opened
-
-
-@dataclass(frozen=True, eq=False)
-class MapVersion:
-    """The map after one change; it never changes itself (snapshot isolation).
-
-    Attributes:
-        version: grows with every change.
-        hypermap: the map.
-        changed_in: version of the last change of each layer.
-    """
-
-    version: int
-    hypermap: Hypermap
-    changed_in: dict[str, int]
 
 
 @dataclass(frozen=True)
@@ -82,6 +68,16 @@ class MapDocument:
         self._content = self._saved_content = _OPENED
         # Milliseconds, so that no version is given again when the server starts again.
         self._open(hypermap, time.time_ns() // 1_000_000)
+
+    @property
+    def name(self) -> str:
+        """The name of the file."""
+        return self.file.path.name
+
+    @property
+    def address(self) -> str:
+        """The path of the file."""
+        return str(self.file.path)
 
     @property
     def current(self) -> MapVersion:
@@ -192,7 +188,7 @@ class MapDocument:
             self._open(hypermap, self._current.version + 1)
             self.event_count += 1
 
-    def watch_file(self) -> None:
+    def look(self) -> None:
         """Check whether the file has changed on disk or was deleted, and notify windows."""
         with self._changing:  # a file that is being saved has not changed by itself
             if self.file.look():

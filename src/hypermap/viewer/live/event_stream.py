@@ -6,13 +6,13 @@ import asyncio
 import json
 from collections.abc import AsyncIterator, Callable
 
-from hypermap.viewer.live.document import MapDocument
+from hypermap.viewer.live.shown_map import ShownMap
 
 _POLL, _KEEP_ALIVE = 0.15, 15.0  # seconds
 
 
 async def event_stream(
-    document: MapDocument, version: int, is_closing: Callable[[], bool]
+    document: ShownMap, version: int, is_closing: Callable[[], bool]
 ) -> AsyncIterator[str]:
     """Yield the state of editing, now and after every event.
 
