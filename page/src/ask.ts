@@ -17,6 +17,7 @@ import { EvidenceSection } from "./evidence";
 import { objectFacts, objectPictures } from "./facts";
 import { meters, plural, rounded } from "./format";
 import { fromBase } from "./frames";
+import { ROOMS } from "./looks";
 import type { MapView } from "./mapview";
 import type { Panel } from "./panel";
 import {
@@ -324,8 +325,9 @@ export class Ask {
     return hits.length === 1 ? this.source.object(hits[0].layer, hits[0].id) : null;
   }
 
-  /** Layers of objects can have evidence; those that another kind of layer draws have none. */
+  /** Layers of objects can have evidence; rooms, and what another kind of layer draws, have none. */
   private hasEvidence(layer: string): boolean {
+    if (layer === ROOMS) return false;
     const { layers } = this.context.info;
     return layers.find(({ name }) => name === layer)?.class_name === "SemanticLayer";
   }

@@ -3,6 +3,7 @@
 import { el } from "./dom";
 import { meters, squareMeters, trim } from "./format";
 import { fromBase } from "./frames";
+import { ROOMS } from "./looks";
 import type { Frame, ObjectDetails } from "./source";
 import { existenceInWords, seenInWords, whenInWords } from "./words";
 
@@ -18,6 +19,7 @@ const SHOWN_ELSEWHERE = [
   "last_seen",
   "confidence",
 ];
+const OF_ROOMS_SHOWN_ELSEWHERE = ["doors", "automatic_name"];
 
 export function objectFacts(object: ObjectDetails, frame: Frame, now = new Date()): HTMLElement {
   const { area, at, room, tags, attributes } = object;
@@ -27,6 +29,8 @@ export function objectFacts(object: ObjectDetails, frame: Frame, now = new Date(
   const [existence, first, last] = [number("existence"), number("first_seen"), number("last_seen")];
   const seen = seenInWords(numberOf(attributes["evidence"]), last, now);
   const [low, high] = [numberOf(attributes["z_min"]), numberOf(attributes["z_max"])];
+  const hidden = [...SHOWN_ELSEWHERE, ...(object.layer === ROOMS ? OF_ROOMS_SHOWN_ELSEWHERE : [])];
+  const doors = (object.doors ?? []).map(({ to, width }) => `${meters(width)} m to ${to}`);
   const facts: (Fact | null)[] = [
     existence === null
       ? null
@@ -40,8 +44,9 @@ export function objectFacts(object: ObjectDetails, frame: Frame, now = new Date(
     tags.length
       ? ["Tags", tags.map((tag, i) => tagInWords(tag, sureness(object)[i])).join(", ")]
       : null,
+    doors.length ? [doors.length > 1 ? "Doors" : "Door", doors.join(", ")] : null,
     ...Object.entries(attributes)
-      .filter(([key, value]) => !SHOWN_ELSEWHERE.includes(key) && value !== null && value !== "")
+      .filter(([key, value]) => !hidden.includes(key) && value !== null && value !== "")
       .map(([key, value]): Fact => [heading(key), said(value)]),
   ];
   return el(

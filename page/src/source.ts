@@ -191,6 +191,8 @@ export interface ObjectDetails {
   wkt: string;
   /** The name of the room that it is in. */
   room?: string;
+  /** Of a room: what is behind each of its doors, and how wide it is [m]. */
+  doors?: { to: string; width: number }[];
   tags: string[];
   /** One number per tag. */
   confidence?: number[];

@@ -22,6 +22,17 @@ def test_a_cupboard_that_leaves_a_narrow_way_divides_no_room_if_it_is_known():
     assert room.area == pytest.approx(32, abs=0.3)
 
 
+@pytest.mark.parametrize("order", [(0, 1, 2), (2, 1, 0), (1, 0, 2)])
+def test_a_table_between_chairs_is_inside_of_its_room(order):
+    boxes = [(4, 2, 5.2, 3.2), (3.6, 2.3, 4, 2.7), (5.2, 2.3, 5.6, 2.7)]  # a table, two chairs
+    plan = Plan(9, 5).clear(0.5, 0.5, 8.5, 4.5)
+    for box in boxes:
+        plan.fill(*box)
+    things = [SemanticObject("thing", shapely.box(*boxes[i])) for i in order]
+    (room,) = find_rooms(plan.layer(), objects=things)
+    assert room.area == pytest.approx(32, abs=0.3)
+
+
 @pytest.mark.parametrize("reach", [0.1, 0.3, 1.0])
 def test_an_object_whose_outline_reaches_through_a_wall_makes_no_door(reach):
     shelf = SemanticObject("shelf", shapely.box(4.4 - reach, 3.5, 4.6 + reach, 4.2))

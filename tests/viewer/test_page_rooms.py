@@ -132,6 +132,14 @@ def test_the_page_tells_in_which_room_an_object_is(window: Window) -> None:
     expect(room).to_have_text("kitchen")
 
 
+def test_a_click_on_a_room_tells_what_is_behind_its_doors(window: Window) -> None:
+    window.ask_at(7.0, 1.5)
+    assert window.said("rooms") == "office"
+    panel = window.page.locator("#panel")
+    expect(panel.locator("dt", has_text="Door").locator("+ dd")).to_have_text("0.90 m to kitchen")
+    expect(panel).not_to_contain_text("Evidence")
+
+
 def test_rooms_lie_below_things_and_doors_come_and_go_with_them(window: Window) -> None:
     colors = class_colors(["cup", "kitchen", "office"])
     floor = tuple(1 - 0.45 * (1 - part) for part in colors["kitchen"])  # white shows through

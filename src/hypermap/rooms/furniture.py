@@ -29,21 +29,29 @@ def without_furniture(
         grid: where the cells lie.
     """
     result = free.copy()
-    for outline in outlines:
-        if outline.is_empty:
-            continue
-        rows, cols = grid.cells_in(outline.buffer(_MARGIN * grid.resolution))
-        if not len(rows):
-            continue
-        window = (
-            slice(max(rows.min() - 2, 0), rows.max() + 3),
-            slice(max(cols.min() - 2, 0), cols.max() + 3),
-        )
-        inside = np.zeros(free[window].shape, dtype=bool)
-        inside[rows - window[0].start, cols - window[1].start] = True
-        around = free[window] & ~inside
-        parts, _ = ndimage.label(around)
-        beside = ndimage.binary_dilation(inside, _EVERYWHERE) & around
-        if len(np.unique(parts[beside])) == 1:
-            result[window] |= inside
+    standing = [outline for outline in outlines if not outline.is_empty]
+    count = -1
+    while len(standing) != count:  # what stands between two others is found once these are gone
+        count = len(standing)
+        standing = [outline for outline in standing if not _cleared(result, outline, grid)]
     return result
+
+
+def _cleared(free: BoolArray, outline: BaseGeometry, grid: GridGeometry) -> bool:
+    """Make the cells of an object free, if that connects nothing; return whether that is done."""
+    rows, cols = grid.cells_in(outline.buffer(_MARGIN * grid.resolution))
+    if not len(rows):
+        return True
+    window = (
+        slice(max(rows.min() - 2, 0), rows.max() + 3),
+        slice(max(cols.min() - 2, 0), cols.max() + 3),
+    )
+    inside = np.zeros(free[window].shape, dtype=bool)
+    inside[rows - window[0].start, cols - window[1].start] = True
+    around = free[window] & ~inside
+    parts, _ = ndimage.label(around)
+    beside = ndimage.binary_dilation(inside, _EVERYWHERE) & around
+    if len(np.unique(parts[beside])) != 1:
+        return False
+    free[window] |= inside
+    return True

@@ -24,7 +24,7 @@ from hypermap.core.semantic import SemanticLayer
 from hypermap.questions.frames import pose_of_frame
 from hypermap.viewer.live.layers import LayerViews
 from hypermap.viewer.live.object_search import find, search_in
-from hypermap.viewer.live.room_names import names_of_rooms
+from hypermap.viewer.live.room_names import doors_of_room, names_of_rooms
 from hypermap.viewer.live.snippets import snippets_at, snippets_in_area
 
 MOST_ROWS = 5000
@@ -136,7 +136,9 @@ class Questions:
             "attributes": {},
         }
         (room,) = names_of_rooms(self.hypermap, [np.array(values["centroid"])])
-        if room is not None and layer.name != ROOMS:
+        if layer.name == ROOMS:
+            values["doors"] = doors_of_room(self.hypermap, number)
+        elif room is not None:
             values["room"] = room
         if isinstance(layer, SemanticLayer):
             item = layer.get(number)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -22,6 +23,20 @@ def names_of_rooms(hypermap: Hypermap, points_xy: Sequence[FloatArray]) -> list[
         None if room is None else room.name
         for room in rooms_at(rooms, np.reshape(points_xy, (-1, 2)))
     ]
+
+
+def doors_of_room(hypermap: Hypermap, number: int) -> list[dict[str, Any]]:
+    """Return the name of the room behind each door of a room, and the door's width [m]."""
+    rooms = _rooms(hypermap)
+    if rooms is None:
+        return []
+    names = {room.id: room.name for room in rooms}
+    found = []
+    for door in rooms.doors:
+        if number in door.rooms:
+            other = door.rooms[door.rooms[0] == number]
+            found.append({"to": names.get(other, f"room {other}"), "width": door.width})
+    return found
 
 
 def means_rooms(hypermap: Hypermap, what: str) -> bool:
