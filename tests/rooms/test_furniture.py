@@ -33,6 +33,14 @@ def test_a_table_between_chairs_is_inside_of_its_room(order):
     assert room.area == pytest.approx(32, abs=0.3)
 
 
+def test_objects_in_a_row_do_not_lead_out_of_a_room_into_what_nobody_has_seen():
+    row = [SemanticObject("thing", shapely.box(4 + i, 4, 5 + i, 5)) for i in (0, 1, 2)]
+    plan = Plan(9, 7).clear(0.5, 0.5, 4.5, 6.5)
+    (room,) = find_rooms(plan.layer(), objects=row)
+    assert room.area < 25
+    assert not room.outline.intersects(shapely.Point(6.5, 4.5))
+
+
 @pytest.mark.parametrize("reach", [0.1, 0.3, 1.0])
 def test_an_object_whose_outline_reaches_through_a_wall_makes_no_door(reach):
     shelf = SemanticObject("shelf", shapely.box(4.4 - reach, 3.5, 4.6 + reach, 4.2))

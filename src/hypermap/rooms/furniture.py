@@ -33,12 +33,15 @@ def without_furniture(
     count = -1
     while len(standing) != count:  # what stands between two others is found once these are gone
         count = len(standing)
-        standing = [outline for outline in standing if not _cleared(result, outline, grid)]
+        standing = [outline for outline in standing if not _cleared(result, free, outline, grid)]
     return result
 
 
-def _cleared(free: BoolArray, outline: BaseGeometry, grid: GridGeometry) -> bool:
-    """Make the cells of an object free, if that connects nothing; return whether that is done."""
+def _cleared(free: BoolArray, seen: BoolArray, outline: BaseGeometry, grid: GridGeometry) -> bool:
+    """Make the cells of an object free, if that connects nothing; return whether that is done.
+
+    It must stand beside cells that were `seen` to be free: no row of objects leads out of a room.
+    """
     rows, cols = grid.cells_in(outline.buffer(_MARGIN * grid.resolution))
     if not len(rows):
         return True
@@ -51,7 +54,7 @@ def _cleared(free: BoolArray, outline: BaseGeometry, grid: GridGeometry) -> bool
     around = free[window] & ~inside
     parts, _ = ndimage.label(around)
     beside = ndimage.binary_dilation(inside, _EVERYWHERE) & around
-    if len(np.unique(parts[beside])) != 1:
+    if len(np.unique(parts[beside])) != 1 or not seen[window][beside].any():
         return False
     free[window] |= inside
     return True
