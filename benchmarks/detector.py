@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from hypermap.evaluation.metrics import evaluate
 from hypermap.mapping.config import profile
-from hypermap.mapping.mapper import map_recording
+from hypermap.mapping.recording_to_map import map_recording
 from hypermap.perception.detections import Detections, Detector
 from hypermap.perception.detectors.sources import detections_from_recording
 from hypermap.simulation import SimulatedRecording, World, built_in_world, ground_truth

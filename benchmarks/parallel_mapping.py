@@ -23,7 +23,7 @@ from hypermap.fleet.ahead import LookedAtAhead
 from hypermap.fleet.looking import Look, look_at
 from hypermap.fleet.workers import Processes
 from hypermap.mapping.config import chosen_config
-from hypermap.mapping.mapper import map_recording
+from hypermap.mapping.recording_to_map import map_recording
 from hypermap.perception.detectors.origin import DetectionOrigin
 from hypermap.perception.recording import PendingFrame
 from hypermap.recordings import open_recording

@@ -23,7 +23,8 @@ from numpy.typing import NDArray
 from hypermap.core.pictures import ObjectPicture
 from hypermap.core.semantic import SemanticLayer, SemanticObject
 from hypermap.mapping.config import profile
-from hypermap.mapping.mapper import MappedFrame, Mapper, map_recording
+from hypermap.mapping.mapper import MappedFrame, Mapper
+from hypermap.mapping.recording_to_map import map_recording
 from hypermap.mapping.stages import PictureConfig
 from hypermap.perception.detectors.sources import detections_from_recording
 from hypermap.recordings.open import open_recording

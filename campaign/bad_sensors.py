@@ -22,7 +22,7 @@ from shapely.geometry.base import BaseGeometry
 from hypermap.core.errors import HypermapError
 from hypermap.core.hypermap import Hypermap
 from hypermap.mapping.config import profile
-from hypermap.mapping.mapper import map_recording
+from hypermap.mapping.recording_to_map import map_recording
 from hypermap.perception.detectors.sources import detections_from_file
 from hypermap.recordings import RecordingOptions, open_recording
 from hypermap.simulation import SimulatedRecording, write_tum

@@ -18,7 +18,7 @@ from campaign.bad_sensors import SENSORS, fault_of, map_of, write_good_recording
 from campaign.part import Budget, Finding, Result
 from hypermap.evaluation import evaluate
 from hypermap.mapping.config import profile
-from hypermap.mapping.mapper import map_recording
+from hypermap.mapping.recording_to_map import map_recording
 from hypermap.perception.detectors.sources import detections_from_recording
 from hypermap.simulation import SimulatedRecording, demo_world, errors_of_level, ground_truth
 from hypermap.simulation.render import DEFAULT_CAMERA

@@ -9,7 +9,7 @@ import sys
 
 from hypermap import save_map
 from hypermap.mapping.config import profile
-from hypermap.mapping.mapper import map_recording
+from hypermap.mapping.recording_to_map import map_recording
 from hypermap.perception.detectors import load_detector
 from hypermap.perception.detectors.sources import (
     detections_from_detector,

@@ -6,7 +6,7 @@ from rich.console import Console
 
 from hypermap.cli import progress
 from hypermap.mapping.counts import Counts
-from hypermap.mapping.mapper import Progress
+from hypermap.mapping.recording_to_map import Progress
 
 
 def test_a_terminal_shows_a_bar_with_rate_objects_and_time_left(monkeypatch):

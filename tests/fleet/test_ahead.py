@@ -19,7 +19,7 @@ from hypermap.fleet.looking import Looked, look_at
 from hypermap.fleet.workers import Processes
 from hypermap.formats import save_map
 from hypermap.mapping.config import MappingConfig, profile
-from hypermap.mapping.mapper import Progress, map_recording
+from hypermap.mapping.recording_to_map import Progress, map_recording
 from hypermap.mapping.stages import KeyframeConfig
 from hypermap.perception.detectors.origin import DetectionOrigin
 from hypermap.perception.recording import PendingRecording

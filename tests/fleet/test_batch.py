@@ -23,7 +23,7 @@ from hypermap.fleet.batch.running import key_of
 from hypermap.fleet.batch.table import write_tables
 from hypermap.fleet.workers import Processes
 from hypermap.formats import open_map, save_map
-from hypermap.mapping.mapper import map_recording
+from hypermap.mapping.recording_to_map import map_recording
 from hypermap.perception.detectors.origin import DetectionOrigin
 from hypermap.recordings import open_recording
 

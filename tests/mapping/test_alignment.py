@@ -19,7 +19,8 @@ from hypermap.evaluation.metrics import evaluate
 from hypermap.mapping.alignment import Aligner
 from hypermap.mapping.config import MappingConfig, profile
 from hypermap.mapping.consistency import Agreement
-from hypermap.mapping.mapper import Mapper, map_recording
+from hypermap.mapping.mapper import Mapper
+from hypermap.mapping.recording_to_map import map_recording
 from hypermap.mapping.stages import AlignmentConfig
 from hypermap.perception.detections import Detections
 from hypermap.perception.detectors.sources import detections_from_recording

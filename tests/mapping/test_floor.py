@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from hypermap.core.trajectory import compose, invert, pose_from_rpy
 from hypermap.mapping.config import profile
 from hypermap.mapping.floor import Floor, FloorSampler
-from hypermap.mapping.mapper import map_recording
+from hypermap.mapping.recording_to_map import map_recording
 from hypermap.perception.detections import Detections
 from hypermap.perception.frame import RgbdFrame
 from hypermap.recordings import RecordingOptions, open_recording

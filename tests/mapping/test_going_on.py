@@ -22,7 +22,8 @@ from hypermap.core.semantic import SemanticLayer, SemanticObject
 from hypermap.formats import open_map, save_map
 from hypermap.mapping.config import profile
 from hypermap.mapping.going_on import CannotGoOn
-from hypermap.mapping.mapper import Mapper, map_recording
+from hypermap.mapping.mapper import Mapper
+from hypermap.mapping.recording_to_map import map_recording
 from hypermap.perception.detectors.sources import detections_from_recording
 from hypermap.perception.frame import Camera, RgbdFrame
 from hypermap.simulation import SimulatedRecording, demo_world

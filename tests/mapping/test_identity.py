@@ -12,7 +12,7 @@ from hypermap.core.hypermap import Hypermap
 from hypermap.formats import open_map, save_map
 from hypermap.formats.backup import why_precious
 from hypermap.mapping.config import profile
-from hypermap.mapping.mapper import map_recording
+from hypermap.mapping.recording_to_map import map_recording
 from hypermap.viewer.live.document import MapDocument
 
 from .test_mapper import CONFIG, Frames, boxes, frame, walk

@@ -18,7 +18,8 @@ from hypermap.core.grid import GridGeometry
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.mapping.config import profile, to_dict
 from hypermap.mapping.counts import Counts
-from hypermap.mapping.mapper import MappedFrame, Mapper, Progress, map_recording
+from hypermap.mapping.mapper import MappedFrame, Mapper
+from hypermap.mapping.recording_to_map import Progress, map_recording
 from hypermap.perception.detections import Detections
 from hypermap.perception.detectors.sources import detections_from_file
 from hypermap.perception.frame import Camera, RgbdFrame

@@ -7,7 +7,7 @@ from pathlib import Path
 from hypermap.evaluation import evaluate
 from hypermap.formats import open_map, save_map
 from hypermap.mapping.config import profile
-from hypermap.mapping.mapper import map_recording
+from hypermap.mapping.recording_to_map import map_recording
 from hypermap.perception.detectors.sources import detections_from_file
 from hypermap.recordings import open_recording
 from hypermap.simulation import EXACT_DETECTOR, SimulatedRecording, ground_truth, write_tum

@@ -32,7 +32,7 @@ from hypermap.core.hypermap import Hypermap
 from hypermap.core.semantic import SemanticLayer
 from hypermap.mapping.alignment import Aligner
 from hypermap.mapping.config import profile
-from hypermap.mapping.mapper import map_recording
+from hypermap.mapping.recording_to_map import map_recording
 from hypermap.perception.detectors import sources
 from hypermap.simulation import SimulatedRecording, demo_world
 from hypermap.testing.builders import occupancy_from_text, square

@@ -24,7 +24,8 @@ from hypermap.core.hypermap import Hypermap
 from hypermap.core.occupancy import COLORS, OccupancyLayer
 from hypermap.core.semantic import SemanticLayer
 from hypermap.mapping.config import profile
-from hypermap.mapping.mapper import MappedFrame, Mapper, map_recording
+from hypermap.mapping.mapper import MappedFrame, Mapper
+from hypermap.mapping.recording_to_map import map_recording
 from hypermap.perception.detectors.sources import detections_from_file
 from hypermap.perception.frame import Camera, RgbdFrame
 from hypermap.recordings import RecordingOptions, open_recording

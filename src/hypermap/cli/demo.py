@@ -91,7 +91,7 @@ def command(
 def _map(recording: SimulatedRecording, watched: Watched) -> Hypermap:
     from hypermap.cli.progress import mapping_progress
     from hypermap.mapping.config import profile
-    from hypermap.mapping.mapper import map_recording
+    from hypermap.mapping.recording_to_map import map_recording
     from hypermap.perception.detectors.sources import detections_from_recording
 
     with mapping_progress(len(recording)) as report:

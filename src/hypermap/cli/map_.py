@@ -42,8 +42,9 @@ if TYPE_CHECKING:
     from hypermap.fleet.ahead import LookedAtAhead
     from hypermap.mapping.config import MappingConfig
     from hypermap.mapping.counts import Counts
-    from hypermap.mapping.mapper import MappedFrame, Mapper, Progress
+    from hypermap.mapping.mapper import MappedFrame, Mapper
     from hypermap.mapping.preflight import Preflight
+    from hypermap.mapping.recording_to_map import Progress
     from hypermap.perception.detectors.origin import DetectionOrigin
     from hypermap.perception.embedders.embedder import Embedder
     from hypermap.perception.frame import DetectionSource
@@ -297,7 +298,7 @@ def _make_map(
     from hypermap.cli.progress import Pace, mapping_progress
     from hypermap.cli.stopping import StoppableRecording
     from hypermap.mapping.counts import Counts
-    from hypermap.mapping.mapper import map_recording
+    from hypermap.mapping.recording_to_map import map_recording
 
     started, pace, rate = time.monotonic(), Pace(), 0.0
     counts = Counts()

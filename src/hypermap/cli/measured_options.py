@@ -51,7 +51,7 @@ def usable_frames(path: Path, options: RecordingOptions, most: int = 0) -> Itera
         options: how it is read.
         most: about as many, spread over the whole recording; 0 for all.
     """
-    from hypermap.mapping.mapper import why_unusable
+    from hypermap.mapping.usable import why_unusable
 
     if most:
         count = len(open_recording(path, options))

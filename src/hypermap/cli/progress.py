@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, TypeAlias
 from hypermap.cli.terminal import err, note
 
 if TYPE_CHECKING:
-    from hypermap.mapping.mapper import Progress
+    from hypermap.mapping.recording_to_map import Progress
 
 _EVERY = 5.0  # seconds between two plain lines
 

@@ -47,7 +47,7 @@ def command() -> None:
 def _map_a_little() -> None:
     """Map a few frames with each profile."""
     from hypermap.mapping.config import profile
-    from hypermap.mapping.mapper import map_recording
+    from hypermap.mapping.recording_to_map import map_recording
     from hypermap.perception.detectors.sources import detections_from_recording
     from hypermap.simulation import SimulatedRecording, demo_world
 

@@ -17,7 +17,8 @@ from hypermap.core.errors import HypermapError
 
 if TYPE_CHECKING:
     from hypermap.cli.progress import Report
-    from hypermap.mapping.mapper import MappedFrame, Mapper, Progress
+    from hypermap.mapping.mapper import MappedFrame, Mapper
+    from hypermap.mapping.recording_to_map import Progress
     from hypermap.viewer.watch.run import WatchedRun
 
 PANEL = "Watch it in the browser"

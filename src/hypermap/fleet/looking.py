@@ -9,9 +9,9 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 from hypermap.core.errors import HypermapError
-from hypermap.mapping.mapper import why_unusable
 from hypermap.mapping.perceived import Found, Perceived, Perceiver, no_detections
 from hypermap.mapping.stages import OccupancyConfig
+from hypermap.mapping.usable import why_unusable
 from hypermap.perception.config import PerceptionConfig
 from hypermap.perception.detectors.origin import DetectionOrigin
 from hypermap.perception.frame import RgbdFrame

@@ -1,4 +1,4 @@
-"""Mapping: the frames of a recording become a hypermap of an occupancy and a semantic layer."""
+"""Mapping: frames become a hypermap of an occupancy and a semantic layer."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache, partial
-from typing import Any, Protocol, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +28,6 @@ from hypermap.mapping.completion import free_share
 from hypermap.mapping.config import MappingConfig, to_dict
 from hypermap.mapping.correcting import Correction, corrected_poses, map_again
 from hypermap.mapping.counts import Counts
-from hypermap.mapping.depth_check import why_implausible
 from hypermap.mapping.drives import Drive, EarlierDrives, map_id, wall_clock
 from hypermap.mapping.evidence import EvidenceMap
 from hypermap.mapping.frame_log import FrameLog, LoggedFrame, packed_frame
@@ -46,21 +45,15 @@ from hypermap.mapping.mapper_state import MapperState, dump_before, dump_state
 from hypermap.mapping.occupancy import OccupancyMapper
 from hypermap.mapping.perceived import Perceived, Perceiver, no_detections
 from hypermap.mapping.pictures import keep_pictures
-from hypermap.mapping.preflight import Preflight
+from hypermap.mapping.usable import why_unusable
 from hypermap.perception.detections import Detections
 from hypermap.perception.embedders.embedder import Embedder
 from hypermap.perception.frame import DetectionSource, RgbdFrame
 from hypermap.perception.observation import Observation
-from hypermap.perception.recording import Recording
 
 _log = logging.getLogger(__name__)
 
-MAX_BAD = 0.5
-"""Share of a recording's frames that may fail before mapping gives up."""
-_MAX_FAILED_FIRST = 100  # frames that may fail before the first usable one
-
 _OCCUPANCY = "occupancy"
-_FARTHEST = 1e9  # meters; beyond, geometry on the floor loses its precision
 
 
 Perceive: TypeAlias = "Callable[[RgbdFrame, Perceiver], Perceived]"
@@ -68,23 +61,6 @@ Perceive: TypeAlias = "Callable[[RgbdFrame, Perceiver], Perceived]"
 
 class BadFrame(HypermapError):
     """A frame cannot be mapped, while others may be."""
-
-
-@dataclass(frozen=True)
-class Progress:
-    """How far mapping has come.
-
-    Attributes:
-        done: frames so far.
-        total: frames of the recording, at most.
-        objects: objects in the map so far.
-        counts: what became of the frames.
-    """
-
-    done: int
-    total: int
-    objects: int
-    counts: Counts
 
 
 @dataclass(frozen=True, eq=False)
@@ -484,154 +460,5 @@ class Mapper:
         self.counts += Counts(**fates)
 
 
-class Ahead(Protocol):
-    """Looks at the frames of a recording before they are mapped."""
-
-    def begin(self, mapper: Mapper) -> None:
-        """Look at frames as this mapper would."""
-
-    def perceive(self, frame: RgbdFrame, perceiver: Perceiver) -> Perceived:
-        """Return what a frame shows; see `Mapper.perceive`."""
-        ...
-
-
-def map_recording(
-    recording: Recording,
-    source: DetectionSource | None,
-    config: MappingConfig,
-    occupancy: OccupancyLayer | None = None,
-    on_progress: Callable[[Progress], None] | None = None,
-    watch: Callable[[MappedFrame, Mapper], None] | None = None,
-    preflight: Preflight | None = None,
-    max_bad: float = MAX_BAD,
-    onto: Hypermap | None = None,
-    embedder: Embedder | None = None,
-    ahead: Ahead | None = None,
-) -> Hypermap:
-    """Return the map of a recording.
-
-    To stop early and keep the map so far (as the command line does on Ctrl-C), pass a recording
-    whose `frames` end early, or call `Mapper` in a loop of your own.
-
-    Frames that cannot be read, and those for which the source of detections fails, are skipped,
-    counted and logged.
-
-    Args:
-        recording: where the frames come from.
-        source: says what a frame shows; None for a map without objects.
-        config: how it is done.
-        occupancy: the map's first layer, instead of the recording's own map or one made from
-            depth.
-        on_progress: called after each frame.
-        watch: called after each frame that was mapped.
-        preflight: looks whether the recording is as mapping takes it to be, as that its floor is
-            level at z = 0; by default what is wrong is logged.
-        max_bad: share of the recording's frames that may be skipped like this; 0 stops at the
-            first.
-        onto: a map to go on with, as `Mapper.onto` does; its occupancy layer goes on, too, and
-            that of the recording is left out.
-        embedder: encodes what frames show of objects; None for no embeddings.
-        ahead: looks at the frames of this recording before they are mapped.
-
-    Raises:
-        HypermapError: If the recording or the source fails too often, no frame is usable, or
-            mapping cannot go on with the map.
-        ValueError: If both `occupancy` and `onto` are given.
-    """
-    if onto is not None:
-        if occupancy is not None:
-            raise ValueError("a map to continue already has an occupancy layer")
-        mapper = Mapper.onto(onto, source, config, recording.path.name, recording.frame_id)
-    else:
-        occupancy = recording.occupancy() if occupancy is None else occupancy
-        mapper = Mapper(config, source, occupancy, recording.frame_id, recording.path.name)
-    mapper.watch = watch
-    mapper.embed_with(embedder)
-    if ahead is not None:
-        mapper.perceive = ahead.perceive
-        ahead.begin(mapper)
-    preflight = preflight or Preflight(max_depth=config.perception.max_depth)
-    bad = _BadFrames(mapper, recording, max_bad)
-    for frame in recording.frames(bad.add):
-        unusable = mapper.counts.unusable
-        try:
-            is_mapped = mapper.add(frame) is not None
-        except BadFrame as error:
-            bad.add(frame.stamp, error)
-            is_mapped = False
-        if mapper.counts.unusable == unusable:
-            preflight.add(frame)
-        if is_mapped:
-            preflight.add_mapped(frame)
-        if on_progress is not None:
-            counts = mapper.counts
-            on_progress(Progress(counts.frames, len(recording), len(mapper.evidence), counts))
-    bad.finish()
-    mapper.tell_left_out()
-    preflight.finish()
-    hypermap = mapper.hypermap()
-    hypermap.metadata["recording"] = recording.path.name
-    return hypermap
-
-
-class _BadFrames:
-    """Counts the frames of a recording that fail, and gives up if there are too many."""
-
-    def __init__(self, mapper: Mapper, recording: Recording, most: float) -> None:
-        self._mapper = mapper
-        self._recording = recording
-        self._most = most
-        self._count = 0
-
-    def add(self, stamp: float, error: HypermapError) -> None:
-        """Count a frame.
-
-        Raises:
-            HypermapError: If there are too many.
-        """
-        if self._most == 0:
-            raise error
-        self._count += 1
-        self._mapper.leave_out(stamp, str(error))
-        total, used = len(self._recording), self._mapper.counts.used
-        if self._count > self._most * total or (used == 0 and self._count >= _MAX_FAILED_FIRST):
-            raise HypermapError(
-                f"{self._recording.path}: {self._count} of {total} frames cannot be used, which is "
-                f"too many; the first one: {self._mapper.first_reason}"
-            )
-
-    def finish(self) -> None:
-        """Make sure that something was mapped.
-
-        Raises:
-            HypermapError: If nothing was.
-        """
-        counts = self._mapper.counts
-        if counts.used == counts.repeated == 0:
-            reason = self._mapper.first_reason
-            why = f"; the first one: {reason}" if reason else ""
-            raise HypermapError(
-                f"{self._recording.path}: nothing to map: none of {counts.frames} frames "
-                f"can be used{why}"
-            )
-
-
 def _now(frame: RgbdFrame, perceiver: Perceiver) -> Perceived:
     return perceiver(frame)
-
-
-def why_unusable(frame: RgbdFrame) -> str | None:
-    """Return why a frame cannot be mapped; None if it can."""
-    if not np.isfinite(frame.stamp):
-        return "its stamp is not finite"
-    if not np.isfinite(frame.map_T_camera).all():
-        return "its pose is not finite"
-    if np.abs(frame.map_T_camera[:3, 3]).max() > _FARTHEST:
-        return f"its pose is more than {_FARTHEST:g} m away"
-    rotation = frame.map_T_camera[:3, :3]
-    is_rotation = np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-3)
-    if not is_rotation or np.linalg.det(rotation) < 0:  # mirrored
-        return "its pose is not a rigid transform"
-    if not np.isfinite(frame.depth).any():
-        return "its depth image is empty"
-    return why_implausible(frame)

@@ -19,7 +19,7 @@ from hypermap.formats import save_map
 from hypermap.formats.any_file import open_any
 from hypermap.formats.grid.map_server import load_occupancy
 from hypermap.mapping.config import to_dict
-from hypermap.mapping.mapper import map_recording
+from hypermap.mapping.recording_to_map import map_recording
 from hypermap.perception.detectors.catalog import known_network
 from hypermap.perception.detectors.origin import detection_origin
 from hypermap.recordings import open_recording

@@ -17,7 +17,8 @@ from hypermap.formats import open_map
 from hypermap.mapping.config import MappingConfig, chosen_config
 from hypermap.mapping.correcting import Correction
 from hypermap.mapping.going_on import CannotGoOn, config_to_go_on_with, replaced
-from hypermap.mapping.mapper import Mapper, why_unusable
+from hypermap.mapping.mapper import Mapper
+from hypermap.mapping.usable import why_unusable
 from hypermap.perception.detections import Detections
 from hypermap.perception.detectors import load_detector, sources
 from hypermap.perception.frame import Camera, DetectionSource, RgbdFrame

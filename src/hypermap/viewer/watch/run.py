@@ -13,7 +13,8 @@ from hypermap.colors import class_colors
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.mapping.config import MappingConfig
 from hypermap.mapping.counts import Counts
-from hypermap.mapping.mapper import MappedFrame, Mapper, Progress
+from hypermap.mapping.mapper import MappedFrame, Mapper
+from hypermap.mapping.recording_to_map import Progress
 from hypermap.viewer.live.description import hex_color
 from hypermap.viewer.live.json_text import json_bytes
 from hypermap.viewer.watch.grids import GridPictures

@@ -1,0 +1,27 @@
+"""Which frames can be mapped."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hypermap.mapping.depth_check import why_implausible
+from hypermap.perception.frame import RgbdFrame
+
+_FARTHEST = 1e9  # meters; beyond, geometry on the floor loses its precision
+
+
+def why_unusable(frame: RgbdFrame) -> str | None:
+    """Return why a frame cannot be mapped; None if it can."""
+    if not np.isfinite(frame.stamp):
+        return "its stamp is not finite"
+    if not np.isfinite(frame.map_T_camera).all():
+        return "its pose is not finite"
+    if np.abs(frame.map_T_camera[:3, 3]).max() > _FARTHEST:
+        return f"its pose is more than {_FARTHEST:g} m away"
+    rotation = frame.map_T_camera[:3, :3]
+    is_rotation = np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-3)
+    if not is_rotation or np.linalg.det(rotation) < 0:  # mirrored
+        return "its pose is not a rigid transform"
+    if not np.isfinite(frame.depth).any():
+        return "its depth image is empty"
+    return why_implausible(frame)
