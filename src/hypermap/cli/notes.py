@@ -9,21 +9,20 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from hypermap.cli.asked_note import AskedNote
 from hypermap.cli.negative_points import PointsCommand
+from hypermap.cli.notes_shown import list_notes, show_note
 from hypermap.cli.options import AsJson, Force, MapPath, check_output
-from hypermap.cli.terminal import facts, note, out, say, say_json, table, visible
+from hypermap.cli.terminal import note, say_json
 from hypermap.console.options import AN_AREA
 from hypermap.core.errors import HypermapError
-from hypermap.text import counted, printable
+from hypermap.text import counted
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from shapely.geometry.base import BaseGeometry
-
-    from hypermap.core.frames import Pose2D
     from hypermap.core.hypermap import Hypermap
-    from hypermap.core.notes import Attachment, Note
+    from hypermap.core.notes import Note
     from hypermap.core.notes_layer import NotesLayer
     from hypermap.notes import FoundNote
 
@@ -31,7 +30,6 @@ COMMAND_CLASS = PointsCommand
 
 _FIND, _CHANGE = "Which notes", "Change"
 _EDITOR = "hypermap notes"
-_LARGE = 100_000_000  # bytes, of files that take a while
 
 
 def command(
@@ -231,7 +229,7 @@ def command(
     if layer is not None and len(layer) > 1:
         raise HypermapError("give --layer once")
     name = layer[0] if layer else None
-    asked = _Asked(name, frame, author, place, area, time, text, attach or [], link or [])
+    asked = AskedNote(name, frame, author, place, area, time, text, attach or [], link or [])
     asked.check(write is not None, edit is not None)
     if output is not None:
         check_output(output, force)
@@ -251,105 +249,22 @@ def command(
     if as_json:
         say_json({"frame_id": hypermap.base_frame, "notes": [described(each) for each in shown]})
     elif show is not None or write is not None or edit is not None:
-        _show(shown[0])
+        show_note(shown[0])
     elif not (tidy or remove):
-        _list(shown)
+        list_notes(shown)
     if export is not None:
         _export(shown, export)
     if tidy:
         _tidy(output or path)
 
 
-class _Asked:
-    """The options that say what a note holds and where it is."""
-
-    def __init__(
-        self,
-        layer: str | None,
-        frame: str | None,
-        author: str | None,
-        place: str | None,
-        area: str | None,
-        time: str | None,
-        text: str | None,
-        files: Sequence[Path],
-        links: Sequence[str],
-    ) -> None:
-        self.layer, self.frame, self.author = layer, frame, author
-        self.where, self.area, self.time, self.text = place, area, time, text
-        self.files, self.links = files, tuple(links)
-
-    def check(self, is_new: bool, is_edited: bool) -> None:
-        """Raise a HypermapError for options that mean nothing together."""
-        if is_new and self.where is None:
-            raise HypermapError("where is the note? give --place X,Y")
-        if is_new and self.text is not None:
-            raise HypermapError("--text belongs to --edit; --write TEXT is the text of a new note")
-        if (is_new or is_edited) and self.area is not None:
-            raise HypermapError("--in finds notes; the place of a note is --place")
-        if not is_new and not is_edited:
-            given = {
-                "--text": self.text,
-                "--time": self.time,
-                "--attach": self.files or None,
-                "--link": self.links or None,
-                "--place": self.where,
-            }
-            for option, value in given.items():
-                if value is not None:
-                    hint = "; --around finds notes there" if option == "--place" else ""
-                    raise HypermapError(f"{option} belongs to --write or --edit{hint}")
-
-    def place(self, hypermap: Hypermap) -> BaseGeometry | None:
-        """Return the place of a note in the base frame; None if none was given."""
-        import shapely
-
-        from hypermap.console.places import parse_point
-
-        if self.where is None or len(self.where.split(",")) != 2 or " " in self.where.strip():
-            return self._area(hypermap, self.where, "--place")
-        return shapely.Point(self.in_base(hypermap).apply(parse_point(self.where, "--place"))[0])
-
-    def area_in_base(self, hypermap: Hypermap) -> BaseGeometry | None:
-        """Return the area in which notes are looked for, in the base frame; None for any."""
-        return self._area(hypermap, self.area, "--in")
-
-    def in_base(self, hypermap: Hypermap) -> Pose2D:
-        """Return the pose of the frame of coordinates in the base frame."""
-        return hypermap.frames.lookup(hypermap.base_frame, self.frame or hypermap.base_frame)
-
-    def _area(self, hypermap: Hypermap, text: str | None, option: str) -> BaseGeometry | None:
-        import shapely
-
-        from hypermap.console.places import names_rooms, parse_area
-        from hypermap.rooms.questions import rooms_asked
-
-        if text is None:
-            return None
-        if names_rooms(text):
-            rooms: BaseGeometry = shapely.union_all(
-                [room.outline for room in rooms_asked(hypermap, text)]
-            )
-            return rooms
-        return self.in_base(hypermap).apply_geometry(parse_area(text, option))
-
-    def attachments(self) -> tuple[Attachment, ...]:
-        """Return the files, looked into."""
-        from hypermap.notes import attachment_of
-
-        for file in self.files:
-            if file.is_file() and (size := file.stat().st_size) > _LARGE:
-                note(f"copying {file}, {size / 1e6:.0f} MB")
-        return tuple(map(attachment_of, self.files))
-
-
-def _layer(hypermap: Hypermap, asked: _Asked, *, make: bool) -> NotesLayer:
+def _layer(hypermap: Hypermap, asked: AskedNote, *, make: bool) -> NotesLayer:
     from hypermap.notes.on_map import layer_to_add_to, notes_layer
 
     return (layer_to_add_to if make else notes_layer)(hypermap, asked.layer)
 
 
-def _add(hypermap: Hypermap, text: str, asked: _Asked) -> FoundNote:
+def _add(hypermap: Hypermap, text: str, asked: AskedNote) -> FoundNote:
     from hypermap.core.notes import now
     from hypermap.notes import Note, add_note
     from hypermap.questions.times import parse_moment
@@ -361,7 +276,7 @@ def _add(hypermap: Hypermap, text: str, asked: _Asked) -> FoundNote:
     return add_note(hypermap, new, asked.layer)
 
 
-def _edit(hypermap: Hypermap, number: int, asked: _Asked) -> FoundNote:
+def _edit(hypermap: Hypermap, number: int, asked: AskedNote) -> FoundNote:
     from hypermap.notes import FoundNote
     from hypermap.questions.times import parse_moment
 
@@ -399,7 +314,7 @@ def _remove(hypermap: Hypermap, numbers: Sequence[int], layer: str | None) -> li
 
 def _found(
     hypermap: Hypermap,
-    asked: _Asked,
+    asked: AskedNote,
     word: str | None,
     around: str | None,
     radius: float | None,
@@ -449,60 +364,6 @@ def _save(hypermap: Hypermap, path: Path, output: Path | None) -> None:
     else:
         save_map(hypermap, output)
     note(f"saved {output or path}")
-
-
-def _list(shown: Sequence[FoundNote]) -> None:
-    from hypermap.notes.on_map import point_of
-    from hypermap.questions.times import minute_of
-
-    if not shown:
-        say("no notes found")
-        return
-    rows = table("id", "note", "time", "author", "x", "y", "attached", right=("id", "x", "y"))
-    for found in shown:
-        one = found.note
-        x, y = point_of(one)
-        place = (f"{x:.2f}", f"{y:.2f}")
-        about = (minute_of(one.time), printable(one.author), *place, _attached(one))
-        rows.add_row(str(one.id), printable(one.title, 60), *about)
-    out().print(rows)
-
-
-def _attached(one: Note) -> str:
-    kinds = [each.kind for each in one.attachments] + ["link"] * len(one.links)
-    return ", ".join(counted(kinds.count(kind), kind) for kind in dict.fromkeys(kinds))
-
-
-def _show(found: FoundNote) -> None:
-    from hypermap.notes.on_map import point_of
-    from hypermap.questions.times import minute_of
-
-    one = found.note
-    x, y = point_of(one)
-    area = "" if one.place.area == 0 else f", {one.place.area:.1f} m2 around it"
-    rows = [
-        ("note", f"{one.id} in layer {printable(found.layer)}"),
-        ("at", f"{x:.2f}, {y:.2f}{area}"),
-        ("time", minute_of(one.time)),
-    ]
-    if one.changed is not None:
-        rows.append(("changed", minute_of(one.changed)))
-    if one.author:
-        rows.append(("author", printable(one.author, 100)))
-    for each in one.attachments:
-        missing = "" if each.is_there else ", missing"
-        kind = each.kind if each.kind != "file" else each.media_type
-        rows.append(("file", f"{printable(each.name, 60)} ({kind}, {_size(each.size)}{missing})"))
-    rows += [("link", printable(link, 200)) for link in one.links]
-    out().print(facts(rows))
-    if one.text.strip():
-        say()
-        for line in one.text.splitlines():
-            say(visible(line))
-
-
-def _size(count: int) -> str:
-    return f"{count / 1e6:.1f} MB" if count >= 100_000 else f"{count / 1e3:.1f} kB"
 
 
 def _export(shown: Iterable[FoundNote], folder: Path) -> None:
