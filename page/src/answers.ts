@@ -7,15 +7,18 @@ import {
   Refused,
   type AreaAnswer,
   type AreaRow,
+  type ChangeEnd,
   type Coverage,
   type Download,
   type FindAnswer,
   type FoundRow,
   type MapInfo,
   type ObjectAt,
+  type ObjectChange,
   type PathAnswer,
   type PointAnswer,
   type ObjectQuery,
+  type VersionChanges,
   type WordsAnswer,
 } from "./source";
 import type { Column } from "./sorting";
@@ -291,6 +294,42 @@ export function findContent(
   const list = el("ol", { class: "objects found" }, ...answer.rows.map(row));
   list.addEventListener("keydown", stepByArrows);
   return [list, ...facts];
+}
+
+/** What changed in a version of the map. */
+export function changesContent(
+  { changes, total }: VersionChanges,
+  colors: Record<string, string>,
+  look: (end: ChangeEnd) => void,
+): Node[] {
+  const row = ({ kind, layer, id, distance, confidence, before, after }: ObjectChange) => {
+    const end = after ?? before;
+    if (!end) return null;
+    const isRenamed = before && after && before.name !== after.name;
+    const name = isRenamed ? `${before.name} → ${after.name}` : end.name;
+    const far = kind === "moved" && distance !== null ? `by ${meters(distance)} m` : "";
+    const sure = confidence === null ? "" : `${Math.round(100 * confidence)} % sure`;
+    return el(
+      "li",
+      {},
+      el(
+        "button",
+        {
+          type: "button",
+          class: "object",
+          data: { id: String(id), layer },
+          onclick: () => look(end),
+        },
+        swatch(colors[kind] ?? "#808080"),
+        el("span", { class: "name", text: name }),
+        el("span", { class: "quiet", text: [kind, far, sure].filter(Boolean).join(" · ") }),
+      ),
+    );
+  };
+  const list = el("ol", { class: "objects found changed" }, ...changes.map(row));
+  list.addEventListener("keydown", stepByArrows);
+  const more = `The first ${count(changes.length)} of ${count(total)} changes`;
+  return total > changes.length ? [list, el("p", { class: "quiet", text: more })] : [list];
 }
 
 /** How a question was understood, and its answer in words. */

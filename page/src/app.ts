@@ -20,6 +20,7 @@ import { settingsPanel } from "./settingspanel";
 import type { Change, DataSource, Frame, MapInfo, Point, Ring } from "./source";
 import { StatusLine } from "./statusline";
 import { ThemeSwitch } from "./theme";
+import { TimeTravel } from "./timetravel";
 import { Toolbar, type Tool } from "./toolbar";
 
 export class App {
@@ -38,6 +39,7 @@ export class App {
   private readonly status: StatusLine;
   private readonly toolbar: Toolbar;
   private readonly editor: Editor | null;
+  private readonly travel: TimeTravel | null;
   private hashTimer = 0;
   /** Whether the last query was typed: Esc then returns to its field. */
   private isSearching = false;
@@ -88,13 +90,13 @@ export class App {
         menu: () => toggleSidebar(),
         choose: (tool) => this.choose(tool),
         edit: () => this.toggleEdit(),
+        history: () => this.toggleHistory(),
         fit: () => this.view.fit(this.context.info.extent),
       },
       this.theme.button,
     );
     this.editor = this.makeEditor();
-    this.toolbar.offerEdit(this.editor !== null);
-    this.toolbar.offer("note", this.editor !== null);
+    this.travel = this.makeTravel();
   }
 
   start(): void {
@@ -104,6 +106,7 @@ export class App {
     settingsPanel(this.settings, () => this.theme.apply());
     this.restorePlace();
     this.listen();
+    void this.loadTimeline().catch(complain);
     this.source.editing?.watch((change) => this.onEvent(change));
     for (const note of info.notes ?? []) notify(note);
     this.hint(info.layers.length ? "Click the map to query a point" : "This map is empty");
@@ -127,14 +130,45 @@ export class App {
     return editor;
   }
 
+  private makeTravel(): TimeTravel | null {
+    const { past } = this.source;
+    if (!past) return null;
+    return new TimeTravel(past, this.view, this.ask, {
+      reload: (wanted) => this.showAsAsked(wanted),
+      toggled: (isOpen) => {
+        this.toolbar.showHistory(isOpen);
+        this.view.makeRoom();
+      },
+    });
+  }
+
+  private async loadTimeline(): Promise<void> {
+    await this.travel?.load();
+    this.toolbar.offerHistory(this.travel?.isOffered ?? false);
+  }
+
+  /** Loads the map as it is asked about now, which may be as it was. */
+  private showAsAsked(wanted: () => boolean): Promise<void> {
+    const task = this.reloading.then(async () => {
+      if (!wanted()) return;
+      this.show(await this.source.map());
+      this.ask.refresh();
+    });
+    this.reloading = task.catch(() => undefined);
+    return task;
+  }
+
   private show(info: MapInfo): void {
     this.context.info = info;
     const { frame_id } = this.context.frame;
     this.context.frame = info.frames.find((one) => one.frame_id === frame_id) ?? baseFrame(info);
     this.view.setInfo(info);
     const hasGrid = info.layers.some(({ class_name }) => class_name === "OccupancyGridLayer");
-    this.toolbar.offer("path", hasGrid && this.source.path !== undefined);
-    this.toolbar.offer("cover", hasGrid && info.can_cover === true);
+    const time = this.travel?.time ?? null;
+    this.toolbar.offerEdit(this.editor !== null && !time);
+    this.toolbar.offer("note", this.editor !== null && !time);
+    this.toolbar.offer("path", hasGrid && this.source.path !== undefined && !time);
+    this.toolbar.offer("cover", hasGrid && info.can_cover === true && !time);
     this.search.setInfo(info);
     if (this.source.ask) this.search.offerQuestions();
     this.conditions.setInfo(info);
@@ -152,7 +186,7 @@ export class App {
       0,
     );
     byId("subtitle").textContent =
-      `${plural(objects, "object")} · ${info.unsaved ? "not saved" : describe(info)}`;
+      `${plural(objects, "object")} · ${time?.replace(" UTC", "") ?? (info.unsaved ? "not saved" : describe(info))}`;
   }
 
   private listen(): void {
@@ -179,6 +213,7 @@ export class App {
         this.search.focus();
       },
       fit: () => this.view.fit(this.context.info.extent),
+      history: () => this.toggleHistory(),
       finish: () => this.drawing.finish(),
       back: () => this.drawing.back(),
       remove: () => this.editor?.active && this.editor.remove(),
@@ -269,6 +304,14 @@ export class App {
     this.editor.start();
   }
 
+  private toggleHistory(): void {
+    if (!this.travel?.isOffered) return;
+    if (this.travel.isOpen) return void this.travel.close().catch(complain);
+    this.choose("point");
+    this.hint(null);
+    void this.travel.open().catch(complain);
+  }
+
   private stopPaths(): void {
     this.paths.stop();
     this.toolbar.showTool("point");
@@ -294,6 +337,7 @@ export class App {
       this.ask.forget();
       this.hint(null);
     } else if (this.editor?.active) this.editor.stop();
+    else if (this.travel?.isOpen) void this.travel.close().catch(complain);
     else {
       this.hint(null);
       if (NARROW.matches) toggleSidebar(false);
@@ -338,6 +382,7 @@ export class App {
       if (known && info.can_undo === can_undo && info.can_redo === can_redo) return;
       this.show(await this.source.map());
       const now = this.context.info;
+      if (change.saved || now.opened !== info.opened) void this.loadTimeline().catch(complain);
       if (now.version === info.version) return;
       const isAnother = now.opened !== info.opened && String(now.extent) !== String(info.extent);
       if (isAnother) this.view.fit(now.extent);

@@ -3,6 +3,7 @@
 import {
   areaContent,
   areaSummary,
+  changesContent,
   coverageContent,
   findContent,
   pathContent,
@@ -28,10 +29,13 @@ import {
   type Frame,
   type MapInfo,
   type ObjectDetails,
+  type Past,
   type Point,
   type Ring,
   type ObjectQuery,
+  type Version,
 } from "./source";
+import { changesOf, timeOf } from "./timebar";
 
 const MOST_FOUND = 100;
 
@@ -267,6 +271,24 @@ export class Ask {
         content: this.facts(object, back),
       });
       if (fly) this.view.flyTo(object.at, Math.sqrt(object.area));
+    });
+  }
+
+  /** Lists what changed in the version of the map that is shown. */
+  changes(past: Past, shown: () => Version | undefined, colors: Record<string, string>): void {
+    this.run(async (isCurrent) => {
+      const version = shown();
+      const found = version && (await past.changes(version.version));
+      if (!version || !found || !isCurrent()) return;
+      this.clear();
+      this.panel.show({
+        title: timeOf(version),
+        summary: changesOf(version),
+        content: changesContent(found, colors, ({ at, polygons }) => {
+          this.view.markChosen(polygons);
+          this.view.flyTo(at, 1);
+        }),
+      });
     });
   }
 

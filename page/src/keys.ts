@@ -4,6 +4,7 @@ export interface Keys {
   escape: () => void;
   search: () => void;
   fit: () => void;
+  history: () => void;
   finish: () => void;
   back: () => void;
   remove: () => unknown;
@@ -38,6 +39,7 @@ export function verbOf(event: KeyboardEvent, drawing: boolean): Verb | null {
   if (drawing && key === "Backspace") return "back";
   if (key === "/") return "search";
   if (key === "f") return "fit";
+  if (key === "t") return "history";
   return key === "Delete" ? "remove" : null;
 }
 

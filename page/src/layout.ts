@@ -15,13 +15,16 @@ export function insets(): Insets {
   const shown = (id: string) => (byId(id).hidden ? null : byId(id).getBoundingClientRect());
   const panel = shown("panel");
   if (NARROW.matches) {
-    return { top: 64, right: 0, bottom: Math.max(56, panel?.height ?? 0), left: 0 };
+    const bar = shown("timebar");
+    const foot = bar ? window.innerHeight - bar.top : 56;
+    return { top: 64, right: 0, bottom: Math.max(foot, panel?.height ?? 0), left: 0 };
   }
   const side = shown("sidebar");
+  const bar = shown("timebar");
   return {
     top: 64,
     right: panel ? window.innerWidth - panel.left : 0,
-    bottom: 56,
+    bottom: bar ? window.innerHeight - bar.top : 56,
     left: side ? side.right : 0,
   };
 }

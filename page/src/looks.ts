@@ -1,8 +1,9 @@
 /** How shapes and marks are drawn. */
 
-import Feature from "ol/Feature.js";
+import Feature, { type FeatureLike } from "ol/Feature.js";
 import type Geometry from "ol/geom/Geometry.js";
 import LineString from "ol/geom/LineString.js";
+import MultiLineString from "ol/geom/MultiLineString.js";
 import MultiPoint from "ol/geom/MultiPoint.js";
 import type MultiPolygon from "ol/geom/MultiPolygon.js";
 import PointGeometry from "ol/geom/Point.js";
@@ -139,6 +140,31 @@ export function pathLook(): Style[] {
       }),
     }),
   ];
+}
+
+const [HEAD, OPENING] = [11, 0.45]; // of an arrow: its length [pixels], half its angle [rad]
+
+/** What changed in a version: as it was, dashed; as it is then; or an arrow from one to the other. */
+export function changeLook(feature: FeatureLike, resolution: number): Style[] {
+  const [color, part] = [feature.get("color") as string, feature.get("part") as string];
+  const geometry = part === "arrow" ? arrowShape(feature as Feature, resolution) : undefined;
+  const line = (color: string, width: number, lineDash?: number[]) =>
+    new Style({ stroke: new Stroke({ color, width, lineDash }), geometry });
+  return [line(cssColor("--halo"), 6), line(color, 3, part === "before" ? [4, 6] : undefined)];
+}
+
+/** A line with a head, which is as large at every zoom. */
+function arrowShape(feature: Feature, resolution: number): Geometry {
+  const [start, end] = (feature.getGeometry() as LineString).getCoordinates();
+  const angle = Math.atan2(start[1] - end[1], start[0] - end[0]);
+  const wing = (turn: number) => [
+    end[0] + HEAD * resolution * Math.cos(angle + turn),
+    end[1] + HEAD * resolution * Math.sin(angle + turn),
+  ];
+  return new MultiLineString([
+    [start, end],
+    [wing(OPENING), end, wing(-OPENING)],
+  ]);
 }
 
 /** A door: a white line with dark borders, as in pictures. */

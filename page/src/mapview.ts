@@ -15,6 +15,7 @@ import { EvidenceLayer, type ShownEvidence } from "./evidencelayer";
 import { GridLines } from "./gridlines";
 import {
   areaLook,
+  changeLook,
   restLook,
   chosenLook,
   doorLook,
@@ -36,7 +37,18 @@ import {
 } from "./plane";
 import type { Settings } from "./settings";
 import { ShapesLayer } from "./shapeslayer";
-import type { DataSource, Extent, Frame, LayerInfo, MapInfo, Point, Polygon, Ring } from "./source";
+import type {
+  ChangeEnd,
+  DataSource,
+  Extent,
+  Frame,
+  LayerInfo,
+  MapInfo,
+  ObjectChange,
+  Point,
+  Polygon,
+  Ring,
+} from "./source";
 import { FramesLayer } from "./frameslayer";
 import { tileLayer, tileSource } from "./tiles";
 
@@ -70,6 +82,7 @@ export class MapView {
   private readonly evidence: EvidenceLayer;
   readonly frames = new FramesLayer();
   private readonly doors = featureLayer(50);
+  private readonly changes = featureLayer(78);
   private readonly marks = {
     rest: featureLayer(78),
     path: featureLayer(79),
@@ -102,7 +115,13 @@ export class MapView {
       view: this.view,
       controls: [],
       interactions: defaultInteractions({ altShiftDragRotate: false, pinchRotate: false }),
-      layers: [this.doors, this.grid, this.frames.layer, ...Object.values(this.marks)],
+      layers: [
+        this.doors,
+        this.changes,
+        this.grid,
+        this.frames.layer,
+        ...Object.values(this.marks),
+      ],
       keyboardEventTarget: target,
     });
     this.evidence = new EvidenceLayer(this.map);
@@ -314,6 +333,7 @@ export class MapView {
     this.frames.restyle();
     this.evidence.restyle();
     this.doors.setStyle(doorLook());
+    this.changes.setStyle(changeLook);
     this.marks.path.setStyle(pathLook());
     this.marks.place.setStyle(placeLook());
     this.marks.area.setStyle(areaLook());
@@ -327,6 +347,28 @@ export class MapView {
   setFrame(frame: Frame): void {
     this.grid.frame = frame;
     this.grid.changed();
+  }
+
+  /** Marks what changed: shapes before and after, and arrows; colors are by kind of change. */
+  markChanges(changes: ObjectChange[], colors: Record<string, string>): void {
+    const features = changes.flatMap(({ kind, before, after }) => {
+      const color = colors[kind] ?? "#808080";
+      const shape = (end: ChangeEnd, part: string) => {
+        const feature = new Feature(new MultiPolygon(end.polygons));
+        feature.setProperties({ color, part });
+        return feature;
+      };
+      const found = [];
+      if (before) found.push(shape(before, "before"));
+      if (after) found.push(shape(after, "after"));
+      if (before && after && kind === "moved") {
+        const arrow = new Feature(new LineString([before.at, after.at]));
+        arrow.setProperties({ color, part: "arrow" });
+        found.push(arrow);
+      }
+      return found;
+    });
+    setFeatures(this.changes, features);
   }
 
   markPlace(point: Point | null): void {

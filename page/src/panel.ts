@@ -88,26 +88,29 @@ export function snippetsContent(snippets: Snippets): HTMLElement {
     ["python", "Python"],
     ["command", "Command line"],
   ];
-  const tabs = names.map(([language, label]) =>
+  const offered = names.filter(([language]) => snippets[language] !== undefined);
+  const tabs = offered.map(([language, label]) =>
     el("button", {
       type: "button",
       role: "tab",
       text: label,
       data: { language },
-      onclick: () => show(language),
+      onclick: () => {
+        chosenLanguage = language;
+        show(language);
+      },
     }),
   );
   const copy = el("button", { type: "button", class: "button small" }, icon("copy"), " Copy");
   copy.onclick = () => void copyText(code.textContent ?? "", copy);
   const show = (language: keyof Snippets) => {
-    chosenLanguage = language;
-    code.textContent = snippets[language];
+    code.textContent = snippets[language] ?? "";
     code.className = language;
     for (const tab of tabs) {
       tab.setAttribute("aria-selected", String(tab.dataset["language"] === language));
     }
   };
-  show(chosenLanguage);
+  show(snippets[chosenLanguage] === undefined ? "python" : chosenLanguage);
   const block = el(
     "pre",
     { role: "group", aria: { label: "The same query, for a program" } },

@@ -13,7 +13,9 @@ import {
   type FindAnswer,
   type MapInfo,
   type Note,
+  type MapTimeline,
   type ObjectDetails,
+  type Past,
   type PathAnswer,
   type Operation,
   type Point,
@@ -22,15 +24,19 @@ import {
   type SaveRequest,
   type Shapes,
   type ObjectQuery,
+  type VersionChanges,
   type WordsAnswer,
 } from "./source";
 
 type Values = Record<string, string | number | string[] | undefined>;
 
-export class ServerSource implements DataSource, Editing {
+export class ServerSource implements DataSource, Editing, Past {
   readonly editing: Editing = this;
+  readonly past: Past = this;
   private token = "";
   private base = "";
+  /** The version that is asked about; undefined for the map as it is. */
+  private asOf: number | undefined;
 
   async map(): Promise<MapInfo> {
     const info = await this.get<MapInfo>("/api/map", {});
@@ -74,11 +80,16 @@ export class ServerSource implements DataSource, Editing {
   }
 
   area(polygon: Ring, frame: string): Promise<AreaAnswer> {
-    return this.post("/api/area", { polygon, ...this.inFrame(frame) });
+    const url = address("/api/area", { as_of: this.asOf });
+    return this.post(url, { polygon, ...this.inFrame(frame) });
   }
 
   async download(kind: Download, ring: Ring, frame: string): Promise<Blob> {
-    const values = { polygon: ring.flat().join(","), ...this.inFrame(frame) };
+    const values = {
+      polygon: ring.flat().join(","),
+      ...this.inFrame(frame),
+      as_of: this.asOf,
+    };
     return (await ask(address(`/api/area.${kind}`, values), {})).blob();
   }
 
@@ -123,6 +134,18 @@ export class ServerSource implements DataSource, Editing {
 
   notes(): Promise<Note[]> {
     return this.get("/api/notes", {});
+  }
+
+  timeline(): Promise<MapTimeline> {
+    return this.get("/api/timeline", {});
+  }
+
+  changes(version: number): Promise<VersionChanges> {
+    return this.get(`/api/timeline/${version}`, {});
+  }
+
+  goTo(version: number | null): void {
+    this.asOf = version ?? undefined;
   }
 
   async upload(file: File): Promise<{ sha256: string }> {
@@ -173,7 +196,8 @@ export class ServerSource implements DataSource, Editing {
   }
 
   private async get<T>(path: string, values: Values, signal?: AbortSignal): Promise<T> {
-    return (await ask(address(path, values), { signal })).json() as Promise<T>;
+    const url = address(path, { ...values, as_of: this.asOf });
+    return (await ask(url, { signal })).json() as Promise<T>;
   }
 
   private async post<T>(path: string, body: unknown): Promise<T> {

@@ -101,7 +101,8 @@ export interface Shapes {
 /** The same query as code. */
 export interface Snippets {
   python: string;
-  command: string;
+  /** Absent where no command asks the same. */
+  command?: string;
 }
 
 export interface ObjectAt {
@@ -423,7 +424,59 @@ export interface Editing {
   watch(changed: (change: Change | null) => void): void;
 }
 
+/** A version of the map, and how many objects it changed, by kind of change. */
+export interface Version {
+  version: number;
+  /** In seconds since 1970; null where the recording's clock does not say it. */
+  time: number | null;
+  cause: "mapping" | "edit";
+  /** Name of the recording; empty for edits. */
+  drive: string;
+  changes: Record<string, number>;
+}
+
+/** The versions that can be shown, oldest first; the last one is the map as it is. */
+export interface MapTimeline {
+  versions: Version[];
+  /** By kind of change. */
+  colors: Record<string, string>;
+}
+
+export interface ChangeEnd {
+  name: string;
+  at: Point;
+  polygons: Polygon[];
+}
+
+/** How one object changed; before or after is null where it was not there. */
+export interface ObjectChange {
+  kind: string;
+  layer: string;
+  id: number;
+  /** How far its center moved [m]. */
+  distance: number | null;
+  /** How likely both are one object, 0..1. */
+  confidence: number | null;
+  before: ChangeEnd | null;
+  after: ChangeEnd | null;
+}
+
+export interface VersionChanges {
+  /** There may be more than those that are listed. */
+  total: number;
+  changes: ObjectChange[];
+}
+
+export interface Past {
+  timeline(): Promise<MapTimeline>;
+  changes(version: number): Promise<VersionChanges>;
+  /** From now on, all questions are about the map as it was in a version; null for as it is. */
+  goTo(version: number | null): void;
+}
+
 export interface DataSource extends Questions {
+  /** Absent where the map's history is not known. */
+  readonly past?: Past;
   /** Absent where the map can only be looked at. */
   readonly editing?: Editing;
 }

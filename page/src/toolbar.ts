@@ -8,6 +8,7 @@ export interface ToolVerbs {
   menu: () => void;
   choose: (tool: Tool) => void;
   edit: () => void;
+  history: () => void;
   fit: () => void;
 }
 
@@ -31,6 +32,7 @@ const TOOLS: { tool: Tool; label: string; title: string }[] = [
 export class Toolbar {
   private readonly tools = new Map<Tool, HTMLButtonElement>();
   private readonly edit: HTMLButtonElement;
+  private readonly history: HTMLButtonElement;
 
   constructor(verbs: ToolVerbs, theme: HTMLElement) {
     const menu = iconButton("menu", "Layers and search", verbs.menu, { id: "menu" });
@@ -42,11 +44,16 @@ export class Toolbar {
     }
     this.edit = toolButton("edit", "tool-edit", "Edit", "Edit the map", verbs.edit);
     this.edit.setAttribute("aria-pressed", "false");
+    const title = "Show the map as it was (t)";
+    this.history = toolButton("clock", "tool-history", "History", title, verbs.history);
+    this.showHistory(false);
+    this.offerHistory(false);
     byId("toolbar").replaceChildren(
       menu,
       ...this.tools.values(),
       el("span", { class: "divider" }),
       this.edit,
+      this.history,
       iconButton("fit", "Show the whole map (f)", verbs.fit, { id: "fit" }),
       theme,
     );
@@ -60,6 +67,14 @@ export class Toolbar {
   offer(tool: Tool, offered: boolean): void {
     const button = this.tools.get(tool);
     if (button) button.hidden = !offered;
+  }
+
+  offerHistory(offered: boolean): void {
+    this.history.hidden = !offered;
+  }
+
+  showHistory(open: boolean): void {
+    this.history.setAttribute("aria-pressed", String(open));
   }
 
   showTool(chosen: Tool): void {

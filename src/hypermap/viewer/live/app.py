@@ -18,6 +18,7 @@ from starlette.responses import Response, StreamingResponse
 from starlette.routing import Route
 
 from hypermap.core.errors import HypermapError, LayerNotFound, ObjectNotFound
+from hypermap.core.hypermap import Hypermap
 from hypermap.questions.frames import pose_of_frame
 from hypermap.viewer.live.area_mapping import AreaMapping, describe_coverage
 from hypermap.viewer.live.attached import (
@@ -38,6 +39,7 @@ from hypermap.viewer.live.guard import Guard
 from hypermap.viewer.live.layers import LayerView, LayerViews
 from hypermap.viewer.live.object_evidence import describe_evidence
 from hypermap.viewer.live.page import page_file
+from hypermap.viewer.live.past import Past, changes_of, timeline
 from hypermap.viewer.live.paths import Paths
 from hypermap.viewer.live.questions import Questions
 from hypermap.viewer.live.replies import (
@@ -57,7 +59,7 @@ from hypermap.viewer.live.requests import (
     whole_number_in,
 )
 from hypermap.viewer.live.shown_map import MapVersion, ShownMap
-from hypermap.viewer.live.snippets import snippets_for_evidence
+from hypermap.viewer.live.snippets import AskedMap, snippets_for_evidence
 from hypermap.viewer.live.tiles import Tile, draw_tile
 from hypermap.web.hosts import known_hosts
 
@@ -95,6 +97,7 @@ class MapApp:
         self.is_closing = False
         self._views = LayerViews()
         self._tiles = ByteCache(_CACHE)
+        self._past = Past()
         self._paths = Paths()
         self._uploads = Uploads()
         self.app = Starlette(
@@ -114,6 +117,8 @@ class MapApp:
                 Route("/api/coverage", self._cover, methods=["POST"]),
                 Route("/api/objects/{layer:path}/{id}/evidence", self._evidence),
                 Route("/api/objects/{layer:path}/{id}", self._object),
+                Route("/api/timeline", self._timeline),
+                Route("/api/timeline/{version}", self._changes),
                 Route("/api/notes", self._notes),
                 Route("/api/notes/{layer:path}/{id}/{sha256}", self._attached),
                 Route("/api/files", self._upload, methods=["POST"]),
@@ -156,18 +161,23 @@ class MapApp:
         content, media_type = page_file(name)
         return Response(content, media_type=media_type, headers={"Cache-Control": "no-cache"})
 
-    def _map(self, _: Request) -> Response:
+    def _map(self, request: Request) -> Response:
         document = self.document
         status, current = document.status(), document.current
-        described = describe_map(current.hypermap, self._views, document.is_editable)
+        shown, asked = self._asked(request, current)
+        is_past = asked.version is not None
+        described = describe_map(shown, self._views, document.is_editable and not is_past)
         for layer in described["layers"]:
-            layer["version"] = current.changed_in[layer["name"]]
+            is_as_it_was = is_past and layer["kind"] == "shapes"
+            changed_in = current.changed_in[layer["name"]]
+            layer["version"] = asked.version if is_as_it_was else changed_in
         answer = {"name": document.name, "path": document.address, "token": self.token, **status}
         offered = {"can_cover": self.areas is not None}
         return json_reply({**answer, **described, **offered, "version": current.version})
 
     def _tile(self, request: Request) -> Response:
-        current, view = self._layer(request)
+        current = self.document.current
+        view = self._view(current.hypermap, request)
         values = {key: request.path_params[key] for key in ("zoom", "column", "row")}
         numbers = {key: whole_number_in(values, key) for key in values}
         tile = Tile(**numbers)
@@ -185,7 +195,7 @@ class MapApp:
         return Response(content, media_type="image/png", headers=headers)
 
     def _shapes(self, request: Request) -> Response:
-        _, view = self._layer(request)
+        view = self._view(self._asked(request)[0], request)
         if view.shapes is None:
             raise Refused(f"layer {request.path_params['layer']!r} has no shapes", 404)
         values = request.query_params
@@ -201,15 +211,16 @@ class MapApp:
     def _at(self, request: Request) -> Response:
         values = request.query_params
         point = (number_in(values, "x"), number_in(values, "y"))
-        return json_reply(self._questions().at(point, text_in(values, "frame")))
+        return json_reply(self._questions(request).at(point, text_in(values, "frame")))
 
     async def _area(self, request: Request) -> Response:
         body = await read_body(request)
         corners, frame = corners_in(body, "polygon"), text_in(body, "frame")
-        return json_reply(await run_in_threadpool(self._questions().area, corners, frame))
+        questions = await run_in_threadpool(self._questions, request)
+        return json_reply(await run_in_threadpool(questions.area, corners, frame))
 
     def _download(self, request: Request) -> Response:
-        values, questions = request.query_params, self._questions()
+        values, questions = request.query_params, self._questions(request)
         kind = request.path_params["kind"]
         if kind not in ("csv", "geojson"):
             raise Refused(f"there is no area.{kind}, only area.csv and area.geojson", 404)
@@ -221,11 +232,10 @@ class MapApp:
         return Response(content, media_type=media_type, headers=headers)
 
     def _find(self, request: Request) -> Response:
-        return json_reply(self._questions().find(request.query_params))
+        return json_reply(self._questions(request).find(request.query_params))
 
     def _ask(self, request: Request) -> Response:
-        path, hypermap = self.document.address, self.document.current.hypermap
-        return json_reply(answer_in_words(hypermap, path, request.query_params))
+        return json_reply(answer_in_words(*self._asked(request), request.query_params))
 
     def _path(self, request: Request) -> Response:
         path, hypermap = self.document.address, self.document.current.hypermap
@@ -234,7 +244,9 @@ class MapApp:
     def _object(self, request: Request) -> Response:
         number = whole_number_in(request.path_params, "id")
         try:
-            return json_reply(self._questions().details(request.path_params["layer"], number))
+            return json_reply(
+                self._questions(request).details(request.path_params["layer"], number)
+            )
         except (LayerNotFound, ObjectNotFound):
             if "if_there" in request.query_params:
                 return json_reply(None)
@@ -242,9 +254,16 @@ class MapApp:
 
     def _evidence(self, request: Request) -> Response:
         layer, number = request.path_params["layer"], whole_number_in(request.path_params, "id")
-        path = self.document.address
-        answer = describe_evidence(self.document.current.hypermap, layer, number)
-        return json_reply({**answer, **snippets_for_evidence(path, layer, number)})
+        hypermap, asked = self._asked(request)
+        answer = describe_evidence(hypermap, layer, number)
+        return json_reply({**answer, **snippets_for_evidence(asked, layer, number)})
+
+    def _timeline(self, _: Request) -> Response:
+        return json_reply(timeline(self.document.current.hypermap))
+
+    def _changes(self, request: Request) -> Response:
+        version = whole_number_in(request.path_params, "version")
+        return json_reply(changes_of(self.document.current.hypermap, version))
 
     def _notes(self, _: Request) -> Response:
         return json_reply(describe_notes(self.document.current.hypermap))
@@ -338,14 +357,23 @@ class MapApp:
             raise Refused("the map is read-only", 403)
         return self.document
 
-    def _questions(self) -> Questions:
-        document = self.document
-        return Questions(document.current.hypermap, self._views, document.address)
+    def _asked(
+        self, request: Request, current: MapVersion | None = None
+    ) -> tuple[Hypermap, AskedMap]:
+        """Return the map that a request asks: as it is, or as it was in the version `as_of`."""
+        current = current or self.document.current
+        path, values = self.document.address, request.query_params
+        if "as_of" not in values:
+            return current.hypermap, AskedMap(path)
+        version = whole_number_in(values, "as_of")
+        return self._past.map_at(current.hypermap, version), AskedMap(path, version)
 
-    def _layer(self, request: Request) -> tuple[MapVersion, LayerView]:
-        current = self.document.current
-        layer = current.hypermap[request.path_params["layer"]]
-        view = self._views.of(current.hypermap, layer)
+    def _questions(self, request: Request) -> Questions:
+        hypermap, asked = self._asked(request)
+        return Questions(hypermap, self._views, asked)
+
+    def _view(self, hypermap: Hypermap, request: Request) -> LayerView:
+        view = self._views.of(hypermap, hypermap[request.path_params["layer"]])
         if view.problem:
             raise Refused(view.problem)
-        return current, view
+        return view

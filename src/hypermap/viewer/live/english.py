@@ -13,15 +13,17 @@ from hypermap.questions.asking import answer_to
 from hypermap.viewer.live.object_search import MOST_FOUND, rows_of
 from hypermap.viewer.live.request_errors import Refused
 from hypermap.viewer.live.requests import point_in, text_in
-from hypermap.viewer.live.snippets import snippets_for_question
+from hypermap.viewer.live.snippets import AskedMap, snippets_for_question
 
 
-def answer_in_words(hypermap: Hypermap, path: str, values: Mapping[str, Any]) -> dict[str, Any]:
+def answer_in_words(
+    hypermap: Hypermap, asked: AskedMap, values: Mapping[str, Any]
+) -> dict[str, Any]:
     """Return what the page shows of a question in English, and the code that asks the same.
 
     Args:
         hypermap: the map.
-        path: its file.
+        asked: its file and version, for that code.
         values: `question`; `from`, where the asker is, as X,Y in the base frame.
 
     Raises:
@@ -47,7 +49,7 @@ def answer_in_words(hypermap: Hypermap, path: str, values: Mapping[str, Any]) ->
         "words": _words(hypermap, answer),
         "rows": rows_of(hypermap, found),
         "total": answer.count,
-        **snippets_for_question(path, question, place),
+        **snippets_for_question(asked, question, place),
     }
 
 

@@ -19,7 +19,7 @@ from hypermap.viewer.live.names import similar_names
 from hypermap.viewer.live.request_errors import Refused
 from hypermap.viewer.live.requests import corners_in, number_in, text_in, whole_number_in
 from hypermap.viewer.live.room_names import means_rooms, names_of_rooms
-from hypermap.viewer.live.snippets import snippets_for_search
+from hypermap.viewer.live.snippets import AskedMap, snippets_for_search
 
 MOST_FOUND = 5000
 """How many rows an answer has at most."""
@@ -108,7 +108,7 @@ def search_in(values: Mapping[str, Any], hypermap: Hypermap) -> Search:
     return search
 
 
-def find(hypermap: Hypermap, path: str, search: Search) -> dict[str, Any]:
+def find(hypermap: Hypermap, asked: AskedMap, search: Search) -> dict[str, Any]:
     """Return the objects that meet all conditions, as the page shows them.
 
     With `near`, the nearest come first. `name`, `near` and `inside` are returned as they were
@@ -121,11 +121,11 @@ def find(hypermap: Hypermap, path: str, search: Search) -> dict[str, Any]:
     known = known_names(hypermap)
     unknown: dict[str, list[str]] = {}
 
-    def meant(asked: str | None) -> str | None:
-        if asked is None or asked in known:
-            return asked
-        unknown[asked] = similar_names(asked, known)
-        return unknown[asked][0] if len(unknown[asked]) == 1 else asked
+    def meant(said: str | None) -> str | None:
+        if said is None or said in known:
+            return said
+        unknown[said] = similar_names(said, known)
+        return unknown[said][0] if len(unknown[said]) == 1 else said
 
     near = meant(search.near) if isinstance(search.near, str) else search.near
     is_room = search.inside is not None and means_rooms(hypermap, search.inside)
@@ -141,7 +141,7 @@ def find(hypermap: Hypermap, path: str, search: Search) -> dict[str, Any]:
         "names": [] if search.name is None else similar_names(search.name, known),
         "unknown": unknown,
         **snippets_for_search(
-            path,
+            asked,
             understood.name,
             near=understood.near,
             within=search.within,

@@ -25,7 +25,7 @@ from hypermap.questions.frames import pose_of_frame
 from hypermap.viewer.live.layers import LayerViews
 from hypermap.viewer.live.object_search import find, search_in
 from hypermap.viewer.live.room_names import doors_of_room, names_of_rooms
-from hypermap.viewer.live.snippets import snippets_at, snippets_in_area
+from hypermap.viewer.live.snippets import AskedMap, snippets_at, snippets_in_area
 
 MOST_ROWS = 5000
 """How many rows an answer has at most; downloads have all."""
@@ -40,10 +40,10 @@ class Questions:
         hypermap: that version.
     """
 
-    def __init__(self, hypermap: Hypermap, views: LayerViews, path: str) -> None:
+    def __init__(self, hypermap: Hypermap, views: LayerViews, asked: AskedMap) -> None:
         self.hypermap = hypermap
         self._views = views
-        self._path = path
+        self._asked = asked
 
     def at(self, point: Sequence[float], frame: str | None) -> dict[str, Any]:
         """Return what every layer says at a point, and the objects there, the smallest first.
@@ -53,7 +53,7 @@ class Questions:
         """
         x, y = self._pose_of(frame).apply(point)[0].tolist()
         answered = [layer for layer in self.hypermap if self._can_answer(layer)]
-        snippets = snippets_at(self._path, point, frame, [layer.name for layer in answered])
+        snippets = snippets_at(self._asked, point, frame, [layer.name for layer in answered])
         return {
             "point": [x, y],
             "frame": self.hypermap.base_frame,
@@ -74,7 +74,7 @@ class Questions:
             for layer in self.hypermap
             if self._can_answer(layer) and not isinstance(layer, SemanticLayer)
         ]
-        snippets = snippets_in_area(self._path, corners, frame, [layer.name for layer in grids])
+        snippets = snippets_in_area(self._asked, corners, frame, [layer.name for layer in grids])
         return {
             "rows": rows[:MOST_ROWS],
             "total": len(rows),
@@ -106,7 +106,7 @@ class Questions:
             Refused: If the request says nothing of that, or something wrong.
             FrameError: If the frame is unknown.
         """
-        return find(self.hypermap, self._path, search_in(values, self.hypermap))
+        return find(self.hypermap, self._asked, search_in(values, self.hypermap))
 
     def details(self, layer_name: str, number: int) -> dict[str, Any]:
         """Return all that is known of an object; its shape exactly, in the base frame.

@@ -4,27 +4,59 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from typing import TypeAlias
 
 Snippets: TypeAlias = dict[str, str]
 Point: TypeAlias = Sequence[float]
 
 
-def snippets_at(path: str, point: Point, frame: str | None, layers: Iterable[str]) -> Snippets:
+@dataclass(frozen=True)
+class AskedMap:
+    """The map that a snippet asks.
+
+    Attributes:
+        path: its file.
+        version: it is asked as it was in this version; None for as it is.
+    """
+
+    path: str
+    version: int | None = None
+
+    def imports(self, *names: str) -> str:
+        """Return the import statements that `opened` needs, and names of the package."""
+        past = "" if self.version is None else "from hypermap.history import at_version\n"
+        return f"from hypermap import {', '.join([*names, 'open_map'])}\n{past}"
+
+    @property
+    def opened(self) -> str:
+        """The Python expression that opens it."""
+        opened = f"open_map({self.path!r})"
+        return opened if self.version is None else f"at_version({opened}, {self.version})"
+
+    def command(self, *options: str) -> str:
+        """Return the `hypermap query` command with some options."""
+        past = () if self.version is None else (f"--as-of=v{self.version}",)
+        return shlex.join(["hypermap", "query", _file(self.path), *options, *past])
+
+
+def snippets_at(
+    asked: AskedMap, point: Point, frame: str | None, layers: Iterable[str]
+) -> Snippets:
     """Return snippets for a query at a point."""
     python = (
-        f"{_open_lines(path)}for layer in {list(layers)!r}:\n"
+        f"{_open_lines(asked)}for layer in {list(layers)!r}:\n"
         f"    print(layer, *hypermap.labels_at(layer, {_pair(point)}{_in_frame(frame)}))\n"
     )
-    return _snippets(python, path, f"--at={_text(point)}", frame)
+    return _snippets(python, asked, f"--at={_text(point)}", frame=frame)
 
 
 def snippets_in_area(
-    path: str, corners: Sequence[Point], frame: str | None, grids: Sequence[str]
+    asked: AskedMap, corners: Sequence[Point], frame: str | None, grids: Sequence[str]
 ) -> Snippets:
     """Return snippets for a query in a polygon."""
     python = (
-        f"import shapely\n{_open_lines(path)}area = {_polygon(corners)}\n"
+        f"import shapely\n{_open_lines(asked)}area = {_polygon(corners)}\n"
         f"for found in hypermap.objects(area=area{_in_frame(frame)}):\n"
         "    print(found.layer, found.object.id, found.object.name)\n"
     )
@@ -33,11 +65,11 @@ def snippets_in_area(
             f"for layer in {list(grids)!r}:\n"
             f"    print(layer, len(hypermap.labels_in(layer, area{_in_frame(frame)})), 'cells')\n"
         )
-    return _snippets(python, path, f"--in={' '.join(map(_text, corners))}", frame)
+    return _snippets(python, asked, f"--in={' '.join(map(_text, corners))}", frame=frame)
 
 
 def snippets_for_search(
-    path: str,
+    asked: AskedMap,
     name: str | None,
     *,
     near: str | Point | None = None,
@@ -58,7 +90,7 @@ def snippets_for_search(
     given = [] if name is None else [repr(name)]
     given += [f"{key}={value}" for key, value in where.items() if value is not None]
     shown = "" if near is None else ", found.distance"
-    opened = _open_lines(path)
+    opened = _open_lines(asked)
     if corners is not None:
         opened = f"import shapely\n{opened}area = {_polygon(corners)}\n"
     python = (
@@ -73,17 +105,17 @@ def snippets_for_search(
         "in": None if corners is None else " ".join(map(_text, corners)),
     }
     words = [f"--{key}={value}" for key, value in options.items() if value is not None]
-    return _snippets(python, path, *words, frame)
+    return _snippets(python, asked, *words, frame=frame)
 
 
-def snippets_for_evidence(path: str, layer: str, number: int) -> Snippets:
+def snippets_for_evidence(asked: AskedMap, layer: str, number: int) -> Snippets:
     """Return snippets for the evidence of an object."""
     python = (
-        f"{_open_lines(path)}seen = hypermap[{layer!r}].evidence_of({number})\n"
+        f"{_open_lines(asked)}seen = hypermap[{layer!r}].evidence_of({number})\n"
         "for view, score, shape in zip(seen.views, seen.scores, seen.footprints):\n"
         "    print(seen.stamps[view], score, shape)\n"
     )
-    return _snippets(python, path, f"--id={number}", f"--layer={layer}", "--evidence", None)
+    return _snippets(python, asked, f"--id={number}", f"--layer={layer}", "--evidence")
 
 
 def snippets_for_path(path: str, start: Point, goal: Point, radius: float) -> Snippets:
@@ -101,16 +133,21 @@ def snippets_for_path(path: str, start: Point, goal: Point, radius: float) -> Sn
     return {"python": python, "command": shlex.join(words)}
 
 
-def snippets_for_question(path: str, question: str, place: Point | None) -> Snippets:
-    """Return snippets for a question in English, asked from a place."""
+def snippets_for_question(asked: AskedMap, question: str, place: Point | None) -> Snippets:
+    """Return snippets for a question in English, asked from a place.
+
+    There is no command that asks how a map was.
+    """
     pose = "" if place is None else f", Pose2D({', '.join(map(_number, place))})"
     python = (
-        f"from hypermap import {'' if place is None else 'Pose2D, '}open_map\n"
+        f"{asked.imports(*[] if place is None else ['Pose2D'])}"
         "from hypermap.questions.asking import answer_to\n\n"
-        f"answer = answer_to(open_map({path!r}), {question!r}{pose})\n"
+        f"answer = answer_to({asked.opened}, {question!r}{pose})\n"
         "print(answer.count, [found.object.id for found in answer.objects])\n"
     )
-    words = ["hypermap", "ask", _file(path), question]
+    if asked.version is not None:
+        return {"python": python}
+    words = ["hypermap", "ask", _file(asked.path), question]
     words += [] if place is None else [f"--pose={_text(place)}"]
     return {"python": python, "command": shlex.join(words)}
 
@@ -119,17 +156,13 @@ def _file(path: str) -> str:
     return f"./{path}" if path.startswith("-") else path
 
 
-def _open_lines(path: str) -> str:
-    return f"from hypermap import open_map\n\nhypermap = open_map({path!r})\n"
+def _open_lines(asked: AskedMap) -> str:
+    return f"{asked.imports()}\nhypermap = {asked.opened}\n"
 
 
-def _snippets(python: str, path: str, *options: str | None) -> Snippets:
-    *asked, frame = options
-    words = ["hypermap", "query", _file(path)]
-    words += [option for option in asked if option is not None]
-    if frame is not None:
-        words.append(f"--frame={frame}")
-    return {"python": python, "command": shlex.join(words)}
+def _snippets(python: str, asked: AskedMap, *options: str, frame: str | None = None) -> Snippets:
+    where = () if frame is None else (f"--frame={frame}",)
+    return {"python": python, "command": asked.command(*options, *where)}
 
 
 def _in_frame(frame: str | None) -> str:
