@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import secrets
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -26,8 +26,10 @@ from hypermap.cli.node_options import (
     parse_params,
     ros_arguments,
 )
+from hypermap.cli.store_options import followed_site
 from hypermap.cli.terminal import note
 from hypermap.core.errors import FileMissing
+from hypermap.fleet.store.address import is_address
 
 if TYPE_CHECKING:
     from hypermap.core.hypermap import Hypermap
@@ -44,7 +46,8 @@ def command(
             metavar="[MAP]",
             readable=False,
             show_default=False,
-            help="The map to serve; by default the one in the parameters.",
+            help="The map to serve: a file, or a site of a store, whose changes are served as "
+            "others write them; by default the one in the parameters.",
         ),
     ] = None,
     ros1: Ros1 = False,
@@ -93,6 +96,7 @@ def command(
         hypermap serve lab.hmap --foxglove
         hypermap serve lab.hmap --mcp
         hypermap serve lab.hmap --view
+        hypermap serve "postgresql://me@db.example/maps?site=lab"
         hypermap serve lab.hmap --map-directory maps --param label_height=0.5
         hypermap serve lab.hmap --ros2 --ros-args -r __ns:=/robot
     """
@@ -103,17 +107,20 @@ def command(
         if not map_directory.is_dir():
             raise FileMissing(f"--map-directory {map_directory}: there is no such folder")
         values["map_directory"] = str(map_directory.absolute())
-    if path is not None and not path.exists():
+    is_stored = is_address(path)
+    if path is not None and not is_stored and not path.exists():
         raise FileMissing(f"{path}: there is no such file")
     middleware = chosen_middleware(ros1, ros2, foxglove)
-    own = [] if path is None else [str(path)]
-    run_map_server(
-        [*own, *ros_arguments(context)],
-        middleware=middleware,
-        values=values,
-        address=address_of(host, port, middleware, allow_edits, allow_origin),
-        beside=lambda server: _beside(server, mcp, view),
-    )
+    own = [] if path is None or is_stored else [str(path)]
+    with followed_site(path) if is_stored else nullcontext() as source:
+        run_map_server(
+            [*own, *ros_arguments(context)],
+            middleware=middleware,
+            values=values,
+            address=address_of(host, port, middleware, allow_edits, allow_origin),
+            beside=lambda server: _beside(server, mcp, view),
+            source=source,
+        )
 
 
 @contextmanager

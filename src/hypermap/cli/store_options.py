@@ -10,6 +10,7 @@ from hypermap.core.errors import HypermapError
 
 if TYPE_CHECKING:
     from hypermap.fleet.store.address import Address
+    from hypermap.fleet.store.followed_site import FollowedSite
 
 StoreAddress = Annotated[
     str,
@@ -43,3 +44,15 @@ def address_with_site(text: str, site: str | None) -> tuple[Address, str]:
         problem = "two sites are named" if names else "name the site"
         raise HypermapError(f"{address.shown}: {problem}: --site SITE")
     return address, names.pop()
+
+
+def followed_site(address: object) -> FollowedSite:
+    """Return the map of a site, which follows the store as a context.
+
+    Raises:
+        HypermapError: If the address names none, or the store does not answer or refuses.
+    """
+    from hypermap.fleet.store.address import site_address
+    from hypermap.fleet.store.followed_site import FollowedSite
+
+    return FollowedSite(site_address(address))

@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from hypermap.cli.options import Force, MapPath, check_output
+from hypermap.cli.store_options import followed_site
 from hypermap.cli.terminal import note, say
 from hypermap.core.errors import HypermapError
+from hypermap.fleet.store.address import is_address
+
+if TYPE_CHECKING:
+    from hypermap.viewer.live.shown_map import ShownMap
 
 
 def command(
@@ -61,35 +68,61 @@ def command(
     The page is only accessible from this machine, and private: the printed address contains an
     access token. The page draws all layers, answers queries at points and in areas, finds objects
     by name, and adds, renames, reshapes, tags and deletes objects. Nothing is written until you
-    save; the previous file is kept as MAP.bak.
+    save; the previous file is kept as MAP.bak. The page of a site of a store follows what others
+    write to it, and is read-only.
 
     Examples:
         hypermap view lab.hmap
         hypermap view lab.hmap --read-only --no-browser --port 9000
         hypermap view lab.hmap --html lab.html
+        hypermap view "postgresql://me@db.example/maps?site=lab"
     """
     if html is not None:
         _write(path, html, force)
         return
     if force:
         raise HypermapError("--force is for --html FILE; the page asks before it overwrites a map")
-    from hypermap.viewer.live.app import MapApp
-    from hypermap.viewer.live.document import MapDocument
     from hypermap.viewer.live.page import require_page
-    from hypermap.viewer.live.serving import is_local, listen, open_browser, serve, url_of
 
     require_page()
+    with _shown(path, read_only) as document:
+        _serve(document, (host, port), is_private=not no_token, browser=browser)
+
+
+@contextmanager
+def _shown(path: Path, read_only: bool) -> Iterator[ShownMap]:
+    """Open a file, or follow a site of a store, which the page cannot edit."""
+    from hypermap.viewer.live.document import MapDocument
+    from hypermap.viewer.live.followed_map import FollowedMap
+
+    if is_address(path):
+        with followed_site(path) as site:
+            yield FollowedMap(site)
+        return
     document = MapDocument(path, is_editable=not read_only)
-    app = MapApp(document, host, is_private=not no_token)
+    yield document
+    if document.is_unsaved:
+        note(f"{document.address}: unsaved changes made in the browser are lost")
+
+
+def _serve(
+    document: ShownMap, address: tuple[str, int | None], *, is_private: bool, browser: bool
+) -> None:
+    """Serve the page at a host and port until Ctrl-C."""
+    from hypermap.viewer.live.app import MapApp
+    from hypermap.viewer.live.serving import is_local, listen, open_browser, serve, url_of
+
+    host, port = address
+    app = MapApp(document, host, is_private=is_private)
     listening = listen(host, port)
     url = url_of(app, listening)
 
     def started() -> None:
         say(url)
-        note(f"showing {path}; press Ctrl-C to stop")
+        note(f"showing {document.address}; press Ctrl-C to stop")
         if not is_local(host):
-            rights = "see" if read_only else "see and change"
-            who = "reach this machine" + ("" if no_token else " and knows the token")
+            rights = "see and change" if document.is_editable else "see"
+            who = "reach this machine" + (" and knows the token" if is_private else "")
             note(f"everyone who can {who} can {rights} the map")
         if browser:
             open_browser(app, listening)
@@ -101,8 +134,6 @@ def command(
         pass
     finally:
         listening.close()
-    if document.is_unsaved:
-        note(f"{document.address}: unsaved changes made in the browser are lost")
 
 
 def _write(path: Path, html: Path, force: bool) -> None:

@@ -20,6 +20,7 @@ from hypermap.core.errors import HypermapError
 if TYPE_CHECKING:
     from hypermap.ros.mapper.semantic_mapper import SemanticMapper
     from hypermap.ros.port import Node, Parameter, Port, Value
+    from hypermap.ros.server.following import Source
     from hypermap.ros.server.map_server import MapServer
 
 Middleware = Literal["auto", "ros1", "ros2", "foxglove"]
@@ -53,6 +54,7 @@ def run_map_server(
     values: Mapping[str, Value] | None = None,
     address: Address | None = None,
     beside: Callable[[MapServer], AbstractContextManager[None]] | None = None,
+    source: Source | None = None,
 ) -> None:
     """Serve a map until Ctrl-C, SIGTERM or the middleware ends it.
 
@@ -63,6 +65,7 @@ def run_map_server(
         values: parameters of the node; they come before what the middleware knows of them.
         address: where to listen with Foxglove.
         beside: makes a context in which the node runs, such as that of another server of its map.
+        source: a map that others change, in place of one that is named.
 
     Raises:
         HypermapError: If the middleware is missing, an argument or parameter is wrong, or the map
@@ -74,7 +77,7 @@ def run_map_server(
     if len(own) > 1:
         raise HypermapError(f"the map server takes one map, not {len(own)}: {' '.join(own)}")
     port = make_port(MapServer, ros, middleware, dict(values or {}), address)
-    server = MapServer(port, own[0] if own else None)
+    server = MapServer(port, own[0] if own else None, source)
     with nullcontext() if beside is None else beside(server):
         run_node(port, server)
 

@@ -159,6 +159,19 @@ def read_layer(database: Database, layer: Layer, layer_id: int, version: int) ->
     return layer
 
 
+def has_changed(database: Database, layer_id: int, version: int) -> bool:
+    """Return whether anything in a layer has changed since a version of the site."""
+    return any(
+        database.rows(
+            f"SELECT EXISTS (SELECT 1 FROM {table.name} WHERE layer_id = %s AND valid_from > %s) "
+            f"OR EXISTS (SELECT 1 FROM {table.name} WHERE layer_id = %s AND valid_to > %s)",
+            *(layer_id, version),
+            *(layer_id, version),
+        )[0][0]
+        for table in _LAYER_TABLES
+    )
+
+
 def valid_rows(
     database: Database, table: tables.Table, columns: str, owner: int, version: int, order: str = ""
 ) -> list[rows.Row]:

@@ -17,6 +17,7 @@ from hypermap.ros.server.changes import Changes
 from hypermap.ros.server.costmap_masks import CostmapMasks
 from hypermap.ros.server.current_map import CurrentMap, MapPart
 from hypermap.ros.server.floor_frames import FloorFrames
+from hypermap.ros.server.following import Following, Source
 from hypermap.ros.server.health import Health, Tally
 from hypermap.ros.server.layer_topics import LayerTopics
 from hypermap.ros.server.map_files import MAP_DIRECTORY, MapFiles
@@ -36,6 +37,7 @@ class MapServer:
     Args:
         port: the middleware.
         file: a map to load, whatever the parameters say.
+        source: a map that others change, in place of a file; each new version of it is served.
     """
 
     NAME = "hypermap_server"
@@ -55,9 +57,13 @@ class MapServer:
         *Plans.PARAMETERS,
     )
 
-    def __init__(self, port: Port, file: str | Path | None = None) -> None:
+    def __init__(
+        self, port: Port, file: str | Path | None = None, source: Source | None = None
+    ) -> None:
         self._port = port
         self._file = file
+        self._source = source
+        self._from_source = Hypermap()
         self._current = CurrentMap(port)
         self._values: dict[str, Value] = {}
         self._parts: tuple[MapPart, ...] = ()
@@ -71,14 +77,18 @@ class MapServer:
 
     @property
     def name(self) -> str:
-        """The name of the file that the map was loaded from, or else that of the node."""
+        """The name of the file or source that the map comes from, or else that of the node."""
         file = self._current.loaded_from
-        return self.NAME if file is None else file.name
+        if file is not None:
+            return file.name
+        return self.NAME if self._source is None else self._source.name
 
     @property
     def address(self) -> str:
-        """The file that the map was loaded from, or else a name that stands for one."""
-        return str(self._current.loaded_from or "MAP.hmap")
+        """What the map was loaded from, or else a name that stands for a file."""
+        if self._current.loaded_from is not None:
+            return str(self._current.loaded_from)
+        return "MAP.hmap" if self._source is None else self._source.address
 
     def begin(self, area: BaseGeometry) -> None:
         """Begin to show what a camera covers of an area of the base frame; see `AutoMap`.
@@ -102,11 +112,16 @@ class MapServer:
         """
         values = self._port.parameters(self.PARAMETERS, self._set)
         save_to = archive_to_save(values)
-        file = self._file or _file_to_load(values)
-        hypermap = Hypermap() if file is None else open_map(file)
         self._values = dict(values)
-        self._current.replace(hypermap, None if file is None else Path(file).absolute())
-        self._greeting = _greeting(hypermap, file, str(values["file"]))
+        if self._source is None:
+            file = self._file or _file_to_load(values)
+            hypermap = Hypermap() if file is None else open_map(file)
+            self._current.replace(hypermap, None if file is None else Path(file).absolute())
+            self._greeting = _greeting(hypermap, file, str(values["file"]))
+        else:
+            hypermap = self._from_source = self._source.hypermap
+            self._current.replace(hypermap)
+            self._greeting = _greeting(hypermap, self._source.address, "")
         if save_to is not None:
             announce_end(save_to, self._current.files, self._port)
 
@@ -135,6 +150,8 @@ class MapServer:
         ]
         if self._values["console"]:
             parts.append(TerminalConsole(port, current, automap.start))
+        if self._source is not None:
+            parts.append(Following(port, current, self._source, self._from_source))
         for part in parts:
             part.set(self._values)
         self._parts = tuple(parts)
