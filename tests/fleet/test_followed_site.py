@@ -15,8 +15,10 @@ import pytest
 pytest.importorskip("psycopg", reason="psycopg is missing")
 
 from starlette.testclient import TestClient
+from typer.testing import CliRunner
 
 from hypermap import GridGeometry, Hypermap, OccupancyLayer, SemanticLayer
+from hypermap.cli.main import app
 from hypermap.core.frames import FrameTree, Pose2D, Transform
 from hypermap.fleet.store.address import parse_address, site_address
 from hypermap.fleet.store.database import Database
@@ -28,6 +30,7 @@ from hypermap.ros.typestore import message_class
 from hypermap.testing import square
 from hypermap.viewer.live.app import MapApp
 from hypermap.viewer.live.followed_map import FollowedMap
+from hypermap.viewer.live.page import is_page_built
 
 from ..prepared import Command
 from ..ros.foxglove_client import Client
@@ -118,8 +121,8 @@ def test_a_site_that_is_not_there_is_refused(store: str) -> None:
 def test_the_page_shows_what_others_find_and_takes_no_edits(
     database: Database, followed: FollowedSite, lab: str
 ) -> None:
-    app = MapApp(FollowedMap(followed), is_private=False)
-    with TestClient(app.app, base_url="http://127.0.0.1") as client:
+    page = MapApp(FollowedMap(followed), is_private=False)
+    with TestClient(page.app, base_url="http://127.0.0.1") as client:
         info = client.get("/api/map").json()
         assert (info["name"], info["editable"], info["can_cover"]) == (lab, False, False)
         find_a_cup(database, lab)
@@ -139,6 +142,19 @@ def test_the_page_shows_what_others_find_and_takes_no_edits(
             refused = client.post(f"/api/{path}", json=body, headers=headers)
             assert refused.status_code == 403
             assert refused.json()["error"] == "the map is read-only"
+
+
+def test_a_page_in_a_file_holds_no_password_of_the_store(
+    store: str, lab: str, tmp_path: Path
+) -> None:
+    if not is_page_built():
+        pytest.skip("the page is not built (make page)")
+    page = tmp_path / "lab.html"
+    address = f"{store}&site={lab}&password=open+sesame"
+    result = CliRunner().invoke(app, ["view", address, "--html", str(page)])
+    assert result.exit_code == 0, result.output
+    assert f"{lab}.hmap" in page.read_text()
+    assert "sesame" not in page.read_text() + result.output
 
 
 def test_a_map_server_serves_what_others_find(

@@ -15,7 +15,7 @@ from hypermap.cli.options import Force, MapPath, check_output
 from hypermap.cli.store_options import followed_site
 from hypermap.cli.terminal import note, say
 from hypermap.core.errors import HypermapError
-from hypermap.fleet.store.address import is_address
+from hypermap.fleet.store.address import is_address, site_address
 
 if TYPE_CHECKING:
     from hypermap.viewer.live.shown_map import ShownMap
@@ -142,7 +142,9 @@ def _write(path: Path, html: Path, force: bool) -> None:
     from hypermap.viewer.live.export import export_page
 
     check_output(html, force)
-    done = export_page(open_map(path), path, html)
+    # An address may hold a password; the page names the file that a pull would make.
+    named = Path(f"{site_address(path).site}.hmap") if is_address(path) else path
+    done = export_page(open_map(path), named, html)
     for line in done.notes:
         note(line)
     note(f"saved {html}, {done.size / 1e6:.1f} MB")

@@ -6,10 +6,11 @@ import logging
 import threading
 from types import TracebackType
 
+from hypermap.core.errors import HypermapError
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.layer import Layer
 from hypermap.fleet.store import pushing
-from hypermap.fleet.store.address import Address, StoreAway, StoreError
+from hypermap.fleet.store.address import Address, StoreAway
 from hypermap.fleet.store.database import Database
 from hypermap.fleet.store.followers import follow
 from hypermap.fleet.store.sites import find_site
@@ -79,7 +80,7 @@ class FollowedSite:
             for version in follow(self._address, self._ended):
                 while version > self._version and not self._ended.is_set():
                     self._try_to_take_over()
-        except StoreError as error:
+        except HypermapError as error:
             _log.error("the map is no longer followed: %s", error)
 
     def _try_to_take_over(self) -> None:
