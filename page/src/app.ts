@@ -22,11 +22,12 @@ import { StatusLine } from "./statusline";
 import { ThemeSwitch } from "./theme";
 import { TimeTravel } from "./timetravel";
 import { Toolbar, type Tool } from "./toolbar";
+import { ValuesCard } from "./valuescard";
 
 export class App {
   readonly view: MapView;
   private readonly settings = loadSettings();
-  private readonly theme = new ThemeSwitch(this.settings, () => this.view.restyle(this.settings));
+  private readonly theme = new ThemeSwitch(this.settings, () => this.restyle());
   private readonly context: Context;
   private readonly panel: Panel;
   private readonly ask: Ask;
@@ -37,6 +38,7 @@ export class App {
   private readonly layers: LayersPanel;
   private readonly notes: Notes;
   private readonly status: StatusLine;
+  private readonly values: ValuesCard;
   private readonly toolbar: Toolbar;
   private readonly editor: Editor | null;
   private readonly travel: TimeTravel | null;
@@ -81,9 +83,17 @@ export class App {
     });
     this.layers = new LayersPanel(
       this.view,
-      () => this.linkPlace(),
+      () => {
+        this.values.draw();
+        this.linkPlace();
+      },
       (layer) => this.notes.list(layer),
     );
+    this.values = new ValuesCard(this.view, source, () => {
+      this.layers.draw();
+      this.values.draw();
+      this.linkPlace();
+    });
     this.status = new StatusLine((frame) => this.setFrame(frame));
     this.toolbar = new Toolbar(
       {
@@ -173,6 +183,7 @@ export class App {
     if (this.source.ask) this.search.offerQuestions();
     this.conditions.setInfo(info);
     this.layers.draw();
+    this.values.draw();
     this.status.setFrames(info.frames, this.context.frame);
     this.view.setFrame(this.context.frame);
     this.editor?.update();
@@ -192,8 +203,8 @@ export class App {
   private listen(): void {
     const { map } = this.view;
     map.on("singleclick", ({ coordinate: [x, y] }) => this.click([x, y]));
-    map.on("pointermove", ({ coordinate: [x, y] }) => this.status.setPointer([x, y]));
-    map.getViewport()?.addEventListener("pointerleave", () => this.status.setPointer(null));
+    map.on("pointermove", ({ coordinate: [x, y] }) => this.setPointer([x, y]));
+    map.getViewport()?.addEventListener("pointerleave", () => this.setPointer(null));
     map.on("moveend", () => this.linkPlace());
     const scaled = () => this.status.setResolution(this.view.resolution);
     map.getView().on("change:resolution", scaled);
@@ -222,6 +233,16 @@ export class App {
       save: () => this.editor && this.context.info.unsaved && this.editor.save(),
       isDrawing: () => this.drawing.active,
     });
+  }
+
+  private setPointer(place: Point | null): void {
+    this.status.setPointer(place);
+    this.values.setPointer(place);
+  }
+
+  private restyle(): void {
+    this.view.restyle(this.settings);
+    this.values.restyle();
   }
 
   private click(place: Point): void {
@@ -424,6 +445,7 @@ export class App {
       if (isVisible(shown) !== visible) drawnLayer(shown)?.setVisible(visible);
     }
     this.layers.draw();
+    this.values.draw();
     if (place.frame) this.setFrame(place.frame);
     this.view.setPlace(place);
   }

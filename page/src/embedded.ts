@@ -6,6 +6,7 @@ import { toBase } from "./frames";
 import { extentOf, holds, meet, overlap, wkt } from "./geometry";
 import { snippetsInArea, snippetsAt, snippetsForEvidence, snippetsForSearch } from "./snippets";
 import { Raster } from "./raster";
+import { MeasuredValues, summaryOf } from "./values";
 import {
   Refused,
   type AreaAnswer,
@@ -14,6 +15,7 @@ import {
   type Download,
   type EmbeddedMap,
   type EmbeddedShape,
+  type EmbeddedValues,
   type Evidence,
   type Extent,
   type FindAnswer,
@@ -31,15 +33,25 @@ import {
 
 export class EmbeddedSource implements DataSource {
   private readonly rasters = new Map<string, Promise<Raster>>();
+  private readonly measured = new Map<string, MeasuredValues>();
 
   constructor(private readonly blob: EmbeddedMap) {
     for (const [name, raster] of Object.entries(blob.rasters)) {
       this.rasters.set(name, Raster.decode(raster));
     }
+    for (const [name, values] of Object.entries(blob.values ?? {})) {
+      this.measured.set(name, new MeasuredValues(values));
+    }
   }
 
   async map(): Promise<MapInfo> {
     return { ...this.blob.map, editable: false, can_undo: false, can_redo: false, unsaved: false };
+  }
+
+  async values(layer: string): Promise<EmbeddedValues> {
+    const values = this.blob.values?.[layer];
+    if (!values) throw new Refused(`layer "${layer}" has no measured values`, 404);
+    return values;
   }
 
   async notes(): Promise<Note[]> {
@@ -68,7 +80,11 @@ export class EmbeddedSource implements DataSource {
     const point = toBase(this.frame(frame), asked);
     const layers: LayerAnswer[] = [];
     for (const { name, kind } of this.blob.map.layers) {
-      if (kind === "raster") {
+      const measured = this.measured.get(name);
+      if (measured) {
+        const here = measured.at(point);
+        layers.push({ name, label: measured.text(here), value: here?.value ?? null, objects: [] });
+      } else if (kind === "raster") {
         const said = (await this.raster(name)).at(point);
         layers.push({ name, ...said, objects: [] });
       } else if (kind === "shapes") {
@@ -103,6 +119,13 @@ export class EmbeddedSource implements DataSource {
     const cells = [];
     for (const { name, kind } of this.blob.map.layers) {
       if (kind !== "raster") continue;
+      const measured = this.measured.get(name);
+      if (measured) {
+        const values = measured.valuesIn(ring);
+        const label = summaryOf(measured, values);
+        if (label) cells.push({ layer: name, label, count: values.length });
+        continue;
+      }
       const raster = await this.raster(name);
       for (const [label, count] of raster.countsIn(ring)) {
         cells.push({ layer: name, label, count, about: raster.isReduced });

@@ -2,7 +2,7 @@
 
 import { byId, el, icon } from "./dom";
 import { count, length, plural } from "./format";
-import { drawnLayer, isVisible, type MapView, type ShownLayer } from "./mapview";
+import { drawnLayer, isMeasured, isVisible, type MapView, type ShownLayer } from "./mapview";
 import type { ClassInfo, LayerInfo } from "./source";
 
 /** With at least this many classes, the list has a search field. */
@@ -92,7 +92,9 @@ export class LayersPanel {
       "div",
       { class: "layer-body" },
       el("label", { class: "slider" }, el("span", { text: "Opacity" }), slider, percent),
-      info.legend.length && info.kind === "raster" ? legend(info.legend) : null,
+      info.legend.length && info.kind === "raster" && !isMeasured(info)
+        ? legend(info.legend)
+        : null,
       shown.shapes && info.classes.length ? this.classes(shown) : null,
       shown.notes ? this.notes(info.name) : null,
     );

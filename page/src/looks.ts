@@ -174,6 +174,20 @@ export function doorLook(): Style[] {
   return [line("#1d2530", 6), line("#ffffff", 3)];
 }
 
+/** A line of equal value, with the value on it. */
+export function contourLook(text: string): Style {
+  return new Style({
+    stroke: new Stroke({ color: cssColor("--edge"), width: 1 }),
+    text: new Text({
+      text,
+      font: `11px ${FONT}`,
+      placement: "line",
+      fill: new Fill({ color: cssColor("--label") }),
+      stroke: new Stroke({ color: cssColor("--halo"), width: 3, lineJoin: "round" }),
+    }),
+  });
+}
+
 /** The queried area. */
 export function areaLook(): Style[] {
   return [

@@ -163,6 +163,7 @@ export class MapView {
     const shown: ShownLayer = { info };
     if (info.kind === "raster") {
       shown.tiles = tileLayer();
+      shown.tiles.setVisible(!isMeasured(info) || !this.hasMeasured());
       this.map.addLayer(shown.tiles);
     } else if (info.kind === "notes") {
       shown.notes = featureLayer(76);
@@ -178,6 +179,11 @@ export class MapView {
     if (info.name === MAPPED) drawnLayer(shown)?.setVisible(false);
     if (info.name === ROOMS) drawnLayer(shown)?.on("change:visible", () => this.showDoors());
     return shown;
+  }
+
+  /** Of several quantities, the first is shown until another is chosen. */
+  private hasMeasured(): boolean {
+    return [...this.layers.values()].some(({ info }) => isMeasured(info));
   }
 
   /** Doors are visible while the rooms are. */
@@ -421,6 +427,10 @@ export class MapView {
   clearMarks(): void {
     for (const layer of Object.values(this.marks)) setFeatures(layer, []);
   }
+}
+
+export function isMeasured({ class_name }: LayerInfo): boolean {
+  return class_name === "ValueLayer";
 }
 
 /** The OpenLayers layer of a map layer; none if it cannot be drawn. */

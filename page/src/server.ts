@@ -8,6 +8,7 @@ import {
   type DataSource,
   type Download,
   type Editing,
+  type EmbeddedValues,
   type Evidence,
   type Extent,
   type FindAnswer,
@@ -130,6 +131,10 @@ export class ServerSource implements DataSource, Editing, Past {
 
   cover(polygon: Ring, frame: string): Promise<Coverage | null> {
     return this.post("/api/coverage", { polygon, ...this.inFrame(frame) });
+  }
+
+  values(layer: string, v: number): Promise<EmbeddedValues> {
+    return this.get(`/api/values/${encodeURIComponent(layer)}`, { v });
   }
 
   notes(): Promise<Note[]> {

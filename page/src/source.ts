@@ -397,6 +397,8 @@ export interface Questions {
   find(wanted: ObjectQuery, limit: number): Promise<FindAnswer>;
   object(layer: string, id: number): Promise<ObjectDetails>;
   evidence(layer: string, id: number): Promise<Evidence>;
+  /** The numbers of a layer of measured values. */
+  values(layer: string, version: number): Promise<EmbeddedValues>;
   /** All notes. */
   notes?(): Promise<Note[]>;
   /** A question in English, asked from a place. Absent if nobody can read it. */
@@ -487,6 +489,8 @@ export interface EmbeddedMap {
   map: MapInfo;
   rasters: Record<string, EmbeddedRaster>;
   shapes: Record<string, EmbeddedShape[]>;
+  /** Of layers of measured values. */
+  values?: Record<string, EmbeddedValues>;
   /** By layer and id. */
   evidence?: Record<string, Record<string, Evidence>>;
   notes?: Note[];
@@ -504,6 +508,26 @@ export interface EmbeddedRaster {
   reduced_by: number;
   /** What a pixel of the color "rrggbbaa" says. */
   says: Record<string, { label: string; value: number | null }>;
+}
+
+/** Whole numbers of 16 bits, little-endian, in Base64; each is `low` and so many steps; the largest
+ * one says that nothing is known. */
+interface PackedNumbers {
+  low: number;
+  step: number;
+  numbers: string;
+}
+
+/** Measured values and their standard deviations, by rows from the grid's origin. */
+export interface EmbeddedValues {
+  quantity: string;
+  unit: string;
+  /** How many of them are shown. */
+  decimals: number;
+  /** The pose of its corner in the base frame, the side of a cell, how many cells. */
+  grid: EmbeddedRaster["grid"];
+  values: PackedNumbers;
+  deviations: PackedNumbers | null;
 }
 
 export interface EmbeddedShape {

@@ -189,13 +189,17 @@ class ValueLayer(Layer):
 
     # Queries of values
 
-    def text(self, value: float) -> str:
-        """Return a value as labels show it.
+    def text(self, value: float, deviation: float = math.nan) -> str:
+        """Return a value as labels show it, with its standard deviation where that is known.
 
-        >>> ValueLayer("wifi", "map", unit="dBm", decimals=0).text(-71.6)
-        '-72 dBm'
+        >>> wifi = ValueLayer("wifi", "map", unit="dBm", decimals=0)
+        >>> wifi.text(-71.6), wifi.text(-71.6, 2.9)
+        ('-72 dBm', '-72 ± 3 dBm')
         """
-        return UNKNOWN if np.isnan(value) else f"{value:.{self.decimals}f} {self.unit}".rstrip()
+        if np.isnan(value):
+            return UNKNOWN
+        about = "" if np.isnan(deviation) else f" ± {deviation:.{self.decimals}f}"
+        return f"{value:.{self.decimals}f}{about} {self.unit}".rstrip()
 
     def deviation_at(self, points_xy: PointsLike) -> NDArray[np.float32]:
         """Return the value's standard deviation at each point, shape (N,); NaN where unknown."""

@@ -19,6 +19,7 @@ from starlette.routing import Route
 
 from hypermap.core.errors import HypermapError, LayerNotFound, ObjectNotFound
 from hypermap.core.hypermap import Hypermap
+from hypermap.core.value_layer import ValueLayer
 from hypermap.questions.frames import pose_of_frame
 from hypermap.viewer.live.area_mapping import AreaMapping, describe_coverage
 from hypermap.viewer.live.attached import (
@@ -37,6 +38,7 @@ from hypermap.viewer.live.english import answer_in_words
 from hypermap.viewer.live.event_stream import event_stream
 from hypermap.viewer.live.guard import Guard
 from hypermap.viewer.live.layers import LayerView, LayerViews
+from hypermap.viewer.live.measured_values import describe_values
 from hypermap.viewer.live.object_evidence import describe_evidence
 from hypermap.viewer.live.page import page_file
 from hypermap.viewer.live.past import Past, changes_of, timeline
@@ -107,6 +109,7 @@ class MapApp:
                 Route("/api/map", self._map),
                 Route("/api/tiles/{layer:path}/{zoom}/{column}/{row}.png", self._tile),
                 Route("/api/shapes/{layer:path}", self._shapes),
+                Route("/api/values/{layer:path}", self._values),
                 Route("/api/at", self._at),
                 Route("/api/area", self._area, methods=["POST"]),
                 Route("/api/area.{kind}", self._download),
@@ -205,6 +208,16 @@ class MapApp:
         names = values.getlist("name") if "name" in values else None
         box = box_in(values, "bbox")
         return json_reply_of(view.shapes.view(box, resolution, view.base_T_layer, names))
+
+    def _values(self, request: Request) -> Response:
+        current, view = self._layer(request)
+        layer = current.hypermap[request.path_params["layer"]]
+        sent = None
+        if isinstance(layer, ValueLayer):
+            sent = describe_values(layer, view.base_T_layer)
+        if sent is None:
+            raise Refused(f"layer {layer.name!r} has no measured values", 404)
+        return json_reply(sent)
 
     # Questions
 

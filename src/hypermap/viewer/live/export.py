@@ -13,6 +13,7 @@ from typing import Any
 
 from hypermap.core.errors import HypermapError
 from hypermap.core.hypermap import Hypermap
+from hypermap.core.value_layer import ValueLayer
 from hypermap.formats.atomic import write_file
 from hypermap.viewer.live.attached import embed_notes
 from hypermap.viewer.live.description import describe_map
@@ -20,6 +21,7 @@ from hypermap.viewer.live.embedded_evidence import embed_evidence
 from hypermap.viewer.live.embedded_raster import MAX_PIXELS, EmbeddedRaster, embed_raster
 from hypermap.viewer.live.embedded_shapes import embed_shapes
 from hypermap.viewer.live.layers import LayerViews
+from hypermap.viewer.live.measured_values import describe_values
 from hypermap.viewer.live.page import PAGE, not_built
 
 _STYLE = '<link rel="stylesheet" href="/page/app.css">'
@@ -75,6 +77,7 @@ def _blob(
     """Return what the page reads in place of the server's answers, and notes about it."""
     rasters: dict[str, Any] = {}
     shapes: dict[str, Any] = {}
+    values: dict[str, Any] = {}
     evidence: dict[str, Any] = {}
     notes: list[str] = []
     views = LayerViews()
@@ -87,6 +90,9 @@ def _blob(
         if raster is not None:
             rasters[layer.name] = raster.as_json()
             notes += _notes(layer.name, raster)
+        if isinstance(layer, ValueLayer):
+            sent = describe_values(layer, view.base_T_layer)
+            values.update({layer.name: sent} if sent else {})
         embedded = embed_shapes(layer, view.base_T_layer)
         if embedded is not None:
             shapes[layer.name] = embedded
@@ -97,7 +103,7 @@ def _blob(
     still = {"version": 0, "can_undo": False, "can_redo": False, "unsaved": False}
     notes += described.get("notes", [])
     shown = {"name": map_path.name, "path": map_path.name, **still, **described, "notes": notes}
-    parts = {"rasters": rasters, "shapes": shapes, "evidence": evidence}
+    parts = {"rasters": rasters, "shapes": shapes, "values": values, "evidence": evidence}
     noted = embed_notes(hypermap)
     return {"version": 1, "map": shown, **parts, "notes": noted}, tuple(notes)
 

@@ -21,6 +21,7 @@ from hypermap.core.objects import ObjectTable
 from hypermap.core.occupancy import FREE, LABELS, OCCUPIED, OccupancyLayer
 from hypermap.core.opaque import OpaqueLayer
 from hypermap.core.semantic import SemanticLayer
+from hypermap.core.value_layer import ValueLayer
 from hypermap.questions.frames import pose_of_frame
 from hypermap.viewer.live.layers import LayerViews
 from hypermap.viewer.live.object_search import find, search_in
@@ -164,20 +165,26 @@ class Questions:
                 objects.append({**shown, "existence": item.existence, "tags": list(item.tags)})
         return {
             "name": layer.name,
-            "label": str(self.hypermap.label_at(layer.name, point, frame)[0]),
+            "label": self._label_at(layer, point, frame),
             "value": _plain(value),
             "objects": objects,
         }
+
+    def _label_at(self, layer: Layer, point: Sequence[float], frame: str | None) -> str:
+        if not isinstance(layer, ValueLayer):
+            return str(self.hypermap.label_at(layer.name, point, frame)[0])
+        in_layer = (self._pose_of(layer.frame_id).inverse() @ self._pose_of(frame)).apply(point)
+        return layer.text(layer.value_at(in_layer)[0], layer.deviation_at(in_layer)[0])
 
     def _cells_in(
         self, layer: Layer, area: BaseGeometry, frame: str | None
     ) -> list[dict[str, Any]]:
         """Return how many cells of a layer have each label in an area."""
+        layer_T_asked = self._pose_of(layer.frame_id).inverse() @ self._pose_of(frame)
         if isinstance(layer, OccupancyLayer):
-            in_layer = (
-                self._pose_of(layer.frame_id).inverse() @ self._pose_of(frame)
-            ).apply_geometry(area)
-            counts = _count_cells(layer, in_layer)
+            counts = _count_cells(layer, layer_T_asked.apply_geometry(area))
+        elif isinstance(layer, ValueLayer):
+            counts = _mean_and_range(layer, layer_T_asked.apply_geometry(area))
         else:
             counts = Counter(map(str, self.hypermap.labels_in(layer.name, area, frame).values))
         return [
@@ -243,6 +250,12 @@ def _count_cells(layer: OccupancyLayer, area: BaseGeometry) -> dict[str, int]:
     free = int(np.count_nonzero(inside == FREE))
     occupied = int(np.count_nonzero(inside == OCCUPIED))
     return dict(zip(LABELS, (free, occupied, len(inside) - free - occupied), strict=True))
+
+
+def _mean_and_range(layer: ValueLayer, area: BaseGeometry) -> dict[str, int]:
+    found = layer.summary_in(area)
+    mean, least = (f"{value:.{layer.decimals}f}" for value in (found.mean, found.least))
+    return {f"mean {mean}, {least} to {layer.text(found.most)}": found.count}
 
 
 def _known(value: float) -> float | None:
