@@ -7,8 +7,9 @@ from typing import Any
 
 from hypermap.core.hypermap import FoundObject, Hypermap
 from hypermap.questions.answer import Answer
+from hypermap.questions.cells import Cell
 from hypermap.questions.finder import NEXT_TO
-from hypermap.questions.query import Condition, Query, Reference, When
+from hypermap.questions.query import Condition, Measured, Query, Reference, When
 from hypermap.questions.times import minute_of, time_of
 from hypermap.rooms.questions import rooms_at
 from hypermap.rooms.rooms import Room, rooms_on
@@ -22,6 +23,9 @@ _GIVES = {
     "room": "which room the objects are in",
     "rooms": "which rooms",
     "last_seen": "when the objects were last seen",
+    "labels": "what layers say",
+    "places": "which places",
+    "value": "what was measured",
 }
 _MOST = 20  # objects are listed
 
@@ -33,13 +37,18 @@ def understood(query: Query) -> list[tuple[str, str]]:
     [('asked', 'which objects'), ('what', 'cup'), ('which', 'the nearest to room kitchen')]
     """
     what = " or ".join(query.rooms or query.names)
-    what = what or ("any" if query.give != "rooms" or query.where else "")
+    has_any = query.give not in ("rooms", "places", "value") or (
+        query.give == "rooms" and query.where
+    )
+    what = what or ("any" if has_any else "")
     what += f", but not {' or '.join(query.besides)}" if query.besides else ""
     parts = [("asked", _GIVES[query.give]), ("what", what)]
     if query.like is not None:
         parts.append(("looks like", query.like))
     parts += [("where", _condition(one)) for one in query.where]
     parts += [("when", _when(when)) for when in query.when]
+    if query.measured is not None:
+        parts.append(("measured", _measured(query.measured)))
     if query.which is not None:
         number = f"{query.count} " if query.count else ""
         measured = f" to {_reference(query.start)}" if query.start else ""
@@ -57,6 +66,12 @@ def _when(when: When) -> str:
     if when.since is not None and when.until is not None:
         since = f" from {minute_of(when.since)}"
     return f"{when.seen}{since}{until}"
+
+
+def _measured(measured: Measured) -> str:
+    limits = (("above", measured.above), ("below", measured.below))
+    said = [f"{word} {limit:g}" for word, limit in limits if limit is not None]
+    return " ".join([measured.layer or "the only quantity", " and ".join(said)]).strip()
 
 
 def _condition(condition: Condition) -> str:
@@ -97,13 +112,17 @@ def lines(hypermap: Hypermap, answer: Answer) -> Iterator[str]:
     elif give == "room":
         pairs = zip(answer.first(_MOST), answer.rooms, strict=False)
         yield from (f"{title(item)}: {_title(room)}" for item, room in pairs)
+    elif give in ("places", "value"):
+        yield from map(_cell_line, answer.cells[:_MOST])
     elif give != "count":
         found = answer.first(_MOST)
         rooms = _rooms(hypermap, found)
         is_timed = give == "last_seen" or bool(answer.query.when)
-        for item, room in zip(found, rooms, strict=True):
+        measured = [f", {one['label']}" for one in answer.measured] or [""] * len(found)
+        for item, room, value in zip(found, rooms, measured, strict=False):
             seen = item.object.last_seen if is_timed else None
-            yield _line(item, room) + ("" if seen is None else f", last seen {time_of(seen)}")
+            is_seen = "" if seen is None else f", last seen {time_of(seen)}"
+            yield f"{_line(item, room)}{value}{is_seen}"
     if answer.count > _MOST and give not in ("count",):
         yield f"and {answer.count - _MOST} more; --json lists all"
     yield from answer.notes
@@ -119,6 +138,11 @@ def document(hypermap: Hypermap, answer: Answer) -> dict[str, Any]:
         "objects": [_row(item, room) for item, room in zip(answer.objects, rooms, strict=True)],
         "notes": list(answer.notes),
     }
+    if answer.measured:
+        pairs = zip(found["objects"], answer.measured, strict=True)
+        found["objects"] = [{**row, "measured": dict(measured)} for row, measured in pairs]
+    if answer.cells:
+        found["cells"] = [_cell(cell) for cell in answer.cells]
     if answer.query.asks_rooms:
         found["rooms"] = [_room(room) for room in answer.rooms if room is not None]
     return found
@@ -143,6 +167,19 @@ def _line(item: FoundObject, room: Room | None) -> str:
     return f"{title(item)} at ({x:.2f}, {y:.2f}){where}{far}"
 
 
+def _cell_line(cell: Cell) -> str:
+    """Return a place where a quantity is so, or what it is at a point or in an area."""
+    (x, y), more = cell.point_xy.tolist(), cell.more
+    if "outline" in more:
+        mean = "" if cell.value is None else f", mean {cell.value:.4g} {more['unit']}".rstrip()
+        return f"{cell.label} around ({x:.2f}, {y:.2f}), {more['area']:.1f} m²{mean}"
+    if "min" in more:
+        return f"{cell.layer}: mean {cell.label}, {more['min']:.4g} to {more['max']:.4g}"
+    deviation = more.get("deviation")
+    about = "" if deviation is None else f" ± {deviation:.2g}"
+    return f"{cell.layer} at ({x:.2f}, {y:.2f}): {cell.label}{about}"
+
+
 def _title(room: Room | None) -> str:
     if room is None:
         return "in no room"
@@ -152,6 +189,12 @@ def _title(room: Room | None) -> str:
 
 def _room(room: Room) -> dict[str, Any]:
     return {"id": room.id, "name": room.name, "kind": room.kind}
+
+
+def _cell(cell: Cell) -> dict[str, Any]:
+    x, y = cell.point_xy.tolist()
+    row = {"layer": cell.layer, "label": cell.label, "value": cell.value, "x": x, "y": y}
+    return row | dict(cell.more)
 
 
 def _row(item: FoundObject, room: Room | None) -> dict[str, Any]:

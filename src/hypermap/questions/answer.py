@@ -29,6 +29,7 @@ from hypermap.questions.cells import (
     cells_in,
     nearest_places,
     places_where,
+    value_in,
     values_around,
 )
 from hypermap.questions.finder import ASKER, Finder
@@ -38,6 +39,7 @@ from hypermap.questions.seen import seen_in
 from hypermap.questions.taxonomy import Taxonomy, load_taxonomy
 from hypermap.rooms.questions import rooms_at, rooms_called
 from hypermap.rooms.rooms import Room
+from hypermap.values import value_layer_called
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,10 +153,16 @@ class _Asking:
         measured: list[dict[str, Any]] = []
         if query.give == "places":
             return self._answer(found, cells=self._places())
+        if query.give == "value":
+            return self._answer(found, cells=self._value())
         if query.describes_objects or not query.asks_rooms:
             found = self._found(layers)
         if query.measured is not None:
             rows, measured = values_around(self._hypermap, query.measured, found.first())
+            if query.which in ("highest", "lowest"):
+                known = [place for place, one in enumerate(measured) if one["cells"]]
+                known = (known[::-1] if query.which == "highest" else known)[: query.count or 1]
+                rows, measured = [rows[i] for i in known], [measured[i] for i in known]
             found = found.take(np.array(rows, dtype=np.int64))
         if query.give == "labels":
             found, cells = self._nearest_of(found, self._cells(layers, found))
@@ -214,6 +222,15 @@ class _Asking:
         count = query.count or 1
         return nearest_places(self._hypermap, query.measured, self._area(), start, count)
 
+    def _value(self) -> Iterable[Cell]:
+        """Return what was measured at a point, in rooms or everywhere."""
+        assert self._query.measured is not None  # or it would be no query
+        layer = value_layer_called(self._hypermap, self._query.measured.layer)
+        point = self._point()
+        if point is not None:
+            return [cell_at(self._hypermap, layer, point)]
+        return value_in(self._hypermap, layer, self._area())
+
     def _nearest_of(self, found: Matches, cells: list[Cell]) -> tuple[Matches, list[Cell]]:
         """Return the nearest of objects and cells together, if these are asked for."""
         if self._query.which != "nearest" or not cells:
@@ -230,6 +247,8 @@ class _Asking:
         for condition in self._query.where:
             if condition.relation == "at" and condition.reference.point_xy is not None:
                 return np.array(condition.reference.point_xy)
+            if condition.relation == "at" and condition.reference.is_asker:
+                return self._finder.place(condition.reference)
         return None
 
     def _asked_rooms(self) -> list[Room | None]:
@@ -293,13 +312,14 @@ class _Asking:
     def _chosen(self, found: Matches) -> Matches:
         """Return those that are asked for, of all that meet the conditions."""
         query = self._query
+        is_measured = query.which in ("highest", "lowest")  # which is known later
         if query.give == "distance" or query.which in ("nearest", "farthest"):
             found = self._with_distances(found)
             if query.which == "farthest":
                 found = found.take(slice(None, None, -1))
-        elif query.which is not None:
+        elif query.which is not None and not is_measured:
             found = found.take(_order(query.which, found))
-        if query.which is not None:
+        if query.which is not None and not is_measured:
             found = found.take(slice(0, query.count or 1))
         return found.take(_order("newest", found)) if query.give == "last_seen" else found
 

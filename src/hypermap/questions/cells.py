@@ -128,6 +128,24 @@ def nearest_places(
         )
 
 
+def value_in(hypermap: Hypermap, layer: ValueLayer, area: BaseGeometry | None) -> Iterator[Cell]:
+    """Yield the mean and range of a layer in an area, or all over; nothing where nothing is known.
+
+    Args:
+        hypermap: the map.
+        layer: one of its layers.
+        area: in the base frame; None for everywhere.
+    """
+    layer_T_base = hypermap.frames.lookup(layer.frame_id, hypermap.base_frame)
+    in_layer = layer.extent() if area is None else layer_T_base.apply_geometry(area)
+    found = layer.summary_in(in_layer)
+    if not found.count:
+        return
+    (x, y), *_ = layer_T_base.inverse().apply_geometry(in_layer.representative_point()).coords
+    more = {"unit": layer.unit, "min": found.least, "max": found.most, "cells": found.count}
+    yield Cell(layer.name, layer.text(found.mean), found.mean, np.array([x, y]), None, more)
+
+
 def values_around(
     hypermap: Hypermap, measured: Measured, objects: Sequence[FoundObject]
 ) -> tuple[list[int], list[dict[str, Any]]]:

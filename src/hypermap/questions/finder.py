@@ -92,8 +92,9 @@ class Finder:
         found = self._called(names, self._reached(where), layers)
         if not self._exact and not any(each.name == ROOMS for each in layers or ()):
             found = found.take(~found.are_of(ROOMS))
+        only_rooms = bool(layers) and all(each.name == ROOMS for each in layers or ())
         for condition in where:
-            found = found.take(self._holds(condition, found) ^ condition.negated)
+            found = found.take(self._holds(condition, found, only_rooms) ^ condition.negated)
         if any(one.relation == "at" and one.reference.point_xy for one in where):
             found = found.take(np.argsort(shapely.area(found.shapes), kind="stable"))
         return found
@@ -183,9 +184,14 @@ class Finder:
         ids = {room.id for room in there if room is not None}
         return [room for room in self.rooms if room.id in ids]
 
-    def _are_in(self, rooms: Sequence[Room], found: Matches) -> BoolArray:
-        """Return which objects are in one of some rooms; no room is in another."""
+    def _are_in(self, rooms: Sequence[Room], found: Matches, only_rooms: bool) -> BoolArray:
+        """Return which objects are in one of some rooms; no room is in another.
+
+        Where rooms alone are asked, it is these rooms themselves.
+        """
         ids = {room.id for room in rooms}
+        if only_rooms:
+            return np.isin(found.column("ids"), [*ids])
         there = rooms_at(self.rooms, found.centroids) if len(found) else []
         is_in = np.array([room is not None and room.id in ids for room in there], dtype=bool)
         return is_in & ~found.are_of(ROOMS)
@@ -197,13 +203,13 @@ class Finder:
 
     # Conditions
 
-    def _holds(self, condition: Condition, found: Matches) -> BoolArray:
+    def _holds(self, condition: Condition, found: Matches, only_rooms: bool = False) -> BoolArray:
         """Return for which objects a condition holds, before it is negated."""
         reference, relation = condition.reference, condition.relation
         if reference.rooms and relation == "in":
-            return self._are_in(self._rooms_called(reference.rooms), found)
+            return self._are_in(self._rooms_called(reference.rooms), found, only_rooms)
         if relation == "in" and (rooms := self._rooms_meant(reference)):
-            is_in = self._are_in(rooms, found)
+            is_in = self._are_in(rooms, found, only_rooms)
             if not self._is_thing(reference):
                 return is_in
             return is_in | self._meet(condition, found, self.others(reference))

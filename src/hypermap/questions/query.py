@@ -10,7 +10,16 @@ from typing import Any, Literal, TypeAlias, get_args
 import shapely
 
 Give: TypeAlias = Literal[
-    "objects", "count", "exists", "distance", "room", "rooms", "last_seen", "labels", "places"
+    "objects",
+    "count",
+    "exists",
+    "distance",
+    "room",
+    "rooms",
+    "last_seen",
+    "labels",
+    "places",
+    "value",
 ]
 Relation: TypeAlias = Literal[
     "in",
@@ -26,7 +35,9 @@ Relation: TypeAlias = Literal[
     "visible from",
     "with",
 ]
-Which: TypeAlias = Literal["nearest", "farthest", "largest", "smallest", "surest", "newest"]
+Which: TypeAlias = Literal[
+    "nearest", "farthest", "largest", "smallest", "surest", "newest", "highest", "lowest"
+]
 Measure: TypeAlias = Literal["air", "path"]
 Seen: TypeAlias = Literal["seen", "not seen", "new"]
 
@@ -158,8 +169,9 @@ class Query:
     Attributes:
         give: the objects, how many there are, whether there are any, how far they are, the rooms
             that they are in ("room"), the rooms that have them ("rooms"; all without names), when
-            they were last seen, the objects and what layers without objects say ("labels"), or the
-            places at which `measured` holds ("places").
+            they were last seen, the objects and what layers without objects say ("labels"), the
+            places at which `measured` holds ("places"), or what was measured at a point, in a room
+            or everywhere ("value").
         names: of the objects, any of which matches; none for all. A name matches the objects of a
             map that are called so, and those that are of that kind by the taxonomy.
         exact: whether names are those of the map alone, without a taxonomy; rooms are objects, too.
@@ -175,7 +187,8 @@ class Query:
         measured: the values around the objects or at the places; None where they do not matter.
         layers: those that are asked; none for all.
         value: that cells of the layers have, for "labels".
-        which: which of the objects are wanted; None for all.
+        which: which of the objects are wanted; None for all. "highest" and "lowest" are of
+            `measured`.
         count: how many of those; None for one if `which` is given.
         start: from where distances are measured; None for where the asker is.
         by: whether distances are straight ("air"), or along paths for a robot.
@@ -212,6 +225,8 @@ class Query:
             raise ValueError(f"{self.as_of.isoformat()} needs a time zone, as +01:00")
         if self.give == "places" and (self.measured is None or not self.measured.has_limits):
             raise ValueError("'places' needs measured values with a limit")
+        if self.measured is None and (self.give == "value" or self.which in ("highest", "lowest")):
+            raise ValueError("values, the highest and the lowest need measured values")
         if self.like is not None and (self.which is not None or not self.like.strip()):
             raise ValueError("'like' is a text, and gives the most similar instead of 'which'")
         if len(self.like or "") > MOST_LETTERS:
