@@ -45,7 +45,7 @@ REFERENCES = PLACES | st.builds(
 )
 QUERIES = st.builds(
     Query,
-    st.sampled_from([give for give in get_args(Give) if give != "places"]),
+    st.sampled_from([give for give in get_args(Give) if give not in ("places", "value")]),
     names=NAMES | st.just(()),
     besides=NAMES | st.just(()),
     where=st.lists(conditions(REFERENCES), max_size=2).map(tuple),
@@ -56,7 +56,8 @@ QUERIES = st.builds(
     as_of=st.none() | MOMENTS,
     measured=st.none() | st.builds(Measured, st.none() | st.just("warmth"), METERS, METERS),
     layers=NAMES | st.just(()),
-    which=st.none() | st.sampled_from(get_args(Which)),
+    which=st.none()
+    | st.sampled_from([w for w in get_args(Which) if w not in ("highest", "lowest")]),
     count=st.none() | st.integers(1, 9),
     start=st.none() | REFERENCES,
     by=st.sampled_from(get_args(Measure)),
@@ -100,6 +101,7 @@ def test_json_keeps_a_query_and_follows_the_schema(json_validator: Any, query: Q
         ({"exact": 1}, "exact: expected true or false"),
         ({"measured": {"above": "hot"}}, "measured.above: expected a number"),
         ({"give": "places"}, "'places' needs measured values with a limit"),
+        ({"give": "value"}, "values, the highest and the lowest need measured values"),
         ({"value": 3}, "only 'labels' has the values of cells"),
         ({"start": {"area": "POLYGON((0 0"}}, "start: the area is not WKT"),
         ({"start": {"area": "POINT(0 0)"}}, "start: the area is empty"),

@@ -78,7 +78,9 @@ def _within_limit(text: str, hypermap: Hypermap, vocabulary: Vocabulary) -> Quer
         limit = _in_unit_of(layer, float(found["limit"].replace(" ", "")), unit)
         limits = {"above": limit} if is_more else {"below": limit}
         measured = Measured(layer.name, **limits)
-        before = re.sub(r"\b(?:where|have|has|with|get|gets|is|are)$", "", text[: found.start()].strip())
+        before = re.sub(
+            r"\b(?:where|have|has|with|get|gets|is|are)$", "", text[: found.start()].strip()
+        )
         what = re.sub(r"(?:^|\s)(?:where|is|it|are|the|there|show|me)(?=\s|$)", " ", before.lower())
         if not what.strip():
             return Query("places", measured=measured, where=_places(rest, vocabulary))
