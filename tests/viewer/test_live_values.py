@@ -20,6 +20,7 @@ from hypermap.viewer.live.export import export_page
 from hypermap.viewer.live.layers import LayerViews
 from hypermap.viewer.live.measured_values import describe_values
 from hypermap.viewer.live.questions import Questions
+from hypermap.viewer.live.snippets import AskedMap
 
 from .page_tools import a_window
 from .small_map import FLOOR, small_map
@@ -78,7 +79,7 @@ def test_a_large_grid_is_thinned_out(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_point_has_its_deviation_and_an_area_its_mean_and_range() -> None:
-    questions = Questions(with_values(), LayerViews(), "room.hmap")
+    questions = Questions(with_values(), LayerViews(), AskedMap("room.hmap"))
     said = {layer["name"]: layer for layer in questions.at((5.1, 6.3), None)["layers"]}
     assert said["warmth"]["label"] == "22.0 ± 0.5 °C"
     assert said["wifi"]["label"] == "-60 dBm"
