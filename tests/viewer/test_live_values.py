@@ -22,6 +22,7 @@ from hypermap.viewer.live.measured_values import describe_values
 from hypermap.viewer.live.questions import Questions
 from hypermap.viewer.live.snippets import AskedMap
 
+from .live_tools import Window, saved, serving
 from .page_tools import a_window
 from .small_map import FLOOR, small_map
 
@@ -87,6 +88,14 @@ def test_a_point_has_its_deviation_and_an_area_its_mean_and_range() -> None:
     cells = {each["layer"]: each for each in questions.area(corners, None)["cells"]}
     assert cells["warmth"]["label"] == "mean 22.3, 22.0 to 22.6 °C"
     assert cells["warmth"]["count"] == 16
+
+
+def test_the_server_sends_what_a_page_holds_and_refuses_other_layers(tmp_path: Path) -> None:
+    with serving(saved(tmp_path, with_values())) as client:
+        window = Window(client)
+        sent = window.get("/api/values/warmth")
+        assert sent == describe_values(warmth(), Pose2D())
+        assert "no measured values" in window.get("/api/values/semantic", expected=404)["error"]
 
 
 @pytest.mark.xdist_group("page")

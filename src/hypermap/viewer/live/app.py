@@ -210,8 +210,8 @@ class MapApp:
         return json_reply_of(view.shapes.view(box, resolution, view.base_T_layer, names))
 
     def _values(self, request: Request) -> Response:
-        current, view = self._layer(request)
-        layer = current.hypermap[request.path_params["layer"]]
+        hypermap = self.document.current.hypermap
+        view, layer = self._view(hypermap, request), hypermap[request.path_params["layer"]]
         sent = None
         if isinstance(layer, ValueLayer):
             sent = describe_values(layer, view.base_T_layer)
