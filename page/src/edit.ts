@@ -55,7 +55,12 @@ export class Editor {
     private readonly hint: (text: string | null) => void,
     private readonly changed: (change: Change) => Promise<void>,
   ) {
-    this.handles = new Handles(view.map, this.shapes, (how) => this.reshape(how));
+    this.handles = new Handles(
+      view.map,
+      this.shapes,
+      (how) => this.reshape(how),
+      () => drawing.active,
+    );
     this.bar = new EditBar({
       draw: (kind, room) => this.draw(kind, room),
       findRooms: () => this.findRooms(),

@@ -31,6 +31,7 @@ export class Handles {
     private readonly map: OpenLayersMap,
     private readonly layer: VectorLayer<VectorSource<Feature<MultiPolygon>>>,
     private readonly dragged: (how: Dragged) => void,
+    private readonly isDrawing: () => boolean,
   ) {
     const source = layer.getSource() ?? undefined;
     const modify = new Modify({
@@ -57,7 +58,9 @@ export class Handles {
     for (const name of ["over-shape", "over-turn"]) this.lookAs(name, false);
   }
 
+  /** What is edited; nothing while clicks draw something else, such as a line across it. */
   private get shape(): MultiPolygon | null {
+    if (this.isDrawing()) return null;
     return this.layer.getSource()?.getFeatures()[0]?.getGeometry() ?? null;
   }
 
