@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from hypermap import GridGeometry, OccupancyLayer
 from hypermap.core.samples import Samples
 from hypermap.simulation import built_in_world
-from hypermap.values import Method, interpolate
+from hypermap.values import FieldSettings, LiveField, Method, interpolate
 from suite.fields import FIELDS, Field
 from suite.race import Figure, Row, Settings, library
 
@@ -26,6 +26,7 @@ WORLDS = ("lab", "floor", "building")
 _ASKED_RATIO = 0.75  # of the Gaussian process' error
 _ASKED_WITHIN = 0.92  # share of new samples within two deviations; above 0.98 is too much
 _SIDE, _COUNT, _SECONDS = 250.0, 100_000, 10.0  # meters, samples, what is asked for them
+_SECONDS_OF_ONE = 0.02  # asked for one more sample
 
 
 @dataclass(frozen=True)
@@ -54,6 +55,7 @@ def rows(settings: Settings) -> Iterator[Row]:
             found = [_errors(make(world, seed)) for seed in range(seeds)]
             yield from _figures(f"{quantity}, {name}", found, settings.quick)
     yield _many_samples(settings)
+    yield from _one_more_sample(settings)
 
 
 def _figures(what: str, found: list[_Errors], quick: bool) -> Iterator[Figure]:
@@ -126,15 +128,7 @@ def _gaussian_process(field: Field) -> _Estimate:
 
 def _many_samples(settings: Settings) -> Figure:
     """Return how long a large floor with many samples takes: 1000 x 1000 cells of 0.25 m."""
-    count = 1000 if settings.quick else _COUNT
-    rng = np.random.default_rng(0)
-    points = rng.uniform(0, _SIDE, (count, 2))
-    values = np.sin(points[:, 0] / 9) + np.cos(points[:, 1] / 7) + rng.normal(0, 0.1, count)
-    side = round(_SIDE / 0.25)
-    cells = np.zeros((side, side), dtype=np.int8)
-    cells[:: side // 8] = cells[:, :: side // 8] = 100
-    occupancy = OccupancyLayer("occupancy", "map", GridGeometry(side, side, 0.25), cells)
-    samples = Samples.of(points, values)
+    samples, occupancy = _large_floor(1000 if settings.quick else _COUNT)
     times = []
     for _ in range(1 if settings.quick else min(settings.repeat, 3)):
         begin = time.perf_counter()
@@ -144,4 +138,42 @@ def _many_samples(settings: Settings) -> Figure:
     size = f"{width} x {height} cells of {found.grid.resolution:g} m"
     asked = None if settings.quick else _SECONDS
     note = f"{_SIDE:g} x {_SIDE:g} m; asked for 1000 x 1000 cells, which are too many for the field"
-    return Figure(f"{count:,} samples on {size}", tuple(times), "s", asked, True, note)
+    what = f"{len(samples):,} samples on {size}"
+    return Figure(what, tuple(times), "s", asked, True, note)
+
+
+def _one_more_sample(settings: Settings) -> Iterator[Figure]:
+    """Yield how long one more sample takes, and a full solution in comparison."""
+    samples, occupancy = _large_floor(1000 if settings.quick else _COUNT)
+    known = FieldSettings(length=20.0, deviation=1.0, noise=0.1)
+    resolution = 2.0 if settings.quick else _SIDE / 1000
+    begin = time.perf_counter()
+    field = LiveField(samples, occupancy, settings=known, resolution=resolution)
+    whole = time.perf_counter() - begin
+    rng = np.random.default_rng(1)
+    times = []
+    for x, y in rng.uniform(5, _SIDE - 5, (5 if settings.quick else 60, 2)).tolist():
+        begin = time.perf_counter()
+        field.add((x, y), 0.0)
+        times.append(time.perf_counter() - begin)
+    height, width = field.interpolation().grid.shape
+    asked = None if settings.quick else _SECONDS_OF_ONE
+    note = f"beside {len(samples):,} others; every hundredth sample solves all anew"
+    yield Figure(
+        f"one more sample on {width} x {height} cells", tuple(times), "s", asked, True, note
+    )
+    ratio = whole / float(np.median(times))
+    note = f"{whole:.2f} s with settings that are given, tables for cells included"
+    yield Figure("all samples at once, over one more", (ratio,), "x", None, note=note)
+
+
+def _large_floor(count: int) -> tuple[Samples, OccupancyLayer]:
+    """Return samples of a smooth field on a floor of 8 x 8 rooms."""
+    rng = np.random.default_rng(0)
+    points = rng.uniform(0, _SIDE, (count, 2))
+    values = np.sin(points[:, 0] / 9) + np.cos(points[:, 1] / 7) + rng.normal(0, 0.1, count)
+    side = round(_SIDE / 0.25)
+    cells = np.zeros((side, side), dtype=np.int8)
+    cells[:: side // 8] = cells[:, :: side // 8] = 100
+    occupancy = OccupancyLayer("occupancy", "map", GridGeometry(side, side, 0.25), cells)
+    return Samples.of(points, values), occupancy

@@ -228,6 +228,19 @@ def test_a_layer_is_made_again_and_gets_more_samples(hypermap, warm, table, tmp_
     )
 
 
+def test_old_samples_count_less_where_that_is_asked(hypermap, tmp_path):
+    samples, again = tmp_path / "samples.csv", tmp_path / "again.hmap"
+    rows = "\n".join(
+        f"{x},{y},{20 + 5 * t},{3600 * t}" for x in (0, 1) for y in (0, 1) for t in (0, 1)
+    )
+    samples.write_text(f"x,y,value,stamp\n{rows}\n")
+    made = ("values", samples, *SETTINGS, "-o", again, "--json", "--force")
+    assert hypermap(*made).json["max"] == pytest.approx(22.5, abs=0.1)
+    answer = hypermap(*made, "--half-life", "600").json
+    assert answer["min"] == pytest.approx(25, abs=0.3)
+    assert answer["made_by"]["half_life"] == 600
+
+
 def test_samples_of_a_bag_become_a_layer(hypermap, flat, tmp_path):
     with BagBuilder(tmp_path, "ros1") as bag:
         add_drive(bag)

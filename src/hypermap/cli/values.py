@@ -203,6 +203,17 @@ def command(
             rich_help_panel=_METHOD,
         ),
     ] = None,
+    half_life: Annotated[
+        float | None,
+        typer.Option(
+            "--half-life",
+            metavar="SECONDS",
+            show_default="old samples count as much as new ones",
+            help="A sample loses half of its weight in this time, counted back from the newest "
+            "sample, as warmth and gas change.",
+            rich_help_panel=_METHOD,
+        ),
+    ] = None,
     as_json: AsJson = False,
     force: Force = False,
 ) -> None:
@@ -247,7 +258,7 @@ def command(
         measured = read(source, table, topic, field, tf_frame, sensor_frame, censored_below)
         name = quantity or measured.quantity or "value"
         measured = joined(hypermap, name, add, frame, measured, sample_unit, unit)
-    layer = _layer(name, measured, walls, frame, method, settings, resolution)
+    layer = _layer(name, measured, walls, frame, method, settings, resolution, half_life)
     left_out = _left_out(measured, layer)
     save_map(_with_layer(hypermap, layer), output)
     if as_json:
@@ -265,6 +276,7 @@ def _layer(
     method: str,
     settings: FieldSettings | None,
     resolution: float | None,
+    half_life: float | None,
 ) -> ValueLayer:
     from hypermap.values import value_layer_of
 
@@ -281,6 +293,7 @@ def _layer(
         method=method,  # type: ignore[arg-type]  # one of METHODS, as `_checked` has checked
         settings=settings,
         resolution=resolution,
+        half_life=half_life,
     )
 
 

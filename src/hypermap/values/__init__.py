@@ -8,6 +8,7 @@ if TYPE_CHECKING:
     from hypermap.core.samples import Samples
     from hypermap.values.interpolation import METHODS, Interpolation, Method, interpolate
     from hypermap.values.layers import value_layer_of
+    from hypermap.values.live_field import LiveField
     from hypermap.values.questions import (
         nearest_where,
         summaries_of,
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from hypermap.values.units import converted
 
 _HOMES = {
+    "LiveField": "hypermap.values.live_field",
     "METHODS": "hypermap.values.interpolation",
     "FieldSettings": "hypermap.values.random_field",
     "Interpolation": "hypermap.values.interpolation",
@@ -38,6 +40,7 @@ __all__ = [
     "METHODS",
     "FieldSettings",
     "Interpolation",
+    "LiveField",
     "Method",
     "Samples",
     "converted",

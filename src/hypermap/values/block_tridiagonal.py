@@ -18,6 +18,8 @@ from scipy.sparse import csr_array
 
 Matrix = NDArray[np.float64]
 
+_NOTHING = 1e-6
+
 
 @dataclass(frozen=True, eq=False)
 class BlockCholesky:
@@ -74,6 +76,41 @@ class BlockCholesky:
                 self.diagonal[block], rest, lower=True, trans="T", check_finite=False
             )
         return np.concatenate(parts)
+
+    def solve_near(self, right: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return x of matrix @ x = right, (N,) both, for a right that is 0 but at few neighbors.
+
+        Blocks far away, where x is below `_NOTHING` of its largest entry, are left at 0.
+        """
+        solved = np.zeros_like(right)
+        first, last = (np.flatnonzero(right)[[0, -1]] // self.size).tolist()
+        count = len(self.diagonal)
+        parts: dict[int, NDArray[np.float64]] = {}
+        largest = 0.0
+        for block in range(first, count):
+            rest = right[block * self.size : (block + 1) * self.size]
+            if block > first:
+                rest = rest - self.below[block - 1] @ parts[block - 1]
+            parts[block] = _forward(self.diagonal[block], rest)
+            size = float(np.abs(parts[block]).max())
+            largest = max(largest, size)
+            if block > last and size < _NOTHING * largest:
+                break
+        after: NDArray[np.float64] | None = None
+        largest = 0.0
+        for block in reversed(range(max(parts) + 1)):
+            rest = parts.get(block, np.zeros(len(self.diagonal[block])))
+            if after is not None:
+                rest = rest - self.below[block].T @ after
+            after = solve_triangular(
+                self.diagonal[block], rest, lower=True, trans="T", check_finite=False
+            )
+            solved[block * self.size : (block + 1) * self.size] = after
+            size = float(np.abs(after).max())
+            largest = max(largest, size)
+            if block < first and size < _NOTHING * largest:
+                break
+        return solved
 
     def inverse_diagonal(self) -> NDArray[np.float64]:
         """Return the diagonal of the matrix' inverse, shape (N,)."""

@@ -99,12 +99,13 @@ def with_limits(
     Args:
         prior: of the nodes.
         heard: values.
-        limits: upper limits in `values`; their precision is ignored.
+        limits: upper limits in `values`, of so precise samples.
         settings: of the field.
     """
     scale = settings.deviation
     relative_noise = settings.noise / scale
     variance = settings.noise**2
+    limit_variance = variance / limits.precision
     # Precision, as multiples of a sample's, and precision times mean of the sites. These are what
     # can be averaged: a site that says next to nothing may have its mean anywhere.
     precision = np.full(len(limits.values), _LEAST_PRECISION)
@@ -116,7 +117,7 @@ def with_limits(
         spread = limits.weights @ posterior.variance() * scale**2
         left = 1 / np.maximum(1 / spread - precision / variance, 1e-9 / spread)  # without the site
         center = left * (mean / spread - shift / variance)
-        new_mean, new_spread = _below(center, left, limits.values, variance)
+        new_mean, new_spread = below_limit(center, left, limits.values, limit_variance)
         new_precision = np.maximum(variance * (1 / new_spread - 1 / left), _LEAST_PRECISION)
         new_shift = new_mean * (variance / left + new_precision) - center * variance / left
         change = float(np.abs(new_mean - mean).max(initial=0)) / settings.noise
@@ -128,11 +129,11 @@ def with_limits(
     return together
 
 
-def _below(
+def below_limit(
     mean: NDArray[np.float64],
     spread: NDArray[np.float64],
     limit: NDArray[np.float64],
-    variance: float,
+    variance: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return mean and variance of normal values, one noisy sample of each being below a limit.
 

@@ -9,9 +9,11 @@ from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array, eye_array, vstack
 from scipy.spatial import cKDTree
 from threadpoolctl import threadpool_limits
 
+from hypermap.core.arrays import BoolArray
 from hypermap.core.errors import HypermapError
 from hypermap.core.grid import GridGeometry, check_resolution
 from hypermap.core.occupancy import OccupancyLayer
@@ -35,6 +37,7 @@ _UNEXPLAINED = 0.5  # of the variance, above which there is no value
 _FARTHEST = 1e9  # meters from the origin
 _WIDEST = 1e5  # meters from one sample to another
 _LARGEST = 1e30  # value whose square is still finite
+_OLDEST = 100.0  # half-lives; older samples count no less
 _UNSURE = 0.5  # confidence of the kernel, below which there is no value
 
 
@@ -69,6 +72,7 @@ def interpolate(
     method: Method = "gmrf",
     settings: FieldSettings | None = None,
     resolution: float | None = None,
+    half_life: float | None = None,
 ) -> Interpolation:
     """Return the most probable values between samples.
 
@@ -86,37 +90,67 @@ def interpolate(
         resolution: side of a cell [m]; without it 0.25 m, or more on a large floor. The field of
             more than 100,000 cells has at most 20,000 nodes, and cells take their values from the
             nodes around them that they see.
+        half_life: time in which a sample loses half of its weight [s], counted back from the newest
+            sample; for "gmrf" alone. Without it, old samples count as much as new ones.
 
     Raises:
         HypermapError: If there are too few samples with a value, they lie too far apart, a value is
-            absurdly large, or the resolution is too fine or none.
+            absurdly large, the resolution is too fine or none, or a half-life is given and the
+            method is another or a sample has no stamp.
     """
     if method not in METHODS:
         raise HypermapError(f"method must be one of {', '.join(METHODS)}, got {method!r}")
-    _check(samples)
+    if half_life is not None:
+        _check_half_life(samples, half_life, method)
+    if method == "gmrf":
+        with threadpool_limits(1, "blas"):  # threads wait for each other at each small block
+            found = field_of(
+                samples, occupancy, settings=settings, resolution=resolution, half_life=half_life
+            )
+            return found.interpolation()
+    _check(samples, method == "nearest" or settings is not None)
+    grid = _grid(samples, resolution)
+    if method == "nearest":
+        return _by_nearest(grid, samples, occupancy)
+    return _by_kernel(grid, samples, occupancy, settings)
+
+
+def _check_half_life(samples: Samples, half_life: float, method: str) -> None:
+    if not (math.isfinite(half_life) and half_life > 0):
+        raise HypermapError(f"a half-life is a positive number of seconds, got {half_life:g}")
+    if method != "gmrf":
+        raise HypermapError(f"only the method gmrf lets old samples count less, not {method}")
+    if np.isnan(samples.stamps).any():
+        count = int(np.isnan(samples.stamps).sum())
+        raise HypermapError(
+            f"{count} of {len(samples)} samples have no stamp, so that nobody knows how old they "
+            "are; leave out the half-life"
+        )
+
+
+def _check(samples: Samples, is_given: bool) -> None:
+    """Refuse samples of which no map can be made.
+
+    Args:
+        samples: those.
+        is_given: whether there is nothing to estimate but the values.
+    """
+    if len(samples):
+        _check_numbers(samples)
     heard = int(np.count_nonzero(~samples.is_below))
     if heard == 0:
         raise HypermapError(
             f"none of the {len(samples)} samples has a value; without one there is nothing to map"
         )
-    if settings is None and method != "nearest" and heard < LEAST_SAMPLES:
+    if not is_given and heard < LEAST_SAMPLES:
         number = "1 sample with a value is" if heard == 1 else f"{heard} samples with a value are"
         raise HypermapError(
             f"{number} too few to estimate how the quantity varies; give at least {LEAST_SAMPLES}, "
             "or its length, deviation and noise, or use the method nearest"
         )
-    grid = _grid(samples, resolution)
-    if method == "nearest":
-        return _by_nearest(grid, samples, occupancy)
-    if method == "kernel":
-        return _by_kernel(grid, samples, occupancy, settings)
-    with threadpool_limits(1, "blas"):  # threads wait for each other at each small block
-        return _by_field(grid, samples, occupancy, settings)
 
 
-def _check(samples: Samples) -> None:
-    if not len(samples):
-        return
+def _check_numbers(samples: Samples) -> None:
     farthest = float(np.abs(samples.points_xy).max())
     if farthest > _FARTHEST or np.ptp(samples.points_xy, axis=0).max() > _WIDEST:
         (x0, y0), (x1, y1) = samples.points_xy.min(axis=0), samples.points_xy.max(axis=0)
@@ -129,41 +163,94 @@ def _check(samples: Samples) -> None:
         raise HypermapError(f"a sample has a value of {largest:g}, too large to compute with")
 
 
-def _by_field(
-    grid: GridGeometry,
+@dataclass(frozen=True, eq=False)
+class SolvedField:
+    """A field and what samples say about it.
+
+    Attributes:
+        grid: of the cells.
+        lattice: of the nodes.
+        is_floor: which cells lie on free floor, shape (height, width).
+        prior: of the nodes.
+        observed: the samples; what only lies below a limit as observations with the same effect.
+        posterior: of the nodes.
+        settings: of the field.
+        half_life: of samples [s]; None where all count the same.
+    """
+
+    grid: GridGeometry
+    lattice: Lattice
+    is_floor: BoolArray
+    prior: Prior
+    observed: Observations
+    posterior: Posterior
+    settings: FieldSettings
+    half_life: float | None
+
+    def interpolation(self) -> Interpolation:
+        """Return the values of the cells."""
+        nodes = self.posterior.mean(), self.posterior.variance()
+        mean, variance = _on_cells(self.grid, self.lattice, nodes)
+        return self.interpolation_with(*self.known(mean, variance, self.is_floor))
+
+    def interpolation_with(
+        self, values: NDArray[np.float64], deviations: NDArray[np.float64]
+    ) -> Interpolation:
+        """Return values and deviations of the cells with what they were made by."""
+        settings = dict(vars(self.settings))
+        if self.half_life is not None:
+            settings["half_life"] = self.half_life
+        return Interpolation(self.grid, values, deviations, self.settings.noise, "gmrf", settings)
+
+    def known(
+        self, mean: NDArray[np.float64], variance: NDArray[np.float64], is_floor: BoolArray
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return values and deviations of some cells; NaN where samples say too little."""
+        nowhere = (variance > _UNEXPLAINED) | ~is_floor
+        deviations = self.settings.deviation * np.sqrt(np.maximum(variance, 0))
+        return np.where(nowhere, np.nan, mean), np.where(nowhere, np.nan, deviations)
+
+
+def field_of(
     samples: Samples,
-    occupancy: OccupancyLayer | None,
-    settings: FieldSettings | None,
-) -> Interpolation:
+    occupancy: OccupancyLayer | None = None,
+    *,
+    settings: FieldSettings | None = None,
+    resolution: float | None = None,
+    half_life: float | None = None,
+) -> SolvedField:
+    """Return the field of samples; the arguments and errors are those of `interpolate`."""
+    _check(samples, settings is not None)
+    grid = _grid(samples, resolution)
     is_too_fine = grid.width * grid.height > _MOST_NODES
     lattice = Lattice.over(_at_most(grid, _NODES) if is_too_fine else grid, occupancy)
     known = samples.chosen(~samples.is_below)
+    newest = float(samples.stamps.max())
     if settings is None:
         coarse = _at_most(grid, _NODES_TO_FIT)
         rough = lattice if coarse == lattice.grid else Lattice.over(coarse, occupancy)
-        settings = fit_settings(rough, _observed(rough, known))
+        settings = fit_settings(rough, _observed(rough, known, half_life, newest))
     prior = Prior(lattice, settings.length, settings.through_walls)
-    observed = _observed(lattice, known)
+    observed = _observed(lattice, known, half_life, newest)
     if samples.is_below.any():
-        limits = _observed(lattice, samples.chosen(samples.is_below))
+        below = samples.chosen(samples.is_below)
+        limits = _observed(lattice, below, half_life, newest)
         observed = with_limits(prior, observed, limits, settings)
     posterior = Posterior(prior, observed, settings.noise / settings.deviation)
-    mean, variance = _on_cells(grid, lattice, (posterior.mean(), posterior.variance()))
     is_floor = lattice.is_floor if lattice.grid == grid else floor_cells(grid, occupancy)
-    nowhere = (variance > _UNEXPLAINED) | ~is_floor
-    return Interpolation(
-        grid,
-        np.where(nowhere, np.nan, mean),
-        np.where(nowhere, np.nan, settings.deviation * np.sqrt(variance)),
-        settings.noise,
-        "gmrf",
-        {
-            "length": settings.length,
-            "deviation": settings.deviation,
-            "noise": settings.noise,
-            "through_walls": settings.through_walls,
-        },
-    )
+    return SolvedField(grid, lattice, is_floor, prior, observed, posterior, settings, half_life)
+
+
+def weights_of_cells(grid: GridGeometry, lattice: Lattice) -> csr_array:
+    """Return from which nodes each cell takes its value, by rows, shape (height * width, N)."""
+    if lattice.grid == grid:
+        return csr_array(eye_array(grid.width * grid.height))
+    parts = []
+    for row in range(0, grid.height, _ROWS_AT_ONCE):
+        rows = np.arange(row, min(row + _ROWS_AT_ONCE, grid.height))
+        places = np.repeat(rows, grid.width), np.tile(np.arange(grid.width), len(rows))
+        parts.append(lattice.weights_at(grid.centers(*places)))
+    return csr_array(vstack(parts))
 
 
 def _on_cells(
@@ -227,9 +314,13 @@ def _by_nearest(
     )
 
 
-def _observed(lattice: Lattice, samples: Samples) -> Observations:
-    ones = np.ones(len(samples))
-    return Observations(lattice.weights_at(samples.points_xy), samples.values, ones)
+def _observed(
+    lattice: Lattice, samples: Samples, half_life: float | None, newest: float
+) -> Observations:
+    """Return samples as observations; older ones than the newest are less precise."""
+    ages = np.zeros(len(samples)) if half_life is None else (newest - samples.stamps) / half_life
+    precision = np.exp2(-np.minimum(ages, _OLDEST))
+    return Observations(lattice.weights_at(samples.points_xy), samples.values, precision)
 
 
 def _grid(samples: Samples, resolution: float | None) -> GridGeometry:

@@ -25,6 +25,7 @@ def value_layer_of(
     method: Method = "gmrf",
     settings: FieldSettings | None = None,
     resolution: float | None = None,
+    half_life: float | None = None,
 ) -> ValueLayer:
     """Return a layer with the most probable values between samples.
 
@@ -35,16 +36,24 @@ def value_layer_of(
         frame_id: of the samples; None for that of the occupancy layer, or "map".
         quantity: what was measured; the layer's name where nothing is said.
         unit: of the values.
-        method: as in `interpolate`, like the last two.
+        method: as in `interpolate`, like the last three.
         settings: as there.
         resolution: as there.
+        half_life: as there.
 
     Raises:
-        HypermapError: If there are too few samples, all are off the map, or the resolution is too
-            fine.
+        HypermapError: If there are too few samples, all are off the map, the resolution is too
+            fine, or samples without stamps are to count less with time.
     """
     inside = on_map(samples, occupancy)
-    found = interpolate(inside, occupancy, method=method, settings=settings, resolution=resolution)
+    found = interpolate(
+        inside,
+        occupancy,
+        method=method,
+        settings=settings,
+        resolution=resolution,
+        half_life=half_life,
+    )
     made_by: dict[str, str | float] = {"method": method, **found.settings, "noise": found.noise}
     if occupancy is not None:
         made_by["occupancy"] = occupancy.name

@@ -140,6 +140,23 @@ class Posterior:
         # Processes for Machine Learning, 2006, equation 2.42).
         return np.asarray(variance + (1 - self._ones) ** 2 / self._sureness)
 
+    def covariance_with(self, weights: csr_array) -> _Vector:
+        """Return the covariance of all nodes with one sum of few neighboring ones, shape (N,).
+
+        Args:
+            weights: of the nodes in the sum, shape (1, N).
+
+        Returns:
+            As a multiple of the field's variance; that of the mean over the floor is in it.
+        """
+        right = np.zeros(len(self._ones))
+        right[weights.indices] = weights.data
+        order = self._prior.order
+        solved = np.empty_like(right)
+        solved[order] = self._factor.solve_near(right[order])
+        away = 1 - self._ones
+        return np.asarray(solved + away * (float(right @ away) / self._sureness))
+
     def log_likelihood(self) -> tuple[float, float]:
         """Return how likely the observations are, and the field's deviation that makes them so.
 
