@@ -8,12 +8,20 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hypermap import HypermapError, SemanticLayer, open_map, save_map
+from hypermap import (
+    GridGeometry,
+    HypermapError,
+    SemanticLayer,
+    ValueLayer,
+    open_map,
+    save_map,
+)
 from hypermap.agents import Picture, Tool, tools_for
 from hypermap.agents.tools import MOST_BYTES, bounded
 from hypermap.notes import notes_layer
@@ -130,6 +138,18 @@ def test_questions_in_english_are_answered_or_said_not_to_be_read(call: Call) ->
     assert unread["you_can_ask"]
     with pytest.raises(HypermapError, match="depends on where you are"):
         call("ask", question="where is the nearest cup?")
+
+
+def test_what_was_measured_is_answered_in_words(office: Path, call: Call) -> None:
+    hypermap = open_map(office)
+    grid = GridGeometry(80, 40, 0.1)
+    cells = np.tile(18 + 0.1 * np.arange(80.0), (40, 1))
+    hypermap.add(ValueLayer("temperature", "map", grid, cells, "°C"))
+    save_map(hypermap, office)
+    answer = call("ask", question="how warm is it in the kitchen?")
+    assert answer["understood"]["give"] == "value"
+    assert answer["measured"][0].startswith("temperature: mean 20.0 °C")
+    assert call("ask", question="which is the warmest chair?")["measured"][0].endswith("24.7 °C")
 
 
 def test_changes_since_a_time(call: Call) -> None:

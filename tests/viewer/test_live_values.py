@@ -16,6 +16,7 @@ from hypermap.core.frames import Pose2D
 from hypermap.core.grid import GridGeometry
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.value_layer import ValueLayer
+from hypermap.viewer.live.english import answer_in_words
 from hypermap.viewer.live.export import export_page
 from hypermap.viewer.live.layers import LayerViews
 from hypermap.viewer.live.measured_values import describe_values
@@ -96,6 +97,20 @@ def test_the_server_sends_what_a_page_holds_and_refuses_other_layers(tmp_path: P
         sent = window.get("/api/values/warmth")
         assert sent == describe_values(warmth(), Pose2D())
         assert "no measured values" in window.get("/api/values/semantic", expected=404)["error"]
+
+
+def test_questions_about_values_are_answered_in_words(tmp_path: Path) -> None:
+    def said(question: str) -> list[str]:
+        words = answer_in_words(with_values(), AskedMap("room.hmap"), {"question": question})[
+            "words"
+        ]
+        return [str(line) for line in words]
+
+    assert said("what is the warmth at 5.1, 6.3") == ["warmth at (5.10, 6.30): 22.0 °C ± 0.55"]
+    (warm,) = said("where is it warmer than 25 degrees?")
+    assert warm.startswith("above 25 °C around (9.5")
+    (warmest,) = said("which is the warmest chair?")
+    assert warmest.endswith("23.5 °C")
 
 
 @pytest.mark.xdist_group("page")

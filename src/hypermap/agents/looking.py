@@ -22,6 +22,7 @@ from hypermap.agents.shown import (
     room_row,
 )
 from hypermap.agents.tools import Picture
+from hypermap.console.asked import lines
 from hypermap.core.errors import HypermapError
 from hypermap.core.frames import Pose2D
 from hypermap.core.hypermap import ROOMS, Hypermap
@@ -248,6 +249,8 @@ class Looking:
                 hypermap, understood=None, problem=str(error), you_can_ask=[*error.nearest]
             )
         shown = self._objects((hypermap, answer), _MOST_OBJECTS)
+        if answer.cells or answer.measured:
+            shown["measured"] = list(lines(hypermap, answer))
         return shown | {"understood": answer.query.to_json()}
 
     def changes(

@@ -57,6 +57,7 @@ def _words(hypermap: Hypermap, answer: Answer) -> list[str]:
     """Return what is said in words, next to the rows of the objects."""
     said = list(lines(hypermap, answer))
     give = answer.query.give
-    if answer.query.asks_rooms or not answer.exists or give in ("count", "room", "last_seen"):
+    in_words = ("count", "room", "last_seen", "places", "value")
+    if answer.query.asks_rooms or answer.measured or not answer.exists or give in in_words:
         return said
     return [*(said[:1] if give == "exists" else []), *answer.notes]
