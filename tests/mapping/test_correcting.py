@@ -24,6 +24,7 @@ from hypermap.mapping import frame_log
 from hypermap.mapping.config import profile
 from hypermap.mapping.correcting import CannotCorrect
 from hypermap.mapping.frame_log import (
+    FrameLog,
     LoggedFrame,
     floor_motion,
     packed_frame,
@@ -224,6 +225,17 @@ def test_old_frames_are_dropped_and_stay_where_they_were(monkeypatch: pytest.Mon
     kept = len(mapper.logged_poses()[0])
     assert 10 <= kept <= 20 < mapper.counts.used
     assert mapper.correct(truth()).frames == kept
+
+
+def test_of_short_drives_only_the_newest_three_are_kept() -> None:
+    log = FrameLog()
+    for number in range(6):
+        for second in range(4):
+            if log.is_full:
+                log.begin_part(b"")
+            log.add(100.0 * number + second, b"a frame", np.eye(4))
+        log.end_drive()
+    assert log.stamps.tolist() == [100.0 * drive + s for drive in (3, 4, 5) for s in range(4)]
 
 
 def test_a_damaged_log_is_one_error() -> None:

@@ -13,8 +13,10 @@ from hypermap.mapping.evidence import EvidenceMap
 from hypermap.mapping.stages import EvidenceConfig
 
 from .evidence_tools import DEFAULT, NOWHERE, ROOM, THESIS, only, seen, square
+from .test_evidence_in_rooms import CHAIR, level, viewed
 
 DAY = 86_400.0
+RIGHT = shapely.box(0, -10, 10, 10)
 LEFT = shapely.box(-10, -10, 0, 10)
 """Where the chair stands first, at (-3, 0); from here it comes to (3, 0)."""
 
@@ -122,6 +124,45 @@ def test_frames_of_one_drive_that_differ_a_little_are_no_move() -> None:
     for second in range(16):
         evidence.update(seen(square(0.4 if second % 2 else 0.0), stamp=second))
     assert "moved" not in only(evidence).attributes
+
+
+def test_what_was_gone_before_is_not_what_was_moved_since() -> None:
+    evidence = EvidenceMap(DEFAULT)
+    for second in range(6):
+        evidence.update(seen(square(-3), square(-3, 2), stamp=second))
+    for second in range(60):  # the second chair is taken away
+        evidence.update(seen(square(-3), stamp=DAY + second))
+    for second in range(6):  # the first one is seen elsewhere before anyone looks at its old place
+        evidence.update(seen(square(3), area=RIGHT, stamp=2 * DAY + second))
+    assert {item.id for item in evidence.objects()} == {0, 2}
+    for second in range(80):
+        evidence.update(seen(square(3), stamp=2 * DAY + 10 + second))
+    chair = only(evidence)
+    assert (chair.id, chair.footprint.centroid.x) == (0, pytest.approx(3, abs=0.1))
+
+
+def test_an_object_that_moves_to_where_another_was_stays_itself() -> None:
+    evidence = EvidenceMap(DEFAULT)
+    for second in range(6):
+        evidence.update(seen(square(0), square(1.2), stamp=second))
+    for second in range(60):  # the left one is taken away
+        evidence.update(seen(square(1.2), stamp=DAY + second))
+    for day, x in enumerate((0.8, 0.5), 2):
+        for second in range(8):
+            evidence.update(seen(square(x), stamp=day * DAY + second))
+    assert only(evidence).id == 1
+
+
+def test_an_object_that_was_seen_often_is_gone_after_a_few_looks_of_another_drive() -> None:
+    seen_often, seen_once_more = EvidenceMap(DEFAULT), EvidenceMap(DEFAULT)
+    for evidence in (seen_often, seen_once_more):
+        for second in range(12):
+            evidence.update(viewed(seen(CHAIR, stamp=second), level(2.0)))
+        for second in range(12):
+            shown = [CHAIR] if evidence is seen_once_more and second == 0 else []
+            evidence.update(viewed(seen(*shown, stamp=DAY + second), level(2.0)))
+    assert seen_often.objects() == []
+    assert len(seen_once_more.objects()) == 1
 
 
 def test_what_is_gone_for_long_costs_little() -> None:

@@ -30,7 +30,7 @@ from hypermap.mapping.footprint_iou import at_same_height, footprint_ious
 from hypermap.mapping.fusion import FUSIONS, votes
 from hypermap.mapping.landmarks import landmark_moves
 from hypermap.mapping.missed_detections import penalize_missed, prune
-from hypermap.mapping.moved import CONFIRMED, find_moves, moved_within_place
+from hypermap.mapping.moved import CONFIRMED, GONE, find_moves, moved_within_place
 from hypermap.mapping.protection import protected
 from hypermap.mapping.stages import EvidenceConfig
 from hypermap.mapping.track_shapes import Rows
@@ -113,6 +113,7 @@ class EvidenceMap:
         for track in prune(self._tracks, self.config):
             self._forget_co_occurrences(track)
         if self.config.moves:
+            self._note_gone(observation.stamp)
             self._follow_moves()
 
     def tracks(self) -> TrackTable:
@@ -249,6 +250,7 @@ class EvidenceMap:
         if self.config.exclusive:
             matches = self._tracks.excluding(matches, self._observed)
         there = [row for row in matches if self._may_be(row)]
+        there = [row for row in there if not self._is_remembered(row)] or there
         if matches and not there:  # what people have deleted does not come back
             return self._tracks.objects[matches[0]].id
         matches = there
@@ -278,7 +280,7 @@ class EvidenceMap:
         return self._tracks.objects[row].id
 
     def _merge(self, rows: Rows) -> int:
-        """Merge tracks into the oldest of them and return its row."""
+        """Merge tracks into the first of `_mergeable` and return its row."""
         row, *others = self._mergeable(rows)
         if others:
             track = self._touch(row)
@@ -295,6 +297,13 @@ class EvidenceMap:
         """Return whether a track may be there: not if people have deleted it."""
         return not (self._edited and self._tracks.objects[row].is_deleted)
 
+    def _is_published(self, row: int) -> bool:
+        return bool(self._tracks.existence[row] > self.config.publish_above)
+
+    def _is_remembered(self, row: int) -> bool:
+        """Return whether a track is long gone, and stays only as it may be at another place."""
+        return self.config.moves and self._tracks.existence[row] <= self.config.forget_below
+
     def _is_there(self, row: int) -> bool:
         """Return whether a track may be there, and is not long gone."""
         return self._may_be(row) and self._tracks.existence[row] > self.config.forget_below
@@ -302,9 +311,12 @@ class EvidenceMap:
     def _mergeable(self, rows: Rows) -> Rows:
         """Return the rows that may become one track, first that which stays: the oldest.
 
-        One that people have edited stays before others, and no two of them become one.
+        One that people have edited stays before others, and no two of them become one. So does one
+        that is published, which people may know by its id.
         """
         rows = sorted(row for row in rows if self._may_be(row))
+        if self.config.moves:
+            rows.sort(key=lambda row: not self._is_published(row))
         if not self._edited:
             return rows
         edited = [row for row in rows if self._tracks.objects[row].by_hand is not None]
@@ -332,6 +344,8 @@ class EvidenceMap:
         """
         if row == match:
             return True
+        if self._is_remembered(match):
+            return False
         one, other = self._tracks.objects[row], self._tracks.objects[match]
         if other.id in self._observed:
             return False
@@ -378,6 +392,13 @@ class EvidenceMap:
             self._tracks.shapes.heights[row] = track.buffer.heights()
         track.pending = 0
 
+    def _note_gone(self, stamp: float) -> None:
+        """Keep since when tracks are gone."""
+        is_gone = (self._tracks.existence <= GONE).tolist()
+        for row, (track, gone) in enumerate(zip(self._tracks.objects, is_gone, strict=True)):
+            if gone != (track.gone_since is not None):
+                self._touch(row).gone_since = stamp if gone else None
+
     def _follow_moves(self) -> None:
         """Give the ids of objects that were moved to the tracks that they have become."""
         for move in find_moves(self._tracks, self.config):
@@ -390,6 +411,7 @@ class EvidenceMap:
             track.buffer = there.buffer.copy()
             track.buffer.first_seen = first_seen
             track.pending, track.moved = there.pending, move.confidence
+            track.gone_since = None
             shapes = self._tracks.shapes
             shapes.replace(row, shapes.polygons[other])
             shapes.heights[row] = shapes.heights[other]

@@ -36,7 +36,7 @@ from hypermap.perception.observation import Observation, ObservedObject
 _FORMAT, _VERSION = "hypermap mapped frame", 1
 PART = 1000
 """Frames of which one state of the mapper is kept before them."""
-_PARTS = 2
+_PARTS = 3  # that are kept at most; each drive begins one, so that short ones do not add up
 _COLUMNS = 80  # to which a view is reduced, by leaving out rows and columns
 _LEVEL = 6  # of compression
 _WRONG = (
@@ -239,7 +239,7 @@ class LogPart:
 
 
 class FrameLog:
-    """The newest frames, in parts, of which the oldest is dropped when there are too many.
+    """The newest frames, in parts: those of few drives, and at least `PART` frames of long ones.
 
     Attributes:
         parts: oldest first.
@@ -247,16 +247,24 @@ class FrameLog:
 
     def __init__(self, parts: Iterable[LogPart] = ()) -> None:
         self.parts = [part.copy() for part in parts]
+        self._is_drive_over = False
 
     @property
     def is_full(self) -> bool:
         """Whether the next frame needs another part."""
-        return not self.parts or len(self.parts[-1].frames) >= PART
+        is_over = self._is_drive_over or not self.parts
+        return is_over or len(self.parts[-1].frames) >= PART
+
+    def end_drive(self) -> None:
+        """Say that the next frame is of another drive."""
+        self._is_drive_over = True
 
     def begin_part(self, before: bytes) -> None:
         """Begin a part with the state of the mapper before its first frame."""
+        self._is_drive_over = False
+        while len(self.parts) >= _PARTS or sum(len(p.frames) for p in self.parts[1:]) >= PART:
+            del self.parts[0]
         self.parts.append(LogPart(before))
-        del self.parts[:-_PARTS]
 
     def add(self, stamp: float, frame: bytes, map_T_camera: NDArray[np.float64]) -> None:
         """Add a packed frame with its pose, shape (4, 4), to the newest part."""

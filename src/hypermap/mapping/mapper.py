@@ -188,6 +188,8 @@ class Mapper:
         mapper._counts_before = state.counts
         mapper._base = hypermap
         mapper._log = FrameLog(state.log)
+        if state.drives and state.drives[-1].name != drive:
+            mapper._log.end_drive()
         return mapper
 
     def embed_with(self, embedder: Embedder | None) -> None:

@@ -107,6 +107,7 @@ def dump_state(state: MapperState) -> bytes:
     facts["names"] = [track.name for track in state.tracks.objects]
     facts["next_id"] = state.tracks.next_id
     facts["moved"] = [track.moved for track in state.tracks.objects]
+    facts["gone_since"] = [track.gone_since for track in state.tracks.objects]
     published = {item.id for item in state.published}  # whose pictures are with their layer
     hidden = {
         track.id: track.buffer.pictures
@@ -262,20 +263,24 @@ def _unpacked(facts: Mapping[str, Any], arrays: _Arrays, config: EvidenceConfig)
         ),
         *(arrays[f"track.{name}"].tolist() for name in _TRACK_COLUMNS),
     )
-    moved = {
-        n: float(c) for n, c in zip(ids, facts.get("moved", ()), strict=False) if c is not None
-    }
+    moved, gone_since = (_numbers(ids, facts.get(key, ())) for key in ("moved", "gone_since"))
     begin = 0
     for (id_, name, shape, existence, heights, pending, count, times), end in zip(
         zip(*columns, strict=True), ends, strict=True
     ):
         buffer = EvidenceBuffer.of(items[begin:end], config.max_evidence, count, *times)
         track = Track(id_, str(name), buffer, co_occurrences[id_], pending)
-        track.moved = moved.get(id_)
+        track.moved, track.gone_since = moved.get(id_), gone_since.get(id_)
         tracks.add(track, 0, shape, tuple(heights), existence)
         begin = end
     tracks.next_id = max(tracks.next_id, int(facts["next_id"]))
     return tracks
+
+
+def _numbers(ids: Sequence[int], values: Sequence[float | None]) -> dict[int, float]:
+    """Return the numbers of those tracks that have one; files of earlier versions have none."""
+    pairs = zip(ids, values, strict=False)
+    return {number: float(value) for number, value in pairs if value is not None}
 
 
 _TRACK_COLUMNS = ("existence", "heights", "pending", "observations", "scores_and_times")

@@ -18,6 +18,7 @@ from hypermap.perception.observation import Observation
 
 _VISIBLE = 0.5  # share of an object that a frame must be able to see for it to count as missed
 _ABSENT = 0.9  # share of what can be observed of it that rays must pass for it to be absent
+_WELL_SEEN = 8  # observations from which on a detector is known to find an object
 _MOST_GONE = 50  # tracks that are gone and stay
 _EVERYWHERE = (-math.inf, -math.inf, math.inf, math.inf)
 
@@ -85,10 +86,12 @@ def _penalize_by_rays(
     visible, through = visible_shares(view, samples, tracks.shapes.heights[rows], config.tolerance)
     is_absent = through >= _ABSENT * visible
     for i in np.flatnonzero(visible >= _VISIBLE).tolist():
-        loss = config.loss
-        if is_absent[i]:
-            unseen = stamp - tracks.objects[rows[i]].buffer.last_seen
-            loss = config.stale_loss if unseen > STALE else config.gone_loss
+        buffer = tracks.objects[rows[i]].buffer
+        if stamp - buffer.last_seen > STALE:
+            missed = config.stale_miss if buffer.count >= _WELL_SEEN else config.loss
+            loss = config.stale_loss if is_absent[i] else missed
+        else:
+            loss = config.gone_loss if is_absent[i] else config.loss
         tracks.change_existence(rows[i], -loss)
 
 

@@ -29,7 +29,9 @@ CONFIRMED = 4
 STALE = 3600.0
 """Seconds after which a place may have changed unnoticed: another drive, or much later in one."""
 
-_GONE = 0.0  # existence at which a track is surely gone, and not only unsure
+GONE = 0.0
+"""Existence at which a track is surely gone, and not only unsure."""
+
 _BEFORE = 1.0  # [s] before an object was seen first, when its place was still without it
 _VIEWS = 2  # of the place without it
 _COVERED = 0.5  # share of the place that such a view must cover
@@ -58,9 +60,10 @@ class Move:
 def find_moves(tracks: TrackTable, config: EvidenceConfig) -> list[Move]:
     """Return which tracks are gone, and appeared at another place since.
 
-    Of several that may be the same, the ones with the shortest ways are. A track also counts as
-    gone where one that is there came beside it since it was seen, in another drive: rays that meet
-    the one do not tell that the other is gone. Tracks that people have edited are never among them.
+    Of several that may be the same, the ones that are gone since the latest drive are, and of these
+    the ones with the shortest ways. A track also counts as gone where one that is there came beside
+    it since it was seen, in another drive: rays that meet the one do not tell that the other is
+    gone. Tracks that people have edited are never among them.
     """
     buffers = [track.buffer for track in tracks.objects]
     if not buffers:
@@ -73,13 +76,15 @@ def find_moves(tracks: TrackTable, config: EvidenceConfig) -> list[Move]:
     )
     is_there = is_own & (tracks.existence > config.publish_above)
     newest = first[is_there].max(initial=-np.inf)
-    is_gone = (tracks.existence <= _GONE) & (last < newest)
-    is_gone |= is_there & (last < newest - STALE)
+    is_gone = (tracks.existence <= GONE) & (last < newest)
+    is_gone |= last < newest - STALE  # or may be, as nobody has looked yet
     gone = np.flatnonzero(is_confirmed & is_gone).tolist()
     there = np.flatnonzero(is_there & (first > last[gone].min(initial=np.inf))).tolist()
     if not (gone and there):
         return []
     alike, ways = _compared(tracks, gone, there)
+    since = [tracks.objects[row].gone_since for row in gone]
+    _leave_out_older(alike, np.array([last.max() if one is None else one for one in since]))
     _leave_out_others(alike, tracks, gone, there)
     rows, cols = linear_sum_assignment(np.where(alike > 0, ways, 1e6))
     found = []
@@ -89,6 +94,20 @@ def find_moves(tracks: TrackTable, config: EvidenceConfig) -> list[Move]:
             ids = tracks.objects[gone[i]].id, tracks.objects[there[j]].id
             found.append(Move(*ids, float(alike[i, j] ** 2 / rivals)))
     return found
+
+
+def _leave_out_older(alike: NDArray[np.float64], gone_since: NDArray[np.float64]) -> None:
+    """Set to 0 what was gone before the latest drive, where another may be the same as well.
+
+    The other one is gone since that drive, or may be, as nobody has looked yet.
+
+    Args:
+        alike: of each track and each that it may have become, shape (N, M); changed.
+        gone_since: stamps [s]; the latest one for what is not gone yet, shape (N,).
+    """
+    since = gone_since[:, np.newaxis]
+    latest = np.where(alike > 0, since, -np.inf).max(axis=0)
+    alike[since < latest - STALE] = 0
 
 
 def _leave_out_others(
@@ -101,7 +120,7 @@ def _leave_out_others(
             if _takes_place_of(tracks, row, gone[i]):
                 continue
             views = _views(tracks) if views is None else views
-            if tracks.existence[gone[i]] > _GONE or not _was_without(tracks, row, views):
+            if tracks.existence[gone[i]] > GONE or not _was_without(tracks, row, views):
                 alike[i, j] = 0
 
 

@@ -116,6 +116,7 @@ class EvidenceConfig:
         tolerance: by how much the measured surface of an object may be off, for "rays" [m].
         gone_loss: existence lost where the rays went through the object's place, for "rays".
         stale_loss: the same for an object that was not seen for an hour, as since another drive.
+        stale_miss: existence that such an object loses by a missed detection, if it was seen often.
         moves: whether an object that is gone, while one of its class and shape appears at another
             place, is the same one, moved.
         contested: existence lost where a frame shows an object of another class in its place.
@@ -155,6 +156,7 @@ class EvidenceConfig:
     tolerance: float = 0.15
     gone_loss: float = 1.0
     stale_loss: float = 7.0
+    stale_miss: float = 3.0
     moves: bool = True
     contested: float = 0.5
     min_contested: float = 0.2
@@ -180,6 +182,7 @@ class EvidenceConfig:
             "tolerance",
             "gone_loss",
             "stale_loss",
+            "stale_miss",
             "contested",
         )
         for amount in amounts:

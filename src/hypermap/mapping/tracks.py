@@ -32,6 +32,7 @@ class Track:
         by_hand: edits made by hand; None for none.
         moved: how likely it is the object that was at another place before, 0..1; None if it was
             not moved.
+        gone_since: stamp of the frame since which it is surely gone [s]; None while it is not.
     """
 
     id: int
@@ -41,6 +42,7 @@ class Track:
     pending: int = 0
     by_hand: HandEdit | None = None
     moved: float | None = None
+    gone_since: float | None = None
 
     def copy(self) -> Track:
         """Return an independent copy."""
@@ -52,6 +54,7 @@ class Track:
             self.pending,
             self.by_hand,
             self.moved,
+            self.gone_since,
         )
 
     @property
