@@ -21,8 +21,6 @@ import pytest
 
 from hypermap.core.errors import HypermapError
 
-from ..prepared import Command
-
 collect_ignore = ["port_node.py", "ros2_client.py"]  # programs, which doctest would import
 
 # rospy leaves the sockets of its calls of the roscore to the garbage collector.
@@ -93,21 +91,9 @@ class Process:
     ) -> None:
         self.log = log
         environment = dict(os.environ if env is None else env)
-        ours = [sys.executable, "-m", "hypermap"]
-        self.popen: subprocess.Popen[bytes] | Command
+        if command[0] != sys.executable:  # ours must show by themselves what they say
+            environment["PYTHONUNBUFFERED"] = "1"
         with log.open("wb") as output:
-            if command[:3] == ours and "PYTHONPATH" not in environment:
-                self.popen = Command(
-                    *command[3:],
-                    stdin=stdin,
-                    stdout=output,
-                    stderr=output,
-                    env=environment,
-                    start_new_session=True,
-                )
-                return
-            if command[0] != sys.executable:  # ours must show by themselves what they say
-                environment["PYTHONUNBUFFERED"] = "1"
             self.popen = subprocess.Popen(
                 command,
                 stdout=output,
