@@ -43,6 +43,11 @@ def test_a_door_divides_two_rooms():
     assert door.width == pytest.approx(0.9, abs=0.051)
 
 
+def test_a_door_may_take_most_of_the_width_of_the_narrower_room():
+    plan = Plan(6, 9).clear(1, 1, 5, 6).clear(2, 6, 3.3, 6.1).clear(1.8, 6.1, 3.4, 8.6)
+    assert areas(find_rooms(plan.layer())) == pytest.approx([4, 20], abs=0.2)
+
+
 def test_a_wide_passage_between_large_rooms_makes_them_one():
     layer = two_rooms(door=3).layer()
     assert len(find_rooms(layer)) == 1

@@ -15,12 +15,12 @@ from hypermap.core.arrays import FloatArray
 from hypermap.rooms.settings import RoomSettings
 
 # Shares, of what the names say.
-_OPEN = 0.27  # of a room's outline is open at most; of a square without one wall 0.25 is
+_OPEN = 0.28  # of a room's outline is open at most; of a square without one wall 0.25 is
 _COUNTS = 0.6  # of a piece's width is a passage at least that makes it open
 _ROOM = 2.0  # [m^2] is a room's area at least, if nothing but its shape says that it is one
 _LARGE = 4.0  # [m^2] what is smaller and no room is part of what it opens to, as a niche
 _LONG = 2.5  # times its width is a corridor's length at least
-_DOOR = 0.8  # of the narrower side's width is a door at most
+_DOOR = 0.85  # of the narrower side's width is a door at most
 _BOTTLENECK = 0.65  # of the narrower corridor's width is a passage between corridors at most
 _ALIKE = 0.9  # of each other's width is where a corridor goes on
 _SAME = 1.1  # of a gap's width is what it is measured as at most
