@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import json
+import zlib
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -219,6 +221,16 @@ def test_a_map_without_frames_is_not_corrected() -> None:
         Mapper(profile("default"), SOURCE).correct(truth())
 
 
+@pytest.mark.parametrize("x", [1e12, 1e308])
+def test_poses_that_no_map_reaches_are_refused(x: float) -> None:
+    frames = drifted()[:6]
+    positions = truth(frames).positions.copy()
+    positions[3, 0] = x
+    far = dataclasses.replace(truth(frames), positions=positions)
+    with pytest.raises(CannotCorrect, match="farther away than 1e"):
+        mapper_of(frames).correct(far)
+
+
 def test_old_frames_are_dropped_and_stay_where_they_were(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(frame_log, "PART", 10)
     mapper = mapper_of(drifted())
@@ -245,6 +257,21 @@ def test_a_damaged_log_is_one_error() -> None:
         with pytest.raises(FormatError, match=r"x\.hmap: "):
             unpacked_frame(wrong, "x.hmap")
     assert unpacked_frame(content, "x.hmap").observation.stamp == 1.0
+
+
+@pytest.mark.parametrize("shape", [[10**6, 10**6], [-1, 2], [1, 1.5], [2], "ab"])
+def test_a_logged_frame_of_more_cells_than_it_holds_takes_no_memory(shape: object) -> None:
+    some = np.ones((2, 3), bool)
+    frame = LoggedFrame(
+        Observation(1.0, np.eye(4), (), shapely.Polygon()),
+        SeenCells(np.zeros(2, np.int64), some, some),
+    )
+    plain = zlib.decompress(packed_frame(frame))
+    said = json.dumps(shape, separators=(",", ":")).encode()
+    wrong = plain.replace(b'"cells":[2,3]', b'"cells":' + said)
+    assert wrong != plain
+    with pytest.raises(FormatError, match=r"x\.hmap: is damaged"):
+        unpacked_frame(zlib.compress(wrong), "x.hmap")
 
 
 @given(

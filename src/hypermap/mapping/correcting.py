@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from hypermap.core.errors import HypermapError
 from hypermap.core.trajectory import Trajectory, invert, trajectory_of
+from hypermap.formats.limits import MAX_PLACE
 from hypermap.mapping.completion import FreeShare
 from hypermap.mapping.config import MappingConfig
 from hypermap.mapping.drives import Drive
@@ -111,6 +112,8 @@ def corrected_poses(
             f"that the map keeps for this{known}"
         )
     poses[is_covered] = _moved_along(stamps[is_covered], poses[is_covered], trajectory)
+    if not (np.abs(poses[:, :3, 3]) <= MAX_PLACE).all():
+        raise CannotCorrect(f"a pose is farther away than {MAX_PLACE:g} m")
     return poses, is_covered
 
 

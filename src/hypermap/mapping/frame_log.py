@@ -212,6 +212,8 @@ def _unpacked_cells(shape: list[int] | None, arrays: _Arrays) -> SeenCells | Non
     if shape is None:
         return None
     height, width = shape
+    if min(height, width) < 0 or 2 * height * width > 8 * arrays["cells"].size:
+        raise ValueError(f"there are fewer than {height} x {width} cells")
     bits = np.unpackbits(arrays["cells"], count=2 * height * width)
     is_hit, is_free = bits.reshape(2, height, width).astype(bool)
     return SeenCells(arrays["first_cell"].reshape(2), is_hit, is_free)
