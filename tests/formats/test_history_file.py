@@ -125,6 +125,13 @@ def test_of_a_damaged_history_the_rest_is_read_and_what_is_lost_is_said(
         at_version(opened, 2)
 
 
+@pytest.mark.parametrize("value", ['"far"', "NaN", "1e400", "true", "[1]"])
+def test_a_distance_that_is_no_number_is_damage(value: str) -> None:
+    line = dump_revision(revision(2)).replace(b'"distance":2.0', b'"distance":' + value.encode())
+    assert value.encode() in line
+    assert HistoryFiles({"history.000002.jsonl": line})() == ()
+
+
 def test_a_map_opens_without_the_file_of_its_history(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:

@@ -193,9 +193,17 @@ def _parsed(row: Mapping[str, Any]) -> Change:
         str(row["layer"]),
         before,
         after,
-        row.get("distance"),
-        row.get("confidence"),
+        _number(row.get("distance")),
+        _number(row.get("confidence")),
     )
+
+
+def _number(value: Any) -> float | None:
+    if value is None:
+        return None
+    if isinstance(value, bool) or not math.isfinite(number := float(value)):
+        raise ValueError(f"{value!r} is no number")
+    return number
 
 
 def _record(item: SemanticObject) -> dict[str, Any]:
