@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
+import os
 import zipfile
 from pathlib import Path
 from typing import Any
@@ -105,6 +106,25 @@ def test_a_map_whose_files_were_left_behind_opens_says_so_and_saves(saved: Path,
         large.sha256,
     ]
     moved.unlink()
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes with names here")
+def test_what_is_no_regular_file_next_to_the_map_is_missing_and_nobody_waits_for_it(saved: Path):
+    (large,) = (saved.parent / "office.hmap.media").iterdir()
+    large.unlink()
+    os.mkfifo(large)
+    kept = notes_layer(open_map(saved))[1].attachments[1]
+    assert not kept.is_there
+    with pytest.raises(FileNotFoundError, match="is missing"):
+        kept.open()
+
+
+def test_a_name_that_no_folder_can_have_is_that_of_a_missing_one(saved: Path, tmp_path: Path):
+    document = json.loads(zipfile.ZipFile(saved).read("notes.geojson"))
+    document["beside"] = "x" * 300
+    content = {**files_of(saved), "notes.geojson": json.dumps(document)}
+    opened = open_map(archive(tmp_path / "long.hmap", content))
+    assert [each.is_there for each in notes_layer(opened)[1].attachments] == [True, False]
 
 
 def test_the_same_file_at_two_notes_is_kept_once(tmp_path: Path):

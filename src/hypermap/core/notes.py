@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import re
+import stat
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 from pathlib import Path
@@ -71,7 +72,12 @@ class Attachment:
     @property
     def is_there(self) -> bool:
         """Whether the content can be read: a file next to the map may have been left behind."""
-        return isinstance(self.content, bytes) or self.content.is_file()
+        if isinstance(self.content, bytes):
+            return True
+        try:
+            return stat.S_ISREG(self.content.stat().st_mode)
+        except OSError:  # also where nobody may look, and for names that no file can have
+            return False
 
     def open(self) -> BinaryIO:
         """Return the content, to be read.
@@ -82,13 +88,13 @@ class Attachment:
         """
         if isinstance(self.content, bytes):
             return io.BytesIO(self.content)
-        try:
-            return self.content.open("rb")
-        except FileNotFoundError:
+        if not self.is_there:  # what is no regular file might never answer
             raise FileMissing(
                 f"{self.content}: the attached file {self.name!r} is missing; copy it next to the "
                 "map, from where the map was"
-            ) from None
+            )
+        try:
+            return self.content.open("rb")
         except OSError as error:
             raise HypermapError(f"{self.content}: cannot be read: {error.strerror}") from error
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import logging
 import re
+import stat
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import BinaryIO
@@ -45,7 +46,7 @@ def put_beside(folder: Path, files: Iterable[Attachment]) -> None:
     """
     for each in files:
         target = folder / each.sha256
-        if target.is_file() and target.stat().st_size == each.size:
+        if _is_whole(target, each.size):
             continue
         if not each.is_there and is_kept(each):
             logger.warning("%s is missing: the attached file %r", each.content, each.name)
@@ -55,6 +56,15 @@ def put_beside(folder: Path, files: Iterable[Attachment]) -> None:
         except OSError as error:
             raise HypermapError(f"{folder}: cannot be made: {error.strerror}") from error
         copy_to(target, each)
+
+
+def _is_whole(path: Path, size: int) -> bool:
+    """Return whether there is a regular file of a size."""
+    try:
+        status = path.stat()
+    except OSError:  # also where nobody may look
+        return False
+    return stat.S_ISREG(status.st_mode) and status.st_size == size
 
 
 def is_kept(attachment: Attachment) -> bool:
