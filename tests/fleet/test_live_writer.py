@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import sqlite3
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,8 @@ from hypermap.testing import assert_same_objects, square
 from hypermap.testing.comparing import assert_same_evidence
 
 pytestmark = pytest.mark.xdist_group("store")
+
+NOWHERE = parse_address("postgresql://nobody@127.0.0.1:1/none?site=lab")
 
 
 def mapped(count: int, views: int) -> SemanticLayer:
@@ -99,6 +102,48 @@ def test_a_file_that_is_no_spool_is_named(tmp_path: Path) -> None:
     with pytest.raises(HypermapError, match="damaged: is damaged"):
         damaged.first()
     damaged.close()
+
+
+@pytest.mark.parametrize(
+    "wrong", ["[]", "7", '{"objects": "{}"}', "[" * 100_000, '{"removed": ["x"]}']
+)
+def test_an_entry_that_says_nothing_is_damage(tmp_path: Path, wrong: str) -> None:
+    spool = Spool(tmp_path / "spool")
+    with sqlite3.connect(tmp_path / "spool") as file:
+        file.execute("INSERT INTO waiting (content) VALUES (?)", (wrong,))
+    file.close()
+    with pytest.raises(HypermapError, match="spool: is damaged"):
+        spool.first()
+    spool.close()
+
+
+@contextlib.contextmanager
+def full_spool(path: Path) -> Iterator[sqlite3.Connection]:
+    """A spool that refuses what is new, as on a full disk, until its trigger `full` is dropped."""
+    Spool(path).close()
+    with contextlib.closing(sqlite3.connect(path)) as file:
+        file.execute(
+            "CREATE TRIGGER full BEFORE INSERT ON waiting "
+            "BEGIN SELECT raise(FAIL, 'disk full'); END"
+        )
+        yield file
+
+
+def test_what_the_spool_cannot_take_is_put_when_it_can_again(tmp_path: Path) -> None:
+    path, troubles = tmp_path / "spool", []
+    with full_spool(path) as file:
+        writer = LiveWriter(lambda: mapped(1, 1), NOWHERE, path, "anna", troubles.append)
+        wait_until(lambda: any("disk full; observations wait in memory" in t for t in troubles))
+        file.execute("DROP TRIGGER full")
+    assert writer.close() == 1
+
+
+def test_what_the_spool_never_took_is_said_to_be_lost(tmp_path: Path) -> None:
+    path, troubles = tmp_path / "spool", []
+    with full_spool(path):
+        writer = LiveWriter(lambda: mapped(1, 1), NOWHERE, path, "anna", troubles.append)
+        assert writer.close() == 0
+    assert any("disk full; the last observations are lost" in each for each in troubles)
 
 
 def test_a_database_that_dies_costs_nothing(

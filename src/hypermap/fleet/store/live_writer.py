@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from hypermap.core.errors import HypermapError
 from hypermap.core.evidence import EvidenceTable
 from hypermap.core.objects import SemanticObject
 from hypermap.core.semantic import SemanticLayer
@@ -87,28 +88,49 @@ class LiveWriter:
         self._changes = Changes(address.site, f"{robot} {uuid.uuid4().hex[:8]}")
         self._spool = Spool(spool)
         self._delivery = Delivery(self._spool, address, on_trouble)
+        self._on_trouble = on_trouble
+        self._left: Observed | None = None  # what the spool could not take
+        self._said = ""
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._run, name="store", daemon=True)
         self._thread.start()
 
     def close(self) -> int:
-        """Send the rest, and end; return how much still waits in the spool."""
+        """Send the rest, and end; return how much still waits in the spool.
+
+        Raises:
+            HypermapError: If the spool cannot be read.
+        """
         self._ended.set()
         self._thread.join()
-        waiting = self._delivery.close()
-        self._spool.close()
-        return waiting
+        if self._left is not None:
+            self._on_trouble(f"{self._said}; the last observations are lost")
+        try:
+            return self._delivery.close()
+        finally:
+            self._spool.close()
 
     def _run(self) -> None:
         while not self._ended.wait(_EVERY):
             self._look()
-        self._look()
+        for _ in range(2):  # what was left, and what is new
+            self._look()
 
     def _look(self) -> None:
-        observed = self._changes.since_last(self._layer())
-        if observed is not None:
-            self._spool.put(observed)
-            self._delivery.wake()
+        """Put what is new into the spool; what it cannot take is tried again the next time."""
+        if self._left is None:
+            self._left = self._changes.since_last(self._layer())
+        if self._left is None:
+            return
+        try:
+            self._spool.put(self._left)
+        except HypermapError as error:
+            if str(error) != self._said:
+                self._said = str(error)
+                self._on_trouble(f"{error}; observations wait in memory")
+            return
+        self._left, self._said = None, ""
+        self._delivery.wake()
 
 
 def _is_same(one: SemanticObject | None, other: SemanticObject) -> bool:

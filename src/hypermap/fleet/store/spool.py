@@ -16,6 +16,7 @@ import threading
 import uuid
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from hypermap.core.errors import FormatError, HypermapError
 from hypermap.core.hypermap import Hypermap
@@ -30,6 +31,7 @@ from hypermap.formats.semantic.geojson import from_geojson, to_geojson
 
 _log = logging.getLogger(__name__)
 
+_WRONG = (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError)
 _PATIENCE = 1.0  # s between two tries to reach the database
 
 
@@ -49,35 +51,44 @@ class Spool:
             raise HypermapError(f"{path}: cannot keep observations in this file: {error}") from None
 
     def put(self, observed: Observed) -> None:
-        """Write observations to the file."""
-        with self._lock:
-            self._file.execute("INSERT INTO waiting (content) VALUES (?)", (_dump(observed),))
+        """Write observations to the file.
+
+        Raises:
+            HypermapError: If it cannot be written, as on a full disk.
+        """
+        self._do("INSERT INTO waiting (content) VALUES (?)", _dump(observed))
 
     def first(self) -> tuple[int, Observed] | None:
         """Return the number and the content of what has waited longest; None if nothing waits.
 
         Raises:
-            FormatError: If the file is damaged.
+            HypermapError: If the file is damaged.
         """
-        with self._lock:
-            row = self._file.execute(
-                "SELECT number, content FROM waiting ORDER BY number LIMIT 1"
-            ).fetchone()
-        return None if row is None else (row[0], _parse(row[1], self.path))
+        rows = self._do("SELECT number, content FROM waiting ORDER BY number LIMIT 1")
+        return (rows[0][0], _parse(rows[0][1], self.path)) if rows else None
 
     def remove(self, number: int) -> None:
-        """Forget what the store has."""
-        with self._lock:
-            self._file.execute("DELETE FROM waiting WHERE number = ?", (number,))
+        """Forget what the store has.
+
+        Raises:
+            HypermapError: If the file cannot be written.
+        """
+        self._do("DELETE FROM waiting WHERE number = ?", number)
 
     def __len__(self) -> int:
-        with self._lock:
-            return int(self._file.execute("SELECT count(*) FROM waiting").fetchone()[0])
+        return int(self._do("SELECT count(*) FROM waiting")[0][0])
 
     def close(self) -> None:
         """Close the file; what waits stays in it."""
         with self._lock:
             self._file.close()
+
+    def _do(self, statement: str, *values: object) -> list[Any]:
+        try:
+            with self._lock:
+                return self._file.execute(statement, values).fetchall()
+        except sqlite3.Error as error:
+            raise HypermapError(f"{self.path}: {error}") from None
 
 
 def _open(path: Path) -> sqlite3.Connection:
@@ -191,13 +202,13 @@ def _parse(content: str, path: Path) -> Observed:
         if evidence is not None:
             evidence = parse_evidence(base64.b64decode(evidence), str(path))
         return Observed(
-            kept["site"],
+            str(kept["site"]),
             layer.name,
-            kept["source"],
+            str(kept["source"]),
             layer.objects(),
-            kept["removed"],
+            [int(number) for number in kept["removed"]],
             evidence,
             uuid.UUID(kept["id"]),
         )
-    except (ValueError, KeyError, TypeError) as error:
+    except (*_WRONG, FormatError) as error:
         raise FormatError(f"is damaged: {error}", path=path) from None
