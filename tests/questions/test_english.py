@@ -66,6 +66,7 @@ def test_the_examples_can_be_asked(question: str) -> None:
         ("what is new since 2026-13-01", "cannot read 'since'"),
         ("what did you see yesterday at 3 pm", "cannot read 'pm'"),
         ("what is new", "cannot read this question"),
+        (f"what is at {'9' * 400}, 2", "a point is farther away than 1e"),
         ("0 nearest cups", "0 things cannot be listed"),
         ("cup " * 25_000, "a question has at most 500 characters, not 100000"),
     ],

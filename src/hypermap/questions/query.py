@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Any, Literal, TypeAlias, get_args
 
 import shapely
+
+from hypermap.core.errors import HypermapError
 
 Give: TypeAlias = Literal[
     "objects",
@@ -44,7 +47,13 @@ Seen: TypeAlias = Literal["seen", "not seen", "new"]
 MOST_LETTERS = 500
 """The longest text that objects are to look like."""
 
+_FARTHEST = 1e9  # meters
+
 WITH_DISTANCE = ("near", "beyond")
+
+
+class FarAway(HypermapError, ValueError):
+    """A place or a distance is farther than numbers tell places apart."""
 
 
 @dataclass(frozen=True)
@@ -75,6 +84,8 @@ class Reference:
             )
         if self.area is not None:
             _check_area(self.area)
+        if self.point_xy is not None:
+            _check_near("a point", self.point_xy)
         if self.where and not self.names:
             raise ValueError("only a reference by names has conditions")
 
@@ -102,6 +113,8 @@ class Condition:
             raise ValueError(f"there is no relation {self.relation!r}")
         if self.within is not None and not (math.isfinite(self.within) and self.within >= 0):
             raise ValueError(f"a distance is finite and not negative, got {self.within}")
+        if self.within is not None:
+            _check_near("a distance", (self.within,))
         if self.within is not None and self.relation not in WITH_DISTANCE:
             raise ValueError(f"{self.relation!r} takes no distance")
         if self.relation == "beyond" and self.within is None:
@@ -273,3 +286,9 @@ def _check_area(text: str) -> None:
         raise ValueError(f"the area is not WKT: {error}") from None
     if area.area == 0 or not area.is_valid:
         raise ValueError("the area is empty, or its outline crosses itself")
+    _check_near("the area", area.bounds)
+
+
+def _check_near(what: str, meters: Iterable[float]) -> None:
+    if not max(map(abs, meters)) <= _FARTHEST:
+        raise FarAway(f"{what} is farther away than {_FARTHEST:g} m")

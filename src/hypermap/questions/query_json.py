@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+import sys
 from collections.abc import Mapping
 from datetime import datetime, timezone
 from typing import Any
@@ -108,9 +108,14 @@ def _whole(value: Any, where: str) -> int:
 
 
 def _number(value: Any, where: str) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+    if not _is_number(value):
         raise FormatError(f"{where}: expected a number")
     return float(value)
+
+
+def _is_number(value: Any) -> bool:
+    is_one = isinstance(value, int | float) and not isinstance(value, bool)
+    return is_one and abs(value) <= sys.float_info.max
 
 
 def _times(values: Any) -> tuple[When, ...]:
@@ -177,10 +182,9 @@ def _reference(values: Any, where: str) -> Reference:
     given |= {key: _names(given.get(key, ()), f"{where}.{key}") for key in ("names", "rooms")}
     if given.get("point_xy") is not None:
         point = _list(given["point_xy"], f"{where}.point")
-        numbers = [one for one in point if isinstance(one, int | float) and math.isfinite(one)]
-        if len(point) != 2 or len(numbers) != 2:
+        if len(point) != 2 or not all(map(_is_number, point)):
             raise FormatError(f"{where}.point: expected two finite numbers")
-        given["point_xy"] = (float(numbers[0]), float(numbers[1]))
+        given["point_xy"] = (float(point[0]), float(point[1]))
     if not isinstance(given.get("area") or "", str):
         raise FormatError(f"{where}.area: expected WKT")
     made: Reference = _made(Reference, given, where)
