@@ -186,6 +186,8 @@ def test_a_view_is_a_picture(call: Call) -> None:
         ("path_to", {"goal": "zebra", "start": [3, 3]}, "zebra"),
         ("path_to", {"goal": "printer", "start": [-50, 0]}, "off the grid"),
         ("ask", {"question": "cup? " * 1000}, "question: "),
+        ("nearest", {"name": "cup", "start": [1e300, 0]}, "a point is farther away"),
+        ("render_view", {"center": [1e19, 1]}, "the area to draw is farther away"),
         ("render_view", {"pixels": 10**9}, "pixels: "),
     ],
 )

@@ -180,6 +180,12 @@ def test_only_what_is_known_is_in_view_unless_all_is_asked_for():
     assert compose(hypermap, area=area).view == pytest.approx((0.8, 0.8, 3.2, 2.2))
 
 
+@pytest.mark.parametrize("area", [shapely.box(1e19, 0, 1e19 + 2, 2), shapely.Polygon()])
+def test_an_area_that_is_empty_or_far_away_is_refused(area: shapely.Polygon):
+    with pytest.raises(HypermapError, match="the area to draw is farther away than"):
+        compose(room(), area=area)
+
+
 def test_the_layers_and_classes_that_are_drawn_can_be_chosen():
     things = [SemanticObject(n, shapely.box(i, 0, i + 1, 1)) for i, n in enumerate("abca")]
     hypermap = Hypermap([room()["occupancy"], SemanticLayer("semantic", "floor", things)])

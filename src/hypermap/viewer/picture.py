@@ -21,6 +21,7 @@ from hypermap.core.layer import Layer, RasterPicture, ShapesPicture
 from hypermap.core.shapes import valid_copies
 from hypermap.core.value_layer import ValueLayer
 from hypermap.formats.atomic import write_file
+from hypermap.formats.limits import MAX_PLACE
 from hypermap.text import counted
 from hypermap.viewer.note_marks import Mark, marks_of
 
@@ -145,8 +146,8 @@ def render(
         size: pixels of the longer side of the map in a PNG.
 
     Raises:
-        HypermapError: If the suffix is another, there is nothing to draw, no value has contours, or
-            a name is unknown.
+        HypermapError: If the suffix is another, there is nothing to draw, the area is empty or far
+            away, no value has contours, or a name is unknown.
         LayerNotFound: If there is no such layer.
     """
     path = Path(path)
@@ -209,6 +210,8 @@ def compose(
     if names is not None:
         shapes = [_only(part, names, colors) for part in shapes]
     marks = marks_of(hypermap, shown) if names is None else ()
+    if area is not None and not np.abs(area.bounds).max() <= MAX_PLACE:
+        raise HypermapError(f"the area to draw is farther away than {MAX_PLACE:g} m, or empty")
     view = _view(rasters, shapes, marks, full) if area is None else area.bounds
     is_empty = not (rasters or marks or any(len(s.names) for s in shapes))
     if not np.isfinite(view).all() or is_empty:
