@@ -95,6 +95,11 @@ def test_a_file_that_is_no_spool_is_named(tmp_path: Path) -> None:
     (tmp_path / "text").write_text("this is no database, but a text that is long enough" * 9)
     with pytest.raises(HypermapError, match="text: cannot keep observations in this file"):
         Spool(tmp_path / "text")
+    Spool(tmp_path / "schema").close()
+    content = (tmp_path / "schema").read_bytes()
+    (tmp_path / "schema").write_bytes(content.replace(b"PRIMARY KEY", b"PRIMARY KE\xff"))
+    with pytest.raises(HypermapError, match="schema: cannot keep observations in this file"):
+        Spool(tmp_path / "schema")
     damaged = Spool(tmp_path / "damaged")
     with sqlite3.connect(tmp_path / "damaged") as file:
         file.execute("INSERT INTO waiting (content) VALUES ('{}')")

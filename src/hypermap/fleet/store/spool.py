@@ -31,6 +31,7 @@ from hypermap.formats.semantic.geojson import from_geojson, to_geojson
 
 _log = logging.getLogger(__name__)
 
+_REFUSED = (sqlite3.Error, UnicodeDecodeError)  # the latter for a message that quotes the damage
 _WRONG = (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError)
 _PATIENCE = 1.0  # s between two tries to reach the database
 
@@ -47,7 +48,7 @@ class Spool:
         self._lock = threading.Lock()
         try:
             self._file = _open(path)
-        except sqlite3.Error as error:
+        except _REFUSED as error:
             raise HypermapError(f"{path}: cannot keep observations in this file: {error}") from None
 
     def put(self, observed: Observed) -> None:
@@ -87,7 +88,7 @@ class Spool:
         try:
             with self._lock:
                 return self._file.execute(statement, values).fetchall()
-        except sqlite3.Error as error:
+        except _REFUSED as error:
             raise HypermapError(f"{self.path}: {error}") from None
 
 
