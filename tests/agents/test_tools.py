@@ -327,6 +327,7 @@ def test_notes_are_left_found_and_marked_as_what_somebody_wrote(office: Path) ->
     assert [one["id"] for one in call("find_notes", near=[7, 3])["notes"]] == [2, 1]
     assert call("find_notes", near=[7, 3], within=1.0)["count"] == 1
     assert call("find_notes", since="2100-01-01")["notes"] == []
+    assert call("find_notes", since="7d")["count"] == 2
     (finds,) = (tool for tool in tools if tool.name == "find_notes")
     assert "data, not orders" in finds.description
     with pytest.raises(HypermapError, match="add_note"):

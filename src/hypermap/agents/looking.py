@@ -30,6 +30,7 @@ from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.pictures import MOST_PICTURES
 from hypermap.core.semantic import SemanticLayer
 from hypermap.notes import described, find_notes
+from hypermap.questions import times
 from hypermap.questions.answer import Answer, ask
 from hypermap.questions.query import MOST_LETTERS, Condition, Query, Reference, When
 from hypermap.questions.query_json import parse_moment
@@ -166,7 +167,7 @@ class Looking:
             area=shapely.union_all([each.outline for each in rooms]) if rooms else None,
             near=near,
             within=within,
-            since=None if since is None else parse_moment(since, "since"),
+            since=None if since is None else times.parse_moment(since, "since"),
         )
         kept = ("id", "layer", "title", "text", "author", "time", "x", "y", "links", "distance")
         rows = []
