@@ -10,9 +10,18 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from campaign.full_map import MeanColors
 from hypermap import HypermapError, LayerNotFound, OccupancyLayer, SemanticLayer, to_geojson
+from hypermap.cli.change_rows import described
 from hypermap.core.hypermap import Hypermap
+from hypermap.core.trajectory import trajectory_of
 from hypermap.formats.semantic.csv_table import to_csv
+from hypermap.history import as_of, at_version
+from hypermap.mapping.mapper import Mapper
+from hypermap.notes import find_notes
+from hypermap.questions import Query
+from hypermap.questions import ask as ask_query
+from hypermap.viewer.live.attached import embed_notes, file_reply
 from hypermap.viewer.live.object_evidence import describe_evidence
 
 MOST_CELLS = 1 << 20  # of grids that are asked for all of their cells
@@ -54,6 +63,53 @@ def ask_everything(hypermap: Hypermap, draw: random.Random) -> None:
         hypermap.objects_at((0.0, 0.0), frame_id=draw.choice(frames))
     with contextlib.suppress(LayerNotFound):
         hypermap.label_at("no such layer", [(0.0, 0.0)])
+    for ask_more in (_ask_notes, _ask_history, _ask_looks, _ask_mapper):
+        with contextlib.suppress(HypermapError):
+            ask_more(hypermap)
+
+
+def _ask_notes(hypermap: Hypermap) -> None:
+    find_notes(hypermap, words="tile", near=(0.0, 0.0))
+    embed_notes(hypermap)
+    for found in find_notes(hypermap):
+        for each in found.note.attachments:
+            with contextlib.suppress(HypermapError):
+                file_reply(each)
+
+
+def _ask_history(hypermap: Hypermap) -> None:
+    if hypermap.history is None:
+        return
+    for time, revision in hypermap.history.dated():
+        for change in revision.changes:
+            described(change)
+        with contextlib.suppress(HypermapError):
+            at_version(hypermap, revision.version)
+        with contextlib.suppress(HypermapError):
+            as_of(hypermap, time + 1)
+
+
+def _ask_looks(hypermap: Hypermap) -> None:
+    for layer in hypermap:
+        if isinstance(layer, SemanticLayer):
+            for number in layer.ids[:3].tolist():
+                layer.pictures(number)
+    ask_query(hypermap, Query(like="red", count=3), encoder=MeanColors())
+
+
+def _ask_mapper(hypermap: Hypermap) -> None:
+    """Go on with a map, from poses that are a little different."""
+    if hypermap.mapper_state is None:
+        return
+    mapper = Mapper.onto(hypermap, None)
+    stamps, poses = mapper.logged_poses()
+    poses[:, 0, 3] += 0.05
+    try:
+        trajectory = trajectory_of(stamps, poses)
+    except ValueError:  # where the stamps do not rise
+        return
+    mapper.correct(trajectory)
+    mapper.hypermap().semantic()
 
 
 def _ask_objects(

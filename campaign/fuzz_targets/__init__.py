@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import importlib.util
 from collections.abc import Callable
 from pathlib import Path
 from typing import cast
@@ -21,6 +22,12 @@ TARGETS = {
     "geoparquet": "maps",
     "evidence": "maps",
     "values": "maps",
+    "mapper_state": "left",
+    "pictures": "left",
+    "embeddings": "left",
+    "history": "left",
+    "notes": "left",
+    "media": "left",
     "tum": "recordings",
     "seven_scenes": "recordings",
     "ros1_bag": "recordings",
@@ -34,7 +41,20 @@ TARGETS = {
     "console": "nodes",
     "http": "servers",
     "websocket": "servers",
+    "tools": "asked",
+    "questions": "asked",
+    "poses": "asked",
+    "spool": "asked",
+    "store_api": "asked",
 }
+
+_NEEDS = {"spool": "psycopg", "store_api": "psycopg"}  # which a plain install lacks
+
+
+def targets_here() -> list[str]:
+    """Return the targets whose optional library is installed, or that need none."""
+    missing = {name for name, needed in _NEEDS.items() if importlib.util.find_spec(needed) is None}
+    return [name for name in TARGETS if name not in missing]
 
 
 def target_of(name: str, folder: Path) -> Target:

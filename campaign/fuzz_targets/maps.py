@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
+from campaign.full_map import full_map
 from campaign.fuzz_targets.target import (
     Target,
     a_map,
@@ -88,7 +89,7 @@ def archive(folder: Path) -> Target:
     """A whole map in an archive, of which all questions are asked."""
     path, corpus = folder / "example.hmap", []
     forms: tuple[SemanticForm, ...] = ("auto", "parquet", "yaml")
-    for made, form in zip((a_map(), a_map(), a_small_map()), forms, strict=True):
+    for made, form in zip((a_map(), full_map(), a_small_map()), forms, strict=True):
         save_map(made, path, form)
         corpus.append(path.read_bytes())
     return _file_target("map.hmap", corpus, mutate_archive, folder)

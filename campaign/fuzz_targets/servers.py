@@ -36,6 +36,9 @@ _QUERIES: dict[str, dict[str, str]] = {
     "/api/path": {"from": "1,1", "to": "2,2", "radius": "0.2"},
     "/api/objects/semantic/1/evidence": {},
     "/api/objects/semantic/1": {"if_there": "1"},
+    "/api/ask": {"text": "which chairs are near the table?"},
+    "/api/notes": {},
+    f"/api/notes/notes/1/{'0' * 64}": {},
 }
 _BODIES: dict[str, dict[str, Any]] = {
     "/api/area": {"polygon": _SQUARE, "frame": "map"},
@@ -74,14 +77,14 @@ def http(folder: Path) -> Target:
 
     def ask(data: bytes) -> None:
         nonlocal app
-        scope, body = _request(data, app.token or "")
-        status = asyncio.run(_answer(app.app, scope, body))
+        scope, body = parsed_request(data, (b"x-hypermap-token", (app.token or "").encode()))
+        status = asyncio.run(answered(app.app, scope, body))
         if status >= 500:
             raise AssertionError(f"answered {status}")
         if scope["method"] == "POST":
             app = new_app()
 
-    return Target(ask, list(_requests()), _mutate_request)
+    return Target(ask, list(_requests()), mutate_request)
 
 
 def _requests() -> Iterator[bytes]:
@@ -98,13 +101,13 @@ def _requests() -> Iterator[bytes]:
     yield f"GET /api/events?v=1\nlast-event-id: 123\n{_HOST}\n\n".encode()
 
 
-def _request(data: bytes, token: str) -> tuple[dict[str, Any], bytes]:
-    """Return a request as ASGI has it: what is asked, and the body."""
+def parsed_request(data: bytes, secret: tuple[bytes, bytes]) -> tuple[dict[str, Any], bytes]:
+    """Return a request as ASGI has it: what is asked, with a header that is known, and the body."""
     head, _, body = data.partition(b"\n\n")
     first, *lines = head.split(b"\n")
     method, _, target = first.partition(b" ")
     way, _, query = target.partition(b"?")
-    headers = [(b"x-hypermap-token", token.encode())]
+    headers = [secret]
     for line in lines:
         name, _, value = line.partition(b":")
         headers.append((name.strip().lower(), value.strip()))
@@ -125,7 +128,7 @@ def _request(data: bytes, token: str) -> tuple[dict[str, Any], bytes]:
     return scope, body
 
 
-def _mutate_request(data: bytes, draw: random.Random) -> bytes:
+def mutate_request(data: bytes, draw: random.Random) -> bytes:
     """Spoil the body of a request as the text that it is, or its head."""
     head, mark, body = data.partition(b"\n\n")
     if body and draw.random() < 0.7:
@@ -135,7 +138,7 @@ def _mutate_request(data: bytes, draw: random.Random) -> bytes:
     return mutate_text(data, draw)
 
 
-async def _answer(app: Any, scope: dict[str, Any], body: bytes) -> int:
+async def answered(app: Any, scope: dict[str, Any], body: bytes) -> int:
     """Return the status of an answer; raises what the application raises."""
     statuses: list[int] = []
     messages = [{"type": "http.request", "body": body, "more_body": False}]

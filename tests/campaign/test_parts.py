@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import subprocess
 import sys
 from pathlib import Path
@@ -45,6 +46,14 @@ def test_a_little_fuzzing_finds_nothing(target: str, tmp_path: Path) -> None:
     result = fuzz(budget(tmp_path), [target])
     assert result.findings == []
     assert result.runs > 15
+
+
+def test_targets_whose_library_is_missing_are_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    from campaign import fuzz_targets
+
+    assert fuzz_targets.targets_here()[:2] == ["archive", "config"]
+    monkeypatch.setattr(importlib.util, "find_spec", lambda _: None)
+    assert set(fuzz_targets.TARGETS) - set(fuzz_targets.targets_here()) == {"spool", "store_api"}
 
 
 def test_an_unknown_part_is_refused(tmp_path: Path) -> None:

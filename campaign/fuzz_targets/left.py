@@ -1,0 +1,157 @@
+"""What mapping and people leave in a map: its state and log of frames, pictures, notes, history."""
+
+from __future__ import annotations
+
+import random
+import zlib
+from pathlib import Path
+
+from campaign.full_map import full_map
+from campaign.fuzz_targets.target import Target, draw_of, target_of_files
+from campaign.mutation import Mutator, mutate_any, mutate_bytes, mutate_text
+from campaign.questions import ask_everything
+from hypermap import HypermapError, NotesLayer, open_map, save_map
+from hypermap.formats.hmap import files_of_map, map_of_files
+from hypermap.notes import as_html, attachment_of_bytes
+from hypermap.viewer.live.attached import file_reply
+
+_HARMFUL = ("html", "svg", "xml", "script")
+
+
+def mapper_state(_: Path) -> Target:
+    """What mapping needs to go on with a map, and the log of frames in it."""
+    return _target_of_member("mapper_state", _mutate_arrays)
+
+
+def pictures(_: Path) -> Target:
+    """The pictures of objects."""
+    return _target_of_member("semantic.pictures", _mutate_arrays)
+
+
+def embeddings(_: Path) -> Target:
+    """What objects look like, as vectors."""
+    return _target_of_member("semantic.embeddings", _mutate_arrays)
+
+
+def history(_: Path) -> Target:
+    """The history of a map, one version a line."""
+    name = next(name for name in files_of_map(full_map()) if name.startswith("history."))
+    return _target_of_member(name, mutate_text)
+
+
+def _target_of_member(name: str, mutate: Mutator) -> Target:
+    """Return a target of one file of a map, of which all is asked, and which is saved again."""
+    members = files_of_map(full_map())
+
+    def ask(data: bytes) -> None:
+        hypermap = map_of_files({**members, name: data}, "a map")
+        ask_everything(hypermap, draw_of(data))
+        map_of_files(files_of_map(hypermap), "the same again")
+
+    return Target(ask, [members[name]], mutate)
+
+
+def notes(folder: Path) -> Target:
+    """A map in a folder with notes, whose files are in it and next to it."""
+    made = folder / "made"
+    made.mkdir()
+    hypermap = full_map()
+    hypermap.remove("semantic")
+    hypermap.mapper_state = hypermap.history = None
+    layer = hypermap["notes"]
+    assert isinstance(layer, NotesLayer)
+    layer.inside_up_to = 721  # so that the longer one lies next to the map
+    save_map(hypermap, made / "map.yaml")
+    parts = {
+        str(path.relative_to(made)): path.read_bytes()
+        for path in sorted(made.rglob("*"))
+        if path.is_file()
+    }
+
+    def read(place: Path, data: bytes) -> None:
+        opened = open_map(place / "map.yaml")
+        ask_everything(opened, draw_of(data))
+        save_map(opened, place / "again.hmap")
+        open_map(place / "again.hmap")
+
+    return target_of_files(parts, read, folder)
+
+
+def media(_: Path) -> Target:
+    """A file that somebody attaches: its name in the first line, and its content."""
+
+    def ask(data: bytes) -> None:
+        name, _, content = data.partition(b"\n")
+        attached = attachment_of_bytes(content, name.decode(errors="surrogateescape"))
+        reply = file_reply(attached)
+        if any(word in reply.headers["content-type"] for word in _HARMFUL):
+            raise AssertionError(f"is sent as {reply.headers['content-type']}")
+        html = as_html(content[:4096].decode(errors="replace"))
+        if "<script" in html.lower() or 'href="javascript:' in html.lower():
+            raise AssertionError("a text became a program")
+
+    return Target(ask, [f"{name}\n".encode() + content for name, content in _files()], _mutate_file)
+
+
+def _files() -> list[tuple[str, bytes]]:
+    import io
+
+    import numpy as np
+    from PIL import Image
+
+    gray = Image.fromarray(np.arange(48, dtype=np.uint8).reshape(6, 8) * 5)
+    files = [("plan.svg", b"<svg onload='alert(1)'></svg>"), ("x.md", b"# A\n[b](http://c) `d`\n")]
+    for kind in ("PNG", "JPEG", "GIF", "WEBP"):
+        written = io.BytesIO()
+        gray.save(written, kind)
+        files.append((f"a.{kind.lower()}", written.getvalue()))
+    files.append(("a.wav", b"RIFF\x24\0\0\0WAVEfmt " + bytes(24)))
+    files.append(("a.mp4", b"\0\0\0\x18ftypisom" + bytes(24)))
+    return files
+
+
+def _mutate_file(data: bytes, draw: random.Random) -> bytes:
+    name, mark, content = data.partition(b"\n")
+    if draw.random() < 0.15:
+        return mutate_text(name, draw) + mark + content
+    return name + mark + mutate_any(content, draw)
+
+
+def _mutate_arrays(data: bytes, draw: random.Random) -> bytes:
+    """Spoil a file of arrays: what it says of them, their numbers, or a packed frame within."""
+    head, mark, arrays = data.partition(b"\n")
+    kind = draw.random()
+    if kind < 0.4:
+        return mutate_text(head, draw) + mark + arrays
+    if kind < 0.5:
+        return mutate_bytes(data, draw)
+    if kind < 0.75 and b'"log.frames"' in head:
+        return _with_a_frame_spoiled(data, draw)
+    return head + mark + _with_numbers_spoiled(arrays, draw)
+
+
+def _with_numbers_spoiled(arrays: bytes, draw: random.Random) -> bytes:
+    """Change some bytes, so that the arrays keep their sizes."""
+    spoiled = bytearray(arrays)
+    for _ in range(draw.choice([1, 2, 8, 64]) if spoiled else 0):
+        spoiled[draw.randrange(len(spoiled))] = draw.choice([0, 1, 0x7F, 0x80, 0xF0, 0xFF])
+    return bytes(spoiled)
+
+
+def _with_a_frame_spoiled(data: bytes, draw: random.Random) -> bytes:
+    """Spoil a frame of the log, which is a packed file of arrays itself."""
+    from hypermap.formats.array_file import ArrayFile, dump_arrays, parse_arrays
+    from hypermap.mapping.frame_log import LogPart, packed_log, unpacked_log
+    from hypermap.mapping.mapper_state import FORMAT, VERSION
+
+    try:
+        file = parse_arrays(data, FORMAT, VERSION, "")
+        part, *_ = unpacked_log(file.arrays)
+        number = draw.randrange(len(part.frames))
+        plain = zlib.decompress(part.frames[number])
+    except (HypermapError, ValueError, LookupError, zlib.error):
+        return mutate_bytes(data, draw)
+    frames = list(part.frames)
+    frames[number] = zlib.compress(_mutate_arrays(plain, draw))
+    log = packed_log([LogPart(part.before, part.stamps, frames, part.poses)])
+    return dump_arrays(ArrayFile(file.facts, {**file.arrays, **log}), FORMAT, VERSION)
