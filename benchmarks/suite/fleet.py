@@ -32,7 +32,7 @@ SETTINGS = "-c shared_buffers=512MB -c max_connections=60 -c synchronous_commit=
 NAMES = 50  # as many of each in a site
 RARE = "fire extinguisher"  # this many of them in each site:
 RARE_COUNT = 5
-SLOWER = 1 / 1.5  # the ratio to plain SQL that is asked
+SHARE_MORE, LEAST_MORE = 0.5, 1.0  # of plain SQL's time, or milliseconds, we may take more
 ASKED = 40  # questions in each repetition
 BULK = 100_000  # objects of one push
 CLIENTS, WRITERS = 16, 4
@@ -138,8 +138,10 @@ def _questions(address: str, size: str, settings: Settings) -> Iterator[Row]:
     ).fetchall()[0]
     point = "ST_SetSRID(ST_MakePoint(20.3, 12.2), 990001)"
     rare = (
-        "SELECT sites.name, objects.id, x, y FROM objects JOIN layers ON layers.id = layer_id "
-        "JOIN sites ON sites.id = site_id WHERE objects.valid_to IS NULL AND objects.name = %s"
+        "SELECT sites.name, objects.id, objects.name, x, y, ST_AsBinary(shape), last_seen, "
+        "ST_Distance(shape, ST_SetSRID(ST_MakePoint(0, 0), 990001)) FROM objects "
+        "JOIN layers ON layers.id = layer_id JOIN sites ON sites.id = site_id "
+        "WHERE objects.valid_to IS NULL AND objects.name = %s"
     )
     races: list[tuple[str, Any, Any, float]] = [
         (
@@ -176,14 +178,17 @@ def _questions(address: str, size: str, settings: Settings) -> Iterator[Row]:
             lambda: sorted(
                 (each.site, each.id) for each in find_in_store(hypermap.database, [RARE])
             ),
-            lambda: sorted(row[:2] for row in plain.execute(rare, (RARE,)).fetchall()),
+            lambda: sorted(
+                row[:2]
+                for row in plain.execute(rare, (RARE,), binary=True).fetchall()  # as ours
+            ),
             50e-3,
         ),
     ]
     for work, ours, theirs, asked in races:
         found = _one_by_one(f"{work}, {size}", ours, theirs, settings)
         yield found
-        yield _median(found, asked)
+        yield from _medians(found, asked)
     plain.close()
     hypermap.database.close()
 
@@ -208,7 +213,7 @@ def _one_by_one(
         theirs()
         mine.append(between - begin)
         others.append(time.perf_counter() - between)
-    return Race(work, "plain SQL", tuple(mine), tuple(others), agreement, SLOWER)
+    return Race(work, "plain SQL", tuple(mine), tuple(others), agreement)
 
 
 def _same(ours: list[Any], theirs: list[Any]) -> str:
@@ -217,11 +222,13 @@ def _same(ours: list[Any], theirs: list[Any]) -> str:
     return f"{len(ours)} equal answers"
 
 
-def _median(found: Race, asked: float) -> Figure:
-    more = 1000 * (statistics.median(found.ours) - statistics.median(found.theirs))
-    milliseconds = tuple(1000 * seconds for seconds in found.ours)
-    note = f"{more:+.2f} ms to plain SQL; asked are 1.5 times it, or 1 ms more"
-    return Figure(found.work, milliseconds, "ms", 1000 * asked, less_is_better=True, note=note)
+def _medians(found: Race, asked: float) -> Iterator[Figure]:
+    """Yield our milliseconds, and how many more than plain SQL's they are in the median."""
+    ours, theirs = (1000 * statistics.median(times) for times in (found.ours, found.theirs))
+    yield Figure(found.work, (ours,), "ms", 1000 * asked, less_is_better=True)
+    allowed = max(SHARE_MORE * theirs, LEAST_MORE)
+    work = f"{found.work}: more than plain SQL"
+    yield Figure(work, (ours - theirs,), "ms", allowed, less_is_better=True)
 
 
 # Many clients
