@@ -22,6 +22,19 @@ def browser() -> Iterator[object]:
 
 
 @pytest.fixture
+def window(browser: Any, url: str) -> Iterator[Any]:
+    """A window that shows the small map at a module's `url`; nothing may go wrong in it."""
+    from .page_tools import a_window
+    from .small_map import METRES_PER_PIXEL
+
+    with a_window(browser, url) as window:
+        window.look_at(5, 4, METRES_PER_PIXEL)
+        yield window
+        assert window.hosts() == {"127.0.0.1"}
+        assert window.complaints == []
+
+
+@pytest.fixture
 def map_named(tmp_path: Path, request: pytest.FixtureRequest) -> Callable[[str], Path]:
     """Return a function that copies a map of that name into a folder of the test."""
 

@@ -42,15 +42,6 @@ def url(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
         yield url
 
 
-@pytest.fixture
-def window(browser: Browser, url: str) -> Iterator[Window]:
-    with a_window(browser, url) as window:
-        window.look_at(5, 4, METRES_PER_PIXEL)
-        yield window
-        assert window.hosts() == {"127.0.0.1"}
-        assert window.complaints == []
-
-
 def color_beside_the_label(window: Window, thing: int) -> NDArray[np.float64]:
     """Return the color of an object near its upper left corner, where no label is."""
     x, y = PLACES[thing]

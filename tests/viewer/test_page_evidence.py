@@ -27,14 +27,6 @@ def url(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
         yield url
 
 
-@pytest.fixture
-def window(browser: Browser, url: str) -> Iterator[Window]:
-    with a_window(browser, url) as window:
-        window.look_at(5, 4, METRES_PER_PIXEL)
-        yield window
-        assert window.complaints == []
-
-
 def choose(window: Window, thing: int) -> None:
     """Click on an object, and choose it in the answer if it lies on another."""
     window.ask_at(*PLACES[thing])

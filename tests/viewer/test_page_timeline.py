@@ -23,14 +23,6 @@ def url(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
         yield url
 
 
-@pytest.fixture
-def window(browser: Browser, url: str) -> Iterator[Window]:
-    with a_window(browser, url) as window:
-        window.look_at(5, 4, METRES_PER_PIXEL)
-        yield window
-        assert window.complaints == []
-
-
 def go_back(window: Window, steps: int) -> None:
     for _ in range(steps):
         window.page.keyboard.press("ArrowLeft")
