@@ -23,6 +23,7 @@ from hypermap import (
     SemanticLayer,
     SemanticObject,
 )
+from hypermap.console.asked import document, lines, understood
 from hypermap.questions import Answer, Condition, Measured, Query, Reference, When, ask
 from hypermap.questions.asking import answer_to
 from hypermap.rooms import Room, Rooms, with_rooms
@@ -37,7 +38,7 @@ def thing(name: str, x: float, y: float, side: float, low: float, high: float) -
 
 # 0 table, 1 cup on it, 2 mug under it, 3 and 4 chairs left and right of it, 5 couch in the kitchen.
 THINGS = [
-    thing("table", 3, 2, 1.0, 0.0, 0.75),
+    replace(thing("table", 3, 2, 1.0, 0.0, 0.75), tags=("wooden",)),
     thing("cup", 3, 2, 0.1, 0.74, 0.85),
     thing("mug", 3.2, 2.35, 0.12, 0.0, 0.1),
     thing("chair", 2, 2, 0.5, 0.0, 0.9),
@@ -93,6 +94,16 @@ def ids(answer: Answer) -> list[int | None]:
         ("where is object 2", [2]),
         ("where is cup 1", [1]),
         ("where is chair 5", []),
+        ("what is between chair 3 and chair 4?", [0, 1]),  # neither mug nor the chairs themselves
+        ("what is between chair 3 and the sink?", []),
+        ("is anything between me and the couch?", []),
+        ("what is between 1, 2 and the couch?", [0, 1, 3, 4]),
+        ("chairs that are not between me and the couch", [3, 4]),
+        ("what is in this room?", [0, 1, 2, 3, 4]),
+        ("which seats are not in this room?", [5]),
+        ("the largest thing here", [0]),
+        ("things tagged wooden", [0]),
+        ('which chairs are tagged "wooden"', []),
     ],
 )
 def test_which_objects_are_found(flat: Hypermap, question: str, found: list[int]) -> None:
@@ -116,12 +127,66 @@ def test_which_objects_are_found(flat: Hypermap, question: str, found: list[int]
         ("which is the largest room", 1, ["hall"]),
         ("is there a library", 0, []),
         ("how far is the kitchen from the couch", 1, ["kitchen"]),
+        ("how many chairs are in each room", 2, ["hall", "kitchen"]),
+        ("which room has the most chairs", 1, ["hall"]),
+        ("which room has the fewest chairs", 1, ["kitchen"]),
+        ("which room has the most sinks", 2, ["hall", "kitchen"]),  # none, and so has the other
+        ("which two rooms have the most seats", 2, ["hall", "kitchen"]),
+        ("which kitchen has the most chairs", 1, ["kitchen"]),
+        ("rooms with two chairs", 1, ["hall"]),
+        ("two chairs in one room", 1, ["hall"]),
+        ("which rooms have more than two chairs", 0, []),
+        ("which rooms have at most two chairs", 2, ["hall", "kitchen"]),
+        ("rooms without a chair", 1, ["kitchen"]),
+        ("is there a room without a chair", 1, ["kitchen"]),
+        ("is there a room with three chairs", 0, []),
+        ("how many rooms have a chair", 1, ["hall"]),
     ],
 )
 def test_counts_and_rooms(flat: Hypermap, question: str, count: int, rooms: list[str]) -> None:
     answer = answer_to(flat, question)
     assert (answer.count, answer.exists) == (count, count > 0)
     assert [room.name for room in answer.rooms if room is not None] == rooms
+
+
+@pytest.mark.parametrize(
+    ("question", "said"),
+    [
+        ("are there two chairs in the hall", ["yes, 2"]),
+        ("are there more than two chairs", ["no, 2"]),
+        ("are there exactly two seats", ["no, 3"]),
+        ("are there fewer than 3 chairs", ["yes, 2"]),
+    ],
+)
+def test_a_number_is_compared_with_how_many_there_are(
+    flat: Hypermap, question: str, said: list[str]
+) -> None:
+    answer = answer_to(flat, question)
+    assert list(lines(flat, answer))[:1] == said
+    assert document(flat, answer)["exists"] == said[0].startswith("yes")
+
+
+def test_each_room_is_answered_with_its_count_in_words_and_values(flat: Hypermap) -> None:
+    answer = answer_to(flat, "how many chairs are in each room?")
+    assert [line.rsplit(": ")[-1] for line in lines(flat, answer)] == ["2", "0"]
+    assert [(row["name"], row["count"]) for row in document(flat, answer)["rooms"]] == [
+        ("hall", 2),
+        ("kitchen", 0),
+    ]
+    assert ("asked", "how many objects are in each room") in understood(answer.query)
+
+
+def test_what_stands_in_no_room_is_counted_apart(flat: Hypermap) -> None:
+    outside = thing("chair", 20, 2, 0.5, 0.0, 0.9)
+    layer = SemanticLayer("more", "map", [outside])
+    answer = answer_to(Hypermap([*flat, layer]), "how many chairs are in each room?")
+    assert (answer.count, answer.counts) == (2, (2, 0))
+    assert answer.notes == ("1 more is in no room",)
+
+
+def test_an_unknown_tag_is_named_beside_those_that_are_known(flat: Hypermap) -> None:
+    (note,) = answer_to(flat, "what is tagged woden").notes
+    assert note == "nothing there has the tag 'woden'; did you mean 'wooden'?"
 
 
 def test_distances_are_between_shapes_or_along_paths(flat: Hypermap) -> None:
@@ -139,6 +204,8 @@ def test_distances_are_between_shapes_or_along_paths(flat: Hypermap) -> None:
     [
         ("where is the nearest cup", "depends on where you are"),
         ("what is left of the table", "depends on where you are"),
+        ("what is in this room", "depends on where you are"),
+        ("what is between a chair and the couch", "names 2 things called chair; write one"),
         ("what is in the office", "there is no room or kind of room 'office'"),
         ('{"names": ["cup"], "which": "best"}', "'best' is none of nearest"),
         ('{"names": ', "the query is not JSON"),

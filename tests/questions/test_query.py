@@ -10,9 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hypermap.core.errors import FormatError
-from hypermap.questions import QUERY_SCHEMA, Condition, Query, Reference
+from hypermap.questions import QUERY_SCHEMA, Condition, Number, Query, Reference
 from hypermap.questions.query import Give, Measure, Measured, Relation, When, Which
 
+OF_NUMBERS = ("highest", "lowest", "most", "fewest")
 NAMES = st.lists(st.text(min_size=1, max_size=8), min_size=1, max_size=3).map(tuple)
 METERS = st.floats(0, 100)
 PLACES = (
@@ -34,10 +35,12 @@ WHEN = (
 
 
 def conditions(references: st.SearchStrategy[Reference]) -> st.SearchStrategy[Condition]:
-    plain = [one for one in get_args(Relation) if one not in ("near", "beyond")]
-    return st.builds(
-        Condition, st.sampled_from(plain), references, negated=st.booleans()
-    ) | st.builds(Condition, st.sampled_from(["near", "beyond"]), references, METERS)
+    plain = [one for one in get_args(Relation) if one not in ("near", "beyond", "between")]
+    return (
+        st.builds(Condition, st.sampled_from(plain), references, negated=st.booleans())
+        | st.builds(Condition, st.sampled_from(["near", "beyond"]), references, METERS)
+        | st.builds(Condition, st.just("between"), references, other=references)
+    )
 
 
 REFERENCES = PLACES | st.builds(
@@ -56,15 +59,30 @@ QUERIES = st.builds(
     as_of=st.none() | MOMENTS,
     measured=st.none() | st.builds(Measured, st.none() | st.just("warmth"), METERS, METERS),
     layers=NAMES | st.just(()),
-    which=st.none()
-    | st.sampled_from([w for w in get_args(Which) if w not in ("highest", "lowest")]),
+    which=st.none() | st.sampled_from([w for w in get_args(Which) if w not in OF_NUMBERS]),
     count=st.none() | st.integers(1, 9),
     start=st.none() | REFERENCES,
     by=st.sampled_from(get_args(Measure)),
 )
 
 
-@given(QUERIES)
+NUMBERS = st.builds(Number, st.integers(1, 9), st.none() | st.integers(9, 12))
+COUNTS = st.builds(
+    Query,
+    st.sampled_from(["count", "exists", "rooms"]),
+    names=NAMES,
+    per=st.just("room"),
+    number=NUMBERS,
+) | st.builds(
+    Query,
+    st.just("rooms"),
+    which=st.sampled_from(["most", "fewest"]),
+    count=st.none() | st.integers(1, 9),
+    per=st.just("room"),
+)
+
+
+@given(QUERIES | COUNTS)
 def test_json_keeps_a_query_and_follows_the_schema(json_validator: Any, query: Query) -> None:
     values = query.to_json()
     json_validator(QUERY_SCHEMA).validate(values)
@@ -114,6 +132,16 @@ def test_json_keeps_a_query_and_follows_the_schema(json_validator: Any, query: Q
         ({"start": {"area": "POLYGON((0 0"}}, "start: the area is not WKT"),
         ({"start": {"area": "POINT(0 0)"}}, "start: the area is empty"),
         ({"names": ["a"], "rooms": ["b"]}, "for rooms or for objects, not for both"),
+        ({"per": "floor"}, "'floor' is none of room"),
+        ({"per": "room"}, "'per' goes with 'count', 'exists' and 'rooms'"),
+        ({"give": "exists", "per": "room"}, "with how many"),
+        ({"give": "rooms", "per": "room", "which": "largest"}, "'which' is 'most' or 'fewest'"),
+        ({"give": "rooms", "which": "most"}, "the most and the fewest need 'per'"),
+        ({"number": {"at_least": 2}}, "a number is for 'exists', or goes with 'per'"),
+        ({"number": {"at_least": -1}}, "number: a number is at least 0"),
+        ({"number": {"at_least": 2.0}}, "number.at_least: expected a whole number"),
+        ({"number": {}}, "number: a number needs 'at_least' or 'at_most'"),
+        ({"where": [{"relation": "between", "what": {"asker": True}}]}, "needs a second reference"),
     ],
 )
 def test_what_is_no_query_is_refused_by_the_name_of_its_key(values: Any, message: str) -> None:

@@ -392,5 +392,11 @@ class Looking:
             hypermap, count=answer.count, objects=object_rows(hypermap, answer.first(limit))
         )
         if answer.rooms and answer.query.asks_rooms:
-            shown["rooms"] = [room_row(room) for room in answer.rooms[:limit]]
+            rows = [room_row(room) for room in answer.rooms[:limit]]
+            if answer.query.per is not None:
+                pairs = zip(rows, answer.counts, strict=False)
+                rows = [{**(row or {}), "count": count} for row, count in pairs]
+            shown["rooms"] = rows
+        if answer.query.give == "exists":
+            shown["exists"] = answer.exists
         return shown | ({"notes": [*answer.notes]} if answer.notes else {})

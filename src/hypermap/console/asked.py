@@ -9,7 +9,7 @@ from hypermap.core.hypermap import FoundObject, Hypermap
 from hypermap.questions.answer import Answer
 from hypermap.questions.cells import Cell
 from hypermap.questions.finder import NEXT_TO
-from hypermap.questions.query import Condition, Measured, Query, Reference, When
+from hypermap.questions.query import Condition, Measured, Number, Query, Reference, When
 from hypermap.questions.times import minute_of, time_of
 from hypermap.rooms.questions import rooms_at
 from hypermap.rooms.rooms import Room, rooms_on
@@ -42,22 +42,48 @@ def understood(query: Query) -> list[tuple[str, str]]:
     )
     what = what or ("any" if has_any else "")
     what += f", but not {' or '.join(query.besides)}" if query.besides else ""
-    parts = [("asked", _GIVES[query.give]), ("what", what)]
+    parts = [("asked", _asked(query)), ("what", what)]
     if query.like is not None:
         parts.append(("looks like", query.like))
+    parts.append(("tags", " and ".join(query.tags)))
+    if query.number is not None:
+        parts.append(("how many", _number(query.number)))
     parts += [("where", _condition(one)) for one in query.where]
     parts += [("when", _when(when)) for when in query.when]
     if query.measured is not None:
         parts.append(("measured", _measured(query.measured)))
+    if query.as_of is not None:
+        parts.append(("as of", minute_of(query.as_of)))
     if query.which is not None:
         number = f"{query.count} " if query.count else ""
         measured = f" to {_reference(query.start)}" if query.start else ""
-        parts.append(("which", f"the {number}{query.which}{measured}"))
+        counted = " in a room" if query.per else ""
+        parts.append(("which", f"the {number}{query.which}{counted}{measured}"))
     elif query.start is not None:
         parts.append(("from", _reference(query.start)))
     if query.by == "path":
         parts.append(("measured", "along a path"))
     return [(part, text) for part, text in parts if text]
+
+
+def _asked(query: Query) -> str:
+    if query.per is None:
+        return _GIVES[query.give]
+    if query.counts_each_room:
+        return "how many objects are in each room"
+    return {"count": "how many rooms", "exists": "whether there is any room"}.get(
+        query.give, _GIVES["rooms"]
+    )
+
+
+def _number(number: Number) -> str:
+    if number.at_most == 0:
+        return "none"
+    if number.at_least == number.at_most:
+        return f"exactly {number.at_least}"
+    least = [f"at least {number.at_least}"] if number.at_least else []
+    most = [] if number.at_most is None else [f"at most {number.at_most}"]
+    return " and ".join([*least, *most])
 
 
 def _when(when: When) -> str:
@@ -80,7 +106,12 @@ def _condition(condition: Condition) -> str:
         within = NEXT_TO if condition.within is None else condition.within
         relation = f"{'within' if relation == 'near' else 'more than'} {within:g} m of"
     negated = "not " if condition.negated else ""
-    return f"{negated}{relation} {_reference(condition.reference)}"
+    place = _reference(condition.reference)
+    if relation == "in" and condition.reference.is_asker:
+        place = "the room where you are"
+    if condition.other is not None:
+        place += f" and {_reference(condition.other)}"
+    return f"{negated}{relation} {place}"
 
 
 def _reference(reference: Reference) -> str:
@@ -98,14 +129,17 @@ def _reference(reference: Reference) -> str:
 
 def lines(hypermap: Hypermap, answer: Answer) -> Iterator[str]:
     """Yield the lines of an answer."""
-    give = answer.query.give
-    if give == "count":
+    query, give = answer.query, answer.query.give
+    if give == "count" and not query.counts_each_room:
         yield str(answer.count)
     elif give == "exists":
-        yield "yes" if answer.exists else "no"
-    elif not answer.exists:
+        number = f", {answer.count}" if query.number and not query.per else ""
+        yield f"{'yes' if answer.exists else 'no'}{number}"
+    elif not answer.rooms and not answer.exists:
         yield "none"
-    if give == "rooms":
+    if query.per is not None:
+        yield from map(_counted, answer.rooms[:_MOST], answer.counts)
+    elif give == "rooms":
         yield from map(_title, answer.rooms[:_MOST])
     elif answer.query.rooms:
         yield from map(_title, answer.rooms[:_MOST] if give != "count" else ())
@@ -123,8 +157,9 @@ def lines(hypermap: Hypermap, answer: Answer) -> Iterator[str]:
             seen = item.object.last_seen if is_timed else None
             is_seen = "" if seen is None else f", last seen {time_of(seen)}"
             yield f"{_line(item, room)}{value}{is_seen}"
-    if answer.count > _MOST and give not in ("count",):
-        yield f"and {answer.count - _MOST} more; --json lists all"
+    shown = len(answer.rooms) if query.counts_each_room else answer.count
+    if shown > _MOST and (give != "count" or query.per is not None):
+        yield f"and {shown - _MOST} more; --json lists all"
     yield from answer.notes
 
 
@@ -145,6 +180,10 @@ def document(hypermap: Hypermap, answer: Answer) -> dict[str, Any]:
         found["cells"] = [_cell(cell) for cell in answer.cells]
     if answer.query.asks_rooms:
         found["rooms"] = [_room(room) for room in answer.rooms if room is not None]
+        for row, count in zip(found["rooms"], answer.counts, strict=False):
+            row["count"] = count
+    if answer.query.give == "exists":
+        found["exists"] = answer.exists
     return found
 
 
@@ -185,6 +224,10 @@ def _title(room: Room | None) -> str:
         return "in no room"
     x, y = room.outline.representative_point().coords[0]
     return f"{printable(room.name)} (room {room.id}) at ({x:.2f}, {y:.2f}), {room.area:.1f} m²"
+
+
+def _counted(room: Room | None, count: int) -> str:
+    return f"{_title(room)}: {count}"
 
 
 def _room(room: Room) -> dict[str, Any]:

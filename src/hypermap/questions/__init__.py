@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from hypermap.questions.asking import ask_map
     from hypermap.questions.english import NotUnderstood, understand
     from hypermap.questions.model import LanguageModel
-    from hypermap.questions.query import Condition, Measured, Query, Reference, When
+    from hypermap.questions.query import Condition, Measured, Number, Query, Reference, When
     from hypermap.questions.schema import QUERY_SCHEMA
     from hypermap.questions.taxonomy import Taxonomy, load_taxonomy
 
@@ -19,6 +19,7 @@ _HOMES = {
     "LanguageModel": "hypermap.questions.model",
     "Measured": "hypermap.questions.query",
     "NotUnderstood": "hypermap.questions.english",
+    "Number": "hypermap.questions.query",
     "QUERY_SCHEMA": "hypermap.questions.schema",
     "Query": "hypermap.questions.query",
     "Reference": "hypermap.questions.query",
@@ -37,6 +38,7 @@ __all__ = [
     "LanguageModel",
     "Measured",
     "NotUnderstood",
+    "Number",
     "Query",
     "Reference",
     "Taxonomy",

@@ -15,7 +15,7 @@ from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.arrays import IntArray, PointsLike, as_objects
 from hypermap.core.embeddings import TextEncoder
-from hypermap.core.errors import HypermapError
+from hypermap.core.errors import HypermapError, did_you_mean
 from hypermap.core.frames import Pose2D
 from hypermap.core.hypermap import FoundObject, Hypermap, Matches
 from hypermap.core.layer import Layer
@@ -34,7 +34,8 @@ from hypermap.questions.cells import (
 )
 from hypermap.questions.finder import ASKER, Finder
 from hypermap.questions.noted import notes_at, notes_in
-from hypermap.questions.query import Query
+from hypermap.questions.per_room import counted_by_room
+from hypermap.questions.query import OF_COUNTS, Query
 from hypermap.questions.seen import seen_in
 from hypermap.questions.taxonomy import Taxonomy, load_taxonomy
 from hypermap.rooms.questions import rooms_at, rooms_called
@@ -51,6 +52,7 @@ class Answer:
         found: the objects that meet its conditions, in the base frame; with distances where the
             query measures any, nearest first.
         rooms: those asked for, for "room" in the order of `found`; None where one is in no room.
+        counts: of the objects in each of `rooms`, for a query with `per`.
         cells: what layers without objects say, for "labels" and "places".
         similarities: for each object the cosine with the text that it is to look like.
         measured: for each object the values around it, where the query asks for them.
@@ -60,6 +62,7 @@ class Answer:
     query: Query
     found: Matches
     rooms: tuple[Room | None, ...] = ()
+    counts: tuple[int, ...] = ()
     cells: tuple[Cell, ...] = ()
     measured: tuple[Mapping[str, Any], ...] = ()
     similarities: tuple[float, ...] = ()
@@ -77,13 +80,16 @@ class Answer:
     @property
     def count(self) -> int:
         """How many there are: of the rooms if these are asked for, else of objects and cells."""
-        if self.query.asks_rooms:
+        if self.query.asks_rooms and not self.query.counts_each_room:
             return len(self.rooms)
         return len(self.found) + len(self.cells)
 
     @property
     def exists(self) -> bool:
-        """Whether there is any."""
+        """Whether there is any, or the number that is asked about."""
+        number = self.query.number
+        if number is not None and self.query.per is None:
+            return number.holds(self.count)
         return self.count > 0
 
 
@@ -125,6 +131,8 @@ def ask(
     if query.as_of is None:
         hypermap = in_force(hypermap, time.time() if now is None else now)
     else:
+        if query.measured is not None:
+            raise HypermapError("measured values are known as they are now, not as of a time")
         hypermap = as_of(hypermap, query.as_of)
     finder = Finder(hypermap, query.exact, asker, taxonomy or load_taxonomy(), robot_radius)
     return _Asking(hypermap, query, finder, encoder).answer()
@@ -164,6 +172,9 @@ class _Asking:
                 known = (known[::-1] if query.which == "highest" else known)[: query.count or 1]
                 rows, measured = [rows[i] for i in known], [measured[i] for i in known]
             found = found.take(np.array(rows, dtype=np.int64))
+        if query.per is not None:
+            found, counted, counts = counted_by_room(self._finder, query, found)
+            return self._answer(found, counted, counts=counts)
         if query.give == "labels":
             found, cells = self._nearest_of(found, self._cells(layers, found))
         elif query.asks_rooms:
@@ -178,9 +189,10 @@ class _Asking:
         rooms: Sequence[Room | None] = (),
         cells: Iterable[Cell] = (),
         measured: Iterable[Mapping[str, Any]] = (),
+        counts: Iterable[int] = (),
     ) -> Answer:
         notes = tuple(dict.fromkeys(self._finder.notes))
-        parts = tuple(rooms), tuple(cells), tuple(measured)
+        parts = tuple(rooms), tuple(counts), tuple(cells), tuple(measured)
         return Answer(self._query, found, *parts, self._similarities, notes)
 
     # Layers
@@ -274,6 +286,8 @@ class _Asking:
         """Return the area, or that of the rooms, that the query asks about; None for everywhere."""
         for condition in self._query.where:
             reference = condition.reference
+            if condition.relation == "in" and reference.is_asker:
+                return self._finder.room_of_asker.outline
             is_area = reference.area is not None or reference.rooms
             if condition.relation in ("at", "in") and is_area:
                 return shapely.union_all(self._finder.others(reference).shapes)
@@ -291,7 +305,7 @@ class _Asking:
             others = {name for other in query.besides for name in self._finder.matching(other)}
             found = found.take(~np.isin(found.column("names"), [*others]))
         if query.tags:
-            found = found.take(found.have_tags(set(query.tags)))
+            found = self._tagged(found)
         for when in query.when:
             is_so, unsure = seen_in(when, found)
             found = found.take(is_so)
@@ -307,19 +321,29 @@ class _Asking:
         self._similarities = tuple(cosines.tolist())
         return found.take(rows)
 
+    def _tagged(self, found: Matches) -> Matches:
+        """Return those that have all tags of the query; a note says which tags none has."""
+        query, own = self._query, found.column("tags").tolist()
+        known = sorted(set().union(*set(own)))
+        for tag in query.tags:
+            if tag not in known:
+                said = f"nothing there has the tag {tag!r}"
+                self._finder.notes.append(f"{said}; {did_you_mean(tag, known)}" if known else said)
+        return found.take(np.array([set(query.tags).issubset(tags) for tags in own], dtype=bool))
+
     # Which of them
 
     def _chosen(self, found: Matches) -> Matches:
         """Return those that are asked for, of all that meet the conditions."""
         query = self._query
-        is_measured = query.which in ("highest", "lowest")  # which is known later
+        is_later = query.which in ("highest", "lowest", *OF_COUNTS)  # when there are numbers
         if query.give == "distance" or query.which in ("nearest", "farthest"):
             found = self._with_distances(found)
             if query.which == "farthest":
                 found = found.take(slice(None, None, -1))
-        elif query.which is not None and not is_measured:
+        elif query.which is not None and not is_later:
             found = found.take(_order(query.which, found))
-        if query.which is not None and not is_measured:
+        if query.which is not None and not is_later:
             found = found.take(slice(0, query.count or 1))
         return found.take(_order("newest", found)) if query.give == "last_seen" else found
 

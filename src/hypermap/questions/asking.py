@@ -19,6 +19,7 @@ from hypermap.core.semantic import SemanticLayer
 from hypermap.questions.answer import Answer, ask
 from hypermap.questions.query import Query
 from hypermap.questions.taxonomy import Taxonomy, load_taxonomy
+from hypermap.questions.times import without_as_of
 from hypermap.questions.value_questions import value_query
 from hypermap.rooms.kinds import load_kinds
 from hypermap.rooms.rooms import rooms_on
@@ -69,8 +70,9 @@ def answer_to(
 
         vocabulary = vocabulary_of(hypermap, names)
         try:
-            about_values = value_query(question, hypermap, vocabulary)
-            query = about_values or understand(question, vocabulary)
+            text, moment = without_as_of(question)
+            about_values = value_query(text, hypermap, vocabulary)
+            query = replace(about_values or understand(text, vocabulary), as_of=moment)
         except NotUnderstood:
             if model is None:
                 raise

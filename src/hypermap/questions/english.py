@@ -20,9 +20,13 @@ from lark.exceptions import UnexpectedInput, VisitError
 from lark.lexer import Lexer
 
 from hypermap.core.errors import HypermapError
+from hypermap.core.hypermap import ROOMS
+from hypermap.questions.foreign import is_foreign
 from hypermap.questions.query import (
     Condition,
+    Give,
     Measure,
+    Number,
     Query,
     Reference,
     Relation,
@@ -30,7 +34,7 @@ from hypermap.questions.query import (
     Which,
 )
 from hypermap.questions.taxonomy import EVERYTHING
-from hypermap.questions.times import Span, find_times
+from hypermap.questions.times import Span, find_times, without_as_of
 from hypermap.questions.words import KEYWORDS, TIME_MARKS, Vocabulary, meters_of, tokens_of
 
 EXAMPLES = (
@@ -68,6 +72,13 @@ _WHICH: dict[str, Which] = {
     "newest": "newest",
     "most recent": "newest",
 }
+# How many a comparison with a number asks for: at least so many more, or at most.
+_LEAST = {"more than": 1, "over": 1} | dict.fromkeys(
+    ("at least", "no fewer than", "not fewer than", "no less than", "not less than"), 0
+)
+_MOST = {"less than": -1, "fewer than": -1} | dict.fromkeys(
+    ("at most", "up to", "no more than", "not more than"), 0
+)
 
 _RELATIONS: dict[str, Relation] = {
     "IN": "in",
@@ -107,6 +118,12 @@ def understand(text: str, vocabulary: Vocabulary, now: datetime | None = None) -
         raise NotUnderstood(f"a question has at most {_LONGEST} characters, not {len(text)}")
     if (address := _ADDRESS.match(text)) is not None:
         text = text[address.end() :]
+    text, as_of = without_as_of(text, now)
+    query = _understood(text, vocabulary, now)
+    return query if as_of is None else replace(query, as_of=as_of)
+
+
+def _understood(text: str, vocabulary: Vocabulary, now: datetime | None) -> Query:
     marked, times = _marked(text, now)
     tokens = tokens_of(marked, vocabulary)
     for token in tokens:
@@ -115,11 +132,13 @@ def understand(text: str, vocabulary: Vocabulary, now: datetime | None = None) -
     unknown = [str(token) for token in tokens if token.type == "UNKNOWN"]
     if unknown:
         words = ", ".join(map(repr, unknown[:5]))
+        if is_foreign(unknown, len(unknown) < len(tokens)):
+            raise NotUnderstood(f"cannot read {words}: questions are read in English", EXAMPLES[:3])
         close = [one for word in unknown[:5] if (one := _similar(word, vocabulary))]
         hint = f"; did you mean {', '.join(map(repr, close))}?" if close else ""
         raise NotUnderstood(f"cannot read {words}{hint}", _nearest(text))
     try:
-        query: Query = _Parts(times).transform(_parser().parse(tokens))
+        query: Query = _Parts(times, tokens).transform(_parser().parse(tokens))
     except UnexpectedInput as error:
         last = getattr(error, "token", None)
         where = f" from {str(last)!r} on" if last else ""
@@ -151,6 +170,8 @@ def _two_meanings(word: str, vocabulary: Vocabulary) -> str:
 def _similar(word: str, vocabulary: Vocabulary) -> str | None:
     """Return the most similar word that is known; None if there is none."""
     known = (*vocabulary.phrases, *KEYWORDS)
+    if word in known:
+        return None
     like = [one for one in known if one[0] == word[0] and abs(len(one) - len(word)) < 4]
     close = difflib.get_close_matches(word, like[:_MOST_COMPARED], n=1, cutoff=0.75)
     return close[0] if close else None
@@ -181,9 +202,10 @@ def _parser() -> Lark:
 class _Parts(Transformer[Token, Query]):
     """Makes the query out of the parts that the grammar has found."""
 
-    def __init__(self, times: list[Span]) -> None:
+    def __init__(self, times: list[Span], tokens: list[Token]) -> None:
         super().__init__()
         self._times = times
+        self._tokens = tokens
         self._are_joined = False  # things by "and"
 
     # What is asked
@@ -195,7 +217,8 @@ class _Parts(Transformer[Token, Query]):
         return _query(parts)
 
     def show_all(self, parts: list[Any]) -> Query:
-        return Query(where=_conditions(parts), besides=_besides(parts))
+        query = Query(where=_conditions(parts), besides=_besides(parts))
+        return replace(query, tags=_tags(parts))
 
     def show_but(self, parts: list[Any]) -> Query:
         return replace(_query(parts), besides=_only(parts, tuple))
@@ -205,6 +228,22 @@ class _Parts(Transformer[Token, Query]):
 
     def who(self, parts: list[Any]) -> Query:
         return Query(names=("person",), where=_conditions(parts))
+
+    def who_when(self, parts: list[Any]) -> Query:
+        return replace(self.who(parts), when=(self._when(parts),))
+
+    def where_am_i(self, parts: list[Any]) -> Query:  # noqa: ARG002
+        return Query(layers=(ROOMS,), where=(Condition("at", Reference(is_asker=True)),))
+
+    def seen_from(self, parts: list[Any]) -> Query:
+        return Query(where=(Condition("visible from", _only(parts, Reference)),))
+
+    def some_of_how_many(self, parts: list[Any]) -> Query:
+        number = _types(parts)["NUMBER"]
+        raise ValueError(f"{number} of how many? say which, as 'the {number} nearest'")
+
+    def many_tagged(self, parts: list[Any]) -> Query:
+        return replace(self.plain(parts), give="count")
 
     def surest(self, parts: list[Any]) -> Query:
         return Query(names=_only(parts, tuple), which="surest")
@@ -231,7 +270,9 @@ class _Parts(Transformer[Token, Query]):
         return replace(_query(parts), give="rooms")
 
     def _check_either(self) -> None:
-        """Raise a ValueError if both of two things are asked for; a query asks for either."""
+        """Raise a ValueError if both of two things, or all places, are asked for, not any."""
+        if any(" all" in token for token in self._tokens if token.type in ("IN", "ON")):
+            raise ValueError('"all" may mean each of them; ask for one of them')
         if self._are_joined:
             raise ValueError('"and" may mean both or either here; ask for one, or say "or"')
 
@@ -240,6 +281,10 @@ class _Parts(Transformer[Token, Query]):
 
     def how_far_from(self, parts: list[Any]) -> Query:
         return replace(_query(parts), give="distance", start=_only(parts, Reference))
+
+    def how_far_by(self, parts: list[Any]) -> Query:
+        query: Query = parts[0]
+        return replace(query, by="path") if "BY_PATH" in _types(parts) else query
 
     def how_far_room(self, parts: list[Any]) -> Query:
         *start, room = [part for part in parts if isinstance(part, Reference)]
@@ -270,6 +315,66 @@ class _Parts(Transformer[Token, Query]):
             raise ValueError(f"not seen {span.text}: say since when")
         return When("not seen", span.since)
 
+    # How many
+
+    def show_counts(self, parts: list[Query]) -> Query:
+        return parts[0]
+
+    def count_each(self, parts: list[Any]) -> Query:
+        return self._per_room(parts, "count")
+
+    def rooms_with_most(self, parts: list[Any]) -> Query:
+        types = _types(parts)
+        which: Which = "most" if "MOST" in types else "fewest"
+        count = _whole(types["NUMBER"]) if "NUMBER" in types else None
+        return replace(self._per_room(parts, "rooms"), which=which, count=count)
+
+    def rooms_with(self, parts: list[Any]) -> Query:
+        return replace(self._per_room(parts, "rooms"), number=_number(parts))
+
+    def is_room_with(self, parts: list[Any]) -> Query:
+        return replace(self._per_room(parts, "count"), give="exists", number=_number(parts))
+
+    def many_rooms_with(self, parts: list[Any]) -> Query:
+        return replace(self._per_room(parts, "count"), number=_number(parts))
+
+    def is_number(self, parts: list[Any]) -> Query:
+        self._check_either()
+        return replace(_counted(parts), give="exists", number=_number(parts))
+
+    def has_number(self, parts: list[Any]) -> Query:
+        self._check_either()
+        _counted(parts)
+        return replace(_in_room(parts), give="exists", number=_number(parts))
+
+    def number(self, parts: list[Token]) -> Number:
+        types = _types(parts)
+        if "SEVERAL" in types:
+            return Number(2)
+        count = _whole(types["NUMBER"])
+        if "EXACTLY" in types or count == 0:
+            return Number(count, count)
+        if "BEYOND" in types and types["BEYOND"] in _LEAST:
+            return Number(count + _LEAST[types["BEYOND"]])
+        if "WITHIN" in types and types["WITHIN"] in _MOST:
+            return Number(0, count + _MOST[types["WITHIN"]])
+        if "OR_FEWER" in types:
+            return Number(0, count)
+        if {"BEYOND", "WITHIN"} & set(types):
+            raise ValueError(f"{types.get('BEYOND', types.get('WITHIN'))} {count} of them?")
+        if count == 1 and "OR_MORE" not in types:
+            raise ValueError("one or more? say 'exactly one' or 'at least one'")
+        return Number(count)
+
+    def _per_room(self, parts: list[Any], give: Give) -> Query:
+        """Return the query that counts things in each room, or in each of some rooms."""
+        if give != "count":
+            self._check_either()
+        query, rooms = _counted(parts), _rooms(parts)
+        if rooms:
+            query = replace(query, where=(*query.where, Condition("in", Reference(rooms=rooms))))
+        return replace(query, give=give, per="room")
+
     # Rooms
 
     def show_rooms(self, parts: list[Query]) -> Query:
@@ -287,11 +392,20 @@ class _Parts(Transformer[Token, Query]):
     def best_room(self, parts: list[Any]) -> Query:
         return replace(self.where_room(parts), which=_WHICH[_types(parts)["THE_MOST"]])
 
+    def best_room_to(self, parts: list[Any]) -> Query:
+        # The last reference is where distances are measured; one before it is the kind of rooms.
+        *rooms, start = [part for part in parts if isinstance(part, Reference)]
+        names = rooms[0].rooms if rooms else ()
+        which = _WHICH[_types(parts)["THE_MOST"]]
+        if which not in ("nearest", "farthest"):
+            raise ValueError(f"the {which} to what? say the nearest or the farthest")
+        return Query("rooms", rooms=names, which=which, start=start)
+
     # Things
 
     def plain(self, parts: list[Any]) -> Query:
         query = replace(_chosen(parts), where=_conditions(parts))
-        return replace(query, besides=_besides(parts))
+        return replace(query, besides=_besides(parts), tags=_tags(parts))
 
     def nearest_to(self, parts: list[Any]) -> Query:
         return replace(_chosen(parts), start=_only(parts, Reference))
@@ -316,7 +430,7 @@ class _Parts(Transformer[Token, Query]):
     def at_room(self, parts: list[Any]) -> Condition:
         types = _types(parts)
         is_negated = "NOT" in types
-        if "ME" in types or "HERE" in types:
+        if {"ME", "HERE", "PLACE_HERE"} & set(types):
             parts = [*parts, Reference(is_asker=True)]
         reference = _only(parts, Reference)
         if "BEYOND" in types:
@@ -340,6 +454,18 @@ class _Parts(Transformer[Token, Query]):
             return Condition(_side(types["SIDE"]), reference, negated=is_negated)
         relation = next(_RELATIONS[name] for name in types if name in _RELATIONS)
         return Condition(relation, reference, negated=is_negated)
+
+    def in_here(self, parts: list[Any]) -> Condition:
+        types = _types(parts)
+        first = self._tokens[0].type
+        is_clear = first in ("WHAT", "WHICH", "HOW_MANY", "THE_MOST")
+        if "PLACE_HERE" in types and not (is_clear and not _types(self._tokens).get("TIME")):
+            raise ValueError("here? say 'in this room', 'near me' or 'within 3 m of me'")
+        return Condition("in", Reference(is_asker=True), negated="NOT" in types)
+
+    def between(self, parts: list[Any]) -> Condition:
+        one, other = (_place(part) for part in parts if _is_place(part))
+        return Condition("between", one, negated="NOT" in _types(parts), other=other)
 
     def nouns_there(self, parts: list[Any]) -> Reference:
         return Reference(
@@ -368,6 +494,42 @@ def _types(parts: list[Any]) -> dict[str, str]:
 
 def _only(parts: list[Any], kind: type[Any]) -> Any:
     return next(part for part in parts if isinstance(part, kind) and not isinstance(part, Token))
+
+
+def _tags(parts: list[Any]) -> tuple[str, ...]:
+    return tuple(str(part) for part in parts if isinstance(part, Token) and part.type == "TAG")
+
+
+def _is_place(part: Any) -> bool:
+    """Return whether a part of "between" is one of its two places."""
+    return not isinstance(part, Token) or part.type in ("ME", "PLACE_HERE")
+
+
+def _place(part: Any) -> Reference:
+    if isinstance(part, Token):
+        return Reference(is_asker=True)
+    return part if isinstance(part, Reference) else Reference(names=(part,))
+
+
+def _counted(parts: list[Any]) -> Query:
+    """Return the query about the things that are counted, with the conditions after them."""
+    query = _query(parts)
+    if query.which is not None or query.by != "air":
+        raise ValueError(f"how many, or the {query.which}? ask for one of both")
+    return query
+
+
+def _number(parts: list[Any]) -> Number:
+    """Return the number among some parts; at least one if there is none, none after "without"."""
+    if "LACK" in _types(parts):
+        return Number(0, 0)
+    return next((part for part in parts if isinstance(part, Number)), Number(1))
+
+
+def _whole(text: str) -> int:
+    if not text.isdigit():
+        raise ValueError(f"{text} things cannot be counted")
+    return int(text)
 
 
 def _conditions(parts: list[Any]) -> tuple[Condition, ...]:
@@ -407,8 +569,6 @@ def _chosen(parts: list[Any]) -> Query:
         count = int(types["NUMBER"]) if types["NUMBER"].isdigit() else 0
         if count < 1:
             raise ValueError(f"{types['NUMBER']} things cannot be listed")
-        if which is None:
-            raise ValueError(f"{count} of how many? say which, as 'the {count} nearest'")
     by: Measure = "path" if "BY_PATH" in types else "air"
     names = tuple(name for name in _only(parts, tuple) if name != EVERYTHING)
     return Query(names=names, which=which, count=count, by=by)

@@ -12,15 +12,16 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from hypermap.core.arrays import BoolArray, ObjectArray, as_objects
+from hypermap.core.arrays import BoolArray, IntArray, ObjectArray, as_objects
 from hypermap.core.errors import HypermapError, did_you_mean
 from hypermap.core.frames import Pose2D
 from hypermap.core.hypermap import ROOMS, Hypermap, Matches
 from hypermap.core.layer import Layer
 from hypermap.core.semantic import SemanticLayer
 from hypermap.questions.query import Condition, Reference
-from hypermap.questions.relations import Sides, Stacks, any_pair, are_near
+from hypermap.questions.relations import Sides, Stacks, any_pair, are_between, are_near
 from hypermap.questions.taxonomy import Taxonomy
+from hypermap.rooms.kinds import rooms_of_points
 from hypermap.rooms.questions import rooms_asked, rooms_at, rooms_called
 from hypermap.rooms.rooms import Room, Rooms, rooms_on
 
@@ -140,7 +141,8 @@ class Finder:
         """Return whether there is anything that a condition refers to."""
         if condition.relation == "in" and self._rooms_meant(condition.reference):
             return True
-        return len(self.others(condition.reference)) > 0
+        references = [condition.reference, *([condition.other] if condition.other else [])]
+        return all(len(self.others(reference)) > 0 for reference in references)
 
     def _reached(self, where: Iterable[Condition]) -> BaseGeometry | None:
         """Return an area outside of which no object meets conditions; None where it is not known.
@@ -152,10 +154,13 @@ class Finder:
                 continue
             if condition.relation == "in" and self._rooms_meant(condition.reference):
                 continue
-            others = self.others(condition.reference)
-            if 0 < len(others) <= _FEW:
+            shapes = self.others(condition.reference).shapes
+            if condition.other is not None:
+                both = [*shapes, *self.others(condition.other).shapes]
+                shapes = as_objects([shapely.GeometryCollection(both)])
+            if 0 < len(shapes) <= _FEW:
                 within = max(condition.within or 0.0, _IN_SIGHT)
-                boxes = shapely.box(*shapely.bounds(others.shapes).T)
+                boxes = shapely.box(*shapely.bounds(shapes).T)
                 return shapely.union_all(shapely.buffer(boxes, within, join_style="mitre"))
         return None
 
@@ -173,16 +178,42 @@ class Finder:
         return [room for name in names for room in rooms_asked(self._hypermap, name)]
 
     def _rooms_meant(self, reference: Reference) -> list[Room]:
-        """Return the rooms that the names of things mean."""
+        """Return the rooms that the names of things mean, or that the asker is in."""
+        if reference.is_asker:
+            return [self.room_of_asker]
         if not reference.names or reference.where or ROOMS not in self._hypermap:
             return []
         return [room for name in reference.names for room in rooms_called(self.rooms, name)]
 
+    @cached_property
+    def room_of_asker(self) -> Room:
+        """The room in which the asker is; raises HypermapError if that is none."""
+        pose = self._asker_pose()
+        (room,) = rooms_at(self.rooms, (pose.x, pose.y))
+        if room is None:
+            raise HypermapError(f"({pose.x:g}, {pose.y:g}), where you are, is in no room")
+        return room
+
+    def places_of_rooms(self, found: Matches) -> IntArray:
+        """Return for each object the place of its room among the rooms; -1 where it is in none."""
+        return rooms_of_points(self.rooms, found.centroids)
+
     def rooms_of(self, found: Matches) -> list[Room | None]:
         """Return the rooms in which there are some objects."""
-        there = rooms_at(self.rooms, found.centroids) if len(found) else []
-        ids = {room.id for room in there if room is not None}
-        return [room for room in self.rooms if room.id in ids]
+        there = set(self.places_of_rooms(found).tolist())
+        return [room for place, room in enumerate(self.rooms) if place in there]
+
+    def rooms_within(self, where: Iterable[Condition]) -> list[Room]:
+        """Return the rooms in which objects that meet conditions may be."""
+        kept = [*self.rooms]
+        for one in where:
+            reference = one.reference
+            if one.relation != "in" or not (reference.rooms or reference.is_asker):
+                continue
+            meant = self._rooms_called(reference.rooms) or [self.room_of_asker]
+            ids = {room.id for room in meant}
+            kept = [room for room in kept if (room.id in ids) != one.negated]
+        return kept
 
     def _are_in(self, rooms: Sequence[Room], found: Matches, only_rooms: bool) -> BoolArray:
         """Return which objects are in one of some rooms; no room is in another.
@@ -192,9 +223,8 @@ class Finder:
         ids = {room.id for room in rooms}
         if only_rooms:
             return np.isin(found.column("ids"), [*ids])
-        there = rooms_at(self.rooms, found.centroids) if len(found) else []
-        is_in = np.array([room is not None and room.id in ids for room in there], dtype=bool)
-        return is_in & ~found.are_of(ROOMS)
+        places = [place for place, room in enumerate(self.rooms) if room.id in ids]
+        return np.isin(self.places_of_rooms(found), places) & ~found.are_of(ROOMS)
 
     def _have(self, reference: Reference, found: Matches) -> BoolArray:
         """Return which objects are rooms in which there is an object of a reference."""
@@ -215,6 +245,8 @@ class Finder:
             return is_in | self._meet(condition, found, self.others(reference))
         if relation == "with":
             return self._have(reference, found)
+        if condition.other is not None:
+            return self._are_between(found, (reference, condition.other))
         return self._meet(condition, found, self.others(reference))
 
     def _meet(self, condition: Condition, found: Matches, others: Matches) -> BoolArray:
@@ -237,6 +269,12 @@ class Finder:
             return self._are_seen(condition.reference, found)
         is_beside = Sides(relation, found, others, self._asker_pose())
         return any_pair(found, others, found.shapes, "dwithin", _IN_SIGHT, is_beside)
+
+    def _are_between(self, found: Matches, references: tuple[Reference, Reference]) -> BoolArray:
+        """Return which objects are between two places; neither is between itself and the other."""
+        one, other = (self._only(reference) for reference in references)
+        is_end = np.isin(found.keys, [one.keys[0], other.keys[0]])
+        return are_between(found, one.shapes[0], other.shapes[0]) & ~is_end
 
     def _are_seen(self, reference: Reference, found: Matches) -> BoolArray:
         """Return which objects have a line of sight from a place without a wall between."""
@@ -270,10 +308,18 @@ class Finder:
 
     def place(self, reference: Reference) -> NDArray[np.float64]:
         """Return the one point that a reference refers to, shape (2,)."""
+        return np.asarray(self._only(reference).centroids[0])
+
+    def _only(self, reference: Reference) -> Matches:
+        """Return the one thing or place that a reference refers to."""
         others = self.others(reference)
         if len(others) != 1:
-            raise HypermapError(f"this needs one place; the question names {len(others)}")
-        return np.asarray(others.centroids[0])
+            name, said = " or ".join(reference.names), str(len(others))
+            if reference.names and len(others):
+                one = f"{reference.names[0]} {others.column('ids')[0]}"
+                said += f" things called {name}; write one with its number, as {one!r}"
+            raise HypermapError(f"this needs one place; the question names {said}")
+        return others
 
     def _asker_pose(self) -> Pose2D:
         if self._asker is None:

@@ -37,10 +37,21 @@ Relation: TypeAlias = Literal[
     "behind",
     "visible from",
     "with",
+    "between",
 ]
 Which: TypeAlias = Literal[
-    "nearest", "farthest", "largest", "smallest", "surest", "newest", "highest", "lowest"
+    "nearest",
+    "farthest",
+    "largest",
+    "smallest",
+    "surest",
+    "newest",
+    "highest",
+    "lowest",
+    "most",
+    "fewest",
 ]
+Per: TypeAlias = Literal["room"]
 Measure: TypeAlias = Literal["air", "path"]
 Seen: TypeAlias = Literal["seen", "not seen", "new"]
 
@@ -50,6 +61,7 @@ MOST_LETTERS = 500
 _FARTHEST = 1e9  # meters
 
 WITH_DISTANCE = ("near", "beyond")
+OF_COUNTS = ("most", "fewest")
 
 
 class FarAway(HypermapError, ValueError):
@@ -97,16 +109,20 @@ class Condition:
     Attributes:
         relation: "near" and "beyond" compare the distance between shapes with `within`; the sides
             are those of the reference as the asker sees it; "visible from" needs a line of sight
-            without a wall; "with" holds for rooms in which there is such an object.
-        reference: the place, room or objects that it refers to; any of the objects will do.
+            without a wall; "with" holds for rooms in which there is such an object; "between" is
+            between the reference and the other one.
+        reference: the place, room or objects that it refers to; any of the objects will do, but
+            between is one and one. "in" where the asker is means in the same room.
         within: a distance [m]; None for "next to" (`NEXT_TO` in `answer`).
         negated: whether the opposite is asked for.
+        other: the second place of "between".
     """
 
     relation: Relation
     reference: Reference
     within: float | None = None
     negated: bool = False
+    other: Reference | None = None
 
     def __post_init__(self) -> None:
         if self.relation not in get_args(Relation):
@@ -119,6 +135,8 @@ class Condition:
             raise ValueError(f"{self.relation!r} takes no distance")
         if self.relation == "beyond" and self.within is None:
             raise ValueError("'beyond' needs a distance")
+        if (self.other is not None) != (self.relation == "between"):
+            raise ValueError("'between', and nothing else, needs a second reference, 'and'")
 
 
 @dataclass(frozen=True)
@@ -176,6 +194,33 @@ class Measured:
 
 
 @dataclass(frozen=True)
+class Number:
+    """A condition on how many objects there are.
+
+    Attributes:
+        at_least: so many, or more.
+        at_most: so many, or fewer; None for any.
+    """
+
+    at_least: int = 0
+    at_most: int | None = None
+
+    def __post_init__(self) -> None:
+        if self.at_least < 0 or (self.at_most is not None and self.at_most < self.at_least):
+            raise ValueError("a number is at least 0, and at most no less than at least")
+        if self.at_least == 0 and self.at_most is None:
+            raise ValueError("a number needs 'at_least' or 'at_most'")
+
+    def holds(self, count: int) -> bool:
+        """Return whether so many are right.
+
+        >>> Number(at_least=2).holds(3), Number(at_most=0).holds(3)
+        (True, False)
+        """
+        return self.at_least <= count and (self.at_most is None or count <= self.at_most)
+
+
+@dataclass(frozen=True)
 class Query:
     """A question.
 
@@ -201,10 +246,14 @@ class Query:
         layers: those that are asked; none for all.
         value: that cells of the layers have, for "labels".
         which: which of the objects are wanted; None for all. "highest" and "lowest" are of
-            `measured`.
-        count: how many of those; None for one if `which` is given.
+            `measured`, "most" and "fewest" of rooms and their objects, with `per`.
+        count: how many of those; None for one if `which` is given, or all that have most.
         start: from where distances are measured; None for where the asker is.
         by: whether distances are straight ("air"), or along paths for a robot.
+        per: "room" counts the objects of each room: "count" gives all rooms with their counts, or
+            how many have a `number` of objects; "exists" whether any has; "rooms" those that have,
+            or `which` have most.
+        number: how many objects there are, for "exists"; with `per`, how many are in a room.
     """
 
     give: Give = "objects"
@@ -225,9 +274,12 @@ class Query:
     count: int | None = None
     start: Reference | None = None
     by: Measure = "air"
+    per: Per | None = None
+    number: Number | None = None
 
     def __post_init__(self) -> None:
-        for value, choices in ((self.give, Give), (self.which, Which), (self.by, Measure)):
+        pairs = ((self.give, Give), (self.which, Which), (self.by, Measure), (self.per, Per))
+        for value, choices in pairs:
             if value is not None and value not in get_args(choices):
                 raise ValueError(f"{value!r} is none of {', '.join(get_args(choices))}")
         if self.rooms and self.describes_objects:
@@ -246,17 +298,40 @@ class Query:
             raise ValueError(f"'like' is a text of at most {MOST_LETTERS} letters")
         if self.value is not None and self.give != "labels":
             raise ValueError("only 'labels' has the values of cells")
+        self._check_counts()
+
+    def _check_counts(self) -> None:
+        """Raise a ValueError if objects are counted as no question means it."""
+        if self.per is None:
+            if self.number is not None and self.give != "exists":
+                raise ValueError("a number is for 'exists', or goes with 'per'")
+            if self.which in OF_COUNTS:
+                raise ValueError("the most and the fewest need 'per'")
+            return
+        if self.give not in ("count", "exists", "rooms"):
+            raise ValueError("'per' goes with 'count', 'exists' and 'rooms'")
+        if self.like is not None or self.which not in (None, *OF_COUNTS):
+            raise ValueError("of what is counted, 'which' is 'most' or 'fewest'")
+        if self.number is not None and self.which is not None:
+            raise ValueError("a query asks for a number or for the most, not for both")
+        if self.give == "exists" and self.number is None:
+            raise ValueError("whether there is any room with how many? it needs a number")
 
     @property
     def describes_objects(self) -> bool:
         """Whether it says anything of the objects: of all, the answer is about some."""
         which = (self.names, self.besides, self.ids, self.tags, self.like, self.where, self.when)
-        return any(which) or self.measured is not None
+        return any(which) or self.measured is not None or self.per is not None
 
     @property
     def asks_rooms(self) -> bool:
         """Whether the answer is rooms."""
-        return self.give == "rooms" or bool(self.rooms)
+        return self.give == "rooms" or bool(self.rooms) or self.per is not None
+
+    @property
+    def counts_each_room(self) -> bool:
+        """Whether the answer is how many objects there are in each room."""
+        return self.per is not None and self.give == "count" and self.number is None
 
     def to_json(self) -> dict[str, Any]:
         """Return the query as JSON values, without what is left at its default."""

@@ -8,11 +8,11 @@ from datetime import datetime, timezone
 from typing import Any
 
 from hypermap.core.errors import FormatError
-from hypermap.questions.query import Condition, Measured, Query, Reference, When
+from hypermap.questions.query import Condition, Measured, Number, Query, Reference, When
 
 _DEEPEST = 8  # references within each other
-_JSON_KEYS = {"reference": "what", "is_asker": "asker", "point_xy": "point"}
-_PARTS = (Reference, Condition, When, Measured)
+_JSON_KEYS = {"reference": "what", "is_asker": "asker", "point_xy": "point", "other": "and"}
+_PARTS = (Reference, Condition, When, Measured, Number)
 
 
 def json_of(query: Query) -> dict[str, Any]:
@@ -37,6 +37,8 @@ def query_of(values: Any) -> Query:
         given["as_of"] = parse_moment(given["as_of"], "as_of")
     if given.get("measured") is not None:
         given["measured"] = _measured(given["measured"])
+    if given.get("number") is not None:
+        given["number"] = _number_of(given["number"])
     if given.get("start") is not None:
         given["start"] = _reference(given["start"], "start")
     if given.get("count") is not None:
@@ -147,6 +149,15 @@ def _measured(values: Any) -> Measured:
     return made
 
 
+def _number_of(values: Any) -> Number:
+    given = _checked(values, "number", Number)
+    for key, value in given.items():
+        if key == "at_least" or value is not None:
+            given[key] = _whole(value, f"number.{key}")
+    made: Number = _made(Number, given, "number")
+    return made
+
+
 def parse_moment(value: Any, where: str) -> datetime:
     """Return a moment out of a text as 2026-11-20T10:00+01:00; without a zone, it is in UTC.
 
@@ -167,6 +178,8 @@ def _condition(values: Any, where: str) -> Condition:
     if "reference" not in given:
         raise FormatError(f"{where}: the key 'what' is missing")
     given["reference"] = _reference(given["reference"], f"{where}.what")
+    if given.get("other") is not None:
+        given["other"] = _reference(given["other"], f"{where}.what and")
     made: Condition = _made(Condition, given, where)
     return made
 

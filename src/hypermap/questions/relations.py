@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import shapely
+from shapely.geometry.base import BaseGeometry
 
 from hypermap.core.arrays import BoolArray, FloatArray, IntArray, ObjectArray
 from hypermap.core.errors import HypermapError
@@ -104,6 +105,25 @@ def are_near(found: Matches, others: Matches, within: float) -> BoolArray:
         return near
 
     return any_pair(found, others, boxes, None, is_so=is_near)
+
+
+def are_between(found: Matches, one: BaseGeometry, other: BaseGeometry) -> BoolArray:
+    """Return which objects are between two shapes, and not on one of them.
+
+    Their middles lie in the convex hull of both, or they are on the straight line between the
+    middles of these, as what is in the way of someone who goes from one to the other.
+    """
+    both = [shapely.convex_hull(one), shapely.convex_hull(other)]
+    hull = shapely.convex_hull(shapely.GeometryCollection(both))
+    middles: ObjectArray = np.asarray(shapely.points(found.centroids))
+    line = shapely.LineString([both[0].centroid, both[1].centroid])
+    gap = line.difference(both[0]).difference(both[1])
+    for shape in (hull, *both):
+        shapely.prepare(shape)
+    is_inside = shapely.intersects(hull, middles)
+    is_inside &= ~shapely.intersects(both[0], middles) & ~shapely.intersects(both[1], middles)
+    between: BoolArray = is_inside | shapely.intersects(gap, found.shapes)
+    return between
 
 
 def _heights(found: Matches, rows: IntArray) -> tuple[FloatArray, FloatArray]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, get_args
 
-from hypermap.questions.query import MOST_LETTERS, Give, Measure, Relation, Seen, Which
+from hypermap.questions.query import MOST_LETTERS, Give, Measure, Per, Relation, Seen, Which
 
 _NAMES = {"type": "array", "items": {"type": "string", "minLength": 1}}
 _MOMENT = {"type": "string", "description": "ISO 8601, as 2026-11-20T10:00+01:00; else in UTC"}
@@ -55,6 +55,11 @@ QUERY_SCHEMA: dict[str, Any] = {
                     "description": "from where distances are measured",
                 },
                 "by": {"enum": list(get_args(Measure)), "default": "air"},
+                "per": {
+                    "enum": list(get_args(Per)),
+                    "description": "counts the objects of each room, for count, exists and rooms",
+                },
+                "number": {"$ref": "#/$defs/number"},
             },
         },
         "when": {
@@ -67,6 +72,16 @@ QUERY_SCHEMA: dict[str, Any] = {
                 "until": _MOMENT,
             },
             "anyOf": [{"required": ["since"]}, {"required": ["until"]}],
+        },
+        "number": {
+            "type": "object",
+            "additionalProperties": False,
+            "minProperties": 1,
+            "description": "how many objects there are, for exists; with per, in a room",
+            "properties": {
+                "at_least": {"type": "integer", "minimum": 0},
+                "at_most": {"type": "integer", "minimum": 0},
+            },
         },
         "measured": {
             "type": "object",
@@ -87,6 +102,10 @@ QUERY_SCHEMA: dict[str, Any] = {
                 "what": {"$ref": "#/$defs/reference"},
                 "within": {"type": "number", "minimum": 0, "description": "meters"},
                 "negated": {"type": "boolean", "default": False},
+                "and": {
+                    "$ref": "#/$defs/reference",
+                    "description": "the other place, for between and nothing else",
+                },
             },
         },
         "reference": {

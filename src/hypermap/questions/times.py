@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from datetime import date, datetime, time, timedelta
 
@@ -33,6 +33,9 @@ _TIME = re.compile(
     rf"|(?P<bare>{_DAY}))(?![\w:-])",
     re.IGNORECASE,
 )
+
+
+_AS_OF = re.compile(rf",?\s*\bas of (?:{_MOMENT})(?![\w:-])\s*,?", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
@@ -66,16 +69,40 @@ def find_times(text: str, now: datetime | None = None) -> list[tuple[int, int, S
     >>> span.text, span.since.isoformat()
     ('since Friday', '2026-11-20T00:00:00+00:00')
     """
+    clock = _Clock.at(now)
+    spans = [(*found.span(), clock.span_of(found)) for found in _unquoted(_TIME, text)]
+    return [(start, end, span) for start, end, span in spans if span is not None]
+
+
+def without_as_of(text: str, now: datetime | None = None) -> tuple[str, datetime | None]:
+    """Return a question without words such as "as of Monday", and the time; None without such.
+
+    A day stands for its begin, as it does for `hypermap query --as-of`.
+
+    Args:
+        text: a question; what is in quotation marks is not looked at.
+        now: as for `find_times`.
+
+    >>> from datetime import timezone
+    >>> noon = datetime(2026, 11, 23, 12, tzinfo=timezone.utc)
+    >>> question, moment = without_as_of("as of Friday at 3 pm, where is the cup?", noon)
+    >>> question, moment.isoformat()
+    (' where is the cup?', '2026-11-20T15:00:00+00:00')
+    """
+    found = next(_unquoted(_AS_OF, text), None)
+    moment = None if found is None else _Clock.at(now).moment_of(found)
+    if found is None or moment is None:
+        return text, None
+    return f"{text[: found.start()]} {text[found.end() :]}", moment
+
+
+def _unquoted(pattern: re.Pattern[str], text: str) -> Iterator[re.Match[str]]:
+    """Yield where a pattern is in a text, outside of quotation marks."""
     quoted = [found.span() for found in re.finditer(r'"[^"]*"', text)]
-    clock = _Clock(datetime.now().astimezone() if now is None else now, is_here=now is None)
-    times = []
-    for found in _TIME.finditer(text):
+    for found in pattern.finditer(text):
         start, end = found.span()
         if not any(first < end and start < last for first, last in quoted):
-            span = clock.span_of(found)
-            if span is not None:
-                times.append((start, end, span))
-    return times
+            yield found
 
 
 def parse_moment(text: str, option: str, now: datetime | None = None) -> datetime:
@@ -131,12 +158,21 @@ class _Clock:
     def __init__(self, now: datetime, is_here: bool) -> None:
         self._now, self._is_here = now, is_here
 
+    @classmethod
+    def at(cls, now: datetime | None) -> _Clock:
+        """Return the clock at a time; None for the present, in the zone of this computer."""
+        return cls(datetime.now().astimezone() if now is None else now, is_here=now is None)
+
+    def moment_of(self, found: re.Match[str]) -> datetime | None:
+        """Return the moment that was found; None if there is no such time."""
+        try:
+            return self._moment(_lowered(found))
+        except ValueError:  # as 2026-13-01 or 25:00
+            return None
+
     def span_of(self, found: re.Match[str]) -> Span | None:
         """Return what was found; None if there is no such time."""
-        text, parts = (
-            found[0],
-            {key: (value or "").lower() for key, value in found.groupdict().items()},
-        )
+        text, parts = found[0], _lowered(found)
         if parts["past_one"]:
             return Span(text, self._before("1", parts["past_one"]))
         for kind in ("past_", "for_"):
@@ -191,6 +227,10 @@ class _Clock:
         local = datetime.combine(day, clock)
         # Of here, summer and winter time are known.
         return local.astimezone() if self._is_here else local.replace(tzinfo=self._now.tzinfo)
+
+
+def _lowered(found: re.Match[str]) -> dict[str, str]:
+    return {key: (value or "").lower() for key, value in found.groupdict().items()}
 
 
 def _clock_of(text: str) -> time:

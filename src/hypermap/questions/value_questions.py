@@ -199,7 +199,10 @@ def _places(text: str, vocabulary: Vocabulary) -> tuple[Condition, ...]:
         return ()
     if text.strip().lower() == "here":
         return (Condition("at", Reference(is_asker=True)),)
-    conditions = understand(f"what is {text}", vocabulary).where
+    query = understand(f"what is {text}", vocabulary)
+    conditions = query.where
+    if query != Query(where=conditions):
+        raise HypermapError(f"{text.strip()!r}: values are asked as they are now, of places alone")
     for one in conditions:
         is_place = one.reference.rooms or one.reference.point_xy or one.reference.is_asker
         if one.negated or one.relation not in ("in", "at") or not is_place:

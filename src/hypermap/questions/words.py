@@ -39,7 +39,7 @@ _KEYWORDS = {
     ),
     "NEW": "new|added|newly seen|first seen|appeared|was added|were added|has appeared"
     "|has been added|have been added|have appeared",
-    "WHICH": "which|what kind of|which of",
+    "WHICH": "which|what kind of|which of|what are the names of",
     "HOW_MANY": "how many|count|number of|the number of|how much",
     "HOW_FAR": (
         "how far|how far away|how far off|how close|what is the distance|distance"
@@ -55,7 +55,7 @@ _KEYWORDS = {
     "SHOW": (
         "show|show me|list|find|find me|locate|give me|get me|look for|search for|point me to"
         "|i want to find|i want to see|i am trying to find|i have to find|help me find"
-        "|i need|i want|i am looking for|i would like"
+        "|i need|i want|i am looking for|i would like|i can not find|i cannot find|i lost"
         "|point out|name|search|can i get a list of|a list of"
         "|give me a list of|make a list of|list of|can i get|can i have|list all of"
     ),
@@ -63,19 +63,41 @@ _KEYWORDS = {
         "nearest|closest|farthest|furthest|largest|biggest|smallest|tiniest|surest|most certain"
         "|newest|most recent|next"
     ),
-    "IN": "in|inside|inside of|into|in the area of|belonging to|throughout",
+    "IN": (
+        "in|inside|inside of|into|in the area of|belonging to|throughout"
+        "|in all|in all the|in all of the"
+    ),
     "AT": "at",
-    "ON": "on|on top of|upon|lying on|standing on|sitting on|resting on|placed on",
+    "ON": (
+        "on|on top of|upon|lying on|standing on|sitting on|resting on|placed on|on all|on all the"
+    ),
     "UNDER": "under|underneath|below|beneath",
     "NEXT_TO": (
         "near|next to|close to|by|beside|around|nearby|near to|adjacent to|at the side of"
         "|in the vicinity of|alongside|right next to|not far from|touching"
     ),
     "WITHIN": (
-        "within|at most|less than|not more than|no more than|up to|closer than|no farther than"
-        "|in a radius of|within a radius of|in a distance of"
+        "within|at most|less than|fewer than|not more than|no more than|up to|closer than"
+        "|no farther than|in a radius of|within a radius of|in a distance of"
     ),
-    "BEYOND": "more than|farther than|further than|at least|beyond|over",
+    "BEYOND": (
+        "more than|farther than|further than|at least|beyond|over|no less than|not less than"
+        "|no fewer than|not fewer than"
+    ),
+    "EACH": "each|every|each of|every one of|every single",
+    "PER": "per",
+    "MOST": "most|largest number of|highest number of|greatest number of",
+    "FEWEST": "fewest|least|smallest number of|lowest number of",
+    "LACK": (
+        "without|without any|with no|has no|have no|lack|lacks|do not have|does not have"
+        "|do not have any|does not have any|have not got|has not got|do not contain"
+        "|does not contain|contains no|contain no"
+    ),
+    "EXACTLY": "exactly|just|only",
+    "OR_MORE": "or more",
+    "OR_FEWER": "or fewer|or less",
+    "SEVERAL": "several|multiple",
+    "SAME_ROOM": "one room|a single room|single room|the same room|same room",
     "SIDE": (
         "left of|to the left of|on the left of|right of|to the right of|on the right of"
         "|in front of|behind|at the back of|left from|right from|on the left side of"
@@ -87,8 +109,22 @@ _KEYWORDS = {
     "OF": "of",
     "FROM": "from|away from|off",
     "TO": "to",
-    "BETWEEN": "between",
-    "ME": "me|you|us|here|where i am|my position|the robot|yourself|where you are|this place",
+    "BETWEEN": "between|in between",
+    "ME": "me|you|us|where i am|my position|the robot|yourself|where you are",
+    "PLACE_HERE": "here|this place",
+    "IN_HERE": (
+        "in here|in this room|inside this room|in the room where i am|in the room i am in"
+        "|in the same room as me|in the current room"
+    ),
+    "WHERE_AM_I": (
+        "which room am i in|what room am i in|in which room am i|in what room am i|where am i"
+        "|which room are you in|what room are you in|in which room are you|where are you"
+        "|which room is this|what room is this"
+    ),
+    "WHAT_SEEN_FROM": (
+        "what can you see from|what do you see from|what can i see from|what could you see from"
+    ),
+    "TAG": "tagged|tagged as|tagged with|with tag|with the tag|that have the tag|have the tag",
     "HERE": "around here|near here|close by|in the vicinity|near by",
     "VISIBLE": "visible from|in sight of|within sight of|in view of|can be seen from|seen from",
     "BY_PATH": (
@@ -118,13 +154,14 @@ _OF_CONDITIONS = {
     "IS",
 }
 _DROPPED = (
-    "please|the|a|an|my|our|your|his|her|their|its|some|any|all|all the|every|each|robot"
+    "please|the|a|an|my|our|your|his|her|their|its|some|any|all|all the|robot"
     "|hey|hi|hello|ok|okay|can you tell me|could you tell me|do you know|tell me|actually"
     "|now|right now|currently|in this map|on this map|on the map|in the map"
     "|in this building|in the building|in the house|in the world|that is|that are|which is"
-    "|which are|that|s|kind of|just|also|then|so|can you|could you|would you|will you"
-    "|i wonder|thanks|thank you|quickly|exactly|approximately|roughly|altogether"
+    "|which are|that|s|kind of|also|then|so|can you|could you|would you|will you"
+    "|i wonder|thanks|thank you|quickly|approximately|roughly|altogether"
     "|in total|you know of|you can see|you see|you know|we have|you have|there are|located"
+    "|do you happen to know"
     "|situated|standing|lying|available|placed|ones|anywhere|somewhere|else|all of"
     "|does the house|does this house|does the building"
     "|does this building|does the map|does the flat|does this floor|in the flat"
@@ -163,6 +200,8 @@ _CONTRACTED = {
     "how's": "how is",
     "there's": "there is",
     "isn't": "is not",
+    "can't": "can not",
+    "doesn't": "does not",
     "aren't": "are not",
     "i'm": "i am",
     "i'd": "i would",
@@ -295,6 +334,8 @@ def _next(words: list[str], at: int, vocabulary: Vocabulary) -> tuple[Token | No
             return Token("NUMBER", str(_PARTS[phrase])), length
         if phrase in _PHRASES:
             token = _PHRASES[phrase]
+            if token == "TAG":
+                return _tag(words, at, length), length + 1
             return _keyword(token, phrase, words[at + length :]), length
     if re.fullmatch(_NUMBER, word):
         return Token("NUMBER", word), 1
@@ -303,6 +344,13 @@ def _next(words: list[str], at: int, vocabulary: Vocabulary) -> tuple[Token | No
     if word in _UNIT_OF:
         return Token("UNIT", word), 1
     return Token("UNKNOWN", word), 1
+
+
+def _tag(words: list[str], at: int, length: int) -> Token:
+    """Return the token of the tag after "tagged": one word, or what is in quotation marks."""
+    if at + length == len(words):
+        return Token("UNKNOWN", words[at])
+    return Token("TAG", words[at + length].strip('"'))
 
 
 def _keyword(token: str, phrase: str, rest: list[str]) -> Token | None:
@@ -314,6 +362,11 @@ def _keyword(token: str, phrase: str, rest: list[str]) -> Token | None:
         if _PHRASES.get(content) in _OF_CONDITIONS:
             return Token("AND" if phrase == "but" else "NOT", phrase)
         return Token("BUT", phrase)
+    is_count = is_number and not any(word in _UNIT_OF for word in rest[1:4])
+    if phrase in ("exactly", "just", "only") and not is_count:
+        return Token("UNKNOWN", phrase) if phrase == "only" else None
+    if phrase in ("approximately", "roughly") and is_count:
+        return Token("UNKNOWN", phrase)
     if phrase == "within" and not is_number:
         return Token("IN", phrase)
     if phrase == "under" and is_number and any(word in _UNIT_OF for word in rest[1:3]):
