@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import random
 import zlib
 from pathlib import Path
@@ -140,18 +141,18 @@ def _with_numbers_spoiled(arrays: bytes, draw: random.Random) -> bytes:
 
 def _with_a_frame_spoiled(data: bytes, draw: random.Random) -> bytes:
     """Spoil a frame of the log, which is a packed file of arrays itself."""
-    from hypermap.formats.array_file import ArrayFile, dump_arrays, parse_arrays
-    from hypermap.mapping.frame_log import LogPart, packed_log, unpacked_log
-    from hypermap.mapping.mapper_state import FORMAT, VERSION
+    from hypermap.mapping.config import profile
+    from hypermap.mapping.frame_log import LogPart
+    from hypermap.mapping.mapper_state import dump_state, parse_state
 
     try:
-        file = parse_arrays(data, FORMAT, VERSION, "")
-        part, *_ = unpacked_log(file.arrays)
+        state = parse_state(data, profile("default").evidence)
+        part, *others = state.log
         number = draw.randrange(len(part.frames))
         plain = zlib.decompress(part.frames[number])
     except (HypermapError, ValueError, LookupError, zlib.error):
         return mutate_bytes(data, draw)
     frames = list(part.frames)
     frames[number] = zlib.compress(_mutate_arrays(plain, draw))
-    log = packed_log([LogPart(part.before, part.stamps, frames, part.poses)])
-    return dump_arrays(ArrayFile(file.facts, {**file.arrays, **log}), FORMAT, VERSION)
+    spoiled = LogPart(part.before, part.stamps, frames, part.poses)
+    return dump_state(dataclasses.replace(state, log=[spoiled, *others]))

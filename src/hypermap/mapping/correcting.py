@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -17,8 +16,7 @@ from hypermap.mapping.completion import FreeShare
 from hypermap.mapping.config import MappingConfig
 from hypermap.mapping.drives import Drive
 from hypermap.mapping.evidence import EvidenceMap
-from hypermap.mapping.frame_log import FrameLog, unpacked_frame
-from hypermap.mapping.mapper_state import MapperState, dump_before, parse_state
+from hypermap.mapping.frame_log import FrameLog, MapBefore, unpacked_frame
 from hypermap.mapping.merging.moving import renumbered
 from hypermap.mapping.occupancy import OccupancyMapper
 from hypermap.mapping.tracks import TrackTable
@@ -158,16 +156,16 @@ def map_again(
     Raises:
         FormatError: If the log is damaged.
     """
-    first = parse_state(log.parts[0].before, config.evidence, "the log of frames")
+    first = log.parts[0].before
     evidence, occupancy = EvidenceMap(config.evidence, is_free), OccupancyMapper(config.occupancy)
     edits = {track.id: track.by_hand for track in first.tracks.objects if track.by_hand}
-    evidence.go_on_with(first.tracks, edits)
+    evidence.go_on_with(first.tracks.snapshot(), edits)
     if first.log_odds is not None:
-        occupancy.go_on_with(first.first_cell, first.log_odds)
+        occupancy.go_on_with(first.first_cell, first.log_odds.copy())
     again = FrameLog()
     for number, (content, pose) in enumerate(zip(log.frames, poses, strict=True)):
         if again.is_full:
-            again.begin_part(_state_now(first, evidence, occupancy))
+            again.begin_part(first if number == 0 else _map_now(first, evidence, occupancy))
         frame = unpacked_frame(content, "the log of frames")
         moved = frame.moved_to(pose, config.occupancy.resolution)
         change = occupancy.change_by(moved.seen)
@@ -177,26 +175,15 @@ def map_again(
         again.add(frame.observation.stamp, content, pose)
         if on_progress is not None:
             on_progress(number + 1, len(poses))
-    tracks = with_known_ids(evidence.tracks(), before.tracks(), set_of_ids(first), config)
+    fixed = frozenset(track.id for track in first.tracks.objects)
+    tracks = with_known_ids(evidence.tracks(), before.tracks(), fixed, config)
     evidence.go_on_with(tracks, before.hand_edits())
     return MappedAgain(evidence, occupancy, again)
 
 
-def _state_now(first: MapperState, evidence: EvidenceMap, occupancy: OccupancyMapper) -> bytes:
+def _map_now(first: MapBefore, evidence: EvidenceMap, occupancy: OccupancyMapper) -> MapBefore:
     first_cell, log_odds = occupancy.log_odds()
-    return dump_before(
-        dataclasses.replace(
-            first,
-            tracks=evidence.tracks(),
-            first_cell=first_cell,
-            log_odds=None if first.log_odds is None else log_odds,
-        )
-    )
-
-
-def set_of_ids(state: MapperState) -> frozenset[int]:
-    """Return the ids of a state's tracks."""
-    return frozenset(track.id for track in state.tracks.objects)
+    return MapBefore.of(evidence.tracks(), first_cell, None if first.log_odds is None else log_odds)
 
 
 def with_known_ids(

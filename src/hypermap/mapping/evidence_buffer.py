@@ -22,6 +22,8 @@ from hypermap.mapping.columns import Column
 from hypermap.mapping.prepared_polygon import PreparedPolygon
 from hypermap.perception.observation import Observation, ObservedObject
 
+_STEPS = 4096  # per meter, to which the points of visible areas are rounded
+
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
@@ -85,6 +87,7 @@ def evidence_from(
     area, view = observation.visible_area, observation.view
     if abstain == "hidden" and view is not None and view.is_level:
         area = view.ground
+    area = _rounded(area)
     centroids = shapely.get_coordinates(shapely.centroid(footprints[is_usable]))
     # Preparing all shapes of a frame at once is faster than one by one.
     *prepared, prepared_area = PreparedPolygon.all_of(
@@ -105,6 +108,12 @@ def evidence_from(
         vars(evidence).update(prepared=polygon, prepared_area=prepared_area)
         found.append((observed, evidence))
     return found
+
+
+def _rounded(area: BaseGeometry) -> BaseGeometry:
+    """Return an area with points at whole steps, which files keep in a quarter of the space."""
+    rounded: BaseGeometry = shapely.transform(area, lambda xy: np.round(xy * _STEPS) / _STEPS)
+    return rounded if shapely.is_valid(rounded) else area
 
 
 class EvidenceBuffer:

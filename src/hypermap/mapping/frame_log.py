@@ -29,6 +29,7 @@ from hypermap.formats.array_file import (
     unpacked_shapes,
 )
 from hypermap.mapping.seen_cells import SeenCells
+from hypermap.mapping.tracks import TrackTable
 from hypermap.perception.depth_view import DepthView
 from hypermap.perception.frame import Camera
 from hypermap.perception.observation import Observation, ObservedObject
@@ -220,17 +221,45 @@ def _unpacked_cells(shape: list[int] | None, arrays: _Arrays) -> SeenCells | Non
 
 
 @dataclass(frozen=True, eq=False)
+class MapBefore:
+    """The map before a frame, so that this frame can be mapped again.
+
+    Attributes:
+        tracks: with the evidence for them, which other tables share; not to be changed.
+        first_cell: row and column of the first cell of `log_odds`, from the frame's origin.
+        log_odds: of the cells of the occupancy layer, NaN for never seen, float32, shape (H, W);
+            None if the layer is not made from depth.
+    """
+
+    tracks: TrackTable
+    first_cell: NDArray[np.int64]
+    log_odds: NDArray[np.float32] | None
+
+    @classmethod
+    def of(
+        cls,
+        tracks: TrackTable,
+        first_cell: NDArray[np.int64],
+        log_odds: NDArray[np.float32] | None,
+    ) -> MapBefore:
+        """Return it from a copy of tracks, of which it needs no pictures."""
+        for track in tracks.objects:
+            track.buffer.pictures, track.buffer.embedding = (), None
+        return cls(tracks, first_cell, log_odds)
+
+
+@dataclass(frozen=True, eq=False)
 class LogPart:
     """Some frames, one after the other.
 
     Attributes:
-        before: the state of the mapper before the first of them, a file of `mapper_state`.
+        before: the map before the first of them.
         stamps: of the frames [s].
         frames: as `packed_frame` returns them, at the poses that they were mapped from first.
         poses: map_T_camera as it is now, shape (4, 4) each.
     """
 
-    before: bytes
+    before: MapBefore
     stamps: list[float] = field(default_factory=list)
     frames: list[bytes] = field(default_factory=list)
     poses: list[NDArray[np.float64]] = field(default_factory=list)
@@ -261,8 +290,8 @@ class FrameLog:
         """Say that the next frame is of another drive."""
         self._is_drive_over = True
 
-    def begin_part(self, before: bytes) -> None:
-        """Begin a part with the state of the mapper before its first frame."""
+    def begin_part(self, before: MapBefore) -> None:
+        """Begin a part with the map before its first frame."""
         self._is_drive_over = False
         while len(self.parts) >= _PARTS or sum(len(p.frames) for p in self.parts[1:]) >= PART:
             del self.parts[0]
@@ -293,13 +322,10 @@ class FrameLog:
 
 
 def packed_log(parts: Iterable[LogPart]) -> dict[str, NDArray[Any]]:
-    """Return a log as arrays, for the file of the mapper's state."""
+    """Return a log as arrays, without the maps before its parts."""
     parts = list(parts)
     frames = [frame for part in parts for frame in part.frames]
-    befores = [part.before for part in parts]
     return {
-        "log.before": _joined(befores),
-        "log.before_lengths": _lengths(befores),
         "log.frames": _joined(frames),
         "log.frame_lengths": _lengths(frames),
         "log.part_lengths": _lengths([part.frames for part in parts]),
@@ -308,15 +334,29 @@ def packed_log(parts: Iterable[LogPart]) -> dict[str, NDArray[Any]]:
     }
 
 
-def unpacked_log(arrays: _Arrays) -> tuple[LogPart, ...]:
+def unpacked_befores(arrays: _Arrays) -> list[bytes]:
+    """Return the files of the states before each part, as a log of an earlier version has them.
+
+    Raises:
+        KeyError, ValueError: If the arrays hold anything else.
+    """
+    if "log.before" not in arrays:
+        return []
+    return _parted(arrays["log.before"], arrays["log.before_lengths"])
+
+
+def unpacked_log(arrays: _Arrays, befores: Sequence[MapBefore]) -> tuple[LogPart, ...]:
     """Return the parts of `packed_log`; none if the arrays hold no log.
+
+    Args:
+        arrays: those, and others.
+        befores: the map before each part.
 
     Raises:
         KeyError, ValueError: If they hold anything else.
     """
-    if "log.before" not in arrays:
+    if "log.frames" not in arrays:
         return ()
-    befores = _parted(arrays["log.before"], arrays["log.before_lengths"])
     frames = _parted(arrays["log.frames"], arrays["log.frame_lengths"])
     ends = np.cumsum(arrays["log.part_lengths"]).tolist()
     begins = [0, *ends[:-1]]

@@ -30,7 +30,7 @@ from hypermap.mapping.correcting import Correction, corrected_poses, map_again
 from hypermap.mapping.counts import Counts
 from hypermap.mapping.drives import Drive, EarlierDrives, map_id, wall_clock
 from hypermap.mapping.evidence import EvidenceMap
-from hypermap.mapping.frame_log import FrameLog, LoggedFrame, packed_frame
+from hypermap.mapping.frame_log import FrameLog, LoggedFrame, MapBefore, packed_frame
 from hypermap.mapping.going_on import (
     CannotGoOn,
     config_to_go_on_with,
@@ -41,7 +41,7 @@ from hypermap.mapping.going_on import (
 )
 from hypermap.mapping.keyframes import KeyframeSelector
 from hypermap.mapping.looks import embed_objects
-from hypermap.mapping.mapper_state import MapperState, dump_before, dump_state
+from hypermap.mapping.mapper_state import MapperState, dump_state
 from hypermap.mapping.occupancy import OccupancyMapper
 from hypermap.mapping.perceived import Perceived, Perceiver, no_detections
 from hypermap.mapping.pictures import keep_pictures
@@ -238,7 +238,7 @@ class Mapper:
         self._count_surplus(frame, perceived)
         observation = perceived.observation
         if self._log.is_full:
-            self._log.begin_part(dump_before(self._state([])))
+            self._log.begin_part(self._map_before())
         change: Callable[[], None] | None = None
         if self.makes_occupancy:
             try:
@@ -385,6 +385,12 @@ class Mapper:
             alignment=None if self._aligner is None else self._aligner.learned,
             log=FrameLog(self._log.parts).parts,
         )
+
+    def _map_before(self) -> MapBefore:
+        """Return the map as it is, from which the next frames can be mapped again."""
+        first_cell, log_odds = self._occupancy.log_odds()
+        given = self._given_occupancy is not None
+        return MapBefore.of(self.evidence.tracks(), first_cell, None if given else log_odds)
 
     def _identity(self) -> dict[str, Any]:
         """Return the id of the map, which it keeps, and its version, which counts up.

@@ -1,0 +1,283 @@
+"""Tables of tracks as arrays: the one as it is, and earlier ones, which share evidence with it.
+
+What several tables have is one object in memory, and is kept once. Who knows nothing of earlier
+tables can read the first one: what only they have is in arrays of its own (`more.*`).
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any, TypeVar
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from hypermap.core.arrays import as_objects
+from hypermap.formats.array_file import packed_shapes, unpacked_shapes
+from hypermap.mapping.evidence_buffer import Evidence, EvidenceBuffer
+from hypermap.mapping.prepared_polygon import PreparedPolygon
+from hypermap.mapping.stages import EvidenceConfig
+from hypermap.mapping.tracks import Track, TrackTable
+
+T = TypeVar("T")
+_Arrays = Mapping[str, NDArray[Any]]
+
+_MORE = "more."
+_COLUMNS = ("existence", "heights", "pending", "observations", "scores_and_times")
+
+
+@dataclass(frozen=True, eq=False)
+class PackedTables:
+    """Tables of tracks in the form of a file.
+
+    Attributes:
+        facts: of each table, for JSON; the table as it is comes first.
+        arrays: of all of them.
+    """
+
+    facts: Sequence[Mapping[str, Any]]
+    arrays: _Arrays
+
+
+def packed_tables(now: TrackTable, earlier: Sequence[TrackTable] = ()) -> PackedTables:
+    """Return all columns of tables of tracks, of their evidence and of its views.
+
+    Args:
+        now: the table as it is.
+        earlier: others that share evidence and shapes with it, each as the same object.
+    """
+    tables = [now, *earlier]
+    shapes, shape_rows = _together([table.shapes.polygons for table in tables])
+    items, item_rows = _together([_evidence_of(table) for table in tables])
+    arrays: dict[str, NDArray[Any]] = {}
+    for number, table in enumerate(tables):
+        arrays |= _columns(table_prefix(number), table)
+        if number:
+            arrays[f"{table_prefix(number)}track.shape"] = _whole(shape_rows[number])
+            arrays[f"{table_prefix(number)}track.evidence"] = _whole(item_rows[number])
+    own = len(now.objects)
+    arrays |= _packed_polygons("track.shape", shapes[:own])
+    arrays |= _packed_polygons(f"{_MORE}track.shape", shapes[own:])
+    arrays |= _packed_evidence(items, len(_evidence_of(now)))
+    return PackedTables([_facts(table) for table in tables], arrays)
+
+
+def unpacked_tables(packed: PackedTables, config: EvidenceConfig) -> list[TrackTable]:
+    """Return the tables of `packed_tables`.
+
+    Raises:
+        KeyError, ValueError, IndexError, GEOSException: If the arrays hold none.
+    """
+    arrays = packed.arrays
+    shapes = PreparedPolygon.all_of(_unpacked_both("track.shape", arrays))
+    items = _unpacked_evidence(arrays)
+    own = len(arrays["track.id"]), int(arrays["track.kept"].sum())
+    tables = []
+    for number, facts in enumerate(packed.facts):
+        columns = _columns_with(table_prefix(number), arrays)
+        shape_rows = columns.get("shape", np.arange(own[0]))
+        item_rows = columns.get("evidence", np.arange(own[1]))
+        if min(shape_rows.min(initial=0), item_rows.min(initial=0)) < 0:
+            raise ValueError("a track has an impossible row")
+        table_shapes = [shapes[row] for row in shape_rows.tolist()]
+        table_items = [items[row] for row in item_rows.tolist()]
+        tables.append(_table(facts, columns, table_shapes, table_items, config))
+    return tables
+
+
+def table_prefix(number: int) -> str:
+    """Return how the names of a table's arrays begin; table 0 is the one as it is."""
+    return "" if number == 0 else f"before.{number - 1}."
+
+
+def _together(lists: Sequence[Sequence[T]]) -> tuple[list[T], list[list[int]]]:
+    """Return all things of some lists, all of the first one first, and their rows.
+
+    Of the other lists, things that are there already are not added again.
+    """
+    things = list(lists[0])
+    rows = {id(thing): row for row, thing in enumerate(things)}
+    found = [list(range(len(things)))]
+    for others in lists[1:]:
+        for thing in others:
+            if rows.setdefault(id(thing), len(things)) == len(things):
+                things.append(thing)
+        found.append([rows[id(thing)] for thing in others])
+    return things, found
+
+
+def _evidence_of(tracks: TrackTable) -> list[Evidence]:
+    return [item for track in tracks.objects for item in track.buffer.items]
+
+
+def _facts(tracks: TrackTable) -> dict[str, Any]:
+    return {
+        "names": [track.name for track in tracks.objects],
+        "next_id": tracks.next_id,
+        "moved": [track.moved for track in tracks.objects],
+        "gone_since": [track.gone_since for track in tracks.objects],
+    }
+
+
+def _columns(prefix: str, tracks: TrackTable) -> dict[str, NDArray[Any]]:
+    objects = tracks.objects
+    buffers = [track.buffer for track in objects]
+    both = [
+        (track.id, other, count)
+        for track in objects
+        for other, count in sorted(track.co_occurrences.items())
+    ]
+    times = [(b.score_sum, b.first_seen, b.last_seen) for b in buffers]
+    columns = {
+        "id": _whole([track.id for track in objects]),
+        "existence": tracks.existence.copy(),
+        "heights": tracks.shapes.heights.copy(),
+        "pending": _whole([track.pending for track in objects]),
+        "observations": _whole([buffer.count for buffer in buffers]),
+        "kept": _whole([len(buffer) for buffer in buffers]),
+        "scores_and_times": np.array(times, np.float64).reshape(-1, 3),
+        "co_occurrences": _whole(both).reshape(-1, 3),
+    }
+    return {f"{prefix}track.{name}": column for name, column in columns.items()}
+
+
+def _columns_with(prefix: str, arrays: _Arrays) -> dict[str, NDArray[Any]]:
+    begin = f"{prefix}track."
+    return {name[len(begin) :]: array for name, array in arrays.items() if name.startswith(begin)}
+
+
+def _packed_polygons(name: str, polygons: Sequence[PreparedPolygon]) -> dict[str, NDArray[Any]]:
+    return packed_shapes(name, as_objects([polygon.geometry for polygon in polygons]))
+
+
+def _packed_evidence(items: Sequence[Evidence], own: int) -> dict[str, NDArray[Any]]:
+    """Return evidence and its views as arrays; what is behind the first `own` pieces, as more."""
+    rows: dict[tuple[int, int], int] = {}  # observations of one frame share its pose and its area
+    views: list[Evidence] = []
+    view_of = []
+    for item in items:
+        view_of.append(rows.setdefault((id(item.map_T_camera), id(item.visible_area)), len(views)))
+        if view_of[-1] == len(views):
+            views.append(item)
+    own_views = max(view_of[:own], default=-1) + 1
+    arrays: dict[str, NDArray[Any]] = {}
+    for prefix, some, some_views in (
+        ("", slice(0, own), slice(0, own_views)),
+        (_MORE, slice(own, None), slice(own_views, None)),
+    ):
+        arrays[f"{prefix}observation.view"] = _whole(view_of[some])
+        arrays |= _packed_observations(prefix, items[some])
+        arrays |= _packed_views(prefix, views[some_views])
+    return arrays
+
+
+def _packed_observations(prefix: str, items: Sequence[Evidence]) -> dict[str, NDArray[Any]]:
+    name = f"{prefix}observation"
+    return {
+        f"{name}.score": np.array([item.score for item in items], np.float64),
+        f"{name}.z_min": np.array([item.z_min for item in items], np.float64),
+        f"{name}.z_max": np.array([item.z_max for item in items], np.float64),
+        **packed_shapes(f"{name}.footprint", as_objects(item.footprint for item in items)),
+    }
+
+
+def _packed_views(prefix: str, views: Sequence[Evidence]) -> dict[str, NDArray[Any]]:
+    name = f"{prefix}view"
+    return {
+        f"{name}.stamp": np.array([view.stamp for view in views], np.float64),
+        f"{name}.pose": np.array([v.map_T_camera for v in views], np.float64).reshape(-1, 4, 4),
+        **packed_shapes(f"{name}.area", as_objects(view.visible_area for view in views)),
+    }
+
+
+def _both(name: str, arrays: _Arrays) -> NDArray[Any]:
+    """Return an array of the table as it is, and behind it that of more."""
+    more = arrays.get(f"{_MORE}{name}")
+    return arrays[name] if more is None else np.concatenate([arrays[name], more])
+
+
+def _unpacked_both(name: str, arrays: _Arrays) -> list[Any]:
+    """Return the geometries of the table as it is, and behind them those of more."""
+    found = list(unpacked_shapes(name, arrays))
+    if f"{_MORE}{name}.points" in arrays:
+        found.extend(unpacked_shapes(f"{_MORE}{name}", arrays))
+    return found
+
+
+def _unpacked_evidence(arrays: _Arrays) -> list[Evidence]:
+    """Return all evidence; what one frame has shown shares its pose and its area."""
+    footprints = as_objects(_unpacked_both("observation.footprint", arrays))
+    areas = _unpacked_both("view.area", arrays)
+    centroids = shapely.get_coordinates(shapely.centroid(footprints))
+    poses = list(_both("view.pose", arrays).reshape(-1, 4, 4))
+    stamps = _both("view.stamp", arrays).tolist()
+    prepared = PreparedPolygon.all_of(list(footprints))
+    prepared_areas = PreparedPolygon.all_of(areas)
+    found = []
+    columns = [_both(f"observation.{name}", arrays) for name in ("view", "score", "z_min", "z_max")]
+    if any(column.shape != (len(footprints),) for column in columns):
+        raise ValueError("the columns of the observations differ in length")
+    if columns[0].size and columns[0].min() < 0:
+        raise ValueError("an observation is of no view")
+    values = zip(*(column.tolist() for column in columns), strict=True)
+    for i, (view, score, z_min, z_max) in enumerate(values):
+        item = Evidence(
+            stamp=stamps[view],
+            map_T_camera=poses[view],
+            visible_area=areas[view],
+            score=score,
+            footprint=footprints[i],
+            centroid_xy=centroids[i],
+            z_min=z_min,
+            z_max=z_max,
+        )
+        vars(item).update(prepared=prepared[i], prepared_area=prepared_areas[view])
+        found.append(item)
+    return found
+
+
+def _table(
+    facts: Mapping[str, Any],
+    arrays: _Arrays,
+    shapes: Sequence[PreparedPolygon],
+    items: list[Evidence],
+    config: EvidenceConfig,
+) -> TrackTable:
+    """Return a table from its columns, its tracks' shapes and all their evidence."""
+    tracks = TrackTable(config.max_existence)
+    ids = arrays["id"].tolist()
+    if any(one >= next_one for one, next_one in pairwise(ids)):
+        raise ValueError("the ids of the tracks do not rise")
+    co_occurrences: dict[int, Counter[int]] = {number: Counter() for number in ids}
+    for number, other, count in arrays["co_occurrences"].tolist():
+        co_occurrences[number][other] = count
+    ends = np.cumsum(arrays["kept"]).tolist()
+    if (arrays["kept"] < 0).any() or (ends[-1] if ends else 0) != len(items):
+        raise ValueError("the observations do not fit the tracks")
+    columns = (ids, facts["names"], shapes, *(arrays[name].tolist() for name in _COLUMNS))
+    moved, gone_since = (_numbers(ids, facts.get(key, ())) for key in ("moved", "gone_since"))
+    begin = 0
+    for (id_, name, shape, existence, heights, pending, count, times), end in zip(
+        zip(*columns, strict=True), ends, strict=True
+    ):
+        buffer = EvidenceBuffer.of(items[begin:end], config.max_evidence, count, *times)
+        track = Track(id_, str(name), buffer, co_occurrences[id_], pending)
+        track.moved, track.gone_since = moved.get(id_), gone_since.get(id_)
+        tracks.add(track, 0, shape, tuple(heights), existence)
+        begin = end
+    tracks.next_id = max(tracks.next_id, int(facts["next_id"]))
+    return tracks
+
+
+def _numbers(ids: Sequence[int], values: Sequence[float | None]) -> dict[int, float]:
+    """Return the numbers of those tracks that have one; files of earlier versions have none."""
+    pairs = zip(ids, values, strict=False)
+    return {number: float(value) for number, value in pairs if value is not None}
+
+
+def _whole(values: Sequence[Any]) -> NDArray[np.int64]:
+    return np.array(values, np.int64)

@@ -1,0 +1,143 @@
+"""The file of the mapper's state: exact, with each piece of evidence once, and as it was before."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+import shapely
+
+from hypermap.core.errors import FormatError
+from hypermap.core.hypermap import Hypermap
+from hypermap.core.trajectory import pose_from_rpy, trajectory_of
+from hypermap.formats.array_file import ArrayFile, dump_arrays, parse_arrays
+from hypermap.mapping.config import profile
+from hypermap.mapping.mapper import Mapper
+from hypermap.mapping.mapper_state import FORMAT, VERSION, MapperState, dump_state, parse_state
+from hypermap.perception.detectors.sources import detections_from_recording
+from hypermap.perception.frame import Camera, RgbdFrame
+from hypermap.simulation import SimulatedRecording, demo_world
+from hypermap.simulation.levels import errors_of_level
+
+SMALL = Camera.from_intrinsics(131.25, 131.25, 79.5, 59.5, width=160, height=120)
+SOURCE = detections_from_recording()
+CONFIG = profile("default").evidence
+
+
+def state_in(hypermap: Hypermap) -> bytes:
+    kept = hypermap.mapper_state
+    assert callable(kept)
+    return bytes(kept())
+
+
+@pytest.fixture(scope="module")
+def frames() -> list[RgbdFrame]:
+    recording = SimulatedRecording.with_errors(
+        demo_world(), errors_of_level("none"), camera=SMALL, rate=0.4, has_occupancy=False
+    )
+    return list(recording.frames())
+
+
+@pytest.fixture(scope="module")
+def three_days(frames: list[RgbdFrame]) -> Hypermap:
+    """The map of three drives, each onto the map before."""
+    mapper = Mapper(profile("default"), SOURCE, drive="0")
+    for number in range(3):
+        if number:
+            mapper = Mapper.onto(mapper.hypermap(), SOURCE, drive=str(number))
+        for frame in frames[number::3]:
+            mapper.add(frame)
+    return mapper.hypermap()
+
+
+@pytest.fixture(scope="module")
+def content(three_days: Hypermap) -> bytes:
+    return state_in(three_days)
+
+
+@pytest.fixture(scope="module")
+def state(content: bytes) -> MapperState:
+    return parse_state(content, CONFIG)
+
+
+def in_the_older_form(state: MapperState) -> bytes:
+    """A file as earlier versions wrote it: the map before each part is a whole file within it."""
+    befores = [
+        dump_state(dataclasses.replace(state, **vars(part.before), published=(), log=()))
+        for part in state.log
+    ]
+    file = parse_arrays(dump_state(state), FORMAT, VERSION, "")
+    arrays = {n: a for n, a in file.arrays.items() if not n.startswith(("before.", "more."))}
+    arrays["log.before"] = np.frombuffer(b"".join(befores), np.uint8)
+    arrays["log.before_lengths"] = np.array([len(one) for one in befores], np.int64)
+    facts = {key: value for key, value in file.facts.items() if key != "before"}
+    return dump_arrays(ArrayFile(facts, arrays), FORMAT, VERSION)
+
+
+def test_a_state_is_the_same_after_it_was_read(content: bytes, state: MapperState) -> None:
+    assert len(state.log) == 3
+    assert dump_state(state) == content
+
+
+def test_each_piece_of_evidence_is_kept_once(content: bytes, state: MapperState) -> None:
+    arrays = parse_arrays(content, FORMAT, VERSION, "").arrays
+    kept = sum(len(arrays[f"{prefix}observation.score"]) for prefix in ("", "more."))
+    tables = [state.tracks, *(part.before.tracks for part in state.log)]
+    pieces = [item for one in tables for track in one.objects for item in track.buffer.items]
+    found = {(item.stamp, item.score, shapely.to_wkb(item.footprint)) for item in pieces}
+    assert kept == len(found) < len(pieces) / 2
+    areas = sum(len(arrays[f"{prefix}view.stamp"]) for prefix in ("", "more."))
+    assert areas == len({item.stamp for item in pieces})
+
+
+def test_evidence_that_is_dropped_since_then_stays_with_the_earlier_maps(
+    state: MapperState,
+) -> None:
+    shorter = dataclasses.replace(state, tracks=state.log[0].before.tracks)
+    assert not shorter.tracks.objects
+    again = parse_state(dump_state(shorter), CONFIG)
+    before, expected = (one.log[2].before.tracks for one in (again, state))
+    assert before.objects
+    for track, same in zip(before.objects, expected.objects, strict=True):
+        assert (track.id, track.name) == (same.id, same.name)
+        assert track.buffer.footprints().tolist() == same.buffer.footprints().tolist()
+    shapes = [one.shapes.geometries(range(len(one.objects))).tolist() for one in (before, expected)]
+    assert shapes[0] == shapes[1]
+
+
+def test_the_older_form_is_read_and_corrected_alike(
+    frames: list[RgbdFrame], three_days: Hypermap, state: MapperState
+) -> None:
+    stamps = np.array([frame.stamp for frame in frames])
+    off = pose_from_rpy(0.3, 0.1, 0, 0, 0, 0.02)
+    there = trajectory_of(stamps, np.array([off @ frame.map_T_camera for frame in frames]))
+    corrected = []
+    for content in (in_the_older_form(state), dump_state(state)):
+        given = three_days.with_layers(list(three_days))
+        given.mapper_state = content
+        mapper = Mapper.onto(given, SOURCE)
+        mapper.correct(there)
+        corrected.append(parse_state(state_in(mapper.hypermap()), CONFIG))
+    one, other = corrected
+    assert [t.id for t in one.tracks.objects] == [t.id for t in other.tracks.objects]
+    assert dump_state(one) == dump_state(other)
+
+
+def test_earlier_versions_find_no_log_and_what_they_know(content: bytes) -> None:
+    """They look for `log.before`, and count the evidence of the tracks."""
+    arrays = parse_arrays(content, FORMAT, VERSION, "").arrays
+    assert "log.before" not in arrays
+    assert arrays["track.kept"].sum() == len(arrays["observation.score"])
+    assert arrays["observation.view"].max() < len(arrays["view.stamp"])
+
+
+def test_rows_that_are_not_there_are_one_error(content: bytes) -> None:
+    file = parse_arrays(content, FORMAT, VERSION, "")
+    for name in ("before.2.track.evidence", "before.2.track.shape"):
+        for row in (-1, 10_000):
+            rows = file.arrays[name].copy()
+            rows[0] = row
+            wrong = ArrayFile(file.facts, {**file.arrays, name: rows})
+            with pytest.raises(FormatError, match=r"x\.hmap: is damaged"):
+                parse_state(dump_arrays(wrong, FORMAT, VERSION), CONFIG, "x.hmap")
