@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from hypermap.core.errors import HypermapError
 from hypermap.core.trajectory import Trajectory, invert, trajectory_of
-from hypermap.formats.limits import MAX_PLACE
 from hypermap.mapping.completion import FreeShare
 from hypermap.mapping.config import MappingConfig
 from hypermap.mapping.drives import Drive
@@ -20,6 +19,7 @@ from hypermap.mapping.frame_log import FrameLog, MapBefore, unpacked_frame
 from hypermap.mapping.merging.moving import renumbered
 from hypermap.mapping.occupancy import OccupancyMapper
 from hypermap.mapping.tracks import TrackTable
+from hypermap.mapping.usable import FARTHEST_POSE
 
 
 class CannotCorrect(HypermapError):
@@ -110,8 +110,8 @@ def corrected_poses(
             f"that the map keeps for this{known}"
         )
     poses[is_covered] = _moved_along(stamps[is_covered], poses[is_covered], trajectory)
-    if not (np.abs(poses[:, :3, 3]) <= MAX_PLACE).all():
-        raise CannotCorrect(f"a pose is farther away than {MAX_PLACE:g} m")
+    if not (np.abs(poses[:, :3, 3]) <= FARTHEST_POSE).all():
+        raise CannotCorrect(f"a pose is farther away than {FARTHEST_POSE:g} m")
     return poses, is_covered
 
 

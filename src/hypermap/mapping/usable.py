@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from hypermap.formats.limits import MAX_PLACE
 from hypermap.mapping.depth_check import why_implausible
 from hypermap.perception.frame import RgbdFrame
 
-_FARTHEST = 1e9  # meters; beyond, geometry on the floor loses its precision
+FARTHEST_POSE = 0.9 * MAX_PLACE
+"""Meters from the origin, from where what a camera sees still lies within what a map can hold."""
 
 
 def why_unusable(frame: RgbdFrame) -> str | None:
@@ -16,8 +18,8 @@ def why_unusable(frame: RgbdFrame) -> str | None:
         return "its stamp is not finite"
     if not np.isfinite(frame.map_T_camera).all():
         return "its pose is not finite"
-    if np.abs(frame.map_T_camera[:3, 3]).max() > _FARTHEST:
-        return f"its pose is more than {_FARTHEST:g} m away"
+    if np.abs(frame.map_T_camera[:3, 3]).max() > FARTHEST_POSE:
+        return f"its pose is more than {FARTHEST_POSE:g} m away"
     rotation = frame.map_T_camera[:3, :3]
     is_rotation = np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-3)
     if not is_rotation or np.linalg.det(rotation) < 0:  # mirrored
