@@ -134,10 +134,12 @@ def test_a_file_is_shown_only_if_nothing_can_run_in_it(path, content, name, medi
 
 
 def test_a_large_file_goes_next_to_the_map_at_once_and_parts_of_it_are_sent(path):
+    folder = path.with_name("room.hmap.media")
+    folder.mkdir()
+    (folder / f".hypermap-{'0' * 16}.part").write_bytes(b"of an upload that was killed")
     with serving(path) as client:
         window = Window(client)
         sent = upload(window, LARGE, "tour.mp4")
-        folder = path.with_name("room.hmap.media")
         assert files_in(folder) == [sent["sha256"]]
         window.edit(add_note(files=[sent["sha256"]]))
         (file,) = window.get("/api/notes")[0]["files"]

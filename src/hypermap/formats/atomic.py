@@ -9,7 +9,9 @@ import secrets
 import stat
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
+from typing import BinaryIO
 
 from hypermap.core.errors import FileMissing, HypermapError
 from hypermap.formats.journal import (
@@ -87,28 +89,62 @@ def file_beside(path: str | Path) -> Iterator[Path]:
     if not is_folder(target.parent):
         raise FileMissing(f"{target.parent}: there is no such folder to save in")
     final = final_of(target)
-    # With its extension, from which a library may choose the format
-    temporary = final.with_name(f".hypermap-{secrets.token_hex(8)}.part{final.suffix}")
-    _sweep_parts(final.parent)
     try:
-        with contextlib.ExitStack() as open_file:
-            file = open_file.enter_context(os.fdopen(_created(temporary), "wb"))
-            lock_file(file.fileno())  # so that no other program removes it
-            yield temporary
-            _look_like(final, file.fileno())
-            os.fsync(file.fileno())
-            if not HAS_LOCKS:  # on Windows, which does not rename open files
-                file.close()
-            temporary.replace(final)
-        flush_folder(final.parent)
+        # With its extension, from which a library may choose the format
+        with unfinished_file(final.parent, final.suffix) as unfinished:
+            yield unfinished.path
+            unfinished.become(final)
     except OSError as error:
         raise HypermapError(f"{target}: cannot be saved: {error.strerror}") from error
     except ValueError:
         raise HypermapError(
             f"{str(target)!r}: cannot be saved: it is not a valid file name"
         ) from None
+
+
+@dataclass(frozen=True)
+class Unfinished:
+    """A file that others write by its path.
+
+    Attributes:
+        path: where it is.
+        file: the same, open and locked, so that no program removes it meanwhile.
+    """
+
+    path: Path
+    file: BinaryIO
+
+    def become(self, final: Path) -> None:
+        """Replace a file of the same folder, as soon as the content is on the disk.
+
+        Raises:
+            OSError: If that is not possible; the old file then remains.
+        """
+        _look_like(final, self.file.fileno())
+        os.fsync(self.file.fileno())
+        if not HAS_LOCKS:  # on Windows, which does not rename open files
+            self.file.close()
+        self.path.replace(final)
+        flush_folder(final.parent)
+
+
+@contextmanager
+def unfinished_file(folder: Path, suffix: str = "") -> Iterator[Unfinished]:
+    """Yield a new file in a folder, which may get its name when it is written, and else is removed.
+
+    Such files that killed programs left are removed.
+
+    Raises:
+        OSError: If it cannot be created.
+    """
+    _sweep_parts(folder)
+    path = folder / f".hypermap-{secrets.token_hex(8)}.part{suffix}"
+    try:
+        with os.fdopen(_created(path), "wb") as file:
+            lock_file(file.fileno())
+            yield Unfinished(path, file)
     finally:
-        _remove([temporary])
+        _remove([path])
 
 
 def is_folder(path: Path) -> bool:

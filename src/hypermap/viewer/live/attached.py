@@ -8,7 +8,6 @@ for download alone.
 from __future__ import annotations
 
 import base64
-import secrets
 from collections import OrderedDict
 from collections.abc import AsyncIterator, Mapping
 from dataclasses import replace
@@ -25,8 +24,8 @@ from hypermap.core.frames import Pose2D
 from hypermap.core.hypermap import Hypermap
 from hypermap.core.notes import Attachment, Note
 from hypermap.core.notes_layer import INSIDE_UP_TO, NotesLayer
+from hypermap.formats.atomic import unfinished_file
 from hypermap.formats.beside import folder_beside
-from hypermap.formats.locks import lock_file
 from hypermap.notes import as_html, attachment_of, attachment_of_bytes, described, find_notes
 from hypermap.notes.attach import MAX_BYTES, may_be_shown
 from hypermap.notes.media_types import HEAD, media_type_of
@@ -85,24 +84,22 @@ async def _received_beside(
 ) -> Attachment:
     """Write a large file next to the map."""
     folder = path.with_name(folder_beside(path))
-    part = folder / f".hypermap-{secrets.token_hex(8)}.part"
     try:
         folder.mkdir(exist_ok=True)
         size = len(start)
-        with part.open("xb") as file:
-            lock_file(file.fileno())  # so that a save meanwhile does not remove it
-            file.write(start)
-            async for piece in rest:
-                size += len(piece)
-                if size > MAX_BYTES:
-                    raise Refused(f"{name[:60]}: holds more than {MAX_BYTES >> 30} GB", 413)
-                await run_in_threadpool(file.write, piece)
-        found = await run_in_threadpool(attachment_of, part, name)
-        kept = part.replace(folder / found.sha256)
+        with unfinished_file(folder) as unfinished:
+            with unfinished.path.open("wb") as file:
+                file.write(start)
+                async for piece in rest:
+                    size += len(piece)
+                    if size > MAX_BYTES:
+                        raise Refused(f"{name[:60]}: holds more than {MAX_BYTES >> 30} GB", 413)
+                    await run_in_threadpool(file.write, piece)
+            found = await run_in_threadpool(attachment_of, unfinished.path, name)
+            kept = folder / found.sha256
+            await run_in_threadpool(unfinished.become, kept)
     except OSError as error:
         raise HypermapError(f"{folder}: cannot be written: {error.strerror}") from error
-    finally:
-        part.unlink(missing_ok=True)
     return replace(found, content=kept)
 
 
