@@ -29,7 +29,9 @@ from campaign.faults import (
     read_only,
 )
 from campaign.part import Budget, Finding, Result
-from campaign.ways_to_save import Way, ways, write_sources
+from campaign.way import Way
+from campaign.ways_of_full_maps import write_full_sources
+from campaign.ways_to_save import ways, write_sources
 
 FAULTS: tuple[Fault, ...] = ("kill", "EIO", "vanish", "sweep")
 RANDOM_KILLS = 300
@@ -143,6 +145,9 @@ class _Campaign:
 
     def _run(self, root: Path) -> Result:
         write_sources(root / "sources")
+        if not self._budget.short:
+            made = in_a_process(partial(write_full_sources, root / "sources"))
+            assert not made.error, made
         trials = []
         for number, way in enumerate(ways()):
             if self._budget.short and way.name not in _SHORT:

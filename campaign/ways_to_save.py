@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 
 from campaign.in_process_port import InProcessPort
+from campaign.way import Way
+from campaign.ways_of_full_maps import ways_of_full_maps
 from hypermap import HypermapError, OccupancyLayer, Pose2D, SemanticLayer, open_map, save_map
 from hypermap.core.evidence import EvidenceTable
 from hypermap.core.grid import GridGeometry
@@ -24,21 +26,6 @@ from hypermap.perception.detectors.recorded import RecordedDetections
 from hypermap.testing import square
 
 _SIDE = 24  # cells
-
-
-@dataclass(frozen=True)
-class Way:
-    """A way to save.
-
-    Attributes:
-        name: in words.
-        save: saves the first or the second version in a folder; must be repeatable.
-        read: returns what is there, as a text that differs between the versions.
-    """
-
-    name: str
-    save: Callable[[Path, int], object]
-    read: Callable[[Path], str]
 
 
 def hypermap_of(version: int) -> Hypermap:
@@ -232,6 +219,7 @@ def ways() -> list[Way]:
         Way("the live node's end", _save_live, _opened("map.hmap")),
         Way("detections", _save_detections, _read_detections),
         Way("picture", _save_picture, _bytes("map.png")),
+        *ways_of_full_maps(),
     ]
 
 

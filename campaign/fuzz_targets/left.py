@@ -7,7 +7,7 @@ import random
 import zlib
 from pathlib import Path
 
-from campaign.full_map import full_map
+from campaign.full_map import ATTACHED, full_map
 from campaign.fuzz_targets.target import Target, draw_of, target_of_files
 from campaign.mutation import Mutator, mutate_any, mutate_bytes, mutate_text
 from campaign.questions import ask_everything
@@ -61,7 +61,7 @@ def notes(folder: Path) -> Target:
     hypermap.mapper_state = hypermap.history = None
     layer = hypermap["notes"]
     assert isinstance(layer, NotesLayer)
-    layer.inside_up_to = 721  # so that the longer one lies next to the map
+    layer.inside_up_to = len(ATTACHED)  # so that the longer ones lie next to the map
     save_map(hypermap, made / "map.yaml")
     parts = {
         str(path.relative_to(made)): path.read_bytes()

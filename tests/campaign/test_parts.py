@@ -107,7 +107,7 @@ def test_other_golden_answers_are_named(monkeypatch: pytest.MonkeyPatch) -> None
 @pytest.mark.filterwarnings("ignore:This process .* is multi-threaded:DeprecationWarning")
 def test_a_save_that_writes_in_place_is_found_out(tmp_path: Path) -> None:
     from campaign.kill import Trial, kill_at_operations
-    from campaign.ways_to_save import Way
+    from campaign.way import Way
 
     def save(folder: Path, version: int) -> None:
         with (folder / "a").open("w") as file:
