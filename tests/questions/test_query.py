@@ -118,6 +118,10 @@ def test_json_keeps_a_query_and_follows_the_schema(json_validator: Any, query: Q
             {"where": [{"relation": "near", "what": {"asker": True}, "within": 1e10}]},
             r"where\[0\]: a distance is farther away than 1e",
         ),
+        (
+            {"where": [{"relation": "near", "what": {"asker": True}, "within": int("1" * 400)}]},
+            r"where\[0\].within: expected a number",
+        ),
         ({"start": {"names": ["a"], "rooms": ["b"]}}, "start: a reference is exactly one of"),
         ({"when": [{}]}, r"when\[0\]: a time needs its begin or its end"),
         ({"when": "monday"}, "when: expected a list, got str"),

@@ -178,6 +178,8 @@ def _condition(values: Any, where: str) -> Condition:
     if "reference" not in given:
         raise FormatError(f"{where}: the key 'what' is missing")
     given["reference"] = _reference(given["reference"], f"{where}.what")
+    if given.get("within") is not None:
+        given["within"] = _number(given["within"], f"{where}.within")
     if given.get("other") is not None:
         given["other"] = _reference(given["other"], f"{where}.what and")
     made: Condition = _made(Condition, given, where)
