@@ -17,6 +17,7 @@ import threading
 from collections.abc import Awaitable, Callable, Iterator
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
 
 import anyio
 import httpx2
@@ -26,6 +27,7 @@ from mcp.client.streamable_http import streamable_http_client
 from PIL import Image
 
 from hypermap import open_map
+from hypermap.viewer.live.connections import MOST_CONNECTIONS
 
 from ..prepared import Command, run
 
@@ -75,6 +77,18 @@ def serving(office: Path, *options: str) -> Iterator[tuple[str, Command]]:
             yield found[0], process
         finally:
             process.kill()
+
+
+def test_connections_that_ask_for_nothing_keep_no_agent_out(office: Path) -> None:
+    with serving(office) as (url, _), contextlib.ExitStack() as opened:
+        address = "127.0.0.1", int(urlsplit(url).port or 0)
+        idle = [
+            opened.enter_context(socket.create_connection(address, timeout=LIMIT))
+            for _ in range(MOST_CONNECTIONS + 1)
+        ]
+        idle[0].settimeout(LIMIT)
+        assert idle[0].recv(1) == b""
+        assert httpx2.get(url).status_code == 401
 
 
 def test_tools_answer_over_standard_input_and_output(office: Path) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import socket
 import threading
+import time
 from collections.abc import Iterator
 
 import pytest
@@ -82,6 +83,28 @@ def test_those_who_say_nothing_keep_nobody_out(gate: Gate) -> None:
         for client in (opened.enter_context(connected(gate)), known):
             client.sendall(ASK)
             assert received(client, len(ASK)) == ASK
+
+
+def test_those_who_talk_are_so_many_and_others_are_told(
+    gate: Gate, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(module, "_MOST_CLIENTS", 5)
+    with contextlib.ExitStack() as opened:
+        for _ in range(5):
+            client = opened.enter_context(connected(gate))
+            client.sendall(ASK)
+            assert received(client, len(ASK)) == ASK
+        for _ in range(20):
+            late = opened.enter_context(connected(gate))
+            with contextlib.suppress(ConnectionError):
+                late.sendall(ASK)
+            assert late.recv(1000).startswith(b"HTTP/1.1 503 Service Unavailable")
+    end, answer = time.monotonic() + 30, b""
+    while answer != ASK:  # until the gate has seen that they are gone
+        assert time.monotonic() < end
+        with connected(gate) as later:
+            later.sendall(ASK)
+            answer = received(later, len(ASK))
 
 
 @pytest.mark.parametrize("said", [b"GET / HT", b"x" * 100_000])

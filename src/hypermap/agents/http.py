@@ -15,7 +15,7 @@ from starlette.responses import JSONResponse
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from hypermap.core.errors import HypermapError
-from hypermap.viewer.live.serving import listen
+from hypermap.viewer.live.serving import config_of, listen
 
 PATH = "/mcp"
 
@@ -69,15 +69,7 @@ def _prepared(
     """Return a socket that listens, and how it is served."""
     if len(token) < _SHORTEST_TOKEN or not token.isascii() or not token.isprintable():
         raise HypermapError(f"a token has at least {_SHORTEST_TOKEN} ASCII characters, no blanks")
-    config = uvicorn.Config(
-        http_app(server, token),
-        log_config=None,
-        log_level="error",
-        access_log=False,
-        server_header=False,
-        proxy_headers=False,
-        timeout_graceful_shutdown=1,
-    )
+    config = config_of(http_app(server, token))
     return listen(_HOST, port), config
 
 

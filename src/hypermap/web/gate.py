@@ -66,7 +66,7 @@ class Gate:
         self._behind, self._refused = behind, refused
         self._origins = {*APPS, *(origin.lower().rstrip("/") for origin in origins)}
         self._clients: set[asyncio.Task[None]] = set()
-        self._silent: dict[asyncio.Task[None], None] = {}  # the one that came first stands first
+        self._silent: dict[asyncio.Task[None], asyncio.StreamWriter] = {}  # the oldest first
         family, _, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
         self._listening = socket.socket(family)
         try:
@@ -107,10 +107,11 @@ class Gate:
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         task = asyncio.current_task()
         assert task is not None
+        if len(self._clients) >= _MOST_CLIENTS and not self._has_room():
+            await _refuse(writer, "503 Service Unavailable", f"{_MOST_CLIENTS} clients are here")
+            return
         self._clients.add(task)
-        self._silent[task] = None
-        if len(self._clients) > _MOST_CLIENTS:  # who says nothing keeps nobody out
-            next(iter(self._silent)).cancel()
+        self._silent[task] = writer
         try:
             header = await asyncio.wait_for(reader.readuntil(b"\r\n\r\n"), _HEADER_TIME)
             self._silent.pop(task, None)
@@ -128,15 +129,21 @@ class Gate:
             self._silent.pop(task, None)
             writer.close()
 
+    def _has_room(self) -> bool:
+        """End the client that has said nothing for longest; return whether there was one."""
+        if not self._silent:
+            return False
+        # Not by canceling its task: before Python 3.12, `wait_for` takes no notice of that if the
+        # header has just come.
+        self._silent.pop(next(iter(self._silent))).transport.abort()
+        return True
+
     async def _let_in(
         self, header: bytes, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
     ) -> None:
         if problem := self._problem(header):
             self._refused(problem)
-            text = f"{problem}\n".encode()
-            head = f"HTTP/1.1 403 Forbidden\r\nContent-Length: {len(text)}\r\n"
-            writer.write(head.encode() + b"Connection: close\r\n\r\n" + text)
-            await writer.drain()
+            await _refuse(writer, "403 Forbidden", problem)
             return
         there, back = await asyncio.open_connection(*self._behind, limit=_PIECE)
         try:
@@ -173,6 +180,15 @@ class Gate:
             return is_known(urlsplit(origin).netloc, self._hosts)
         except ValueError:
             return False
+
+
+async def _refuse(writer: asyncio.StreamWriter, status: str, reason: str) -> None:
+    text = f"{reason}\n".encode()
+    head = f"HTTP/1.1 {status}\r\nContent-Length: {len(text)}\r\n"
+    with contextlib.suppress(OSError):
+        writer.write(head.encode() + b"Connection: close\r\n\r\n" + text)
+        await writer.drain()
+        writer.close()
 
 
 async def _carry(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:

@@ -15,6 +15,7 @@ from typing import Protocol
 
 import uvicorn
 from starlette.applications import Starlette
+from starlette.types import ASGIApp
 
 from hypermap.core.errors import HypermapError
 from hypermap.viewer.live.connections import Connection
@@ -112,7 +113,7 @@ def serve(app: Served, listening: socket.socket, on_start: Callable[[], None]) -
     Raises:
         KeyboardInterrupt: When Ctrl-C has ended it.
     """
-    _Server(_config(app), app, on_start).run(sockets=[listening])
+    _Server(config_of(app.app), app, on_start).run(sockets=[listening])
 
 
 @contextlib.contextmanager
@@ -127,7 +128,7 @@ def serving(app: Served, listening: socket.socket) -> Iterator[None]:
         HypermapError: If the server does not start.
     """
     started = threading.Event()
-    server = _Server(_config(app), app, started.set)
+    server = _Server(config_of(app.app), app, started.set)
 
     def run() -> None:
         try:
@@ -149,9 +150,10 @@ def serving(app: Served, listening: socket.socket) -> Iterator[None]:
             thread.join(timeout=_LONGEST_END)
 
 
-def _config(app: Served) -> uvicorn.Config:
+def config_of(app: ASGIApp) -> uvicorn.Config:
+    """Return how an application is served: quietly, and so that idle connections block nobody."""
     return uvicorn.Config(
-        app.app,
+        app,
         log_config=None,
         log_level="error",
         access_log=False,
