@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import io
 from pathlib import Path
 
@@ -11,6 +12,8 @@ from PIL import Image
 from hypermap.core.hypermap import Hypermap
 from hypermap.formats import open_map
 from hypermap.notes import notes_layer
+from hypermap.viewer.live.app import MapApp
+from hypermap.viewer.live.document import MapDocument
 
 from .live_tools import Window, files_in, saved, serving
 
@@ -198,6 +201,30 @@ def test_a_read_only_map_takes_no_files_and_no_notes(path):
         assert "read-only" in upload(window, b"x", "a.txt", 403)["error"]
         assert "read-only" in window.edit(add_note(), expected=403)["error"]
     assert not path.with_name("room.hmap.media").exists()
+
+
+@pytest.mark.parametrize("way", ["/api/files", "/api/edit"])
+def test_a_client_that_breaks_off_leaves_nothing_and_no_error(path, way):
+    app = MapApp(MapDocument(path))
+    known = [(b"host", b"127.0.0.1"), (b"x-hypermap-token", app.token.encode())]
+    scope = {"type": "http", "method": "POST", "path": way, "headers": known, "query_string": b""}
+    messages = [
+        {"type": "http.request", "body": LARGE, "more_body": True},
+        {"type": "http.disconnect"},
+    ]
+    folder, seen = path.with_name("room.hmap.media"), []
+
+    async def receive() -> dict:
+        seen.append(files_in(folder) if folder.exists() else [])
+        return messages.pop(0)
+
+    async def send(_: object) -> None:
+        pass
+
+    asyncio.run(app.app(scope, receive, send))
+    assert messages == []
+    assert [len(files) for files in seen] == [0, 1 if way == "/api/files" else 0]
+    assert not folder.exists() or files_in(folder) == []
 
 
 def test_other_sites_can_upload_nothing(path):

@@ -13,7 +13,7 @@ from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
 from starlette.middleware import Middleware
-from starlette.requests import Request
+from starlette.requests import ClientDisconnect, Request
 from starlette.responses import Response, StreamingResponse
 from starlette.routing import Route
 
@@ -48,6 +48,7 @@ from hypermap.viewer.live.replies import (
     fail,
     json_reply,
     json_reply_of,
+    let_go,
     refuse,
     refuse_http,
 )
@@ -138,6 +139,7 @@ class MapApp:
             exception_handlers={
                 HypermapError: refuse,
                 HTTPException: refuse_http,
+                ClientDisconnect: let_go,
                 Exception: fail,
             },
             lifespan=self._lifespan,

@@ -40,6 +40,11 @@ def refuse_http(_: Request, error: Exception) -> Response:
     return JSONResponse({"error": error.detail}, error.status_code)
 
 
+def let_go(_request: Request, _error: Exception) -> Response:
+    """Respond to a client that broke off while it sent something, and does not hear this."""
+    return Response(status_code=400)
+
+
 def fail(_: Request, error: Exception) -> Response:
     """Respond to a bug in a plug-in or this program; the terminal shows the traceback."""
     return JSONResponse({"error": f"internal server error: {error!r}"[:500]}, 500)

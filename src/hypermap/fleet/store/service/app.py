@@ -17,7 +17,7 @@ from urllib.parse import quote, urlencode
 from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
-from starlette.requests import Request
+from starlette.requests import ClientDisconnect, Request
 from starlette.responses import JSONResponse, Response
 from starlette.routing import Route
 
@@ -81,6 +81,7 @@ class StoreService:
             exception_handlers={
                 HypermapError: _refused,
                 HTTPException: _not_found,
+                ClientDisconnect: _let_go,
             },
         )
 
@@ -288,6 +289,11 @@ def _refused(_request: Request, error: Exception) -> Response:
     elif not isinstance(error, BadRequest):
         code = 403
     return JSONResponse({"code": str(code), "description": str(error)}, code)
+
+
+def _let_go(_request: Request, _error: Exception) -> Response:
+    """Return what a client that broke off while it sent something does not hear."""
+    return Response(status_code=400)
 
 
 def _not_found(_request: Request, error: Exception) -> Response:
