@@ -234,8 +234,14 @@ def test_over_http_only_those_who_know_the_token_are_answered(office: Path) -> N
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_the_server_ends_in_silence(office: Path, number: signal.Signals) -> None:
-    with serving(office, "--token", TOKEN) as (_, process):
+def test_the_server_ends_in_silence_whoever_broke_off(office: Path, number: signal.Signals) -> None:
+    with serving(office, "--token", TOKEN) as (url, process):
+        with socket.create_connection(("127.0.0.1", urlsplit(url).port or 0)) as broken_off:
+            host = f"Host: {urlsplit(url).netloc}\r\nAuthorization: Bearer {TOKEN}\r\n"
+            kind = "Accept: application/json, text/event-stream\r\nContent-Type: application/json"
+            head = f"POST /mcp HTTP/1.1\r\n{host}{kind}\r\nContent-Length: 99\r\n\r\n"
+            broken_off.sendall(f"{head}{{".encode())
+        assert httpx2.get(url).status_code == 401
         process.send_signal(number)
         _, said = process.communicate(timeout=30)
         assert (said, process.wait()) == ("", 0)

@@ -152,6 +152,7 @@ def test_pages_follow_each_other(reader: Any) -> None:
         "datetime=2025-01-02/2025-01-01",
         "datetime=..",
         "colour=red",
+        "name=a%00b",
     ],
 )
 def test_a_wrong_parameter_is_a_bad_request_that_says_which(reader: Any, query: str) -> None:
@@ -169,6 +170,7 @@ def test_a_wrong_parameter_is_a_bad_request_that_says_which(reader: Any, query: 
         f"{ITEMS}/x",
         f"{ITEMS}/1' OR true --",
         "/elsewhere",
+        "/collections/%00/items",
     ],
 )
 def test_what_is_not_there_is_not_found(reader: Any, path: str) -> None:
@@ -197,6 +199,11 @@ def test_an_editor_adds_replaces_and_removes(editor: Any, database: Database, si
     assert editor.get(f"{items}/6").json()["properties"]["name"] == "mug"
     assert editor.delete(f"{items}/0", headers={"If-Match": "1"}).status_code == 204
     assert pull(database, site).semantic().ids.tolist() == [1, 2, 3, 4, 5, 6]
+    for nul in ("a\0b", "\\\0"):
+        refused = editor.post(items, json={**CUP, "properties": {"name": nul}})
+        assert (refused.status_code, "NUL" in refused.text) == (400, True)
+    backslash = {**CUP, "properties": {"name": "\\u0000"}}
+    assert editor.post(items, json=backslash).status_code == 201
     nan = (
         b'{"type": "Feature", "geometry": {"type": "Polygon", "coordinates": [[[0, 0], [NaN, 1]]]}}'
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import logging
 import secrets
 import socket
 import threading
@@ -11,6 +12,7 @@ from typing import Any
 
 import uvicorn
 from mcp.server import Server
+from starlette.requests import ClientDisconnect
 from starlette.responses import JSONResponse
 from starlette.types import ASGIApp, Receive, Scope, Send
 
@@ -69,8 +71,14 @@ def _prepared(
     """Return a socket that listens, and how it is served."""
     if len(token) < _SHORTEST_TOKEN or not token.isascii() or not token.isprintable():
         raise HypermapError(f"a token has at least {_SHORTEST_TOKEN} ASCII characters, no blanks")
+    logging.getLogger("mcp.server.streamable_http").addFilter(_is_worth_a_line)
     config = config_of(http_app(server, token))
     return listen(_HOST, port), config
+
+
+def _is_worth_a_line(record: logging.LogRecord) -> bool:
+    """Return whether the SDK says more than that a client broke off while it sent something."""
+    return not (record.exc_info and isinstance(record.exc_info[1], ClientDisconnect))
 
 
 def _url(listening: socket.socket) -> str:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import re
 import secrets
 from collections.abc import Callable
 from datetime import datetime, timezone
@@ -40,6 +41,7 @@ from hypermap.fleet.store.updates import Update, apply
 from hypermap.formats.semantic.geojson import from_geojson
 
 _MOST_BODY = 1_000_000  # bytes
+_NUL = re.compile(rb"(?<!\\)(?:\\\\)*\\u0000")  # after whole pairs of backslashes
 
 
 class StoreService:
@@ -217,6 +219,8 @@ class StoreService:
 
 def _object(content: bytes) -> SemanticObject:
     """Return the object in a GeoJSON feature."""
+    if _NUL.search(content):
+        raise BadRequest("the body holds a NUL character, which the database does not know")
     try:
         raw = json.loads(content)
         collection = json.dumps({"type": "FeatureCollection", "features": [raw]})
@@ -232,7 +236,7 @@ def _without_id(item: SemanticObject) -> SemanticObject:
 
 def _asked(request: Request, database: Database) -> Collection:
     wanted = request.path_params["collection"]
-    found = collections(database, wanted)
+    found = [] if "\0" in wanted else collections(database, wanted)
     if not found:
         raise HTTPException(404, f"there is no collection {wanted!r}")
     return found[0]
