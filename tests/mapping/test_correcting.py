@@ -274,6 +274,16 @@ def test_a_logged_frame_of_more_cells_than_it_holds_takes_no_memory(shape: objec
         unpacked_frame(zlib.compress(wrong), "x.hmap")
 
 
+def test_logged_cells_that_no_grid_reaches_are_damage() -> None:
+    some = np.ones((2, 3), bool)
+    frame = LoggedFrame(
+        Observation(1.0, np.eye(4), (), shapely.Polygon()),
+        SeenCells(np.array([10**15, 0]), some, some),
+    )
+    with pytest.raises(FormatError, match=r"x\.hmap: is damaged: a cell is more than"):
+        unpacked_frame(packed_frame(frame), "x.hmap")
+
+
 @given(
     x=st.floats(-5, 5), y=st.floats(-5, 5), yaw=st.floats(-3, 3), lift=st.floats(-1, 1),
     tilt=st.floats(-1, 1),

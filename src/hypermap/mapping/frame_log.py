@@ -37,6 +37,8 @@ from hypermap.perception.observation import Observation, ObservedObject
 _FORMAT, _VERSION = "hypermap mapped frame", 1
 PART = 1000
 """Frames of which one state of the mapper is kept before them."""
+FARTHEST_CELL = 1e10
+"""Cells from the origin, within which those of files must be."""
 _PARTS = 3  # that are kept at most; each drive begins one, so that short ones do not add up
 _COLUMNS = 80  # to which a view is reduced, by leaving out rows and columns
 _LEVEL = 6  # of compression
@@ -215,9 +217,12 @@ def _unpacked_cells(shape: list[int] | None, arrays: _Arrays) -> SeenCells | Non
     height, width = shape
     if min(height, width) < 0 or 2 * height * width > 8 * arrays["cells"].size:
         raise ValueError(f"there are fewer than {height} x {width} cells")
+    first = arrays["first_cell"].reshape(2)
+    if np.abs(first.astype(np.float64)).max() > FARTHEST_CELL:
+        raise ValueError(f"a cell is more than {FARTHEST_CELL:g} cells away")
     bits = np.unpackbits(arrays["cells"], count=2 * height * width)
     is_hit, is_free = bits.reshape(2, height, width).astype(bool)
-    return SeenCells(arrays["first_cell"].reshape(2), is_hit, is_free)
+    return SeenCells(first, is_hit, is_free)
 
 
 @dataclass(frozen=True, eq=False)

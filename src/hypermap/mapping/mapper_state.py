@@ -26,6 +26,7 @@ from hypermap.mapping.by_hand import HandEdit
 from hypermap.mapping.counts import Counts
 from hypermap.mapping.drives import Drive
 from hypermap.mapping.frame_log import (
+    FARTHEST_CELL,
     LogPart,
     MapBefore,
     packed_log,
@@ -44,7 +45,6 @@ from hypermap.mapping.tracks import TrackTable
 FORMAT = "hypermap mapper state"
 VERSION = 1
 
-_FARTHEST_CELL = 1e10  # from the origin
 
 _Arrays = Mapping[str, NDArray[Any]]
 _WRONG = (
@@ -212,7 +212,7 @@ def _grid(prefix: str, arrays: _Arrays) -> tuple[NDArray[np.int64], NDArray[np.f
     if log_odds is not None and (log_odds.ndim != 2 or log_odds.dtype != np.float32):
         raise ValueError(f"log_odds have the shape {log_odds.shape}")
     first_cell = arrays.get(f"{prefix}first_cell", np.zeros(2, np.int64)).reshape(2)
-    if np.abs(first_cell.astype(np.float64)).max() > _FARTHEST_CELL:
+    if np.abs(first_cell.astype(np.float64)).max() > FARTHEST_CELL:
         raise ValueError(f"the occupancy layer begins at {first_cell}")
     return first_cell, log_odds
 
