@@ -6,6 +6,7 @@ others who remove files, at so many bytes of a full disk; and killed at random t
 
 from __future__ import annotations
 
+import itertools
 import os
 import random
 import re
@@ -249,7 +250,7 @@ class _Campaign:
 
     def _through_links(self, trial: Trial) -> None:
         """Save over links to files of a folder below: the links stay, what they name changes."""
-        for number in [None, *self._steps(trial.operations)]:
+        for number in itertools.chain([None], self._steps(trial.operations)):
             trial.again()
             there = trial.folder / "there"
             there.mkdir()
