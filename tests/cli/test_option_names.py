@@ -18,8 +18,8 @@ from hypermap.formats import open_map
 
 from .conftest import INTRINSICS
 
-# Commands of which an option is about other things than those of a map: there, "in" is a folder.
-OF_THEIR_OWN = [("find", "--in")]
+# Commands of which an option is about other things: "in" is a folder, "value" one to look for.
+OF_THEIR_OWN = [("find", "--in"), ("query", "--value")]
 
 
 def options(module: str) -> Iterator[tuple[list[str], Any, OptionInfo]]:

@@ -228,6 +228,20 @@ def test_a_layer_is_made_again_and_gets_more_samples(hypermap, warm, table, tmp_
     )
 
 
+def test_corrected_poses_move_the_samples_of_their_time(hypermap, warm, tmp_path):
+    poses, moved = tmp_path / "poses.txt", tmp_path / "moved.hmap"
+    poses.write_text("".join(f"{1000 + i} {1 + 0.1 * i} 2 0 0 0 0 1\n" for i in range(11)))
+    result = hypermap("values", warm, "--poses", poses, "--method", "nearest", "-o", moved)
+    assert result.code == 0, result.err
+    assert "49 samples without a pose in" in result.err
+    before, after = (open_map(path)["temperature"].samples for path in (warm, moved))
+    np.testing.assert_allclose(after.points_xy[:11], [[1 + 0.1 * i, 2] for i in range(11)])
+    np.testing.assert_array_equal(after.points_xy[11:], before.points_xy[11:])
+    poses.write_text("1 0 0 0 0 0 0 1\n2 0 0 0 0 0 0 1\n")
+    said = "has no pose at the time of any sample"
+    assert_one_error(hypermap("values", warm, "--poses", poses, "-o", tmp_path / "x.hmap"), said)
+
+
 def test_old_samples_count_less_where_that_is_asked(hypermap, tmp_path):
     samples, again = tmp_path / "samples.csv", tmp_path / "again.hmap"
     rows = "\n".join(
@@ -366,6 +380,7 @@ def test_bad_input_is_one_error_and_saves_nothing(hypermap, flat, tmp_path, text
         (["drive.bag", "--topic", "/t"], "give -o OUT.hmap"),
         (["drive.bag", "--topic", "/t", "-o", "x.hmap"], "drive.bag: there is no such file"),
         (["a.csv", "-o", "x.yaml"], "is saved as .hmap"),
+        (["a.csv", "--poses", "p.txt", "-o", "x.hmap"], "--poses corrects the samples of a map"),
     ],
 )
 def test_what_is_missing_is_asked_for(hypermap, arguments, said, tmp_path, monkeypatch):

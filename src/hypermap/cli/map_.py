@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import shlex
 import signal
 import time
@@ -25,6 +26,7 @@ from hypermap.cli.finding_options import (
     Score,
 )
 from hypermap.cli.logs import Log, logging_to
+from hypermap.cli.map_values import Values, read_values, with_values
 from hypermap.cli.onto import is_same_file, map_to_go_on_with, named, settings_of
 from hypermap.cli.options import ForceMap, check_map_output
 from hypermap.cli.preflight_notes import PreflightNotes
@@ -94,8 +96,9 @@ def command(
         typer.Option(
             metavar="FILE",
             readable=False,
-            help="Corrected poses of the camera in the map of --onto, as after a loop closure: a "
-            "trajectory in TUM format. The map is made again with them, without the images.",
+            help="Corrected poses: those of the camera in the map of --onto, as after a loop "
+            "closure. A trajectory in TUM format. The map is made again with them, without the "
+            "images.",
         ),
     ] = None,
     profile: Profile = None,
@@ -116,6 +119,7 @@ def command(
             "--pictures-of-people", help="Keep pictures of people, too; by default none are kept."
         ),
     ] = False,
+    value: Values = None,
     embedder: Annotated[
         str | None,
         typer.Option(
@@ -171,7 +175,8 @@ def command(
     Other layers stay as they are. Frames that the map already contains do not count twice.
     --poses first corrects the poses of the frames in it; then RECORDING may be left out.
 
-    The map keeps up to three pictures of each object, which `query --pictures` saves.
+    The map keeps up to three pictures of each object, which `query --pictures` saves. --value adds
+    layers of what other sensors have measured, as `hypermap values` does.
 
     Ctrl-C, SIGTERM or closing the terminal (SIGHUP) stops early and saves the map so far, with exit
     code 130, 143 or 129. With --view, the page then stays open until Ctrl-C.
@@ -184,11 +189,14 @@ def command(
         hypermap map desk --log desk.rrd -o desk.hmap
         hypermap map heads --level auto -o heads.hmap
         hypermap map drive.bag --detector yolox-nano --workers 8 -o office.hmap
+        hypermap map drive.bag --value /temperature --value /wifi:rssi,unit=dBm -o office.hmap
     """
     from hypermap.mapping.preflight import Preflight
     from hypermap.perception.detectors.origin import detection_origin
 
     check_map_output(output, force or is_same_file(output, onto))
+    if value and path is None:
+        raise HypermapError("--value: give the RECORDING that has the topic")
     base = map_to_go_on_with(onto, map_file)
     if poses is not None:
         base = corrected(base, onto, poses, request.options)
@@ -199,6 +207,7 @@ def command(
         _summarize(base, output)
         return
     recording, options = request.open(path)
+    values = read_values(value or [], recording, options, base)
     settings = settings_of(base, onto, profile, config, score, has_network=detector is not None)
     if no_pictures or people:
         pictures = replace(settings.pictures, enabled=not no_pictures, people=people)
@@ -228,10 +237,11 @@ def command(
         with stop_on_signal() as stop, logging_to(log, name, recording.frame_id) as logged:
             watchers = [watch for watch in (watched.frame, logged) if watch is not None]
             made = _make_map(job, frames, stop, watched, watchers, preflight)
-            if made.counts.used == 0 and is_same_file(output, onto):
+            if made.counts.used == 0 and not values and is_same_file(output, onto):
                 _end_unchanged(output, name, stop, made)
-            _save(made.hypermap, output, evidence, onto)
-        _summarize(made.hypermap, output)
+            hypermap = with_values(made.hypermap, values, made.until)
+            _save(hypermap, output, evidence, onto)
+        _summarize(hypermap, output)
         _note_unseen(made.hypermap, settings)
         notes.remind()
         _finish(watched, output, stop, made)
@@ -257,11 +267,16 @@ class _Job:
 
 @dataclass(frozen=True)
 class _Made:
-    """A map, what became of the frames, and whether they are all frames of the recording."""
+    """A map, what became of the frames, and until when they are those of the recording [s]."""
 
     hypermap: Hypermap
     counts: Counts
-    is_whole: bool
+    until: float
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether they are all frames of the recording."""
+        return math.isinf(self.until)
 
 
 def _embedder(path: str | None) -> Embedder | None:
@@ -336,7 +351,7 @@ def _make_map(
                 raise typer.Exit(stop.exit_code) from None
             raise
     _note_frames(hypermap, counts, job.settings, time.monotonic() - started, rate)
-    return _Made(hypermap, counts, not stoppable.ended_early)
+    return _Made(hypermap, counts, stoppable.until)
 
 
 @contextmanager

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import signal
 from collections.abc import Iterator
 
@@ -16,19 +17,23 @@ class StoppableRecording(SameRecording):
 
     Attributes:
         ended_early: whether it did.
+        until: the newest stamp that belongs to what was read [s]; infinite if it did not end early.
     """
 
     def __init__(self, recording: Recording, stop: Stop) -> None:
         self.ended_early = False
+        self.until = math.inf
         super().__init__(recording)
         self._stop = stop
 
     def frames(self, on_bad: OnBadFrame | None = None) -> Iterator[RgbdFrame]:
         """Yield the frames in order of time, until the user stops it."""
+        newest = -math.inf
         for frame in self._recording.frames(on_bad):
             if self._stop.is_wanted:
-                self.ended_early = True
+                self.ended_early, self.until = True, newest
                 way_out = ", Ctrl-C again gives up" if self._stop.number == signal.SIGINT else ""
                 note(f"stopping; saving the map so far{way_out}")
                 return
+            newest = max(newest, frame.stamp)
             yield frame

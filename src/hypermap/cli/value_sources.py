@@ -9,10 +9,12 @@ from typing import TYPE_CHECKING
 from hypermap.cli.progress import counting
 from hypermap.cli.terminal import note
 from hypermap.core.errors import HypermapError
+from hypermap.text import counted
 
 if TYPE_CHECKING:
     from hypermap.core.hypermap import Hypermap
     from hypermap.core.moving_frames import Motion
+    from hypermap.core.samples import Samples
     from hypermap.core.value_layer import ValueLayer
     from hypermap.recordings.samples import Measured
 
@@ -95,15 +97,38 @@ def read_layer(
     censored_below: float | None,
     sample_unit: str | None,
     unit: str | None,
+    poses: Path | None,
 ) -> Measured:
-    """Return the samples that a value layer of a map file keeps, in a given frame."""
+    """Return the samples that a value layer of a map file keeps, in a given frame.
+
+    Those at whose time `poses`, a trajectory of the sensor, has a pose are where it says.
+    """
     from hypermap.formats import open_map
     from hypermap.values import value_layer_called
 
     hypermap = open_map(file)
     layer = value_layer_called(hypermap, quantity)
     measured = _kept(hypermap, layer, frame, censored_below)
-    return _in_unit(measured, sample_unit, unit or layer.unit)
+    if poses is not None:
+        measured = replace(measured, samples=_along(measured.samples, poses, frame))
+    return measured.in_unit(unit or layer.unit, sample_unit)
+
+
+def _along(samples: Samples, poses: Path, frame: str) -> Samples:
+    """Return samples at the places where a trajectory says that they were taken."""
+    import numpy as np
+
+    motion = _motion(poses, frame, None)
+    known = np.isfinite(samples.stamps)
+    known[known] = motion.covers(samples.stamps[known])
+    if not known.any():
+        raise HypermapError(f"--poses: {poses} has no pose at the time of any sample")
+    if not known.all():
+        count = counted(int((~known).sum()), "sample")
+        note(f"{count} without a pose in {poses} at their time: these stay where they were")
+    points = samples.points_xy.copy()
+    points[known] = motion.at(samples.stamps[known])[:, :2, 3]
+    return replace(samples, points_xy=points)
 
 
 def joined(
@@ -123,7 +148,7 @@ def joined(
     from hypermap.values import value_layer_called
 
     if name not in hypermap and not add:
-        return _in_unit(measured, sample_unit, unit)
+        return measured.in_unit(unit, sample_unit)
     if name not in hypermap:
         raise HypermapError(f"--add: the map has no layer {name!r} yet")
     if not add:
@@ -132,8 +157,8 @@ def joined(
             "another name with --quantity"
         )
     layer = value_layer_called(hypermap, name)
-    measured = _in_unit(measured, sample_unit, unit or layer.unit)
-    before = _in_unit(_kept(hypermap, layer, frame), None, measured.unit)
+    measured = measured.in_unit(unit or layer.unit, sample_unit)
+    before = _kept(hypermap, layer, frame).in_unit(measured.unit)
     return replace(measured, samples=before.samples.joined(measured.samples))
 
 
@@ -142,28 +167,9 @@ def _kept(
 ) -> Measured:
     """Return the samples that a layer of a map keeps, in a frame of that map."""
     from hypermap.recordings.samples import Measured
+    from hypermap.values.on_map import samples_of
 
-    samples = layer.samples
-    if samples is None:
-        raise HypermapError(f"layer {layer.name!r} contains no samples")
-    if layer.frame_id != frame:
-        pose = hypermap.frames.lookup(frame, layer.frame_id)
-        samples = replace(samples, points_xy=pose.apply(samples.points_xy))
+    samples = samples_of(hypermap, layer, frame)
     if censored_below is not None:
         samples = samples.censored(censored_below)
     return Measured(samples, layer.unit, layer.name)
-
-
-def _in_unit(measured: Measured, of_samples: str | None, wanted: str | None) -> Measured:
-    """Return the samples, converted to the unit of the layer."""
-    from hypermap.values.units import converted, unit_named
-
-    if of_samples is not None and measured.unit not in ("", unit_named(of_samples)):
-        raise HypermapError(
-            f"--sample-unit {of_samples}: these samples are in {measured.unit}; give the unit of "
-            "the layer with --unit"
-        )
-    unit = unit_named(of_samples or measured.unit or wanted or "")
-    target = unit_named(wanted or unit)
-    values = converted(measured.samples.values, unit, target)
-    return replace(measured, samples=replace(measured.samples, values=values), unit=target)

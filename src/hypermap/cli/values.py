@@ -14,8 +14,6 @@ from hypermap.core.errors import FileMissing, HypermapError
 from hypermap.text import counted, printable
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from hypermap.core.hypermap import Hypermap
     from hypermap.core.occupancy import OccupancyLayer
     from hypermap.core.value_layer import ValueLayer
@@ -131,6 +129,17 @@ def command(
             rich_help_panel=_PLACE,
         ),
     ] = None,
+    poses: Annotated[
+        Path | None,
+        typer.Option(
+            "--poses",
+            metavar="FILE",
+            readable=False,
+            help="Corrected poses: those of the sensor, for the samples of a map as SOURCE. A "
+            "trajectory in TUM format. Samples without a pose at their time stay.",
+            rich_help_panel=_PLACE,
+        ),
+    ] = None,
     map_frame: Annotated[
         str | None,
         typer.Option(
@@ -231,14 +240,18 @@ def command(
         hypermap values wifi.csv --censored-below -95 --unit dBm --onto office.hmap -o wifi.hmap
         hypermap values drive.bag --samples log.csv --field co2 --onto office.hmap -o co2.hmap
         hypermap values warm.hmap --method kernel -o other.hmap
+        hypermap values warm.hmap --poses corrected.txt -o moved.hmap
     """
     from hypermap.core.hypermap import Hypermap
     from hypermap.formats import open_map, save_map
+    from hypermap.values.on_map import with_value_layer
 
     if source is not None and table is None and source.suffix.lower() == ".csv":
         source, table = None, source
     is_again = source is not None and table is None and source.suffix.lower() == ".hmap"
     check_sources(source, table, topic, is_again)
+    if poses is not None and not is_again:
+        raise HypermapError("--poses corrects the samples of a map: give one (.hmap) as SOURCE")
     if add and is_again:
         raise HypermapError(f"--add: {source} has no new samples; give a table or a bag")
     output = _checked(method, output, force)
@@ -251,7 +264,7 @@ def command(
     frame = _frame(hypermap, walls, map_frame)
     if is_again:
         assert source is not None
-        measured = read_layer(source, quantity, frame, censored_below, sample_unit, unit)
+        measured = read_layer(source, quantity, frame, censored_below, sample_unit, unit, poses)
         name = quantity or measured.quantity
     else:
         tf_frame = map_frame or frame
@@ -260,7 +273,7 @@ def command(
         measured = joined(hypermap, name, add, frame, measured, sample_unit, unit)
     layer = _layer(name, measured, walls, frame, method, settings, resolution, half_life)
     left_out = _left_out(measured, layer)
-    save_map(_with_layer(hypermap, layer), output)
+    save_map(with_value_layer(hypermap, layer), output)
     if as_json:
         say_json(_describe(layer, left_out))
     else:
@@ -278,10 +291,11 @@ def _layer(
     resolution: float | None,
     half_life: float | None,
 ) -> ValueLayer:
+    from hypermap.recordings.samples import reasons
     from hypermap.values import value_layer_of
 
     if not len(measured.samples):
-        raise HypermapError(f"no usable sample: {_reasons(measured.left_out)}")
+        raise HypermapError(f"no usable sample: {reasons(measured.left_out)}")
     note(f"{method}: {counted(len(measured.samples), 'sample')} ...")
     return value_layer_of(
         name,
@@ -356,18 +370,6 @@ def _frame(hypermap: Hypermap, walls: OccupancyLayer | None, named: str | None) 
     return hypermap.base_frame if len(hypermap.layers) else named or hypermap.base_frame
 
 
-def _with_layer(hypermap: Hypermap, layer: ValueLayer) -> Hypermap:
-    """Return the map with the layer, which replaces an older one of that name."""
-    layers: Sequence[Any] = list(hypermap)
-    if layer.name in hypermap:
-        older = hypermap[layer.name]
-        layer.settings.update(older.settings)
-        layers = [layer if each is older else each for each in layers]
-    else:
-        layers = [*layers, layer]
-    return hypermap.with_layers(layers)
-
-
 def _describe(layer: ValueLayer, left_out: dict[str, int]) -> dict[str, Any]:
     """Return what `--json` prints."""
     assert layer.samples is not None
@@ -388,6 +390,8 @@ def _describe(layer: ValueLayer, left_out: dict[str, int]) -> dict[str, Any]:
 
 
 def _show(layer: ValueLayer, left_out: dict[str, int]) -> None:
+    from hypermap.recordings.samples import reasons
+
     assert layer.samples is not None
     say(printable(layer.summary(), 200))
     not_heard = int(layer.samples.is_below.sum())
@@ -399,8 +403,4 @@ def _show(layer: ValueLayer, left_out: dict[str, int]) -> None:
     ]
     say(printable(f"made by: {', '.join(made_by)}", 200))
     if left_out:
-        note(f"left out: {_reasons(left_out)}")
-
-
-def _reasons(left_out: dict[str, int]) -> str:
-    return ", ".join(f"{counted(count, 'sample')} {why}" for why, count in left_out.items())
+        note(f"left out: {reasons(left_out)}")

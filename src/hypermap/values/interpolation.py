@@ -109,7 +109,7 @@ def interpolate(
             )
             return found.interpolation()
     _check(samples, method == "nearest" or settings is not None)
-    grid = _grid(samples, resolution)
+    grid = grid_around(samples, resolution)
     if method == "nearest":
         return _by_nearest(grid, samples, occupancy)
     return _by_kernel(grid, samples, occupancy, settings)
@@ -135,8 +135,6 @@ def _check(samples: Samples, is_given: bool) -> None:
         samples: those.
         is_given: whether there is nothing to estimate but the values.
     """
-    if len(samples):
-        _check_numbers(samples)
     heard = int(np.count_nonzero(~samples.is_below))
     if heard == 0:
         raise HypermapError(
@@ -221,7 +219,7 @@ def field_of(
 ) -> SolvedField:
     """Return the field of samples; the arguments and errors are those of `interpolate`."""
     _check(samples, settings is not None)
-    grid = _grid(samples, resolution)
+    grid = grid_around(samples, resolution)
     is_too_fine = grid.width * grid.height > _MOST_NODES
     lattice = Lattice.over(_at_most(grid, _NODES) if is_too_fine else grid, occupancy)
     known = samples.chosen(~samples.is_below)
@@ -323,7 +321,18 @@ def _observed(
     return Observations(lattice.weights_at(samples.points_xy), samples.values, precision)
 
 
-def _grid(samples: Samples, resolution: float | None) -> GridGeometry:
+def grid_around(samples: Samples, resolution: float | None = None) -> GridGeometry:
+    """Return the grid of the cells that samples are interpolated to.
+
+    Args:
+        samples: at least one.
+        resolution: as `interpolate` takes it.
+
+    Raises:
+        HypermapError: If the samples lie too far apart, a value is absurdly large, or the
+            resolution is too fine or none.
+    """
+    _check_numbers(samples)
     try:
         check_resolution(_RESOLUTION if resolution is None else resolution)
     except ValueError as error:

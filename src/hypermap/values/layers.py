@@ -10,7 +10,7 @@ from hypermap.core.grid import GridGeometry
 from hypermap.core.occupancy import OccupancyLayer
 from hypermap.core.samples import Samples
 from hypermap.core.value_layer import ValueLayer, decimals_for
-from hypermap.values.interpolation import Method, interpolate
+from hypermap.values.interpolation import Interpolation, Method, grid_around, interpolate
 from hypermap.values.random_field import FieldSettings
 
 
@@ -54,21 +54,63 @@ def value_layer_of(
         resolution=resolution,
         half_life=half_life,
     )
-    made_by: dict[str, str | float] = {"method": method, **found.settings, "noise": found.noise}
+    frame = frame_id or ("map" if occupancy is None else occupancy.frame_id)
+    return layer_of(found, name, inside, occupancy, frame, quantity=quantity, unit=unit)
+
+
+def layer_of(
+    found: Interpolation,
+    name: str,
+    samples: Samples,
+    occupancy: OccupancyLayer | None,
+    frame_id: str,
+    *,
+    quantity: str = "",
+    unit: str = "",
+) -> ValueLayer:
+    """Return a layer of what samples were interpolated to; see `value_layer_of`."""
+    made_by: dict[str, str | float] = {
+        "method": found.method,
+        **found.settings,
+        "noise": found.noise,
+    }
     if occupancy is not None:
         made_by["occupancy"] = occupancy.name
     return ValueLayer(
         name,
-        frame_id or ("map" if occupancy is None else occupancy.frame_id),
+        frame_id,
         found.grid,
         found.values,
         unit,
         decimals_for(found.values),
         quantity=quantity,
         deviations=found.deviations,
-        stamps=_newest(found.grid, inside),
-        samples=inside,
+        stamps=_newest(found.grid, samples),
+        samples=samples,
         made_by={key: value for key, value in made_by.items() if value == value},  # no NaN
+    )
+
+
+def unknown_layer_of(
+    name: str, samples: Samples, frame_id: str, *, quantity: str = "", unit: str = ""
+) -> ValueLayer:
+    """Return a layer that keeps samples of which no field can be made: its cells are unknown.
+
+    Args:
+        name: of the layer.
+        samples: at least one, in its frame.
+        frame_id: of both.
+        quantity: as in `value_layer_of`, like the unit.
+        unit: as there.
+
+    Raises:
+        HypermapError: If the samples lie too far apart, or a value is absurdly large.
+    """
+    grid = grid_around(samples)
+    unknown = np.full(grid.shape, np.nan)
+    stamps = _newest(grid, samples)
+    return ValueLayer(
+        name, frame_id, grid, unknown, unit, quantity=quantity, stamps=stamps, samples=samples
     )
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hypermap.core.errors import FormatError, FrameError, HypermapError, did_you_mean
-from hypermap.core.moving_frames import Motion, MovingFrames
+from hypermap.core.moving_frames import Chain, FixedPose, Motion, MovingFrames
 from hypermap.recordings.bag.file import BagFile, DamagedMessage, Topic
 from hypermap.recordings.bag.topics import TRANSFORMS
 from hypermap.recordings.messages.header import as_seconds, clean_frame, nanoseconds
@@ -31,6 +31,7 @@ def read_bag(
     map_frame: str = "map",
     sensor_frame: str | None = None,
     censored_below: float | None = None,
+    map_T_world: NDArray[np.float64] | None = None,
     max_gap: float = MAX_GAP,
     on_message: Callable[[], None] = lambda: None,
 ) -> Measured:
@@ -42,10 +43,11 @@ def read_bag(
         path: a ROS 1 or ROS 2 bag.
         topic: name of the topic.
         field: as `reading_of` takes it.
-        map_frame: frame of the places.
+        map_frame: tf frame of the places.
         sensor_frame: frame of the sensor; None for that of each message's header, or `base_link`
             where there is none.
         censored_below: the limit below which nothing is heard; None where NaN says nothing.
+        map_T_world: pose, (4, 4), of `map_frame` in the map, where it is not the map's own.
         max_gap: seconds between two poses across which none is interpolated.
         on_message: called after each message of the topic.
 
@@ -66,7 +68,7 @@ def read_bag(
             log.add(message, log_time, reading.read(message), sensor_frame)
             on_message()
         measured = checked(
-            log.places(map_frame, max_gap),
+            log.places(map_frame, max_gap, np.eye(4) if map_T_world is None else map_T_world),
             np.frombuffer(log.values),
             np.frombuffer(log.stamps),
             censored_below=censored_below,
@@ -135,7 +137,9 @@ class _Log:
         self.stamps.append(as_seconds(stamp or log_time))
         self._frame_of.append(self._frames.index(frame))
 
-    def places(self, map_frame: str, max_gap: float) -> NDArray[np.float64]:
+    def places(
+        self, map_frame: str, max_gap: float, map_T_world: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
         """Return where the sensor was at each sample, (N, 2); NaN where nobody knows."""
         stamps, frame_of = np.frombuffer(self.stamps), np.frombuffer(self._frame_of, np.int64)
         points = np.full((len(stamps), 2), np.nan)
@@ -144,7 +148,8 @@ class _Log:
         tree = _tree(self.transforms, max_gap)
         for number, frame in enumerate(self._frames):
             here = frame_of == number
-            points[here] = sensor_positions(_motion(tree, map_frame, frame), stamps[here])
+            motion = Chain((FixedPose(map_T_world), _motion(tree, map_frame, frame)))
+            points[here] = sensor_positions(motion, stamps[here])
         return points
 
 

@@ -117,8 +117,11 @@ def _element(value: Any, step: str | int, path: str) -> Any:
 
 
 def _names(value: Any) -> list[str]:
-    """Return the fields of a message."""
-    fields = getattr(value, "__dataclass_fields__", {})
+    """Return the fields of a message: of rosbags', of ROS 2's or of ROS 1's class."""
+    if hasattr(value, "get_fields_and_field_types"):
+        return list(value.get_fields_and_field_types())
+    slots = getattr(value, "__slots__", ())
+    fields = getattr(value, "__dataclass_fields__", slots)
     return [name for name in fields if not name.startswith("_")]
 
 

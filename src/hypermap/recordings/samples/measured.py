@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -11,6 +12,8 @@ from hypermap.core.arrays import BoolArray
 from hypermap.core.errors import HypermapError
 from hypermap.core.moving_frames import Motion
 from hypermap.core.samples import Samples
+from hypermap.text import counted
+from hypermap.values.units import converted, unit_named
 
 NO_NUMBER = "without a number"
 NO_POSE = "without a pose at their time"
@@ -39,6 +42,27 @@ class Measured:
         count = self.left_out.get(reason, 0) + int(wrong.sum())
         left_out = {**self.left_out, reason: count}
         return replace(self, samples=self.samples.chosen(~wrong), left_out=left_out)
+
+    def in_unit(self, wanted: str | None, of_samples: str | None = None) -> Measured:
+        """Return the same in another unit; None for that of the samples.
+
+        Args:
+            wanted: the unit to convert to.
+            of_samples: the unit of the samples, where the kind of message does not say.
+
+        Raises:
+            HypermapError: If the kind of message says another unit, or one cannot be converted to
+                the other.
+        """
+        if of_samples is not None and self.unit not in ("", unit_named(of_samples)):
+            raise HypermapError(
+                f"sample-unit {of_samples}: these samples are in {self.unit}; give the unit of the "
+                "layer as unit"
+            )
+        unit = unit_named(of_samples or self.unit or wanted or "")
+        target = unit_named(wanted or unit)
+        values = converted(self.samples.values, unit, target)
+        return replace(self, samples=replace(self.samples, values=values), unit=target)
 
 
 def checked(
@@ -90,3 +114,12 @@ def sensor_positions(motion: Motion, stamps: NDArray[np.float64]) -> NDArray[np.
         )
     points[known] = motion.at(stamps[known])[:, :2, 3]
     return points
+
+
+def reasons(left_out: Mapping[str, int]) -> str:
+    """Return in words how many samples were left out, and why.
+
+    >>> reasons({NO_POSE: 1, NO_NUMBER: 2})
+    '1 sample without a pose at their time, 2 samples without a number'
+    """
+    return ", ".join(f"{counted(count, 'sample')} {why}" for why, count in left_out.items())
